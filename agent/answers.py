@@ -30,11 +30,7 @@ _MAPPINGS = dict, Mapping
 
 
 def raised_at(cause: BaseException | None) -> str:
-    """Return the innermost line of code of an error, as `` (file.py:27)``; empty without an error.
-
-    Args:
-        cause: The error.
-    """
+    """Return the innermost line of code of an error, as `` (file.py:27)``; empty without an error."""
     last = None if cause is None else cause.__traceback__
     while last is not None and last.tb_next is not None:
         last = last.tb_next
@@ -42,10 +38,9 @@ def raised_at(cause: BaseException | None) -> str:
 
 
 def failure_of(error: BaseException) -> str:
-    """Describe what foreign code has raised, by its type and message, also where it has no message that can be read.
+    """Describe what foreign code has raised, by its type and message, or by its type alone.
 
-    Args:
-        error: Anything.
+    The message is left out where it cannot be read.
     """
     try:
         return f"{type(error).__name__}: {error}"
@@ -63,13 +58,9 @@ def policy_failure(k: int, failed: BaseException) -> str:
 
 
 def checked(intent: object) -> Intent:
-    """Return an intent with numbers that a body can use; numpy's become Python's, so that all processes compute alike.
+    """Return a policy's intent with numbers that a body can use; PolicyFailed if it is no such intent.
 
-    Args:
-        intent: What a policy has returned.
-
-    Raises:
-        PolicyFailed: It is no intent, or a number in it is none that a body can compute with.
+    Numpy's numbers become Python's, so that all processes compute alike.
     """
     if not isinstance(intent, _INTENTS):
         raise PolicyFailed(f"returned {type(intent).__name__}; return Bearing, Place, Stay or Steer")

@@ -57,35 +57,23 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Shared:
-    """Values that the minds of one process share, to save time and memory.
-
-    Attributes:
-        footprint: The scenario's sensor on its terrain.
-        psi: Of `psi_of`.
-        radii: Of `radii_of`.
-        strides: Of `strides_of`.
-        speed_limits: Of the scenario's slow zones.
-        key: Of the fleet's tags, or None.
-        chance: Of all their draws.
-        scratches: Working memory, one for each group of minds (`group_of`); those of one never think at the same time.
-        beliefs: What they believe and have heard; None where each mind has its own, as in a process.
-        areas: By the identity of a body's static fields, which live as long as the scenario, and the dilatation.
-        posts: By the identity of the fields.
-        grounds: By the same, with nothing closed.
-    """
+    """Values that the minds of one process share, to save time and memory."""
 
     footprint: Footprint
     psi: Psi
-    radii: Mapping[int, float]
-    strides: Mapping[int, float]
+    radii: Mapping[int, float]  # by robot number, m
+    strides: Mapping[int, float]  # longest way in one step, by robot number, m
     speed_limits: SpeedLimits
-    key: bytes | None
+    key: bytes | None  # of the fleet's tags, or None
     chance: Chance
+    # working memory of each group of minds (`group_of`); those of one never think at once
     scratches: Sequence[dict[str, PathWindow]] = field(default_factory=lambda: ({},))
+    # what the minds believe and have heard; None where each has its own, as in a process
     beliefs: Beliefs | None = None
+    # by identity of a body's static fields, which live as long as the scenario, and dilatation
     areas: dict[tuple[int, int], Area] = field(default_factory=dict)
-    posts: dict[int, Posts] = field(default_factory=dict)
-    grounds: dict[int, Ground] = field(default_factory=dict)
+    posts: dict[int, Posts] = field(default_factory=dict)  # by identity of the static fields
+    grounds: dict[int, Ground] = field(default_factory=dict)  # likewise, with nothing closed
 
     def ground_of(self, terrain: Terrain, fields: StaticFields) -> Ground:
         """Return the ground of one kind of body, on which nothing is ever closed."""
@@ -118,18 +106,11 @@ def shared_by(
     groups: int = 1,
     believe: bool = False,
 ) -> Shared:
-    """Make what the minds of a scenario can share.
+    """Make what the minds of a scenario can share; `footprint` and `psi` are computed unless given.
 
-    Args:
-        prepared: The scenario.
-        footprint: Its sensor, if the caller has one that remembers.
-        psi: Of `psi_of`, if the caller has it.
-        groups: How many minds may think at the same time, one of each group (`group_of`).
-        believe: Whether they share what they believe, where that is the same and no ground closes; then their caller
-            lets `Shared.beliefs` hear for all of them, and then each decide.
-
-    Raises:
-        BadInput: The fleet's key cannot be read.
+    Up to `groups` minds may think at the same time, one of each group (`group_of`). With `believe` they share what they
+    believe, where that is the same and no ground closes; then the caller lets `Shared.beliefs` hear for all of them,
+    and then each decide.
     """
     scenario = prepared.scenario
     key = fleet_key(scenario.radio.key)
@@ -162,12 +143,7 @@ def strides_of(scenario: Scenario) -> Mapping[int, float]:
 
 
 def group_of(number: int, groups: int) -> int:
-    """Return the group of a robot's mind, from 0 on. The minds of one group share working memory.
-
-    Args:
-        number: The robot's.
-        groups: How many there are.
-    """
+    """Return the group of a robot's mind, from 0 on. The minds of one group share working memory."""
     return number % groups
 
 
@@ -178,18 +154,10 @@ def build_mind(
     shared: Shared | None = None,
     kind: PolicyKind | None = None,
 ) -> Mind:
-    """Put the mind of one robot together.
+    """Put the mind of one robot together; robots and their incarnations are numbered from 1.
 
-    Args:
-        prepared: The scenario with its terrain and fields.
-        number: Of the robot, 1 and up.
-        incarnation: 1 for its first process, one more for each restart.
-        shared: What it shares with others; made for it alone unless given.
-        kind: What makes its policy; the scenario's unless given.
-
-    Raises:
-        BadInput: The scenario's policy cannot be found or does not take its options, or the key cannot be read.
-        PolicyFailed: The policy cannot be made.
+    The incarnation is 1 for the robot's first process, and one more for each restart. Unless given, `shared` is made
+    for this mind alone, and `kind` is the scenario's. A policy that cannot be made raises `PolicyFailed`.
     """
     shared = shared or shared_by(prepared)
     scenario, fields = prepared.scenario, prepared.fields[number]
@@ -273,13 +241,9 @@ def build_mind(
 
 
 def zoned_of(prepared: Prepared) -> Callable[[Weighing], ZonedGround] | None:
-    """Return what gives the ground by the zones in force: `PolicySetup.zoned`.
+    """Return `PolicySetup.zoned`: a function that returns the ground by the zones in force.
 
-    Args:
-        prepared: The scenario with its terrain and fields.
-
-    Returns:
-        None where no zone ever has a weight or a wanted age.
+    It is None where no zone ever has a weight or a wanted age.
     """
     if not any(zone.weighs for zone in prepared.scenario.zones):
         return None
@@ -301,10 +265,9 @@ def _rounds(scenario: Scenario, terrain: Terrain, lengths: BodyLengths, kind: Po
 
 
 def _policy_of(kind: PolicyKind, setup: PolicySetup, speed_limits: SpeedLimits) -> Policy:
-    """Make a policy of a kind, beside the one that surrounds intruders and, where there are docks, the watch.
+    """Make a policy of a kind, inside `Surround` and, where there are docks, inside `Charging`.
 
-    Raises:
-        PolicyFailed: It is not a built-in one, and cannot be made.
+    Only the errors of a policy that is not built in become `PolicyFailed`.
     """
     try:
         policy = Surround(setup, kind.make(setup))
@@ -329,14 +292,5 @@ def _sending(scenario: Scenario, terrain: Terrain) -> Sending:
 
 
 def mind_maker(prepared: Prepared, shared: Shared, kind: PolicyKind | None = None) -> MakeMind:
-    """Return a function that makes the minds of a scenario, which share what they can.
-
-    Args:
-        prepared: The scenario.
-        shared: What the minds share.
-        kind: What makes their policies; the scenario's unless given.
-
-    Returns:
-        Makes a mind by robot number and incarnation.
-    """
+    """Return a function that makes the minds of a scenario, which share what they can."""
     return lambda number, incarnation: build_mind(prepared, number, incarnation, shared, kind)

@@ -16,13 +16,10 @@ class KeptClock:
     """An `agent.ports.FleetClock` that the robot keeps itself."""
 
     def __init__(self, step_s: float, epoch_s: float, now: Callable[[], float], leave: Callable[[float], bool]) -> None:
-        """Begin with the current tick.
+        """Begin with the current tick; `epoch_s` is when tick 0 began on the shared clock, which `now` reads in s.
 
-        Args:
-            step_s: Wall time of a tick, s.
-            epoch_s: When tick 0 began on the shared clock, s.
-            now: The shared clock, s.
-            leave: Waits for a number of seconds; True as soon as it is time to leave.
+        `step_s` is in wall time. `leave` waits for a number of seconds, and returns True as soon as it is time to
+        leave.
         """
         self._step_s = step_s
         self._epoch_s = epoch_s
@@ -59,16 +56,10 @@ class KeptClock:
 
 
 def epoch_of(frame: bytes, heard_s: float, step_s: float, key: bytes | None = None) -> float | None:
-    """Compute when tick 0 began, by a position that has just been heard.
+    """Compute when tick 0 began on the shared clock, s, by a position that has just been heard.
 
-    Args:
-        frame: As it was received. Without a key it may be forged.
-        heard_s: When it was received, on the shared clock, s.
-        step_s: Wall time of a tick, s.
-        key: Of the fleet's tags, which the frame must bear then, or None.
-
-    Returns:
-        Time on the shared clock, s; None for a frame that holds no robot's position.
+    It is None for a frame that holds no robot's position. With `key` the frame has to bear the fleet's tag; without one
+    it may be forged.
     """
     try:
         position = decode(frame, key)

@@ -32,13 +32,9 @@ NEEDED = (
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Load, then fork until the launcher has gone; in each agent, be that agent.
+    """Load the agent, then fork until the launcher has gone; each fork runs as an agent.
 
-    Args:
-        arguments: Of the command line (default: ``sys.argv``).
-
-    Returns:
-        Exit code, of the server or of an agent.
+    Returns the exit code, of the server or of an agent.
     """
     options = _options(arguments)
     die_when_orphaned(options.lifeline)

@@ -29,29 +29,17 @@ from patrol.scenario.zones import Weighing, weighing_at, zones_in_force
 
 @dataclass(frozen=True, slots=True)
 class Facts:
-    """Facts that a mind knows of its fleet and itself, and that never change.
-
-    Attributes:
-        spec: Of the robot.
-        radii: Of all robots, by number, m.
-        step: s per tick.
-        patience: Ticks of silence after which a robot is no longer counted on.
-        memory: Ticks for which an intruder is remembered after its last report.
-        sending: When the fleet's robots send, and what.
-        key: Of the fleet's tags, or None.
-        zones: The scenario's.
-        speed_limits: Of the slow ones among them.
-    """
+    """Facts that a mind knows of its fleet and itself, and that never change."""
 
     spec: RobotSpec
-    radii: Mapping[int, float]
-    step: float
-    patience: int
-    memory: int
+    radii: Mapping[int, float]  # of all robots, by number, m
+    step: float  # s per tick
+    patience: int  # ticks of silence after which a robot is no longer counted on
+    memory: int  # ticks for which an intruder is remembered after its last report
     sending: Sending
-    key: bytes | None
+    key: bytes | None  # of the fleet's tags, or None
     zones: Sequence[ZoneSpec]
-    speed_limits: SpeedLimits
+    speed_limits: SpeedLimits  # of the slow zones among them
 
 
 class Mind:
@@ -70,20 +58,7 @@ class Mind:
         silent: Silent,
         blocked: Blocked | None = None,
     ) -> None:
-        """Put together what `agent.build` has made.
-
-        Args:
-            facts: Of the robot and its fleet.
-            belief: Of the fog and of others.
-            fog: The same as a policy sees it.
-            ground: Where the body fits now.
-            routes: Over that ground.
-            policy: Decides.
-            body: Carries it out.
-            chance: The robot's own draws.
-            silent: The robots no longer heard.
-            blocked: What the robot has seen blocked; None on ground without closures.
-        """
+        """Put together what `agent.build` has made; `blocked` is None on ground without closures."""
         self.facts = facts
         self.spec = facts.spec
         self.belief = belief
@@ -103,45 +78,22 @@ class Mind:
         return self._sender.frames(sensed)
 
     def step(self, sensed: Sensed, heard: Sequence[bytes]) -> Decision:
-        """Hear and decide at a tick.
+        """Hear and decide at a tick; `heard` holds the frames that reach the robot, by sender and sequence.
 
-        Args:
-            sensed: By the robot itself.
-            heard: The frames that reach it, by sender and sequence.
-
-        Returns:
-            The command for the next step, and diagnostics.
-
-        Raises:
-            PolicyFailed: The policy raised, or returned something else than an intent. The mind cannot go on.
+        `PolicyFailed` is raised where the policy has raised, or has returned something other than an intent. The mind
+        cannot go on then.
         """
         self.hear(sensed, heard)
         return self.decide(sensed)
 
     def hear(self, sensed: Sensed, heard: Sequence[bytes]) -> None:
-        """Take in what was heard, as the first half of `step`.
-
-        Args:
-            sensed: By the robot itself.
-            heard: As of `step`.
-        """
+        """Take in what was heard, as the first half of `step`."""
         if self.blocked is not None:
             self.blocked.sense(sensed)
         self.belief.hear(sensed.k, as_received(sensed.pose), heard)
 
     def decide(self, sensed: Sensed, view: View | None = None) -> Decision:
-        """Decide as the second half of `step`, once the belief has taken in what was heard.
-
-        Args:
-            sensed: By the robot itself.
-            view: What `look` has returned in this tick, if it was called.
-
-        Returns:
-            As `step`.
-
-        Raises:
-            PolicyFailed: As of `step`.
-        """
+        """Decide as the second half of `step`, once the belief has taken in what was heard."""
         if view is None:
             view = self.look(sensed)
         try:
@@ -165,11 +117,7 @@ class Mind:
         )
 
     def look(self, sensed: Sensed) -> View:
-        """Make the policy's view, after the contacts have joined the belief and obstacles are closed for this tick.
-
-        Args:
-            sensed: By the robot itself, whose belief has taken in what was heard.
-        """
+        """Make the policy's view, after the contacts have joined the belief and obstacles are closed for this tick."""
         facts, k, pose = self.facts, sensed.k, sensed.pose
         reported = as_received(pose)
         for place in sensed.contacts[:MAX_CONTACTS]:

@@ -28,15 +28,8 @@ TELEMETRY_S = 0.2
 def run_mind(mind: Mind, robot: Robot, radio: Radio, telemetry: Telemetry, limit_s: float | None = None) -> str | None:
     """Sense, send, hear, decide and act until it is time to leave.
 
-    Args:
-        mind: Of the robot.
-        robot: Its body.
-        radio: Sends and hears positions.
-        telemetry: Receives every decision.
-        limit_s: Wall time after which a decision counts as failed, s; None for no limit.
-
-    Returns:
-        None when it was time to leave; otherwise how the robot's policy has failed, in which case the robot is stopped.
+    Returns None then. If the policy fails, the robot is stopped, and the reason is returned. A decision that takes
+    longer than `limit_s` of wall time counts as failed; None sets no limit.
     """
     while (sensed := robot.sense()) is not None:
         radio.send(mind.frames(sensed))
@@ -75,26 +68,14 @@ class TickFigures:
     """Telemetry that leaves a mind's figures for followers of its process, and a line in the log of each tick."""
 
     def __init__(self, mind: Mind, vitals: Vitals, log: Log) -> None:
-        """Begin with no tick.
-
-        Args:
-            mind: Of the robot.
-            vitals: The process's figures.
-            log: Of the process.
-        """
+        """Begin with no tick."""
         self._mind = mind
         self._vitals = vitals
         self._log = log
         self._deciding_s = 0.0
 
     def report(self, sensed: Sensed, decision: Decision, decision_ms: float) -> None:
-        """Leave the figures of a decision.
-
-        Args:
-            sensed: What it is based on.
-            decision: The mind's decision.
-            decision_ms: Wall time of the decision, ms.
-        """
+        """Leave the figures of a decision."""
         facts, belief = self._mind.facts, self._mind.belief
         peers = sum(sensed.k - peer.tick <= facts.patience for peer in belief.peers.values())
         refused = {str(reason): count for reason, count in belief.refused.items()}
@@ -113,9 +94,8 @@ class TickFigures:
 class TelemetrySender:
     """Shows decisions to viewers, at most one every `TELEMETRY_S`.
 
-    Attributes:
-        traffic: Called with whether it is the last report; returns what the radio has carried, or None if that is not
-            counted.
+    `traffic` is called with True for the last report; it returns what the radio has carried, or None if that is not
+    counted.
     """
 
     def __init__(self, post: Callable[[bytes], None]) -> None:
@@ -125,13 +105,7 @@ class TelemetrySender:
         self._last: TelemetryView | None = None
 
     def report(self, sensed: Sensed, decision: Decision, decision_ms: float) -> None:
-        """Show a decision if the last report is old enough.
-
-        Args:
-            sensed: What the decision is based on.
-            decision: The mind's decision.
-            decision_ms: Wall time of the decision, ms.
-        """
+        """Show a decision if the last report is old enough."""
         now = time.monotonic()
         self._last = view = TelemetryView(
             k=sensed.k,

@@ -37,6 +37,8 @@ if TYPE_CHECKING:
     from patrol.radio.peers import Peer
     from patrol.scenario import RobotSpec, Scenario
 
+__all__ = ["Site", "drive"]
+
 COMPLAIN_S = 10.0
 """Wall time between two messages about robots that count ticks differently, s."""
 

@@ -38,6 +38,27 @@ if TYPE_CHECKING:
     from patrol.scenario import BodyLengths, DockSpec, PatrolSpec, RobotSpec, SensorSpec
     from patrol.scenario.zones import Weighing
 
+__all__ = [
+    "Bearing",
+    "Body",
+    "Choice",
+    "Decision",
+    "Figures",
+    "FleetClock",
+    "Goal",
+    "Intent",
+    "Place",
+    "Policy",
+    "PolicyFailed",
+    "PolicySetup",
+    "Radio",
+    "Robot",
+    "State",
+    "Stay",
+    "Steer",
+    "Telemetry",
+]
+
 Figures = Mapping[str, float]
 """Numbers that a policy wants to have shown, by name."""
 

@@ -38,14 +38,7 @@ Exit codes: 0 the run is over, 1 the robot failed or was left out of the run, 2 
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run one agent.
-
-    Args:
-        arguments: Of the command line (default: ``sys.argv``).
-
-    Returns:
-        Exit code.
-    """
+    """Run one agent."""
     words = sys.argv[1:] if arguments is None else arguments
     if is_for_ros2(words):
         from agent.ros2_process import main as drive_ros2

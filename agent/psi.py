@@ -22,35 +22,20 @@ Psi = Mapping[float, NDArray[np.float32]]
 
 
 def psi_of(scenario: Scenario, terrain: Terrain) -> Psi:
-    """Compute a scenario's grids of psi, one for each reach that its robots have.
-
-    Args:
-        scenario: The scenario.
-        terrain: Its ground.
-    """
+    """Compute a scenario's grids of psi, one for each reach that its robots have."""
     from agent.bodies.refine import psi_field  # here: a process that maps the grids, or has none, needs no bodies
 
     return {reach: psi_field(terrain, reach) for reach in _reaches(scenario)}
 
 
 def save_psi(prepared: Prepared, folder: Path) -> None:
-    """Write what `load_psi` reads.
-
-    Args:
-        prepared: The scenario with its terrain.
-        folder: An existing one.
-    """
+    """Write what `load_psi` reads into an existing folder."""
     for number, psi in enumerate(psi_of(prepared.scenario, prepared.terrain).values(), start=1):
         np.save(folder / _psi_file(number), psi)
 
 
 def load_psi(scenario: Scenario, folder: Path) -> Psi:
-    """Map what `save_psi` wrote for a scenario, read-only.
-
-    Args:
-        scenario: The one that was prepared.
-        folder: The folder that `save_psi` wrote into.
-    """
+    """Map what `save_psi` wrote for a scenario, read-only."""
     return {
         reach: np.load(folder / _psi_file(number), mmap_mode="r")
         for number, reach in enumerate(_reaches(scenario), start=1)

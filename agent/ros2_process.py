@@ -71,14 +71,7 @@ _Say = Callable[[str], None]
 
 
 def main(arguments: Sequence[str]) -> int:
-    """Drive a ROS 2 robot until asked to leave.
-
-    Args:
-        arguments: The command line.
-
-    Returns:
-        The exit code.
-    """
+    """Drive a ROS 2 robot until asked to leave."""
     return run_with(options_of(arguments), "robot", _run)
 
 

@@ -25,22 +25,13 @@ Places = tuple[tuple[float, float], ...]
 
 @dataclass(frozen=True, slots=True)
 class Sending:
-    """The rules by which the robots of a fleet send.
+    """The rules by which the robots of a fleet send."""
 
-    Attributes:
-        trail: Most past positions sent along.
-        trail_every: Ticks between them.
-        share: Of the fleet's budget; None without one.
-        error: By how much a prediction may be off before its robot sends, m; None to send whenever it may.
-        silence: Ticks after which a robot sends anyway.
-        predictor: What all robots predict by; None where none does.
-    """
-
-    trail: int
-    trail_every: int = 1
-    share: Share | None = None
-    error: float | None = None
-    silence: int = 1
+    trail: int  # most past positions sent along
+    trail_every: int = 1  # ticks between them
+    share: Share | None = None  # of the fleet's budget; None without one
+    error: float | None = None  # by which a prediction may be off before its robot sends, m; None: send when it may
+    silence: int = 1  # ticks after which a robot sends anyway
     predictor: Predictor | None = None
 
 
@@ -48,13 +39,7 @@ class Sender:
     """Makes the frames of one robot. Call `frames` once a tick, the ticks counting up."""
 
     def __init__(self, number: int, sending: Sending, key: bytes | None) -> None:
-        """Begin with nothing sent.
-
-        Args:
-            number: The robot's.
-            sending: How its fleet sends.
-            key: Of the fleet's tags, or None.
-        """
+        """Begin with nothing sent."""
         self._number = number
         self._sending = sending
         self._key = key
@@ -66,14 +51,7 @@ class Sender:
         self._turn = 0
 
     def frames(self, sensed: Sensed) -> tuple[bytes, ...]:
-        """Make the frames that the robot sends in a tick.
-
-        Args:
-            sensed: By the robot.
-
-        Returns:
-            Its position and after it the intruders that it sees, or nothing.
-        """
+        """Make the frames that the robot sends in a tick."""
         position = Position.of(self._number, sensed.k, sensed.clock_s, sensed.pose)
         self._follow(position)
         seen = sensed.contacts[:MAX_CONTACTS]

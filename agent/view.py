@@ -26,6 +26,8 @@ if TYPE_CHECKING:
     from patrol.scenario import RobotSpec
     from patrol.scenario.zones import Weighing
 
+__all__ = ["FogView", "View"]
+
 T = TypeVar("T", bound=np.generic)
 
 

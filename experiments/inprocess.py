@@ -38,6 +38,8 @@ if TYPE_CHECKING:
     from patrol.scenario import Scenario
     from patrol.summary.model import Summary
 
+__all__ = ["InProcessFleet", "Outcome", "run_in_process"]
+
 
 PolicyFailure = Callable[[int, str, BaseException | None], None]
 """Takes a robot's number, how its policy has failed, and what it raised (None where it raised nothing)."""
@@ -59,8 +61,7 @@ class InProcessFleet:
 
     A mind whose policy fails is lost, as its process would be; the others go on.
 
-    Attributes:
-        chance: What all minds draw from, those made later too; None for minds that were made otherwise.
+    `chance` is what all minds draw from, those made later too; None for minds that were made otherwise.
     """
 
     def __init__(
@@ -73,18 +74,12 @@ class InProcessFleet:
         failure: PolicyFailure = lambda _number, _reason, _error: None,
         chance: Chance | None = None,
     ) -> None:
-        """Take minds in.
+        """Take in minds by robot number; `make` makes a new one by robot number and incarnation.
 
-        Args:
-            minds: By robot number.
-            make: Makes a new one by robot number and incarnation.
-            threads: How many step at once, one of each group (`agent.build.group_of`). Their answers are put in roster
-                order, so the trace does not depend on it.
-            limit_s: Wall time, s, after which a decision counts as failed; None for no limit. It holds where minds
-                step in the main thread alone.
-            beliefs: What the minds believe, where they share it.
-            failure: Told of each policy that fails.
-            chance: What the minds draw from.
+        With several `threads`, one mind of each group (`agent.build.group_of`) steps at a time. Their answers are put
+        in roster order, so the trace does not depend on it. A decision that takes longer than `limit_s` of wall time
+        counts as failed; this holds with one thread only. `beliefs` is what the minds believe, where they share it.
+        `failure` is told of each policy that fails.
         """
         self.chance = chance
         self._beliefs = beliefs
@@ -113,12 +108,7 @@ class InProcessFleet:
     def look(self, k: int, heard: Mapping[int, list[bytes]]) -> Mapping[int, View]:
         """Let the minds hear before `phase_b` of the same tick, and return what they would decide by.
 
-        Args:
-            k: The tick.
-            heard: As for `phase_b`.
-
-        Returns:
-            The view of each mind that decides in this tick, by robot number.
+        `heard` is as for `phase_b`; the views are by robot number, of the minds that decide in this tick.
         """
         self._hear(k, heard)
         if self._beliefs is None:
@@ -233,28 +223,13 @@ class InProcessFleet:
 
 
 def make_minds(prepared: Prepared, shared: Shared | None = None) -> dict[int, Mind]:
-    """Return the first minds of a scenario's whole roster.
-
-    Args:
-        prepared: The scenario.
-        shared: What they share; made for them unless given.
-
-    Returns:
-        By robot number.
-    """
+    """Return the first minds of a scenario's whole roster, by robot number; `shared` is made unless given."""
     make = mind_maker(prepared, shared or shared_by(prepared))
     return {spec.number: make(spec.number, FIRST_INCARNATION) for spec in prepared.scenario.roster}
 
 
 def check_in_process(scenario: Scenario) -> None:
-    """Refuse a scenario that one process cannot run, and allow its sensor.
-
-    Args:
-        scenario: As loaded.
-
-    Raises:
-        BadInput: It has a direct radio, or a sensor of one's own that cannot be found.
-    """
+    """Refuse a scenario with a direct radio, which one process cannot run, and allow its sensor."""
     if scenario.radio.via != "ether":
         raise BadInput("radio.via = direct: in one process there is no network to hear each other by; run as processes")
     allow_sensor(scenario.sensor)
@@ -271,16 +246,8 @@ def fleet_of(
 ) -> InProcessFleet:
     """Make the fleet of a world before its first tick.
 
-    Args:
-        world: The world.
-        footprint: Its sensor.
-        kind: What makes the robots' policies in place of the scenario's; None for the scenario's.
-        threads: As of `run_in_process`.
-        share: Likewise.
-        failure: Likewise.
-
-    Raises:
-        BadInput: A policy cannot be made.
+    `footprint` is the world's sensor. `kind` makes the robots' policies in place of the scenario's. The other options
+    are as for `run_in_process`.
     """
     prepared = world.prepared
     kind = kind or policy_of(prepared.scenario)
@@ -316,33 +283,20 @@ def run_in_process(
     share: bool = True,
     failure: PolicyFailure = lambda _number, _reason, _error: None,
 ) -> Outcome:
-    """Run a scenario to its end, or until `stop` says so.
+    """Run a scenario to its end, or until `stop`, asked between ticks, says so.
 
-    Args:
-        scenario: The scenario, prepared or not.
-        journal: Where to write the journal; without it the records stay in memory, or without `keep` only what they add
-            up to, so that the memory needed does not grow with the run.
-        started: Wall time for the journal's header, ISO 8601.
-        progress: Takes each tick's record after it is recorded.
-        events: Takes each event after it is recorded.
-        stop: Asked between ticks whether to end.
-        threads: Minds that step at once; one where the policy is not ours.
-        keep: Whether records are kept.
-        verify_fog: Without `keep`, whether the verdict recomputes the fog (`worldsim.verdict.judge.Judge`); it always
-            does where there are records to read again.
-        look: Called after each tick with the world and the minds by robot number, to compare what is with what they
-            believe; it must change nothing.
-        watch: Makes, from the world before its first tick, what takes each tick's record after `progress`.
-        baseline_s: What `fault_free_mfow` gives, for the verdict to judge recovery by.
-        share: Whether minds whose beliefs are equal share them, which changes no trace.
-        failure: Told of each policy that fails, so that its traceback can be kept.
+    Without `journal` the records stay in memory. Without `keep` as well, only what they add up to stays, so that the
+    memory needed does not grow with the run; `verify_fog` then decides if the verdict recomputes the fog
+    (`worldsim.verdict.judge.Judge`). It always does where there are records to read again.
 
-    Returns:
-        The records, their summary and the verdict.
+    `progress` takes each tick's record, and `events` each event, after it is recorded. `watch` makes, from the world
+    before its first tick, what takes each tick's record after `progress`. `look` is called after each tick with the
+    world and the minds by robot number, to compare what is with what they believe; it must change nothing.
 
-    Raises:
-        BadInput: The scenario cannot be prepared, or has a direct radio. What a mind raises ends the run and is passed
-            on.
+    `threads` is how many minds step at once; one where the policy is not ours. With `share`, minds whose beliefs are
+    equal share them, which changes no trace. `baseline_s` is what `fault_free_mfow` gives, for the verdict to judge
+    recovery by. `started` is the wall time for the journal's header, ISO 8601. `failure` is told of each policy that
+    fails, so that its traceback can be kept. Any other error that a mind raises ends the run and is passed on.
     """
     prepared = scenario if isinstance(scenario, Prepared) else prepare(scenario)
     check_in_process(prepared.scenario)
@@ -375,15 +329,7 @@ def run_in_process(
 
 
 def fault_free_mfow(prepared: Prepared, stop: Callable[[], bool] = lambda: False) -> float | None:
-    """Return the mean MFoW of a scenario without its faults.
-
-    Args:
-        prepared: The scenario.
-        stop: Asked between ticks whether to end.
-
-    Returns:
-        In s; None when `stop` has ended the run.
-    """
+    """Return the mean MFoW of a scenario without its faults, s; None when `stop` has ended the run."""
     calm = replace(prepared, scenario=prepared.scenario.model_copy(update={"faults": ()}))
     outcome = run_in_process(calm, keep=False, verify_fog=False, stop=stop)
     completed = outcome.journal.end is not None and outcome.journal.end.reason == COMPLETED

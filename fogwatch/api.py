@@ -48,6 +48,8 @@ if TYPE_CHECKING:
     from worldsim.verdict.judge import Verdict
     from worldsim.world import World
 
+__all__ = ["RunOptions", "execute", "run"]
+
 LARGE_POINTS = 500_000
 """Points of patrolled ground for which finding a tour takes long enough to say so."""
 

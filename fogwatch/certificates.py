@@ -27,26 +27,16 @@ _UNKNOWN_NAME = "?"
 
 @dataclass(frozen=True, slots=True)
 class Facts:
-    """The holder and the end of a certificate.
+    """A certificate's holder, and when it expires."""
 
-    Attributes:
-        common_name: Whose it is.
-        ends_s: When it expires, Unix time in s.
-    """
-
-    common_name: str
-    ends_s: int
+    common_name: str  # of the holder
+    ends_s: int  # when it expires, Unix time
 
 
 def make_authority(folder: Path, fleet: str) -> None:
-    """Make a fleet's authority, which signs the certificates of its members.
+    """Make a fleet's authority, which signs the certificates of its members, in a new folder.
 
-    Args:
-        folder: A new folder for its key and its certificate; the key must stay there.
-        fleet: The fleet's name.
-
-    Raises:
-        BadInput: openssl is missing or fails.
+    Its key must stay there.
     """
     folder.mkdir(mode=0o700)
     subject = ("-subj", f"/O=fogwatch/CN={fleet[:50]} authority")
@@ -58,19 +48,12 @@ def make_authority(folder: Path, fleet: str) -> None:
 def issue(
     authority: Path, folder: Path, common_name: str, days: int, hosts: Sequence[str] = (), *, listens: bool = False
 ) -> None:
-    """Issue a certificate with a new key.
+    """Issue a certificate with a new key, into a folder that gets the authority's certificate as well.
 
-    Args:
-        authority: The authority's folder.
-        folder: Where the certificate, its key and the authority's certificate go.
-        common_name: The holder's name.
-        days: Validity; never longer than the authority's, beyond which it would not be accepted.
-        hosts: Names and addresses of a router, which may also connect to another one; none for a member, which can then
-            not pass for a router.
-        listens: Whether others connect to the holder, too, whatever its address: to a member of a fleet without router.
-
-    Raises:
-        BadInput: The authority expires within a day, or openssl is missing or fails.
+    `days` is cut to the rest of the authority's validity, beyond which a certificate would not be accepted. `hosts` are
+    names and addresses of a router, which may also connect to another one; without any, the holder is a member, which
+    cannot pass for a router. `listens` is for a member of a fleet without router: others connect to it, too, whatever
+    its address.
     """
     _check_regular(authority / KEY)
     left = int(facts(authority / CERTIFICATE).ends_s - time.time()) // _DAY_S
@@ -97,14 +80,7 @@ def issue(
 
 
 def facts(certificate: Path) -> Facts:
-    """Read the holder and the end of a certificate.
-
-    Args:
-        certificate: Its file.
-
-    Raises:
-        BadInput: It cannot be read, or openssl is missing.
-    """
+    """Read the holder and the end of a certificate."""
     _check_regular(certificate)
     text = _openssl("x509", "-noout", "-enddate", "-subject", "-nameopt", "multiline", "-in", str(certificate))
     fields = {name.strip(): value.strip() for name, _, value in (line.partition("=") for line in text.splitlines())}
@@ -112,17 +88,9 @@ def facts(certificate: Path) -> Facts:
 
 
 def problem(folder: Path, authority: Path) -> str:
-    """Return what is wrong with a certificate; when it expires does not matter here.
+    """Return what is wrong with a certificate, empty if nothing; when it expires does not matter here.
 
-    Args:
-        folder: Where the certificate and its key lie.
-        authority: The certificate of the fleet's authority.
-
-    Returns:
-        The problem in words; empty when there is none.
-
-    Raises:
-        BadInput: One of the files cannot be read, or openssl is missing.
+    `folder` holds the certificate and its key; `authority` is the certificate of the fleet's authority.
     """
     for file in (authority, folder / CERTIFICATE, folder / KEY):
         _check_regular(file)

@@ -49,12 +49,7 @@ class News:
     """
 
     def __init__(self, connection: Connection, total: int) -> None:
-        """Begin with the judging.
-
-        Args:
-            connection: To the launcher.
-            total: How many ticks each step takes.
-        """
+        """Begin with the judging; each step takes `total` ticks."""
         self._connection = connection
         self._total = max(total, 1)
         self._sending = threading.Lock()
@@ -73,12 +68,7 @@ class News:
         return question
 
     def answer(self, message: Judged | ReportWritten, following: str) -> None:
-        """Answer the question.
-
-        Args:
-            message: The answer.
-            following: The step that the next question asks for.
-        """
+        """Answer the question; `following` is the step that the next question asks for."""
         with self._sending:
             self._connection.send(message)
             self._latest, self._asked = Progress(following), False
@@ -95,13 +85,9 @@ class News:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Serve the launcher until it hangs up.
+    """Serve the launcher until it hangs up, and return the exit code.
 
-    Args:
-        arguments: The command line; this process's own unless given.
-
-    Returns:
-        The exit code: 0 when the launcher has hung up, 2 for a journal that cannot be judged, 130 interrupted.
+    0 when the launcher has hung up, 2 for a journal that cannot be judged, 130 when interrupted.
     """
     return run_with(_parser().parse_args(arguments), "clerk", _work, patience=0)
 

@@ -64,27 +64,16 @@ LOCK_S = 10.0
 
 @dataclass(slots=True)
 class FleetFolder:
-    """A fleet's folder.
-
-    Attributes:
-        path: The folder.
-        fleet: The fleet's name.
-        hosts: Names and addresses of the router's machine, the one that members use first; none in a mesh.
-        port: TCP port of the router; in a mesh, UDP port of each host's first member.
-        token: The operators' token.
-        members: The common name of each member's certificate, by `Role.user`.
-        issued: How many certificates each member has got, by `Role.user`.
-        places: In a mesh, the locators of the members whose addresses are known, by `Role.user`; also of members that
-            were revoked, which get theirs again.
-    """
+    """A fleet's folder."""
 
     path: Path
     fleet: str
-    hosts: list[str]
-    port: int
-    token: str
-    members: dict[str, str] = field(default_factory=dict)
-    issued: dict[str, int] = field(default_factory=dict)
+    hosts: list[str]  # of the router's machine, the one that members use first; empty in a mesh
+    port: int  # TCP, of the router; in a mesh UDP, of each host's first member
+    token: str  # of the operators
+    members: dict[str, str] = field(default_factory=dict)  # common name of each one's certificate, by `Role.user`
+    issued: dict[str, int] = field(default_factory=dict)  # number of certificates each member has got, by `Role.user`
+    # in a mesh, known locators by `Role.user`; revoked members keep theirs
     places: dict[str, str] = field(default_factory=dict)
 
     @property
@@ -116,16 +105,10 @@ class FleetFolder:
         return [role.name for user in self.members if not (self.path / (role := role_of(user, FILE)).name).is_dir()]
 
     def add(self, role: Role, days: int, host: str | None = None, called: str = "--host") -> None:
-        """Add a member.
+        """Add a member with a certificate that is valid for `days`.
 
-        Args:
-            role: The new member's.
-            days: How long its certificate is valid.
-            host: Name or address of its machine, in a mesh; None for the one that it had, if any.
-            called: What errors call the host.
-
-        Raises:
-            BadInput: It is one already, its host cannot be one, or openssl fails.
+        In a mesh, `host` is the name or address of its machine; None for the one that it had, if any. Errors name the
+        host by `called`.
         """
         if role.user in self.members:
             raise BadInput(f"{role.name}: is a member already; to replace its certificate, revoke it first")
@@ -144,17 +127,10 @@ class FleetFolder:
         self._save()
 
     def revoke(self, role: Role, days: int) -> Role | None:
-        """Take a member's rights away; those of an operator or the world take a new token for both.
+        """Take a member's rights away, and return the member whose folder must be copied again, or None.
 
-        Args:
-            role: The member.
-            days: How long a certificate is valid that has to be made anew.
-
-        Returns:
-            The member whose folder has changed and must be copied again, because it has the new token; else None.
-
-        Raises:
-            BadInput: It is no member, or openssl fails.
+        Operator and world share a token: when one is revoked, the other gets a new one into its folder. If that folder
+        is not here, it is made anew, with a certificate that is valid for `days`.
         """
         if role.user not in self.members:
             names = ", ".join(sorted(role_of(user, FILE).name for user in self.members))
@@ -178,14 +154,9 @@ class FleetFolder:
         return other
 
     def renew_router(self, days: int, hosts: Sequence[str] = ()) -> None:
-        """Issue a new certificate for the router.
+        """Issue a new certificate for the router, valid for `days`.
 
-        Args:
-            days: How long it is valid.
-            hosts: More names and addresses of its machine, before those that it has. Members use the first.
-
-        Raises:
-            BadInput: There is none, a host cannot be one, or openssl fails.
+        `hosts` are added before the names and addresses that its machine has. Members use the first.
         """
         if self.is_mesh:
             raise BadInput(f"{self.path}: fleet {self.fleet} meets without a router")
@@ -204,11 +175,7 @@ class FleetFolder:
     def check(self, now_s: float) -> Iterator[tuple[str, bool, str]]:
         """Check the credentials that lie in the folder; copies on other machines are not seen.
 
-        Args:
-            now_s: The time, Unix time in s.
-
-        Yields:
-            The name that a line is about, whether all is well, and the line.
+        Yield the name that a line is about, whether all is well, and the line. `now_s` is Unix time.
         """
         try:
             yield AUTHORITY_FOLDER, *_expiry(facts(self.path / AUTHORITY_FOLDER / CERTIFICATE).ends_s, now_s)
@@ -268,17 +235,10 @@ def make_fleet(
 ) -> FleetFolder:
     """Make a fleet's folder, whole or not at all.
 
-    Args:
-        path: The new folder.
-        fleet: The fleet's name.
-        robots: The robots' names.
-        hosts: Names and addresses of the router's machine, the one that members use first; none for this machine alone.
-        port: TCP port of the router; in a mesh, UDP port of each host's first robot.
-        days: How long certificates are valid.
-        places: Names and addresses of robots' machines, by robot, for a fleet without a router.
-
-    Raises:
-        BadInput: The folder exists, a name or host cannot be one, or openssl fails.
+    `hosts` are names and addresses of the router's machine, the one that members use first; none for this machine
+    alone. With `places`, the names or addresses of robots' machines by robot, the fleet is a mesh without a router.
+    `port` is the TCP port of the router; in a mesh, the UDP port of each host's first robot. Certificates are valid for
+    `days`.
     """
     if path.exists():
         raise BadInput(f"{path}: exists already; to add a member, use: fogwatch fleet add {path} NAME")
@@ -306,17 +266,7 @@ def make_fleet(
 
 @contextmanager
 def fleet_to_change(path: Path) -> Iterator[FleetFolder]:
-    """Open a fleet's folder to change it; other commands that want to change it wait until this is done.
-
-    Args:
-        path: The folder.
-
-    Yields:
-        The fleet as its folder has it.
-
-    Raises:
-        BadInput: It is none, it is not whole, it cannot be written to, or another command goes on changing it.
-    """
+    """Open a fleet's folder to change it; other commands that want to change it wait until this is done."""
     open_fleet_folder(path)
     descriptor = os.open(path, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
     until = time.monotonic() + LOCK_S
@@ -337,14 +287,7 @@ def fleet_to_change(path: Path) -> Iterator[FleetFolder]:
 
 @contextmanager
 def changing(path: Path) -> Iterator[None]:
-    """Explain an OSError about a file as a folder that cannot be changed.
-
-    Args:
-        path: The fleet's folder.
-
-    Raises:
-        BadInput: In place of the OSError.
-    """
+    """Turn an OSError about a file into a BadInput that says that the folder cannot be changed."""
     try:
         yield
     except OSError as error:
@@ -355,14 +298,7 @@ def changing(path: Path) -> Iterator[None]:
 
 
 def open_fleet_folder(path: Path) -> FleetFolder:
-    """Open a fleet's folder.
-
-    Args:
-        path: The folder.
-
-    Raises:
-        BadInput: It is none, or not whole.
-    """
+    """Open a fleet's folder."""
     if not (path / FILE).exists():
         raise BadInput(f"{path}: no fleet's folder, because it holds no {FILE}; make one with: fogwatch fleet init")
     fields = read_object(path / FILE, "fleet", secret=True)
@@ -390,14 +326,7 @@ def open_fleet_folder(path: Path) -> FleetFolder:
 
 
 def member_role(name: str) -> Role:
-    """Return the role of a member by its name in a fleet's folder: a robot's name, world, viewer or operator.
-
-    Args:
-        name: The name.
-
-    Raises:
-        BadInput: It is not a member's name.
-    """
+    """Return the role of a member by its name in a fleet's folder: a robot's name, world, viewer or operator."""
     return Role(Kind(name)) if name in RESERVED and name in list(Kind) else _robot(name)
 
 

@@ -19,38 +19,23 @@ _WITH_PORT = re.compile(r"(?:[^:]+|\[.*\]):[0-9]+")
 
 
 def checked_hosts(hosts: Sequence[str], called: str = "--host") -> list[str]:
-    """Check hosts, and write each in one way.
+    """Check hosts, and return each of them once, addresses without brackets.
 
-    Args:
-        hosts: Names and addresses; those of IPv6 may stand in brackets.
-        called: What errors call one.
-
-    Returns:
-        Each of them once, addresses without brackets.
-
-    Raises:
-        BadInput: Other machines could not reach its machine by one of them.
+    Refused is one by which other machines could not reach its machine. Errors name it by `called`.
     """
     return [*dict.fromkeys(_checked(host, called) for host in hosts)]
 
 
 def member_locator(hosts: Sequence[str], port: int) -> str:
-    """Return the locator that members use: that of the first host.
-
-    Args:
-        hosts: The router's, checked.
-        port: The router's TCP port.
-    """
+    """Return the locator that members use: that of the first of the router's checked hosts."""
     return f"tls/{_authority(hosts[0], port)}"
 
 
 def mesh_locator(host: str, port: int, taken: Collection[str]) -> str:
-    """Return the locator of a member that others connect to without a router: positions may be lost, the rest not.
+    """Return the locator of a member that others connect to without a router.
 
-    Args:
-        host: The member's, checked.
-        port: Its UDP port, or the first one to try.
-        taken: Locators of others; one on the same host has another port.
+    Positions may be lost on it, the rest not. `port` is the first UDP port to try: one on the same host as a locator in
+    `taken` needs another port.
     """
     while (locator := f"quic/{_authority(host, port)}?mixed_rel=1") in taken:
         port += 1
@@ -62,12 +47,7 @@ def _authority(host: str, port: int) -> str:
 
 
 def listening_locator(hosts: Sequence[str], port: int) -> str:
-    """Return the locator that the router listens on: all addresses of its machine, or this machine alone.
-
-    Args:
-        hosts: The router's, checked.
-        port: The router's TCP port.
-    """
+    """Return the locator that the router listens on: all addresses of its machine, or this machine alone."""
     if all(is_loopback(host) for host in hosts):
         return member_locator(hosts, port)
     return f"tls/{'[::]' if any(':' in host for host in hosts) else '0.0.0.0'}:{port}"

@@ -21,15 +21,10 @@ class OwnPackages:
 
     @staticmethod
     def find_spec(name: str, _path: object = None, _target: object = None) -> ModuleSpec | None:
-        """Find one of our packages, and name a user's module that it hides on the standard error output.
+        """Return the spec of one of our packages, by its full name; None for any other module.
 
-        Python's warnings do not serve here: under ``python -W error`` the import of our package would fail.
-
-        Args:
-            name: Of the module, in full.
-
-        Returns:
-            The package's spec; None for any other module.
+        A user's module that the package hides is named on the standard error output. Python's warnings do not serve
+        here: under ``python -W error`` the import of our package would fail.
         """
         if name not in NAMES:
             return None
@@ -45,8 +40,7 @@ class OwnPackages:
 def prefer_own_packages() -> None:
     """Have our packages found first from now on.
 
-    Raises:
-        ImportError: A module of the user's with the name of one of them is already imported.
+    ImportError if a user's module with the name of one of them is already imported.
     """
     for name in NAMES:
         module = sys.modules.get(name)

@@ -26,14 +26,9 @@ from patrol.scenario.patrols import patrol_name
 
 
 def plan_folder(out: Path | None, name: str) -> Path:
-    """Return the folder for a plan, after checking that it can be written.
+    """Return the folder for a plan, after checking that it can be written; it is not made yet.
 
-    Args:
-        out: The folder, new or empty; None for `runs/plan-NAME`, or with a number appended.
-        name: Of the ground.
-
-    Raises:
-        BadInput: It is not empty or cannot be written to.
+    `out` is new or empty. Without it, the folder is `runs/plan-NAME`, with a number appended if that is taken.
     """
     folder = untaken(RUNS / f"plan-{name}") if out is None else out
     try:
@@ -48,15 +43,7 @@ def plan_folder(out: Path | None, name: str) -> Path:
 
 
 def write_plan(plan: FleetPlan, folder: Path) -> None:
-    """Write all files of a plan.
-
-    Args:
-        plan: The plan.
-        folder: Where to write; made if missing.
-
-    Raises:
-        BadInput: A file cannot be written, or the map cannot be read.
-    """
+    """Write all files of a plan."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
         (folder / "plan.json").write_text(f"{json.dumps(plan_facts(plan), indent=1)}\n", encoding="utf-8")

@@ -19,16 +19,9 @@ PRESETS: Mapping[str, str] = {
 
 
 def preset_settings(name: str | None) -> dict[str, object]:
-    """Return the settings of a preset: those that all cells of the paper's tables share, for any terrain and team.
+    """Return the settings of a preset, by dotted field of the scenario; None has no settings.
 
-    Args:
-        name: One of `PRESETS`, or None for no settings.
-
-    Returns:
-        Values by dotted field of the scenario.
-
-    Raises:
-        BadInput: There is no such preset.
+    They are those that all cells of the paper's tables share, for any terrain and team.
     """
     if name is None:
         return {}

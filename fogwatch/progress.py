@@ -26,12 +26,7 @@ RESULT_OPTIONS = ("--out", "--workers", "--cluster", "--json", "--markdown")
 def bar_on(console: Console, left: ProgressColumn) -> Progress:
     """Make a progress bar, which shows on a terminal only and is cleared away in the end.
 
-    Args:
-        console: Where it shows.
-        left: Its last column, for the time left.
-
-    Returns:
-        The bar, not yet started.
+    It is not started yet. `left` is its last column, for the time left.
     """
     return Progress(
         TextColumn("{task.description}", style="cyan"),
@@ -54,12 +49,9 @@ class SweepProgress:
     def __init__(
         self, console: Console, clock: Callable[[], float] = time.monotonic, estimate_time: bool = False
     ) -> None:
-        """Show nothing yet.
+        """Make the bar, without showing it.
 
-        Args:
-            console: Where the progress shows.
-            clock: The time in s, from which the time left is computed.
-            estimate_time: Whether to try a few runs first, to say how long all will take.
+        `clock` gives the time in s. With `estimate_time`, a few runs are tried first, to say how long all will take.
         """
         self._estimate_time = estimate_time
         self._console = console
@@ -94,13 +86,7 @@ class SweepProgress:
         self._bar.stop()
 
     def begin(self, todo: list[Run], done: list[RunResult], workers: int) -> None:
-        """Print how many runs there are to make.
-
-        Args:
-            todo: The runs to make.
-            done: The results of earlier starts.
-            workers: How many runs are made at a time.
-        """
+        """Print how many runs there are to make."""
         self._todo, self._there = len(todo), len(done)
         there = f", {self._there} done already" if self._there else ""
         self.say(f"{self._todo} runs to make{there}; {workers} at a time{self._forecast(todo, workers)}")
@@ -108,11 +94,7 @@ class SweepProgress:
         self._begun = self._clock()
 
     def result(self, result: RunResult) -> None:
-        """Show that one more run is done.
-
-        Args:
-            result: The run's result.
-        """
+        """Show that one more run is done."""
         self._made += 1
         left = self._left()
         self._bar.update(self._task, completed=self.done, description=f"{result.case} seed {result.seed}", left=left)
@@ -126,11 +108,7 @@ class SweepProgress:
             )
 
     def say(self, text: str) -> None:
-        """Print a line above the bar.
-
-        Args:
-            text: The line.
-        """
+        """Print a line above the bar."""
         self._console.print(text, highlight=False, markup=False, soft_wrap=True)
 
     def _forecast(self, todo: list[Run], workers: int) -> str:
@@ -147,12 +125,7 @@ class SweepProgress:
 
 
 def print_failures(console: Console, outcome: SweepOutcome) -> None:
-    """Print the runs that failed, and a warning where some results are from another version.
-
-    Args:
-        console: Where to print.
-        outcome: The results of a sweep.
-    """
+    """Print the runs that failed, and a warning where some results are from another version."""
     if outcome.failed:
         table = Table("case", "seed", "why", box=None, pad_edge=False, header_style="red", title="failed runs")
         for column in table.columns:
@@ -172,8 +145,8 @@ def print_failures(console: Console, outcome: SweepOutcome) -> None:
 def command_line(*command: str) -> str:
     """Return this process's command line, for the pages that it writes, without options that change no result.
 
-    Args:
-        command: The words of the command, such as "paper", "all"; used alone where this process is another command.
+    If this process is another command than `command` (its words, such as "paper", "all"), those words are returned
+    alone.
     """
     words = list(sys.argv[1:])
     if tuple(words[: len(command)]) != command:

@@ -37,26 +37,12 @@ def make_robot_router(
     local_port: int = LOCAL_PORT,
     commands: Sequence[str] = COMMANDS,
 ) -> Path:
-    """Make the folder, or make it anew.
+    """Make the folder for the router of a ROS robot, or make it anew, and return it.
 
-    Args:
-        fleet: The fleet.
-        robot: The name of the fleet's robot whose agent drives the ROS robot.
-        form: What the ROS robot speaks.
-        namespace: The ROS robot's namespace.
-        hosts: Names and addresses of the ROS robot's machine; none for this machine alone.
-        port: TCP port for members.
-        place: Where the folder will lie on the ROS robot; None for where it is made.
-        days: How long the certificate is valid.
-        local_port: TCP port for the robot's own programs.
-        commands: Topics by which the robot is driven.
-
-    Returns:
-        The folder.
-
-    Raises:
-        BadInput: The robot is no member, a host or port cannot be one, the folder cannot be written to, or openssl
-            fails.
+    `robot` is the fleet's robot whose agent drives the ROS robot. `hosts` are names and addresses of the ROS robot's
+    machine; without any, members reach the router from this machine alone. `port` is the TCP port for members,
+    `local_port` that for the robot's own programs. `place` is where the folder will lie on the ROS robot; None for
+    where it is made. The certificate is valid for `days`. `commands` are the topics by which the robot is driven.
     """
     role = robot_role(robot)
     folder = fleet.path / f"{robot}-router"

@@ -54,13 +54,9 @@ CLOSE_S = 0.5
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Route messages until asked to stop.
+    """Route messages until asked to stop, and return the exit code.
 
-    Args:
-        arguments: The command line; this process's own unless given.
-
-    Returns:
-        The exit code: 0 stopped, 2 bad input or a port that cannot be listened on.
+    It is 0 after a stop, 2 for bad input or a port that cannot be listened on.
     """
     return run_with(router_parser().parse_args(arguments), "router", _route, prefix="fogwatch router: ")
 

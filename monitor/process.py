@@ -58,14 +58,7 @@ NICENESS = 10
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Serve one page.
-
-    Args:
-        arguments: Command line arguments; None for those of this process.
-
-    Returns:
-        The exit code.
-    """
+    """Serve one page."""
     key = os.environ.pop(KEY, "")
 
     def work(process: ProcessContext) -> int:
@@ -101,19 +94,10 @@ def serve(
 ) -> None:
     """Serve a page until asked to end.
 
-    Args:
-        open_sources: Opens the source, or two for replays side by side; returns none when asked to end meanwhile.
-        host: Address to serve on.
-        port: TCP port; 0 for a free one.
-        key: Gives the right to control; empty for a random one.
-        ending: Says when to end.
-        announced: Whether the caller knows the key, so that the address is printed without it.
-        key_name: The option or environment variable that holds the key, for error messages.
-        opened: Called with the address once the page is served.
-        vitals: Gets the page's figures; None if they are not wanted.
-
-    Raises:
-        BadInput: The address or the key cannot be used, or the source cannot be opened.
+    `open_sources` opens the source, or two for replays side by side; it returns none when asked to end meanwhile. Port
+    0 is a free one. `key` gives the right to control, and an empty one is replaced by a random one. With `announced`
+    the caller knows the key, so that the address is printed without it; `key_name` is the option or environment
+    variable that holds it, for error messages. `opened` is called with the address once the page is served.
     """
     _check_libraries()
     from monitor.page.authorisation import MIN_TOKEN_LENGTH, Authorisation
@@ -205,12 +189,7 @@ def _run_server(
 def source_opener(options: argparse.Namespace, ending: Ending) -> Callable[[], Sequence[Source]]:
     """Return a function that opens the source that the options name, or the two runs.
 
-    Args:
-        options: Parsed command line options.
-        ending: Says when to stop waiting for a fleet.
-
-    Returns:
-        The function; it returns none when asked to end before there is a source, and raises BadInput.
+    The function returns none when asked to end before there is a source, and raises `BadInput`.
     """
 
     def open_sources() -> Sequence[Source]:

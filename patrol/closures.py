@@ -26,11 +26,7 @@ robots that are in the way."""
 
 
 def closure_of(event: Event) -> str:
-    """Return the name of the closure that an event is about; empty for any other event.
-
-    Args:
-        event: Of the journal.
-    """
+    """Return the name of the closure that an event is about; empty for any other event."""
     if event.kind in (CLOSED, OPENED, STAYS_OPEN):
         return event.detail
     name, waits, _ = event.detail.partition(WAITS)
@@ -38,14 +34,9 @@ def closure_of(event: Event) -> str:
 
 
 def closure_points(closure: ClosureSpec, terrain: Terrain) -> NDArray[np.int64]:
-    """Return the passable points that share some area with a closure.
+    """Return the passable points that share some area with a closure, as ascending flat indices.
 
-    Args:
-        closure: The closure.
-        terrain: The ground with nothing closed.
-
-    Returns:
-        Flat indices, ascending.
+    Nothing may be closed on the terrain.
     """
     covered = cover(closure.polygon, terrain.shape, terrain.point, terrain.origin)
     return np.flatnonzero(covered & terrain.passable)
@@ -54,34 +45,19 @@ def closure_points(closure: ClosureSpec, terrain: Terrain) -> NDArray[np.int64]:
 class ClosedPoints:
     """The points that are closed, event by event.
 
-    Attributes:
-        points: Flat indices of each closure's points, by name.
-        names: The closures that are closed.
-        waiting: The closures that are to close and wait until bodies are clear of them.
-        grid: bool (height, width), True where one of them is.
+    `grid`, bool (height, width), is True on points that are closed now, and `points` has the flat indices of each
+    closure by name. `names` are the closures that are closed, `waiting` those that wait until bodies are clear of them.
     """
 
     def __init__(self, closures: Sequence[ClosureSpec], terrain: Terrain) -> None:
-        """Begin with nothing closed.
-
-        Args:
-            closures: The scenario's.
-            terrain: The ground with nothing closed.
-        """
+        """Begin with nothing closed."""
         self.points = {closure.name: closure_points(closure, terrain) for closure in closures}
         self.names: set[str] = set()
         self.waiting: set[str] = set()
         self.grid: BoolGrid = np.zeros(terrain.shape, dtype=np.bool_)
 
     def take(self, event: Event) -> bool:
-        """Take in what an event says of a closure.
-
-        Args:
-            event: Of the journal.
-
-        Returns:
-            Whether it was about a closure.
-        """
+        """Take in what an event says of a closure; return False for an event about anything else."""
         if (name := closure_of(event)) not in self.points:
             return False
         if event.kind == WAITING:
@@ -97,20 +73,10 @@ class ClosedPoints:
 
 
 class Closings:
-    """The points that are closed at any tick of a run so far.
-
-    Attributes:
-        now: The points that are closed after the last event.
-    """
+    """The points that are closed at any tick of a run so far; `now` is the state after the last event."""
 
     def __init__(self, closures: Sequence[ClosureSpec], terrain: Terrain, events: Iterable[Event] = ()) -> None:
-        """Take in the events so far.
-
-        Args:
-            closures: The scenario's.
-            terrain: The ground with nothing closed.
-            events: The journal's, in order.
-        """
+        """Take in the events so far."""
         self.now = ClosedPoints(closures, terrain)
         self._ticks: list[int] = [0]
         self._names: list[frozenset[str]] = [frozenset()]
@@ -130,9 +96,7 @@ class Closings:
     def show(self, k: int, footprint: Footprint) -> None:
         """Close on a sensor's ground what is closed in a tick.
 
-        Args:
-            k: The tick.
-            footprint: The sensor; nothing else may close its ground.
+        Nothing else may close that ground.
         """
         shown = footprint, self.names(k)
         if isinstance(footprint, ChangingFootprint) and shown != self._shown:

@@ -38,16 +38,11 @@ between two ticks keeps its charge.
 class Batteries:
     """The charge of all robots that have a battery.
 
-    Attributes:
-        docked: Numbers of the robots that charged in the last tick.
+    `docked` are the numbers of the robots that charged in the last tick.
     """
 
     def __init__(self, scenario: Scenario) -> None:
-        """Begin with what each battery holds at first.
-
-        Args:
-            scenario: Its robots' batteries and its docks are used.
-        """
+        """Begin with what each battery holds at first."""
         self._step = scenario.step
         self._docks = scenario.docks
         self._models = {spec.number: spec.model for spec in scenario.roster}
@@ -76,11 +71,7 @@ class Batteries:
             self._levels_j[number] = self._specs[number].start * self._specs[number].capacity_j
 
     def tick(self, rows: Iterable[RobotTick]) -> None:
-        """Take in what the robots did in a tick.
-
-        Args:
-            rows: Of the tick's record.
-        """
+        """Take in what the robots did in a tick."""
         if not self._specs:
             return
         powered: dict[int, tuple[RobotTick, float]] = {}

@@ -19,6 +19,8 @@ from typing import Any
 
 from patrol.printable import printable
 
+__all__ = ["BadInput"]
+
 _LONGEST = 60
 
 

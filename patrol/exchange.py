@@ -9,6 +9,8 @@ from dataclasses import dataclass
 
 from patrol.pose import Command, Pose
 
+__all__ = ["Reply", "Sensed"]
+
 MOST_BLOCKED = 4096
 """Points that a robot is shown blocked in a tick, at most."""
 

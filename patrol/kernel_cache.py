@@ -65,26 +65,14 @@ _folders: dict[str, Path] = {}
 
 
 def keep_compiled(package: str) -> None:
-    """Load a package's kernels from the cache from now on; called by the package itself.
-
-    Args:
-        package: Its full name.
-    """
+    """Load a package's kernels from the cache from now on; called by the package itself."""
     _packages.add(package)
     if _FINDER not in sys.meta_path:
         sys.meta_path.insert(0, _FINDER)
 
 
 def load_alone(name: str, source: Path) -> None:
-    """Import a kernel module without the packages that it is in, and compile it where it is not in the cache.
-
-    Args:
-        name: Its full name.
-        source: Its file.
-
-    Raises:
-        BadInput: It has to be compiled, and the result cannot be stored.
-    """
+    """Import a kernel module without the packages that it is in, and compile it where it is not in the cache."""
     spec = importlib.util.spec_from_file_location(name, source, loader=_KernelLoader(name, str(source)))
     assert spec is not None
     assert spec.loader is not None
@@ -94,15 +82,7 @@ def load_alone(name: str, source: Path) -> None:
 
 
 def is_stored(name: str, source: Path) -> bool:
-    """Return whether a module's entry is there; damaged files are noticed when they are loaded.
-
-    Args:
-        name: Its full name.
-        source: Its file.
-
-    Raises:
-        BadInput: There is no folder for the cache.
-    """
+    """Return True if a module's entry is there; damaged files are noticed when they are loaded."""
     text = source.read_bytes()
     try:
         shipped = _shipped_entry(name, text)
@@ -112,11 +92,7 @@ def is_stored(name: str, source: Path) -> bool:
 
 
 def user_cache(kind: str) -> Path | None:
-    """Return the user's cache folder for one kind of file; None for a user without a home folder.
-
-    Args:
-        kind: Such as "tours".
-    """
+    """Return the user's cache folder for one kind of file; None for a user without a home folder."""
     try:
         return Path(os.environ.get("XDG_CACHE_HOME") or "~/.cache").expanduser() / "fogwatch" / kind
     except RuntimeError:
@@ -124,10 +100,10 @@ def user_cache(kind: str) -> Path | None:
 
 
 def cache_home() -> Path:
-    """Return the folder of the cache: below ``NUMBA_CACHE_DIR``, or else the user's cache folder; it may not exist yet.
+    """Return the folder of the cache, which may not exist yet.
 
-    Raises:
-        BadInput: No such folder is known, or another user may write to it: what lies there is code that is executed.
+    It is below ``NUMBA_CACHE_DIR``, or else the user's cache folder. One that another user may write to raises
+    BadInput: what lies there is code that is executed.
     """
     if numba_folder := os.environ.get("NUMBA_CACHE_DIR"):
         home = Path(numba_folder) / "fogwatch"
@@ -153,12 +129,6 @@ def make_folder(home: Path) -> None:
     """Make the folder of the cache, where there is none.
 
     Other users may be meant to read what lies there. Where the umask would also let them write, they get no access.
-
-    Args:
-        home: From `cache_home`.
-
-    Raises:
-        OSError: It cannot be made.
     """
     os.umask(umask := os.umask(0o077))
     home.parent.mkdir(parents=True, exist_ok=True)

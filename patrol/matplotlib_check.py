@@ -9,13 +9,9 @@ from patrol.printable import printable
 
 
 def check_matplotlib(extra: str) -> None:
-    """Import matplotlib.
+    """Import matplotlib; where it cannot be, raise BadInput with the remedy.
 
-    Args:
-        extra: Of fogwatch's optional dependencies, those with matplotlib that the caller needs.
-
-    Raises:
-        BadInput: It is not installed, or the environment names no backend of it.
+    `extra` is the one of fogwatch's optional dependencies that brings matplotlib.
     """
     try:
         import matplotlib  # noqa: F401 - whether it can be imported

@@ -51,24 +51,12 @@ class SensorFailed(BadInput):
 
 
 def sensor_named(spec: SensorSpec) -> NamedClass:
-    """Return a scenario's sensor by name; nothing of it is imported.
-
-    Args:
-        spec: The scenario's section.
-    """
+    """Return a scenario's sensor by name; nothing of it is imported."""
     return NamedClass(SENSORS, spec.kind, spec.kind_sha256, spec.options or {})
 
 
 def allow_sensor(spec: SensorSpec) -> None:
-    """Find a sensor of one's own, and let this user's commands run it, because this user runs a scenario with it.
-
-    Args:
-        spec: The scenario's section.
-
-    Raises:
-        BadInput: It cannot be found or does not take its options, or its file is not the one that the scenario was
-            resolved with.
-    """
+    """Find a sensor of one's own, and let this user's commands run it, because this user runs a scenario with it."""
     if spec.kind in BUILT_IN_SENSORS:
         return
     named = sensor_named(spec)
@@ -82,16 +70,9 @@ def allow_sensor(spec: SensorSpec) -> None:
 
 
 def make_footprint(spec: SensorSpec, terrain: Terrain, remembered: int) -> Footprint:
-    """Make a scenario's sensor.
+    """Make a scenario's sensor, which keeps at most `remembered` views.
 
-    Args:
-        spec: The scenario's section.
-        terrain: The ground.
-        remembered: How many views to keep.
-
-    Raises:
-        BadInput: A sensor of one's own cannot be found or does not take its options, or this user has not run it yet.
-        SensorFailed: It cannot be made.
+    A sensor of one's own that this user has not run yet is refused.
     """
     if spec.kind in BUILT_IN_SENSORS:
         from patrol.ground.sensors import footprint_of  # here: its kernels take time to load
@@ -105,16 +86,7 @@ def make_footprint(spec: SensorSpec, terrain: Terrain, remembered: int) -> Footp
 
 
 class CheckedSensor:
-    """A sensor of one's own whose views can be used by everything that computes with them.
-
-    Args:
-        made: Its class.
-        setup: What it is made from.
-        name: What errors call it.
-
-    Raises:
-        SensorFailed: It cannot be made, or lacks what a sensor has.
-    """
+    """A sensor of one's own whose views can be used by everything that computes with them."""
 
     def __init__(self, made: type[Any], setup: SensorSetup, name: str) -> None:
         self._setup, self._name = setup, name
@@ -128,14 +100,7 @@ class CheckedSensor:
         self._beyond = offsets[:, None] ** 2 + offsets[None, :] ** 2 > setup.radius**2 + 1e-9
 
     def visible(self, pose: Pose) -> View:
-        """Return the points seen from a pose, checked.
-
-        Args:
-            pose: As of any sensor.
-
-        Raises:
-            SensorFailed: The sensor raised, or returned something that is no view from this pose.
-        """
+        """Return the points seen from a pose, checked."""
         try:
             view = self._sensor.visible(pose)
         except (Exception, SystemExit) as error:
@@ -210,11 +175,7 @@ def _spelled(pose: Pose) -> str:
 
 
 def _check_allowed(named: NamedClass) -> None:
-    """Refuse a sensor that this user has not run; it is not opened to find out.
-
-    Raises:
-        BadInput: The user has not run it, or its file is another by now.
-    """
+    """Refuse a sensor that this user has not run; it is not opened to find out."""
     path = class_file(named.name)
     if path is not None and named.sha256 is None:
         raise BadInput(f"{named.field}: the scenario has no sensor.kind_sha256, so the file is not run; run it first")

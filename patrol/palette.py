@@ -78,25 +78,15 @@ def script() -> str:
 
 
 def rgb(colour: str) -> tuple[int, int, int]:
-    """Convert a colour to three numbers from 0 to 255.
-
-    Args:
-        colour: The colour, #rrggbb.
-    """
+    """Convert a colour, ``#rrggbb``, to three numbers from 0 to 255."""
     return int(colour[1:3], 16), int(colour[3:5], 16), int(colour[5:7], 16)
 
 
 def with_walls(image: NDArray[np.uint8], walls: NDArray[np.bool_], longest: int, edge: int) -> NDArray[np.uint8]:
-    """Draw walls with their edges over an image of the ground.
+    """Draw walls with their edges over an image of the ground, uint8 (h, w, 3 or 4), a pixel for each point.
 
-    Args:
-        image: uint8 (h, w, 3 or 4), a pixel for each point.
-        walls: bool (h, w).
-        longest: Pixels that the longer side of the result has at least; points become blocks of pixels for that.
-        edge: Pixels by which an edge surrounds a wall.
-
-    Returns:
-        uint8 (h * n, w * n, 3 or 4).
+    Each point becomes a block of n x n pixels, so that the longer side has about `longest`: uint8 (h * n, w * n, 3 or
+    4). `edge` is in pixels too.
     """
     blocks = max(1, round(longest / max(walls.shape)))
     image = image.repeat(blocks, axis=0).repeat(blocks, axis=1)

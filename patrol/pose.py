@@ -13,6 +13,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal, get_args
 
+__all__ = ["COMMANDS", "Command", "Drive", "Limits", "Model", "Pose", "Twist", "Velocity", "halted", "is_halt", "wrap"]
+
 TAU = 2.0 * math.pi
 
 ROUNDED = 1.0 + 1e-12

@@ -39,6 +39,8 @@ if TYPE_CHECKING:
     from patrol.scenario import ClosureSpec, IntruderSpec, Scenario
     from patrol.scenario.zones import Weighing
 
+__all__ = ["Prepared", "prepare", "sensor_footprint"]
+
 TICKS_APART = 4
 """Most ticks between two robots of a fleet where the world waits for none of them."""
 
@@ -56,32 +58,20 @@ class Prepared:
     """A scenario with its terrain, the robots' starts and the static fields of each robot's body.
 
     Robots of one radius share one StaticFields object, and one RegionSplit where paths lead through regions.
-
-    Attributes:
-        scenario: As loaded.
-        terrain: The ground.
-        starts: In roster order.
-        fields: By robot number.
-        regions: By robot number, or None where paths do not lead through regions.
-        rounds: By robot number, once somebody has asked for one (`patrol.measures.best_tour.round_of`).
-        zoned: The ground by the zones in force and their weights, likewise (`patrol.measures.zoned.zoned_ground`); a
-            bounded number of them.
     """
 
     scenario: Scenario
     terrain: Terrain
-    starts: tuple[Pose, ...]
-    fields: Mapping[int, StaticFields]
-    regions: Mapping[int, RegionSplit] | None = None
+    starts: tuple[Pose, ...]  # in roster order
+    fields: Mapping[int, StaticFields]  # by robot number
+    regions: Mapping[int, RegionSplit] | None = None  # by robot number; None where paths do not lead through regions
+    # by robot number, made on demand by `patrol.measures.best_tour.round_of`
     rounds: dict[int, Round | None] = field(default_factory=dict)
+    # by zones in force and their weights, made on demand by `patrol.measures.zoned.zoned_ground`; bounded
     zoned: dict[Weighing, ZonedGround] = field(default_factory=dict)
 
     def regions_of(self, number: int) -> RegionSplit | None:
-        """Return the split for a robot's body, or None where paths do not lead through regions.
-
-        Args:
-            number: Of the robot.
-        """
+        """Return the split for a robot's body, or None where paths do not lead through regions."""
         return None if self.regions is None else self.regions[number]
 
     @cached_property
@@ -111,22 +101,14 @@ class Prepared:
         return graph_from_ground(self.terrain, self.fields[least.number], sensor_footprint(self.scenario, self.terrain))
 
     def as_operated(self, events: Iterable[Event]) -> Prepared:
-        """Add what operators have asked for, which changes neither terrain nor robots.
-
-        Args:
-            events: The journal's.
-        """
+        """Return the scenario with what operators have asked for, which changes neither terrain nor robots."""
         from patrol.scenario.controls import operated  # here: an agent needs no controls
 
         scenario = operated(self.scenario, events)
         return self if scenario is self.scenario else replace(self, scenario=scenario)
 
     def save(self, folder: Path) -> None:
-        """Write the arrays as .npy files and the rest as JSON.
-
-        Args:
-            folder: Where to write; it is made when missing.
-        """
+        """Write the arrays as .npy files and the rest as JSON."""
         folder.mkdir(parents=True, exist_ok=True)
         for name in GROUND:
             np.save(folder / f"{name}.npy", getattr(self.terrain, name))
@@ -159,15 +141,7 @@ class Prepared:
 
     @staticmethod
     def load(scenario: Scenario, folder: Path) -> Prepared:
-        """Load what `save` wrote for a scenario.
-
-        Args:
-            scenario: The one that was prepared.
-            folder: The folder that `save` wrote into.
-
-        Returns:
-            The prepared scenario, memory-mapped and read-only.
-        """
+        """Load what `save` wrote for a scenario; the arrays are memory-mapped and read-only."""
         facts = json.loads((folder / FACTS).read_text(encoding="utf-8"))
         x, y = facts["origin"]
         passable, keep_out, free, blocked = (load_grid(folder / f"{name}.npy") for name in GROUND)
@@ -190,18 +164,7 @@ class Prepared:
 
 
 def prepare(scenario: Scenario, terrain: Terrain | None = None) -> Prepared:
-    """Load the terrain, place the robots and compute each body's fields.
-
-    Args:
-        scenario: As loaded.
-        terrain: The ground, if the caller has it.
-
-    Raises:
-        NotPrepared: For an unusable map, for intruders and critical areas that are not on passable ground, for docks
-            that no robot gets to, for closures off the ground or on a start or dock, for starts that do not fit, for
-            zones that no robot sees, for a graph that is not all on the terrain, for vertices that are to be patrolled
-            and that no robot sees, for bodies too wide for the terrain and for regions that do not make a split.
-    """
+    """Load the terrain, place the robots and compute each body's fields; `NotPrepared` where these do not fit."""
     try:
         return _prepared(scenario, terrain)
     except BadInput as error:
@@ -261,15 +224,7 @@ def _starts(scenario: Scenario, terrain: Terrain) -> tuple[Pose, ...]:
 
 
 def sensor_footprint(scenario: Scenario, terrain: Terrain) -> Footprint:
-    """Make the footprint of a scenario's sensor; a `ChangingFootprint` on ground with closures.
-
-    Args:
-        scenario: Its `sensor` section is used.
-        terrain: The ground.
-
-    Raises:
-        BadInput: A sensor of one's own cannot be found, made or run.
-    """
+    """Make the footprint of a scenario's sensor; a `ChangingFootprint` on ground with closures."""
     remembered = max(REMEMBERED, 2 * len(scenario.roster))
     if scenario.closures:
         return ChangingFootprint(lambda ground: make_footprint(scenario.sensor, ground, remembered), terrain)
@@ -284,14 +239,10 @@ def inboxes_of(
     *,
     knows_ticks: bool = True,
 ) -> Inboxes:
-    """Make the inboxes of some of a scenario's robots.
+    """Make the inboxes of some of a scenario's robots; a listener with the number of no robot only listens.
 
-    Args:
-        scenario: The fleet's.
-        listeners: The robots' numbers; one that is of no robot listens only.
-        bounds: The terrain's (x_min, y_min, x_max, y_max), m.
-        key: Of the tags, or None when the fleet uses none.
-        knows_ticks: Whether the robots' clocks show the time since the fleet's first tick.
+    `bounds` are the terrain's (x_min, y_min, x_max, y_max) in m, and `key` is None when the fleet uses no tags. A fleet
+    `knows_ticks` where its robots' clocks show the time since its first tick.
     """
     fastest = max(spec.speed for spec in scenario.roster)
     numbers = tuple(spec.number for spec in scenario.roster)
@@ -300,16 +251,7 @@ def inboxes_of(
 
 
 def check_intruder(intruder: IntruderSpec, terrain: Terrain, field: str) -> None:
-    """Refuse an intruder that does not stand on passable ground.
-
-    Args:
-        intruder: The intruder.
-        terrain: The ground.
-        field: What a message calls its place.
-
-    Raises:
-        BadInput: It is off the map or in an obstacle.
-    """
+    """Refuse an intruder that does not stand on passable ground."""
     x, y = intruder.place
     where = f"{field} = [{x:g}, {y:g}]"
     if not terrain.contains(x, y):

@@ -17,6 +17,8 @@ from enum import IntEnum
 from operator import index
 from typing import SupportsIndex, TypeVar
 
+__all__ = ["Draws", "Purpose", "draw"]
+
 T = TypeVar("T")
 
 _MASK = (1 << 64) - 1

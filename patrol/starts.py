@@ -49,22 +49,10 @@ def place_starts(
 
     Explicit starts are checked: the body on the terrain, clear of walls and of the other bodies. The others are drawn,
     headings too, from one part of the widest body's C-space, with two points to spare between bodies: the part that
-    holds the first explicit start, or else the preferred one. They are clear of all closures. A draw depends on the
-    seed and the robot's number. Spare robots are placed last, so that the others start where they would without spare
-    ones that are no wider. A spare robot for which there is no room left gets a drawn place all the same, because it
-    waits until no robot stands there.
-
-    Args:
-        terrain: The ground.
-        roster: All robots.
-        seed: The scenario's.
-        all_closed: The ground with all closures closed; None without any.
-
-    Returns:
-        One pose for each robot.
-
-    Raises:
-        BadInput: For an explicit start that does not fit, and where no place is left.
+    holds the first explicit start, or else the preferred one. They are clear of all closures: `all_closed` is the
+    ground with all of them closed, None without any. A draw depends on the seed and the robot's number. Spare robots
+    are placed last, so that the others start where they would without spare ones that are no wider. A spare robot for
+    which there is no room left gets a drawn place all the same, because it waits until no robot stands there.
     """
     placed = _Placed(terrain, max(spec.radius for spec in roster), all_closed)
     for spec in roster:
@@ -94,10 +82,8 @@ class _Placed:
     """The bodies placed so far, and the places that they leave, found without looking at all of them.
 
     Bodies lie in squares of a side that no two bodies need to keep apart, so only those of nine squares can be too near
-    to a place. What is left for bodies of a radius is kept as a grid once somebody has asked for it.
-
-    Attributes:
-        bodies: Pose and radius (m) by robot number.
+    to a place. The places left for bodies of a radius are kept as a grid from the first time that they are needed.
+    `bodies` has pose and radius (m) by robot number.
     """
 
     def __init__(self, terrain: Terrain, widest: float, all_closed: Terrain | None) -> None:
@@ -162,10 +148,9 @@ class _Placed:
 
 
 def _check_area(terrain: Terrain, roster: Sequence[RobotSpec], part: BoolGrid) -> None:
-    """Refuse bodies that, with half the distance that they keep around each, have more area than the ground of `part`.
+    """Refuse bodies that, with half their spacing around each, have more area than the ground of `part`.
 
-    Raises:
-        BadInput: They cannot all find a place, wherever that is.
+    Then they cannot all find a place, wherever that is.
     """
     around = 0.5 * SPACING * terrain.point
     fleet = [spec for spec in roster if not spec.spare]
@@ -185,18 +170,10 @@ def _check_area(terrain: Terrain, roster: Sequence[RobotSpec], part: BoolGrid) -
 
 
 def starting_part(terrain: Terrain, radius: float, first: Pose | None = None) -> BoolGrid:
-    """Find the part of a body's C-space that random starts are drawn from.
+    """Return the part of a body's C-space that random starts are drawn from, bool (h, w).
 
-    Args:
-        terrain: The ground.
-        radius: Of the body, m.
-        first: a place whose part it is to be, where the body has one there.
-
-    Returns:
-        bool (height, width).
-
-    Raises:
-        BadInput: Where the body fits nowhere, or one-way zones leave no way back from some of that part.
+    It is the part at `first`, where the body has one there. BadInput if the body fits nowhere, or if one-way zones
+    leave no way back from some of that part.
     """
     cspace = cspace_of(terrain, radius)
     if not cspace.any():
@@ -209,16 +186,9 @@ def starting_part(terrain: Terrain, radius: float, first: Pose | None = None) ->
 
 
 def preferred_part(terrain: Terrain, labels: NDArray[np.int32], count: int, radius: float) -> int:
-    """Find the part where robots start unless the scenario says otherwise.
+    """Return the number of the part where robots start unless the scenario says otherwise.
 
-    Args:
-        terrain: The ground.
-        labels: int32 (h, w), parts numbered from 1.
-        count: The number of parts.
-        radius: Of the body, m.
-
-    Returns:
-        The part's number.
+    `labels` numbers the parts from 1 to `count`.
     """
     sizes = np.bincount(labels.ravel(), minlength=count + 1)
     sizes[0] = 0
@@ -253,13 +223,9 @@ def _check_explicit(terrain: Terrain, spec: RobotSpec, start: Pose, placed: _Pla
 
 
 def clearance_at(terrain: Terrain, x: float, y: float, limit: float) -> float:
-    """Distance in m from a place to the nearest blocked square or the terrain's edge.
+    """Return the distance in m from a place to the nearest blocked square or the terrain's edge.
 
-    Args:
-        terrain: The ground.
-        x: m.
-        y: m.
-        limit: m; a larger distance reads as that.
+    A larger distance than `limit` reads as that.
     """
     xmin, ymin, xmax, ymax = terrain.bounds
     clear = max(min(limit, x - xmin, y - ymin, xmax - x, ymax - y), 0.0)

@@ -31,6 +31,23 @@ from pydantic_core import core_schema as schemas
 from patrol.errors import Malformed
 from patrol.printable import printable
 
+__all__ = [
+    "FAIL_FAST",
+    "FAIL_FAST_MAP",
+    "NO_WHOLE",
+    "PRINTABLE",
+    "Bytes",
+    "Finite",
+    "Flag",
+    "Real",
+    "Row",
+    "Text",
+    "check",
+    "read",
+    "read_sparingly",
+    "unpack",
+]
+
 T = TypeVar("T")
 
 _ERRORS = (ValueError, TypeError, OverflowError, RecursionError, msgpack.UnpackException)

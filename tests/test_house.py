@@ -100,6 +100,28 @@ def test_files_are_short() -> None:
     assert not {path: lines for path, lines in lengths.items() if lines > LONGEST_FILE}
 
 
+SECTION = re.compile(r"^(?:Args|Attributes|Raises|Returns|Yields):$", re.MULTILINE)
+
+
+def names_listed(path: Path) -> bool:
+    """Return whether a module lists its public names in ``__all__``."""
+    return "\n__all__ = " in path.read_text(encoding="utf-8")
+
+
+def test_docstrings_have_sections_where_outsiders_call_and_only_there() -> None:
+    """That is in modules, or packages, that list their public names, and in kernels."""
+    strays = {
+        f"{path.relative_to(ROOT)}: {node.name}"
+        for path in python_files()
+        if path.relative_to(ROOT).parts[0] in PACKAGES and path.parent.name != "kernels"
+        if not names_listed(path) and not (path.parent.parent != ROOT and names_listed(path.with_name("__init__.py")))
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8")))
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef)
+        if SECTION.search(ast.get_docstring(node) or "")
+    }
+    assert not strays
+
+
 def test_no_package_imports_what_is_not_installed() -> None:
     strays = {
         f"{path.relative_to(ROOT)}: {name}"

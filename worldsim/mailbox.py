@@ -12,23 +12,12 @@ class Mailbox(Protocol[T_co]):
     """The reading side of a mailbox of `patrol.net`."""
 
     def get(self, timeout_s: float = 0.0) -> tuple[str, T_co] | None:
-        """Take out the next message.
-
-        Args:
-            timeout_s: How long to wait for one, s.
-
-        Returns:
-            The message's key and the message, or None when none came in time.
-        """
+        """Take out the next message, and return its key and it; None when none comes in time."""
         ...
 
 
 class CountingMailbox(Mailbox[T_co], Protocol[T_co]):
-    """A mailbox that counts what it dropped.
-
-    Attributes:
-        refused: Messages that were dropped, by reason.
-    """
+    """A mailbox that counts what it dropped."""
 
     refused: Counter[str]
 

@@ -42,14 +42,7 @@ JUDGING_S = 3600.0
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run one world.
-
-    Args:
-        arguments: The command line's words, None for those of this process.
-
-    Returns:
-        The exit code.
-    """
+    """Run one world."""
     options = world_parser().parse_args(arguments)
     return run_with(options, "world", _run, on_death=lambda: _remove_static(options))
 

@@ -21,14 +21,7 @@ class Unwritten(Exception):
 
 @contextmanager
 def recording(folder: Path) -> Iterator[None]:
-    """Turn the failure to write a run's files into one line.
-
-    Args:
-        folder: The run's folder.
-
-    Raises:
-        Unwritten: A file cannot be written.
-    """
+    """Turn the failure to write a run's files into one line, as `Unwritten`."""
     try:
         yield
     except OSError as error:
@@ -42,12 +35,7 @@ class PutOff:
     """Puts off what is written of a tick until no robot waits for the world; the order of all records stays."""
 
     def __init__(self, on_tick: Callable[[TickRecord], None], on_event: Callable[[Event], None]) -> None:
-        """Put off nothing yet.
-
-        Args:
-            on_tick: Takes each tick's record.
-            on_event: Takes what happens between ticks.
-        """
+        """Put off nothing yet."""
         self._on_tick = on_tick
         self._on_event = on_event
         self._record: TickRecord | None = None
@@ -107,24 +95,12 @@ class RunRecord(Protocol):
 
 
 class MemoryJournal:
-    """A run's records in memory: written like a journal, read like one.
-
-    Attributes:
-        header: The first record.
-        records: The ticks.
-        events: The events.
-        end: The last record, or None before it is written.
-    """
+    """A run's records in memory: written like a journal, read like one."""
 
     truncated = False
 
     def __init__(self, header: Header, keep: bool = True) -> None:
-        """Begin a run's records.
-
-        Args:
-            header: The first record.
-            keep: Whether to keep the ticks.
-        """
+        """Begin a run's records; unless `keep`, its ticks are dropped."""
         self.header = header
         self._keep = keep
         self.records: list[TickRecord] = []

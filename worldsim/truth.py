@@ -12,31 +12,18 @@ from patrol.ground.footprint import Footprint
 from patrol.pose import Pose
 from patrol.radio.message import as_received
 
+__all__ = ["Truth"]
+
 
 class Truth:
-    """The true fog over the patrolled area.
-
-    Attributes:
-        footprint: The robots' sensor.
-        fog: The fog; ages are in ticks.
-    """
+    """The true fog over the patrolled area; ages are in ticks."""
 
     def __init__(self, footprint: Footprint, patrolled: NDArray[np.bool_]) -> None:
-        """Begin with nothing seen.
-
-        Args:
-            footprint: The robots' sensor.
-            patrolled: bool (height, width): the points that count.
-        """
+        """Begin with nothing seen; `patrolled`, bool (h, w), marks the points that count."""
         self.footprint = footprint
         self.fog = Fog(patrolled)
 
     def observe(self, tick: int, poses: Iterable[tuple[int, Pose]]) -> None:
-        """Let robots look around once.
-
-        Args:
-            tick: The tick.
-            poses: Robot numbers and true poses, in the order in which they look.
-        """
+        """Let robots look around once from their true poses, in the order given."""
         for _, pose in poses:
             self.fog.observe(self.footprint.visible(as_received(pose)), tick)

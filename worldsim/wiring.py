@@ -81,25 +81,15 @@ def _random_run() -> int:
 
 @dataclass(frozen=True)
 class Wiring:
-    """The connections of a world's process.
-
-    Attributes:
-        process: The world's.
-        scenario: The scenario.
-        keys: The fleet's keys.
-        link: The link to the fleet's router.
-        outward: Another link to it, for viewers: one that asks and stops reading holds up its own link only.
-        air: Carries frames where robots hear each other directly.
-        run: Random number of the run.
-    """
+    """The connections of a world's process."""
 
     process: ProcessContext
     scenario: Scenario
     keys: FleetKeys
-    link: Link
-    outward: Link
-    air: Air
-    run: int = field(default_factory=_random_run)
+    link: Link  # to the fleet's router
+    outward: Link  # to the router for viewers, so that one that stops reading holds up only this link
+    air: Air  # carries frames where robots hear each other directly
+    run: int = field(default_factory=_random_run)  # random number of the run
 
     @property
     def options(self) -> Namespace:
@@ -125,16 +115,8 @@ class Wiring:
     def gather(self, token: str | None) -> Sessions:
         """Announce the world and wait until each robot's process has come.
 
-        Args:
-            token: The fleet's token, by which the world knows the processes of its launcher.
-
-        Returns:
-            Their sessions.
-
-        Raises:
-            BadInput: A world of this fleet runs already, or a robot has another scenario or protocol.
-            Missing: Robots have not come in time.
-            Interrupted: The process should end.
+        `token` is the fleet's, by which the world knows the processes of its launcher. The method raises `Missing` if
+        robots have not come in time, and `Interrupted` if the process should end.
         """
         keys, link = self.keys, self.link
         names = {spec.number: spec.name for spec in self.scenario.roster}
@@ -267,16 +249,9 @@ class Wiring:
     def sinks(
         self, world: World, recorder: Recorder, table: TicksTable, between: Callable[[], None]
     ) -> tuple[Callable[[TickRecord], None], Callable[[Event], None]]:
-        """Make the receivers of a run's ticks and events: for its files, its viewers and the terminal.
+        """Make the receivers of a run's ticks and of its events, for files, viewers and the terminal.
 
-        Args:
-            world: The world.
-            recorder: Writes the journal.
-            table: Writes ticks.csv.
-            between: Called after each tick.
-
-        Returns:
-            One function for the ticks, and one for the events.
+        `between` is called after each tick.
         """
         progress = LiveProgress(world, time.monotonic)
         to_metrics, to_events = (self.outward.publisher(self.keys.truth(topic)) for topic in (METRICS, EVENTS))
@@ -355,14 +330,10 @@ def put_off(
     operator: Operator | None,
     between: Callable[[], None],
 ) -> None:
-    """Have what robots do not wait for done while the world waits for them.
+    """Arrange for work that no robot waits for to be done while the world waits for robots.
 
-    Args:
-        later: What is written of the tick before.
-        world: Brings the true fog up to date.
-        fleet: Says when no robot waits for the world.
-        operator: Rests where no tick is due; None without operators.
-        between: Called now and then where no tick is due.
+    This is to finish what is written of the tick before (`later`), and to bring the true fog up to date. Where no tick
+    is due, `between` is called now and then.
     """
 
     def aside() -> None:

@@ -45,33 +45,15 @@ class World:
     In lockstep a robot without a command stops at once. At any other pace the world does not wait: the last command
     holds until none has come for `watchdog` seconds.
 
-    Attributes:
-        prepared: The scenario and what is computed from it.
-        scenario: As amended so far.
-        terrain: The map.
-        step: s per tick.
-        ticks: Length of the run.
-        tick: The current tick.
-        timeline: The scenario's faults and events by tick.
-        bodies: By robot number.
-        batteries: The charge of the robots that have one.
-        truth: The true fog; its sensor's terrain is the ground with what is closed now.
-        closures: Doors and boxes that close at times.
-        senses: What robots sense, with the faults of their sensors.
-        noise: What bodies do of their commands, with the faults of their motion.
-        ether: Carries frames between robots.
+    `scenario` and `timeline` are as amended so far, while `prepared` stays as it was. `step` is in s. `truth` is the
+    true fog; its sensor's terrain is the ground with what is closed now, `terrain` the map without it.
     """
 
     def __init__(self, prepared: Prepared, *, footprint: Footprint | None = None, operated: bool = False) -> None:
         """Put the roster's bodies on their starts.
 
-        Args:
-            prepared: The scenario and what is computed from it.
-            footprint: The scenario's sensor on its terrain, to share its cache (default: a new one).
-            operated: Whether `amend` may add faults during the run.
-
-        Raises:
-            BadInput: A fault needs the fleet's key, which cannot be read, or the radio model cannot be made.
+        `footprint` is the scenario's sensor on its terrain, given to share its cache. With `operated`, `amend` may add
+        faults during the run.
         """
         scenario = prepared.scenario
         self.prepared = prepared
@@ -109,10 +91,9 @@ class World:
         return [number for number, body in self.bodies.items() if body.alive]
 
     def close_and_open(self) -> Iterator[Event]:
-        """Between ticks: close and open what is due before the next one, and let zones begin and end.
+        """Close and open what is due before the next tick, and let zones begin and end.
 
-        Yields:
-            The events for the journal.
+        This is for the time between ticks. It yields the events for the journal.
         """
         in_force = zones_in_force(self.scenario.zones, self.tick * self.step)
         for zone in self.scenario.zones if self.tick else ():
@@ -122,11 +103,7 @@ class World:
             yield from self.closures.tick(self.tick, self.bodies, self.truth.footprint)
 
     def begin_tick(self) -> dict[int, Sensed]:
-        """Begin a tick.
-
-        Returns:
-            What each living robot senses, by number, for phase A.
-        """
+        """Begin a tick; return what each living robot senses, by number, for phase A."""
         self._frames, self._delivery = (), Delivery({}, (), ())
         living = {number: self.bodies[number] for number in self.living}
         self._to_observe = [(number, body.pose) for number, body in living.items()]
@@ -171,14 +148,10 @@ class World:
         self.truth.observe(self.tick, looking)
 
     def exchange(self, frames: Mapping[int, Sequence[bytes]]) -> Mapping[int, list[bytes]]:
-        """Let the ether carry the frames of the living robots.
+        """Let the ether carry the living robots' frames; return what each robot hears, for phase B.
 
-        Args:
-            frames: Of each living robot, its position first; none from a robot that stays silent. A robot that is
-                missing here has died in phase A and hears nothing any more.
-
-        Returns:
-            What each robot hears, by number, for phase B; frames by sender and sequence.
+        The frames of each robot have its position first; a robot that stays silent has none. A robot that is missing
+        has died in phase A and hears nothing any more. The frames heard are ordered by sender and sequence.
         """
         sent = {number: frames[number][:MAX_FRAMES] for number in self.living if number in frames}
         genuine = tuple((number, frame) for number, all_of_it in sent.items() for frame in all_of_it)
@@ -193,13 +166,9 @@ class World:
         return self._delivery.heard
 
     def end_tick(self, replies: Mapping[int, Reply | None]) -> TickRecord:
-        """Let the living robots obey their commands for one step.
+        """Let the living robots obey their commands for one step; return the record of the tick.
 
-        Args:
-            replies: Of each robot, by number; None or missing where no reply came.
-
-        Returns:
-            The record of the tick that this ends.
+        Where no reply came from a robot, it is None or missing.
         """
         self.observe()
         for number in self.living:
@@ -231,13 +200,10 @@ class World:
         return record
 
     def amend(self, scenario: Scenario) -> None:
-        """Between ticks: go on with other faults, intruders or zones from the next tick on.
+        """Go on with other faults, intruders or zones from the next tick on.
 
-        Args:
-            scenario: Has the same past (`patrol.scenario.controls.amended`).
-
-        Raises:
-            BadInput: The change is not possible; nothing has changed.
+        This is for the time between ticks. The scenario must have the same past (`patrol.scenario.controls.amended`).
+        When `BadInput` is raised, nothing has changed.
         """
         for intruder in scenario.intruders[len(self.scenario.intruders) :]:
             check_intruder(intruder, self.terrain, "control: place")
@@ -253,16 +219,10 @@ class World:
         self._is_switched = scenario.zones != self.prepared.scenario.zones
 
     def stand_down(self, number: int, status: Status, reason: str, *, away: bool = False) -> Event:
-        """Between ticks: a robot is no longer driven, for good or for now.
+        """Stop driving a robot, for good or for now; return the event for the journal.
 
-        Args:
-            number: Of the robot.
-            status: DEAD (killed on purpose), LOST (died by itself), PAUSED or LEFT.
-            reason: For the journal.
-            away: Whether the body disappears; otherwise it stays where it is, in the way of others.
-
-        Returns:
-            The event for the journal.
+        This is for the time between ticks. The status is DEAD (killed on purpose), LOST (died by itself), PAUSED or
+        LEFT. With `away` the body disappears; otherwise it stays where it is, in the way of others.
         """
         body = self.bodies[number]
         body.halt(status)
@@ -270,14 +230,9 @@ class World:
         return Event(self.tick, status.name.lower(), number, reason)
 
     def wake(self, number: int, reason: str) -> Event:
-        """Between ticks: a robot is driven from now on. If it was away it appears at its start.
+        """Drive a robot from now on; return the event for the journal.
 
-        Args:
-            number: Of the robot.
-            reason: For the journal.
-
-        Returns:
-            The event for the journal.
+        This is for the time between ticks. A robot that was away appears at its start.
         """
         body = self.bodies[number]
         self.batteries.renew(number)

@@ -42,20 +42,13 @@ class Area:
     """The ground of a kind of robot: robots with the same one begin with equal fogs.
 
     Without posts, paths lead over every point, so points that are not ground must not pull.
-
-    Attributes:
-        patrolled: bool (h, w), the points that the robot can see.
-        ground: bool (h, w), the points over which staleness spreads.
-        posts: The points on which no body fits, and where to see them from.
-        dilatation: Half-width of the window in points; 0 for no dilatation.
-        square: Whether staleness spreads through walls.
     """
 
-    patrolled: BoolGrid
-    ground: BoolGrid
-    posts: Posts
-    dilatation: int
-    square: bool = False
+    patrolled: BoolGrid  # the points that the robot can see
+    ground: BoolGrid  # the points over which staleness spreads
+    posts: Posts  # the points on which no body fits, and where to see them from
+    dilatation: int  # points, half-width of the window; 0 for no dilatation
+    square: bool = False  # True if staleness spreads through walls
 
 
 class BelievedFog:
@@ -64,20 +57,12 @@ class BelievedFog:
     Staleness spreads over the points on which these robots can stand, so it never crosses a wall, nor a gap too narrow
     for the body. Stale points on which no body fits count at their post first, the place to see them from.
 
-    Attributes:
-        members: The robots' numbers.
-        fog: The fog before dilatation.
-        looked: int32 (h, w), the tick at which each point was last in view; the fog's own grid where a look makes a
-            point fresh.
+    `members` has the robots' numbers. `fog` is the fog before dilatation. `looked`, int32 (h, w), is the tick at which
+    each point was last in view; it is the fog's own grid where a look makes a point fresh.
     """
 
     def __init__(self, area: Area, footprint: Footprint) -> None:
-        """Start with nothing seen and no members.
-
-        Args:
-            area: Where the robots see and stand.
-            footprint: What the sensor sees from a pose.
-        """
+        """Start with nothing seen and no members."""
         self.members: set[int] = set()
         self.fog = Fog(area.patrolled)
         self._footprint = footprint
@@ -99,21 +84,11 @@ class BelievedFog:
         return other
 
     def see(self, looks: Iterable[tuple[int, Pose]], tick: int) -> None:
-        """Take in looks one after the other.
-
-        Args:
-            looks: Tick and pose of each.
-            tick: Now.
-        """
+        """Take in looks, tick and pose of each, one after the other; `tick` is now."""
         self.take(((looked_at, self._footprint.visible(pose)) for looked_at, pose in looks), tick)
 
     def take(self, views: Iterable[tuple[int, SensorView]], tick: int) -> None:
-        """Take in what was seen, one view after the other.
-
-        Args:
-            views: Tick and seen points of each.
-            tick: Now.
-        """
+        """Take in what was seen, tick and points of each view, one view after the other; `tick` is now."""
         boxes = []
         for looked_at, view in views:
             if self._footprint.leaves_age:
@@ -123,13 +98,7 @@ class BelievedFog:
         self._changed(boxes, tick)
 
     def see_some(self, looks: Looks, chosen: NDArray[np.uint8], tick: int) -> None:
-        """Take in some of many looks that leave no age.
-
-        Args:
-            looks: All of them.
-            chosen: uint8, for each of them, not 0 for those to take in.
-            tick: Now.
-        """
+        """Take in those of many looks for which `chosen` is not 0; looks must leave no age."""
         self.fog.observe_each(looks, chosen)
         places = [] if self._dilated is None else np.flatnonzero(chosen).tolist()
         self._changed([looks.views[place].box(self.looked.shape) for place in places], tick)
@@ -137,20 +106,15 @@ class BelievedFog:
     def dilated_within(self, box: Box) -> NDArray[np.int32]:
         """Return the fog after dilatation, up to date in a box: it is computed only where it is read.
 
-        Args:
-            box: The points that are going to be read; it may reach beyond the ground.
-
-        Returns:
-            int32 (h, w), the tick at which each point was last seen; without dilatation the fog's own grid. Points
-            outside the box may be out of date.
+        It is int32 (h, w), the tick at which each point was last seen; without dilatation the fog's own grid. Points
+        outside the box may be out of date. The box may reach beyond the ground.
         """
         return self.fog.last_seen if self._dilated is None else self._dilated.within(box, self._tick)
 
     def refresh(self) -> NDArray[np.int32]:
-        """Bring all of it up to date; until the next look, several threads may then read it at once.
+        """Bring all of the dilated fog up to date, and return it as `dilated_within` does.
 
-        Returns:
-            int32 (h, w), as `dilated_within`.
+        Until the next look, several threads may then read it at once.
         """
         height, width = self.fog.last_seen.shape
         return self.dilated_within((0, height - 1, 0, width - 1))
@@ -162,23 +126,10 @@ class BelievedFog:
 
 
 class Belief:
-    """The belief of one mind: its group's fog, its peers, and intruders.
-
-    Attributes:
-        number: Of its robot.
-        contacts: The intruders reported by this robot and by others.
-        peers: The robots heard so far, by number.
-        shared: The fog, with the group that shares it.
-    """
+    """The belief of one mind: its group's fog, its peers, and intruders."""
 
     def __init__(self, number: int, beliefs: Beliefs, shared: BelievedFog) -> None:
-        """Join a group that shares a fog.
-
-        Args:
-            number: Of the robot.
-            beliefs: Those of its process, which take in what it hears.
-            shared: The group's fog.
-        """
+        """Join a group that shares a fog."""
         self.number = number
         self.contacts = Contacts()
         self.shared = shared
@@ -188,10 +139,7 @@ class Belief:
     def hear(self, tick: int, own: Pose, frames: Sequence[bytes]) -> None:
         """Take in a tick for this mind alone.
 
-        Args:
-            tick: Now.
-            own: The robot's own pose, as encoded on the wire.
-            frames: The frames that reach it, in their order.
+        `own` is the robot's pose as encoded on the wire, `frames` are in the order in which they reach it.
         """
         self._beliefs.hear(tick, {self.number: own}, {self.number: frames})
 
@@ -225,15 +173,7 @@ class Belief:
         return self._beliefs.inboxes.rejected(self.number)
 
     def peers_at(self, tick: int, predictor: Predictor | None) -> Mapping[int, Peer]:
-        """Return the peers where they should be by now.
-
-        Args:
-            tick: Now.
-            predictor: What the fleet's robots predict each other by; None where they do not.
-
-        Returns:
-            By number; as heard last where there is no prediction.
-        """
+        """Return the peers by number where they should be by now; as heard last if `predictor` is None."""
         if predictor is None:
             return self.peers
         positions = {number: self.peers.said(number) for number in self.peers}
@@ -243,33 +183,20 @@ class Belief:
         }
 
     def lately(self, peers: Mapping[int, Peer], since: int) -> Mapping[int, Peer]:
-        """Return those of some peers that were heard at a tick or later.
-
-        Args:
-            peers: From `peers_at`.
-            since: The tick.
-        """
+        """Return those of some peers that were heard at a tick or later."""
         if isinstance(peers, Peers):
             return peers.lately(since)
         return {number: peer for number, peer in peers.items() if peer.tick >= since}
 
 
 class Beliefs:
-    """The beliefs of all minds of a process.
-
-    Attributes:
-        inboxes: What each has heard.
-        shares: Whether minds share a fog as long as they believe in the same.
-    """
+    """The beliefs of all minds of a process."""
 
     def __init__(self, inboxes: Inboxes, footprint: Footprint, *, shares: bool = False, at_once: bool = False) -> None:
         """Start without minds.
 
-        Args:
-            inboxes: One for each mind.
-            footprint: What the sensor sees from a pose.
-            shares: Whether minds may share a fog; they cannot where a look leaves age.
-            at_once: Whether minds decide at once in several threads, so that what they share must be up to date before.
+        `shares` lets minds share a fog, where a look leaves no age. `at_once` says that minds decide at once in several
+        threads, so that what they share must be up to date before.
         """
         self.inboxes = inboxes
         self.shares = shares and not footprint.leaves_age
@@ -279,12 +206,7 @@ class Beliefs:
         self._blank: dict[Area, BelievedFog] = {}
 
     def join(self, number: int, area: Area) -> Belief:
-        """Make a belief for a mind that begins, in the place of the robot's mind before it.
-
-        Args:
-            number: Of the robot.
-            area: Where it sees and stands.
-        """
+        """Make a belief for a mind that begins, in the place of the robot's mind before it."""
         self.leave(number)
         self.inboxes.clear(number)
         fog = self._blank.get(area) or BelievedFog(area, self._footprint)
@@ -295,22 +217,16 @@ class Beliefs:
         return mind
 
     def leave(self, number: int) -> None:
-        """Drop a mind with its belief.
-
-        Args:
-            number: Of its robot.
-        """
+        """Drop a mind with its belief."""
         mind = self._minds.pop(number, None)
         if mind is not None:
             mind.shared.members.discard(number)
 
     def hear(self, tick: int, own: Mapping[int, Pose], heard: Mapping[int, Sequence[bytes]]) -> None:
-        """Take in a tick for all minds that take part in it.
+        """Take in a tick for all minds that take part in it, those in `heard`.
 
-        Args:
-            tick: Now.
-            own: Where each takes itself to be, as encoded on the wire, by number.
-            heard: The frames that reach each of them, in their order.
+        `own` has, by number, where each takes itself to be, as encoded on the wire; `heard` the frames that reach each,
+        in their order.
         """
         self._blank.clear()
         if not heard:
@@ -353,13 +269,7 @@ class Beliefs:
 
 
 def _side_by_side(intake: Intake, own: Sequence[Pose], footprint: Footprint) -> tuple[Looks, NDArray[np.uint8]]:
-    """Return all looks of a tick, each once, and which of them each mind learns of, uint8 (minds, looks).
-
-    Args:
-        intake: What the minds have accepted.
-        own: Where each takes itself to be; each looks from there.
-        footprint: What the sensor sees from a pose.
-    """
+    """Return all looks of a tick, each once, and which of them each mind learns of, uint8 (minds, looks)."""
     places: dict[tuple[int, Pose], int] = {}
 
     def place(tick: int, pose: Pose) -> int:

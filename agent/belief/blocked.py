@@ -37,11 +37,9 @@ UNSEEN = -1
 class Blocked:
     """The points that one robot believes blocked.
 
-    Attributes:
-        grid: bool (h, w), the points.
-        area: Where the robot's centre may not be because of them; None while there are none.
-        left_out: bool (h, w), the patrolled points that it cannot get to see; None while nothing is believed blocked.
-        stands: int64 (h w,), flat index of where to stand to see each point, -1 for nowhere; None likewise.
+    `grid`, bool (h, w), has the points, and `area` is where the robot's centre may not be because of them. `left_out`,
+    bool (h, w), has the patrolled points that it cannot get to see. `stands`, int64 (h w,), is the flat index of where
+    to stand to see each point, -1 for nowhere. All but `grid` are None while nothing is believed blocked.
     """
 
     def __init__(
@@ -54,12 +52,9 @@ class Blocked:
     ) -> None:
         """Begin with nothing blocked.
 
-        Args:
-            footprint: The robot's sensor, on the ground as it believes it; kept up to date with the belief.
-            fields: Of the robot's body on the map.
-            radius: Of the robot, m.
-            memory: Ticks after which a blocked point that is no longer seen is forgotten.
-            posts: Where the robot's policy stands to see points; kept up to date with the belief.
+        `footprint` is the robot's sensor on the ground as it believes it. It is kept up to date with the belief, and so
+        are `posts`, where the policy stands to see points. A blocked point that is not seen is forgotten after `memory`
+        ticks. `radius` is in m.
         """
         self._posts = posts
         self._footprint = footprint
@@ -76,11 +71,7 @@ class Blocked:
         self._part = 0
 
     def sense(self, sensed: Sensed) -> None:
-        """Take in what the robot senses, before it looks around.
-
-        Args:
-            sensed: In this tick.
-        """
+        """Take in what the robot senses, before it looks around."""
         if not sensed.blocked and self.area is None:
             return
         seen_at = self._seen_at.reshape(-1)
@@ -105,9 +96,7 @@ class Blocked:
     def stand_at(self, point: tuple[int, int] | None) -> None:
         """Bring `left_out` up to date with the part of the ground in which the robot stands.
 
-        Args:
-            point: Row and column of the terrain's point on which it stands or which it joins; None for a robot that is
-                off the ground.
+        `point` is the (row, column) on which it stands or which it joins; None for a robot that is off the ground.
         """
         if self.area is None or point is None:
             return

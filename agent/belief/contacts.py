@@ -20,27 +20,14 @@ class Contacts:
         self._seen: dict[Place, int] = {}
 
     def report(self, contact: Position, tick: int) -> None:
-        """Take in a report and forget earlier reports of the same intruder.
-
-        Args:
-            contact: Where the intruder was seen.
-            tick: When it was seen.
-        """
+        """Take in a report and forget earlier reports of the same intruder."""
         place = contact.pose.x, contact.pose.y
         self._seen = {other: k for other, k in self._seen.items() if k == tick or math.dist(other, place) >= SAME}
         if all(math.dist(other, place) >= SAME for other in self._seen):
             self._seen[place] = tick
 
     def known(self, tick: int, memory: int) -> list[Place]:
-        """Return the intruders reported lately.
-
-        Args:
-            tick: Now.
-            memory: Ticks after which a report is forgotten.
-
-        Returns:
-            The places (x, y) in m, ascending.
-        """
+        """Return the places of the intruders reported within the last `memory` ticks, ascending."""
         if not self._seen:
             return []
         self._seen = {place: k for place, k in self._seen.items() if tick - k <= memory}

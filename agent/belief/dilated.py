@@ -25,14 +25,10 @@ class Dilated:
     """
 
     def __init__(self, fog: Fog, ground: BoolGrid, posts: Posts, reach: int, *, square: bool = False) -> None:
-        """Start with a fog in which nothing has been seen.
+        """Start with a fog in which nothing has been seen; `reach` is the window's half-width in points.
 
-        Args:
-            fog: The fog before dilatation.
-            ground: bool (h, w), the points over which staleness spreads.
-            posts: The points on which no body fits, and where to see them from.
-            reach: Half-width of the window, in points.
-            square: Whether the window is a square, as in the paper, which staleness fills through walls too.
+        Staleness spreads over the points of `ground`. With `square` the window is a square, as in the paper, which
+        staleness fills through walls too.
         """
         self._fog = fog
         self._gap = posts.gap
@@ -59,11 +55,7 @@ class Dilated:
         self._scratch = np.zeros(3 * height * width, dtype=np.uint16)
 
     def fork(self, fog: Fog) -> Dilated:
-        """Return a copy for another fog, which is now as fresh as this one's.
-
-        Args:
-            fog: The other fog, before dilatation.
-        """
+        """Return a copy for another fog, which is now as fresh as this one's."""
         other = copy.copy(self)
         other._fog = fog
         other._carried, other._grid = self._carried.copy(), self._grid.copy()
@@ -74,11 +66,7 @@ class Dilated:
         return other
 
     def changed(self, looks: list[Box]) -> None:
-        """Take in what a tick's looks have changed in the fog.
-
-        Args:
-            looks: The boxes that hold the points changed.
-        """
+        """Take in what a tick's looks have changed in the fog."""
         if not looks:
             return
         grids = (self._fog.last_seen, self._ground, self._carried, self._posts_by_block, self._block_ends)
@@ -86,15 +74,10 @@ class Dilated:
         take_in(*grids, *book, np.array(looks, dtype=np.int64), self._gap, self._reach_in_blocks)
 
     def within(self, box: Box, tick: int) -> NDArray[np.int32]:
-        """Return the dilated ticks, up to date in a box.
+        """Return each point's last-seen tick after dilatation, int32 (h, w), up to date in a box.
 
-        Args:
-            box: The points that are going to be read; it may reach beyond the ground.
-            tick: Now.
-
-        Returns:
-            int32 (h, w), the tick at which each point was last seen, after dilatation; the same array at each call.
-            Points outside the box may be out of date, unless they are not ground and `AGELESS`.
+        Each call returns the same array. The box may reach beyond the ground. Points that are not ground are always
+        `AGELESS`; other points outside the box may be out of date.
         """
         rows, cols = self._blocks(box)
         if rows[0] <= rows[1] and cols[0] <= cols[1]:

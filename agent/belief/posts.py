@@ -9,26 +9,16 @@ from numpy.typing import NDArray
 class Posts:
     """The patrolled points on which no body fits, each with its post: the nearest reachable point that sees it.
 
-    Attributes:
-        rows: int32 (n, 4), read-only: row and column of each point, then row and column of its post; sorted by post,
-            row by row.
-        gap: The largest number of rows, or of columns, between a point and its post.
+    `rows`, int32 (n, 4) and read-only, holds the row and column of each point, then those of its post; it is sorted by
+    post, row by row. `gap` is the largest number of rows, or of columns, between a point and its post.
     """
 
     def __init__(self, proxy: NDArray[np.int32]) -> None:
-        """Sort the points by post.
-
-        Args:
-            proxy: int32 (h, w), flat index of each point's post, -1 for none (`patrol.ground.fields.StaticFields`).
-        """
+        """Sort the points by post, from `StaticFields.proxy`: int32 (h, w), flat indices of posts, -1 for none."""
         self.move(proxy)
 
     def move(self, proxy: NDArray[np.int32]) -> None:
-        """Take other posts, for ground on which something is believed blocked.
-
-        Args:
-            proxy: As for a new object.
-        """
+        """Take other posts, for ground on which something is believed blocked."""
         self._proxy = proxy
         self._stands: NDArray[np.int64] | None = None
         width = proxy.shape[1]
@@ -54,14 +44,9 @@ class Posts:
         return self._stands
 
     def between(self, first: int, last: int) -> NDArray[np.int32]:
-        """Return the entries of `rows` whose post lies in a range of rows.
+        """Return the entries of `rows` whose post lies in the rows from `first` to `last`, both inclusive.
 
-        Args:
-            first: First row of the range; it may lie outside the terrain.
-            last: Last row of the range, inclusive; likewise.
-
-        Returns:
-            int32 (k, 4).
+        Both may lie outside the terrain.
         """
         height = len(self._ends) - 1
         return self._rows[self._ends[min(max(first, 0), height)] : self._ends[min(max(last + 1, 0), height)]]

@@ -19,14 +19,11 @@ class Silent:
     """The obstacles that one robot makes of robots that it no longer hears."""
 
     def __init__(self, radii: Mapping[int, float], margin: float, near: float, patience: int, memory: int) -> None:
-        """Begin without a bump.
+        """Begin without a bump; radii, `margin` and `near` are in m, `patience` and `memory` in ticks.
 
-        Args:
-            radii: Radius in m of each robot, by number.
-            margin: Added to each radius, m: the own radius and half a point.
-            near: A bump is into a silent robot whose body is at most this far from the own centre, m.
-            patience: Ticks after which an unheard robot counts as silent.
-            memory: Ticks after which it is forgotten, from when it was heard last or bumped into last.
+        `margin` is added to each radius: this robot's own radius and half a point. A robot unheard for more than
+        `patience` counts as silent, and is forgotten `memory` after it was last heard or bumped into. A bump is into a
+        silent robot whose body is at most `near` from this robot's centre.
         """
         self._radii = radii
         self._margin = margin
@@ -37,17 +34,7 @@ class Silent:
         self._bumped_at: dict[int, int] = {}
 
     def discs(self, tick: int, pose: Pose, bumped: bool, peers: Peers) -> list[Disc]:
-        """Return discs around the last poses of the silent robots, but for those that this robot itself stands in.
-
-        Args:
-            tick: Now.
-            pose: The robot's own.
-            bumped: Whether its last move was cancelled.
-            peers: The robots heard so far.
-
-        Returns:
-            Discs (x, y, radius) in m, by robot number.
-        """
+        """Return discs around the last poses of the silent robots, but for those that this robot itself stands in."""
         if tick - self._heard_since <= self._patience:
             return []
         # A robot that is heard again, or for the first time, is heard later than now.

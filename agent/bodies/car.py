@@ -148,14 +148,10 @@ class Unstuck:
         *,
         as_printed: bool = False,
     ) -> None:
-        """Start outside of any dead end.
+        """Start outside of any dead end; `speed` is the top speed in m/s, `step` is in s per tick.
 
-        Args:
-            steering: Of this car.
-            speed: Top speed, m/s.
-            step: s per tick.
-            chance: Called with a tick and 0 or 1 for the purpose of the draw; returns a repeatable draw from [0, 1).
-            as_printed: Follow the paper's five steps alone, which draw nothing.
+        `chance` returns a repeatable draw from [0, 1); it is called with a tick and 0 or 1 for the purpose of the draw.
+        With `as_printed` the car follows the paper's five steps alone, which draw nothing.
         """
         self._as_printed = as_printed
         self._calm = round(CALM_S / step)
@@ -178,12 +174,7 @@ class Unstuck:
         return self._in_a_row > 1 and tick - self._ended <= self._calm
 
     def begin(self, tick: int, desired: float) -> None:
-        """Start to leave a dead end.
-
-        Args:
-            tick: Now.
-            desired: The heading that the robot wants to leave with, rad.
-        """
+        """Start to leave a dead end, towards the heading `desired` in rad."""
         again = tick - self._ended <= self._calm
         self._in_a_row = min(self._in_a_row + 1, LONGEST_RETREAT) if again else 1
         self._retreat = 1 if self._as_printed else self._in_a_row
@@ -196,24 +187,11 @@ class Unstuck:
         self._stood = True
 
     def end(self, tick: int) -> None:
-        """Take note that the car has left the dead end, or does something else about it.
-
-        Args:
-            tick: Now.
-        """
+        """Take note that the car has left the dead end, or does something else about it."""
         self._ended = tick
 
     def step(self, tick: int, pose: Pose, bumped: bool) -> Drive | None:
-        """Return the next command on the way out.
-
-        Args:
-            tick: Now.
-            pose: The robot's own.
-            bumped: Whether its last move was cancelled.
-
-        Returns:
-            None when the robot has left the dead end.
-        """
+        """Return the next command on the way out; None when the robot has left the dead end."""
         if self._wedged and not self._stood:
             self._ease = min(self._ease + 1, len(EASIER) - 1) if bumped else max(self._ease - 1, 0)
         self._stood = True
@@ -251,14 +229,9 @@ class Retreat:
         step: float,
         chance: Callable[[int], float],
     ) -> None:
-        """Start with no way that the car came by.
+        """Start with an empty trail; radii are in m, `step` is in s per tick.
 
-        Args:
-            steering: Of this car.
-            number: The robot's number.
-            radii: Radius in m of each robot of the fleet, by number.
-            step: s per tick.
-            chance: Called with a tick; returns a repeatable draw from [0, 1).
+        `chance` is called with a tick and returns a repeatable draw from [0, 1).
         """
         self._steering = steering
         self._number = number
@@ -277,17 +250,9 @@ class Retreat:
         self._last = drive if drive.speed != 0.0 else None
 
     def update(self, tick: int, pose: Pose, bumped: bool, peers: Mapping[int, Peer], *, goes_back: bool) -> bool:
-        """Take in the effect of the last command; call it first.
+        """Take in the effect of the last command, and return True if the car has to go back from now on.
 
-        Args:
-            tick: Now.
-            pose: The car's own.
-            bumped: The last move was cancelled.
-            peers: The robots heard lately, by number.
-            goes_back: The car is going back already.
-
-        Returns:
-            True if the car has to go back from now on.
+        Call it first in each tick.
         """
         last, self._last = self._last, None
         if not bumped:
@@ -309,15 +274,7 @@ class Retreat:
         return True
 
     def next(self, tick: int, pose: Pose) -> Drive | None:
-        """Return the next command on the way back.
-
-        Args:
-            tick: Now.
-            pose: The car's own.
-
-        Returns:
-            None when the car has gone back far enough, or cannot go on.
-        """
+        """Return the next command on the way back; None when the car has gone back far enough or cannot go on."""
         if tick < self._until and self._trail:
             drive = Drive(-self._trail[-1].speed, self._trail[-1].curvature)
             if self._steering.is_free(pose, drive):
@@ -325,11 +282,7 @@ class Retreat:
         return None
 
     def end(self, tick: int) -> None:
-        """Take note that the car goes back no more.
-
-        Args:
-            tick: Now.
-        """
+        """Take note that the car goes back no more."""
         self._ended = tick
 
     def _neighbour(self, pose: Pose, peers: Mapping[int, Peer]) -> int | None:

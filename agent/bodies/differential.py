@@ -61,14 +61,9 @@ TRIES = 8
 
 
 def smaller_turn(heading: float, direction: float) -> tuple[float, float]:
-    """Return the turn after which a body drives in a direction, forward or in reverse.
+    """Return the turn after which a body drives in a direction, and 1.0 for forward or -1.0 for reverse.
 
-    Args:
-        heading: The body's, rad.
-        direction: rad.
-
-    Returns:
-        The turn in rad, at most a quarter circle, and 1.0 for forward or -1.0 for reverse.
+    All angles are in rad; the turn is at most a quarter circle.
     """
     askew = wrap(direction - heading)
     return (askew, 1.0) if abs(askew) <= 0.5 * math.pi else (wrap(askew + math.pi), -1.0)
@@ -81,19 +76,11 @@ class WheelSteering:
     run over, so that the body can come back. One that is off that ground takes any step. Manoeuvres touch no wall
     either, but may lead over places from which no route leads on.
 
-    Attributes:
-        stride: Longest way in one step, m.
+    `stride` is the longest way in one step, m.
     """
 
     def __init__(self, spec: RobotSpec, terrain: Terrain, ground: Ground, step: float) -> None:
-        """Compute nothing yet.
-
-        Args:
-            spec: The robot's speed (m/s) and radius (m).
-            terrain: The map.
-            ground: Where the robot's centre may be.
-            step: s per tick.
-        """
+        """Compute nothing yet."""
         self._spec = spec
         self._terrain = terrain
         self._step = step
@@ -103,14 +90,9 @@ class WheelSteering:
         self.stride = spec.speed * step
 
     def reach(self, pose: Pose, target: Spot) -> float:
-        """Return the length of the longest straight step towards a target, whichever way the body faces.
+        """Return the length of the longest straight step towards a target, m, whichever way the body faces.
 
-        Args:
-            pose: The robot's own.
-            target: x and y in m.
-
-        Returns:
-            The length of the step in m; 0 where none is possible.
+        It is 0 where no step is possible.
         """
         _, way = self._straight.towards(pose, target)
         bearing = math.atan2(target[1] - pose.y, target[0] - pose.x)
@@ -121,17 +103,12 @@ class WheelSteering:
         return 0.0
 
     def towards(self, pose: Pose, target: Spot) -> Twist:
-        """A step towards a target: an arc, a turn on the spot or a straight drive. It never goes beyond the target.
+        """Return a step towards a target: an arc, a turn on the spot or a straight drive.
+
+        The step never goes beyond the target, whose `reach` has to be more than 0, and is zero at the target.
 
         An arc swings out. Where no straight line leads from its end to the target, beside a door for example, the next
         way would lead back to where it began, so the body turns on the spot there.
-
-        Args:
-            pose: The robot's own.
-            target: x and y in m, with a `reach` of more than 0.
-
-        Returns:
-            Zero at the target.
         """
         distance = math.dist((pose.x, pose.y), target)
         if distance < BARELY:
@@ -145,14 +122,9 @@ class WheelSteering:
         return self.on_the_spot(askew)
 
     def straight(self, pose: Pose, way: float) -> Twist:
-        """Return a straight drive, shortened where the body does not quite fit.
+        """Return a straight drive of `way` metres, negative in reverse, shortened where the body does not quite fit.
 
-        Args:
-            pose: The robot's own.
-            way: m; negative for reverse.
-
-        Returns:
-            Zero where not even an eighth of the way is possible.
+        It is zero where not even an eighth of the way is possible.
         """
         for share in EASIER:
             drive = Twist(share * way / self._step, 0.0)
@@ -161,20 +133,11 @@ class WheelSteering:
         return Twist(0.0, 0.0)
 
     def on_the_spot(self, turn: float) -> Twist:
-        """Return a turn on the spot, as far as one step allows.
-
-        Args:
-            turn: rad; positive to the left.
-        """
+        """Return a turn on the spot by `turn` rad, positive to the left, as far as one step allows."""
         return Twist(0.0, max(-self._most, min(self._most, turn)) / self._step)
 
     def turning(self, pose: Pose, direction: float) -> Twist:
-        """Turn towards a direction, and drive with the wheels' speed that is left.
-
-        Args:
-            pose: The robot's own.
-            direction: rad.
-        """
+        """Turn towards a direction, and drive with the wheels' speed that is left."""
         askew, sense = smaller_turn(pose.heading, direction)
         turn = self.on_the_spot(askew).turn_rate
         left = sense * max(0.0, self._spec.speed - abs(turn) * self._spec.radius)
@@ -198,11 +161,9 @@ class WheelSteering:
         return line_is_free(self._terrain, (end.x, end.y), target, self._spec.radius)
 
     def _arcs(self, distance: float, askew: float) -> Iterator[Twist]:
-        """Give the arcs towards a target that the wheels are fast enough for, best first.
+        """Yield the arcs towards a target that the wheels are fast enough for, best first.
 
-        Args:
-            distance: To the target, m.
-            askew: From the body's heading to the target, rad.
+        `distance` is in m; `askew` is the angle from the body's heading to the target, rad.
         """
         if abs(askew) <= ASKEW:
             landing = Twist(distance * askew / math.sin(askew) / self._step, 2.0 * askew / self._step)
@@ -219,17 +180,14 @@ class WheelSteering:
 class BackOff:
     """Drives in a random direction for a moment, away from a robot that is near.
 
-    Attributes:
-        stuck: Whether the robot backs off because no way led on, not because it bumped.
+    `stuck` is True if the robot backs off because no way led on, not because it bumped.
     """
 
     def __init__(self, steering: WheelSteering, step: float, chance: Callable[[int, int], float]) -> None:
-        """Start without backing off.
+        """Start without backing off; `step` is in s per tick.
 
-        Args:
-            steering: Of this robot.
-            step: s per tick.
-            chance: Called with a tick and 0, 1, ... for the purpose of the draw; returns a repeatable draw from [0, 1).
+        `chance` returns a repeatable draw from [0, 1); it is called with a tick and 0, 1, ... for the purpose of the
+        draw.
         """
         self.stuck = False
         self._steering = steering
@@ -245,15 +203,7 @@ class BackOff:
         return self._direction is not None
 
     def count(self, tick: int, bumped: bool) -> bool:
-        """Take in whether the last move was cancelled.
-
-        Args:
-            tick: Now.
-            bumped: Whether the robot's last move was cancelled.
-
-        Returns:
-            Whether the robot has bumped often enough to back off.
-        """
+        """Count a cancelled move, and return True if the robot has bumped often enough to back off."""
         if bumped:
             self._bumps.add(tick)
         return bumped and self._bumps.count >= PATIENCE
@@ -261,11 +211,7 @@ class BackOff:
     def begin(self, tick: int, pose: Pose, near: Spot | None, *, stuck: bool) -> None:
         """Choose a direction and a time; a robot with room nowhere stays where it is.
 
-        Args:
-            tick: Now.
-            pose: The robot's own.
-            near: x and y in m of a robot to get away from, or None.
-            stuck: Whether no way leads on.
+        The direction leads away from a robot at `near`; if that is None, it may be any.
         """
         best = -1.0
         for index in range(TRIES):
@@ -292,16 +238,7 @@ class BackOff:
         self._direction = None
 
     def next(self, tick: int, pose: Pose, bumped: bool) -> Twist | None:
-        """Return the next command on the way back.
-
-        Args:
-            tick: Now.
-            pose: The robot's own.
-            bumped: Whether the robot's last move was cancelled.
-
-        Returns:
-            None when the robot has backed off far enough, or cannot go on.
-        """
+        """Return the next command while backing off; None when the robot has gone far enough or cannot go on."""
         if self._direction is None:
             return None
         room = self._room(pose, self._direction)
@@ -322,19 +259,12 @@ class BackOff:
 
 @dataclass(frozen=True, slots=True)
 class _Option:
-    """Something to head for.
-
-    Attributes:
-        target: x and y in m.
-        enough: Length of a step that makes it good enough, m.
-        bearing: rad, to be reported.
-        goal: To be reported.
-    """
+    """A target that a body may head for."""
 
     target: Spot
-    enough: float
-    bearing: float
-    goal: Goal
+    enough: float  # length of a step that makes it good enough, m
+    bearing: float  # rad, to be reported
+    goal: Goal  # to be reported
 
 
 class DifferentialBody(BodyBase):
@@ -429,13 +359,7 @@ class DifferentialBody(BodyBase):
         return None if command is None else Choice(command, state)
 
     def _manoeuvre(self, place: Place, way: tuple[Spot, Spot], view: View) -> Command | None:
-        """Return the next step of arcs to near a place; None where there are none, or the policy leans aside.
-
-        Args:
-            place: The intent.
-            way: The target, and where the way there first bends; each x and y in m.
-            view: Of this tick.
-        """
+        """Return the next step of arcs to near a place; None where there are none, or the policy leans aside."""
         if self._manoeuvres is None or place.lean is not None:
             return None
         spot, bend = way
@@ -465,13 +389,9 @@ class DifferentialBody(BodyBase):
     def _take(
         self, options: Iterator[_Option], state: str, view: View, towards: Callable[[Pose, Spot], Twist]
     ) -> Choice:
-        """The first option that is good enough, else the one that leads farthest, else a way out of the dead end.
+        """Choose the first option that is good enough, else the farthest one, else a way out of the dead end.
 
-        Args:
-            options: Best first.
-            state: To be reported.
-            view: Of this tick.
-            towards: Returns a step towards a target.
+        The options come best first; `state` is to be reported.
         """
         pose = view.pose
         best, farthest = None, 0.0

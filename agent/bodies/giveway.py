@@ -30,15 +30,9 @@ ROUNDING_M = 1e-6
 
 
 def nearest(pose: Pose, peers: Mapping[int, Peer], radii: Mapping[int, float]) -> tuple[float, int]:
-    """Return the robot whose body is nearest.
+    """Return the distance from the robot's centre to the nearest other body, m, and that robot's number.
 
-    Args:
-        pose: The robot's own.
-        peers: The robots heard so far, by number.
-        radii: Radius in m of each robot, by number.
-
-    Returns:
-        Distance in m from the robot's centre to the other's body, and the other's number; infinity and 0 for none.
+    They are infinity and 0 where there is none.
     """
     if not peers:
         return math.inf, 0
@@ -51,44 +45,26 @@ def nearest(pose: Pose, peers: Mapping[int, Peer], radii: Mapping[int, float]) -
 
 
 def disc_round(there: Spot, here: Spot, radii: float, point: float) -> Disc:
-    """Return the disc that one robot closes to another one's centre.
+    """Return the disc around one robot, at `there`, that is closed to the centre of another, at `here`.
 
-    Args:
-        there: Where the robot is, x and y in m.
-        here: Where the other one is, x and y in m.
-        radii: Of both bodies together, m.
-        point: Side of the terrain's points, m.
-
-    Returns:
-        x, y and radius in m: as wide as both bodies together, but never over the other one's own point.
+    It is as wide as both bodies together, but never covers the other robot's own point. `radii` is the sum of both
+    radii, `point` the side of the terrain's points, both in m.
     """
     apart = math.hypot(there[0] - here[0], there[1] - here[1]) - point
     return *there, max(0.0, min(radii + 0.5 * point, apart))
 
 
 class Bumps:
-    """Bumps that follow each other closely.
-
-    Attributes:
-        count: How many they are.
-    """
+    """The count of bumps that follow each other closely."""
 
     def __init__(self, calm: float) -> None:
-        """Start with none.
-
-        Args:
-            calm: Ticks; bumps further apart do not add up.
-        """
+        """Start with none; bumps more than `calm` ticks apart do not add up."""
         self.count = 0
         self._calm = calm
         self._at = 0
 
     def add(self, tick: int) -> None:
-        """Take in a bump.
-
-        Args:
-            tick: Now.
-        """
+        """Take in a bump."""
         self.count = self.count + 1 if tick - self._at <= self._calm else 1
         self._at = tick
 
@@ -101,13 +77,9 @@ class GiveWay:
     """The robots to which one robot gives way, and until when."""
 
     def __init__(self, number: int, chance: Callable[[int], float], radii: Mapping[int, float], step: float) -> None:
-        """Start without giving way.
+        """Start without giving way; radii are in m, `step` is in s per tick.
 
-        Args:
-            number: The robot's number.
-            chance: Called with a tick; returns a repeatable draw from [0, 1).
-            radii: Radius in m of each robot, by number.
-            step: s per tick.
+        `chance` is called with a tick and returns a repeatable draw from [0, 1).
         """
         self._step = step
         self._number = number
@@ -119,12 +91,7 @@ class GiveWay:
     def update(self, tick: int, pose: Pose, bumped: bool, peers: Mapping[int, Peer], near: float) -> None:
         """Take in whether the last move was cancelled.
 
-        Args:
-            tick: Now.
-            pose: The robot's own.
-            bumped: Whether its last move was cancelled.
-            peers: The robots heard so far, by number.
-            near: The nearest peer counts as the cause when its body is at most this far away, m.
+        The nearest peer counts as the cause when the gap between the two bodies is at most `near` m.
         """
         if not bumped:
             self._bumps = 0
@@ -136,25 +103,15 @@ class GiveWay:
             self._until[other] = tick + round(spell / self._step)
 
     def stop(self, other: int) -> None:
-        """Give way to a robot no longer.
-
-        Args:
-            other: Its number.
-        """
+        """Give way to a robot no longer."""
         self._until.pop(other, None)
         self._bumps = 0
 
     def discs(self, tick: int, pose: Pose, peers: Mapping[int, Peer], point: float) -> list[Disc]:
-        """Return the peers that are obstacles now.
+        """Return the discs of the peers that are obstacles now, in order of robot number.
 
-        Args:
-            tick: Now.
-            pose: The robot's own.
-            peers: The robots heard so far, by number.
-            point: Side of the terrain's points, m.
-
-        Returns:
-            Discs (x, y, radius) in m, as wide as both bodies together, but never over the robot's own point.
+        They are as wide as both bodies together, but never cover the robot's own point. `point` is the side of the
+        terrain's points, m.
         """
         found = []
         for other, until in sorted(self._until.items()):

@@ -33,13 +33,11 @@ class GoalFinder:
         psi: NDArray[np.float32] | None,
         paper_rules: Collection[PaperRule] = (),
     ) -> None:
-        """Convert the distances to points.
+        """Convert the distances to points; goals are not refined if `psi` is None.
 
-        Args:
-            lengths: The goal distance and the side of the square, m (the paper's: 5.5 and 2).
-            ground: Where the robot's centre may be.
-            psi: float32 (h, w) of `agent.bodies.refine.psi_field`, or None for no refinement.
-            paper_rules: ``far-goal`` clips no goal, and ``whole-square`` refines to any point of the square.
+        `psi` is that of `agent.bodies.refine.psi_field`. The paper's lengths are 5.5 m for the goal distance and 2 m
+        for the side of the square. Of `paper_rules`, ``far-goal`` clips no goal, and ``whole-square`` refines to any
+        point of the square.
         """
         self._clips = "far-goal" not in paper_rules
         self._whole_square = "whole-square" in paper_rules
@@ -50,15 +48,9 @@ class GoalFinder:
         self._side = round(0.5 * lengths.refine_side / self._point)
 
     def along(self, bearing: float, row: int, col: int) -> Goal:
-        """Return the goal in a direction.
+        """Return the goal in a direction (rad), before and after refinement.
 
-        Args:
-            bearing: The direction, rad.
-            row: Row of the robot's open element in `Ground.state`.
-            col: Column of the same element.
-
-        Returns:
-            The goal before and after refinement.
+        `row` and `col` are those of the robot's open element in `Ground.state`.
         """
         state = self._ground.state
         up, across = math.sin(bearing), math.cos(bearing)

@@ -89,11 +89,6 @@ class HolonomicBody(BodyBase):
         """Return the farthest of the bends within a step to which the body gets straight.
 
         Ways run over the centres of points, so in a slanting slit they bend at each point. The body need not.
-
-        Args:
-            spot: Where the way ends, x and y in m.
-            bend: Where it first bends.
-            view: Of this tick.
         """
         pose, ground = view.pose, view.ground
         here, target = (pose.x, pose.y), view.point_of(spot)

@@ -79,46 +79,28 @@ HEARD_M = 0.02
 
 @dataclass(frozen=True, slots=True)
 class Meeting:
-    """Two robots that would touch if both went on.
+    """Two robots that would touch if both went on."""
 
-    Attributes:
-        ticks: When they would be nearest to each other, ticks from now.
-        other: The other robot's number.
-        here: Where this robot would be then, x and y in m.
-        there: Where the other one would be.
-        comes: Whether the other one drives towards this robot.
-    """
-
-    ticks: float
-    other: int
-    here: Spot
-    there: Spot
-    comes: bool
+    ticks: float  # from now, until they would be nearest to each other
+    other: int  # the other robot's number
+    here: Spot  # place of this robot then
+    there: Spot  # place of the other one then
+    comes: bool  # the other one drives towards this robot
 
 
 @dataclass(frozen=True, slots=True)
 class Motion:
-    """Another robot's place and movement, as far as they were heard.
+    """Another robot's place and movement, as far as they were heard."""
 
-    Attributes:
-        sequence: Of its newest position.
-        tick: At which it was at its place.
-        place: x and y in m.
-        moved: The same in a tick; (0, 0) for a robot that was heard once, or whose position was wrong.
-    """
-
-    sequence: int
+    sequence: int  # of its newest position
     tick: int
     place: Spot
-    moved: Spot = (0.0, 0.0)
+    moved: Spot = (0.0, 0.0)  # in a tick; (0, 0) for a robot heard once, or one whose position was wrong
 
     def after(self, sequence: int, place: Spot, stride: float) -> Motion:
         """Return the motion a tick later; the same where nothing was heard and no place was predicted.
 
-        Args:
-            sequence: Of the newest position then.
-            place: Its place, or the one that is predicted for then.
-            stride: Longest way of the robot in a step, m.
+        `place` is the one heard, or the one predicted for then. `stride` is the robot's longest way in a step, m.
         """
         if sequence == self.sequence and place == self.place:
             return self
@@ -134,14 +116,9 @@ class KeepingRight:
     def __init__(
         self, number: int, radii: Mapping[int, float], strides: Mapping[int, float], ground: Ground, step: float
     ) -> None:
-        """Start without having heard of others.
+        """Start without having heard of others; `radii` and `strides` are in m, `step` is in s per tick.
 
-        Args:
-            number: The robot's.
-            radii: Radius in m of each robot of the fleet, by number.
-            strides: Longest way in m of each in one step, likewise.
-            ground: Where the robot's centre may be.
-            step: s per tick.
+        `strides` holds the longest way of each robot in one step.
         """
         self._number = number
         self._radii = radii
@@ -155,11 +132,7 @@ class KeepingRight:
         self._expected: int | None = None
 
     def note(self, view: View) -> None:
-        """Take note of where the others are, and of how each has moved since it was last heard.
-
-        Args:
-            view: Of this tick.
-        """
+        """Take note of where the others are, and of how each has moved since it was last heard."""
         here = view.reported.x, view.reported.y
         self._own = self._own.after(view.tick, here, self._stride)
         before, self._others = self._others, {}
@@ -172,10 +145,6 @@ class KeepingRight:
         """Return the share of a step that stays on this robot's side of a line between it and each other one.
 
         Both robots find the same line, so two that do so never touch, whatever each of them does next.
-
-        Args:
-            command: For the next step.
-            view: Of this tick.
         """
         free, x, y = SAMPLES, view.pose.x, view.pose.y
         for number, other in self._others.items():
@@ -216,13 +185,8 @@ class KeepingRight:
     def past(self, place: Place, view: View) -> Place | int:
         """Return a place with the way to it that leads past a robot which comes towards this one.
 
-        Args:
-            place: Where to go.
-            view: Of this tick. What keeps the way on the right is closed on its ground.
-
-        Returns:
-            The number of a robot that comes towards this one where no short way leads past it. The same place where no
-            robot is about to be met, or one that does not come.
+        Where no short way leads past it, the result is that robot's number. Where no robot is about to be met, or one
+        that does not come, it is the same place. What keeps the way on the right is closed on the view's ground.
         """
         meeting = self._next_meeting(place, view)
         if meeting is None or view.start is None:

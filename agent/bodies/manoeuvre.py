@@ -86,42 +86,25 @@ OFF_CENTRES = 1.5
 
 @dataclass(frozen=True, slots=True)
 class Move:
-    """A command that a search may choose, and for how long.
-
-    Attributes:
-        command: For each of the ticks.
-        ticks: How many.
-        arc: What comes of it: length (m, negative in reverse), curvature (1/m), turn on the spot (rad) and cost (m).
-    """
+    """A command that a search may choose, and for how long."""
 
     command: Command
     ticks: int
+    # length (m, negative in reverse), curvature (1/m), turn on the spot (rad), cost (m)
     arc: tuple[float, float, float, float]
 
 
 @dataclass(frozen=True, slots=True)
 class Moves:
-    """The moves of a body, and what they have in common.
-
-    Attributes:
-        each: The moves.
-        turning: Radius of the tightest arcs, m.
-        cell: Side of the grid that tells poses apart, m. Arcs that end in the cell where they began are left out.
-    """
+    """The moves of a body, and what they have in common."""
 
     each: list[Move]
-    turning: float
-    cell: float
+    turning: float  # radius of the tightest arcs, m
+    cell: float  # side of the grid that tells poses apart, m; arcs that end in their first cell are left out
 
 
 def car_moves(spec: RobotSpec, step: float, point: float) -> Moves:
-    """Return the moves of a car.
-
-    Args:
-        spec: The car's speed (m/s) and turning radius (m).
-        step: s per tick.
-        point: Side of the terrain's points, m.
-    """
+    """Return the moves of a car; `step` is in s per tick, `point` is the side of the terrain's points in m."""
     stride = spec.speed * step
     ticks = max(1, math.ceil(LEAST_TURN * spec.turning_radius / stride))
     moves = _arcs(spec.speed, spec.turning_radius, ticks, step)
@@ -129,13 +112,7 @@ def car_moves(spec: RobotSpec, step: float, point: float) -> Moves:
 
 
 def wheel_moves(spec: RobotSpec, step: float, *, reverses: bool) -> Moves:
-    """Return the moves of a differential robot: arcs as a car's, as fast as the wheels allow, and turns on the spot.
-
-    Args:
-        spec: The robot's radius (m) and speed (m/s).
-        step: s per tick.
-        reverses: Whether it also drives in reverse.
-    """
+    """Return the moves of a differential robot: arcs as a car's, as fast as the wheels allow, and turns on the spot."""
     stride, turning = spec.speed * step, TIGHTEST_RADII * spec.radius
     slowest = 1.0 / (1.0 + spec.radius / turning)
     ticks = max(1, math.ceil(LEAST_TURN * turning / (slowest * stride)))
@@ -172,21 +149,15 @@ def _arcs(speed: float, turning: float, ticks: int, step: float) -> list[Move]:
 class Manoeuvres:
     """Arcs to be driven one after the other.
 
-    Attributes:
-        parking: A body no farther than this from a place, with nothing in between, parks there; m.
+    A body no farther than `parking` (m) from a place, with nothing in between, parks there.
     """
 
     def __init__(
         self, moves: Moves, spec: RobotSpec, terrain: Terrain, is_free: Callable[[Pose, Any], bool], step: float
     ) -> None:
-        """Lay out the arcs of the search.
+        """Lay out the arcs of the search; `step` is in s per tick.
 
-        Args:
-            moves: What the body can do.
-            spec: The body's radius (m) and speed (m/s).
-            terrain: The map.
-            is_free: Called with a pose and a command; returns whether the next step touches no wall.
-            step: s per tick.
+        `is_free` is called with a pose and a command, and returns True if the next step touches no wall.
         """
         self._moves = moves.each
         self._turning = moves.turning
@@ -212,15 +183,9 @@ class Manoeuvres:
         self._place = None
 
     def next(self, view: View, place: Spot, *, exact: bool = False) -> Command | None:
-        """Return the next step towards a place.
+        """Return the next step towards a place; None where no arc brings the body nearer.
 
-        Args:
-            view: Of this tick.
-            place: x and y in m, where the body's centre may be.
-            exact: Whether the body has to be on the very point of the place in the end, as others hear it.
-
-        Returns:
-            None where no arc brings the body nearer.
+        With `exact` the body has to end on the very point of the place, as others hear it.
         """
         off = math.inf if self._place is None or exact != self._exact else math.dist(self._place, place)
         if off > (0.0 if exact else self._near):
@@ -233,23 +198,14 @@ class Manoeuvres:
     def proceed(self, pose: Pose) -> Command | None:
         """Return the next step of what was found before, wherever it leads.
 
-        Args:
-            pose: The body's own.
-
-        Returns:
-            None where nothing was found, or the body cannot go on with it.
+        It is None where nothing was found, or the body cannot go on with it.
         """
         return self._take(pose) if self._goes_on(pose) else None
 
     def back(self, view: View, paths: BoxPaths) -> Command | None:
         """Return the next step of a body that is off the reachable points, back to one of them.
 
-        Args:
-            view: Of this tick.
-            paths: Back to the reachable points (`agent.routes.way_back.WayBack.paths`).
-
-        Returns:
-            None where no arc brings the body nearer.
+        It is None where no arc brings the body nearer. `paths` is that of `agent.routes.way_back.WayBack.paths`.
         """
         pose = view.pose
         if self._place is not None or not self._goes_on(pose):
@@ -327,13 +283,8 @@ class Manoeuvres:
     def _search(self, view: View, paths: BoxPaths, first: float, limit: int, *, near: float, progress: float) -> None:
         """Look for arcs that bring the body nearer.
 
-        Args:
-            view: Of this tick.
-            paths: The ways left.
-            first: The way left from where the body is, m.
-            limit: The longest way that counts, in hundredths of a point.
-            near: How short the way left has to be, m.
-            progress: How much shorter it has to become otherwise, m.
+        `first` is the way left from where the body is, m; `limit` is the longest way that counts, in hundredths of a
+        point. The way left has to become at most `near`, or else shorter by `progress`, both in m.
         """
         pose, terrain = view.pose, self._terrain
         found = np.zeros(MOST_ARCS, dtype=np.int64)

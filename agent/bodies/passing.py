@@ -79,20 +79,11 @@ class Role(Enum):
 class Passing:
     """One robot's way of dealing with another that it cannot get past.
 
-    Attributes:
-        role: Its own; None while no other robot blocks it.
+    `role` is None while no other robot blocks it.
     """
 
     def __init__(self, number: int, radii: Mapping[int, float], ground: Ground, step: float, stride: float) -> None:
-        """Start with nobody in the way.
-
-        Args:
-            number: The robot's.
-            radii: Radius in m of each robot of the fleet, by number.
-            ground: Where the robot's centre may be.
-            step: s per tick.
-            stride: Longest way in one step, m.
-        """
+        """Start with no robot in the way; radii and `stride` are in m, `step` is in s per tick."""
         self.role: Role | None = None
         self._number = number
         self._radii = radii
@@ -111,24 +102,14 @@ class Passing:
         self._moved_at = 0
 
     def blocker(self, pose: Pose, peers: Mapping[int, Peer]) -> int | None:
-        """Return the number of a robot so near that the two collide, if it leaves no way round it to the last place.
-
-        Args:
-            pose: The robot's own.
-            peers: The robots heard so far, by number.
-        """
+        """Return the number of a robot so near that the two collide, if it leaves no way round it to the last place."""
         if self._place is None:
             return None
         other = self._in_reach(pose, peers)
         return other if other is not None and self._is_blocked(self._place, pose, peers[other].pose, other) else None
 
     def lead(self, intent: Intent, view: View) -> Intent:
-        """Return where to go instead of a place, or the intent itself where nobody is in the way.
-
-        Args:
-            intent: The policy's.
-            view: Of this tick.
-        """
+        """Return where to go instead of a place, or the intent itself where no robot is in the way."""
         self._place = place = intent if isinstance(intent, Place) and view.start is not None else None
         if place is None:
             return intent
@@ -141,13 +122,7 @@ class Passing:
         return self._act(place, view)
 
     def meet(self, place: Place, other: int, view: View) -> Place:
-        """Settle with a robot that comes towards this one where they cannot pass, and return where to go.
-
-        Args:
-            place: Where the robot would go otherwise.
-            other: The other robot's number.
-            view: Of this tick.
-        """
+        """Settle with a robot that comes towards this one where they cannot pass, and return where to go."""
         self._settle(place, view, other)
         return self._act(place, view)
 
@@ -213,14 +188,7 @@ class Passing:
         return other if gap <= self._radii[self._number] + 2.0 * self._stride else None
 
     def _is_blocked(self, place: Place, pose: Pose, there: Pose, other: int) -> bool:
-        """Return True if no way leads to a place round another robot.
-
-        Args:
-            place: Where the robot wants to be.
-            pose: The robot's own.
-            there: The other robot's.
-            other: The other robot's number.
-        """
+        """Return True if no way leads to a place round another robot."""
         row, col = self._ground.terrain.nearest_point(place.x, place.y)
         if not self._ground.static.open_now[row, col]:
             return False
@@ -234,12 +202,9 @@ class Passing:
         return way.place != ground.centre(*target)
 
     def _way_to_refuge(self, here: Spot, there: Spot, both: float) -> tuple[float, Spot] | None:
-        """Return the length of the way to the nearest refuge, and its place; None where there is none.
+        """Return the length of the way to the nearest refuge, m, and its place; None where there is none.
 
-        Args:
-            here: Of the robot that goes back, x and y in m.
-            there: Of the one that it lets through.
-            both: Their radii together, m.
+        `here` is the robot that goes back, `there` the one that it lets through; `both` is the sum of their radii, m.
         """
         point = self._ground.terrain.point
         ground = self._closed([disc_round(there, here, both, point)])
@@ -257,12 +222,9 @@ class Passing:
         return None
 
     def _is_refuge(self, row: int, col: int, wide: float) -> bool:
-        """Return True if the ground around a disc on a point, as far as it belongs to that point's, holds together.
+        """Return True if a disc on a point leaves the ground around it in one piece.
 
-        Args:
-            row: Of the terrain.
-            col: Of the terrain.
-            wide: Radius of the disc, points.
+        Only ground that hangs together with the point counts. `wide` is the radius of the disc in points.
         """
         reach = math.ceil(wide) + AROUND
         state = self._ground.static.open_now

@@ -14,16 +14,12 @@ ROUNDING = 1e-7
 
 
 def psi_field(terrain: Terrain, reach_m: float) -> NDArray[np.float32]:
-    """Psi of every point: the sum of 1 / rho^2 over the obstacle points near it (paper, "goal refinement").
+    """Return psi of every point, float32 (h, w): the sum of 1 / rho^2 over the obstacle points near it.
+
+    This is the paper's "goal refinement"; rho is in points. Obstacle points less than `reach_m` away along x and along
+    y count, and so do points beyond the terrain's edge, up to twice its longer side. Psi is infinity on obstacles.
 
     Computed for the whole terrain in one convolution, by Fourier transform.
-
-    Args:
-        terrain: The map. Points beyond its edge count as obstacles, up to twice its longer side.
-        reach_m: Obstacle points less than this far away along x and along y count, m; rho is in points.
-
-    Returns:
-        float32 (h, w), infinity on obstacles.
     """
     reach = min(math.ceil(reach_m / terrain.point - 1e-9) - 1, 2 * max(terrain.shape))
     offsets = np.arange(-reach, reach + 1, dtype=np.float64)

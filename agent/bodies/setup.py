@@ -44,41 +44,24 @@ BARELY = 1e-3
 
 @dataclass(frozen=True, slots=True)
 class BodySetup:
-    """The inputs from which a body is built.
-
-    Attributes:
-        spec: The robot's number, model, speed (m/s), radius (m) and turning radius (m).
-        radii: Radius in m of each robot of the fleet, by number.
-        strides: Longest way in m of each in one step, likewise.
-        step: s per tick.
-        patrol: The scenario's section `patrol`.
-        lengths: The lengths of the robot's patrol, m.
-        ground: Where the robot's centre may be.
-        psi: float32 (h, w) of `agent.bodies.refine.psi_field`, or None for no refinement of goals.
-        chance: The robot's own draws.
-        sees_all_round: Whether the sensor sees the same whichever way the body faces.
-    """
+    """The inputs from which a body is built."""
 
     spec: RobotSpec
-    radii: Mapping[int, float]
-    strides: Mapping[int, float]
-    step: float
+    radii: Mapping[int, float]  # by robot number, of the whole fleet, m
+    strides: Mapping[int, float]  # longest way in one step, likewise, m
+    step: float  # s per tick
     patrol: PatrolSpec
     lengths: BodyLengths
     ground: Ground
-    psi: NDArray[np.float32] | None
+    psi: NDArray[np.float32] | None  # float32 (h, w) of `psi_field`; None for no refinement of goals
     chance: Draw
-    sees_all_round: bool
+    sees_all_round: bool  # the sensor sees the same whichever way the body faces
 
 
 class BodyBase(ABC):
     """The part that all bodies share: goals, the way back, giving way, and a policy's own commands.
 
-    Attributes:
-        spec: The robot's model and limits.
-        stride: Longest way in one step, m.
-        goals: Finds the goal along a bearing.
-        way_back: Finds ways back to the reachable points.
+    `stride` is the longest way in one step, m.
     """
 
     command: ClassVar[type]
@@ -185,14 +168,10 @@ class BodyBase(ABC):
 
 
 def way_of(place: Place, view: View) -> tuple[Spot, Spot] | None:
-    """Return the target of a `Place` intent, and where the way there first bends.
+    """Return the target of a `Place` intent and the first bend of the way there.
 
-    Args:
-        place: The intent. A place that no way leads to is replaced by the nearest reachable one.
-        view: Of this tick.
-
-    Returns:
-        Target and first bend, each x and y in m; None for a robot that is off the ground.
+    A place that no way leads to is replaced by the nearest reachable one. The result is None for a robot that is off
+    the ground.
     """
     if view.start is None:
         return None

@@ -35,26 +35,14 @@ class Footing:
     """
 
     def __init__(self, terrain: Terrain, ground: Ground, radius: float, *, wanted: bool = True) -> None:
-        """Compute nothing yet.
-
-        Args:
-            terrain: The map.
-            ground: Where the robot's centre may be.
-            radius: Of the body, m.
-            wanted: Whether there is such a rule; otherwise a step may end anywhere.
-        """
+        """Keep the body's radius (m) and the ground; if not `wanted`, a step may end anywhere."""
         self._wanted = wanted
         self._terrain = terrain
         self._ground = ground
         self._radius = radius
 
     def holds(self, x: float, y: float) -> bool:
-        """Return True if a straight drive leads from a place to the ground, with nothing closed.
-
-        Args:
-            x: m.
-            y: m.
-        """
+        """Return True if a straight drive leads from a place to the ground, with nothing closed."""
         static = self._ground.static
         joined = static.join(x, y)
         if joined is None:
@@ -62,21 +50,14 @@ class Footing:
         return line_is_free(self._terrain, (x, y), static.centre(*joined), self._radius)
 
     def may_end(self, pose: Pose, x: float, y: float) -> bool:
-        """Return True if a step may end at a place; from where the footing does not hold, any step may be taken.
-
-        Args:
-            pose: The robot's own.
-            x: m.
-            y: m.
-        """
+        """Return True if a step may end at a place; from where the footing does not hold, any step may be taken."""
         return not self._wanted or self.holds(x, y) or not self.holds(pose.x, pose.y)
 
 
 class HolonomicSteering:
     """Steering of a robot that moves in any direction at once.
 
-    Attributes:
-        stride: Longest way in one step, m.
+    `stride` is the longest way in one step, m.
     """
 
     def __init__(self, spec: RobotSpec, terrain: Terrain, step: float) -> None:
@@ -86,15 +67,7 @@ class HolonomicSteering:
         self.stride = spec.speed * step
 
     def towards(self, pose: Pose, target: tuple[float, float]) -> tuple[Velocity, float]:
-        """Return a step straight towards a target, as far as the body is free.
-
-        Args:
-            pose: The robot's own.
-            target: x and y in m.
-
-        Returns:
-            The command, and the length of its way in m.
-        """
+        """Return a step straight towards a target, as far as the body is free, and the length of its way, m."""
         across, up = target[0] - pose.x, target[1] - pose.y
         distance = math.hypot(across, up)
         if distance == 0.0:
@@ -108,25 +81,12 @@ class HolonomicSteering:
         return Velocity(way * across / self._step, way * up / self._step), way
 
     def along(self, pose: Pose, wanted: Velocity) -> Velocity:
-        """Return a step at a given velocity, as far as the body is free.
-
-        Args:
-            pose: The robot's own.
-            wanted: The velocity, within the robot's limits.
-        """
+        """Return a step at a given velocity, as far as the body is free."""
         end = (pose.x + wanted.vx * self._step, pose.y + wanted.vy * self._step)
         return self.towards(pose, end)[0]
 
     def heading(self, pose: Pose, bearing: float) -> tuple[Velocity, float]:
-        """Return a full step in a direction, as far as the body is free.
-
-        Args:
-            pose: The robot's own.
-            bearing: The direction, rad.
-
-        Returns:
-            The command, and the length of its way in m.
-        """
+        """Return a full step in a direction (rad), as far as the body is free, and the length of its way, m."""
         target = (pose.x + self.stride * math.cos(bearing), pose.y + self.stride * math.sin(bearing))
         return self.towards(pose, target)
 
@@ -135,10 +95,7 @@ class CarSteering:
     """Steering of a robot that drives arcs of at least its turning radius.
 
     It drives forward and turns its wheels so that it faces the desired direction as soon as possible (paper,
-    "nonholonomic robots").
-
-    Attributes:
-        stride: Longest way in one step, m.
+    "nonholonomic robots"). `stride` is the longest way in one step, m.
     """
 
     def __init__(self, spec: RobotSpec, terrain: Terrain, step: float) -> None:
@@ -148,22 +105,14 @@ class CarSteering:
         self.stride = spec.speed * step
 
     def towards(self, pose: Pose, target: tuple[float, float]) -> Drive:
-        """Drive forward at full speed, turning towards a target as tightly as needed and possible.
-
-        Args:
-            pose: The robot's own.
-            target: x and y in m.
-        """
+        """Drive forward at full speed, turning towards a target as tightly as needed and possible."""
         bearing = math.atan2(target[1] - pose.y, target[0] - pose.x)
         return self.turning(pose, bearing, self._spec.speed)
 
     def turning(self, pose: Pose, heading: float, speed: float) -> Drive:
-        """Drive and turn until the robot faces a heading.
+        """Drive and turn until the robot faces a heading in rad, at a speed in m/s.
 
-        Args:
-            pose: The robot's own.
-            heading: The desired heading, rad.
-            speed: m/s; negative for reverse.
+        The speed is negative in reverse, and never 0.
         """
         tightest = 1.0 / self._spec.turning_radius
         curvature = wrap(heading - pose.heading) / (speed * self._step)
@@ -172,12 +121,7 @@ class CarSteering:
     def park(self, pose: Pose, place: tuple[float, float]) -> Drive:
         """Return the step, forward or in reverse, that ends nearest to a place.
 
-        Args:
-            pose: The robot's own.
-            place: x and y in m.
-
-        Returns:
-            Zero speed where no step brings the car nearer.
+        Its speed is zero where no step brings the car nearer.
         """
         best, least = Drive(0.0, 0.0), math.dist((pose.x, pose.y), place) - WORTH_IT
         for speed in PARKING_SPEEDS:

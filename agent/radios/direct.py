@@ -37,10 +37,7 @@ class Counting(FleetClock, Protocol):
 class DirectRadio:
     """Radio of one robot of a fleet that talks directly (`agent.ports.Radio`).
 
-    Attributes:
-        skew: Tells which frames are late, and whether others count ticks differently.
-        sent: Frames sent so far.
-        heard: Frames heard so far, by the sender's key.
+    `sent` counts the frames sent so far, `heard` those heard so far, by the sender's key.
     """
 
     def __init__(
@@ -48,12 +45,7 @@ class DirectRadio:
     ) -> None:
         """Start with nothing sent or heard; `tune_in` connects everything.
 
-        Args:
-            mailbox: Frames from the others.
-            post: Sends a frame under the robot's own key.
-            numbers: The others' numbers, by the key under which each sends.
-            clock: Waits until it is time to decide.
-            skew: Judges the frames of the others.
+        `numbers` holds the others' numbers, by the key under which each sends.
         """
         self.skew = skew
         self.sent = 0
@@ -70,10 +62,9 @@ class DirectRadio:
             self.sent += 1
 
     def hear(self) -> list[bytes] | None:
-        """Return the frames that have arrived since the last decision.
+        """Return the frames that have arrived in time since the last decision, by sender and in order of arrival.
 
-        Returns:
-            By sender, and in the order of arrival; None when there is nothing to decide.
+        It is None when there is nothing to decide.
         """
         if not self._clock.decide():
             return None
@@ -87,33 +78,17 @@ class DirectRadio:
         return [frame for _, frame in in_time]
 
     def show(self, vitals: Vitals) -> None:
-        """Have what waits and what was dropped read with this process's figures.
-
-        Args:
-            vitals: The figures.
-        """
+        """Add the frames that wait and those that were dropped to this process's figures."""
         vitals.probe_mailbox(self._mailbox)
         vitals.probe(DROPPED, lambda: {"late": self.skew.late})
 
     def overhear(self, wait_s: float) -> bytes | None:
-        """Return the next frame, which `hear` will not return again.
-
-        Args:
-            wait_s: How long to wait for it, s.
-
-        Returns:
-            None when no frame arrives in time.
-        """
+        """Return the next frame, which `hear` will not return again; None when none arrives in time."""
         news = self._mailbox.get(wait_s)
         return None if news is None else news[1]
 
     def traffic(self, incarnation: int, *, final: bool) -> Traffic:
-        """Return the counts of what has been sent and heard so far.
-
-        Args:
-            incarnation: Of this robot.
-            final: Whether this is the last report.
-        """
+        """Return the counts of what has been sent and heard so far."""
         heard = {robot_of(key): self.heard[key] for key in self._numbers}
         refused = self._mailbox.refused.total() + self.skew.late
         return Traffic(incarnation, self.sent, heard, refused, final)
@@ -128,16 +103,9 @@ def tune_in(
     step_s: float,
     key: bytes | None = None,
 ) -> DirectRadio:
-    """Connect a robot to the direct radio.
+    """Connect the robot named `own` to the direct radio; `numbers` holds those of the whole fleet, by name.
 
-    Args:
-        air: The network on which the robots hear each other.
-        keys: Of the fleet.
-        own: Name of this robot.
-        numbers: Numbers of all robots of the fleet, by name.
-        clock: Waits until it is time to decide.
-        step_s: Wall time of a tick, s.
-        key: Of the fleet's tags, or None.
+    `step_s` is the wall time of a tick; `key` is that of the fleet's tags, or None.
     """
     names = {number: name for name, number in numbers.items() if name != own}
     others = {keys.position(name): number for name, number in numbers.items() if name != own}

@@ -32,17 +32,14 @@ APART = 2
 class Skew:
     """The lead in ticks of other robots' counts over this robot's own, by the positions that they send.
 
-    Attributes:
-        late: Number of frames that came too late.
+    `late` counts the frames that came too late.
     """
 
     def __init__(self, names: Mapping[int, str], step_s: float, key: bytes | None = None) -> None:
-        """Judge the robots of a fleet.
+        """Judge the robots of a fleet; `step_s` is the wall time of a tick.
 
-        Args:
-            names: The robots' names, by number.
-            step_s: Wall time of a tick, s.
-            key: Of the fleet's tags; frames without the right one say nothing. None when it uses none.
+        With the key of the fleet's tags, frames without the right tag say nothing; it is None where the fleet uses
+        none.
         """
         self.late = 0
         self._names = names
@@ -55,10 +52,6 @@ class Skew:
         """Take in the frames heard, before the inbox rejects any of them; return which are late.
 
         A frame is late by the median of its sender's last ones, not by this robot's count: clocks may differ.
-
-        Args:
-            k: The tick for whose decision they were heard.
-            frames: As they were received.
         """
         if k != self._k + 1:  # own ticks were skipped, so what has waited meanwhile says nothing about the others
             for leads in self._leads.values():

@@ -14,15 +14,7 @@ class FakeRobot:
     """A robot (`agent.ports.Robot`) that obeys at once, and stays where it is when a wall is in the way."""
 
     def __init__(self, clock: FleetClock, spec: RobotSpec, terrain: Terrain, start: Pose, step: float) -> None:
-        """Put the body on its start.
-
-        Args:
-            clock: Says when a tick begins.
-            spec: Model, speed (m/s), radius (m) and turning radius (m).
-            terrain: The walls.
-            start: m and rad.
-            step: s of robot time per tick.
-        """
+        """Put the body on its start; `step` is in s of robot time per tick."""
         self.pose = start
         self.stopped = ""
         self._clock = clock

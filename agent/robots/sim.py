@@ -64,9 +64,7 @@ _BACKLOG = 256
 class SimRobot:
     """Robot, radio, fleet clock and telemetry of one simulated robot (`agent.ports`).
 
-    Attributes:
-        farewell: Why the robot left; empty until then.
-        orderly: Whether it left because the run is over.
+    `farewell` is the reason why the robot left, empty until then; `orderly` is True if it left because the run is over.
     """
 
     def __init__(
@@ -83,15 +81,8 @@ class SimRobot:
     ) -> None:
         """Join a run; `join` connects everything.
 
-        Args:
-            mailbox: Messages from the world, and whether it is present.
-            post: Sends a message to the world.
-            session: The robot's end of the session.
-            ending: Whether this process has to leave.
-            model: Body model, for the command that stops it.
-            waiting: Called at intervals with the time that the robot has waited for a world's greeting, s.
-            now: Monotonic clock, s.
-            alive: Called in each round of waiting.
+        `model` is for the command that stops the robot. `waiting` is called at intervals with the time, s, that the
+        robot has waited for a world's greeting, `alive` in each round of waiting. `now` is a monotonic clock, s.
         """
         self.farewell = ""
         self.orderly = False
@@ -145,11 +136,7 @@ class SimRobot:
         self._answers[PhaseA] = self._say(ReplyA(*self._session.head(self._session.k), frames), REPLY_A)
 
     def hear(self) -> list[bytes] | None:
-        """Wait for phase B.
-
-        Returns:
-            All frames since the last decision, or None when there is nothing to decide.
-        """
+        """Wait for phase B, and return all frames since the last decision; None when there is nothing to decide."""
         if self._transcript.due and self._answered >= 0:  # here, where the frames have left, by either radio
             self._report(self._answered)
         while self._session.stage is RobotStage.AWAITS_B and self._receive():
@@ -160,13 +147,7 @@ class SimRobot:
         return heard
 
     def report(self, sensed: Sensed, decision: Decision, decision_ms: float) -> None:
-        """Keep the diagnostics for the answer that carries the command.
-
-        Args:
-            sensed: Not used: the world knows it.
-            decision: The mind's decision.
-            decision_ms: Wall time of the decision, ms.
-        """
+        """Keep the diagnostics for the answer that carries the command."""
         del sensed
         rejected = decision.rejected + self.refused
         self._decision = Reply(decision.command, str(decision.state), decision.refined, decision_ms, rejected)
@@ -179,11 +160,7 @@ class SimRobot:
         self._answers[PhaseB] = self._say(self._answer, REPLY_B)
 
     def stop(self, reason: str) -> None:
-        """Report to the world that the mind cannot go on.
-
-        Args:
-            reason: Why, in one line.
-        """
+        """Report to the world that the mind cannot go on."""
         self._report(LAST)
         self._post(encode(Failed(*self._session.head(max(self._session.k, 0)), reason)))
 
@@ -284,18 +261,8 @@ def join(
 
     Subscribes to ticks before the token announces this robot, so that no tick is missed.
 
-    Args:
-        link: To the fleet's router.
-        keys: Of the fleet.
-        identity: Of this process.
-        robots: Number of robots in the fleet.
-        zones: Number of zones in the scenario.
-        ending: Whether this process has to leave.
-        patience_s: Time without a world after which the robot leaves, s.
-        waiting: Called at intervals with the time that the robot has waited for a world's greeting, s.
-        blind_s: Time without a new pose after which the robot stops, s.
-        model: Body model.
-        alive: Called in each round of waiting.
+    The robot leaves after `patience_s` without a world, and stops after `blind_s` without a new pose. For `waiting` and
+    `alive` see `SimRobot`.
     """
     decode = partial(decode_to_robot, zones=zones)
     places = keys.tick(identity.name), keys.alive(WORLD)

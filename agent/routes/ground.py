@@ -28,17 +28,12 @@ _UNKNOWN = (-1, -1)
 class Area:
     """A part of the ground that can be closed as a whole.
 
-    Attributes:
-        box: Its bounds in `Ground.state`: first row, end row, first column, end column; ends are exclusive.
-        mask: bool, the area's points within the box.
+    `box` holds its bounds in `Ground.state`: first row, end row, first column, end column; ends are exclusive. `mask`
+    is bool, the area's points within the box.
     """
 
     def __init__(self, area: NDArray[np.bool_]) -> None:
-        """Cut an area out of a grid.
-
-        Args:
-            area: bool (h, w), the terrain's points that belong to the area.
-        """
+        """Cut an area out of a grid: bool (h, w), the terrain's points that belong to the area."""
         rows, cols = np.flatnonzero(area.any(axis=1)), np.flatnonzero(area.any(axis=0))
         top, bottom = (int(rows[0]), int(rows[-1]) + 1) if rows.size else (0, 0)
         left, right = (int(cols[0]), int(cols[-1]) + 1) if cols.size else (0, 0)
@@ -52,24 +47,18 @@ class Ground:
     `begin` sets the obstacles of the robot's body each tick. A policy may `close` more for that tick, which affects its
     own routes and the body alike. Elements are numbered like those of `state`.
 
-    Attributes:
-        against: uint8 (h, w), the steps that lead against one-way zones (`patrol.ground.terrain.Terrain.against`);
-            `ALL_WAYS` where ways may lead in all directions.
-        behind: bool (h, w), the points of one-way zones that lie behind the robot, on which manoeuvres keep off; None
-            for none.
+    `against`, uint8 (h, w), holds the steps that lead against one-way zones (`patrol.ground.terrain.Terrain.against`);
+    it is `ALL_WAYS` where ways may lead in all directions. `behind`, bool (h, w), holds the points of one-way zones
+    that lie behind the robot, on which manoeuvres keep off; it is None for none.
     """
 
     def __init__(
         self, terrain: Terrain, reach: NDArray[np.bool_], base: Ground | None = None, *, one_way: bool = True
     ) -> None:
-        """Start with nothing closed.
+        """Start with nothing closed; `reach`, bool (h, w), holds the points on which the robot's centre may be.
 
-        Args:
-            terrain: The map.
-            reach: bool (h, w), the points on which the robot's centre may be.
-            base: The same ground, on which nothing is ever closed; then this one has grids of its own only while
-                something is closed on it.
-            one_way: Whether the terrain's one-way zones count.
+        `base` is the same ground, on which nothing is ever closed; then this one has grids of its own only while
+        something is closed on it. Without `one_way` the terrain's one-way zones do not count.
         """
         self.against = terrain.against if one_way else ALL_WAYS
         self.behind: NDArray[np.bool_] | None = None
@@ -94,11 +83,10 @@ class Ground:
 
     @property
     def state(self) -> NDArray[np.uint8]:
-        """The ground in the wave's encoding, framed by one blocked point on every side.
+        """The ground in the wave's encoding, framed by one blocked point on every side: uint8 (h + 2, w + 2).
 
-        Returns:
-            uint8 (h + 2, w + 2); element (row + 1, col + 1) belongs to the terrain's point (row, col). The two low bits
-            are OPEN or BLOCKED; HEMMED is set beside a blocked point.
+        Read-only. Element (row + 1, col + 1) belongs to the terrain's point (row, col). The two low bits are OPEN or
+        BLOCKED; HEMMED is set beside a blocked point.
         """
         self._apply()
         return self._shown
@@ -121,31 +109,17 @@ class Ground:
         return self._static
 
     def is_closed(self, row: int, col: int) -> bool:
-        """Return True if the robot's centre may be on a point of the terrain, but not at this tick.
-
-        Args:
-            row: Of the terrain.
-            col: Of the terrain.
-        """
+        """Return True if the robot's centre may be on a point of the terrain, but not at this tick."""
         return bool(self.static.open_now[row, col] and not self.open_now[row, col])
 
     def begin(self, discs: Sequence[Disc]) -> None:
-        """Begin a tick: open everything again, then close the points whose centres lie within some discs.
-
-        Args:
-            discs: x, y and radius in m.
-        """
+        """Begin a tick: open everything again, then close the points whose centres lie within some discs."""
         self._wanted = tuple(discs), ()
 
     def close(self, discs: Sequence[Disc] = (), areas: Sequence[Area] = ()) -> None:
-        """Close more for this tick.
+        """Close more for this tick: the points whose centres lie within some discs, and whole areas.
 
-        Args:
-            discs: x, y and radius in m; the points whose centres lie within them close.
-            areas: Areas that close as a whole.
-
-        Raises:
-            ValueError: A number of a disc is not finite.
+        A disc with a number that is not finite raises `ValueError`.
         """
         for disc in discs:
             if not all(map(math.isfinite, disc)):
@@ -181,15 +155,10 @@ class Ground:
             self._encode(box)
 
     def join(self, x: float, y: float) -> tuple[int, int] | None:
-        """Return the open element of `state` through which a body joins the reachable points.
+        """Return (row, col) of the open element of `state` through which a body joins the reachable points.
 
-        Args:
-            x: Of the body's centre, m.
-            y: Of the body's centre, m.
-
-        Returns:
-            (row, col) of the body's own point, or, where that is not open, of a neighbouring point that a straight line
-            leads to; None if there is none.
+        That is the body's own point, or, where that is not open, a neighbouring one that a straight line leads to; None
+        if there is none.
         """
         self._apply()
         joined = self._joined  # one attribute, because several threads may ask at once
@@ -205,13 +174,10 @@ class Ground:
         return None if beside is None else (beside[0] + 1, beside[1] + 1)
 
     def join_each(self, places: NDArray[np.float64]) -> NDArray[np.int64]:
-        """Return the open elements through which several bodies join the reachable points, as `join` finds them.
+        """Return the open elements of `state` through which several bodies join the reachable points.
 
-        Args:
-            places: float64 (n, 2), x and y of the bodies' centres in m.
-
-        Returns:
-            int64 (k, 2), row and column for each body that joins them, in their order.
+        The places are float64 (n, 2), x and y of the bodies' centres in m. The result is int64 (k, 2), row and column
+        as of `join`, in the order of the bodies; those that do not join are left out.
         """
         self._apply()
         if self._static is not None and self._state is self._static._state:

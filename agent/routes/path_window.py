@@ -31,28 +31,15 @@ class PathWindow(ABC):
     The window holds everything within ``span`` points of the start, and a blocked frame. Its arrays are reused from one
     start to the next, and minds that never think at the same time may share them.
 
-    Attributes:
-        span: How far the window reaches from the start, in points.
-        state: uint8 (m, n), `agent.routes.kernels.wave.SETTLED` in the two low bits where a path is known.
-        length: int32 (m, n), path lengths in hundredths of a point.
-        bend: int32 (m, n), flat index into the window of the path's first bend, or of the point itself where the path
-            has none.
-        row0: Row of the terrain's point under element (0, 0).
-        col0: Column of the same point.
-        start_row: The start's row in the window.
-        start_col: The start's column in the window.
-        aside: Rows and columns from the start to the robot, in points; straight paths are measured from the robot.
-        key: Of the draws between equally long paths.
+    Paths are known where the two low bits of `state` are `agent.routes.kernels.wave.SETTLED`. There `length` is in
+    hundredths of a point, and `bend` is a flat index into the window: of the path's first bend, or of the point itself
+    where the path has none. `row0` and `col0` are the row and column of the terrain's point under element (0, 0).
+    `aside` is rows and columns from the start to the robot, in points; straight paths are measured from the robot.
+    `key` is that of the draws between equally long paths.
     """
 
     def __init__(self, height: int, width: int, span: int) -> None:
-        """Allocate the window.
-
-        Args:
-            height: Of the terrain, in points.
-            width: Of the terrain, in points.
-            span: How far the window reaches from the start, in points.
-        """
+        """Allocate the window, for a terrain of height and width in points."""
         self.span = span
         rows, cols = min(height, 2 * span + 1) + 2, min(width, 2 * span + 1) + 2
         self.state = np.zeros((rows, cols), dtype=np.uint8)
@@ -62,34 +49,18 @@ class PathWindow(ABC):
         self.aside, self.key = CENTRE, 0
 
     def begin(self, ground: Ground, row: int, col: int, aside: Aside = CENTRE, key: int = 0) -> None:
-        """Start from an open element of the ground.
-
-        Args:
-            ground: As it is now.
-            row: Row of the element in `Ground.state`.
-            col: Column of the element in `Ground.state`.
-            aside: See above.
-            key: See above.
-        """
+        """Start from an open element of the ground, (row, col) of `Ground.state`."""
         self._place(ground, row, col)
         self.start_row, self.start_col = row - self.row0 - 1, col - self.col0 - 1
         self.aside, self.key = aside, key
         self._begin()
 
     def lengths_from(self, ground: Ground, row: int, col: int, starts: Sequence[Place], limit: int) -> Lengths:
-        """Path lengths from the nearest of several starts.
+        """Return the path lengths from the nearest of several starts, int32 (m, n) in hundredths of a point.
 
-        Results of earlier calls of `begin` and `extend` are lost.
-
-        Args:
-            ground: As it is now.
-            row: Row of `Ground.state` around which the window lies.
-            col: Column of `Ground.state` around which the window lies.
-            starts: Open elements (row, col) of `Ground.state`; those outside the window are left out.
-            limit: Longest path to follow, in hundredths of a point.
-
-        Returns:
-            int32 (m, n), in hundredths of a point; `FAR` where the path is longer than the limit or does not exist.
+        They are `FAR` where the path is longer than the limit or does not exist. The window lies around (row, col) of
+        `Ground.state`; starts, elements of it too, are left out where they are outside the window. Results of earlier
+        calls of `begin` and `extend` are lost.
         """
         nearest = np.full(self.state.shape, FAR, dtype=np.int32)
         self.aside = CENTRE
@@ -126,10 +97,7 @@ class PathWindow(ABC):
 
     @abstractmethod
     def extend(self, limit: int) -> None:
-        """Settle every path up to a length.
+        """Settle every path up to a length in hundredths of a point, at most 100 * span.
 
         What is settled stays so: a length no larger than an earlier one since `begin` changes nothing.
-
-        Args:
-            limit: In hundredths of a point, at most 100 * span.
         """

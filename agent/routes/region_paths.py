@@ -28,14 +28,7 @@ class Regions(PathWindow):
     """
 
     def __init__(self, height: int, width: int, span: int, split: RegionSplit) -> None:
-        """Allocate the window and build the graph of connections.
-
-        Args:
-            height: Of the terrain, in points.
-            width: Of the terrain, in points.
-            span: How far the window reaches from the start, in points.
-            split: The terrain's regions, their parts and connections.
-        """
+        """Allocate the window and build the graph of connections."""
         super().__init__(height, width, span)
         links = split.connections
         self._parts = split.parts
@@ -95,12 +88,9 @@ class _Graph(NamedTuple):
 
     @staticmethod
     def of(points: Sequence[int], joined: Sequence[tuple[int, int]], parts: Ints) -> _Graph:
-        """Build the graph.
+        """Build the graph from each connection's point, a flat index, and the two parts that it joins.
 
-        Args:
-            points: Flat indices of the connections' points.
-            joined: The two parts that each connection joins.
-            parts: int32 (h, w), each point's part, -1 for none.
+        `parts` is int32 (h, w), -1 for points without a part.
         """
         places = np.stack(np.divmod(np.array(points, dtype=np.int32), parts.shape[1]), axis=1)
         ends = np.array(joined, dtype=np.int32).reshape(-1, 2)

@@ -22,17 +22,11 @@ Element = tuple[int, int]
 
 @dataclass(frozen=True, slots=True)
 class Way:
-    """The shortest way to a place.
+    """The shortest way to a place."""
 
-    Attributes:
-        place: Where it ends, x and y in m: the centre of the target point, or of the nearest reachable one.
-        bend: Where it first bends, x and y in m; the place itself when the way is straight.
-        length: m.
-    """
-
-    place: Spot
-    bend: Spot
-    length: float
+    place: Spot  # x and y in m: the target's centre, or that of the nearest reachable point
+    bend: Spot  # the first bend, x and y in m; `place` where the way is straight
+    length: float  # m
 
 
 def unhindered(one: Element, other: Element) -> int:
@@ -57,24 +51,15 @@ class Routes:
     """
 
     def __init__(self, ground: Ground) -> None:
-        """Compute nothing yet.
-
-        Args:
-            ground: The ground of one robot.
-        """
+        """Compute nothing yet."""
         self._ground = ground
 
     def lengths(self, place: Spot, within: float | None = None, *, back: bool = False) -> NDArray[np.float64]:
-        """Lengths of the ways from a place to all points.
+        """Return the lengths of the ways from a place (x, y) to all points, float64 (h, w) in m.
 
-        Args:
-            place: x and y in m: the robot's own place, another robot's, or any other. A place that is closed at this
-                tick starts from the ground with nothing closed, since robots do stand there.
-            within: Longest way to follow, m; a limit saves time. None for no limit.
-            back: Lengths of the ways from all points to the place instead; they differ where there are one-way zones.
-
-        Returns:
-            float64 (height, width) in m; infinity where no way leads, or only a longer one.
+        They are infinite where no way leads, or only one longer than `within` (m; None for no limit). With `back` they
+        are those of the ways from all points to the place, which differ where there are one-way zones. A place that is
+        closed at this tick starts from the ground with nothing closed, since robots do stand there.
         """
         terrain = self._ground.terrain
         if not all(map(math.isfinite, place)) or (within is not None and not within >= 0.0):
@@ -94,16 +79,10 @@ class Routes:
         return far
 
     def way(self, start: Element, target: Element, expected: int | None = None) -> Way:
-        """Return the way from one element of the ground to another, over the ground as it is now.
+        """Return the way from an open element of the ground to another one, or to the nearest reachable place.
 
-        Args:
-            start: An open element.
-            target: Any element inside the frame.
-            expected: Likely upper bound of the way's length, in hundredths of a point. The search goes beyond it only
-                if needed.
-
-        Returns:
-            The way to the target, or to the reachable place nearest to it.
+        `expected` is a likely upper bound of the way's length, in hundredths of a point. The search goes beyond it only
+        if needed.
         """
         ground = self._ground
         if start == target or self._is_straight(start, target):

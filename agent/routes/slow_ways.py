@@ -28,11 +28,8 @@ class SlowWays:
     def __init__(self, lengths: NDArray[np.float32], point: float, speed: float, limits: SpeedLimits) -> None:
         """Compute nothing yet.
 
-        Args:
-            lengths: float32 (h, w), of the ways to the place, m; infinity where none leads.
-            point: Side of a point, m.
-            speed: The body's top speed, m/s.
-            limits: Of the slow zones.
+        `lengths` are those of the ways to the place, in m, infinity where none leads; `point` is the side of a point,
+        m.
         """
         self._lengths = lengths
         self._point = point
@@ -42,12 +39,7 @@ class SlowWays:
         self._delays: NDArray[np.float64] | None = None
 
     def delay_s(self, start: tuple[int, int], in_force: Set[str]) -> float:
-        """Return how much longer the way from a point takes than at top speed, s; 0 where no way leads.
-
-        Args:
-            start: Row and column of the point.
-            in_force: Names of the zones that are in force.
-        """
+        """Return how much longer the way from a point (row, col) takes than at top speed; 0 where none leads."""
         if in_force != self._in_force:
             self._in_force, slower = in_force, self._limits.delays(self._speed, in_force)
             self._delays = None if slower is None else _delays(self._lengths, self._point, slower)
@@ -60,10 +52,7 @@ def _delays(lengths: NDArray[np.float32], point: float, slower: NDArray[np.float
     Every step is at least one point long. So the points whose ways are from k to less than k + 1 points long go on to
     some whose ways are shorter than k points, and all of them are computed at once.
 
-    Args:
-        lengths: Of the ways, m; infinity where none leads.
-        point: Side of a point, m.
-        slower: s that each metre takes longer, by point.
+    Lengths are in m, infinity where no way leads; `slower` is how many s each metre takes longer, by point.
     """
     height, width = lengths.shape
     known = np.isfinite(lengths)
@@ -84,13 +73,9 @@ def _delays(lengths: NDArray[np.float32], point: float, slower: NDArray[np.float
 
 
 def _neighbours(width: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Return where the eight neighbours of a point lie on a flat grid, and the lengths of the steps there.
+    """Return the flat offsets of a point's eight neighbours and the lengths of the steps there.
 
-    Args:
-        width: Of the grid.
-
-    Returns:
-        Both int64 (8, 1), the lengths in hundredths of a point.
+    Both are int64 (8, 1), the lengths in hundredths of a point; the width is that of the grid.
     """
     around = [(up, across) for up in (-1, 0, 1) for across in (-1, 0, 1) if up or across]
     near = [[up * width + across] for up, across in around]

@@ -19,14 +19,7 @@ class Straight(PathWindow):
     """
 
     def __init__(self, height: int, width: int, span: int, patrolled: NDArray[np.bool_]) -> None:
-        """Allocate the window.
-
-        Args:
-            height: Of the terrain, in points.
-            width: Of the terrain, in points.
-            span: How far the window reaches from the start, in points.
-            patrolled: bool (height, width), the points that have a path.
-        """
+        """Allocate the window."""
         super().__init__(height, width, span)
         self._patrolled = patrolled
         self._open = np.where(patrolled, np.uint8(OPEN), np.uint8(0))

@@ -37,19 +37,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class _OneWay:
-    """A one-way zone.
+    """A one-way zone."""
 
-    Attributes:
-        points: bool (h, w).
-        towards: x and y of its direction, of length 1.
-        inside: int64 (n,), flat indices of its points.
-        along: float64 (n,), how far along the direction their centres lie, m.
-    """
-
-    points: NDArray[np.bool_]
-    towards: tuple[float, float]
-    inside: NDArray[np.int64]
-    along: NDArray[np.float64]
+    points: NDArray[np.bool_]  # (h, w)
+    towards: tuple[float, float]  # x and y of its direction, of length 1
+    inside: NDArray[np.int64]  # flat indices of its points
+    along: NDArray[np.float64]  # how far along the direction the centres of these lie, m
 
     def place(self, x: float, y: float) -> float:
         """Return how far along the direction a place lies, m."""
@@ -60,14 +53,7 @@ class Visits:
     """One robot's visits to the one-way zones of its ground."""
 
     def __init__(self, zones: Iterable[Zone], ground: Ground, radius: float, step: float) -> None:
-        """Begin outside of all zones.
-
-        Args:
-            zones: The scenario's.
-            ground: Of the robot.
-            radius: Of its body, m.
-            step: s per tick.
-        """
+        """Begin outside of all zones."""
         self._ground = ground
         self._back_m = 2.0 * radius
         self._step = step
@@ -86,12 +72,7 @@ class Visits:
         self._came_in: dict[int, float] = {}
 
     def note(self, x: float, y: float) -> None:
-        """Take note of where the robot is, and bring its ground up to date; call it once a tick.
-
-        Args:
-            x: Of the body's centre, m.
-            y: Of the body's centre, m.
-        """
+        """Take note of where the robot is, and bring its ground up to date; call it once a tick."""
         if not self._zones:
             return
         before = self._came_in
@@ -107,12 +88,7 @@ class Visits:
             self._ground.against = ALL_WAYS
 
     def allow(self, pose: Pose, command: Command) -> bool:
-        """Return True unless a step would end behind in a zone, and farther back than it begins.
-
-        Args:
-            pose: The robot's own.
-            command: For the step.
-        """
+        """Return True unless a step would end behind in a zone, and farther back than it begins."""
         if not self._came_in:
             return True
         end = advance(pose, command, self._step)

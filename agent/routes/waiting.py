@@ -36,13 +36,7 @@ class Waiting:
     """
 
     def __init__(self, terrain: Terrain, reach: NDArray[np.bool_], radius: float) -> None:
-        """Look at the ground without anything in the way.
-
-        Args:
-            terrain: The map.
-            reach: bool (h, w), the points on which the robot's centre may be.
-            radius: Of its body, m.
-        """
+        """Look at the ground without anything in the way; `reach` marks where the robot's centre may be."""
         self._terrain = terrain
         self._reach = reach
         self._keep = KEEP_RADII * radius / terrain.point
@@ -52,10 +46,6 @@ class Waiting:
         """Return True if the ground around a robot stays in one piece for the centres of others.
 
         What it cuts off counts only if it is larger than what a disc leaves in a corner.
-
-        Args:
-            spot: Where the robot is to stand, x and y in m.
-            standing: Where others stand, x and y in m.
         """
         row, col = self._terrain.point_at(*spot)
         half = math.ceil(AROUND * self._keep)
@@ -85,12 +75,8 @@ class Waiting:
     def nearest(self, ways: NDArray[np.float32], among: NDArray[np.bool_], standing: Iterable[Spot]) -> Spot | None:
         """Return the nearest place that lets others pass, x and y in m, or None.
 
-        Places are looked at a body's radius apart.
-
-        Args:
-            ways: float32 (h, w), lengths of the ways to where the robot wants to be near, m.
-            among: bool (h, w), the points that it may stand on.
-            standing: Where others stand, x and y in m.
+        It is the nearest by `ways`, the lengths of the ways (m) to where the robot wants to be. Of the points in
+        `among`, those about a body's radius apart are looked at.
         """
         rows, cols = np.nonzero(among)
         some = (rows % self._stride == 0) & (cols % self._stride == 0)

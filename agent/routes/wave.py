@@ -35,30 +35,16 @@ NO_BENDS: NDArray[np.int32] = np.zeros((0, 0), dtype=np.int32)
 
 
 class BoxPaths(NamedTuple):
-    """The paths from the nearest of some points, over a box of the ground.
+    """The paths from the nearest of some points, over a box of the ground."""
 
-    Attributes:
-        length: int32 (m, n), in hundredths of a point, `FAR` where no path is known; framed by one such point on every
-            side.
-        bend: int32 (m, n), flat index of each path's first bend; size 0 unless bends were asked for.
-        row0: Row of the terrain under row 0.
-        col0: Column of the terrain under column 0.
-        limit: The longest path that is known, in hundredths of a point.
-    """
-
-    length: NDArray[np.int32]
-    bend: NDArray[np.int32]
-    row0: int
-    col0: int
-    limit: int
+    length: NDArray[np.int32]  # (m, n), in hundredths of a point, `FAR` where unknown; framed by one such point
+    bend: NDArray[np.int32]  # (m, n), flat index into the box of each path's first bend; size 0 unless asked for
+    row0: int  # row of the terrain under row 0
+    col0: int  # column of the terrain under column 0
+    limit: int  # longest path that is known, in hundredths of a point
 
     def length_to(self, row: int, col: int) -> int:
-        """Return the length of the path to a point (row, col) of the terrain; `FAR` where none is known.
-
-        Args:
-            row: Row of the terrain.
-            col: Column of the terrain.
-        """
+        """Return the length of the path to a point (row, col) of the terrain; `FAR` where none is known."""
         up, across = row - self.row0, col - self.col0
         inside = 0 <= up < self.length.shape[0] and 0 <= across < self.length.shape[1]
         return int(self.length[up, across]) if inside else FAR
@@ -68,24 +54,14 @@ NO_PATHS = BoxPaths(NO_BENDS, NO_BENDS, 0, 0, 0)
 
 
 def box_around(point: tuple[int, int], reach: int, shape: tuple[int, int]) -> Box:
-    """Return the box that holds all points within some rows and columns of another.
-
-    Args:
-        point: Row and column of the other.
-        reach: Rows and columns.
-        shape: Of the terrain.
-    """
+    """Return the box that holds all points within `reach` rows and columns of a point (row, col)."""
     return box_between(point, point, 2 * reach, shape)
 
 
 def box_between(first: tuple[int, int], second: tuple[int, int], steps: int, shape: tuple[int, int]) -> Box:
     """Return the box that holds two points and all paths between them of at most so many steps.
 
-    Args:
-        first: Row and column.
-        second: Row and column.
-        steps: Of the longest path. For example, from column 10 to column 20 in 14 steps: columns 8 to 22.
-        shape: Of the terrain.
+    For example, from column 10 to column 20 in 14 steps: columns 8 to 22. The terrain's edge cuts it off.
     """
     bounds = []
     for from_line, to_line, size in zip(first, second, shape, strict=True):
@@ -103,15 +79,10 @@ def paths_in(
 ) -> BoxPaths:
     """Find the paths from the nearest of several starts, over a box of the ground.
 
-    On ground with one-way zones no path leads against them.
-
-    Args:
-        ground: As it is now.
-        starts: Open points (row, col) of the terrain, within the box; a single one where bends are asked for.
-        box: Paths that leave it are not known.
-        limit: The longest path, in hundredths of a point; at most `LONGEST`.
-        bends: Find first bends as well; on ground with one-way zones `agent.routes.routes.Routes.way` finds them.
-        back: Find the paths to the nearest start instead. Without one-way zones they are as long.
+    Starts are open points (row, col) of the terrain within the box; `limit` is in hundredths of a point, at most
+    `LONGEST`. Paths that leave the box are not known, and on ground with one-way zones no path leads against them.
+    `bends` takes a single start; on ground with one-way zones it finds none, and `agent.routes.routes.Routes.way` does.
+    With `back` the paths lead to the nearest start instead.
     """
     top, bottom, left, right = box
     shape = rows, cols = bottom - top + 2, right - left + 2
@@ -147,12 +118,8 @@ class Wave(PathWindow):
     def __init__(self, height: int, width: int, span: int, ties: Ties | None = None) -> None:
         """Allocate the window.
 
-        Args:
-            height: Of the terrain, in points.
-            width: Of the terrain, in points.
-            span: How far the window reaches from the start, in points.
-            ties: Give each path's first step, one of eight (paper, "The wave"), in place of its first bend: of equally
-                long paths the one that this names. None for first bends.
+        With ties, `bend` holds each path's first step, one of eight (paper, "The wave"), in place of its first bend: of
+        equally long paths the one that `ties` names.
         """
         super().__init__(height, width, span)
         self._ties = ties

@@ -40,13 +40,7 @@ class WayBack:
     """Finds ways from anywhere to the points on which a body's centre may be, whatever is closed at this tick."""
 
     def __init__(self, ground: Ground, radius: float, *, wanted: bool = True) -> None:
-        """Compute nothing yet.
-
-        Args:
-            ground: Where the robot's centre may be.
-            radius: Of the body, m.
-            wanted: Whether to look for ways at all; otherwise there are none.
-        """
+        """Compute nothing yet; unless `wanted`, there are no ways at all."""
         self._wanted = wanted
         self._ground = ground
         self._radius = radius
@@ -56,12 +50,7 @@ class WayBack:
         self._spot: tuple[Spot, Spot | None] | None = None
 
     def note(self, x: float, y: float) -> None:
-        """Remember where the body has been since it was last on the reachable points; call it once a tick.
-
-        Args:
-            x: Of the body's centre, m.
-            y: Of the body's centre, m.
-        """
+        """Remember where the body has been since it was last on the reachable points; call it once a tick."""
         if not self._wanted:
             return
         if self._ground.join(x, y) is not None:
@@ -70,23 +59,13 @@ class WayBack:
             self._trail.append((x, y))
 
     def is_needed(self, x: float, y: float) -> bool:
-        """Return True if a body is so far off the reachable points that it could not join them with nothing closed.
-
-        Args:
-            x: Of the body's centre, m.
-            y: Of the body's centre, m.
-        """
+        """Return True if a body is so far off the reachable points that it could not join them with nothing closed."""
         return self._wanted and self._ground.static.join(x, y) is None
 
     def paths(self, x: float, y: float) -> BoxPaths | None:
         """Find the paths to the nearest reachable points, over all points on which the body may fit.
 
-        Args:
-            x: Of the body's centre, m.
-            y: Of the body's centre, m.
-
-        Returns:
-            Paths of at most `REACH`; None if none begins at (x, y).
+        They are at most `REACH` long; None if none begins at (x, y).
         """
         here = self._ground.terrain.point_at(x, y)
         if self._paths is None or self._paths[0] != here:
@@ -94,15 +73,10 @@ class WayBack:
         return self._paths[1]
 
     def spot(self, x: float, y: float) -> Spot | None:
-        """Return the place on the way back to which a body that moves in any direction goes in a free straight line.
+        """Return a place on the way back to which a body that moves in any direction can go straight, or None.
 
-        Args:
-            x: Of the body's centre, m.
-            y: Of the body's centre, m.
-
-        Returns:
-            x and y in m: a place on the point nearest to the end of the way, else a place that the body came by; None
-            where neither can be reached in a straight line.
+        It is on the point nearest to the end of the way, else a place that the body came by, x and y in m. None where
+        neither can be reached in a free straight line.
         """
         if not self._wanted:
             return None

@@ -27,14 +27,7 @@ Faults = list[dict[str, Any]]
 
 
 def check_condition(name: str) -> None:
-    """Refuse a name that is no condition.
-
-    Args:
-        name: The name.
-
-    Raises:
-        BadInput: It is none.
-    """
+    """Refuse a name that is no condition."""
     parts = name.split("+")
     for part in parts:
         if (
@@ -49,21 +42,12 @@ def check_condition(name: str) -> None:
 
 
 def least_team(name: str) -> int:
-    """Return the smallest team that a condition makes sense for.
-
-    Args:
-        name: The condition.
-    """
+    """Return the smallest team that a condition makes sense for."""
     return max(3 if part == DEATHS else 1 if part == NONE or _percent(part, JITTER) else 2 for part in name.split("+"))
 
 
 def faults_of(name: str, duration_s: float) -> Faults:
-    """Return a condition's faults, as in a scenario.
-
-    Args:
-        name: The condition.
-        duration_s: Simulated time, s.
-    """
+    """Return a condition's faults, as in a scenario."""
     return [fault for part in name.split("+") for fault in _part(part, duration_s)]
 
 

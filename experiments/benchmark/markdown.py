@@ -13,14 +13,9 @@ from experiments.sweeps.texttable import markdown_table
 def page(
     matrix: Matrix, results: BenchmarkResults, *, command: str, computing_s: float, preset: Preset | None = None
 ) -> str:
-    """Return benchmark.md.
+    """Return benchmark.md, with the published numbers of a preset if one is given.
 
-    Args:
-        matrix: What was run.
-        results: The results.
-        command: The command line that made them.
-        computing_s: Processor time of all runs together, s.
-        preset: Whose published numbers to show; None for none.
+    `computing_s` is the processor time of all runs together.
     """
     return "\n".join([*_lines(matrix, results, command, computing_s, preset), ""])
 

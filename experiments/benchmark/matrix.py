@@ -37,37 +37,23 @@ OPTIONS_OF_RUN = {
 
 @dataclass(frozen=True, slots=True)
 class NamedSettings:
-    """A policy or a terrain.
+    """A policy or a terrain."""
 
-    Attributes:
-        name: Its name in tables, as it was given.
-        settings: What it sets in the scenario, by dotted field.
-    """
-
-    name: str
-    settings: Mapping[str, object]
+    name: str  # in tables
+    settings: Mapping[str, object]  # of the scenario, by dotted field
 
 
 @dataclass(frozen=True, slots=True)
 class Matrix:
-    """The choices that the benchmark varies, and the settings that all its runs share.
-
-    Attributes:
-        policies: The policies.
-        terrains: The terrains.
-        teams: Numbers of robots.
-        conditions: Names of conditions (`experiments.benchmark.conditions`).
-        seeds: The seeds that each cell is run with.
-        duration_s: Simulated time of each run, s.
-        settings: What else each run sets in the scenario, by dotted field.
-    """
+    """The choices that the benchmark varies, and the settings that all its runs share."""
 
     policies: tuple[NamedSettings, ...]
     terrains: tuple[NamedSettings, ...]
-    teams: tuple[int, ...]
-    conditions: tuple[str, ...]
-    seeds: tuple[int, ...]
-    duration_s: float
+    teams: tuple[int, ...]  # numbers of robots
+    conditions: tuple[str, ...]  # names (`experiments.benchmark.conditions`)
+    seeds: tuple[int, ...]  # each cell is run with all of them
+    duration_s: float  # simulated time of each run
+    # what else each run sets in the scenario, by dotted field
     settings: Mapping[str, object] = field(default_factory=dict)
 
     @property
@@ -85,21 +71,13 @@ class Matrix:
 
 @dataclass(frozen=True, slots=True)
 class BenchmarkCell:
-    """A policy on a terrain, in a team, under a condition.
-
-    Attributes:
-        policy: The policy.
-        terrain: The terrain.
-        team: Number of robots.
-        condition: Name of the condition.
-        matrix: What it is a cell of.
-    """
+    """A policy on a terrain, in a team, under a condition."""
 
     policy: NamedSettings
     terrain: NamedSettings
-    team: int
-    condition: str
-    matrix: Matrix
+    team: int  # number of robots
+    condition: str  # its name
+    matrix: Matrix  # what it is a cell of
 
     @property
     def name(self) -> str:
@@ -130,11 +108,7 @@ class BenchmarkCell:
         }
 
     def command(self, seed: int) -> str:
-        """Return the command line that makes one of its runs again.
-
-        Args:
-            seed: The run's.
-        """
+        """Return the command line that makes one of its runs again."""
         settings = self.settings
         words = ["fogwatch", "run", str(settings.pop("terrain.builtin", None) or settings.pop("terrain.map"))]
         for name, value in settings.items():
@@ -145,23 +119,12 @@ class BenchmarkCell:
 
 
 def robots_text(team: int) -> str:
-    """Return a number of robots in words, such as "1 robot".
-
-    Args:
-        team: The number.
-    """
+    """Return a number of robots in words, such as "1 robot"."""
     return f"{team} robot{'s' if team > 1 else ''}"
 
 
 def plan_of(matrix: Matrix) -> Plan:
-    """Return the plan of all runs, with intruder games.
-
-    Args:
-        matrix: What is run.
-
-    Raises:
-        BadInput: A scenario is not accepted, or no team is large enough for a condition.
-    """
+    """Return the plan of all runs, with intruder games."""
     for condition in matrix.conditions:
         if max(matrix.teams) < (least := least_team(condition)):
             given = ",".join(map(str, matrix.teams))
@@ -174,16 +137,9 @@ def plan_of(matrix: Matrix) -> Plan:
 
 
 def read_policies(text: str) -> tuple[NamedSettings, ...]:
-    """Read a list of policies, NAME or NAME:OPTION=VALUE:OPTION=VALUE.
+    """Read policies, NAME or NAME:OPTION=VALUE:OPTION=VALUE, with commas between.
 
-    Args:
-        text: The list, with commas between.
-
-    Returns:
-        The policies; whether there are such is found when the plan is made.
-
-    Raises:
-        BadInput: A policy or an option has no name, or a policy occurs twice.
+    Names and options that do not exist are found only when the plan is made.
     """
     policies = []
     for name in _listed(text, "--policies", "stochastic,even-tour"):
@@ -203,13 +159,9 @@ def read_policies(text: str) -> tuple[NamedSettings, ...]:
 
 
 def read_terrains(text: str) -> tuple[NamedSettings, ...]:
-    """Read a list of terrains: built-in ones, maps (MAP.yaml), and either with a graph (FILE.graph+MAP.yaml).
+    """Read a list of terrains, with commas between.
 
-    Args:
-        text: The list, with commas between.
-
-    Raises:
-        BadInput: Something is no terrain, or occurs twice.
+    They are built-in ones and maps (MAP.yaml), and either with a graph (FILE.graph+MAP.yaml).
     """
     terrains = []
     for given in _listed(text, "--terrains", "open,yards,plan.yaml"):
@@ -227,15 +179,9 @@ def read_terrains(text: str) -> tuple[NamedSettings, ...]:
 
 
 def terrain_choice(name: str, ground: str, graph: object = None) -> NamedSettings:
-    """Return a terrain.
+    """Return a terrain: a built-in one or a map's YAML file, with a graph as in a scenario.
 
-    Args:
-        name: Its name in tables.
-        ground: A built-in terrain or a map's YAML file.
-        graph: Its graph, as in a scenario; None for none.
-
-    Raises:
-        BadInput: The ground is neither.
+    `name` is its name in tables.
     """
     if ground in BUILTINS:
         settings: dict[str, object] = {"terrain.builtin": ground}
@@ -248,14 +194,7 @@ def terrain_choice(name: str, ground: str, graph: object = None) -> NamedSetting
 
 
 def read_teams(text: str) -> tuple[int, ...]:
-    """Read a list of numbers of robots.
-
-    Args:
-        text: The list, with commas between.
-
-    Raises:
-        BadInput: Something is no such number, or occurs twice.
-    """
+    """Read a list of numbers of robots."""
     words = _listed(text, "--teams", "1,2,4,6,8,12")
     for word in words:
         if not (word.isascii() and word.isdecimal() and 1 <= int(word[:9]) <= MAX_ROBOTS):
@@ -264,14 +203,7 @@ def read_teams(text: str) -> tuple[int, ...]:
 
 
 def read_conditions(text: str) -> tuple[str, ...]:
-    """Read a list of conditions.
-
-    Args:
-        text: The list, with commas between.
-
-    Raises:
-        BadInput: Something is no condition, or occurs twice.
-    """
+    """Read a list of conditions."""
     names = _listed(text, "--conditions", "none,loss-50")
     for name in names:
         check_condition(name)

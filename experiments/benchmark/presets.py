@@ -28,50 +28,29 @@ SOURCE = "maps/cumberland of the public repository github.com/davidbsp/patrollin
 
 @dataclass(frozen=True, slots=True)
 class Published:
-    """Published numbers of a patrol.
+    """Published numbers of a patrol."""
 
-    Attributes:
-        system: What its authors call it.
-        policy: Our policy of that name; None for none.
-        condition: Under which condition.
-        values: The numbers, in the order of the preset's measures; "-" where there is none.
-    """
-
-    system: str
-    policy: str | None
-    condition: str
-    values: tuple[str, ...]
+    system: str  # what its authors call it
+    policy: str | None  # ours of that name; None for none
+    condition: str  # its name
+    values: tuple[str, ...]  # in the order of the preset's measures; "-" where there is none
 
 
 @dataclass(frozen=True, slots=True)
 class Preset:
-    """The conditions of published numbers, and the numbers.
+    """The conditions of published numbers, and the numbers."""
 
-    Attributes:
-        title: Whose numbers they are.
-        duration_s: Simulated time, s.
-        conditions: Names of conditions.
-        body: Settings of the robots, by dotted field.
-        visit_m: Distance within which a robot visits a vertex, m.
-        point_m: Side of one grid point unless given, m.
-        sees_visits: Whether vertices are all that is patrolled, and a robot sees one only where it visits it.
-        starts: Vertices on which the robots start.
-        measures: What is compared.
-        published: The numbers.
-        differs: In what our runs differ from theirs, a line each.
-    """
-
-    title: str
-    duration_s: float
-    conditions: tuple[str, ...]
-    body: Mapping[str, object]
-    visit_m: float
-    point_m: float
-    sees_visits: bool
-    starts: tuple[int, ...]
-    measures: tuple[ShownMetric, ...]
+    title: str  # whose numbers they are
+    duration_s: float  # simulated
+    conditions: tuple[str, ...]  # their names
+    body: Mapping[str, object]  # settings of the robots, by dotted field
+    visit_m: float  # distance within which a robot visits a vertex
+    point_m: float  # side of one grid point unless given
+    sees_visits: bool  # True if only vertices are patrolled, and a robot sees one only where it visits it
+    starts: tuple[int, ...]  # vertices on which the robots start
+    measures: tuple[ShownMetric, ...]  # what is compared
     published: tuple[Published, ...]
-    differs: tuple[str, ...]
+    differs: tuple[str, ...]  # in what our runs differ from theirs, a line each
 
     @property
     def team(self) -> int:
@@ -219,18 +198,10 @@ def preset_matrix(
     graph_file: Path | None,
     settings: Mapping[str, object],
 ) -> Matrix:
-    """Return the runs of a preset.
+    """Return the runs of a preset, on the map and graph of cumberland.
 
-    Args:
-        name: Of the preset.
-        policies: The policies.
-        seeds: The seeds.
-        map_file: The map of cumberland.
-        graph_file: Its graph.
-        settings: What else each run sets in the scenario, by dotted field.
-
-    Raises:
-        BadInput: A file is missing or not that of cumberland, or the points are too large.
+    A file that is None is refused with BadInput, as one is that is not of cumberland. `settings`, by dotted field,
+    replace those of the preset.
     """
     preset = PRESETS[name]
     if map_file is None or graph_file is None:
@@ -258,9 +229,6 @@ def _sight(preset: Preset, settings: Mapping[str, object]) -> dict[str, object]:
     """Return the settings with which seeing a vertex is visiting it, if the preset has them.
 
     Sight is between the centres of points, and robot and vertex may each be half a point's diagonal off theirs.
-
-    Raises:
-        BadInput: The points are too large for that.
     """
     if not preset.sees_visits:
         return {}
@@ -271,14 +239,9 @@ def _sight(preset: Preset, settings: Mapping[str, object]) -> dict[str, object]:
 
 
 def beside_published(preset: Preset, cells: Sequence[CellResult]) -> tuple[list[str], list[list[str]]]:
-    """Return the table of published numbers beside ours.
+    """Return the headings and rows of the table of published numbers beside ours.
 
-    Args:
-        preset: The preset.
-        cells: Our results.
-
-    Returns:
-        The headings, and the rows: first those of published numbers, then our other policies.
+    The rows of published numbers come first, then our other policies.
     """
     heads = ["theirs", "condition", "ours"]
     heads += [f"{measure.title} {whose}" for measure in preset.measures for whose in ("theirs", "ours")]

@@ -30,17 +30,11 @@ BEST_TOUR = "best tour found"
 
 @dataclass(frozen=True, slots=True)
 class ShownMetric:
-    """A number of each cell that pages show.
+    """A number of each cell that pages show."""
 
-    Attributes:
-        metric: Its name in the results.
-        title: Its name on pages, with its unit.
-        digits: Decimals that are printed.
-    """
-
-    metric: str
-    title: str
-    digits: int = 0
+    metric: str  # its name in the results
+    title: str  # its name on pages, with its unit
+    digits: int = 0  # decimals that are printed
 
 
 MEASURES = (
@@ -67,17 +61,11 @@ MEASURES = (
 
 @dataclass(frozen=True, slots=True)
 class CellResult:
-    """The results of a cell.
-
-    Attributes:
-        cell: The cell.
-        row: Its means with their intervals.
-        command: The command line that makes its first run again.
-    """
+    """The results of a cell."""
 
     cell: BenchmarkCell
-    row: CaseRow
-    command: str
+    row: CaseRow  # its means with their intervals
+    command: str  # command line that makes its first run again
 
     @property
     def seen_all(self) -> bool:
@@ -89,9 +77,6 @@ class CellResult:
 
         A late MFoW of runs in which some ground was never seen is the time since the start, so that it says how much
         was seen instead.
-
-        Args:
-            measure: The measure.
         """
         seen = self.mean(SEEN)
         if measure.metric in (LATE, OVER_TOUR) and seen is not None and not self.seen_all:
@@ -106,15 +91,10 @@ class CellResult:
 
 @dataclass(frozen=True, slots=True)
 class BenchmarkResults:
-    """All results.
+    """All results."""
 
-    Attributes:
-        outcome: Of the sweep, with the ratio to the best tour as one more metric.
-        cells: BenchmarkCell by cell.
-    """
-
-    outcome: SweepOutcome
-    cells: tuple[CellResult, ...]
+    outcome: SweepOutcome  # of the sweep, with `OVER_TOUR` as one more metric
+    cells: tuple[CellResult, ...]  # in the matrix's order
 
     @property
     def groups(self) -> list[tuple[int, str, list[CellResult]]]:
@@ -124,12 +104,7 @@ class BenchmarkResults:
 
 
 def results_of(matrix: Matrix, outcome: SweepOutcome) -> BenchmarkResults:
-    """Return the results of the matrix's runs.
-
-    Args:
-        matrix: What was run.
-        outcome: The results of its plan.
-    """
+    """Return the results of the matrix's runs."""
     outcome = replace(outcome, results={key: _with_ratio(result) for key, result in outcome.results.items()})
     pairs = zip(matrix.cells, case_rows(outcome), strict=True)
     return BenchmarkResults(outcome, tuple(CellResult(cell, row, cell.command(matrix.seeds[0])) for cell, row in pairs))
@@ -142,19 +117,14 @@ def _with_ratio(result: RunResult) -> RunResult:
 
 
 def cell_rows(results: BenchmarkResults) -> list[CaseRow]:
-    """Return the rows of cells.csv: those of a sweep, with the cell's coordinates and its command as its settings.
-
-    Args:
-        results: The results.
-    """
+    """Return the rows of cells.csv: those of a sweep, with the cell's coordinates and its command as its settings."""
     return [replace(result.row, settings={**result.cell.labels, "command": result.command}) for result in results.cells]
 
 
 def run_lines(results: BenchmarkResults) -> Iterator[Sequence[object]]:
-    """Yield the lines of runs.csv: headings, then the coordinates, command and numbers of each run that has a result.
+    """Yield the lines of runs.csv: the headings, then a line for each run that has a result.
 
-    Args:
-        results: The results.
+    It has the coordinates of the run's cell, the command that makes it again, and its numbers.
     """
     cells = {result.cell.name: result.cell for result in results.cells}
 
@@ -166,25 +136,17 @@ def run_lines(results: BenchmarkResults) -> Iterator[Sequence[object]]:
 
 
 def number_text(found: Estimate | None, digits: int = 0) -> str:
-    """Return a mean and half the width of its 95 % interval, as in "12.3 ± 0.4".
-
-    Args:
-        found: The mean; None gives "-".
-        digits: Decimals.
-    """
+    """Return a mean and half the width of its 95 % interval, as in "12.3 ± 0.4", or "-" for None."""
     if found is None:
         return "-"
     return f"{found.mean:.{digits}f}" + ("" if found.half is None else f" ± {found.half:.{digits}f}")
 
 
 def policy_table(results: Sequence[CellResult]) -> tuple[list[str], list[list[str]]]:
-    """Return the table of the policies of a team under a condition: late MFoW by terrain, fog, collisions, intruders.
+    """Return the headings and rows of the table of the policies of a team under a condition.
 
-    Args:
-        results: The cells of one team and condition.
-
-    Returns:
-        The headings, and the rows: first the best tour found, where there is one, then each policy.
+    Its columns are late MFoW by terrain, fog, collisions and intruders. The first row is the best tour found, where
+    there is one. `results` are the cells of that team and condition.
     """
     terrains = list(dict.fromkeys(result.cell.terrain.name for result in results))
     policies = list(dict.fromkeys(result.cell.policy.name for result in results))
@@ -216,21 +178,12 @@ def _whole(value: float | None) -> str:
 
 
 def describe(team: int, condition: str) -> str:
-    """Return what the runs of a team under a condition share, in words.
-
-    Args:
-        team: Number of robots.
-        condition: Name of the condition.
-    """
+    """Return what the runs of a team under a condition share, in words."""
     return f"{robots_text(team)}, {'no fault' if condition == 'none' else condition}"
 
 
 def shared_settings(matrix: Matrix) -> str:
-    """Return what all runs share, in words.
-
-    Args:
-        matrix: What was run.
-    """
+    """Return what all runs share, in words."""
     settings: Mapping[str, object] = {"duration": matrix.duration_s, **matrix.settings}
     seeds = ", ".join(map(str, matrix.seeds))
     return f"{', '.join(f'{name} = {value}' for name, value in settings.items())}; seeds {seeds}"

@@ -43,43 +43,26 @@ Faults = list[dict[str, Any]]
 
 @dataclass(frozen=True, slots=True)
 class Condition:
-    """A set of faults whose cost is measured.
+    """A set of faults whose cost is measured."""
 
-    Attributes:
-        group: The conditions that are shown together.
-        name: Its name in the group.
-        faults: The faults, as in a scenario.
-        x: Its value on the group's axis; None where the group has no axis.
-        settings: What else it sets in the scenario, by dotted field.
-    """
-
-    group: str
-    name: str
-    faults: Faults
-    x: float | None = None
-    settings: Mapping[str, object] = field(default_factory=dict)
+    group: str  # conditions that are shown together
+    name: str  # in the group
+    faults: Faults  # as in a scenario
+    x: float | None = None  # its value on the group's axis; None where the group has no axis
+    settings: Mapping[str, object] = field(default_factory=dict)  # what else it sets in the scenario, by dotted field
 
 
 @dataclass(frozen=True, slots=True)
 class FaultSetup:
-    """The settings that all runs share.
+    """The settings that all runs share."""
 
-    Attributes:
-        terrain: Name of a built-in terrain.
-        point: Side of one grid point, m.
-        duration: Simulated time of each run, s.
-        robots: Number of robots of the whole fleet.
-        seeds: The seeds that each condition is run with.
-        key: File with a fleet key.
-        settings: What else each run sets in the scenario, by dotted field.
-    """
-
-    terrain: str
-    point: float
-    duration: float
-    robots: int
-    seeds: tuple[int, ...]
-    key: Path
+    terrain: str  # name of a built-in one
+    point: float  # side of one grid point, m
+    duration: float  # simulated time of each run, s
+    robots: int  # number of the whole fleet
+    seeds: tuple[int, ...]  # each condition is run with all of them
+    key: Path  # file with a fleet key
+    # what else each run sets in the scenario, by dotted field
     settings: Mapping[str, object] = field(default_factory=dict)
 
     @property
@@ -112,26 +95,15 @@ GROUPS: Mapping[str, str] = {
 
 
 def conditions(setup: FaultSetup) -> list[Condition]:
-    """Return all conditions.
-
-    Args:
-        setup: The settings that all runs share.
-    """
+    """Return all conditions."""
     return [Condition("quiet", QUIET, []), *_losses(), *_radio(setup), *_robots(setup), *_forgeries(setup)]
 
 
 def chosen(setup: FaultSetup, names: Sequence[str]) -> list[Condition]:
-    """Return some of the conditions, always including the one without faults, which the others are compared with.
+    """Return some of the conditions, always with the one without faults.
 
-    Args:
-        setup: The settings that all runs share.
-        names: Names of groups, or of conditions as GROUP: NAME; all conditions where there are none.
-
-    Returns:
-        The conditions.
-
-    Raises:
-        BadInput: A name is unknown.
+    The others are compared with that one. `names` are those of groups, or of conditions as GROUP: NAME; without any,
+    all conditions are returned.
     """
     every = conditions(setup)
     own = [f"{condition.group}: {condition.name}" for condition in every]
@@ -143,15 +115,7 @@ def chosen(setup: FaultSetup, names: Sequence[str]) -> list[Condition]:
 
 
 def plan_of(setup: FaultSetup, tried: Sequence[Condition]) -> Plan:
-    """Return the plan of all runs.
-
-    Args:
-        setup: The settings that all runs share.
-        tried: The conditions.
-
-    Raises:
-        BadInput: A scenario is not accepted.
-    """
+    """Return the plan of all runs."""
     cases = [
         Case(case_name(condition, variant), {**setup.mapping, **sets, **condition.settings, "faults": condition.faults})
         for variant, sets in VARIANTS.items()
@@ -161,12 +125,7 @@ def plan_of(setup: FaultSetup, tried: Sequence[Condition]) -> Plan:
 
 
 def case_name(condition: Condition, variant: str) -> str:
-    """Return the name of the case of a condition and a variant.
-
-    Args:
-        condition: The condition.
-        variant: Name of the variant.
-    """
+    """Return the name of the case of a condition and a variant."""
     return f"{condition.group}: {condition.name}, {variant}"
 
 
@@ -233,38 +192,21 @@ def _forgeries(setup: FaultSetup) -> Iterator[Condition]:
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """The results of a condition with a variant, means over the seeds.
-
-    Attributes:
-        condition: The condition.
-        variant: Name of the variant.
-        mfow: Mean MFoW over the run, s.
-        late: Mean MFoW over the second half of the run, s.
-        cost: `mfow` as a ratio to the run of the same seed without faults.
-        delivered: Share of the frames that were delivered.
-        belief: Mean error of the believed ages, s.
-        collisions: Number of collisions.
-        stay: Longest time that any robot of any run stayed in one circle of four radii and strides, s.
-    """
+    """The results of a condition with a variant, means over the seeds."""
 
     condition: Condition
-    variant: str
-    mfow: Estimate | None
-    late: Estimate | None
-    cost: Estimate | None
-    delivered: Estimate | None
-    belief: Estimate | None
-    collisions: Estimate | None
-    stay: float | None
+    variant: str  # its name
+    mfow: Estimate | None  # mean MFoW over the run, s
+    late: Estimate | None  # mean MFoW over the second half of the run, s
+    cost: Estimate | None  # `mfow` as a ratio to the run of the same seed without faults
+    delivered: Estimate | None  # share of the frames that were delivered
+    belief: Estimate | None  # mean error of the believed ages, s
+    collisions: Estimate | None  # their number
+    stay: float | None  # longest time that any robot of any run stayed in one circle of four radii and strides, s
 
 
 def findings(outcome: SweepOutcome, tried: Sequence[Condition]) -> list[Finding]:
-    """Return the results of the runs, variant by variant.
-
-    Args:
-        outcome: The results of the plan.
-        tried: The conditions.
-    """
+    """Return the results of the runs, variant by variant."""
     quiet = next(condition for condition in tried if condition.group == "quiet")
     return [_finding(outcome, condition, quiet, variant) for variant in VARIANTS for condition in tried]
 
@@ -297,14 +239,7 @@ def _mean(values: Any) -> Estimate | None:
 
 @dataclass(frozen=True, slots=True)
 class FaultComparison:
-    """A measure of some runs as a ratio to that of others, seed by seed.
-
-    Attributes:
-        group: The comparisons that are shown together.
-        what: What is compared.
-        variant: Name of the variant.
-        ratio: Mean of the ratios.
-    """
+    """A measure of some runs as a ratio to that of others, seed by seed."""
 
     group: str
     what: str
@@ -324,12 +259,7 @@ AGAINST: Mapping[str, str] = {
 
 
 def comparisons(outcome: SweepOutcome, tried: Sequence[Condition]) -> list[FaultComparison]:
-    """Return all comparisons that the tried conditions allow, over the seeds that both sides have.
-
-    Args:
-        outcome: The results of the plan.
-        tried: The conditions.
-    """
+    """Return all comparisons that the tried conditions allow, over the seeds that both sides have."""
     compared = []
     for group, label, metric, these, those in _pairs(tried):
         ours, theirs = outcome.values(case_name(*these), metric), outcome.values(case_name(*those), metric)
@@ -358,13 +288,7 @@ def _pairs(tried: Sequence[Condition]) -> Iterator[tuple[str, str, str, Conditio
 
 
 def as_json(setup: FaultSetup, found: Sequence[Finding], compared: Sequence[FaultComparison]) -> dict[str, Any]:
-    """Return the content of faults.json: each mean with its 95 % interval.
-
-    Args:
-        setup: The settings that all runs share.
-        found: The results.
-        compared: The comparisons.
-    """
+    """Return the content of faults.json: each mean with its 95 % interval."""
     measures = ("mfow", "late", "cost", "delivered", "belief", "collisions")
     return {
         "set": dict(setup.mapping),

@@ -33,14 +33,8 @@ def page(
 ) -> str:
     """Return the page as Markdown.
 
-    Args:
-        setup: What all runs share.
-        found: The results.
-        compared: The comparisons.
-        command: The command line that made the page.
-        computing_s: Processor time of all runs together, s; for results without it, of older versions, the wall time.
-        failed: Number of failed runs.
-        pictures: Files of pictures to show.
+    `computing_s` is the processor time of all runs together; for results of older versions, which lack it, the wall
+    time. `pictures` are the files of pictures to show.
     """
     parts = (*_head(setup, command, computing_s, failed, pictures), *_comparisons(compared), *_groups(found))
     return "\n".join([*parts, ""])

@@ -21,17 +21,11 @@ from patrol.errors import BadInput
 
 @dataclass(frozen=True, slots=True)
 class RadiusFit:
-    """The fit of a sensor range.
+    """The fit of a sensor range."""
 
-    Attributes:
-        radius: The sensor range, m.
-        near: The fit over the cells that the range is fitted to.
-        whole: The fit over all cells.
-    """
-
-    radius: float
-    near: Fit
-    whole: Fit
+    radius: float  # the sensor range, m
+    near: Fit  # over the cells that the range is fitted to
+    whole: Fit  # over all cells
 
     @property
     def miss(self) -> float:
@@ -42,19 +36,9 @@ class RadiusFit:
 def radius_setups(
     point: float, radii: Sequence[float], seeds: tuple[int, ...], settings: Mapping[str, object]
 ) -> dict[str, PaperSetup]:
-    """Return a setup for each sensor range.
+    """Return a setup for each sensor range, by the ends of their cases' names.
 
-    Args:
-        point: Side of one grid point, m.
-        radii: The sensor ranges, m.
-        seeds: The seeds that each cell is run with.
-        settings: What every cell sets in the scenario, by dotted field.
-
-    Returns:
-        The setups by the ends of their cases' names.
-
-    Raises:
-        BadInput: A range is not a positive number, or occurs twice, or there is none.
+    `point`, the side of one grid point, and the ranges are in m. `settings` are of every cell, by dotted field.
     """
     if not radii or any(not math.isfinite(radius) or radius <= 0.0 for radius in radii) or len({*radii}) < len(radii):
         raise BadInput("--ranges: expected different numbers above 0, in m, such as 10,11,12,13,14")
@@ -62,24 +46,12 @@ def radius_setups(
 
 
 def calibration_plan(setups: Mapping[str, PaperSetup]) -> Plan:
-    """Return the runs of the tables that the range is fitted to.
-
-    Args:
-        setups: The setups by the ends of their cases' names.
-    """
+    """Return the runs of the tables that the range is fitted to."""
     return plan_of([paper().table(number) for number in paper().fit_tables], setups)
 
 
 def fit_radii(setups: Mapping[str, PaperSetup], outcome: SweepOutcome) -> list[RadiusFit]:
-    """Compute the fit of each sensor range.
-
-    Args:
-        setups: The setups by the ends of their cases' names.
-        outcome: The results of the plan.
-
-    Returns:
-        The fits in the setups' order; ranges without results are left out.
-    """
+    """Compute the fit of each sensor range, in the setups' order; ranges without results are left out."""
     fits = []
     for end, setup in setups.items():
         beside = [compare(paper().table(number), setup, outcome, end) for number in paper().fit_tables]
@@ -90,25 +62,14 @@ def fit_radii(setups: Mapping[str, PaperSetup], outcome: SweepOutcome) -> list[R
 
 
 def best_radius(fits: Sequence[RadiusFit]) -> RadiusFit | None:
-    """Return the sensor range that fits best.
-
-    Args:
-        fits: The fits.
-
-    Returns:
-        The best of them, or None if there are none.
-    """
+    """Return the sensor range that fits best."""
     return min(fits, key=lambda one: one.miss, default=None)
 
 
 def crossing(fits: Sequence[RadiusFit]) -> float | None:
     """Return the sensor range at which the median ratio is 1, interpolated linearly in its logarithm.
 
-    Args:
-        fits: The fits of the ranges that were tried.
-
-    Returns:
-        The range in m, or None if the ratio does not pass 1 between them.
+    It is in m; None if the ratio does not pass 1 between the ranges that were tried.
     """
     ordered = sorted(fits, key=lambda one: one.radius)
     for smaller, larger in itertools.pairwise(ordered):
@@ -121,13 +82,7 @@ def crossing(fits: Sequence[RadiusFit]) -> float | None:
 
 
 def fits_as_json(point: float, seeds: Sequence[int], fits: Sequence[RadiusFit]) -> dict[str, Any]:
-    """Return the content of calibration.json.
-
-    Args:
-        point: Side of one grid point, m.
-        seeds: The seeds.
-        fits: The fits.
-    """
+    """Return the content of calibration.json."""
     best = best_radius(fits)
     return {
         "point": point,
@@ -143,11 +98,7 @@ def fits_as_json(point: float, seeds: Sequence[int], fits: Sequence[RadiusFit]) 
 def fit_as_json(comparisons: Sequence[TableComparison]) -> dict[str, Any] | None:
     """Return the content of fit.json: the fit of the tables together that the sensor range is fitted to.
 
-    Args:
-        comparisons: The tables that were run.
-
-    Returns:
-        The content, or None unless all those tables were run.
+    None unless all those tables were run.
     """
     wanted = [comparison for comparison in comparisons if comparison.table.number in paper().fit_tables]
     near, whole = fit_of(wanted, paper().fit_below), fit_of(wanted)

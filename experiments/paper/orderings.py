@@ -18,16 +18,10 @@ UNDECIDED = "undecided"
 
 @dataclass(frozen=True, slots=True)
 class Judged:
-    """A conclusion of the paper and what our values say about it.
-
-    Attributes:
-        ordering: The conclusion.
-        ratio: Ratio of the side that should be lower to the other: geometric mean with its 95 % interval; None without
-            values.
-    """
+    """A conclusion of the paper and what our values say about it."""
 
     ordering: Ordering
-    ratio: Estimate | None
+    ratio: Estimate | None  # lower side to higher, geometric mean with its 95 % interval; None without values
 
     @property
     def verdict(self) -> str:
@@ -44,13 +38,6 @@ def judge_orderings(orderings: Sequence[Ordering], comparisons: Sequence[TableCo
 
     Sides with the same columns are compared cell by cell and seed by seed. Otherwise, the geometric means over the
     columns of each side are compared seed by seed. Values of 0 have no ratio and are left out.
-
-    Args:
-        orderings: The conclusions.
-        comparisons: The tables that were run.
-
-    Returns:
-        The judged conclusions.
     """
     tables = {comparison.table.number: comparison for comparison in comparisons}
     return [
@@ -61,11 +48,7 @@ def judge_orderings(orderings: Sequence[Ordering], comparisons: Sequence[TableCo
 
 
 def as_json(judged: Judged) -> dict[str, Any]:
-    """Return one entry of orderings.json.
-
-    Args:
-        judged: The judged conclusion.
-    """
+    """Return one entry of orderings.json."""
     ratio = judged.ratio
     return {
         "says": judged.ordering.says,

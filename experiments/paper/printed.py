@@ -18,70 +18,39 @@ from patrol.errors import BadInput, did_you_mean
 
 @dataclass(frozen=True, slots=True)
 class Variant:
-    """A row or column of a table.
-
-    Attributes:
-        name: Its name.
-        settings: What it sets in the scenario: values by dotted field.
-    """
+    """A row or column of a table."""
 
     name: str
-    settings: Mapping[str, object]
+    settings: Mapping[str, object]  # of the scenario, by dotted field
 
 
 @dataclass(frozen=True, slots=True)
 class Measure:
-    """A measure that a table prints.
+    """A measure that a table prints."""
 
-    Attributes:
-        suffix: What the names of its rows end with.
-        metric: Name of the metric in a run's results.
-        title: Its title.
-        unit: Its unit.
-        values: The printed values by row and column; None where the paper prints words or nothing.
-    """
-
-    suffix: str
-    metric: str
+    suffix: str  # what the names of its rows end with
+    metric: str  # its name in a run's results
     title: str
     unit: str
+    # printed, by row and column; None where the paper prints words or nothing
     values: tuple[tuple[float | None, ...], ...]
 
 
 @dataclass(frozen=True, slots=True)
 class PaperTable:
-    """One of the paper's tables.
-
-    Attributes:
-        number: Its number.
-        title: Its title.
-        columns_are: What the columns vary.
-        settings: What all its cells set in the scenario, by dotted field.
-        assumed: What is assumed where the paper leaves something open.
-        rows: Its rows.
-        columns: Its columns.
-        measures: What it prints.
-    """
+    """One of the paper's tables."""
 
     number: int
     title: str
-    columns_are: str
-    settings: Mapping[str, object]
-    assumed: tuple[str, ...]
+    columns_are: str  # what the columns vary
+    settings: Mapping[str, object]  # of all its cells, by dotted field of the scenario
+    assumed: tuple[str, ...]  # what is assumed where the paper leaves something open
     rows: tuple[Variant, ...]
     columns: tuple[Variant, ...]
     measures: tuple[Measure, ...]
 
     def part(self, rows: Sequence[str], columns: Sequence[str]) -> PaperTable:
-        """Return the table with some of its rows and columns.
-
-        Args:
-            rows: Names of the rows to keep; all where there are none.
-            columns: Names of the columns to keep; all where there are none.
-
-        Raises:
-            BadInput: A name is unknown.
-        """
+        """Return the table with the named rows and columns alone; without names, all rows or columns stay."""
         kept_rows = self._indexes("row", self.rows, rows)
         kept_columns = self._indexes("column", self.columns, columns)
         measures = tuple(
@@ -96,12 +65,7 @@ class PaperTable:
         )
 
     def case(self, row: str, column: str) -> str:
-        """Return the name of the case of a cell.
-
-        Args:
-            row: Name of its row.
-            column: Name of its column.
-        """
+        """Return the name of the case of a cell."""
         return f"table {self.number} {row} {column}"
 
     def _indexes(self, kind: str, variants: Sequence[Variant], wanted: Sequence[str]) -> list[int]:
@@ -116,28 +80,16 @@ class PaperTable:
 
 @dataclass(frozen=True, slots=True)
 class SensorRange:
-    """The sensor range that fits Tables 2 and 3 for a size of points.
+    """The sensor range that fits Tables 2 and 3 for a size of points."""
 
-    Attributes:
-        point: Side of one grid point, m.
-        range: The sensor range, m.
-        found: How it was found.
-    """
-
-    point: float
-    range: float
-    found: str
+    point: float  # side of one grid point, m
+    range: float  # m
+    found: str  # how it was found
 
 
 @dataclass(frozen=True, slots=True)
 class Side:
-    """Some cells of one row, one side of a conclusion.
-
-    Attributes:
-        table: Number of the table.
-        row: Name of the row.
-        columns: Names of the columns.
-    """
+    """Some cells of one row, one side of a conclusion."""
 
     table: int
     row: str
@@ -146,13 +98,7 @@ class Side:
 
 @dataclass(frozen=True, slots=True)
 class Ordering:
-    """A conclusion of the paper: the values of one side are lower than those of the other.
-
-    Attributes:
-        says: The conclusion in words.
-        lower: The side that should be lower.
-        higher: The other side.
-    """
+    """A conclusion of the paper: the values of one side are lower than those of the other."""
 
     says: str
     lower: Side
@@ -161,76 +107,41 @@ class Ordering:
 
 @dataclass(frozen=True, slots=True)
 class Remark:
-    """The reason why some cells differ from the printed ones.
+    """The reason why some cells differ from the printed ones."""
 
-    Attributes:
-        table: Number of the table.
-        rows: Names of the rows; all where there are none.
-        columns: Names of the columns; all where there are none.
-        says: The reason.
-    """
-
-    table: int
-    rows: tuple[str, ...]
-    columns: tuple[str, ...]
-    says: str
+    table: int  # its number
+    rows: tuple[str, ...]  # their names; all where there are none
+    columns: tuple[str, ...]  # their names; all where there are none
+    says: str  # the reason
 
     def applies_to(self, table: int, row: str, column: str) -> bool:
-        """Return whether the remark is about a cell.
-
-        Args:
-            table: Number of the cell's table.
-            row: Name of its row.
-            column: Name of its column.
-        """
+        """Return whether the remark is about a cell."""
         named = (not self.rows or row in self.rows) and (not self.columns or column in self.columns)
         return table == self.table and named
 
 
 @dataclass(frozen=True, slots=True)
 class Paper:
-    """The data of the paper.
+    """The data of the paper."""
 
-    Attributes:
-        source: Where the data is from.
-        settings: What every cell sets in the scenario, by dotted field.
-        sensor_ranges: The calibrated sensor ranges.
-        fit_tables: Numbers of the tables that a sensor range is fitted to.
-        fit_below: The fit uses the cells of these tables whose printed value is below this, s.
-        tables: The tables by number.
-        orderings: The conclusions.
-        remarks: Why some cells differ.
-    """
-
-    source: str
-    settings: Mapping[str, object]
-    sensor_ranges: tuple[SensorRange, ...]
-    fit_tables: tuple[int, ...]
-    fit_below: float
-    tables: Mapping[int, PaperTable]
+    source: str  # where the data is from
+    settings: Mapping[str, object]  # of every cell, by dotted field of the scenario
+    sensor_ranges: tuple[SensorRange, ...]  # the calibrated ones
+    fit_tables: tuple[int, ...]  # numbers of the tables that a sensor range is fitted to
+    fit_below: float  # s; the fit uses their cells with a printed value below this
+    tables: Mapping[int, PaperTable]  # by number
     orderings: tuple[Ordering, ...]
     remarks: tuple[Remark, ...]
 
     def table(self, number: int) -> PaperTable:
-        """Return a table.
-
-        Args:
-            number: Its number.
-
-        Raises:
-            BadInput: There is no such table.
-        """
+        """Return a table."""
         if number not in self.tables:
             known = f"{min(self.tables)} to {max(self.tables)}"
             raise BadInput(f"table {number}: no such table; choose from {known}")
         return self.tables[number]
 
     def sensor_range(self, point: float) -> SensorRange:
-        """Return the calibrated sensor range for a size of points, or for the nearest size that has one.
-
-        Args:
-            point: Side of one grid point, m.
-        """
+        """Return the calibrated sensor range for points of a side, m, or of the nearest side that has one."""
         return min(self.sensor_ranges, key=lambda found: abs(found.point - point))
 
 

@@ -23,33 +23,19 @@ FAR_OFF = 1.5
 
 @dataclass(frozen=True, slots=True)
 class PaperSetup:
-    """The settings that all cells share, besides their own.
+    """The settings that all cells share, besides their own."""
 
-    Attributes:
-        point: Side of one grid point, m.
-        sensor_range: Sensor range, m.
-        seeds: The seeds.
-        settings: What else every cell sets in the scenario, by dotted field.
-    """
-
-    point: float
-    sensor_range: float
+    point: float  # side of one grid point, m
+    sensor_range: float  # m
     seeds: tuple[int, ...]
+    # what else every cell sets in the scenario, by dotted field
     settings: Mapping[str, object] = field(default_factory=dict)
 
 
 def plan_of(tables: Sequence[PaperTable], setups: Mapping[str, PaperSetup]) -> Plan:
-    """Return the runs of some tables.
+    """Return the runs of some tables, each cell with each setup.
 
-    Args:
-        tables: The tables.
-        setups: The setups that each cell is run with, by the ends of the cases' names; all with the same seeds.
-
-    Returns:
-        The plan.
-
-    Raises:
-        BadInput: A cell's scenario is not accepted.
+    The setups are given by the ends of the cases' names; all have the same seeds.
     """
     cases = [
         Case(f"{table.case(row.name, column.name)}{end}", _settings(table, row, column, setup))
@@ -64,22 +50,14 @@ def plan_of(tables: Sequence[PaperTable], setups: Mapping[str, PaperSetup]) -> P
 
 @dataclass(frozen=True, slots=True)
 class Cell:
-    """One value of a table, the printed one and ours.
+    """One value of a table, the printed one and ours."""
 
-    Attributes:
-        row: Name of its row.
-        column: Name of its column.
-        unit: Its unit.
-        paper: The printed value, or None.
-        values: Our values by seed.
-        mean_fog: Of a mean MFoW, the mean fog of the same runs by seed, s; of other values nothing.
-    """
-
-    row: str
-    column: str
+    row: str  # its name, with the measure's suffix
+    column: str  # its name
     unit: str
-    paper: float | None
-    values: Mapping[int, float]
+    paper: float | None  # the printed value; None where there is none
+    values: Mapping[int, float]  # ours by seed
+    # of the same runs by seed, s; empty where the value is no mean MFoW
     mean_fog: Mapping[int, float] = field(default_factory=dict)
 
     @property
@@ -108,42 +86,20 @@ class Cell:
 
 @dataclass(frozen=True, slots=True)
 class TableComparison:
-    """A table, our values beside the printed ones.
-
-    Attributes:
-        table: The table.
-        setup: What all cells were run with.
-        cells: The cells, measure by measure and row by row.
-        computing_s: Processor time of all its runs, s; for results without it, of older versions, the wall time.
-    """
+    """A table, our values beside the printed ones."""
 
     table: PaperTable
-    setup: PaperSetup
-    cells: tuple[Cell, ...]
-    computing_s: float
+    setup: PaperSetup  # all cells were run with it
+    cells: tuple[Cell, ...]  # measure by measure and row by row
+    computing_s: float  # processor time of all its runs; wall time in results of older versions
 
     def cell(self, row: str, column: str) -> Cell | None:
-        """Return a cell.
-
-        Args:
-            row: Name of its row, with its measure's suffix.
-            column: Name of its column.
-
-        Returns:
-            The cell, or None if there is no such cell.
-        """
+        """Return a cell, or None if there is no such cell; the row's name has its measure's suffix."""
         return next((cell for cell in self.cells if (cell.row, cell.column) == (row, column)), None)
 
 
 def compare(table: PaperTable, setup: PaperSetup, outcome: SweepOutcome, end: str = "") -> TableComparison:
-    """Compare our values with a table.
-
-    Args:
-        table: The table.
-        setup: What all cells were run with.
-        outcome: The results of the plan.
-        end: What the names of the setup's cases end with.
-    """
+    """Compare our values with a table; `end` is what the names of the setup's cases end with."""
     cells = []
     for measure in table.measures:
         is_mfow = measure.metric == MFOW
@@ -163,11 +119,7 @@ def compare(table: PaperTable, setup: PaperSetup, outcome: SweepOutcome, end: st
 def to_mean_fog_text(comparison: TableComparison) -> str | None:
     """Return the ratios of mean MFoW to mean fog over a table's cells in words, or None without any.
 
-    Args:
-        comparison: The table.
-
-    Returns:
-        For example "MFoW : mean fog 2.1 to 3.4, median 2.6".
+    For example "MFoW : mean fog 2.1 to 3.4, median 2.6".
     """
     ratios = [ratio for cell in comparison.cells if (ratio := cell.to_mean_fog) is not None]
     if not ratios:
@@ -176,14 +128,9 @@ def to_mean_fog_text(comparison: TableComparison) -> str | None:
 
 
 def fit_of(comparisons: Sequence[TableComparison], below: float | None = None) -> Fit | None:
-    """Compute how well our mean MFoWs fit the printed ones.
+    """Compute how well our mean MFoWs fit the printed ones; None if there is nothing to compare.
 
-    Args:
-        comparisons: The tables.
-        below: Use only cells whose printed value is below this, s; None for all cells.
-
-    Returns:
-        The fit, or None if there is nothing to compare.
+    Only cells whose printed value is below `below`, s, are used; None for all cells.
     """
     pairs = [
         (found.mean, cell.paper)
@@ -198,11 +145,7 @@ def fit_of(comparisons: Sequence[TableComparison], below: float | None = None) -
 def as_json(comparison: TableComparison) -> dict[str, Any]:
     """Return the content of table_N.json.
 
-    Args:
-        comparison: The table.
-
-    Returns:
-        The content. ``ci95`` is [low, high], ``seeds`` the number of values, ``values`` holds them by seed.
+    ``ci95`` is [low, high], ``seeds`` the number of values; ``values`` holds them by seed.
     """
     setup = comparison.setup
     return {
@@ -232,14 +175,7 @@ def as_json(comparison: TableComparison) -> dict[str, Any]:
 
 
 def as_lines(comparison: TableComparison) -> Iterator[Sequence[object]]:
-    """Yield the content of table_N.csv.
-
-    Args:
-        comparison: The table.
-
-    Yields:
-        The values of each line.
-    """
+    """Yield the content of table_N.csv."""
     yield ["row", "column", "unit", "paper", "mean", "ci95_low", "ci95_high", "seeds", "ratio", "to_mean_fog"]
     for cell in comparison.cells:
         found = cell.found

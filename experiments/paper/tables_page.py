@@ -28,13 +28,8 @@ def page(
 ) -> str:
     """Return the page as Markdown.
 
-    Args:
-        comparisons: The tables.
-        judged: The judged conclusions.
-        setup: What all cells were run with.
-        command: The command line that made the page.
-        computing_s: Processor time of all runs together, s; for results without it, of older versions, the wall time.
-        pictures: Files of the pictures by title, those of terrains included.
+    `computing_s` is the processor time of all runs together; for results of older versions, which lack it, the wall
+    time. `pictures` are the files of the pictures by title, those of terrains included.
     """
     return "\n".join(
         [
@@ -164,16 +159,7 @@ def _far_off(comparisons: Sequence[TableComparison]) -> Iterator[str]:
 
 
 def remark_on(number: int, cell: Cell, remarks: Sequence[Remark]) -> Remark | None:
-    """Return the first remark about a cell.
-
-    Args:
-        number: Number of its table.
-        cell: The cell.
-        remarks: The remarks.
-
-    Returns:
-        The remark, or None if there is none.
-    """
+    """Return the first remark about a cell of a table, given by its number, or None."""
     return next((remark for remark in remarks if remark.applies_to(number, cell.row, cell.column)), None)
 
 

@@ -12,14 +12,7 @@ from patrol.scenario.sections import BUILT_IN_SENSORS
 
 
 def answer_lines(plan: FleetPlan) -> Iterator[str]:
-    """Say what a plan comes to.
-
-    Args:
-        plan: The plan.
-
-    Yields:
-        Lines of text.
-    """
+    """Yield lines of text that say what a plan comes to."""
     yield _assumed(plan)
     if plan.wanted_s is not None and any(size.simulated is None for size in plan.sizes):
         yield "in brackets: by the better of the tours, not simulated"
@@ -179,11 +172,7 @@ def _kept(kept: AgeKept | None) -> str:
 
 
 def answer_table(plan: FleetPlan) -> tuple[list[str], list[list[str]]]:
-    """Return the headings and rows of a plan's table: the ages that fleets of each size keep.
-
-    Args:
-        plan: The plan.
-    """
+    """Return the headings and rows of a plan's table: the ages that fleets of each size keep."""
     wanted = plan.wanted_s
     heads = ["robots", "bound (s)", "one tour (s)", "own tours (s)", "simulated: mean (s)", "largest (s)"]
     rows = []

@@ -57,15 +57,10 @@ GAIN_M = 0.01
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Territory:
-    """The ground of one robot.
+    """The ground of one robot."""
 
-    Attributes:
-        ground: bool (height, width), the patrolled points that it is to see.
-        tour: A closed tour on which it sees all of them.
-    """
-
-    ground: BoolGrid
-    tour: Tour
+    ground: BoolGrid  # (height, width), patrolled points that the robot is to see
+    tour: Tour  # closed; all of the ground is seen on it
 
 
 class Divider:
@@ -81,12 +76,9 @@ class Divider:
     def divide(self, prepared: Prepared) -> tuple[Territory, ...] | None:
         """Divide the ground among all robots of a fleet.
 
-        Args:
-            prepared: The scenario, with robots of one body and a sensor that looks all around and leaves no age.
-
-        Returns:
-            The territories, which do not overlap and together are all patrolled ground; fewer than there are robots
-            where some have nothing to do. None where the ground of one robot is too large for a tour.
+        The robots must have one body, and a sensor that looks all around and leaves no age. The territories do not
+        overlap and together are all patrolled ground; they are fewer than the robots where some have nothing to do.
+        None where the ground of one robot is too large for a tour.
         """
         fields, terrain = prepared.fields[1], prepared.terrain
         footprint = sensor_footprint(prepared.scenario, terrain)
@@ -108,16 +100,7 @@ class Divider:
 
 
 def seen_along(terrain: Terrain, footprint: Footprint, tour: Tour) -> BoolGrid:
-    """Find all points that are seen on a tour.
-
-    Args:
-        terrain: The terrain.
-        footprint: The sensor, which looks all around.
-        tour: The tour.
-
-    Returns:
-        bool (height, width).
-    """
+    """Return all points that are seen on a tour, (height, width), by a sensor that looks all around."""
     looks = Looks(terrain, footprint)
     seen = np.zeros(terrain.shape, dtype=np.bool_)
     stride = max(SAMPLES * footprint.range_m, terrain.point)
@@ -213,17 +196,10 @@ def longest_m(territories: Sequence[Territory]) -> float:
 def shared_out(graph: Graph, vertices: list[int], robots: int, offset: float = 0.0) -> list[list[int]]:
     """Share vertices of a graph out among robots so that the longest of their closed tours is short.
 
-    Args:
-        graph: The graph.
-        vertices: At least one; there are ways between all of them.
-        robots: How many, at least 1.
-        offset: Where the common tour is first cut, 0 to 1, in stretches of it.
+    There must be at least one vertex, and ways between all of them. `offset` is where the common tour is first cut, 0
+    to 1, in stretches of it. Robots without vertices are left out of the result.
 
-    Returns:
-        The tour of each robot that has vertices.
-
-    Example:
-        Four vertices in a line, 10 m apart, and two robots: [[0, 1], [2, 3]], two tours of 20 m.
+    Example: four vertices in a line, 10 m apart, and two robots give [[0, 1], [2, 3]], two tours of 20 m.
     """
     tours = _Tours(graph, _stretches(graph, closed_tour(graph, vertices), robots, offset))
     tours.improve()
@@ -245,9 +221,7 @@ def _stretches(graph: Graph, tour: list[int], count: int, offset: float) -> list
 class _Tours:
     """Closed tours through vertices of a graph, between which vertices move.
 
-    Attributes:
-        tours: The vertices of each in order.
-        lengths: Their lengths, m.
+    `tours` has the vertices of each in order, `lengths` their lengths in m.
     """
 
     def __init__(self, graph: Graph, groups: list[list[int]]) -> None:

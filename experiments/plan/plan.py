@@ -81,74 +81,43 @@ class Observer(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class AgeKept:
-    """The ages that a simulated fleet kept.
+    """The ages that a simulated fleet kept."""
 
-    Attributes:
-        scenario: What was run.
-        from_s: Begin of the time that counts; it lasts to the end of the run, s.
-        mean_s: Mean MFoW in it; of open ground where the scenario has closures.
-        max_s: Largest MFoW in it, likewise.
-        peak_s: Largest MFoW from a robot's death on, likewise; None without one.
-        outcome: Of the verdict.
-        warnings: Of the verdict.
-        trace_hash: Of the run.
-        all_max_s: Largest MFoW in it of all ground, closed out or not; None without closures.
-        zones_s: By name, the largest age of the ground of each zone with a wanted age in it, likewise, while it was in
-            force, s.
-        closed: Names of the closures that closed in the run.
-    """
-
-    scenario: Scenario
-    from_s: float
-    mean_s: float
-    max_s: float
-    peak_s: float | None
-    outcome: str
-    warnings: tuple[str, ...]
-    trace_hash: str
-    all_max_s: float | None = None
+    scenario: Scenario  # what was run
+    from_s: float  # begin of the time that counts, which lasts to the end of the run
+    mean_s: float  # mean MFoW in that time; of open ground where the scenario has closures
+    max_s: float  # largest MFoW, likewise
+    peak_s: float | None  # largest MFoW from a robot's death on, likewise; None without a death
+    outcome: str  # of the verdict
+    warnings: tuple[str, ...]  # of the verdict
+    trace_hash: str  # of the run
+    all_max_s: float | None = None  # as `max_s`, of all ground, closed out or not; None without closures
+    # largest age of the ground of each zone with a wanted age, by name, in that time and while in force, likewise
     zones_s: Mapping[str, float] = field(default_factory=dict)
-    closed: frozenset[str] = frozenset()
+    closed: frozenset[str] = frozenset()  # names of the closures that closed in the run
 
     def keeps(self, age_s: float) -> bool:
-        """Return whether nothing was older than an age, in a run that can be believed.
-
-        Args:
-            age_s: The age, s.
-        """
+        """Return whether nothing was older than an age, in a run whose verdict is valid."""
         return self.outcome == "valid" and self.max_s <= age_s
 
 
 @dataclass(frozen=True, slots=True)
 class FleetSize:
-    """A fleet of some size.
+    """A fleet of some size."""
 
-    Attributes:
-        robots: How many.
-        area_m2: The patrolled ground.
-        bound_s: Lower bound of the MFoW; 0 where it says nothing.
-        tours: The best tours for all, one for each part of the terrain.
-        tour_s: MFoW of the fleet on them; None where there is none.
-        territories: The best division of the ground found; None where there is none.
-        own_tours_s: MFoW of the fleet with a tour for each robot.
-        runs: The fleet with the scenario's policy, one run a seed; empty if it was not run.
-        one_dead: The same with one robot dead from the middle of the run; None too for one robot.
-        other_patrol: The same as the tour where the scenario is stochastic, and the other way round; None too for
-            other policies.
-        left_out: The free ground that none of the robots sees; None where there is none.
-    """
-
-    robots: int
-    area_m2: float
-    bound_s: float
-    tours: BestTour
-    tour_s: float | None
-    territories: tuple[Territory, ...] | None
-    own_tours_s: float | None
-    runs: tuple[AgeKept, ...] = ()
+    robots: int  # how many
+    area_m2: float  # of the patrolled ground
+    bound_s: float  # lower bound of the MFoW; 0 where it says nothing
+    tours: BestTour  # the best for all robots, one for each part of the terrain
+    tour_s: float | None  # MFoW of the fleet on `tours`; None where there is none
+    territories: tuple[Territory, ...] | None  # best division of the ground found; None where there is none
+    own_tours_s: float | None  # MFoW of the fleet with a tour for each robot; None without territories
+    runs: tuple[AgeKept, ...] = ()  # with the scenario's policy, one a seed; empty if not run
+    # with one robot dead from the middle of the run; None if not run, and for one robot
     one_dead: AgeKept | None = None
+    # as the tour if the scenario is stochastic, or the other way round; None if not run, and for other policies
     other_patrol: AgeKept | None = None
-    left_out: LeftOut | None = None
+    left_out: LeftOut | None = None  # free ground that none of the robots sees; None where there is none
 
     @property
     def simulated(self) -> AgeKept | None:
@@ -163,36 +132,23 @@ class FleetSize:
 
 @dataclass(frozen=True, slots=True)
 class FleetPlan:
-    """The result.
+    """A plan: what ages fleets of several sizes keep, and how many robots the wanted age needs."""
 
-    Attributes:
-        scenario: The ground, body and sensor, with faults and intruders left out.
-        terrain: The terrain.
-        wanted_s: The wanted age, or None.
-        sizes: The fleets, by their number of robots.
-        chosen: The least number of robots that keeps the wanted age, simulated or, with `quick`, by tours; without a
-            wanted age the largest. None if no number does.
-        quick: Whether nothing was simulated.
-        opened: Where no number keeps the age, the runs of the largest with nothing ever closed, up to the first that
-            does not keep it; empty too without closures.
-        seeds: Runs of each fleet, unless one fails.
-    """
-
-    scenario: Scenario
+    scenario: Scenario  # ground, body and sensor, with faults and intruders left out
     terrain: Terrain
-    wanted_s: float | None
-    sizes: tuple[FleetSize, ...]
+    wanted_s: float | None  # the wanted age; None for none
+    sizes: tuple[FleetSize, ...]  # ascending by number of robots
+    # least number of robots that keeps the wanted age, simulated or, with `quick`, by tours; without a wanted age the
+    # largest number; None if no number keeps it
     chosen: int | None
-    quick: bool
+    quick: bool  # True if nothing was simulated
+    # where no number keeps the age, runs of the largest with nothing ever closed, up to the first that does not keep
+    # it; empty without closures
     opened: tuple[AgeKept, ...] = ()
-    seeds: int = SEEDS
+    seeds: int = SEEDS  # number of runs of each fleet, unless one fails
 
     def size(self, robots: int) -> FleetSize:
-        """Return the fleet of some size.
-
-        Args:
-            robots: How many robots.
-        """
+        """Return the fleet of some size."""
         return next(size for size in self.sizes if size.robots == robots)
 
     def by_tours(self) -> int | None:
@@ -215,17 +171,11 @@ def make_plan(
 ) -> FleetPlan:
     """Make the plan.
 
-    Args:
-        scenario: Ground, body, sensor, radio and policy; its number of robots, faults and intruders do not count.
-        wanted_s: The age that nothing is to exceed, s; needed without `numbers`.
-        numbers: The numbers of robots to look at, in ascending order; None to search for those around the answer.
-        observer: Shown the progress.
-        duration_s: Length of each simulated run, s; None for what `_Planner.duration_s` says.
-        quick: Whether to leave out the simulated runs.
-        seeds: Number of runs of each fleet, with the scenario's seed and those after it.
-
-    Raises:
-        BadInput: The scenario lists its robots, or cannot be prepared with some number of robots.
+    Number of robots, faults and intruders of the scenario do not count; it must not list its robots. `wanted_s` is the
+    age that nothing is to exceed, needed without `numbers`. `numbers` are the numbers of robots to look at, ascending;
+    None searches for those around the answer. `duration_s` is the length of each simulated run; None for what
+    `_Planner.duration_s` says. With `quick` nothing is simulated. `seeds` is the number of runs of each fleet, with the
+    scenario's seed and those after it.
     """
     planner = _Planner(scenario, wanted_s, observer, duration_s, quick, seeds)
     if numbers is None:
@@ -244,14 +194,7 @@ def make_plan(
 
 
 def planned_scenario(scenario: Scenario) -> Scenario:
-    """Return a scenario as plans use it: without faults, intruders, given starts and spare robots.
-
-    Args:
-        scenario: As given.
-
-    Raises:
-        BadInput: It lists its robots.
-    """
+    """Return a scenario as plans use it: without faults, intruders, given starts and spare robots."""
     if not isinstance(scenario.robots, RobotGroup):
         raise BadInput(f"{scenario.name} lists its robots; a plan needs robots of one kind: give one entry with count")
     mapping = as_mapping(scenario)
@@ -263,13 +206,7 @@ def planned_scenario(scenario: Scenario) -> Scenario:
 
 
 class _Planner:
-    """Computes and runs fleets of several sizes on one terrain.
-
-    Attributes:
-        scenario: The ground, body and sensor.
-        terrain: The terrain.
-        sizes: What is known, by number of robots.
-    """
+    """Computes and runs fleets of several sizes on one terrain; `sizes` has what is known, by number of robots."""
 
     def __init__(
         self,
@@ -402,13 +339,9 @@ class _Planner:
         return size.runs[seed]
 
     def opened(self, wanted_s: float) -> tuple[AgeKept, ...]:
-        """Run the largest fleet that was simulated with nothing ever closed, up to the first seed that fails.
+        """Run the largest simulated fleet again with nothing ever closed, up to the first seed that fails.
 
-        Args:
-            wanted_s: The wanted age, s.
-
-        Returns:
-            The runs, of which the last alone may not keep the age; empty without closures.
+        Of the runs returned, the last alone may not keep the wanted age. There are none without closures.
         """
         number = max(number for number, size in self.sizes.items() if size.runs)
         if self.scenario.closures and number not in self._opened:
@@ -461,11 +394,7 @@ class _Planner:
 
 
 def plan_facts(plan: FleetPlan) -> dict[str, Any]:
-    """Write a plan as plain lists, texts and numbers.
-
-    Args:
-        plan: The plan.
-    """
+    """Write a plan as plain lists, texts and numbers."""
     scenario, body = plan.scenario, plan.scenario.roster[0]
     return {
         "name": scenario.name,
@@ -567,9 +496,5 @@ def _driven_s(way: Sequence[tuple[float, float]], length_m: float, scenario: Sce
 
 
 def robots_text(number: int) -> str:
-    """Return a number of robots in words, for example "1 robot".
-
-    Args:
-        number: How many.
-    """
+    """Return a number of robots in words, for example "1 robot"."""
     return "1 robot" if number == 1 else f"{number} robots"

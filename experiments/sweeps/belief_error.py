@@ -28,12 +28,7 @@ class BeliefError:
         self._fresher = 0.0
 
     def look(self, world: World, minds: Mapping[int, Mind]) -> None:
-        """Compare, if it is time to; called after each tick by `experiments.inprocess.run_in_process`.
-
-        Args:
-            world: The world, with the true fog.
-            minds: The minds by robot number.
-        """
+        """Compare, if it is time to; called after each tick by `experiments.inprocess.run_in_process`."""
         if world.tick % EVERY:
             return
         true = np.maximum(world.truth.fog.last_seen, 0)
@@ -46,12 +41,11 @@ class BeliefError:
             self._fresher += float(np.count_nonzero(later > 0)) / fog.points
 
     def metrics(self) -> dict[str, float | None]:
-        """Return the error so far.
+        """Return the error so far, as means over comparisons, robots and points.
 
-        Returns:
-            ``belief_error_s``, the mean absolute difference between the believed and the true age of a point in s, and
-            ``believed_fresher``, the mean share of the points that are believed fresher than they are; means over
-            comparisons, robots and points. Both None for a run too short to compare.
+        ``belief_error_s`` is the absolute difference between the believed and the true age of a point in s,
+        ``believed_fresher`` the share of the points that are believed fresher than they are. Both are None for a run
+        too short to compare.
         """
         if self._looks == 0:
             return {"belief_error_s": None, "believed_fresher": None}

@@ -12,32 +12,19 @@ from experiments.sweeps.stats import Estimate, estimate
 
 @dataclass(frozen=True, slots=True)
 class CaseRow:
-    """The results of one case.
-
-    Attributes:
-        case: The case's name.
-        settings: What it sets in the base scenario, by dotted field.
-        runs: Number of its runs that have results.
-        failed: Number of its runs that failed.
-        warned: Number of its runs whose verdict has warnings.
-        metrics: Mean of each metric over the seeds.
-        values: Values of each metric by seed.
-        against: The case that it is compared with, or None.
-        change: By how many percent each metric's mean is above that case's, with the interval of the differences seed
-            by seed.
-        labels: The names of its values by axis, in the order of its name.
-    """
+    """The results of one case."""
 
     case: str
-    settings: Mapping[str, object]
-    runs: int
+    settings: Mapping[str, object]  # of the base scenario, by dotted field
+    runs: int  # number of its valid runs
     failed: int
-    warned: int
-    metrics: Mapping[str, Estimate]
-    values: Mapping[str, Mapping[int, float]]
-    against: str | None
+    warned: int  # number of its runs whose verdict has warnings
+    metrics: Mapping[str, Estimate]  # mean of each over the seeds
+    values: Mapping[str, Mapping[int, float]]  # of each metric, by seed
+    against: str | None  # case that it is compared with; None for none
+    # by how many percent each metric's mean is above that case's, with the interval of the differences seed by seed
     change: Mapping[str, Estimate]
-    labels: tuple[Label, ...] = ()
+    labels: tuple[Label, ...] = ()  # its values by axis, in the order of its name
 
     @property
     def words(self) -> list[str]:
@@ -46,13 +33,9 @@ class CaseRow:
 
 
 def case_rows(outcome: SweepOutcome) -> list[CaseRow]:
-    """Return the results of a sweep, one row per case.
+    """Return the results of a sweep, one row per case in the plan's order.
 
-    Args:
-        outcome: The results of the runs.
-
-    Returns:
-        The rows in the plan's order; metrics that no run has are left out.
+    Metrics that no run has are left out.
     """
     names = dict.fromkeys(name for result in outcome.results.values() if result.ok for name in result.metrics)
     rows = []

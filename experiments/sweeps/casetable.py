@@ -33,17 +33,10 @@ CHANGE = "change of MFoW (%)"
 
 
 def write_tables(outcome: SweepOutcome, folder: Path) -> tuple[Path, Path]:
-    """Write summary.csv, summary.json and table.tex, runs.csv with a row a run, comparisons.csv with the paired tests.
+    """Write the tables of a sweep, and return the paths of summary.csv and summary.json.
 
-    Args:
-        outcome: The results of the runs.
-        folder: The folder to write to.
-
-    Returns:
-        The paths of the first two files.
-
-    Raises:
-        BadInput: A file cannot be written.
+    The others are table.tex, runs.csv and comparisons.csv. runs.csv has a row for each run, comparisons.csv the paired
+    tests.
     """
     rows = case_rows(outcome)
     as_csv, as_json = folder / "summary.csv", folder / "summary.json"
@@ -63,34 +56,19 @@ def write_tables(outcome: SweepOutcome, folder: Path) -> tuple[Path, Path]:
 
 
 def csv_text(lines: Iterator[Sequence[object]]) -> str:
-    """Write values as CSV text.
-
-    Args:
-        lines: The values, line by line; None gives an empty field.
-    """
+    """Write values, line by line, as CSV text; None gives an empty field."""
     out = io.StringIO()
     csv.writer(out, lineterminator="\n").writerows(lines)
     return out.getvalue()
 
 
 def json_text(value: Any) -> str:
-    """Return a value as indented JSON text.
-
-    Args:
-        value: What `json.dumps` accepts, without NaN.
-    """
+    """Return a value as indented JSON text; it must be without NaN."""
     return f"{json.dumps(value, indent=1, allow_nan=False)}\n"
 
 
 def make_folder(folder: Path) -> None:
-    """Make a folder, unless it exists.
-
-    Args:
-        folder: The folder.
-
-    Raises:
-        BadInput: It cannot be made.
-    """
+    """Make a folder, unless it exists."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -98,15 +76,7 @@ def make_folder(folder: Path) -> None:
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write a file, and its folder if it is missing.
-
-    Args:
-        path: The file.
-        text: Its new content.
-
-    Raises:
-        BadInput: It cannot be written.
-    """
+    """Write a file, and its folder if it is missing."""
     make_folder(path.parent)
     try:
         write_whole(path, text)
@@ -115,13 +85,10 @@ def write_text(path: Path, text: str) -> None:
 
 
 def told_apart(cases: Mapping[str, Sequence[str]]) -> tuple[dict[str, str], str]:
-    """Names of cases without the words that all of them share.
+    """Return shorter names of cases by the whole ones, and the words that they lack because all share them.
 
-    Args:
-        cases: The words of each name, by the whole name.
-
-    Returns:
-        The shorter names by the whole ones, and the words that they lack. No name is left empty.
+    `cases` has the words of each name by the whole name. No name is left empty; where two would become the same, all
+    stay whole.
     """
     words = list(cases.values())
     common = [word for word in words[0] if all(word in others for others in words[1:])] if len(cases) > 1 else []
@@ -135,25 +102,17 @@ def told_apart(cases: Mapping[str, Sequence[str]]) -> tuple[dict[str, str], str]
 
 @dataclass(frozen=True, slots=True)
 class ShownColumn:
-    """A column of the table that terminals, notebooks and papers show.
+    """A column of the table that terminals, notebooks and papers show."""
 
-    Attributes:
-        title: Its heading.
-        cells: Its texts, a case each.
-        is_number: Whether they are numbers.
-    """
-
-    title: str
-    cells: tuple[str, ...]
-    is_number: bool = True
+    title: str  # its heading
+    cells: tuple[str, ...]  # texts, one for each case
+    is_number: bool = True  # True if the cells are numbers
 
 
 def shown_columns(rows: Sequence[CaseRow], names: Mapping[str, str]) -> list[ShownColumn]:
-    """Return the columns that show a sweep's results: runs, the measures of `SHOWN`, and changes where there are any.
+    """Return the columns that show a sweep's results.
 
-    Args:
-        rows: The results case by case.
-        names: What the table calls each case.
+    They are runs, the measures of `SHOWN`, and changes where there are any. `names` is what the table calls each case.
     """
     shown = {name: title for name, title in SHOWN.items() if any(name in row.metrics for row in rows)}
     runs = [
@@ -194,14 +153,7 @@ def _latex(rows: Sequence[CaseRow], sweep: str) -> str:
 
 
 def case_lines(rows: Sequence[CaseRow]) -> Iterator[Sequence[object]]:
-    """Yield the lines of summary.csv.
-
-    Args:
-        rows: The results case by case.
-
-    Yields:
-        The headings, then the values of each case.
-    """
+    """Yield the lines of summary.csv."""
     fields = list(dict.fromkeys(field for row in rows for field in row.settings))
     names = list(dict.fromkeys(name for row in rows for name in row.metrics))
     changes = list(dict.fromkeys(name for row in rows for name in row.change))

@@ -13,14 +13,7 @@ if TYPE_CHECKING:
 
 
 def check_classes(plan: Plan) -> None:
-    """Find every policy, sensor and radio model of one's own, with its options, before any run is made.
-
-    Args:
-        plan: The runs.
-
-    Raises:
-        BadInput: One is not found, or does not take its options.
-    """
+    """Find every policy, sensor and radio model of one's own, with its options, before any run is made."""
     own = {
         repr((run.scenario.patrol.policy, run.scenario.patrol.options)): run.scenario
         for run in plan.runs

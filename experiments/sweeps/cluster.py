@@ -23,16 +23,13 @@ class ClusterWorkers:
     Each worker needs the same version of fogwatch, and a scenario's map at the same path. Runs that are in progress
     when the sweep is interrupted go on to their end on the cluster; their results are lost.
 
-    Attributes:
-        size: Number of threads of the workers, once the context is entered.
+    `size` is the number of threads of the workers, once the context is entered.
     """
 
     def __init__(self, address: str, timeout_s: float = TIMEOUT_S) -> None:
-        """Connect to nothing yet.
+        """Connect to nothing yet; `address` is that of the scheduler, such as tcp://host:8786.
 
-        Args:
-            address: Address of the scheduler, such as tcp://host:8786.
-            timeout_s: How long to wait for it and for a first worker, s.
+        `timeout_s` is how long to wait for it, and for a first worker.
         """
         self.size = 0
         self._address = address
@@ -65,17 +62,7 @@ class ClusterWorkers:
             self._client.close()
 
     def work(self, tasks: Sequence[Task]) -> Iterator[Answer]:
-        """Make runs.
-
-        Args:
-            tasks: The runs to make.
-
-        Yields:
-            The answer to each task, as soon as there is one.
-
-        Raises:
-            BadInput: The connection to the cluster is lost.
-        """
+        """Make runs; yield the answer to each task as soon as there is one, in any order."""
         futures = [self._client.submit(run_task, task, pure=False) for task in tasks]
         given = {future.key: task for future, task in zip(futures, tasks, strict=True)}
         for future in _distributed().as_completed(futures, loop=self._client.loop):

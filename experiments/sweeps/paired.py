@@ -22,23 +22,15 @@ PAIRING = "same seed"
 
 @dataclass(frozen=True, slots=True)
 class PairedTest:
-    """A metric of a case, compared with the same metric of another.
-
-    Attributes:
-        case: Name of the case.
-        against: Name of the case that it is compared with.
-        metric: Name of the metric.
-        difference: Mean difference over the seeds that both have, in the metric's unit, with its 95 % interval.
-        change: The same in percent of the other's mean; None where that is not above 0.
-        p: Probability of a difference as large as this one or larger, if the setting had no effect; None for fewer than
-            two pairs, and where all pairs differ by the same.
-    """
+    """A metric of a case, compared with the same metric of another."""
 
     case: str
     against: str
     metric: str
-    difference: Estimate
-    change: Estimate | None
+    difference: Estimate  # mean over the seeds that both have, in the metric's unit, with its 95 % interval
+    change: Estimate | None  # the same in percent of the other's mean; None where that is not above 0
+    # probability of so large a difference if the setting had no effect; None for fewer than two pairs, or equal
+    # differences
     p: float | None
 
     @property
@@ -51,9 +43,6 @@ def paired_tests(rows: Sequence[CaseRow]) -> list[PairedTest]:
     """Return the tests of all cases that are compared with another.
 
     The p-values are those of single tests: they are not adjusted for how many there are.
-
-    Args:
-        rows: The results case by case.
     """
     by_name = {row.case: row for row in rows}
     tests = []
@@ -73,11 +62,7 @@ def paired_tests(rows: Sequence[CaseRow]) -> list[PairedTest]:
 def p_of_no_difference(differences: Sequence[float]) -> float | None:
     """Return the p-value of a two-sided t-test that the mean of some differences is 0.
 
-    Args:
-        differences: One for each pair.
-
-    Returns:
-        None for fewer than two differences, and where all are the same.
+    None for fewer than two differences, and where all are the same.
     """
     count = len(differences)
     if count < 2:
@@ -92,11 +77,7 @@ def p_of_no_difference(differences: Sequence[float]) -> float | None:
 
 
 def paired_lines(tests: Sequence[PairedTest]) -> Iterator[Sequence[object]]:
-    """Yield the lines of comparisons.csv: the headings, then a line for each test.
-
-    Args:
-        tests: The tests.
-    """
+    """Yield the lines of comparisons.csv: the headings, then a line for each test."""
     yield ["case", "against", "metric", "test", "pairing", "pairs", "difference", "low", "high", "change_percent", "p"]
     for test in tests:
         found = test.difference

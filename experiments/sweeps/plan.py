@@ -46,19 +46,12 @@ CASE = "case"
 
 @dataclass(frozen=True, slots=True)
 class Label:
-    """The name of a case's value on one axis of a sweep.
+    """The name of a case's value on one axis of a sweep."""
 
-    Attributes:
-        axis: The dotted field of the grid, or `CASE`.
-        title: The shortest name of the axis: the field's last part where no other field of the grid ends alike.
-        text: The name of the value: the label that the sweep gives it, or the value as text.
-        given: Whether the sweep gives the name itself.
-    """
-
-    axis: str
-    title: str
-    text: str
-    given: bool
+    axis: str  # dotted field of the grid, or `CASE`
+    title: str  # shortest name of the axis: the field's last part where no other field of the grid ends alike
+    text: str  # name of the value: the sweep's label, or the value as text
+    given: bool  # True if the sweep gives the name itself
 
     @property
     def word(self) -> str:
@@ -68,59 +61,37 @@ class Label:
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """A variation of the base scenario.
-
-    Attributes:
-        name: The case's name.
-        settings: What it sets in the base scenario: values by dotted field.
-        labels: Its values by axis, in the order of its name; empty where the sweep has no axes.
-    """
+    """A variation of the base scenario."""
 
     name: str
-    settings: Mapping[str, object]
-    labels: tuple[Label, ...] = ()
+    settings: Mapping[str, object]  # of the base scenario, by dotted field
+    labels: tuple[Label, ...] = ()  # its values by axis, in the order of its name; empty where the sweep has no axes
 
 
 @dataclass(frozen=True, slots=True)
 class Run:
-    """One run to make.
+    """One run to make."""
 
-    Attributes:
-        key: SHA-256 (hex) of the meaning of the resolved scenario, its seed included.
-        case: Name of its case.
-        seed: Its seed.
-        scenario: The resolved scenario.
-        settings: What its case sets in the base scenario: values by dotted field.
-        games: Whether intruder games are played on it.
-    """
-
-    key: str
-    case: str
+    key: str  # SHA-256 (hex) of the meaning of the resolved scenario, its seed included
+    case: str  # its name
     seed: int
-    scenario: Scenario
+    scenario: Scenario  # resolved
+    # what its case sets in the base scenario, by dotted field
     settings: Mapping[str, object] = default(default_factory=dict)
-    games: bool = False
+    games: bool = False  # True if intruder games are played on it
 
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """All runs of a sweep. Runs of different cases that mean the same have the same key.
-
-    Attributes:
-        name: The sweep's name.
-        cases: The cases.
-        seeds: The seeds that each case is run with.
-        runs: The runs, case by case.
-        partners: For each case that is compared with another one, the name of that one.
-        unpaired: The cases for which `against` names a case that the sweep does not have.
-    """
+    """All runs of a sweep. Runs of different cases that mean the same have the same key."""
 
     name: str
     cases: tuple[Case, ...]
-    seeds: tuple[int, ...]
-    runs: tuple[Run, ...]
+    seeds: tuple[int, ...]  # each case is run with all of them
+    runs: tuple[Run, ...]  # case by case
+    # name of the case that a case is compared with, by name; only where there is another
     partners: Mapping[str, str] = default(default_factory=dict)
-    unpaired: tuple[str, ...] = ()
+    unpaired: tuple[str, ...] = ()  # names of cases for which `against` names a case that the sweep does not have
 
     @property
     def notes(self) -> list[str]:
@@ -129,41 +100,23 @@ class Plan:
         return [f"no partner: {case}: {why}" for case in self.unpaired]
 
     def runs_of(self, case: str) -> list[Run]:
-        """Return the runs of a case, one per seed.
-
-        Args:
-            case: Name of the case.
-        """
+        """Return the runs of a case, one per seed."""
         return [run for run in self.runs if run.case == case]
 
     def partner(self, case: Case) -> Case | None:
-        """Return the case that another is compared with.
-
-        Args:
-            case: The case to compare.
-
-        Returns:
-            The case that `against` names for it; None if there is none, or it is that case itself.
-        """
+        """Return the case that `against` names for another; None if there is none, or it is that case itself."""
         name = self.partners.get(case.name)
         return next((other for other in self.cases if other.name == name), None)
 
 
 @dataclass(frozen=True, slots=True)
 class Base:
-    """A scenario to vary, not yet checked.
+    """A scenario to vary, not yet checked."""
 
-    Attributes:
-        raw: The scenario's keys and values.
-        folder: The folder that its relative paths begin at.
-        called: What errors call the sweep.
-        source: What errors call the scenario; None for the same.
-    """
-
-    raw: Mapping[str, Any]
-    folder: Path
-    called: str
-    source: str | None = None
+    raw: Mapping[str, Any]  # keys and values
+    folder: Path  # where its relative paths begin
+    called: str  # what errors call the sweep
+    source: str | None = None  # what errors call the scenario; None for the same
 
 
 def make_plan(
@@ -171,18 +124,7 @@ def make_plan(
 ) -> Plan:
     """Make a plan: resolve and check all its runs.
 
-    Args:
-        name: The sweep's name.
-        base: The scenario to vary.
-        cases: The cases.
-        seeds: The seeds that each case is run with.
-        against: Settings of the cases that others are compared with, or the name of a case under `CASE`.
-
-    Returns:
-        The plan.
-
-    Raises:
-        BadInput: There are too many runs, or a case is wrong; the message names it.
+    `against` has settings of the cases that others are compared with, or the name of a case under `CASE`.
     """
     cases = tuple(cases)
     _names_differ(cases, base.called)
@@ -198,34 +140,14 @@ def make_plan(
 
 
 def read_plan(path: Path, seeds: int | None = None) -> Plan:
-    """Read a sweep file.
-
-    Args:
-        path: The file.
-        seeds: Use seeds 1 to this number instead of the file's; None for the file's.
-
-    Returns:
-        The plan.
-
-    Raises:
-        BadInput: The file cannot be read, or something in it is wrong.
-    """
+    """Read a sweep file; `seeds` uses seeds 1 to this number instead of the file's."""
     return plan_of(parse_yaml(read_text(path, SWEEP), str(path)), path, seeds)
 
 
 def plan_of(raw: object, path: Path, seeds: int | None = None) -> Plan:
-    """Make a plan of what a sweep file holds.
+    """Make a plan of what a sweep file holds; `seeds` is as for `read_plan`.
 
-    Args:
-        raw: The content: keys and values.
-        path: The file, for errors and for paths relative to it; it need not exist.
-        seeds: As for `read_plan`.
-
-    Returns:
-        The plan.
-
-    Raises:
-        BadInput: Something in it is wrong.
+    `path` is the file, for errors and for paths relative to it; it need not exist.
     """
     if not isinstance(raw, dict) or "base" not in raw:
         raise BadInput(f"{path}: is no sweep; give 'base:', a scenario or its file, and 'grid:', 'cases:' or 'seeds:'")
@@ -249,15 +171,7 @@ def plan_of(raw: object, path: Path, seeds: int | None = None) -> Plan:
 
 
 def count_of_seeds(count: int, called: str = "seeds") -> tuple[int, ...]:
-    """Return the seeds 1 to `count`.
-
-    Args:
-        count: Number of seeds.
-        called: What errors call the number.
-
-    Raises:
-        BadInput: The number is out of range.
-    """
+    """Return the seeds 1 to `count`."""
     if not 1 <= count <= MAX_RUNS:
         raise BadInput(f"{called} = {count}: expected a whole number from 1 to {MAX_RUNS}")
     return tuple(range(1, count + 1))
@@ -301,18 +215,13 @@ def _named_partners(base: Base, cases: Sequence[Case], against: Mapping[str, obj
 def _partners(
     base: Base, cases: Sequence[Case], runs: Sequence[Run], against: Mapping[str, object]
 ) -> tuple[dict[str, str], tuple[str, ...]]:
-    """Pair each case with the one whose scenario is the same but for `against`: what results counts, not what is set.
+    """Pair each case with the one whose scenario is the same but for `against`.
 
-    For example {set: {}} and {set: {patrol.options.dilatation: 2}} are the same case where 2 is the base's dilatation.
+    What results counts, not what is set: {set: {}} and {set: {patrol.options.dilatation: 2}} are the same case where 2
+    is the base's dilatation.
 
-    Args:
-        base: The scenario to vary.
-        cases: The cases.
-        runs: A run of each case, all with one seed.
-        against: Settings of the cases that others are compared with.
-
-    Returns:
-        The partners by the names of the cases, and the cases that have none and are not what others are compared with.
+    `runs` has a run of each case, all with one seed. The result is the partners by the names of the cases, and the
+    cases that have none and are not what others are compared with.
     """
     called = {run.key: run.case for run in reversed(runs)}
     partners: dict[str, str] = {}

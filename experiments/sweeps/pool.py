@@ -27,13 +27,9 @@ GRACE_S = 2.0
 
 
 class WorkerPool(Protocol):
-    """Workers that make runs; a context manager that ends them.
+    """Workers that make runs; a context manager that ends them."""
 
-    Attributes:
-        size: How many runs they make at a time.
-    """
-
-    size: int
+    size: int  # how many runs they make at a time
 
     def __enter__(self) -> Self:
         """Get ready. Raises BadInput if there are no workers."""
@@ -44,14 +40,7 @@ class WorkerPool(Protocol):
         ...
 
     def work(self, tasks: Sequence[Task]) -> Iterator[Answer]:
-        """Make runs.
-
-        Args:
-            tasks: The runs to make.
-
-        Yields:
-            The answer to each task, as soon as there is one.
-        """
+        """Make runs; yield the answer to each task as soon as there is one, in any order."""
         ...
 
 
@@ -60,20 +49,10 @@ class LocalWorkers:
 
     They share nothing with this process. If one dies, its run has failed and it is replaced. All of them end by
     themselves when this process dies.
-
-    Attributes:
-        size: Number of processes.
     """
 
     def __init__(self, size: int | None = None) -> None:
-        """Start no process yet.
-
-        Args:
-            size: Number of processes; None for one per core that this process may use.
-
-        Raises:
-            BadInput: It is no whole number of 1 or more.
-        """
+        """Start no process yet; without `size` there is one for each core that this process may use."""
         if size is not None and not (isinstance(size, Integral) and size >= 1):
             raise BadInput(f"workers = {quoted(size)}: expected 1 or more")
         self.size = size or cores()
@@ -88,14 +67,7 @@ class LocalWorkers:
             worker.end()
 
     def work(self, tasks: Sequence[Task]) -> Iterator[Answer]:
-        """Make runs.
-
-        Args:
-            tasks: The runs to make.
-
-        Yields:
-            The answer to each task, as soon as there is one.
-        """
+        """Make runs; yield the answer to each task as soon as there is one, in any order."""
         waiting = deque(tasks)
         with selectors.DefaultSelector() as selector:
             for _ in range(min(self.size, len(waiting))):

@@ -24,14 +24,9 @@ ENOUGH_S = 15.0
 
 
 def seconds_per_run(runs: Sequence[Run], clock: Callable[[], float] = time.perf_counter) -> float | None:
-    """Estimate the mean wall time of a run.
+    """Estimate the mean wall time of a run, s, by trying some of them, spread over the list.
 
-    Args:
-        runs: The runs; some of them, spread over the list, are tried.
-        clock: The time in s.
-
-    Returns:
-        The mean time in s, or None if none of the tried runs can be made.
+    None if none of the tried runs can be made. `clock` gives the time in s.
     """
     from patrol.prepare import prepare  # here: loads kernels
 

@@ -34,33 +34,20 @@ FAILED: Literal["failed"] = "failed"
 
 @dataclass(frozen=True, slots=True, config=ConfigDict(strict=True, extra="forbid", allow_inf_nan=False))
 class RunResult:
-    """The result of one run.
+    """The result of one run."""
 
-    Attributes:
-        key: The run's key in the plan.
-        case: Name of its case, for people; another case may mean the same run.
-        seed: Its seed.
-        outcome: ``ok`` or ``failed``.
-        error: Why it failed, in one line; None if it did not.
-        metrics: The summary's numbers, which do not depend on the machine.
-        trace_hash: The hash of its trace; None if there is none.
-        wall_s: How long it took, s.
-        processor_s: The processor time that it took, s; None in results of older versions.
-        software: The version of fogwatch that made it.
-        settings: What its case sets in the base scenario: values by dotted field. Empty in results of older versions.
-    """
-
-    key: str
-    case: str
+    key: str  # the run's in the plan
+    case: str  # its name, for people; another case may mean the same run
     seed: int
     outcome: Literal["ok", "failed"]
-    error: str | None
-    metrics: Mapping[str, int | float | None]
-    trace_hash: str | None
+    error: str | None  # why it failed, in one line; None if it did not
+    metrics: Mapping[str, int | float | None]  # the summary's numbers, which do not depend on the machine
+    trace_hash: str | None  # None if there is none
     wall_s: float
-    software: str
+    software: str  # version of fogwatch that made it
+    # what its case sets in the base scenario, by dotted field; empty in results of older versions
     settings: Mapping[str, object] = field(default_factory=dict)
-    processor_s: float | None = None
+    processor_s: float | None = None  # None in results of older versions
 
     @property
     def computing_s(self) -> float:
@@ -76,30 +63,18 @@ class RunResult:
 class Results:
     """The results of a sweep, on disk and in memory; opened with `open_results`.
 
-    Attributes:
-        path: The file.
-        by_key: The results by the keys of their runs.
-        repaired: Whether the end of the file was repaired.
+    `by_key` has the results by the keys of their runs. `repaired` is True if the end of the file was repaired.
     """
 
     def __init__(self, path: Path, file: FileIO) -> None:
-        """Read nothing yet.
-
-        Args:
-            path: The file.
-            file: The same, open for reading and appending, without a buffer.
-        """
+        """Read nothing yet; `file` is open for reading and appending, without a buffer."""
         self.path = path
         self.by_key: dict[str, RunResult] = {}
         self.repaired = False
         self._file = file
 
     def read(self) -> None:
-        """Read what is on disk and repair the end of the file; of several results of a run, the last counts.
-
-        Raises:
-            BadInput: A line is damaged.
-        """
+        """Read what is on disk and repair the end of the file; of several results of a run, the last counts."""
         self._file.seek(0)
         reader = BufferedReader(self._file)
         number = end = 0
@@ -121,14 +96,7 @@ class Results:
         reader.detach()
 
     def add(self, result: RunResult) -> None:
-        """Append a result; it is on disk when this returns.
-
-        Args:
-            result: The result.
-
-        Raises:
-            BadInput: It cannot be written.
-        """
+        """Append a result; it is on disk when this returns."""
         self._write(_line(result))
         self.by_key[result.key] = result
 
@@ -155,17 +123,7 @@ class Results:
 
 @contextmanager
 def open_results(folder: Path) -> Iterator[Results]:
-    """Open the results in a folder, for this process alone.
-
-    Args:
-        folder: The folder, which is made if it is missing.
-
-    Yields:
-        The results.
-
-    Raises:
-        BadInput: The folder cannot be used, its file is damaged, or another sweep is writing there.
-    """
+    """Open the results in a folder, which is made if it is missing, for this process alone."""
     path = folder / FILE
     try:
         folder.mkdir(parents=True, exist_ok=True)

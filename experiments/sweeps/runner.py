@@ -18,19 +18,12 @@ from patrol.scenario import as_mapping
 
 @dataclass(frozen=True, slots=True)
 class SweepOutcome:
-    """The results of a plan's runs.
-
-    Attributes:
-        plan: The plan.
-        results: The results by the keys of their runs, with those of other plans that are in the same folder.
-        made: Number of runs made now; the other results were there.
-        wall_s: How long that took, s.
-    """
+    """The results of a plan's runs."""
 
     plan: Plan
-    results: Mapping[str, RunResult]
-    made: int
-    wall_s: float
+    results: Mapping[str, RunResult]  # by the keys of their runs, with those of other plans in the same folder
+    made: int  # number of runs made now; the other results were there
+    wall_s: float  # how long that took
 
     @property
     def failed(self) -> list[RunResult]:
@@ -51,15 +44,7 @@ class SweepOutcome:
         return [self.results[key] for key in dict.fromkeys(run.key for run in self.plan.runs) if key in self.results]
 
     def values(self, case: str, metric: str) -> dict[int, float]:
-        """Return the values of a metric.
-
-        Args:
-            case: Name of a case.
-            metric: Name of a metric.
-
-        Returns:
-            The values by seed, of the valid runs of the case that have the metric.
-        """
+        """Return the values of a metric by seed, of the valid runs of a case that have it."""
         by_seed = {}
         for run in self.plan.runs_of(case):
             result = self.results.get(run.key)
@@ -73,21 +58,11 @@ class SweepObserver(Protocol):
     """Is informed about the progress of a sweep."""
 
     def begin(self, todo: list[Run], done: list[RunResult], workers: int) -> None:
-        """The sweep begins.
-
-        Args:
-            todo: The runs to make.
-            done: The results that were there.
-            workers: How many runs are made at a time.
-        """
+        """Take the runs to make, `workers` at a time, and the results that were there, as the sweep begins."""
         ...
 
     def result(self, result: RunResult) -> None:
-        """One more run is done, and its result on disk.
-
-        Args:
-            result: The result.
-        """
+        """Take the result of one more run, which is on disk."""
         ...
 
 
@@ -99,23 +74,12 @@ def run_sweep(
     observer: SweepObserver | None = None,
     say: Callable[[str], None] = lambda _: None,
 ) -> SweepOutcome:
-    """Make the runs of a plan that have no valid result in a folder yet.
+    """Make the runs of a plan that have no valid result in a folder yet, and return all results, old and new.
 
     Ending this call early, by an exception such as KeyboardInterrupt or by SIGKILL, loses only the runs in progress:
     the same call continues where it stopped.
 
-    Args:
-        plan: The runs.
-        folder: Where the results are kept.
-        workers: The workers; a process per core unless given.
-        observer: Informed about the progress.
-        say: Takes lines for the user.
-
-    Returns:
-        The results, old and new.
-
-    Raises:
-        BadInput: The folder, its results or the workers cannot be used, or scipy is not installed.
+    Unless `workers` are given, there is a process for each core. `say` takes lines for the user.
     """
     check_installed()
     begun = time.perf_counter()

@@ -13,24 +13,15 @@ Labels = Callable[[Run], Mapping[str, object]]
 
 
 def case_labels(outcome: SweepOutcome) -> Labels:
-    """Return labels that give a run's case, and each setting that some case makes; None where a run's does not.
-
-    Args:
-        outcome: The results of the runs.
-    """
+    """Return labels that give a run's case, and each setting that some case makes; None where a run's does not."""
     fields = dict.fromkeys(field for case in outcome.plan.cases for field in case.settings)
     return lambda run: {"case": run.case, **{field: run.settings.get(field) for field in fields}}
 
 
 def run_rows(outcome: SweepOutcome, labels: Labels) -> list[dict[str, object]]:
-    """Return a row for each run of the plan that has a result.
+    """Return a row, values by column, for each run of the plan that has a result.
 
-    Args:
-        outcome: The results of the runs.
-        labels: The first columns.
-
-    Returns:
-        Values by column; all rows have the same columns, with None where there is no value.
+    `labels` gives the first columns. All rows have the same columns, with None where there is no value.
     """
     names = list(dict.fromkeys(name for result in outcome.results.values() for name in result.metrics))
     rows = []
@@ -57,8 +48,7 @@ def run_rows(outcome: SweepOutcome, labels: Labels) -> list[dict[str, object]]:
 def table_lines(rows: Sequence[Mapping[str, object]]) -> Iterator[Sequence[object]]:
     """Yield the lines of a CSV file: the headings, then the values of each row.
 
-    Args:
-        rows: Values by column, the same columns in each; lists and mappings are written as JSON.
+    All rows have the same columns. Lists and mappings are written as JSON.
     """
     yield list(rows[0]) if rows else []
     for row in rows:

@@ -13,11 +13,7 @@ from patrol.errors import BadInput
 
 
 def check_installed() -> None:
-    """Check that intervals can be computed, before runs of hours.
-
-    Raises:
-        BadInput: scipy is not installed.
-    """
+    """Check that intervals can be computed, before runs of hours."""
     if find_spec("scipy") is None:
         remedy = "install it with: pip install 'fogwatch[experiments]' (in a checkout: make develop)"
         raise BadInput(f"means and intervals need scipy; {remedy}")
@@ -25,19 +21,12 @@ def check_installed() -> None:
 
 @dataclass(frozen=True, slots=True)
 class Estimate:
-    """A mean with its confidence interval.
-
-    Attributes:
-        mean: The mean.
-        low: Lower end of the interval; None for fewer than two values.
-        high: Upper end of the interval; None for fewer than two values.
-        count: Number of values.
-    """
+    """A mean with its confidence interval."""
 
     mean: float
-    low: float | None
-    high: float | None
-    count: int
+    low: float | None  # lower end of the interval; None for fewer than two values
+    high: float | None  # upper end; None for fewer than two values
+    count: int  # number of values
 
     @property
     def half(self) -> float | None:
@@ -51,29 +40,14 @@ class Estimate:
 
 
 def with_interval(found: Estimate | None) -> str:
-    """Return a mean and half the width of its 95 % interval, as in "12.3 ±0.4".
-
-    Args:
-        found: The mean; None gives "-".
-    """
+    """Return a mean and half the width of its 95 % interval, as in "12.3 ±0.4", or "-" for None."""
     if found is None:
         return "-"
     return f"{found.mean:.1f}" if found.half is None else f"{found.mean:.1f} ±{found.half:.1f}"
 
 
 def estimate(values: Sequence[float], confidence: float = 0.95) -> Estimate:
-    """Return the mean of independent values with Student's interval.
-
-    Args:
-        values: The values.
-        confidence: Probability that the interval holds the true mean.
-
-    Returns:
-        The mean and its interval.
-
-    Raises:
-        ValueError: There is no value.
-    """
+    """Return the mean of independent values with Student's interval."""
     if not values:
         raise ValueError("a mean needs at least one value")
     mean = math.fsum(values) / len(values)
@@ -88,34 +62,16 @@ def estimate(values: Sequence[float], confidence: float = 0.95) -> Estimate:
 
 @dataclass(frozen=True, slots=True)
 class Fit:
-    """The fit of our numbers to printed ones.
+    """The fit of our numbers to printed ones."""
 
-    Attributes:
-        cells: Number of pairs.
-        median_ratio: Median of ours / theirs.
-        rms_log_error: Root mean square of ln(ours / theirs).
-        correlation: Pearson's correlation of the logarithms; None where one side does not vary.
-    """
-
-    cells: int
-    median_ratio: float
-    rms_log_error: float
-    correlation: float | None
+    cells: int  # number of pairs
+    median_ratio: float  # of ours / theirs
+    rms_log_error: float  # root mean square of ln(ours / theirs)
+    correlation: float | None  # Pearson's, of the logarithms; None where one side does not vary
 
 
 def fit(ours: Sequence[float], theirs: Sequence[float]) -> Fit:
-    """Compare our numbers with printed ones.
-
-    Args:
-        ours: Our numbers, positive.
-        theirs: The printed numbers, positive, in the same order.
-
-    Returns:
-        The fit.
-
-    Raises:
-        ValueError: There are no numbers, or not as many on both sides.
-    """
+    """Compare our numbers with printed ones, all positive and in the same order."""
     a, b = (np.array([math.log(value) for value in values]) for values in (ours, theirs))
     if a.size == 0 or a.shape != b.shape:
         raise ValueError("a fit needs as many printed numbers as ours, and at least one")

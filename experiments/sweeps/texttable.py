@@ -19,12 +19,7 @@ _LATEX = {
 
 
 def markdown_table(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> Iterator[str]:
-    """Yield the lines of a table in Markdown.
-
-    Args:
-        heads: Its headings.
-        rows: Its cells.
-    """
+    """Yield the lines of a table in Markdown."""
     yield f"| {' | '.join(heads)} |"
     yield "|---" * len(heads) + "|"
     yield from (f"| {' | '.join(row)} |" for row in rows)
@@ -35,11 +30,8 @@ def latex_table(
 ) -> str:
     """Return a table for LaTeX with the package booktabs: a tabular, to be put into a table with a caption.
 
-    Args:
-        heads: Its headings.
-        rows: Its cells.
-        numbers: Places of the columns that are aligned at the right.
-        notes: Lines that stand above it as comments.
+    `numbers` are the indices of the columns that are aligned at the right, `notes` lines that stand above it as
+    comments.
     """
     places = "".join("r" if place in numbers else "l" for place in range(len(heads)))
     lines = [

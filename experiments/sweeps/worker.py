@@ -48,11 +48,7 @@ def software() -> str:
 
 
 def prepare_worker() -> str:
-    """Compile the kernels, so that this machine can run tasks.
-
-    Returns:
-        The version of fogwatch.
-    """
+    """Compile the kernels, so that this machine can run tasks, and return the version of fogwatch."""
     from patrol.process.starting.seldom import SELDOM
     from patrol.process.starting.warmup import warm
 
@@ -61,14 +57,7 @@ def prepare_worker() -> str:
 
 
 def run_task(task: Task) -> Answer:
-    """Make one run.
-
-    Args:
-        task: The run.
-
-    Returns:
-        The answer; a run that raises an error or has no valid verdict is a failed one.
-    """
+    """Make one run; one that raises an error or has no valid verdict is answered as failed."""
     # Of this thread, in which the whole run takes place: a Dask worker makes other runs in other threads.
     begun, used = time.perf_counter(), time.thread_time()
     metrics: Metrics = {}
@@ -94,17 +83,9 @@ def _run(scenario: Mapping[str, Any], games: bool) -> tuple[Metrics, str | None,
 
 
 def run_scenario(scenario: Scenario | Prepared, games: bool = False) -> tuple[Outcome, Metrics]:
-    """Run a scenario as every run of a sweep.
+    """Run a scenario as every run of a sweep, with nothing written to disk.
 
-    Args:
-        scenario: The scenario; nothing of it is written to disk.
-        games: Whether to play intruder games on it.
-
-    Returns:
-        What the run left, and the metrics that its summary lacks: of what its robots believed, and of the games.
-
-    Raises:
-        BadInput: It cannot be prepared.
+    The metrics are those that the summary lacks: of what the robots believed and, with `games`, of intruder games.
     """
     from experiments.inprocess import run_in_process
     from experiments.sweeps.belief_error import BeliefError  # here: loads kernels that `prepare_worker` compiles
@@ -125,15 +106,9 @@ def answer(
     wall_s: float = 0.0,
     processor_s: float = 0.0,
 ) -> Answer:
-    """Return the answer to a task.
+    """Return the answer to a task; `error` is why the run failed, None if it did not.
 
-    Args:
-        task: The task.
-        error: Why the run failed; None if it did not.
-        metrics: The metrics.
-        trace: The trace hash.
-        wall_s: How long the run took, s.
-        processor_s: The processor time that it took, that of other runs in the same process not included, s.
+    `processor_s` is without the processor time of other runs in the same process.
     """
     return {
         "key": task["key"],
@@ -150,13 +125,9 @@ def answer(
 
 
 def metrics_of(summary: Summary) -> Metrics:
-    """Return the metrics that are declared with a column: those that depend on the scenario alone, not on the machine.
+    """Return the metrics that are declared with a column, by the names of their columns.
 
-    Args:
-        summary: The summary.
-
-    Returns:
-        The metrics by the names of their columns; those of single robots are reduced as declared.
+    They depend on the scenario alone, not on the machine. Those of single robots are reduced as declared.
     """
     parts: list[tuple[type[BaseModel], str, Sequence[BaseModel]]] = [
         (Summary, "", [summary]),

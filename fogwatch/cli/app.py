@@ -357,11 +357,7 @@ def version() -> None:
 
 
 def main() -> int:
-    """Run the command `fogwatch` with this process's arguments.
-
-    Returns:
-        The exit code.
-    """
+    """Run the command `fogwatch` with this process's arguments."""
     return run_app(app)
 
 

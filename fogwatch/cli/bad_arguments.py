@@ -16,17 +16,11 @@ from patrol.errors import BadInput, quoted
 
 @dataclass(frozen=True, slots=True)
 class _Quantity:
-    """The values that an option of a certain metavar takes.
+    """The values that an option of a certain metavar takes."""
 
-    Attributes:
-        unit: The unit, empty for a whole number.
-        example: A typical value.
-        factors: Other spellings of a unit, and how many of our unit each of them is.
-    """
-
-    unit: str
+    unit: str  # empty for a whole number
     example: str
-    factors: dict[str, float]
+    factors: dict[str, float]  # by other spellings of a unit, how many of `unit` one of it is
 
 
 _LENGTHS = {"mm": 0.001, "cm": 0.01, "m": 1.0, "km": 1000.0}
@@ -76,18 +70,7 @@ class HelpfulCommand(TyperCommand):
     """A command line that shows how the command is used."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """Parse the arguments.
-
-        Args:
-            ctx: The context of the call.
-            args: The arguments.
-
-        Returns:
-            What is left of them.
-
-        Raises:
-            BadInput: An argument is missing, unknown or no number.
-        """
+        """Parse the arguments; the parser's errors become BadInput that says what to give instead."""
         typed = list(args)
         try:
             return super().parse_args(ctx, args)
@@ -98,17 +81,7 @@ class HelpfulCommand(TyperCommand):
             raise BadInput(line) from None
 
     def invoke(self, ctx: Any) -> Any:
-        """Run the command.
-
-        Args:
-            ctx: The context of the call.
-
-        Returns:
-            What the command returns.
-
-        Raises:
-            BadInput: The command cannot use what it was given. Fields that options set have the options' names.
-        """
+        """Run the command; its errors name options in place of the fields that they set."""
         try:
             return super().invoke(ctx)
         except BadInput as error:
@@ -155,9 +128,7 @@ class HelpfulCommand(TyperCommand):
 def _as_typed(line: str, typed: dict[str, str]) -> str:
     """Name the option in an error, not the field that it set, and ``--set`` instead of "override".
 
-    Args:
-        line: The error.
-        typed: The options by field.
+    `typed` holds the options by field.
     """
     match = _FIELD.match(line)
     if match is None:

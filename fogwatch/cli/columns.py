@@ -16,11 +16,7 @@ UNLIMITED = 100_000
 
 
 def aligned(rows: Sequence[Sequence[str]]) -> list[str]:
-    """Return a line for each row, with columns as wide as their longest cell.
-
-    Args:
-        rows: At least one; all of the same length.
-    """
+    """Return a line for each row, with columns as wide as their longest cell."""
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     return ["  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip() for row in rows]
 
@@ -35,12 +31,8 @@ def print_side_by_side(
 ) -> None:
     """Print tables with a column for each name: as many columns as fit, the others below them.
 
-    Names that are wider than their columns are printed above the tables, which then have their numbers.
-
-    Args:
-        console: Where to print.
-        names: The names.
-        tables: The heading of each table, and its rows: a label, then a cell for each name.
+    A table is a heading and rows, each a label and then a cell for each name. Names that are wider than their columns
+    are printed above the tables, which then have their numbers.
     """
     wide = min(max((len(cell) for _, rows in tables for row in rows for cell in row[1:]), default=0), WIDEST)
     heads = list(names)

@@ -61,29 +61,11 @@ class OrderedGroup(TyperGroup):
     """A group of commands that lists them in the order of `ORDER`."""
 
     def list_commands(self, ctx: Any) -> list[str]:
-        """Return the names of the commands.
-
-        Args:
-            ctx: The context of the call, which does not matter here.
-
-        Returns:
-            The names, in the order in which the help shows them.
-        """
+        """Return the names of the commands, in the order in which the help shows them."""
         return sorted(super().list_commands(ctx), key=ORDER.index)
 
     def resolve_command(self, ctx: Any, args: list[str]) -> tuple[str | None, Any, list[str]]:
-        """Find the command that the arguments name.
-
-        Args:
-            ctx: The context of the call.
-            args: The arguments.
-
-        Returns:
-            The command's name, the command, and its arguments.
-
-        Raises:
-            BadInput: There is no such command.
-        """
+        """Find the command that the arguments name."""
         if args[0] not in self.commands and not args[0].startswith("-"):
             raise BadInput(f"{args[0]}: no such command; {did_you_mean(args[0], ORDER)}")
         return super().resolve_command(ctx, args)
@@ -98,18 +80,10 @@ def command(
     panel: str | None = None,
     kind: type[HelpfulCommand] = HelpfulCommand,
 ) -> Callable[[F], F]:
-    """Register a function as a command; its docstring is the help text.
+    """Return a decorator that registers a function as a command, and returns it as it is.
 
-    Args:
-        app: The group that the command belongs to.
-        name: The command's name; the function's unless given.
-        examples: Command lines that show how the command is used, at least one.
-        exit_codes: What its exit codes mean, as in "0 done, 2 bad input".
-        panel: The panel that the group's help lists it in.
-        kind: How its arguments are read.
-
-    Returns:
-        A decorator that returns the function as it is.
+    The function's docstring is the help text; `examples` are command lines, at least one. Without `name`, the command
+    has the function's. `kind` decides how its arguments are read.
     """
 
     def register(function: F) -> F:
@@ -124,10 +98,6 @@ def command(
 
 
 def reflowed(function: Callable[..., Any]) -> str:
-    """Join each paragraph of a docstring to one line, so that it fits a terminal of any width.
-
-    Args:
-        function: The function that has the docstring.
-    """
+    """Join each paragraph of a docstring to one line, so that it fits a terminal of any width."""
     paragraphs = (inspect.getdoc(function) or "").split("\n\n")
     return "\n\n".join(" ".join(paragraph.split()) for paragraph in paragraphs)

@@ -18,14 +18,7 @@ from patrol.process.reporting.logs import crashed
 
 
 def run_app(app: typer.Typer) -> int:
-    """Run the command that this process's arguments name.
-
-    Args:
-        app: Has the command.
-
-    Returns:
-        The exit code.
-    """
+    """Run the command that this process's arguments name, and return the exit code."""
     code = guarded(lambda: app(standalone_mode=False))
     for stream in (sys.stdout, sys.stderr):
         try:
@@ -41,11 +34,7 @@ def run_app(app: typer.Typer) -> int:
 def guarded(call: Callable[[], Any]) -> int:
     """Run a command; an error that the user can mend becomes one line on the standard error.
 
-    Args:
-        call: Parses the arguments and runs the command that they name; returns its exit code.
-
-    Returns:
-        The exit code: the command's own, 2 for bad input, 3 for a crash, 130 when interrupted.
+    Return the exit code: the command's own, 2 for bad input, 3 for a crash, 130 when interrupted.
     """
     try:
         code = call()
@@ -93,10 +82,6 @@ def _nowhere() -> str | None:
 
 
 def complain(line: str) -> None:
-    """Print a line on the standard error, unless it has no reader or there is no room for it.
-
-    Args:
-        line: What is wrong.
-    """
+    """Print a line on the standard error, unless it has no reader or there is no room for it."""
     with suppress(OSError):
         print(f"fogwatch: {printable_lines(line)}", file=sys.stderr, flush=True)

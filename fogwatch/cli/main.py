@@ -28,11 +28,7 @@ PROCESSES = ("agent", "robot-sim", "router")
 
 
 def main() -> int:
-    """Run the command `fogwatch` with this process's arguments.
-
-    Returns:
-        The exit code.
-    """
+    """Run the command `fogwatch` with this process's arguments."""
     _settle_standard_streams()
     if not os.environ.get("COLUMNS", "80").isdigit() or not int(os.environ.get("COLUMNS", "80")):
         del os.environ["COLUMNS"]  # in no columns, rich prints nothing

@@ -10,10 +10,9 @@ from patrol.scenario.patrols import PATROLS, PRICES
 
 
 def patrol_option(panel: str | None = None) -> Any:
-    """Return the option for an annotation.
+    """Return the option ``--patrol``, for the annotation of a parameter.
 
-    Args:
-        panel: Of the help in which it is listed; None for the first.
+    The help lists it in `panel`; None for the first.
     """
     return typer.Option(
         "--patrol",

@@ -35,35 +35,21 @@ class Level(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """One thing that was found.
-
-    Attributes:
-        level: How bad it is.
-        says: What was found.
-        remedy: What to do; empty where nothing has to be done.
-    """
+    """One thing that was found."""
 
     level: Level
     says: str
-    remedy: str = ""
+    remedy: str = ""  # empty where nothing has to be done
 
 
 @dataclass(frozen=True, slots=True)
 class Examined:
-    """The result of a survey.
+    """The result of a survey."""
 
-    Attributes:
-        speaks: The format that the robot speaks; empty where nothing was seen.
-        clock_s: By how much our clock is ahead of the robot's, with the time that messages took, s; None where nothing
-            says so.
-        topics: The topics that matter.
-        findings: The worst first.
-    """
-
-    speaks: str
-    clock_s: float | None
-    topics: tuple[Topic, ...]
-    findings: tuple[Finding, ...]
+    speaks: str  # a format; empty where nothing was seen
+    clock_s: float | None  # how far our clock is ahead of the robot's, messages' travel time included; None if unknown
+    topics: tuple[Topic, ...]  # only those that matter
+    findings: tuple[Finding, ...]  # the worst first
 
     @property
     def fit(self) -> bool:
@@ -72,11 +58,7 @@ class Examined:
 
 
 def examine(seen: Survey) -> Examined:
-    """Return the findings of a survey.
-
-    Args:
-        seen: The survey.
-    """
+    """Return the findings of a survey."""
     bridge = Bridge()
     ours = [entity for token in seen.tokens if (entity := entity_of(token)) is not None]
     bridged = [entity for token in seen.tokens if (entity := bridge.entity(token)) is not None]

@@ -17,60 +17,36 @@ _TOKENS_S = 3.0
 
 @dataclass(frozen=True, slots=True)
 class Wanted:
-    """The settings of a robot's agent, which say what a patrol needs of the robot.
+    """The settings of a robot's agent, which say what a patrol needs of the robot."""
 
-    Attributes:
-        topics: Names of topics other than the usual, by those (`agent.robots.ros2.settings.TOPICS`).
-        localisation: What corrects the odometry.
-        map_frame: The frame of the map.
-        sim_time: Whether the robot's time comes from its clock topic.
-    """
-
+    # names other than the usual, by those (`agent.robots.ros2.settings.TOPICS`)
     topics: Mapping[str, str] = field(default_factory=dict)
-    localisation: Source = Source.TF
+    localisation: Source = Source.TF  # what corrects the odometry
     map_frame: str = "map"
-    sim_time: bool = False
+    sim_time: bool = False  # the robot's time comes from its clock topic
 
     def topic(self, usual: str) -> str:
-        """Return the name of a topic, relative to the robot's namespace.
+        """Return the name of a topic by its usual name, relative to the robot's namespace.
 
-        Args:
-            usual: Its usual name.
+        The clock's usual topic, ``/clock``, is absolute.
         """
         return self.topics.get(usual, "/clock" if usual == "clock" else usual)
 
 
 @dataclass(slots=True)
 class Survey:
-    """All that was seen and overheard of a robot.
+    """All that was seen and overheard of a robot."""
 
-    Attributes:
-        domain: The ROS_DOMAIN_ID that was looked into.
-        namespace: The robot's namespace.
-        wanted: The topics' names.
-        tokens: All tokens of both formats, of every domain.
-        heard: What was overheard, by key.
-        router: What the router says of itself; None if it does not answer.
-    """
-
-    domain: int
+    domain: int  # ROS_DOMAIN_ID
     namespace: str
     wanted: Wanted
-    tokens: list[str] = field(default_factory=list)
-    heard: dict[str, Overheard] = field(default_factory=dict)
-    router: RouterSays | None = None
+    tokens: list[str] = field(default_factory=list)  # of both formats and every domain
+    heard: dict[str, Overheard] = field(default_factory=dict)  # by key
+    router: RouterSays | None = None  # what the router says of itself; None if it does not answer
 
 
 def survey(link: ZenohRos2Link, domain: int, namespace: str, wanted: Wanted, seconds: float) -> Survey:
-    """Look and listen.
-
-    Args:
-        link: A link to the robot's router.
-        domain: The ROS_DOMAIN_ID.
-        namespace: The robot's namespace.
-        wanted: The topics' names.
-        seconds: How long to listen.
-    """
+    """Look at a robot's router and listen there for some seconds; `domain` is the ROS_DOMAIN_ID."""
     ear = Ear()
     for form in (RmwZenoh(domain), Bridge()):
         for name, latched in names_of(namespace, wanted):

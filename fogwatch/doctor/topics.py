@@ -23,41 +23,22 @@ _KNOWN = {coding.type_name: kind for kind, coding in CODINGS.items() if coding.u
 
 @dataclass(frozen=True, slots=True)
 class Topic:
-    """The nodes and messages of a topic.
+    """The nodes and messages of a topic."""
 
-    Attributes:
-        name: Its full name.
-        type_name: Its type; empty where no node says.
-        type_hash: The hash of the type; empty where no node says.
-        rate: Messages a second.
-        messages: Messages while we listened.
-        size: Bytes of the longest.
-        frames: Frames that its messages name.
-        publishers: How many publish it, as far as tokens or attachments tell.
-        subscribers: How many subscribe to it, as far as tokens tell.
-        wrong: Why its messages cannot be used; empty where they can.
-    """
-
-    name: str
-    type_name: str
-    type_hash: str
-    rate: float
-    messages: int
-    size: int
-    frames: tuple[str, ...]
-    publishers: int
-    subscribers: int
-    wrong: str
+    name: str  # in full
+    type_name: str  # empty where no node says
+    type_hash: str  # empty where no node says
+    rate: float  # messages a second
+    messages: int  # number heard
+    size: int  # bytes of the longest message
+    frames: tuple[str, ...]  # that its messages name
+    publishers: int  # number, as far as tokens or attachments tell
+    subscribers: int  # number, as far as tokens tell
+    wrong: str  # why its messages cannot be used; empty where they can
 
 
 def topics_of(seen: Survey, form: Format, entities: Sequence[Entity]) -> Iterator[Topic]:
-    """Yield the topics that matter, as far as there are any.
-
-    Args:
-        seen: The survey.
-        form: What the robot speaks.
-        entities: What is in its graph.
-    """
+    """Yield the topics that matter, as far as there are any."""
     for name, _ in names_of(seen.namespace, seen.wanted):
         if isinstance(form, Bridge):
             keys = [key for key in seen.heard if key == form.heard(name)]

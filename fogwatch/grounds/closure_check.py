@@ -19,14 +19,7 @@ if TYPE_CHECKING:
 
 
 def closure_lines(prepared: Prepared) -> Iterator[str]:
-    """The result of a check of closures as lines of text.
-
-    Args:
-        prepared: A fleet on the terrain with its closures.
-
-    Yields:
-        The lines.
-    """
+    """Yield the result of a check of closures as lines of text."""
     scenario, area = prepared.scenario, prepared.terrain.point_area
     yield f"closures: {len(scenario.closures)}"
     starts = {spec.number: start for spec, start in zip(scenario.roster, prepared.starts, strict=True)}

@@ -56,53 +56,31 @@ _APART = 2.5
 
 @dataclass(frozen=True, slots=True, eq=False)
 class WallMap:
-    """A map's walls.
+    """A map's walls."""
 
-    Attributes:
-        walls: bool (h, w), occupied points beside free ones.
-        known: bool (h, w), free points and walls.
-        point: Side of a point, m.
-        origin: Outer corner of point (0, 0), m.
-    """
-
-    walls: BoolGrid
-    known: BoolGrid
-    point: float
-    origin: Place
+    walls: BoolGrid  # (h, w), occupied points beside free ones
+    known: BoolGrid  # (h, w), free points and walls
+    point: float  # side of a point, m
+    origin: Place  # outer corner of point (0, 0), m
 
     def places(self, mask: BoolGrid | None = None) -> Places:
-        """Return the centres of points, m.
-
-        Args:
-            mask: Which, bool (h, w); None for the walls.
-        """
+        """Return the centres of the walls, or of the points of a mask, x and y in m."""
         rows, cols = np.nonzero(self.walls if mask is None else mask)
         return np.asarray(np.stack([cols + 0.5, rows + 0.5], axis=1) * self.point + np.array(self.origin))
 
 
 @dataclass(frozen=True, slots=True)
 class Alignment:
-    """A place of A on B.
+    """A place of A on B."""
 
-    Attributes:
-        transform: Pose of A's frame in B's.
-        agreement: Share of the walls that agree, 0 to 1.
-    """
-
-    transform: Pose
-    agreement: float
+    transform: Pose  # pose of A's frame in B's
+    agreement: float  # share of the walls that agree, 0 to 1
 
 
 def wall_map(terrain: Terrain) -> WallMap:
-    """Return the walls of a terrain.
+    """Return the walls of a terrain; a map's file is read again for them.
 
     What a map's file leaves unknown is no wall. What lies outside of a built-in terrain is.
-
-    Args:
-        terrain: The terrain.
-
-    Raises:
-        BadInput: Its map cannot be read again, or shows no wall.
     """
     free, origin, point = terrain.passable, terrain.origin, terrain.point
     if terrain.source is None:
@@ -120,14 +98,8 @@ def wall_map(terrain: Terrain) -> WallMap:
 def fit_landmarks(pairs: Sequence[tuple[Place, Place]]) -> tuple[Pose, list[float]]:
     """Return the transform that brings landmarks nearest to each other, by least squares.
 
-    Args:
-        pairs: Each landmark's place on A and on B, two or more.
-
-    Returns:
-        The pose of A's frame in B's, and how far each landmark is off then, m.
-
-    Raises:
-        BadInput: They are fewer than two, or all in one place, so that the turn is unknown.
+    It is the pose of A's frame in B's; with it comes how far each landmark is off then, m. Pairs are a landmark's place
+    on A and on B; two or more are needed, not all in one place.
     """
     if len(pairs) < 2:
         raise BadInput("--landmark: one says nothing of the turn; give two or more, far from each other")
@@ -146,10 +118,7 @@ def fit_landmarks(pairs: Sequence[tuple[Place, Place]]) -> tuple[Pose, list[floa
 def agreement(a: WallMap, b: WallMap, transform: Pose) -> float:
     """Return the share of walls that agree within a point or so, where both maps are known.
 
-    Args:
-        a: The map that is laid on the other.
-        b: The other.
-        transform: Pose of A's frame in B's.
+    `transform` is the pose of A's frame in B's.
     """
     hits = common = 0.0
     for one, other, pose in ((a, b, transform), (b, a, inverted(transform))):
@@ -161,12 +130,7 @@ def agreement(a: WallMap, b: WallMap, transform: Pose) -> float:
 
 
 def align_maps(a: WallMap, b: WallMap) -> list[Alignment]:
-    """Return the places of A on B, the best first.
-
-    Args:
-        a: The map that is laid on the other.
-        b: The other, with points of the same size.
-    """
+    """Return the places of A on B, the best first; points of both must be of the same size."""
     walls = a.places()
     centre = 0.5 * (walls.min(axis=0) + walls.max(axis=0))
     radius = float(np.hypot(*(walls - centre).T).max())
@@ -190,14 +154,7 @@ def align_maps(a: WallMap, b: WallMap) -> list[Alignment]:
 
 
 def only_alignment(found: Sequence[Alignment]) -> Alignment:
-    """Return the best place, if it is good and the only one.
-
-    Args:
-        found: All places, the best first.
-
-    Raises:
-        BadInput: It is not.
-    """
+    """Return the best place, the first one; BadInput if it is not good, or another is nearly as good."""
     best = found[0]
     if best.agreement < LEAST_AGREEMENT:
         raise BadInput(
@@ -220,12 +177,7 @@ def spelled(pose: Pose) -> str:
 
 
 def moved(places: Places, pose: Pose) -> Places:
-    """Return places in a frame from those in a child of it.
-
-    Args:
-        places: (n, 2), m.
-        pose: The child in the frame.
-    """
+    """Return places in a frame from those in a child of it, whose pose there is `pose`."""
     return np.asarray(_turned(places, pose.heading) + np.array((pose.x, pose.y)))
 
 
@@ -266,12 +218,7 @@ def _coarse(a: WallMap, centre: Places, b: WallMap, cell: float, radius: float) 
 
 
 class _Nearness:
-    """The nearness of places to a map's walls: 1 on them, falling evenly to 0 at a distance.
-
-    Args:
-        walls: The map.
-        reach: The distance, points.
-    """
+    """The nearness of places to a map's walls: 1 on them, falling evenly to 0 at `reach` points."""
 
     def __init__(self, walls: WallMap, reach: int) -> None:
         near = np.pad(walls.walls, reach + 1)

@@ -27,27 +27,16 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class SealedPart:
-    """Free space that the body cannot reach.
+    """Free space that the body cannot reach."""
 
-    Attributes:
-        x: East coordinate of a place inside, m.
-        y: North coordinate of the place, m.
-        area: Area of the part, m².
-        seen: Area of it that is seen from outside the part, m².
-        standable: Area of the places where the body's centre could be, m².
-        at_border: Whether it touches the map's border.
-        reason: Why it cannot be reached.
-        door: The door that is too narrow, where that is the reason; else None.
-    """
-
-    x: float
-    y: float
-    area: float
-    seen: float
-    standable: float
-    at_border: bool
+    x: float  # m, of a place inside
+    y: float  # m
+    area: float  # m²
+    seen: float  # m² of it that are seen from outside the part
+    standable: float  # m² where the body's centre could be
+    at_border: bool  # touches the map's border
     reason: str
-    door: Door | None
+    door: Door | None  # too narrow, where that is the reason; else None
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,43 +50,24 @@ class Site:
 
 @dataclass(frozen=True, eq=False)
 class MapReport:
-    """The result of a map check.
-
-    Attributes:
-        terrain: The ground.
-        fields: The body's static fields.
-        radius: Radius of the body, m.
-        sensor_range: Range of the sensor, m.
-        line_of_sight: Whether obstacles block the sensor.
-        free: Area of the free space, m².
-        fits: Area of the places where the body's centre may be, m².
-        reachable: Area of those places that can be reached from the starts, m².
-        patrolled: Area that is seen from them, m².
-        unseen: Area of the passable space that is never seen, m².
-        unseen_sealed: Area of that in sealed-off parts, listed or not, m².
-        parts: The listed sealed-off parts, largest first.
-        small_parts: Number of sealed-off parts that are too small to list.
-        small_area: Their area in total, m².
-        doors: The doors between the starts and the free space around them, narrowest first.
-        sealed: int32 (height, width): the number of the listed part at a point, from 1, or 0.
-    """
+    """The result of a map check; all areas are in m²."""
 
     terrain: Terrain
     fields: StaticFields
-    radius: float
-    sensor_range: float
-    line_of_sight: bool
-    free: float
-    fits: float
-    reachable: float
-    patrolled: float
-    unseen: float
-    unseen_sealed: float
-    parts: tuple[SealedPart, ...]
-    small_parts: int
-    small_area: float
-    doors: tuple[Door, ...]
-    sealed: NDArray[np.int32]
+    radius: float  # of the body, m
+    sensor_range: float  # m
+    line_of_sight: bool  # obstacles block the sensor
+    free: float  # area of the free space
+    fits: float  # where the body's centre may be
+    reachable: float  # of that, what can be reached from the starts
+    patrolled: float  # seen from what is reachable
+    unseen: float  # passable, but never seen
+    unseen_sealed: float  # of that, what is in sealed-off parts, listed or not
+    parts: tuple[SealedPart, ...]  # the listed ones, largest first
+    small_parts: int  # number of those too small to list
+    small_area: float  # of those, in total
+    doors: tuple[Door, ...]  # between the starts and the free space around them, narrowest first
+    sealed: NDArray[np.int32]  # (h, w), number of the listed part at a point, from 1, or 0
 
     @property
     def perhaps_unknown(self) -> BoolGrid:
@@ -112,20 +82,9 @@ def check_map(
     line_of_sight: bool = True,
     starts: Sequence[Pose] = (),
 ) -> MapReport:
-    """Check a map for a body and a sensor.
+    """Check a map for a body and a sensor; `radius` and `sensor_range` are in m.
 
-    Args:
-        terrain: The ground.
-        radius: Radius of the body, m.
-        sensor_range: Range of the sensor, m.
-        line_of_sight: Whether obstacles block the sensor.
-        starts: Where the robots start; without any, a place where random starts would be.
-
-    Returns:
-        The result.
-
-    Raises:
-        BadInput: The body fits nowhere, or not at a start.
+    Without `starts`, the body starts at a place where random starts would be.
     """
     if not starts:
         part = np.flatnonzero(starting_part(terrain, radius))

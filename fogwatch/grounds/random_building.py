@@ -45,21 +45,13 @@ Gap = str
 
 @dataclass(frozen=True)
 class Slab:
-    """A rectangle that may lie askew.
+    """A rectangle that may lie askew."""
 
-    Attributes:
-        x: Of its middle, m.
-        y: Of its middle, m.
-        length: Along its angle, m.
-        width: Across, m.
-        angle: rad.
-    """
-
-    x: float
-    y: float
-    length: float
-    width: float
-    angle: float = 0.0
+    x: float  # of its middle, m
+    y: float  # of its middle, m
+    length: float  # along its angle, m
+    width: float  # across, m
+    angle: float = 0.0  # rad
 
 
 @dataclass(frozen=True)
@@ -85,15 +77,10 @@ class Room:
 
 @dataclass(frozen=True, eq=False)
 class Building:
-    """A building on a grid.
+    """A building on a grid."""
 
-    Attributes:
-        free: bool (height, width), row 0 at the lowest y.
-        point: Side of a point, m.
-    """
-
-    free: BoolGrid
-    point: float
+    free: BoolGrid  # (h, w), row 0 at the lowest y
+    point: float  # side of a point, m
 
     @property
     def terrain(self) -> Terrain:
@@ -101,17 +88,9 @@ class Building:
         return Terrain("building", self.free, self.point)
 
     def write(self, folder: Path, name: str = "building") -> Path:
-        """Write the building as a map in ROS map_server's format.
+        """Write the building as a map in ROS map_server's format, and return the map's YAML file.
 
-        Args:
-            folder: An existing folder.
-            name: Of the files, without their endings.
-
-        Returns:
-            The map's YAML file.
-
-        Raises:
-            BadInput: A file of this name holds something else.
+        The folder must exist. A file of this name is refused if it holds something else.
         """
         height, width = self.free.shape
         cells = np.where(self.free[::-1], 254, 0).astype(np.uint8)
@@ -131,15 +110,9 @@ class Building:
 
 
 def random_building(seed: int, radius: float, point: float) -> Building:
-    """Draw a building that a few robots can patrol most of.
+    """Draw a building that a few robots can patrol most of; `radius` and `point` are in m.
 
-    Args:
-        seed: Random seed.
-        radius: Of the body, m.
-        point: Side of a point, m.
-
-    Raises:
-        BadInput: The seed is negative, radius or point are out of their limits, or no building was good enough.
+    `point` is the side of a point. BadInput also if no building was good enough.
     """
     check_building(seed, radius, point)
     architect = Architect(np.random.default_rng(seed), radius, point)
@@ -164,13 +137,7 @@ class Architect:
     """Draws up one building after the other for a body, from one stream of random numbers."""
 
     def __init__(self, rng: Generator, radius: float, point: float) -> None:
-        """Start with nothing.
-
-        Args:
-            rng: All randomness.
-            radius: Of the body, m.
-            point: Side of a point, m.
-        """
+        """Choose what all buildings have in common; `radius` and `point` (a point's side) are in m."""
         self._rng = rng
         self._point = point
         self._tilt = float(rng.uniform(0.0, 0.5 * math.pi)) if rng.random() < 0.4 else 0.0

@@ -9,16 +9,9 @@ RADII, POINTS = (0.1, 0.8), (0.05, 0.5)
 
 
 def check_building(seed: int, radius: float, point: float, shown: str = "{} =") -> None:
-    """Check what is asked of a random building.
+    """Check what is asked of a random building; `radius` and `point` are in m.
 
-    Args:
-        seed: Random seed.
-        radius: Of the body, m.
-        point: Side of a point, m.
-        shown: How an error shows an argument's name.
-
-    Raises:
-        BadInput: The seed is negative, or radius or point are out of their limits.
+    `shown` is a format for an argument's name in errors.
     """
     if seed < 0:
         raise BadInput(f"{shown.format('seed')} {seed}: expected an integer from 0")

@@ -14,13 +14,9 @@ MEASURED = "docs/results/intruders.md#where-nothing-is-drawn"
 
 
 def scenario_notes(prepared: Prepared) -> list[str]:
-    """Describe doubtful readings of the map, free ground that no robot sees, a patrol without a plan, older settings.
+    """Describe in a line each what is doubtful about a scenario.
 
-    Args:
-        prepared: The scenario, its terrain and the bodies' static fields.
-
-    Returns:
-        One line each.
+    That is: doubtful readings of the map, free ground that no robot sees, a patrol without a plan, older settings.
     """
     left_out = prepared.left_out
     return [

@@ -19,15 +19,9 @@ if TYPE_CHECKING:
 
 
 def zone_lines(prepared: Prepared, before: MapReport, after: MapReport) -> Iterator[str]:
-    """The result of a check of zones as lines of text.
+    """Yield the result of a check of zones as lines of text.
 
-    Args:
-        prepared: A fleet on the terrain with its zones.
-        before: The map check without keep-outs of zones.
-        after: The map check with them.
-
-    Yields:
-        The lines.
+    `before` is the map check without keep-outs of zones, `after` the one with them.
     """
     zones = prepared.scenario.zones
     yield f"zones: {len(zones)}"

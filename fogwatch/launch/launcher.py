@@ -66,40 +66,22 @@ class LaunchFailed(Exception):
 
 @dataclass(slots=True)
 class Launch:
-    """One run as processes.
-
-    Attributes:
-        folder: The run folder.
-        fleet: A name that no other run has, so that two on one router never meet.
-        robots: The robots' names, in the order of their numbers.
-        display: Shows how the run goes.
-        stop: Asked all the time whether to end the run.
-        port: TCP port of the router; None for a free one.
-        urgent: Asked whether to end by force at once.
-        absent: Names of robots that are not started with the others.
-        page: Whether to serve a live page.
-        key: The file of the fleet's key, with which the page checks the tags of messages; None without one.
-        alike: Whether the agents load the same, so that they may come from one process that has loaded it.
-        kernels: Kernel modules that agents need beside those that all agents load.
-        clerk: Judges the run while it goes on; None without one.
-        children: The processes.
-        interrupted: Whether the run ends because it was asked to.
-    """
+    """One run as processes."""
 
     folder: RunFolder
-    fleet: str
-    robots: Sequence[str]
+    fleet: str  # a name that no other run has, so that two on one router never meet
+    robots: Sequence[str]  # in the order of their numbers
     display: RunDisplay
-    stop: Callable[[], bool]
-    port: int | None = None
-    urgent: Callable[[], bool] = lambda: False
-    absent: Collection[str] = ()
-    page: bool = False
-    key: str | None = None
-    alike: bool = False
-    kernels: Sequence[str] = ()
-    clerk: ClerkChild | None = None
-    interrupted: bool = False
+    stop: Callable[[], bool]  # asked all the time whether to end the run
+    port: int | None = None  # TCP port of the router; None for a free one
+    urgent: Callable[[], bool] = lambda: False  # asked whether to end by force at once
+    absent: Collection[str] = ()  # robots that are not started with the others
+    page: bool = False  # serve a live page
+    key: str | None = None  # file of the fleet's key, for the page to check tags of messages
+    alike: bool = False  # the agents load the same, so one process that has loaded it may make them
+    kernels: Sequence[str] = ()  # modules that agents need beside those that all agents load
+    clerk: ClerkChild | None = None  # judges the run while it goes on
+    interrupted: bool = False  # the run ends because it was asked to
     children: Children = field(init=False)
     _control: ProcessControlServer | None = None
     _secrets: Secrets | None = None
@@ -115,12 +97,8 @@ class Launch:
     def start(self) -> None:
         """Start all processes, but agents that a fork server makes: it has to load first.
 
-        Those that are started wait for the static fields, should the caller still compute them.
-
-        Raises:
-            BadInput: The port that was asked for is busy, or there is nowhere to keep secrets.
-            LaunchFailed: The router did not start.
-            KeyboardInterrupt: `stop` said yes while the router started.
+        Those that are started wait for the static fields, should the caller still compute them. LaunchFailed if the
+        router does not start; KeyboardInterrupt if `stop` says yes before it has.
         """
         self.folder.logs.mkdir(exist_ok=True)
         secrets = self._secrets = Secrets(self.fleet, self.robots)
@@ -145,11 +123,9 @@ class Launch:
             self._page_child.start()
 
     def watch(self) -> None:
-        """Start the agents that a fork server makes; show how the run goes until the world ends or `stop` says yes.
+        """Start the agents that a fork server makes; show how the run goes until the world or `stop` ends it.
 
-        Raises:
-            BadInput: An agent found its input wrong before the run began.
-            LaunchFailed: The router cannot be reached or keeps dying, or an agent ended before the run began.
+        LaunchFailed if the router cannot be reached or keeps dying, or if an agent ended before the run began.
         """
         if self._fork_server is not None:
             self._fork_server.await_start(self.stop)
@@ -168,10 +144,9 @@ class Launch:
             link.close()
 
     def finish(self) -> Mapping[str, int | None]:
-        """End what is left, in order.
+        """End what is left, in order, and return the exit codes, negative for signals.
 
-        Returns:
-            The exit codes by name (`worldsim.faults.lifecycle.process_name`), negative for signals.
+        They are by name, as `worldsim.faults.lifecycle.process_name` makes it.
         """
         children = self.children
         if self.interrupted:
@@ -196,11 +171,9 @@ class Launch:
         return {process_name(child.name, child.incarnation): child.code for child in judged}
 
     def restart(self, robot: int, incarnation: int) -> None:
-        """Start a new process for a robot whose last one has ended, or that had none; called by process control.
+        """Start a new process for a robot whose last one has ended, or that had none.
 
-        Args:
-            robot: Number of the robot.
-            incarnation: How often the robot has been started, this time included.
+        Process control calls it. `incarnation` is how often the robot has been started, this time included.
         """
         name = self.robots[robot - 1]
         if (last := self.children.by_name.get(name)) is not None:

@@ -12,16 +12,10 @@ PROCESS_GB = 0.15
 
 
 def check_limits(robots: int, spares: int) -> None:
-    """Refuse a fleet of processes that would exhaust the machine's memory or the account's limit of open files.
+    """Refuse a fleet of processes beyond the machine's memory or the account's limit of open files.
 
-    The router has most files open: a connection for each robot, and those of the world and of all who watch.
-
-    Args:
-        robots: How many robots the scenario names.
-        spares: How many of them are absent at first.
-
-    Raises:
-        BadInput: One line that says how much is needed.
+    The router has most files open: a connection for each robot, and those of the world and of all who watch. The
+    `spares` are among the `robots`; they are absent at first.
     """
     needed_gb = (robots - spares) * PROCESS_GB
     there_gb = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") / 1e9

@@ -34,24 +34,13 @@ _ABANDONED_S = 3600.0
 
 
 class Secrets:
-    """The secrets of one run.
+    """The secrets of one run, and the private folder that holds them.
 
-    Attributes:
-        name: The private folder's name.
-        path: The private folder.
-        token: The operators' token.
+    `name` is the folder's name; `token` is the operators' token.
     """
 
     def __init__(self, fleet: str, robots: Sequence[str]) -> None:
-        """Draw them, and make the folder.
-
-        Args:
-            fleet: The fleet's name.
-            robots: The names of all robots that may ever join.
-
-        Raises:
-            BadInput: There is nowhere to make it.
-        """
+        """Draw the secrets, and make the folder; `robots` are all that may ever join."""
         self._fleet = fleet
         self._roles = {role.user: role for role in roles_of(robots)}
         self._passwords = {user: os.urandom(16).hex() for user in self._roles}
@@ -63,14 +52,7 @@ class Secrets:
         self.path = self._make()
 
     def for_router(self, listen: str) -> Path:
-        """Write what the router needs.
-
-        Args:
-            listen: The locator that it is to listen on.
-
-        Returns:
-            The folder.
-        """
+        """Write what the router needs to listen on a locator, and return the folder."""
         self._keep()
         folder = self.path / "router"
         folder.mkdir(mode=0o700, exist_ok=True)
@@ -82,20 +64,12 @@ class Secrets:
         return folder
 
     def for_members(self, router: str) -> None:
-        """Write the credentials of all roles; called once.
-
-        Args:
-            router: The router's locator.
-        """
+        """Write the credentials of all roles; called once."""
         self._router = router
         self._keep()
 
     def of_robot(self, name: str) -> Path:
-        """Return the credentials of a robot.
-
-        Args:
-            name: The robot's name.
-        """
+        """Return the file of a robot's credentials."""
         return self._file(robot_role(name))
 
     @property

@@ -35,15 +35,10 @@ class WrongArguments(BadInput, TypeError):
 
 
 def checked_arguments(function: Callable[P, T]) -> Callable[P, T]:
-    """Check the arguments of a function before it is called, and replace NumPy's values in them.
+    """Return a function that checks its arguments before it runs, and replaces NumPy's values in them.
 
-    For example, ``fogwatch.run("yards", duration=10)`` says that a field of the scenario is given in ``overrides``.
-
-    Args:
-        function: The function.
-
-    Returns:
-        It with the check, which raises BadInput, or WrongArguments where it does not take these arguments.
+    For example, ``fogwatch.run("yards", duration=10)`` says that a field of the scenario is given in ``overrides``. The
+    function returned raises BadInput, or WrongArguments where it does not take these arguments.
     """
     signature = inspect.signature(function)
 
@@ -75,8 +70,7 @@ def checked_arguments(function: Callable[P, T]) -> Callable[P, T]:
 def plain(value: object) -> object:
     """Return a value with Python's own numbers and lists in place of those of NumPy, pandas and the like.
 
-    Args:
-        value: The value; mappings, lists, tuples and ranges are copied.
+    Mappings, lists, tuples and ranges are copied.
     """
     if isinstance(value, Mapping):
         return {plain(key): plain(inner) for key, inner in value.items()}

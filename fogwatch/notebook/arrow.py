@@ -15,13 +15,8 @@ if TYPE_CHECKING:
 def table_of(rows: Sequence[Mapping[str, object]]) -> pa.Table:
     """Make a table of rows; a column whose values are of several types holds texts.
 
-    For example, {"robots.count": 3, "mfow_mean_s": 61.5} gives an integer and a number, and lists become texts.
-
-    Args:
-        rows: Values by column; a row may lack some, which are null.
-
-    Raises:
-        BadInput: pyarrow is not installed.
+    For example, {"robots.count": 3, "mfow_mean_s": 61.5} gives an integer and a number, and lists become texts. Values
+    that a row lacks are null.
     """
     check_pyarrow()
     import pyarrow as pa

@@ -23,12 +23,7 @@ MOST_ROWS = 40
 
 
 def table_html(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """Return a table; of a long one, the first rows.
-
-    Args:
-        heads: Headings of the columns.
-        rows: Text of the cells.
-    """
+    """Return an HTML table; of a long one, only the first rows."""
     head = "".join(f"<th>{escape(text)}</th>" for text in heads)
     body = "".join(f"<tr>{''.join(f'<td>{escape(cell)}</td>' for cell in row)}</tr>" for row in rows[:MOST_ROWS])
     more = f"<p>... and {len(rows) - MOST_ROWS} more rows</p>" if len(rows) > MOST_ROWS else ""
@@ -41,11 +36,9 @@ def lines_html(lines: Iterable[str]) -> str:
 
 
 def run_html(summary: Summary, folder: Path) -> str:
-    """Return a run's main figures, its verdict, and its final fog if fog.png shows it.
+    """Return as HTML a run's main figures, its verdict, and its final fog if fog.png shows it.
 
-    Args:
-        summary: The run's summary.
-        folder: The run's folder; it may be a stranger's.
+    The folder may be a stranger's.
     """
     verdict = summary.verdict
     outcome = "not judged" if verdict is None else f"verdict {verdict.outcome}"

@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 
     from experiments.plan.plan import AgeKept, FleetPlan
 
+__all__ = ["PlanResult", "plan"]
+
 
 class PlanResult:
     """The number of robots that keep an age on some ground, or the ages that fleets of some sizes keep.

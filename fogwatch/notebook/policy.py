@@ -20,12 +20,7 @@ MAIN = "__main__"
 def policy_name(policy: type[Any], *, in_process: bool) -> str:
     """Return the name of a policy class for ``patrol.policy``.
 
-    Args:
-        policy: The class.
-        in_process: Whether it is only used in this process.
-
-    Raises:
-        BadInput: It is no class with `decide`, or cannot be found by name where it is used.
+    Unless it is only used `in_process`, other processes must be able to import it.
     """
     if not isinstance(policy, type):
         raise BadInput(f"policy = {policy!r}: expected a class; give a name as overrides={{'patrol.policy': NAME}}")
@@ -48,11 +43,7 @@ def policy_name(policy: type[Any], *, in_process: bool) -> str:
 def with_names(settings: Mapping[str, object]) -> dict[str, object]:
     """Replace policy classes among settings for other processes by their names.
 
-    Args:
-        settings: Values by dotted field; a value may be a list of values, each alone or with a label.
-
-    Raises:
-        BadInput: A class cannot be imported by another process.
+    Settings are values by dotted field; a value may be a list of values, each alone or with a label.
     """
 
     def named(value: object) -> object:

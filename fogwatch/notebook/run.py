@@ -38,6 +38,8 @@ if TYPE_CHECKING:
     from patrol.scenario import Scenario
     from worldsim.verdict.judge import Verdict
 
+__all__ = ["Run", "load"]
+
 
 class Run:
     """A run that has ended, was killed, or still goes on.

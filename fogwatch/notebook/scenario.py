@@ -12,15 +12,10 @@ from patrol.scenario import Scenario, as_mapping, load_scenario, open_scenario
 def scenario_of(
     scenario: Scenario | Mapping[str, Any] | str | Path, overrides: Mapping[str, object] | None = None
 ) -> Scenario:
-    """Load a scenario.
+    """Load a scenario, with overrides by dotted field.
 
-    Args:
-        scenario: A scenario file, a map's YAML file, the name of a built-in terrain, a mapping shaped like a scenario
-            file, or a loaded scenario.
-        overrides: Values by dotted field.
-
-    Raises:
-        BadInput: It is wrong; the message is one line that says what, and how to mend it.
+    It may be a scenario file, a map's YAML file, the name of a built-in terrain, a mapping shaped like a scenario file,
+    or a loaded scenario.
     """
     if isinstance(scenario, Scenario):
         return load_scenario(as_mapping(scenario), overrides)

@@ -24,6 +24,8 @@ if TYPE_CHECKING:
     from experiments.sweeps.results import RunResult
     from experiments.sweeps.runner import SweepOutcome
 
+__all__ = ["SweepResult", "sweep"]
+
 NAME = "sweep"
 
 

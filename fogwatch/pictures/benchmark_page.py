@@ -42,15 +42,7 @@ WORST = ShownMetric(INTRUDED, f"attacks of {ATTACK_S:g} s that succeed, best int
 
 
 def drawings(matrix: Matrix, results: BenchmarkResults) -> list[Drawing]:
-    """Draw the figures.
-
-    Args:
-        matrix: What was run.
-        results: The results.
-
-    Raises:
-        BadInput: matplotlib is not installed.
-    """
+    """Draw the figures."""
     shown = [result for result in results.cells if result.row.metrics]
     if not shown:
         return []
@@ -100,12 +92,7 @@ def page(
 ) -> str:
     """Return benchmark.html.
 
-    Args:
-        matrix: What was run.
-        results: The results.
-        figures: From `drawings`.
-        command: The command line that made it.
-        preset: Whose published numbers to show; None for none.
+    `command` is the command line that made it. The published numbers of `preset` are shown as well, if there is one.
     """
     outcome = results.outcome
     sections = [
@@ -169,14 +156,7 @@ def _facets(
     legend: bool = False,
     height: float = 3.4,
 ) -> Figure:
-    """Draw a panel for each terrain.
-
-    Args:
-        results: The cells to draw.
-        fill: Draws the cells of one terrain.
-        legend: Whether to add a legend above.
-        height: Of a panel, inches.
-    """
+    """Draw a panel for each terrain, `height` inches high; `fill` draws the cells of one terrain."""
     names = list(dict.fromkeys(result.cell.terrain.name for result in results))
     across = min(2, len(names))
     down = math.ceil(len(names) / across)

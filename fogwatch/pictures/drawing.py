@@ -57,43 +57,26 @@ GAP = 0.25
 
 @dataclass(frozen=True, slots=True)
 class Layer:
-    """Grid points of one colour.
+    """Grid points of one colour."""
 
-    Attributes:
-        colour: The colour, #rrggbb.
-        label: What the legend calls it.
-        mask: The points, bool (height, width).
-    """
-
-    colour: str
-    label: str
-    mask: BoolGrid
+    colour: str  # #rrggbb
+    label: str  # in the legend
+    mask: BoolGrid  # (h, w)
 
 
 @dataclass(frozen=True, slots=True)
 class Key:
-    """A line of the legend.
+    """A line of the legend."""
 
-    Attributes:
-        colour: The colour, #rrggbb.
-        label: The text.
-        marker: A marker of matplotlib, "-" for a line, or "" for text alone.
-    """
-
-    colour: str
+    colour: str  # #rrggbb
     label: str
-    marker: str = "s"
+    marker: str = "s"  # a marker of matplotlib, "-" for a line, or "" for text alone
 
 
 def cropped(terrain: Terrain, ground: BoolGrid) -> tuple[Terrain, tuple[slice, slice]]:
-    """Cut a terrain to some ground and a margin around it, so that a small building on a large map is not a speck.
+    """Cut a terrain to some ground and a margin around it; return the part, and its rows and columns.
 
-    Args:
-        terrain: The terrain.
-        ground: bool (height, width), what is to be seen; at least one point.
-
-    Returns:
-        The part of the terrain, and its rows and columns.
+    It keeps a small building on a large map from being a speck. `ground`, (h, w), has at least one point.
     """
     rows, columns = np.flatnonzero(ground.any(axis=1)), np.flatnonzero(ground.any(axis=0))
     margin = max(round(AROUND * max(np.ptp(rows), np.ptp(columns))), 1)
@@ -106,43 +89,21 @@ def cropped(terrain: Terrain, ground: BoolGrid) -> tuple[Terrain, tuple[slice, s
 
 @dataclass(frozen=True, slots=True)
 class Box:
-    """A label's box, about as large as its text.
+    """A label's box, about as large as its text, in font points."""
 
-    Attributes:
-        x: Its middle from the left of the figure, points.
-        y: Its middle from below, points.
-        wide: Its width, points.
-        high: Its height, points.
-    """
-
-    x: float
-    y: float
+    x: float  # of its middle, from the left of the figure
+    y: float  # of its middle, from below
     wide: float
     high: float
 
     def overlaps(self, other: Box) -> bool:
-        """Return True if the boxes cover a common place.
-
-        Args:
-            other: The other box.
-        """
+        """Return True if the boxes cover a common place."""
         aside, above = abs(self.x - other.x), abs(self.y - other.y)
         return 2.0 * aside < self.wide + other.wide and 2.0 * above < self.high + other.high
 
 
 def canvas(terrain: Terrain, title: str) -> tuple[Figure, Axes]:
-    """Draw a figure with axes in m over a whole terrain.
-
-    Args:
-        terrain: The terrain.
-        title: The title.
-
-    Returns:
-        The figure and its axes.
-
-    Raises:
-        BadInput: matplotlib is not installed.
-    """
+    """Draw a figure with axes in m over a whole terrain."""
     check_matplotlib("sim")
     from matplotlib.figure import Figure
 
@@ -166,11 +127,7 @@ def canvas(terrain: Terrain, title: str) -> tuple[Figure, Axes]:
 def paint(axes: Axes, terrain: Terrain, image: NDArray[np.uint8], walls: BoolGrid | None = None) -> None:
     """Draw an image over a terrain; where it is shrunk, colours mix.
 
-    Args:
-        axes: The axes.
-        terrain: The terrain.
-        image: The image, uint8 (height, width, 3), row 0 lowest.
-        walls: Walls to draw over it, with their edges, bool (height, width); None for none.
+    The image is uint8 (h, w, 3), row 0 lowest. `walls`, (h, w), are drawn over it with their edges.
     """
     if walls is not None:
         image = with_walls(image, walls, round(LONGEST * DPI), WALL_EDGE)
@@ -179,15 +136,7 @@ def paint(axes: Axes, terrain: Terrain, image: NDArray[np.uint8], walls: BoolGri
 
 
 def painted(shape: tuple[int, int], layers: Sequence[Layer]) -> NDArray[np.uint8]:
-    """Paint layers over each other on white.
-
-    Args:
-        shape: Height and width.
-        layers: The layers, the lowest first.
-
-    Returns:
-        The image, uint8 (height, width, 3).
-    """
+    """Paint layers over each other on white, the lowest first; return the image, uint8 (h, w, 3)."""
     image = np.full((*shape, 3), 255, dtype=np.uint8)
     for layer in layers:
         image[layer.mask] = rgb(layer.colour)
@@ -195,10 +144,9 @@ def painted(shape: tuple[int, int], layers: Sequence[Layer]) -> NDArray[np.uint8
 
 
 def fog_scale(stalest: float) -> ScalarMappable:
-    """The colours of ages: cividis from fresh (bright) to stale (dark), which colour-blind people read the same way.
+    """Return the colours of ages up to `stalest`, s: cividis from fresh (bright) to stale (dark).
 
-    Args:
-        stalest: Age of the darkest colour, s.
+    Colour-blind people read them the same way.
     """
     import matplotlib as mpl
     from matplotlib.cm import ScalarMappable
@@ -218,18 +166,10 @@ def label(
     above: float = 0.0,
     taken: list[Box] | None = None,
 ) -> None:
-    """Write text with a white rim, readable on any colour.
+    """Write text with a white rim, readable on any colour, its middle at `x` and `y`, m.
 
-    Args:
-        axes: The axes.
-        x: East coordinate of the text's middle, m.
-        y: North coordinate, m.
-        text: The text.
-        colour: Its colour, #rrggbb.
-        size: Its font size, font points.
-        above: How far above the place it stands, font points.
-        taken: Boxes of earlier labels, which this one joins. It stands below, right or left of the place instead where
-            it would cover one of them.
+    `size` and `above`, how far above the place it stands, are in font points. `taken` are the boxes of earlier labels,
+    which this one joins. It stands below, right or left of the place instead where it would cover one of them.
     """
     from matplotlib.patheffects import withStroke
 
@@ -270,15 +210,7 @@ def key_column(
 ) -> None:
     """Draw the legend, the colour bar and the scale bar to the right of the drawing, one below the other.
 
-    Beside a low drawing they go on below its lower edge.
-
-    Args:
-        figure: The figure.
-        axes: Its axes.
-        terrain: The terrain.
-        keys: The lines of the legend.
-        scale: The colour scale that the bar explains; None for no bar.
-        text: The label of the bar.
+    Beside a low drawing they go on below its lower edge. There is no colour bar without `scale`; `text` is its label.
     """
     drawn = legend(axes, keys)
     _lay_out(figure)  # only then does the legend have a size
@@ -295,15 +227,7 @@ def key_column(
 
 
 def legend(axes: Axes, keys: Sequence[Key]) -> Legend:
-    """Draw the legend, to the right of the drawing.
-
-    Args:
-        axes: The axes.
-        keys: The lines of the legend.
-
-    Returns:
-        What was drawn.
-    """
+    """Draw the legend, to the right of the drawing."""
     from matplotlib.lines import Line2D
 
     handles = []
@@ -350,25 +274,16 @@ def _lay_out(figure: Figure) -> None:
 
 
 def round_length(about: float) -> float:
-    """Return the largest of 1, 2 and 5 times a power of ten that is not above a limit.
+    """Return the largest of 1, 2 and 5 times a power of ten that is not above `about`.
 
-    Args:
-        about: The limit, above 0.
+    `about` must be above 0.
     """
     power = 10.0 ** math.floor(math.log10(about))
     return max(step * power for step in (1.0, 2.0, 5.0) if step * power <= about * (1.0 + 1e-9))
 
 
 def save(figure: Figure, out: Path) -> None:
-    """Write a figure as a PNG file.
-
-    Args:
-        figure: The figure.
-        out: The file.
-
-    Raises:
-        BadInput: It cannot be written.
-    """
+    """Write a figure as a PNG file."""
     _lay_out(figure)
     shown = figure.get_tightbbox().padded(MARGIN)
     try:

@@ -35,38 +35,23 @@ MOST_TICKS = 12
 
 @dataclass(frozen=True, slots=True)
 class Dot:
-    """A mean in a row of a figure.
-
-    Attributes:
-        row: Name of its row.
-        found: The mean with its interval.
-        series: Name of its series, which has a colour and a marker.
-        values: The single values, drawn as small marks.
-        hollow: Whether the marker is drawn empty.
-        note: Text at the right end of the row.
-    """
+    """A mean in a row of a figure."""
 
     row: str
-    found: Estimate
-    series: str = ""
-    values: Sequence[float] = ()
-    hollow: bool = False
-    note: str = ""
+    found: Estimate  # with its interval
+    series: str = ""  # decides the colour and the marker
+    values: Sequence[float] = ()  # single ones, drawn as small marks
+    hollow: bool = False  # the marker is drawn empty
+    note: str = ""  # at the right end of the row
 
 
 @dataclass(frozen=True, slots=True)
 class Curve:
-    """Means over a number.
+    """Means over a number."""
 
-    Attributes:
-        label: What the legend calls it.
-        points: The number and the mean of each point.
-        place: Decides its colour and line (`look`).
-    """
-
-    label: str
-    points: Sequence[tuple[float, Estimate]]
-    place: int
+    label: str  # in the legend
+    points: Sequence[tuple[float, Estimate]]  # the number and the mean of each
+    place: int  # decides colour and line (`look`)
 
 
 def look(place: int) -> tuple[str, str, str]:
@@ -78,12 +63,7 @@ def look(place: int) -> tuple[str, str, str]:
 def draw_dots(axes: Axes, rows: Sequence[str], dots: Iterable[Dot], series: Sequence[str], title: str) -> None:
     """Draw means as dots with their intervals, a row each, the first row at the top.
 
-    Args:
-        axes: Where to draw.
-        rows: Names of the rows.
-        dots: The means.
-        series: Names of the series, in the order of their colours.
-        title: Name of the measure, with its unit.
+    `series` is in the order of colours. `title` names the measure, with its unit.
     """
     labelled: set[str] = set()
     for dot in dots:
@@ -127,11 +107,7 @@ def draw_dots(axes: Axes, rows: Sequence[str], dots: Iterable[Dot], series: Sequ
 def draw_curves(axes: Axes, curves: Sequence[Curve], over: str, title: str) -> None:
     """Draw means as curves over a number, with their intervals.
 
-    Args:
-        axes: Where to draw.
-        curves: The curves.
-        over: Name of the number.
-        title: Name of the measure, with its unit.
+    `over` names the number, and `title` the measure with its unit.
     """
     for curve in curves:
         tone, _, line = look(curve.place)
@@ -156,12 +132,7 @@ def draw_curves(axes: Axes, curves: Sequence[Curve], over: str, title: str) -> N
 
 
 def scale(axes: Axes, means: Iterable[float | None]) -> None:
-    """Begin the x axis at 0; use a logarithmic scale with plain numbers where the means differ much.
-
-    Args:
-        axes: Where the means are drawn.
-        means: The means; None for those that are missing.
-    """
+    """Begin the x axis at 0; use a logarithmic scale with plain numbers where the means differ much."""
     values = [value for value in means if value is not None]
     if not values or min(values) <= 0.0 or max(values) < LOGARITHMIC * min(values):
         axes.set_xlim(left=0.0)

@@ -24,18 +24,7 @@ NO_BARS = ("quiet", *(f"{group}{end}" for group, *_ in CURVES for end in ("", WI
 
 
 def curves_picture(found: Sequence[Finding], files: Sequence[Path]) -> bool:
-    """Draw MFoW over the share of lost frames.
-
-    Args:
-        found: The results of the experiment.
-        files: The files to write; their endings decide their formats.
-
-    Returns:
-        Whether there was anything to draw: False if no loss was tried.
-
-    Raises:
-        BadInput: matplotlib is not installed, or a file cannot be written.
-    """
+    """Draw MFoW over the share of lost frames; return False if no loss was tried."""
     tried = {cost.condition.group for cost in found}
     shown = [(end, title) for end, title in PANELS if tried.intersection(f"{group}{end}" for group, *_ in CURVES)]
     if not shown:
@@ -57,18 +46,7 @@ def curves_picture(found: Sequence[Finding], files: Sequence[Path]) -> bool:
 
 
 def costs_picture(found: Sequence[Finding], files: Sequence[Path]) -> bool:
-    """Draw the costs of all conditions without a curve as bars.
-
-    Args:
-        found: The results of the experiment.
-        files: The files to write; their endings decide their formats.
-
-    Returns:
-        Whether there was anything to draw.
-
-    Raises:
-        BadInput: matplotlib is not installed, or a file cannot be written.
-    """
+    """Draw the costs of all conditions without a curve as bars; return False if there are none."""
     shown = [cost for cost in found if cost.condition.group not in NO_BARS and cost.cost is not None]
     names = list(dict.fromkeys(_label(cost) for cost in shown))
     if not names:

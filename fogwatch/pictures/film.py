@@ -25,17 +25,10 @@ MOST_PIXELS = 400_000_000
 
 
 def frame_ticks(first: int, last: int, step: float, speed: float, fps: float) -> list[int]:
-    """Return the tick that each frame shows, from the first to the last.
+    """Return the tick that each frame shows, ascending, from the first to the last, which is always shown.
 
-    Args:
-        first: The first tick to show.
-        last: The last tick to show; the last frame shows it.
-        step: Duration of a tick, s.
-        speed: Simulated time per time of the film.
-        fps: Frames per second of the film.
-
-    Returns:
-        The ticks, ascending. If frames follow each other faster than ticks, several show the same one.
+    `step` is in s, `speed` is simulated time per time of the film. If frames follow each other faster than ticks,
+    several show the same one.
     """
     apart = speed / (fps * step)
     ticks = [first + round(number * apart) for number in range(frame_count(first, last, step, speed, fps))]
@@ -43,30 +36,15 @@ def frame_ticks(first: int, last: int, step: float, speed: float, fps: float) ->
 
 
 def frame_count(first: int, last: int, step: float, speed: float, fps: float) -> int:
-    """Return how many frames show the ticks from the first to the last, without one that is added for the last tick.
-
-    Args:
-        first: The first tick to show.
-        last: The last tick to show.
-        step: Duration of a tick, s.
-        speed: Simulated time per time of the film.
-        fps: Frames per second of the film.
-    """
+    """Return the number of frames of `frame_ticks`, without one that is added for the last tick."""
     return int((last - first) / (speed / (fps * step))) + 1
 
 
 def write_gif(out: Path, frames: Iterable[Pixels], count: int, palette: Pixels, fps: float) -> None:
     """Write a GIF that repeats for ever.
 
-    Args:
-        out: The file.
-        frames: uint8 (height, width) each, indices into the palette.
-        count: Number of frames.
-        palette: uint8 (256, 3).
-        fps: Frames per second, at most 50.
-
-    Raises:
-        BadInput: The file cannot be written.
+    Each of the `count` frames is uint8 (height, width), indices into the palette, which is uint8 (256, 3). `fps` is at
+    most 50.
     """
     # GIF counts in hundredths of a second: the ends of frames are rounded, so that errors do not add up.
     ends = [round(100.0 * number / fps) for number in range(count + 1)]
@@ -84,14 +62,7 @@ def write_gif(out: Path, frames: Iterable[Pixels], count: int, palette: Pixels, 
 
 
 def find_ffmpeg(out: Path) -> str:
-    """Return the path of ffmpeg.
-
-    Args:
-        out: The file to write with it.
-
-    Raises:
-        BadInput: It is not on PATH.
-    """
+    """Return the path of ffmpeg; `out`, the file to write with it, is named in the error."""
     program = which("ffmpeg")
     if program is None:
         raise BadInput(f"{out}: MP4 needs the program ffmpeg, which is not on PATH; install it, or name a .gif file")
@@ -101,15 +72,7 @@ def find_ffmpeg(out: Path) -> str:
 def write_mp4(out: Path, frames: Iterable[Pixels], palette: Pixels, fps: float, ffmpeg: str) -> None:
     """Write a film by ffmpeg, with its own choice of encoder.
 
-    Args:
-        out: The file.
-        frames: uint8 (height, width) each, indices into the palette; both sides even.
-        palette: uint8 (256, 3).
-        fps: Frames per second.
-        ffmpeg: Path of the program.
-
-    Raises:
-        BadInput: ffmpeg fails, or the file cannot be written.
+    Frames and palette are as for `write_gif`; both sides of a frame are even.
     """
     rest = iter(frames)
     first = next(rest)
@@ -155,15 +118,7 @@ def _written(out: Path) -> Iterator[Path]:
 
 
 def check_length(count: int, size: Sequence[int]) -> None:
-    """Check that the frames of a GIF fit into memory.
-
-    Args:
-        count: Number of frames.
-        size: Width and height of each, pixels.
-
-    Raises:
-        BadInput: They do not.
-    """
+    """Check that the frames of a GIF, each of `size` (width and height, pixels), fit into memory."""
     most = max(MOST_PIXELS // (size[0] * size[1]), 1)
     if count > most:
         raise BadInput(

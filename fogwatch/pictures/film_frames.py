@@ -57,21 +57,15 @@ _BITS = 5
 class FilmFrames:
     """Draws frames of one run.
 
-    Attributes:
-        palette: uint8 (256, 3), red, green and blue.
-        size: Width and height of a frame, pixels, both even, as video codecs want them.
+    `palette` is uint8 (256, 3), red, green and blue. `size` is width and height of a frame in pixels, both even, as
+    video codecs want them.
     """
 
     def __init__(self, run: Run, width: int, oldest: int) -> None:
         """Draw what is the same in all frames.
 
-        Args:
-            run: The run.
-            width: Width of a frame, pixels.
-            oldest: Age of the darkest shade, ticks, at least 1.
-
-        Raises:
-            BadInput: matplotlib, which has the colours of ages, is not installed.
+        `width` is in pixels, rounded down to an even number. `oldest` is the age of the darkest shade in ticks, at
+        least 1.
         """
         check_matplotlib("sim")
         self._run, self._oldest = run, oldest
@@ -104,14 +98,7 @@ class FilmFrames:
         self._base, self._ground = self._constant()
 
     def frame(self, k: int) -> Pixels:
-        """Draw a tick, after its observations.
-
-        Args:
-            k: The tick.
-
-        Returns:
-            uint8 (height, width), indices into `palette`, row 0 at the top.
-        """
+        """Draw a tick, after its observations, as uint8 (height, width), indices into `palette`, row 0 at the top."""
         moment = self._replay.at(k)
         image = self._base.copy()
         inside = image[STRIP:-STRIP]

@@ -27,18 +27,9 @@ RIM = 5
 def overlay_picture(
     names: tuple[str, str], a: WallMap, b: WallMap, transform: Pose, landmarks: Sequence[Place], out: Path
 ) -> None:
-    """Draw a map over another.
+    """Draw map `a` over map `b`.
 
-    Args:
-        names: What A and B are called.
-        a: The map that is laid on the other.
-        b: The other.
-        transform: Pose of A's frame in B's.
-        landmarks: Places on B to mark.
-        out: The PNG file to write.
-
-    Raises:
-        BadInput: matplotlib is not installed, or the file cannot be written.
+    `transform` is the pose of A's frame in B's; the landmarks are places on B.
     """
     sheet = _sheet(a, b, transform)
     walls_a, known_a = (_seen(sheet, a, mask, inverted(transform)) for mask in (a.walls, a.known))

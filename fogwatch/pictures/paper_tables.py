@@ -36,15 +36,7 @@ DPI = 150
 
 
 def table_picture(comparison: TableComparison, files: Sequence[Path]) -> None:
-    """Draw a table.
-
-    Args:
-        comparison: The table.
-        files: The files to write; their endings decide their formats.
-
-    Raises:
-        BadInput: matplotlib is not installed, or a file cannot be written.
-    """
+    """Draw a table."""
     check_matplotlib("experiments")
     from matplotlib.figure import Figure
 
@@ -66,15 +58,7 @@ def table_picture(comparison: TableComparison, files: Sequence[Path]) -> None:
 
 
 def write_figure(figure: Figure, files: Sequence[Path]) -> None:
-    """Write a figure.
-
-    Args:
-        figure: The figure.
-        files: The files to write; their endings decide their formats.
-
-    Raises:
-        BadInput: A file cannot be written.
-    """
+    """Write a figure."""
     import matplotlib as mpl
 
     with mpl.rc_context({"svg.hashsalt": "fogwatch"}):
@@ -87,15 +71,7 @@ def write_figure(figure: Figure, files: Sequence[Path]) -> None:
 
 
 def terrain_picture(terrain: Terrain, file: Path) -> None:
-    """Draw a reconstructed terrain.
-
-    Args:
-        terrain: The terrain.
-        file: The PNG file to write.
-
-    Raises:
-        BadInput: matplotlib is not installed, or the file cannot be written.
-    """
+    """Draw a reconstructed terrain."""
     layer = Layer(WALL, "obstacle", ~terrain.passable)
     xmin, ymin, xmax, ymax = terrain.bounds
     title = f"{terrain.name} (a reconstruction): {xmax - xmin:g} x {ymax - ymin:g} m"

@@ -26,27 +26,12 @@ Way = Sequence[tuple[float, float]]
 
 
 def curve_picture(plan: FleetPlan, files: Sequence[Path]) -> None:
-    """Draw the ages that fleets keep, over their number of robots.
-
-    Args:
-        plan: The plan.
-        files: The files to write; their endings decide their formats.
-
-    Raises:
-        BadInput: matplotlib is not installed, or a file cannot be written.
-    """
+    """Draw the ages that fleets keep, over their number of robots."""
     write_figure(curve_figure(plan), files)
 
 
 def curve_figure(plan: FleetPlan) -> Figure:
-    """Draw the ages that fleets keep, over their number of robots, as a matplotlib figure.
-
-    Args:
-        plan: The plan.
-
-    Raises:
-        BadInput: matplotlib is not installed.
-    """
+    """Draw the ages that fleets keep, over their number of robots, as a matplotlib figure."""
     check_matplotlib("sim")
     from matplotlib.figure import Figure
     from matplotlib.ticker import MaxNLocator
@@ -76,31 +61,13 @@ def curve_figure(plan: FleetPlan) -> Figure:
 
 
 def tour_picture(plan: FleetPlan, size: FleetSize, out: Path) -> None:
-    """Draw the tours that all robots of a fleet share.
-
-    Args:
-        plan: The plan.
-        size: The fleet, which has tours.
-        out: The PNG file to write.
-
-    Raises:
-        BadInput: The file cannot be written.
-    """
+    """Draw the tours that all robots of a fleet share; `size` must have tours."""
     title = f"{plan.scenario.name}: one tour for all; {robots_text(size.robots)} come by every {size.tour_s:.0f} s"
     _draw(plan.terrain, title, [], [(part.way, part.length_m or 0.0) for part in size.tours.parts], out)
 
 
 def territories_picture(plan: FleetPlan, size: FleetSize, out: Path) -> None:
-    """Draw the ground and the tour of each robot.
-
-    Args:
-        plan: The plan.
-        size: The fleet, which has territories.
-        out: The PNG file to write.
-
-    Raises:
-        BadInput: The file cannot be written.
-    """
+    """Draw the ground and the tour of each robot; `size` must have territories."""
     territories = size.territories or ()
     title = (
         f"{plan.scenario.name}: a tour for each of {robots_text(size.robots)}, at most {size.own_tours_s:.0f} s long"

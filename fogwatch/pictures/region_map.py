@@ -30,17 +30,7 @@ NAMED = 0.02
 
 
 def region_picture(terrain: Terrain, radius: float, split: RegionSplit, out: Path) -> None:
-    """Draw the regions of a terrain and their connections.
-
-    Args:
-        terrain: The terrain.
-        radius: Radius of the body that the connections are for, m.
-        split: The regions.
-        out: The PNG file to write.
-
-    Raises:
-        BadInput: matplotlib is not installed, or the file cannot be written.
-    """
+    """Draw the regions of a terrain, and their connections for a body of a radius, m."""
     count = len(split.polygons)
     title = f"{terrain.name}: {count} region{'' if count == 1 else 's'}, connected for a body of {radius:g} m radius"
     figure, axes = canvas(terrain, title)

@@ -68,16 +68,7 @@ RECENT_S = 60.0
 
 
 def map_picture(report: MapReport, out: Path, site: Site | None = None) -> None:
-    """Draw a map check: walls, what is reached, seen and not seen, sealed-off parts, doors, and what a site has.
-
-    Args:
-        report: The result of the map check.
-        out: The PNG file to write.
-        site: Zones, closures and docks; None for none.
-
-    Raises:
-        BadInput: matplotlib is not installed, or the file cannot be written.
-    """
+    """Draw a map check: walls, what is reached, seen and not seen, sealed-off parts, doors, and what a site has."""
     terrain, fields = report.terrain, report.fields
     sealed = report.sealed > 0
     unseen = terrain.passable & ~fields.patrolled
@@ -148,14 +139,6 @@ def run_picture(run_folder: Path, out: Path, prepared: Prepared | None = None) -
     Spare robots that never joined are left out.
 
     The fog is replayed from the folder's scenario.yaml and journal, whether or not the run reached its end.
-
-    Args:
-        run_folder: The run folder.
-        out: The PNG file to write.
-        prepared: The prepared scenario, if the caller has it.
-
-    Raises:
-        BadInput: There is no tick to draw, matplotlib is not installed, or the file cannot be written.
     """
     journal = read_journal(run_folder / "journal")
     if prepared is None:
@@ -203,34 +186,16 @@ def run_picture(run_folder: Path, out: Path, prepared: Prepared | None = None) -
 
 @dataclass(frozen=True, slots=True)
 class FinalFog:
-    """The true fog at the last tick of a run.
-
-    Attributes:
-        tick: The last tick.
-        fog: The true fog.
-        tracks: The robots' places by number, float64 (ticks, 2) in m; NaN while a robot is not alive.
-        last: The last record of each robot by number.
-    """
+    """The true fog at the last tick of a run."""
 
     tick: int
-    fog: Fog
-    tracks: dict[int, NDArray[np.float64]]
-    last: dict[int, RobotTick]
+    fog: Fog  # the true one
+    tracks: dict[int, NDArray[np.float64]]  # places by robot number, (ticks, 2), m; NaN while not alive
+    last: dict[int, RobotTick]  # last record by robot number
 
 
 def replay(journal: Journal, prepared: Prepared) -> FinalFog:
-    """Replay a journal up to its last complete tick.
-
-    Args:
-        journal: The journal.
-        prepared: The prepared scenario.
-
-    Returns:
-        The final fog and the robots' paths.
-
-    Raises:
-        BadInput: The journal holds no complete tick.
-    """
+    """Replay a journal up to its last complete tick."""
     scenario = prepared.scenario
     numbers = [facts.number for facts in journal.header.robots]
     places: list[list[tuple[float, float, float]]] = []

@@ -40,19 +40,12 @@ Fill = Callable[["Axes"], None]
 def drawings(rows: Sequence[CaseRow], sweep: str, width: float = WIDTH) -> list[Drawing]:
     """Draw the figures of a sweep.
 
-    Args:
-        rows: The results case by case.
-        sweep: Its name.
-        width: Of each figure, inches. Figures that are narrower than a page are exactly so wide and show no caption,
-            because a paper brings its own.
+    For each measure that some case has, there are dots by case, changes where cases are compared, and curves where a
+    setting is a number. Where policies (or named cases) stand beside another axis, dots are grouped: a row for each
+    value of the other axes, a colour for each policy.
 
-    Returns:
-        For each measure that some case has: dots by case, changes where cases are compared, curves where a setting is a
-        number. Where policies (or named cases) stand beside another axis, dots are grouped: a row for each value of the
-        other axes, a colour for each policy.
-
-    Raises:
-        BadInput: matplotlib is not installed.
+    `width` is in inches. Figures that are narrower than a page are exactly so wide and show no caption, because a paper
+    brings its own.
     """
     figures = _Figures(rows, sweep, width)
     tests = paired_tests(rows)

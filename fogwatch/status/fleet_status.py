@@ -13,71 +13,42 @@ from patrol.printable import printable
 
 @dataclass(frozen=True, slots=True)
 class RobotStatus:
-    """One robot.
-
-    Attributes:
-        name: Its name.
-        status: Of its process, such as "alive", "paused" or "dead".
-        doing: What its mind reports to be doing; empty without a report.
-        heard_s: Age of its last position, s; None if none was heard. With a world: as other robots have heard it.
-        place: x and y, m; None when unknown.
-        tick: The last tick that it has reported; None when unknown.
-        wrong: What is wrong with it, and since when; empty if nothing is.
-    """
+    """The state of one robot."""
 
     name: str
-    status: str
-    doing: str = ""
+    status: str  # of its process, such as "alive", "paused" or "dead"
+    doing: str = ""  # as its mind reports; empty without a report
+    # age of its last position, with a world as other robots heard it; None if none was heard
     heard_s: float | None = None
-    place: tuple[float, float] | None = None
-    tick: int | None = None
-    wrong: str = ""
+    place: tuple[float, float] | None = None  # x and y, m; None when unknown
+    tick: int | None = None  # last one that it has reported; None when unknown
+    wrong: str = ""  # what is wrong with it, and since when; empty if nothing is
 
 
 @dataclass(frozen=True, slots=True)
 class WorldStatus:
-    """The world that simulates the fleet.
+    """The world that simulates the fleet."""
 
-    Attributes:
-        tick: The last tick done.
-        ticks: Of the whole run.
-        time_s: Simulated time, s.
-        running: Whether ticks follow each other; False while it is paused.
-        ticks_per_s: Ticks per second of wall time.
-        ended: Why no more ticks follow; None while more may follow.
-    """
-
-    tick: int
-    ticks: int | None
-    time_s: float
-    running: bool
-    ticks_per_s: float
-    ended: str | None = None
+    tick: int  # last one done
+    ticks: int | None  # of the whole run; None when unknown
+    time_s: float  # simulated
+    running: bool  # False while it is paused
+    ticks_per_s: float  # per second of wall time
+    ended: str | None = None  # why no more ticks follow; None while more may follow
 
 
 @dataclass(frozen=True, slots=True)
 class FleetStatus:
-    """A fleet.
-
-    Attributes:
-        fleet: Its name.
-        router: The locator of its router, which answers.
-        world: The world; None where there is none.
-        mfow_s: MFoW, s: the true one or, without a world, as the positions heard since the look began have it.
-        robots: In roster order or, without a roster, by name.
-        faults: Faults in force that operators have requested, as in a scenario.
-        warnings: What is wrong with the fleet as a whole.
-        unknown: What this look cannot tell, and what would.
-    """
+    """The state of a fleet."""
 
     fleet: str
-    router: str
-    world: WorldStatus | None
-    mfow_s: float | None
-    robots: tuple[RobotStatus, ...]
-    faults: tuple[str, ...] = ()
-    warnings: tuple[str, ...] = ()
-    unknown: tuple[str, ...] = ()
+    router: str  # locator of its router, which answers
+    world: WorldStatus | None  # None where there is none
+    mfow_s: float | None  # the true one; without a world, by the positions heard since the look began
+    robots: tuple[RobotStatus, ...]  # in roster order or, without a roster, by name
+    faults: tuple[str, ...] = ()  # those in force that operators have requested, as in a scenario
+    warnings: tuple[str, ...] = ()  # what is wrong with the fleet as a whole
+    unknown: tuple[str, ...] = ()  # what this look cannot tell, and what would
 
     @property
     def well(self) -> bool:
@@ -132,11 +103,7 @@ class FleetWatch(Protocol):
     """Looks at a fleet, again and again."""
 
     def look(self, seconds: float) -> FleetStatus | None:
-        """Listen, then return the state; None when asked to end before there was one.
-
-        Args:
-            seconds: How long to listen, s.
-        """
+        """Listen, then return the state; None when asked to end before there was one."""
         ...
 
     def close(self) -> None:

@@ -23,17 +23,11 @@ POLL_S = 0.2
 
 @dataclass(frozen=True, slots=True)
 class Look:
-    """A fleet as a source shows it.
-
-    Attributes:
-        static: The constant properties.
-        state: The newest state.
-        observed_s: Simulated time for which the source has been observed, s.
-    """
+    """A fleet as a source shows it."""
 
     static: Static
     state: State
-    observed_s: float
+    observed_s: float  # simulated time for which the source has been observed
 
     @property
     def forget_after_s(self) -> float:
@@ -61,14 +55,10 @@ class SourceWatch:
         patience_s: float = 0.0,
         now: Callable[[], float] = time.monotonic,
     ) -> None:
-        """Begin.
+        """Take over a source, which `close` closes.
 
-        Args:
-            source: Of the fleet; closed by `close`.
-            router: The locator of the fleet's router.
-            ending: Ends a look early.
-            patience_s: By how much the first look may take longer while a robot has not been heard, s.
-            now: Wall clock, s.
+        The first look may take `patience_s` longer while a robot has not been heard. `ending` ends a look early. `now`
+        gives the wall clock in s.
         """
         self._source, self._router, self._ending, self._now = source, router, ending, now
         self._patience_s = patience_s
@@ -102,12 +92,7 @@ class SourceWatch:
 
 
 def fleet_status(look: Look, router: str) -> FleetStatus:
-    """Judge a fleet as a source shows it.
-
-    Args:
-        look: The fleet.
-        router: The locator of its router.
-    """
+    """Judge a fleet as a source shows it."""
     static, state = look.static, look.state
     simulated = static.has_truth
     robots = zip(static.robots, state.robots, strict=True) if state.robots else ()

@@ -63,16 +63,10 @@ class TokenWatch:
         silent_s: float,
         now: Callable[[], float] = time.monotonic,
     ) -> None:
-        """Begin.
+        """Take over the connections, which `close` closes.
 
-        Args:
-            link: To the fleet's router; closed by `close`.
-            air: Where the robots send positions; may be the same.
-            keys: Of the fleet.
-            router: The router's locator.
-            ending: Ends a look early.
-            silent_s: A robot without a position for so long is silent, s.
-            now: Wall clock, s.
+        `link` leads to the fleet's router, `air` to where the robots send positions; they may be the same. A robot
+        without a position for `silent_s` is silent. `ending` ends a look early. `now` gives the wall clock in s.
         """
         self._link, self._air, self._keys, self._router = link, air, keys, router
         self._ending, self._silent_s, self._now = ending, silent_s, now

@@ -44,25 +44,13 @@ def open_fleet(
     key: Path | None = None,
     wait_s: float = 60.0,
 ) -> Source | None:
-    """Connect to a running fleet.
+    """Connect to a running fleet; return None when asked to end before there is a source.
 
-    Args:
-        ending: Says when to stop waiting.
-        access: A run's folder, its control file or an operator's credentials, which give the right to control the
-            fleet.
-        credentials: A viewer's or an operator's credentials, where there is no `access`.
-        router: The fleet's router, where neither says it.
-        fleet: The fleet's name, where neither says it.
-        scenario: Scenario of robots without a world; only their positions are listened to.
-        radio: Where robots without a world exchange positions; None for the router.
-        key: The file of the fleet's key, where there is a world; None to leave the tags of messages unchecked.
-        wait_s: How long to wait for the fleet, s.
-
-    Returns:
-        The source; None when asked to end before there was one.
-
-    Raises:
-        BadInput: The arguments do not name a fleet, or it did not answer in time.
+    `access` is a run's folder, its control file or an operator's credentials, which give the right to control the
+    fleet; `credentials` are a viewer's or an operator's, where there is no `access`. `router` and `fleet` are needed
+    where neither names them. `scenario` is for robots without a world, of which only the positions are listened to, on
+    `radio` or, if that is None, the router. `key` is the file of the fleet's key, where there is a world; without it
+    the tags of messages stay unchecked.
     """
     from patrol.radio.fleet_key import fleet_key
 
@@ -90,23 +78,10 @@ def find_fleet(
     *,
     shown: str = "--access",
 ) -> tuple[Meeting, str | None] | None:
-    """Find out where a running fleet meets, without connecting to it.
+    """Return where a running fleet meets, without connecting to it, and the token to control it.
 
-    Args:
-        ending: Says when to stop waiting.
-        access: As for `open_fleet`.
-        credentials: As for `open_fleet`.
-        router: As for `open_fleet`.
-        fleet: As for `open_fleet`.
-        wait_s: How long to wait for the file `access`, s.
-        shown: What errors call the argument `access`.
-
-    Returns:
-        Where the fleet meets, and the token that gives the right to control it, or None without that right; None when
-        asked to end meanwhile.
-
-    Raises:
-        BadInput: The arguments do not name a fleet.
+    The token is None without the right to control. None is returned when asked to end meanwhile. `wait_s` is how long
+    to wait for the file `access`, and `shown` what errors call that argument; the others are as for `open_fleet`.
     """
     if access is None:
         return meeting(credentials, router, fleet, Kind.VIEWER, Kind.OPERATOR), None

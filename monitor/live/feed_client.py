@@ -62,13 +62,7 @@ class ZenohFeedClient:
     """A `FeedClient` over Zenoh."""
 
     def __init__(self, link: Link, keys: FleetKeys, token: str | None = None) -> None:
-        """Subscribe to the feed.
-
-        Args:
-            link: The Zenoh session.
-            keys: The fleet's keys.
-            token: Gives the right to control the fleet; None without it.
-        """
+        """Subscribe to the feed; the token gives the right to control the fleet."""
         self._link = link
         self._keys = keys
         self._token = token
@@ -124,20 +118,10 @@ def first_answer(
     waits: Callable[[float], bool],
     fits: Callable[[bytes, int, int], bool] = lambda *_: True,
 ) -> SoFar | None:
-    """Request the state of the run so far until the world answers.
+    """Request the state of the run so far until the world answers; return None when stopped.
 
-    Args:
-        client: The connection.
-        fleet: The fleet's name, for error messages.
-        stopped: Whether to stop.
-        waits: Waits for a number of seconds; returns whether to stop.
-        fits: Says of an answer's header, and of its terrain's height and width, whether they can be of this fleet.
-
-    Returns:
-        The state so far; None when stopped.
-
-    Raises:
-        BadInput: The world runs another version.
+    `waits` waits for a number of seconds and returns whether to stop. `fits` says of an answer's header, and of its
+    terrain's height and width, whether they can be of this fleet.
     """
     while not stopped():
         wrong: Malformed | None = None

@@ -77,16 +77,8 @@ class FeedSource:
     ) -> None:
         """Start from the state so far.
 
-        Args:
-            name: The fleet's name.
-            client: The connection with the world.
-            so_far: The state of the run so far, from the world.
-            now: Wall clock, s.
-            key: The fleet's key, for the tags of frames; None where this viewer has none. A file that the feed names is
-                never opened, but for that of a sensor which this user runs.
-
-        Raises:
-            BadInput: The world runs another version.
+        `key` is for the tags of frames; None where this viewer has none. A file that the feed names is never opened,
+        except that of a sensor which this user runs.
         """
         header = record_of(so_far.header)
         scenario = scenario_of(header, *so_far.last_seen.shape) if isinstance(header, Header) else None

@@ -40,8 +40,7 @@ Log = deque[tuple[int, bytes]]
 class FogTracker:
     """Computes one fog from a log of packed ticks, which grows at its end and may lose its beginning.
 
-    Attributes:
-        since: The tick from which on the fog is known.
+    `since` is the tick from which on the fog is known.
     """
 
     def __init__(
@@ -59,17 +58,10 @@ class FogTracker:
     ) -> None:
         """Start without knowledge.
 
-        Args:
-            number: The robot whose belief it is; None for a listener that hears every frame that is sent.
-            scenario: The scenario.
-            terrain: The terrain.
-            footprint: The sensor's footprint on it.
-            area: bool (h, w), the points that the robot patrols.
-            patrolled: bool (h, w), the points that the fleet patrols.
-            key: The fleet's key; None to accept frames without checking their tags.
-            log: (k, packed record) for each tick.
-            since: The first tick in the log.
-            closings: What was closed in each tick; None where nothing ever is.
+        `number` is the robot whose belief it is; None for a listener that hears every frame that is sent. `area` has
+        the points that the robot patrols, `patrolled` those that the fleet patrols, bool (h, w) each. `log` has (k,
+        packed record) for each tick from `since` on. Without a `key` frames are accepted without checking their tags.
+        `closings` is None where nothing is ever closed.
         """
         self._number = number
         self._scenario = scenario
@@ -163,11 +155,7 @@ class FogTrackers:
     """The trackers of all fogs in demand."""
 
     def __init__(self, make: Callable[[Layer], FogTracker]) -> None:
-        """Start without trackers.
-
-        Args:
-            make: Makes a tracker that starts at the beginning of the log.
-        """
+        """Start without trackers; `make` returns one that starts at the beginning of the log."""
         self._make = make
         self._by_layer: dict[Layer, FogTracker] = {}
         self._used: dict[Layer, float] = {}
@@ -179,24 +167,14 @@ class FogTrackers:
         return any(tracker.behind for tracker in self._by_layer.values())
 
     def track(self, layer: Layer, now_s: float) -> FogTracker:
-        """Return the tracker of a fog; made when there is none.
-
-        Args:
-            layer: Which fog.
-            now_s: Current time, s of any clock.
-        """
+        """Return the tracker of a fog; made when there is none."""
         if layer not in self._by_layer:
             self._by_layer[layer] = self._make(layer)
         self._used[layer] = now_s
         return self._by_layer[layer]
 
     def set_shown(self, layers: Collection[Layer], now_s: float) -> None:
-        """Set which fogs pages show.
-
-        Args:
-            layers: The fogs; each gets a tracker.
-            now_s: Current time, s of any clock.
-        """
+        """Set which fogs pages show."""
         self._shown = frozenset(layers)
         for layer in layers:
             self.track(layer, now_s)
@@ -210,11 +188,7 @@ class FogTrackers:
         return self._by_layer[layer].tick if layer in self._by_layer else None
 
     def drop(self, now_s: float) -> None:
-        """Drop trackers that were not in demand for `KEPT_S`; each would process every frame of every tick.
-
-        Args:
-            now_s: Current time, s of the same clock as before.
-        """
+        """Drop trackers that were not in demand for `KEPT_S`; each would process every frame of every tick."""
         for layer in [layer for layer, used in self._used.items() if now_s > used + KEPT_S]:
             if layer not in self._shown:
                 del self._by_layer[layer], self._used[layer]
@@ -224,10 +198,9 @@ class FogTrackers:
         self._by_layer = {layer: self._make(layer) for layer in self._by_layer}
 
     def catch_up(self, over: Callable[[], bool]) -> None:
-        """Process ticks. The tracker that is served first now is served last next time.
+        """Process ticks until none is left or `over` says to stop.
 
-        Args:
-            over: Whether to stop before all ticks are processed.
+        The tracker that is served first now is served last next time.
         """
         for layer in list(self._by_layer):
             tracker = self._by_layer[layer] = self._by_layer.pop(layer)

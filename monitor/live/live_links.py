@@ -14,18 +14,14 @@ from patrol.summary.links import count_frames
 class LiveLinks:
     """Counts frames by link.
 
-    Attributes:
-        counts: So far.
-        heard: The tick in which another robot last heard each robot, by number.
+    `heard` has, by robot number, the tick in which another robot last heard the robot. Where that is unknown, or there
+    is no other robot, it has the tick in which the robot last sent.
     """
 
     def __init__(self, numbers: Sequence[int], since: int, *, direct: bool) -> None:
-        """Start without frames.
+        """Start without frames; they are counted from tick `since` on.
 
-        Args:
-            numbers: Of the robots, in roster order.
-            since: The tick from which on frames are counted.
-            direct: Whether robots hear each other directly; then only what was sent is known.
+        `numbers` are in roster order. With `direct`, robots hear each other directly, and only what was sent is known.
         """
         side = (len(numbers),) * 2
         self.counts = LinkCounts(np.zeros(side, np.int64), np.zeros(side, np.int64), np.full(side, -1, np.int64), since)
@@ -34,11 +30,7 @@ class LiveLinks:
         self._direct = direct
 
     def tick(self, record: TickRecord) -> None:
-        """Take in the next tick.
-
-        Args:
-            record: Of the tick.
-        """
+        """Take in the next tick."""
         place, counts = self._place, self.counts
         count_frames(record, place, counts.sent, counts.delivered)
         for source, to, _ in record.deliveries:

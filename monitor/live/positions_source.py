@@ -62,13 +62,8 @@ class PositionsSource:
     ) -> None:
         """Start to listen.
 
-        Args:
-            keys: The fleet's keys.
-            prepared: The scenario with its terrain.
-            link: The Zenoh session for telemetry and presence.
-            air: The link on which robots send positions; may be the same.
-            now: Wall clock, s.
-            may_stop: Whether this viewer may tell robots to stop: as an operator, or where no router asks for its role.
+        `air` is the link on which robots send positions; it may be the same as `link`. With `may_stop` this viewer may
+        tell robots to stop: as an operator, or where no router asks for its role.
         """
         self._keys, self._may_stop = keys, may_stop
         scenario = self._scenario = prepared.scenario

@@ -31,9 +31,7 @@ _SEQUENCES = 1 << 62
 def record_of(packed: bytes, longest: int = MAX_HEADER) -> Record | None:
     """Return the record that is packed in a feed's bytes; None for anything else.
 
-    Args:
-        packed: Any bytes.
-        longest: Bytes of the longest record that is looked at.
+    More than `longest` bytes are not looked at.
     """
     if len(packed) > longest:
         return None
@@ -44,12 +42,9 @@ def record_of(packed: bytes, longest: int = MAX_HEADER) -> Record | None:
 
 
 def scenario_of(header: Header, height: int, width: int) -> Scenario | None:
-    """Return the scenario in a header; None where the header cannot be that of a run on a terrain of this size.
+    """Return the scenario in a feed's header; None where the header does not fit the terrain's size.
 
-    Args:
-        header: Of the feed.
-        height: Points of the terrain's grids.
-        width: Points of the terrain's grids.
+    Height and width are in points.
     """
     facts = header.terrain
     try:
@@ -65,11 +60,7 @@ def scenario_of(header: Header, height: int, width: int) -> Scenario | None:
 def is_run_of(own: Scenario | None, packed: bytes, height: int, width: int) -> bool:
     """Return whether a feed's header is that of a scenario's run, on a terrain of this size.
 
-    Args:
-        own: The scenario; None where the viewer does not know it.
-        packed: The header's bytes.
-        height: Points of the terrain's grids.
-        width: Points of the terrain's grids.
+    `own` is None where the viewer does not know the scenario; then any will do. Height and width are in points.
     """
     header = record_of(packed)
     scenario = scenario_of(header, height, width) if isinstance(header, Header) else None
@@ -78,37 +69,23 @@ def is_run_of(own: Scenario | None, packed: bytes, height: int, width: int) -> b
 
 @dataclass(frozen=True, slots=True)
 class RunChecks:
-    """Checks records against what never changes in a run.
+    """Checks records against what never changes in a run."""
 
-    Attributes:
-        numbers: Of the robots, in roster order.
-        ticks: Of the whole run.
-        bounds: Of the terrain: least x and y, greatest x and y, m.
-        longest: Bytes of the longest record.
-    """
-
-    numbers: tuple[int, ...]
-    ticks: int
-    bounds: tuple[float, float, float, float]
-    longest: int
+    numbers: tuple[int, ...]  # in roster order
+    ticks: int  # of the whole run
+    bounds: tuple[float, float, float, float]  # of the terrain: least x and y, greatest x and y, m
+    longest: int  # bytes of the longest record
 
     @classmethod
     def of(cls, scenario: Scenario, bounds: tuple[float, float, float, float]) -> RunChecks:
-        """Return the checks of a scenario's run.
-
-        Args:
-            scenario: The scenario.
-            bounds: Of its terrain, m.
-        """
+        """Return the checks of a scenario's run."""
         numbers = tuple(spec.number for spec in scenario.roster)
         return cls(numbers, min(scenario.ticks, MAX_TICKS), bounds, longest_record(len(numbers)))
 
     def record(self, packed: bytes, k: int) -> TickRecord | Event | End | None:
-        """Return the record in a feed's bytes, if it can follow on what came before; otherwise None.
+        """Return the record in a feed's bytes if it can follow on what came before; otherwise None.
 
-        Args:
-            packed: Any bytes.
-            k: The tick that must come next.
+        `k` is the tick that must come next.
         """
         record = record_of(packed, self.longest)
         match record:
@@ -123,11 +100,7 @@ class RunChecks:
         return record if fits else None
 
     def tick(self, record: TickRecord) -> bool:
-        """Return whether a tick can be of this run.
-
-        Args:
-            record: Unpacked.
-        """
+        """Return whether a tick can be of this run."""
         k = record.k
         if (
             k >= self.ticks
@@ -147,20 +120,12 @@ class RunChecks:
         )
 
     def event(self, event: Event) -> bool:
-        """Return whether an event can be of this run.
-
-        Args:
-            event: Unpacked.
-        """
+        """Return whether an event can be of this run."""
         known = event.robot is None or event.robot in self.numbers
         return known and event.k <= self.ticks and len(event.detail) <= MAX_CONTROL
 
     def events(self, packed: Sequence[bytes]) -> list[Event]:
-        """Return the events in an answer's bytes, without what is none.
-
-        Args:
-            packed: Any bytes.
-        """
+        """Return the events of this run in an answer's bytes, and leave out anything else."""
         records = (record_of(payload, self.longest) for payload in packed)
         return [event for event in records if isinstance(event, Event) and self.event(event)]
 

@@ -21,22 +21,12 @@ class TickRate:
         self._samples.clear()
 
     def add(self, now_s: float, k: int) -> None:
-        """Take in a tick.
-
-        Args:
-            now_s: When it arrived, s.
-            k: The tick.
-        """
+        """Take in a tick."""
         if not self._samples or now_s >= self._samples[-1][0] + SAMPLE_S:
             self._samples.append((now_s, k))
 
     def at(self, now_s: float, k: int) -> float:
-        """Return the ticks per second of wall time; 0 without ticks.
-
-        Args:
-            now_s: The present, s.
-            k: The newest tick.
-        """
+        """Return the ticks per second of wall time; 0 without ticks."""
         while len(self._samples) > 2 and self._samples[1][0] <= now_s - WINDOW_S:
             self._samples.popleft()
         if not self._samples:

@@ -22,21 +22,13 @@ _BEGINS, _HAPPENS, _ENDS = "begins", "happens", "ends"
 
 @dataclass(frozen=True, slots=True)
 class Band:
-    """A fault and its duration.
+    """A fault and its duration."""
 
-    Attributes:
-        id: The fault's id; empty for a robot that was lost without a fault.
-        kind: Kind of the fault.
-        begin: Its beginning, s.
-        end: Its end, s; equal to `begin` for a fault without duration.
-        text: Which robots or links it concerns, and its settings.
-    """
-
-    id: str
+    id: str  # of the fault; empty for a robot that was lost without a fault
     kind: str
-    begin: float
-    end: float
-    text: str = ""
+    begin: float  # s
+    end: float  # s; equal to `begin` for a fault without duration
+    text: str = ""  # which robots or links it concerns, and its settings
 
     @property
     def lasts(self) -> bool:
@@ -45,15 +37,9 @@ class Band:
 
 
 def bands_of(events: Iterable[Event], step: float, end_s: float) -> tuple[Band, ...]:
-    """Collect the faults of a run.
+    """Return the faults of a run, and robots that were lost without a fault, by their beginnings.
 
-    Args:
-        events: The events of the run, in order.
-        step: Duration of a tick, s.
-        end_s: End of the run, which is also the end of faults that did not end before, s.
-
-    Returns:
-        The faults, in the order of their beginnings, and robots that were lost without a fault.
+    `events` are in order, and `step` is in s. A fault that did not end before ends with the run, at `end_s`.
     """
     bands: list[Band] = []
     open_bands: dict[str, int] = {}
@@ -81,9 +67,7 @@ def bands_of(events: Iterable[Event], step: float, end_s: float) -> tuple[Band, 
 def intruder_bands(scenario: Scenario, end_s: float) -> tuple[Band, ...]:
     """Return the intruders of a run that came, as bands with their names and places.
 
-    Args:
-        scenario: With what operators have added.
-        end_s: End of the run, s.
+    `scenario` includes what operators have added.
     """
     bands = []
     for place, intruder in enumerate(scenario.intruders):
@@ -96,14 +80,9 @@ def intruder_bands(scenario: Scenario, end_s: float) -> tuple[Band, ...]:
 
 
 def lanes(bands: Sequence[Band], most: int) -> list[tuple[str, list[Band]]]:
-    """Arrange faults in rows.
+    """Arrange faults in rows; return the name and the faults of each row.
 
-    Args:
-        bands: The faults.
-        most: Most rows with one fault each; with more faults there is a row for each kind.
-
-    Returns:
-        (name, faults) of each row.
+    A row has one fault or, with more than `most` faults, all of one kind.
     """
     rows: dict[str, list[Band]] = {}
     by_fault = len({(band.id, band.kind) for band in bands}) <= most

@@ -15,14 +15,7 @@ MIND_ENDS = frozenset({"dead", "lost", "left"})
 
 
 def frames_of(record: TickRecord) -> dict[tuple[int, int], bytes]:
-    """Return the frames sent in a tick.
-
-    Args:
-        record: The tick.
-
-    Returns:
-        Encoded frames by (robot number of the sender, sequence).
-    """
+    """Return the encoded frames sent in a tick, by number of the sender and sequence."""
     frames: dict[tuple[int, int], bytes] = {}
     places: dict[int, int] = defaultdict(int)
     for source, frame in record.frames:
@@ -32,16 +25,10 @@ def frames_of(record: TickRecord) -> dict[tuple[int, int], bytes]:
 
 
 def own_pose(k: int, number: int, frames: Mapping[tuple[int, int], bytes], true: Pose) -> Pose:
-    """Return the pose that a robot believes to be its own, from the position that it sent.
+    """Return the pose that a robot believes to be its own, quantised as on the wire.
 
-    Args:
-        k: The tick.
-        number: The robot's number.
-        frames: The tick's frames, from `frames_of`.
-        true: The robot's true pose, used when it sent no position.
-
-    Returns:
-        The pose, quantised as on the wire.
+    It comes from the position that the robot sent, among the tick's frames from `frames_of`; the true pose is used
+    where it sent none.
     """
     frame = frames.get((number, frame_sequence(k, 0)))
     try:

@@ -27,29 +27,17 @@ NO_ROBOT = -1
 
 
 def as_sent(number: int, pose: Pose) -> Pose:
-    """Return a pose as other robots receive it; every footprint is computed from it.
+    """Return a pose as other robots receive it, quantised as on the wire (cm, mrad).
 
-    Args:
-        number: The robot's number.
-        pose: The exact pose.
-
-    Returns:
-        The pose quantised as on the wire (cm, mrad).
+    Every footprint is computed from it.
     """
     return Position.of(number, 0, 0.0, pose).pose
 
 
 def mark_outside(fog: Fog, patrolled: NDArray[np.bool_]) -> Fog:
-    """Set the points that the fleet patrols but this fog does not count to `OUTSIDE`.
+    """Set the points that the fleet patrols but this fog does not count to `OUTSIDE`, in place.
 
-    Observations never change points that the fog does not count, so the marks stay.
-
-    Args:
-        fog: The fog of one robot; changed in place.
-        patrolled: bool (h, w), the points that the fleet patrols.
-
-    Returns:
-        The same fog.
+    Observations never change points that the fog does not count, so the marks stay. The same fog is returned.
     """
     fog.last_seen[patrolled & (fog.patrolled == 0)] = OUTSIDE
     return fog
@@ -58,10 +46,7 @@ def mark_outside(fog: Fog, patrolled: NDArray[np.bool_]) -> Fog:
 class Listener:
     """The fog that follows from heard positions, as a robot believes it before dilatation.
 
-    Attributes:
-        fog: The fog.
-        inboxes: Decide which frames are accepted.
-        peers: The newest position heard of each robot, by robot number.
+    `peers` has the newest position heard of each robot, by robot number.
     """
 
     def __init__(
@@ -74,12 +59,8 @@ class Listener:
     ) -> None:
         """Start without knowledge.
 
-        Args:
-            footprint: The sensor's footprint on this terrain.
-            patrolled: bool (h, w), the points that count.
-            inboxes: Decide which frames to accept.
-            number: Of the inbox to use.
-            closings: What was closed in each tick; None where nothing ever is.
+        `patrolled` has the points that count, bool (h, w). `number` is that of the inbox to use, which decides which
+        frames to accept. `closings` is None where nothing is ever closed.
         """
         self.fog = Fog(patrolled)
         self.inboxes = inboxes
@@ -89,12 +70,7 @@ class Listener:
         self._closings = closings
 
     def look(self, tick: int, pose: Pose) -> None:
-        """Apply one observation.
-
-        Args:
-            tick: The tick of the observation.
-            pose: The observer's pose, quantised as on the wire.
-        """
+        """Apply one observation, from a pose that is quantised as on the wire."""
         if self._closings is not None:
             self._closings.show(tick, self._footprint)
         self.fog.observe(self._footprint.visible(pose), tick)
@@ -102,9 +78,7 @@ class Listener:
     def hear(self, tick: int, frames: Sequence[bytes]) -> None:
         """Apply the observations that received positions report.
 
-        Args:
-            tick: The tick in which the frames arrive.
-            frames: Encoded frames. The inbox counts and drops the invalid ones.
+        `tick` is the one in which the frames arrive. The inbox counts and drops the invalid ones.
         """
         for look_tick, pose in self.inboxes.hear(tick, {self.number: frames}).looks(self.number):
             self.look(look_tick, pose)

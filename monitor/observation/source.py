@@ -27,67 +27,38 @@ OUTSIDE = -2
 
 @dataclass(frozen=True, slots=True)
 class RobotShape:
-    """The constant properties of a robot.
-
-    Attributes:
-        number: Its number.
-        name: Its name.
-        model: Its body model.
-        radius: Radius of the body, m.
-        range_m: Range of its sensor, m.
-        angle_deg: Field of view of its sensor, degrees.
-        spare: Whether it takes part only once an operator or a fault lets it join.
-    """
+    """The constant properties of a robot."""
 
     number: int
     name: str
     model: str
-    radius: float
-    range_m: float
-    angle_deg: float
-    spare: bool = False
+    radius: float  # of the body, m
+    range_m: float  # of its sensor
+    angle_deg: float  # field of view of its sensor
+    spare: bool = False  # takes part only once an operator or a fault lets it join
 
 
 @dataclass(frozen=True, eq=False)
 class Static:
-    """The constant properties of a source.
-
-    Attributes:
-        name: Name of the fleet or the run.
-        scenario: The resolved scenario.
-        passable: bool (h, w), row 0 at the lowest y.
-        patrolled: bool (h, w), row 0 at the lowest y.
-        point: Side of a point, m.
-        origin: Lower left corner of the grid, m.
-        robots: The roster.
-        step: Duration of a tick, s.
-        ticks: Number of ticks of the whole run; None when unknown.
-        bound_s: Lower bound of MFoW, s; None when unknown.
-        live: Whether the fleet is running now.
-        layers: The fogs that `Source.last_seen` knows, the default one first.
-        controls: The controls that `Source.control` accepts, by the value of "do"; empty when it accepts none.
-        note: What the viewer should know in addition, such as what is missing.
-        direct: Whether robots hear each other directly (`radio.via`). Then only the robots know which frames each robot
-            has received, so there are no links and no beliefs.
-        late: How many ticks a fog may be older than the state and still be shown, as of its own tick.
-    """
+    """The constant properties of a source."""
 
     name: str
     scenario: Mapping[str, Any]
-    passable: NDArray[np.bool_]
-    patrolled: NDArray[np.bool_]
-    point: float
-    origin: tuple[float, float]
+    passable: NDArray[np.bool_]  # (h, w), row 0 at the lowest y
+    patrolled: NDArray[np.bool_]  # (h, w), row 0 at the lowest y
+    point: float  # side of a point, m
+    origin: tuple[float, float]  # lower left corner of the grid, m
     robots: tuple[RobotShape, ...]
-    step: float
-    ticks: int | None
-    bound_s: float | None
-    live: bool
-    layers: tuple[Layer, ...]
-    controls: tuple[str, ...] = ()
-    note: str = ""
+    step: float  # s
+    ticks: int | None  # of the whole run; None when unknown
+    bound_s: float | None  # lower bound of MFoW; None when unknown
+    live: bool  # the fleet is running now
+    layers: tuple[Layer, ...]  # those that `Source.last_seen` knows, the default one first
+    controls: tuple[str, ...] = ()  # accepted by `Source.control`, by the value of "do"
+    note: str = ""  # for the viewer, such as what is missing
+    # robots hear each other directly (`radio.via`): only they know deliveries, so no links and no beliefs
     direct: bool = False
-    late: int = 0
+    late: int = 0  # ticks by which a fog may be older than the state and still be shown, as of its own tick
 
     @property
     def has_truth(self) -> bool:
@@ -97,116 +68,66 @@ class Static:
 
 @dataclass(frozen=True, slots=True)
 class Trapped:
-    """Since when a robot has been trapped (`patrol.measures.progress`).
+    """The time since which a robot has been trapped (`patrol.measures.progress`)."""
 
-    Attributes:
-        since_s: When its stay began, s.
-        exact: Whether its stay began then; otherwise it began before, and this is the first that is known.
-    """
-
-    since_s: float
-    exact: bool = True
+    since_s: float  # when its stay began
+    exact: bool = True  # its stay began then; otherwise before, and this is the first time that is known
 
 
 @dataclass(frozen=True, slots=True)
 class RobotState:
-    """The state of one robot.
-
-    Attributes:
-        number: Its number.
-        status: Its status; LOST where only positions are known and none has arrived for long.
-        state: What its mind reports to be doing; empty without a report.
-        pose: Its true pose or, without truth, the one last heard; None when unknown.
-        goal: Where it is going, m; None without a goal.
-        decision_ms: Wall time of its last decision, ms; None when unknown.
-        heard_s: Time since another robot last heard it, s; None if none has. Where it is unknown which robots hear each
-            other, or there is no other robot, the time since the source last heard it.
-        rejected: Number of frames that it has rejected so far; None when unknown.
-        trapped: Since when it has been trapped; None for a robot that is not, or while this is being computed.
-        radio_wrong: What is wrong with its direct radio, by what it reports; empty if nothing is known to be.
-    """
+    """The state of one robot."""
 
     number: int
-    status: Status
-    state: str = ""
-    pose: Pose | None = None
-    goal: tuple[float, float] | None = None
-    decision_ms: float | None = None
+    status: Status  # LOST where only positions are known and none has arrived for long
+    state: str = ""  # as its mind reports; empty without a report
+    pose: Pose | None = None  # true or, without truth, the one last heard; None when unknown
+    goal: tuple[float, float] | None = None  # m; None without a goal
+    decision_ms: float | None = None  # wall time of its last decision; None when unknown
+    # time since another robot (if unknown or without one, the source) last heard it; None if never
     heard_s: float | None = None
-    rejected: int | None = None
-    trapped: Trapped | None = None
-    radio_wrong: str = ""
+    rejected: int | None = None  # frames that it has rejected so far; None when unknown
+    trapped: Trapped | None = None  # None for a robot that is not, or while this is being computed
+    radio_wrong: str = ""  # what is wrong with its direct radio, as it reports; empty if nothing is known
 
 
 @dataclass(frozen=True, eq=False)
 class LinkCounts:
-    """Frames by directed link so far; rows are senders and columns receivers, in roster order.
+    """Frames by directed link so far; rows are senders and columns receivers, in roster order."""
 
-    Attributes:
-        sent: int64 (n, n), frames sent.
-        delivered: int64 (n, n), frames delivered.
-        heard: int64 (n, n), the tick in which the receiver last heard the sender; -1 for never.
-        since: The tick from which on frames are counted.
-    """
-
-    sent: NDArray[np.int64]
-    delivered: NDArray[np.int64]
-    heard: NDArray[np.int64]
-    since: int = 0
+    sent: NDArray[np.int64]  # (n, n)
+    delivered: NDArray[np.int64]  # (n, n)
+    heard: NDArray[np.int64]  # (n, n), tick in which the receiver last heard the sender; -1 for never
+    since: int = 0  # tick from which on frames are counted
 
 
 @dataclass(frozen=True, eq=False)
 class State:
-    """A patrol at tick k, after its observations.
-
-    Attributes:
-        k: The tick.
-        time_s: Simulated time, s.
-        running: Whether ticks follow each other without further requests.
-        pace: The requested factor of real time; negative for a replay that runs backwards, None for unlimited.
-        ticks_per_s: Ticks per second of wall time, over the last few seconds.
-        robots: In roster order.
-        mfow_s: MFoW of the first layer, s; None when unknown.
-        fog_mean_s: Mean fog of the first layer, s; None when unknown.
-        links: Frame counts by link; None when unknown.
-        ended: Why no more ticks follow; None while more may follow.
-        intruders: (x, y, name) of the intruders that are present, m; a control ends them by their names.
-        closed: Names of the closures that are closed.
-        waiting: Names of the closures that are to close and wait until bodies are clear of them.
-        zones: All zones, by name.
-        faults: The faults in force that operators have requested, as entries of a scenario's faults.
-        note: What is wrong now, such as that nothing has been heard for some time.
-        gone: Whether the world has disappeared without reporting an end.
-    """
+    """A patrol at tick k, after its observations."""
 
     k: int
-    time_s: float
-    running: bool
-    pace: float | None
-    ticks_per_s: float
-    robots: tuple[RobotState, ...]
-    mfow_s: float | None
-    fog_mean_s: float | None
-    links: LinkCounts | None = None
-    ended: str | None = None
+    time_s: float  # simulated time
+    running: bool  # ticks follow each other without further requests
+    pace: float | None  # requested factor of real time; negative for a replay running backwards, None for unlimited
+    ticks_per_s: float  # of wall time, over the last few seconds
+    robots: tuple[RobotState, ...]  # in roster order
+    mfow_s: float | None  # of the first layer; None when unknown
+    fog_mean_s: float | None  # of the first layer; None when unknown
+    links: LinkCounts | None = None  # None when unknown
+    ended: str | None = None  # why no more ticks follow; None while more may follow
+    # x and y (m) and name of those present; a control ends them by name
     intruders: tuple[tuple[float, float, str], ...] = ()
     closed: tuple[str, ...] = ()
-    waiting: tuple[str, ...] = ()
+    waiting: tuple[str, ...] = ()  # names of the closures that are to close, once bodies are clear of them
     zones: Mapping[str, ZoneNow] = field(default_factory=dict)
-    faults: tuple[Mapping[str, Any], ...] = ()
-    note: str = ""
-    gone: bool = False
+    faults: tuple[Mapping[str, Any], ...] = ()  # in force and requested by operators, as entries of a scenario's faults
+    note: str = ""  # what is wrong now, such as that nothing has been heard for some time
+    gone: bool = False  # the world has disappeared without reporting an end
 
 
 @dataclass(frozen=True, eq=False)
 class Series:
-    """MFoW and mean fog over time, in order.
-
-    Attributes:
-        ticks: int64 (m,).
-        mfow_s: float64 (m,), s.
-        fog_mean_s: float64 (m,), s.
-    """
+    """MFoW and mean fog over time, arrays of one length in order of ticks."""
 
     ticks: NDArray[np.int64]
     mfow_s: NDArray[np.float64]
@@ -215,15 +136,10 @@ class Series:
 
 @dataclass(frozen=True, slots=True)
 class Answer:
-    """The result of a control.
+    """The result of a control."""
 
-    Attributes:
-        done: Whether it was accepted.
-        text: One line for the operator: the reason if it was refused.
-    """
-
-    done: bool
-    text: str = ""
+    done: bool  # it was accepted
+    text: str = ""  # one line for the operator: the reason if it was refused
 
 
 class Source(Protocol):
@@ -234,25 +150,17 @@ class Source(Protocol):
         ...
 
     def wait(self, timeout_s: float) -> State | None:
-        """Wait for a new state.
+        """Wait for a state that differs from the one returned before; return None after the timeout.
 
-        Args:
-            timeout_s: How long to wait, s of wall time.
-
-        Returns:
-            The newest state once it differs from the one returned before; None after the timeout.
+        The timeout is wall time.
         """
         ...
 
     def last_seen(self, layer: Layer) -> NDArray[np.int32] | None:
-        """Return the tick in which each point was last seen, as of `tick`.
+        """Return the tick in which each point was last seen, as of `tick`: int32 (h, w).
 
-        Args:
-            layer: Which fog.
-
-        Returns:
-            int32 (h, w), with `patrol.ground.fog.NEVER` for points not seen yet, and `OUTSIDE`. None while it is being
-            computed, or when it is unknown.
+        Points not seen yet have `patrol.ground.fog.NEVER`, and `OUTSIDE` marks those that the robot does not patrol.
+        None is returned while the fog is being computed, or when it is unknown.
         """
         ...
 
@@ -261,11 +169,7 @@ class Source(Protocol):
         ...
 
     def set_shown(self, layers: Collection[Layer]) -> None:
-        """Set which fogs to keep up to date.
-
-        Args:
-            layers: The fogs that open pages show, including pages in the background.
-        """
+        """Set which fogs to keep up to date: those that open pages show, also in the background."""
         ...
 
     def since(self, layer: Layer) -> int:
@@ -273,48 +177,33 @@ class Source(Protocol):
         ...
 
     def trail(self, first: int, last: int) -> NDArray[np.float64] | None:
-        """Return the robots' poses at some ticks.
+        """Return the robots' positions at ticks `first` to `last`, inclusive.
 
-        Args:
-            first: The first tick.
-            last: The last tick.
-
-        Returns:
-            float64 (last - first + 1, robots, 2), m, NaN for robots without a body. None where the page collects the
-            trail from the states, because time only runs forwards.
+        The array is float64 (last - first + 1, robots, 2), m, with NaN for robots without a body. None is returned
+        where the page collects the trail from the states, because time only runs forwards.
         """
         ...
 
     def series(self, after: int) -> Series:
-        """Return MFoW and mean fog of the first layer.
+        """Return MFoW and mean fog of the first layer, all that is known later than tick `after`.
 
-        Args:
-            after: The last tick that is already known.
-
-        Returns:
-            All that is known of later ticks; for a run that is over, up to its end.
+        For a run that is over that goes up to its end.
         """
         ...
 
     def events(self, since: int) -> Sequence[Event]:
-        """Return the events in the order in which they became known. One that is found later may have happened earlier.
+        """Return the events from number `since` on (0 for all), in the order in which they became known.
 
-        Args:
-            since: Number of the first event; 0 for all.
+        One that is found later may have happened earlier.
         """
         ...
 
     def control(self, control: Mapping[str, Any]) -> Answer:
         """Carry out a control, or refuse it if it is malformed.
 
-        Args:
-            control: {"do": "pause"}, "go", "step", or {"do": "pace", "factor": 2.0 or None}. A replay also accepts
-                {"do": "seek", "k": 120}, and a negative factor, which plays backwards. A fleet accepts {"do": "fault",
-                "fault": {...}} with an entry of a scenario's faults without a time, {"do": "heal", "id": "..."}, and
-                {"do": "intruder", "place": [x, y], "stay": s or None}.
-
-        Returns:
-            Whether it was accepted.
+        `Static.controls` lists the accepted values of ``do``. A fleet takes the controls of `patrol.scenario.controls`.
+        A replay takes ``{"do": "pause"}``, ``go``, ``step``, ``pace`` with a ``factor``, which plays backwards where it
+        is negative, and ``seek`` with a tick ``k``.
         """
         ...
 

@@ -35,9 +35,7 @@ class TrapWatch:
     def __init__(self, prepared: Prepared, *, from_start: bool = True) -> None:
         """Start before the first tick.
 
-        Args:
-            prepared: The scenario with its terrain and fields.
-            from_start: Whether the robots start at tick 0; otherwise it is only the first tick that is known.
+        With `from_start` the robots start at tick 0; otherwise the first tick is only the first that is known.
         """
         self._open_ground = OpenGround(prepared) if prepared.scenario.closures else None
         self._ground, self._closed = ChangingTerrain(prepared.terrain), frozenset[str]()
@@ -52,26 +50,17 @@ class TrapWatch:
         return {number: self._trapped(trap) for number, trap in self._traps.open.items()}
 
     def trapped(self, number: int) -> Trapped | None:
-        """Return since when a robot has been trapped; None for one that is not.
-
-        Args:
-            number: Its number.
-        """
+        """Return since when a robot has been trapped; None for one that is not."""
         trap = self._traps.open.get(number)
         return None if trap is None else self._trapped(trap)
 
     def tick(
         self, record: TickRecord, last_seen: Callable[[], NDArray[np.int32]], closings: Closings | None = None
     ) -> list[Event]:
-        """Process a tick.
+        """Process a tick; return an event for each robot found to be trapped in it, or no longer trapped.
 
-        Args:
-            record: The tick.
-            last_seen: Gives the fog after the tick's observations, int32 (h, w), ticks; called only when needed.
-            closings: What is closed in each tick; None where that is unknown.
-
-        Returns:
-            An event for each robot that was found to be trapped in this tick, or no longer is.
+        `last_seen` gives the fog after the tick's observations, int32 (h, w), and is called only when needed.
+        `closings` is None where it is unknown what is closed.
         """
         if self._known is None:
             self._known = record.k
@@ -84,11 +73,7 @@ class TrapWatch:
         return [self._event(record.k, trap) for trap in self._traps.tick(record, last_seen)]
 
     def needs_fog(self, k: int) -> bool:
-        """Return whether `tick` may ask for the fog of tick k: a robot is trapped, or has stayed for long.
-
-        Args:
-            k: The tick.
-        """
+        """Return whether `tick` may ask for the fog of tick k: a robot is trapped, or has stayed for long."""
         return self._traps.needs_fog(k)
 
     def _trapped(self, trap: Trap) -> Trapped:

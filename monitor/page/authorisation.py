@@ -19,18 +19,11 @@ MIN_TOKEN_LENGTH = 16
 
 @dataclass(frozen=True, slots=True)
 class Authorisation:
-    """The rules of the page at host:port.
+    """The rules of the page at host:port."""
 
-    Attributes:
-        host: The address that the page is served on.
-        port: Its TCP port.
-        key: Proves the right to control and, unless `view_without_key`, to view.
-        view_without_key: Whether the page may be viewed without the key.
-    """
-
-    host: str
+    host: str  # address that the page is served on
     port: int
-    key: str
+    key: str  # proves the right to control and, unless `view_without_key`, to view
     view_without_key: bool
 
     @property
@@ -56,16 +49,14 @@ class Authorisation:
     def allows_host(self, headers: Mapping[str, str]) -> bool:
         """Return whether a request is addressed to a host name of this machine.
 
-        Args:
-            headers: The request's headers, names in lower case.
+        The headers' names are in lower case.
         """
         return not self.view_without_key or is_loopback(_name(headers.get("host", "")))
 
     def same_origin(self, headers: Mapping[str, str]) -> bool:
         """Return whether a request comes from this page.
 
-        Args:
-            headers: The request's headers, names in lower case.
+        The headers' names are in lower case.
         """
         host = headers.get("host", "")
         return bool(host) and headers.get("origin") in (f"http://{host}", f"https://{host}")

@@ -45,40 +45,23 @@ Message = str | bytes
 
 @dataclass(eq=False)
 class Viewer:
-    """One open page.
-
-    Attributes:
-        loop: The event loop that sends to it.
-        outbox: Frames to send; None closes the connection.
-        layers: The fogs that it shows.
-        drawn: Whether it has reported all frames as drawn.
-        drawn_s: When it was last ready for a frame, s of the hub's clock.
-        posted: Number of frames put into the outbox.
-        written: Number of frames that the socket has taken. A page that reports frames as drawn too early still gets no
-            frame before the last one is on its way.
-        sent: The version and tick of each fog that it has.
-        state: The state that it has.
-        ticks: Last tick of its chart.
-        events: Number of events that it has.
-        slow_due: When its links, chart and events are due, s of the hub's clock.
-        links_k: The tick of the links that it has; -1 for none.
-        trail: The ticks of the trail that it has.
-    """
+    """One open page."""
 
     loop: asyncio.AbstractEventLoop
+    # frames to send; None closes the connection
     outbox: asyncio.Queue[list[Message] | None] = field(default_factory=asyncio.Queue)
     layers: tuple[Layer, ...] = ()
-    drawn: bool = True
-    drawn_s: float = 0.0
-    posted: int = 0
-    written: int = 0
-    sent: dict[Layer, tuple[int, int]] = field(default_factory=dict)
+    drawn: bool = True  # it has reported all frames as drawn
+    drawn_s: float = 0.0  # when it was last ready for a frame, on the hub's clock
+    posted: int = 0  # frames put into the outbox
+    written: int = 0  # frames that the socket has taken; guards against pages that report frames as drawn too early
+    sent: dict[Layer, tuple[int, int]] = field(default_factory=dict)  # version and tick of each fog that it has
     state: State | None = None
-    ticks: int = -1
-    events: int = 0
-    slow_due: float = 0.0
-    links_k: int = -1
-    trail: range = range(0)
+    ticks: int = -1  # last tick of its chart
+    events: int = 0  # number of events that it has
+    slow_due: float = 0.0  # when its links, chart and events are due, s of the hub's clock
+    links_k: int = -1  # tick of the links that it has; -1 for none
+    trail: range = range(0)  # ticks of the trail that it has
 
     @property
     def ready(self) -> bool:
@@ -86,11 +69,7 @@ class Viewer:
         return self.drawn and self.written == self.posted
 
     def post(self, messages: list[Message] | None) -> None:
-        """Queue a frame, from the hub's thread.
-
-        Args:
-            messages: The frame; None to close the connection.
-        """
+        """Queue a frame, from the hub's thread; None closes the connection."""
         self.drawn = False
         self.posted += 1
         with suppress(RuntimeError):  # the loop has been closed
@@ -100,20 +79,11 @@ class Viewer:
 class Hub:
     """Reads a source in its own thread, from start() to close().
 
-    Attributes:
-        source: The source.
-        static: Its constant properties.
-        terrain: The packet with the terrain.
-        failure: What ended the thread unexpectedly; None while all is well.
+    `failure` is what ended the thread unexpectedly; None while all is well.
     """
 
     def __init__(self, source: Source, now: Callable[[], float] = time.monotonic) -> None:
-        """Prepare to read.
-
-        Args:
-            source: The source; closed by close().
-            now: Wall clock, s.
-        """
+        """Prepare to read the source, which close() closes."""
         self.source = source
         self.static = source.static()
         self.terrain = terrain_packet(self.static.passable, self.static.patrolled)
@@ -155,22 +125,13 @@ class Hub:
             self._viewers.remove(viewer)
 
     def show(self, vitals: Vitals) -> None:
-        """Have what is shown, and to how many, read with this process's figures.
-
-        Args:
-            vitals: The figures.
-        """
+        """Let `vitals` report the tick and the MFoW shown, and the number of open pages."""
         vitals.probe(TICK, lambda: None if self._state is None else self._state.k)
         vitals.probe(MFOW, lambda: None if self._state is None else self._state.mfow_s)
         vitals.probe(PAGES, lambda: len(self._viewers))
 
     def select(self, viewer: Viewer, numbers: list[int]) -> None:
-        """Set which fogs a page shows.
-
-        Args:
-            viewer: The page.
-            numbers: Numbers of one or two layers; unknown ones are ignored.
-        """
+        """Set which fogs a page shows, by the numbers of one or two layers; unknown ones are ignored."""
         viewer.layers = tuple(self._by_number[number] for number in numbers[:2] if number in self._by_number)
 
     def _run(self) -> None:

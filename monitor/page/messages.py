@@ -23,15 +23,7 @@ from patrol.scenario.patrols import describe_patrol
 
 
 def static_message(static: Static, may_control: bool) -> str:
-    """Return the constant properties of the source, the first message of a connection.
-
-    Args:
-        static: The properties.
-        may_control: Whether this viewer has the right to control.
-
-    Returns:
-        JSON.
-    """
+    """Return the constant properties of the source, the first message of a connection."""
     height, width = static.passable.shape
     return _json(
         {
@@ -81,17 +73,11 @@ def _patrol(static: Static) -> str:
 
 
 def state_message(state: State, survey: Survey | None, static: Static) -> str:
-    """Return a state without its links.
+    """Return a state without its links, as JSON.
 
-    Args:
-        state: The state.
-        survey: What the first layer's fog says about the ground; None when unknown.
-        static: The constant properties of the source.
-
-    Returns:
-        JSON. A robot is a list of status, state, pose, goal, decision_ms, heard_s, rejected and, for one that is
-        trapped, since when (s) and whether that is exact. The stalest point is a list of x and y (m), age (s) and
-        whether it was ever seen.
+    A robot is a list of status, state, pose, goal, decision_ms, heard_s, rejected and, for one that is trapped, since
+    when (s) and whether that is exact. The stalest point is a list of x and y (m), age (s) and whether it was ever
+    seen. `survey` is what the first layer's fog says about the ground, None when unknown.
     """
     return _json(
         {
@@ -133,28 +119,18 @@ def state_message(state: State, survey: Survey | None, static: Static) -> str:
 
 
 def trail_message(first: int, trail: NDArray[np.float64]) -> str:
-    """Encode the robots' poses.
+    """Encode the robots' positions as JSON: a row for each tick, with x and y of each robot in turn.
 
-    Args:
-        first: The tick of the first row.
-        trail: float64 (ticks, robots, 2), m, NaN for robots without a body.
-
-    Returns:
-        JSON; a row for each tick, with x and y of each robot in turn.
+    `trail` is float64 (ticks, robots, 2), m, with NaN for robots without a body. `first` is the tick of its first row.
     """
     rows = trail.reshape(len(trail), -1).tolist()
     return _json({"type": "trail", "first": first, "rows": [[_short(value) for value in row] for row in rows]})
 
 
 def links_message(links: LinkCounts, k: int) -> str:
-    """Encode the frame counts by link.
+    """Encode the frame counts by link at tick k as JSON.
 
-    Args:
-        links: The counts.
-        k: Their tick.
-
-    Returns:
-        JSON; each kind of count is a flat list, row by row (sender by receiver).
+    Each kind of count is a flat list, row by row (sender by receiver).
     """
     return _json(
         {
@@ -181,14 +157,9 @@ def series_message(series: Series) -> str:
 
 
 def events_message(events: Sequence[Event], first: int) -> str:
-    """Encode events.
+    """Encode events as JSON: each is a list of tick, kind, robot number and detail.
 
-    Args:
-        events: The events, in order.
-        first: Number of the first of them.
-
-    Returns:
-        JSON; an event is a list of tick, kind, robot number and detail.
+    `first` is the number of the first of them.
     """
     rows = [[event.k, event.kind, event.robot, event.detail] for event in events]
     return _json({"type": "events", "first": first, "events": rows})
@@ -201,15 +172,7 @@ def bands_message(bands: Sequence[Band]) -> str:
 
 
 def answer_message(number: object, answer: Answer) -> str:
-    """Return the result of a control.
-
-    Args:
-        number: The number that the page gave to the control.
-        answer: The result.
-
-    Returns:
-        JSON.
-    """
+    """Return the result of a control."""
     return _json({"type": "answer", "id": number, "done": answer.done, "text": answer.text})
 
 

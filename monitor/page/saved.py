@@ -63,18 +63,10 @@ _IMPORT = re.compile(r'(from|import) "\./(\w+\.js)"')
 def save_page(
     runs: Sequence[Run], folder: Path, progress: Callable[[Iterable[int]], Iterable[int]] = iter
 ) -> list[int]:
-    """Write the page of a run, with the true fog but without beliefs. After an error, none of its files stays.
+    """Write the page of a run, with the true fog but without beliefs; return its number of frames.
 
-    Args:
-        runs: The run, or two of them, which the page shows side by side.
-        folder: New or empty.
-        progress: Gets the ticks of the frames and returns them, for example `rich.progress.track`.
-
-    Returns:
-        The number of frames of each run.
-
-    Raises:
-        BadInput: The folder holds files or cannot be written, or plotly is not installed.
+    Two runs are shown side by side. The folder must be new or empty; after an error, none of the files stays.
+    `progress` gets the ticks of the frames and returns them, for example `rich.progress.track`.
     """
     plotly_file()  # before long runs are read
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):

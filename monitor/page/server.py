@@ -69,21 +69,12 @@ _MADE = {"palette.css": palette.css, "palette.js": palette.script}
 
 
 class Server:
-    """The web application around a hub.
-
-    Attributes:
-        app: The ASGI application.
-    """
+    """The web application around a hub."""
 
     def __init__(self, hubs: Sequence[Hub], authorisation: Authorisation) -> None:
         """Find the static files.
 
-        Args:
-            hubs: One, or two for replays side by side; started and closed by the caller.
-            authorisation: The rights to view and to control.
-
-        Raises:
-            BadInput: plotly is not installed.
+        There is one hub, or two for replays side by side; the caller starts and closes them.
         """
         self._authorisation = authorisation
         self._viewers = {True: 0, False: 0}
@@ -225,11 +216,7 @@ def _refused(why: str) -> Response:
 
 
 def plotly_file() -> Path:
-    """Return the path of plotly's script in its Python package.
-
-    Raises:
-        BadInput: plotly is not installed.
-    """
+    """Return the path of plotly's script in its Python package."""
     from importlib.util import find_spec
 
     spec = find_spec("plotly")

@@ -13,33 +13,19 @@ from patrol.ground.fog import NEVER
 
 @dataclass(frozen=True, slots=True)
 class Survey:
-    """A fog at one tick.
+    """A fog at one tick."""
 
-    Attributes:
-        row: Row of the stalest patrolled point; of several, the one nearest to their centre.
-        col: Its column.
-        age: Its age, ticks; a point that was never seen counts from tick 0.
-        ever_seen: Whether it was ever seen.
-        seen_share: The share of patrolled points that were seen, from 0 to 1.
-    """
-
-    row: int
-    col: int
-    age: int
-    ever_seen: bool
-    seen_share: float
+    row: int  # of the stalest patrolled point; of several, the one nearest to their centre
+    col: int  # of the same point
+    age: int  # of that point, ticks; from tick 0 if it was never seen
+    ever_seen: bool  # that point was seen at least once
+    seen_share: float  # of the patrolled points, from 0 to 1
 
 
 def survey_of(last_seen: NDArray[np.int32], patrolled: NDArray[np.bool_], tick: int) -> Survey | None:
-    """Survey a fog.
+    """Survey a fog at a tick; return None if no point counts.
 
-    Args:
-        last_seen: int32 (h, w), ticks, with `patrol.ground.fog.NEVER`.
-        patrolled: bool (h, w), the points that count.
-        tick: The tick of the fog.
-
-    Returns:
-        The survey; None if no point counts.
+    `last_seen` has ticks and `patrol.ground.fog.NEVER`, `patrolled` the points that count, both (h, w).
     """
     row, col, seen, points = stalest(last_seen, patrolled.view(np.uint8))
     if points == 0:

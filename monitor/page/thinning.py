@@ -8,15 +8,10 @@ from monitor.observation.source import Series
 
 
 def thinned(series: Series, most: int) -> Series:
-    """Reduce a series, keeping its extremes.
+    """Reduce a series to `most` + 1 ticks or fewer, keeping its extremes.
 
-    Args:
-        series: The series.
-        most: Number of ticks to keep.
-
-    Returns:
-        The whole series if it has at most `most` ticks. Else of each interval its first tick and the one with the
-        largest MFoW, and the last tick: `most` + 1 ticks or fewer.
+    A series of at most `most` ticks is returned as it is. Of a longer one, each interval keeps its first tick and the
+    one with the largest MFoW; the last tick stays too.
     """
     count = len(series.ticks)
     if count <= most:

@@ -34,18 +34,11 @@ def layer_number(layer: Layer) -> int:
 class TiledMap:
     """One map, with the version in which each of its tiles last changed.
 
-    Attributes:
-        version: Number of changes so far.
-        tick: The tick of the map; -1 before there is one.
+    `version` is the number of changes so far, and `tick` that of the map, -1 before there is one.
     """
 
     def __init__(self, number: int, shape: tuple[int, int]) -> None:
-        """Start without a map.
-
-        Args:
-            number: Number of the layer.
-            shape: Shape of the map, (h, w).
-        """
+        """Start without a map; `number` is the layer's, and `shape` is (h, w)."""
         self._number = number
         self._shown: NDArray[np.int32] = np.full(shape, KEEP, dtype=np.int32)
         tiles = -(-shape[0] // SIDE) * -(-shape[1] // SIDE)
@@ -55,12 +48,7 @@ class TiledMap:
         self.tick = -1
 
     def update(self, now: NDArray[np.int32], tick: int) -> None:
-        """Set the map; makes a new version if it differs.
-
-        Args:
-            now: int32 (h, w), the new map; not kept.
-            tick: The tick of the map.
-        """
+        """Set the map, int32 (h, w), which is copied; it makes a new version if it differs."""
         self.tick = tick
         tiles, counts = (np.empty(self._versions.size, dtype=np.int32) for _ in range(2))
         values, lengths = _buffers(now.size)
@@ -74,14 +62,9 @@ class TiledMap:
             }
 
     def packet(self, version: int, since: int = 0) -> bytes:
-        """Return the packet that updates a page.
+        """Return the packet that updates a page from a version that it has, 0 for none.
 
-        Args:
-            version: The version that the page has; 0 for none.
-            since: The tick from which on the fog is known.
-
-        Returns:
-            The packet.
+        `since` is the tick from which on the fog is known.
         """
         if version not in self._packets:
             tiles = np.flatnonzero(self._versions > version).astype(np.int32)
@@ -107,15 +90,7 @@ def _packed(
 
 
 def terrain_packet(passable: NDArray[np.bool_], patrolled: NDArray[np.bool_]) -> bytes:
-    """Return the packet with the terrain, which a page receives once.
-
-    Args:
-        passable: bool (h, w).
-        patrolled: bool (h, w).
-
-    Returns:
-        The packet.
-    """
+    """Return the packet with the terrain, which a page receives once."""
     tiled = TiledMap(TERRAIN, passable.shape)
     tiled.update((passable * PASSABLE + patrolled * COUNTED).astype(np.int32), 0)
     if tiled.version == 0:

@@ -34,23 +34,10 @@ GONE_S = 10.0
 
 
 class LiveRecorder:
-    """Writes the states of a source; close() completes the file.
-
-    Attributes:
-        last: The last state written; None before the first.
-    """
+    """Writes the states of a source; close() completes the file."""
 
     def __init__(self, source: Source, out: Path, started: str) -> None:
-        """Create the file.
-
-        Args:
-            source: The source.
-            out: A new file.
-            started: Wall time as ISO 8601 text.
-
-        Raises:
-            BadInput: mcap or rosbags is not installed, or the file exists or cannot be written.
-        """
+        """Create the file, which must not exist yet; `started` is wall time as ISO 8601 text."""
         static = source.static()
         self._source = source
         self._static = static
@@ -83,14 +70,7 @@ class LiveRecorder:
         self._file.flush()
 
     def write(self, state: State) -> None:
-        """Write a state.
-
-        Args:
-            state: A state later than those before.
-
-        Raises:
-            BadInput: The file cannot be written.
-        """
+        """Write a state, which must be later than those before."""
         try:
             self._write(state)
             self._file.flush()
@@ -100,11 +80,7 @@ class LiveRecorder:
             ) from None
 
     def close(self) -> None:
-        """Write the last grid and the index.
-
-        Raises:
-            BadInput: The file cannot be written.
-        """
+        """Write the last grid and the index."""
         try:
             if self.last is not None:
                 self._grid(self.last)
@@ -188,19 +164,8 @@ def record_live(
 ) -> State | None:
     """Record a source until its run ends, its world has disconnected, or `stop` says so.
 
-    Args:
-        source: The source.
-        out: A new file.
-        started: Wall time as ISO 8601 text.
-        stop: Whether to stop.
-        say: Called with a line for the operator when the source's note changes.
-        now: Wall clock, s.
-
-    Returns:
-        The last state; None if there was none.
-
-    Raises:
-        BadInput: mcap or rosbags is not installed, or the file exists or cannot be written.
+    The last state is returned, None if there was none. `out` must not exist yet. `started` is wall time as ISO 8601
+    text, and `say` is called with a line for the operator when the source's note changes.
     """
     recorder = LiveRecorder(source, out, started)
     note = ""

@@ -32,37 +32,20 @@ NO_RECORD = 0
 
 @dataclass
 class Contents:
-    """The contents of a recording.
-
-    Attributes:
-        facts: Its metadata.
-        messages: Number of messages by topic.
-        begin_s: Time of the first message, s.
-        end_s: Time of the last message, s.
-        why_cut: Where and why it ends early, or lacks something first; empty for a complete file.
-        damaged: Number of damaged records that were passed over.
-    """
+    """The contents of a recording."""
 
     facts: Mapping[str, str] = field(default_factory=dict)
-    messages: Counter[str] = field(default_factory=Counter)
-    begin_s: float = 0.0
-    end_s: float = 0.0
-    why_cut: str = ""
-    damaged: int = 0
+    messages: Counter[str] = field(default_factory=Counter)  # number of messages by topic
+    begin_s: float = 0.0  # time of the first message
+    end_s: float = 0.0  # time of the last message
+    why_cut: str = ""  # where and why it ends early, or lacks something first; empty for a complete file
+    damaged: int = 0  # number of damaged records that were passed over
 
 
 def inspect_recording(path: Path, repaired: Path | None = None) -> Contents:
     """Read a whole recording and check its checksums.
 
-    Args:
-        path: The recording.
-        repaired: A new file for a complete copy of everything that can be read; None for no copy.
-
-    Returns:
-        What the recording contains.
-
-    Raises:
-        BadInput: It is not a recording of fogwatch, a file cannot be read or written, or mcap is not installed.
+    `repaired` is a new file for a complete copy of everything that can be read; None for no copy.
     """
     try:
         from mcap.writer import Writer
@@ -191,10 +174,10 @@ def _reader(file: BinaryIO, checks_all: bool, damaged: Callable[[Exception], Non
 
 
 def _unpacked(record: Any) -> Iterator[Any]:
-    """Yield a record, or those in a chunk, one at a time; nothing is decompressed that is larger than a record may be.
+    """Yield a record, or those in a chunk, one at a time.
 
-    Raises:
-        ValueError: For a chunk that is larger, and for a compression that fogwatch does not use.
+    A chunk that is larger than a record may be is not decompressed: it raises ValueError, and so does a compression
+    that fogwatch does not use.
     """
     import zstandard
     from mcap.opcode import Opcode

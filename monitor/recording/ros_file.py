@@ -20,23 +20,13 @@ _LEVELS = {"dead": ros.WARN, "fault": ros.WARN, "lost": ros.ERROR}
 
 
 class RosFile:
-    """An open recording. Times are ns since the beginning of the run.
-
-    Attributes:
-        encoder: Encodes messages.
-    """
+    """An open recording. Times are ns since the beginning of the run."""
 
     def __init__(self, path: Path, name: Path, *, new: bool = False, chunk: int | None = None) -> None:
         """Create the file.
 
-        Args:
-            path: The file to write.
-            name: The file's name in error messages.
-            new: Whether to refuse an existing file.
-            chunk: Bytes of a chunk; None for mcap's default. A killed writer loses the last, incomplete chunk.
-
-        Raises:
-            BadInput: mcap or rosbags is not installed, or the file cannot be written.
+        `name` is the file's name in error messages. Only with `new` an existing file is refused. `chunk` is in bytes,
+        None for mcap's default; a killed writer loses the last, incomplete chunk.
         """
         self.encoder = ros.Encoder()
         try:
@@ -60,24 +50,11 @@ class RosFile:
         self._writer.add_metadata(METADATA, dict(facts))
 
     def attach(self, name: str, media_type: str, data: bytes) -> None:
-        """Attach a file.
-
-        Args:
-            name: Its name.
-            media_type: Its MIME type.
-            data: Its content.
-        """
+        """Attach a file."""
         self._writer.add_attachment(0, 0, name, media_type, data)
 
     def write(self, topic: str, kind: str, data: bytes, at: int) -> None:
-        """Write a message.
-
-        Args:
-            topic: Its topic.
-            kind: Its type, one of `monitor.recording.ros_messages`.
-            data: The encoded message.
-            at: Time, ns.
-        """
+        """Write a message."""
         channel = self._channels.get(topic)
         if channel is None:
             if kind not in self._schemas:
@@ -89,35 +66,15 @@ class RosFile:
         self._writer.add_message(channel, at, data, at, sequence)
 
     def number(self, topic: str, value: float, at: int) -> None:
-        """Write a std_msgs/Float64.
-
-        Args:
-            topic: Its topic.
-            value: The number.
-            at: Time, ns.
-        """
+        """Write a std_msgs/Float64."""
         self.write(topic, ros.NUMBER, self.encoder.number(value), at)
 
     def log(self, name: str, text: str, at: int, level: int = ros.INFO) -> None:
-        """Write a line of the log /rosout.
-
-        Args:
-            name: Name of the logger.
-            text: The line.
-            at: Time, ns.
-            level: One of the levels in `monitor.recording.ros_messages`.
-        """
+        """Write a line of the log /rosout."""
         self.write("/rosout", ros.LOG, self.encoder.log(at, level, name, text), at)
 
     def event(self, kind: str, name: str, detail: str, at: int) -> None:
-        """Write an event of the journal as a line of the log.
-
-        Args:
-            kind: Kind of the event.
-            name: Which robot it concerns, or "run".
-            detail: Its details.
-            at: Time, ns.
-        """
+        """Write an event of the journal as a line of the log; `name` is the robot's, or ``run``."""
         self.log(name, f"{kind}: {detail}" if detail else kind, at, _LEVELS.get(kind, ros.INFO))
 
     def flush(self) -> None:
@@ -125,11 +82,7 @@ class RosFile:
         self._file.flush()
 
     def finish(self) -> None:
-        """Write the index and close the file.
-
-        Raises:
-            OSError: The index cannot be written.
-        """
+        """Write the index and close the file; OSError is not turned into `BadInput` here."""
         self._writer.finish()  # type: ignore[no-untyped-call]
         self._file.close()
 

@@ -37,16 +37,10 @@ UNKNOWN = -1
 
 
 def offered(topic: str) -> str:
-    """Return the quality of service with which rosbag2 should publish a topic.
+    """Return, as YAML, the quality of service with which rosbag2 should publish a topic.
 
     The values are rmw's numbers, which rosbag2 expects in files without a version: keep last, reliable, and transient
     local for latched topics, else volatile. A duration of 0 means none.
-
-    Args:
-        topic: The topic.
-
-    Returns:
-        YAML.
     """
     durability = _TRANSIENT_LOCAL if topic in LATCHED else _VOLATILE
     return (
@@ -58,11 +52,7 @@ def offered(topic: str) -> str:
 
 
 class Encoder:
-    """Encodes messages. Times are ns since the beginning of the run.
-
-    Raises:
-        BadInput: rosbags is not installed.
-    """
+    """Encodes messages. Times are ns since the beginning of the run."""
 
     def __init__(self) -> None:
         try:
@@ -73,14 +63,7 @@ class Encoder:
         self._types = self._store.types
 
     def definition(self, kind: str) -> bytes:
-        """Return the definition of a message type and of all types in it.
-
-        Args:
-            kind: Name of the type.
-
-        Returns:
-            A ros2msg schema.
-        """
+        """Return the definition of a message type and of all types in it."""
         text, _ = self._store.generate_msgdef(kind, ros_version=2)
         return text.encode()
 
@@ -89,35 +72,19 @@ class Encoder:
         return self._bytes(NUMBER, data=float(value))
 
     def log(self, at: int, level: int, name: str, text: str) -> bytes:
-        """Return an rcl_interfaces/Log.
-
-        Args:
-            at: Time, ns.
-            level: `INFO`, `WARN` or `ERROR`.
-            name: Name of the logger.
-            text: The message.
-        """
+        """Return an rcl_interfaces/Log."""
         fields: dict[str, Any] = {"level": level, "name": name, "msg": text, "file": "", "function": "", "line": 0}
         return self._bytes(LOG, stamp=self._time(at), **fields)
 
     def pose(self, at: int, x: float, y: float, heading: float) -> bytes:
-        """Return a geometry_msgs/PoseStamped in the map's frame.
-
-        Args:
-            at: Time, ns.
-            x: Position, m.
-            y: Position, m.
-            heading: Heading, rad.
-        """
+        """Return a geometry_msgs/PoseStamped in the map's frame."""
         pose = self._make("geometry_msgs/msg/Pose", position=self._point(x, y), orientation=self._turn(heading))
         return self._bytes(POSE, header=self._header(at), pose=pose)
 
     def transforms(self, at: int, bodies: Sequence[tuple[str, float, float, float]]) -> bytes:
         """Return a tf2_msgs/TFMessage.
 
-        Args:
-            at: Time, ns.
-            bodies: (frame, x in m, y in m, heading in rad) of each body, in the map's frame.
+        Each body is (frame, x in m, y in m, heading in rad), in the map's frame.
         """
         header = self._header(at)
         kind, vector = "geometry_msgs/msg/TransformStamped", "geometry_msgs/msg/Vector3"
@@ -131,11 +98,8 @@ class Encoder:
     def grid(self, at: int, point: float, origin: tuple[float, float], values: NDArray[np.int8]) -> bytes:
         """Return a nav_msgs/OccupancyGrid.
 
-        Args:
-            at: Time, ns.
-            point: Side of a point, m.
-            origin: Lower left corner, m.
-            values: int8 (h, w), row 0 lowest: 0 to 100, or `UNKNOWN`.
+        `point` is the side of a point and `origin` the lower left corner, m. `values` is int8 (h, w), row 0 lowest: 0
+        to 100, or `UNKNOWN`.
         """
         height, width = values.shape
         corner = self._make("geometry_msgs/msg/Pose", position=self._point(*origin), orientation=self._turn(0.0))

@@ -64,15 +64,7 @@ class Recorder:
     """
 
     def __init__(self, run: Run, out: Path) -> None:
-        """Create the file.
-
-        Args:
-            run: The run.
-            out: The recording.
-
-        Raises:
-            BadInput: mcap or rosbags is not installed, or the file cannot be written.
-        """
+        """Create the file."""
         check_out(out, RECORDING)
         self._run = run
         self._out = out
@@ -119,11 +111,7 @@ class Recorder:
             self._file.number("/delivered_share", delivered / (delivered + dropped), time_ns)
 
     def close(self) -> None:
-        """Complete the file and give it its name.
-
-        Raises:
-            BadInput: The file cannot be written.
-        """
+        """Complete the file and give it its name."""
         run = self._run
         for k in sorted(k for k in self._events if k >= run.ticks):
             for event in self._events[k]:
@@ -191,27 +179,14 @@ def key_frame_ticks(run: Run) -> int:
 
 
 def wall_values(passable: NDArray[np.bool_]) -> NDArray[np.int8]:
-    """Return the values of /map.
-
-    Args:
-        passable: bool (h, w).
-
-    Returns:
-        int8 (h, w), 100 for impassable points, 0 for others.
-    """
+    """Return the values of /map, int8 (h, w): 100 for impassable points, 0 for others."""
     return np.where(passable, np.int8(0), np.int8(100)).astype(np.int8)
 
 
 def grid_values(fog: Fog, k: int, scale: float) -> NDArray[np.int8]:
-    """Return the values of /fog.
+    """Return the values of /fog at tick k, int8 (h, w).
 
-    Args:
-        fog: The fog.
-        k: The tick.
-        scale: The age shown as 100, ticks.
-
-    Returns:
-        int8 (h, w), from 0 for an age of 0 to 100 for `scale` or more, -1 for points that are not patrolled.
+    They go from 0 for an age of 0 to 100 for `scale` ticks or more; points that are not patrolled have -1.
     """
     oldest = min(math.ceil(scale), k + 1)  # no age is greater at tick k, whatever scale the journal comes to
     by_age = np.minimum(np.rint(np.arange(oldest + 1) * (100.0 / scale)), 100.0).astype(np.int8)
@@ -221,13 +196,9 @@ def grid_values(fog: Fog, k: int, scale: float) -> NDArray[np.int8]:
 
 
 def ros_names(names: Sequence[str]) -> list[str]:
-    """Convert names into unique names for ROS topics.
+    """Convert robots' names into unique names for ROS topics.
 
-    Args:
-        names: Names of robots.
-
-    Returns:
-        ASCII names that differ from each other and from `RESERVED_NAMES`.
+    The names are ASCII and differ from each other and from `RESERVED_NAMES`.
     """
     converted: list[str] = []
     for name in names:

@@ -31,22 +31,14 @@ WORK = 400_000
 
 @dataclass(frozen=True, eq=False)
 class BeliefErrors:
-    """Believed fog compared with the true one.
+    """Believed fog compared with the true one."""
 
-    Attributes:
-        ticks: int64 (m,), the ticks compared.
-        robots: Places in the roster.
-        mean: float64 (m, robots), ticks: mean over the robot's patrolled area of |believed age - true age|; NaN while
-            it takes no part.
-        mfow: float64 (m, robots), ticks: the believed MFoW.
-        exact: Whether nothing was lost, late or forged, so that there was nothing to compare.
-    """
-
-    ticks: NDArray[np.int64]
-    robots: tuple[int, ...]
+    ticks: NDArray[np.int64]  # (m,), the ticks compared
+    robots: tuple[int, ...]  # places in the roster
+    # (m, robots), mean of |believed age - true age| over its patrolled area, ticks; NaN while it takes no part
     mean: NDArray[np.float64]
-    mfow: NDArray[np.float64]
-    exact: bool
+    mfow: NDArray[np.float64]  # (m, robots), the believed MFoW, ticks
+    exact: bool  # nothing was lost, late or forged, so that there was nothing to compare
 
 
 def exact_by_construction(run: Run) -> bool:
@@ -62,14 +54,9 @@ def exact_by_construction(run: Run) -> bool:
 
 
 def chosen_robots(run: Run, work: int = WORK) -> tuple[int, ...]:
-    """Select the robots to examine.
+    """Return the places in the roster of the robots to examine, ascending.
 
-    Args:
-        run: The run.
-        work: Most footprints to compute.
-
-    Returns:
-        Places in the roster: all, or as many as `work` allows, those that missed most frames.
+    These are all robots, or as many as `work` footprints allow, those that missed most frames.
     """
     count = len(run.numbers)
     robot_limit = max(1, work // max(1, run.ticks * count))
@@ -92,12 +79,8 @@ class BeliefWatcher:
     ) -> None:
         """Start without knowledge.
 
-        Args:
-            run: The run.
-            footprint: The sensor's footprint on its terrain.
-            key: The fleet's key; None to accept frames without checking their tags.
-            work: Most footprints to compute, if `robots` is None.
-            robots: Places of the robots to examine; None to select some.
+        `robots` are places in the roster; None selects some, for at most `work` footprints. Without a `key` frames are
+        accepted without checking their tags.
         """
         self._run = run
         self._footprint = footprint

@@ -29,12 +29,7 @@ class LinkLog:
     """Frame counts at any tick, from `patrol.summary.links`; forged frames do not count."""
 
     def __init__(self, run: Run, now: Callable[[], float] = time.monotonic) -> None:
-        """Start with nothing read.
-
-        Args:
-            run: The run.
-            now: Wall clock, s.
-        """
+        """Start with nothing read."""
         self._run = run
         self._now = now
         side = len(run.numbers)

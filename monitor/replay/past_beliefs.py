@@ -38,13 +38,7 @@ class PastBeliefs:
     """The believed fogs of a run at any tick; the robots shown last are kept in memory."""
 
     def __init__(self, run: Run, key: bytes | None, now: Callable[[], float] = time.monotonic) -> None:
-        """Start with nothing computed.
-
-        Args:
-            run: The run.
-            key: The fleet's key; None to accept frames without checking their tags.
-            now: Wall clock, s.
-        """
+        """Start with nothing computed; without a key, frames are accepted without checking their tags."""
         self._run = run
         self._key = key
         self._now = now
@@ -59,14 +53,9 @@ class PastBeliefs:
         return sum(robot.held for robot in self._robots.values())
 
     def last_seen(self, number: int, k: int) -> NDArray[np.int32] | None:
-        """Return the fog that a robot believed after tick k.
+        """Return the fog that a robot believed after tick k, int32 (h, w), valid until the next call.
 
-        Args:
-            number: The robot's number.
-            k: The tick.
-
-        Returns:
-            int32 (h, w), valid until the next call; None while it is being computed.
+        None is returned while it is being computed.
         """
         if number not in self._robots and len(self._robots) >= MOST and not self._drop_idle():
             return None
@@ -78,11 +67,7 @@ class PastBeliefs:
         return last_seen
 
     def set_shown(self, numbers: Collection[int]) -> None:
-        """Set which robots' fogs pages show; others are dropped after `KEPT_S`.
-
-        Args:
-            numbers: The robots' numbers.
-        """
+        """Set which robots' fogs pages show; others are dropped after `KEPT_S`."""
         now = self._now()
         self._shown = frozenset(numbers)
         self._used |= dict.fromkeys(self._robots.keys() & numbers, now)

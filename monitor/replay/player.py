@@ -41,12 +41,9 @@ class Player:
     """A `monitor.observation.source.Source` that plays a run. The wall clock only decides which tick is due."""
 
     def __init__(self, run: Run, now: Callable[[], float] = time.monotonic, *, autoplay: bool = False) -> None:
-        """Start at tick 0.
+        """Start at tick 0, paused.
 
-        Args:
-            run: The run.
-            now: Wall clock, s.
-            autoplay: Whether to play as soon as a page is open, unless a control comes before; otherwise paused.
+        With `autoplay` it plays as soon as a page is open, unless a control comes before.
         """
         self._run = run
         self._now = now
@@ -273,17 +270,9 @@ class Player:
 
 
 def open_player(folder: Path, key: Path | None = None) -> Player:
-    """Open a run for playing.
+    """Open a run at tick 0; it plays as soon as a page is open.
 
-    Args:
-        folder: The run's folder.
-        key: The file of the fleet's key; None to leave the tags of messages unchecked.
-
-    Returns:
-        The player at tick 0, which plays as soon as a page is open.
-
-    Raises:
-        BadInput: It is not the folder of a run.
+    `key` is the file of the fleet's key; None leaves the tags of messages unchecked.
     """
     from monitor.replay.run import open_run
 

@@ -35,35 +35,21 @@ class Watcher(Protocol):
     """Receives each tick that `play` replays."""
 
     def before(self, k: int, fog: Fog, views: Sequence[View]) -> None:
-        """Called before the observations of a tick.
+        """Take in a tick before its observations.
 
-        Args:
-            k: The tick.
-            fog: The true fog before them.
-            views: The footprint of each robot that takes part.
+        `fog` is the true fog before them, and `views` are the footprints of the robots that take part.
         """
         ...
 
     def after(self, k: int, fog: Fog) -> None:
-        """Called after the observations of a tick.
-
-        Args:
-            k: The tick.
-            fog: The true fog after them.
-        """
+        """Take in a tick after its observations, with the true fog after them."""
         ...
 
 
 def play(run: Run, watchers: Sequence[Watcher], footprint: Footprint | None = None) -> int | None:
-    """Replay all ticks of a run.
+    """Replay all ticks of a run; return the first whose fog differs from the journal's measures.
 
-    Args:
-        run: The run.
-        watchers: They receive each tick.
-        footprint: The sensor's footprint on the terrain; None to compute it.
-
-    Returns:
-        The first tick whose fog differs from the measures in the journal; None if all agree, as they must.
+    None is returned if all agree, as they must.
     """
     footprint = footprint or sensor_footprint(run.prepared.scenario, run.prepared.terrain)
     fog = Fog(run.prepared.patrolled)
@@ -87,68 +73,37 @@ def _as_measured(run: Run, k: int, fog: Fog) -> bool:
 
 
 def views_at(run: Run, k: int, footprint: Footprint) -> list[View]:
-    """Return the true footprints in a tick.
-
-    Args:
-        run: The run.
-        k: The tick.
-        footprint: The sensor's footprint on the terrain.
-
-    Returns:
-        A footprint for each robot that takes part in the tick, in roster order.
-    """
+    """Return the true footprint of each robot that takes part in a tick, in roster order."""
     run.closings.show(k, footprint)
     return [footprint.visible(as_sent(number, pose)) for number, pose in run.alive(k)]
 
 
 @dataclass(frozen=True, slots=True)
 class RobotMoment:
-    """One robot at one tick.
-
-    Attributes:
-        number: Its number.
-        name: Its name.
-        status: Its status.
-        state: What its mind reports to be doing.
-        x: True position, m.
-        y: True position, m.
-        heading: True heading, rad.
-        bumped: Whether its move was cancelled by a collision.
-        goal: Its goal, m; None without one.
-    """
+    """One robot at one tick."""
 
     number: int
     name: str
     status: Status
-    state: str
-    x: float
-    y: float
-    heading: float
-    bumped: bool
-    goal: tuple[float, float] | None
+    state: str  # as its mind reports
+    x: float  # true, m
+    y: float  # true, m
+    heading: float  # true, rad
+    bumped: bool  # its move was cancelled by a collision
+    goal: tuple[float, float] | None  # m; None without one
 
 
 @dataclass(frozen=True, eq=False)
 class Moment:
-    """A run at tick k, after its observations.
-
-    Attributes:
-        k: The tick.
-        time_s: Simulated time, s.
-        last_seen: int32 (h, w), a copy.
-        mfow: MFoW, ticks, from the journal.
-        fog_mean: Mean fog, ticks, from the journal.
-        robots: In roster order.
-        events: All events up to tick k.
-    """
+    """A run at tick k, after its observations."""
 
     k: int
     time_s: float
-    last_seen: NDArray[np.int32]
-    mfow: int
-    fog_mean: float
-    robots: tuple[RobotMoment, ...]
-    events: tuple[Event, ...]
+    last_seen: NDArray[np.int32]  # (h, w), a copy
+    mfow: int  # ticks, from the journal
+    fog_mean: float  # ticks, from the journal
+    robots: tuple[RobotMoment, ...]  # in roster order
+    events: tuple[Event, ...]  # all up to tick k
 
     def ages(self) -> NDArray[np.int32]:
         """int32 (h, w), ticks since each point was last seen; points outside the patrolled area as if never seen."""
@@ -161,18 +116,10 @@ class Replay:
     It keeps snapshots of the fog on the way, evenly over the run and within the interval that is played backwards. With
     sensors of quality 1 the fog at tick k also follows from the last MFoW ticks alone, so once every point has been
     seen a jump never replays the whole run.
-
-    Attributes:
-        run: The run.
     """
 
     def __init__(self, run: Run, memory: int = MEMORY) -> None:
-        """Start before the first tick.
-
-        Args:
-            run: The run.
-            memory: Most bytes for snapshots.
-        """
+        """Start before the first tick, with at most `memory` bytes for snapshots."""
         self.run = run
         self._footprint = sensor_footprint(run.prepared.scenario, run.prepared.terrain)
         self._whole_looks = not self._footprint.leaves_age
@@ -190,17 +137,7 @@ class Replay:
         return self.run.ticks
 
     def fog(self, k: int) -> Fog:
-        """Return the true fog after the observations of a tick.
-
-        Args:
-            k: The tick.
-
-        Returns:
-            The fog; valid until the next call.
-
-        Raises:
-            BadInput: The run has no such tick.
-        """
+        """Return the true fog after the observations of a tick, valid until the next call."""
         if not 0 <= k < self.run.ticks:
             raise BadInput(f"tick {k}: the run has ticks 0 to {self.run.ticks - 1}")
         if k != self._k:
@@ -208,14 +145,7 @@ class Replay:
         return self._fog
 
     def at(self, k: int) -> Moment:
-        """Return the whole state after the observations of a tick.
-
-        Args:
-            k: The tick.
-
-        Raises:
-            BadInput: The run has no such tick.
-        """
+        """Return the whole state after the observations of a tick."""
         run, fog = self.run, self.fog(k)
         robots = []
         for place, facts in enumerate(run.robots):

@@ -17,19 +17,14 @@ Features = NDArray[np.float32]
 
 
 def nearness_and_approach(run: Run, places: Sequence[tuple[int, int]], pixel: float) -> tuple[Features, Features]:
-    """Measure the ways over free ground between robots and places.
+    """Return the robots' nearness and approach to places, float32 (ticks, places) each.
 
-    For example, with pixels of 0.075 m, a robot 1.5 m (20 px) from a place that drives there at 1 m/s (13.3 px/s) has
+    Distances are ways over free ground in units of `pixel` (m), and at least 1. Nearness is the sum over robots of 1 /
+    distance, in 1 / px. Approach is that of the speed towards the place over the last second / distance, in 1 / s. For
+    example, with pixels of 0.075 m, a robot 1.5 m (20 px) from a place that drives there at 1 m/s (13.3 px/s) has
     nearness 0.05 and approach 0.67.
 
-    Args:
-        run: The run.
-        places: Row and column of each place. Without a way to it, or off the terrain, both features are 0.
-        pixel: Unit of distances, m; no distance is less.
-
-    Returns:
-        float32 (ticks, places) each: the sum over robots of 1 / distance, 1 / px, and that of the speed towards the
-        place over the last second / distance, 1 / s.
+    Places are row and column. Without a way to a place, or off the terrain, both features are 0.
     """
     terrain = run.prepared.terrain
     cells = np.floor((run.poses[:, :, :2] - terrain.origin) / terrain.point)

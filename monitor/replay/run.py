@@ -48,22 +48,14 @@ class LinkTotals:
 
     Rows are senders and columns receivers: first the forger, then the roster. With a direct radio `sent` is what the
     world overheard, and all other counts are 0.
-
-    Attributes:
-        sent: int64 (n + 1, n + 1).
-        delivered: int64 (n + 1, n + 1).
-        dropped: int64 (n + 1, n + 1) by cause.
-        late: Largest delay of a frame, ticks.
-        delivered_in: int64 (ticks,), frames delivered in each tick between robots.
-        dropped_in: int64 (ticks,), frames dropped in each tick between robots.
     """
 
-    sent: NDArray[np.int64]
-    delivered: NDArray[np.int64]
-    dropped: Mapping[str, NDArray[np.int64]]
-    late: int
-    delivered_in: NDArray[np.int64]
-    dropped_in: NDArray[np.int64]
+    sent: NDArray[np.int64]  # (n + 1, n + 1)
+    delivered: NDArray[np.int64]  # (n + 1, n + 1)
+    dropped: Mapping[str, NDArray[np.int64]]  # (n + 1, n + 1) by cause
+    late: int  # largest delay of a frame, ticks
+    delivered_in: NDArray[np.int64]  # (ticks,), between robots, in each tick
+    dropped_in: NDArray[np.int64]  # (ticks,), between robots, in each tick
 
     @property
     def lost(self) -> NDArray[np.int64]:
@@ -81,56 +73,32 @@ class LinkTotals:
 class Run:
     """One run of `n` robots.
 
-    Attributes:
-        folder: The run's folder.
-        journal: Its journal.
-        prepared: Its scenario with the terrain.
-        poses: float64 (ticks, n, 3), true x (m), y (m) and heading (rad) at the beginning of each tick.
-        status: uint8 (ticks, n), `patrol.journal.records.Status`.
-        bumped: bool (ticks, n), whether a move was cancelled by a collision.
-        states: int16 (ticks, n), indices of `labels`.
-        labels: The states that minds reported.
-        goals: float64 (ticks, n, 2), m; NaN without a goal.
-        decision_ms: float64 (ticks, n), ms of wall time; NaN without a decision.
-        mfow: int64 (ticks,), ticks.
-        fog_mean: float64 (ticks,), ticks.
-        seen: int64 (ticks,), points seen so far.
-        links: Frames by directed link.
-        positions: Number of frames with the sender's own position, over all ticks.
-        figures: The metrics that the journal's ticks give.
-        events: All events, in words.
-        trace: The trace hash of the ticks.
-        ended: How the run ended; None for a journal without an end.
-        truncated: Whether the journal ends within a record.
-        summary: What summary.json states; None without one.
-        index: Place of each robot in the arrays, by its number.
-        key: The fleet's key that was given when the run was opened; None without one. The file that the run's
-            scenario names is not opened, because the folder may be a stranger's.
+    The file of the key that the run's scenario names is never opened, because the folder may come from a stranger.
     """
 
     folder: Path
     journal: Journal
     prepared: Prepared
-    poses: NDArray[np.float64]
-    status: NDArray[np.uint8]
-    bumped: NDArray[np.bool_]
-    states: NDArray[np.int16]
-    labels: tuple[str, ...]
-    goals: NDArray[np.float64]
-    decision_ms: NDArray[np.float64]
-    mfow: NDArray[np.int64]
-    fog_mean: NDArray[np.float64]
-    seen: NDArray[np.int64]
+    poses: NDArray[np.float64]  # (ticks, n, 3), true x (m), y (m) and heading (rad) at the beginning of each tick
+    status: NDArray[np.uint8]  # (ticks, n), `patrol.journal.records.Status`
+    bumped: NDArray[np.bool_]  # (ticks, n), a move was cancelled by a collision
+    states: NDArray[np.int16]  # (ticks, n), indices of `labels`
+    labels: tuple[str, ...]  # the states that minds reported
+    goals: NDArray[np.float64]  # (ticks, n, 2), m; NaN without a goal
+    decision_ms: NDArray[np.float64]  # (ticks, n), wall time; NaN without a decision
+    mfow: NDArray[np.int64]  # (ticks,), ticks
+    fog_mean: NDArray[np.float64]  # (ticks,), ticks
+    seen: NDArray[np.int64]  # (ticks,), points seen so far
     links: LinkTotals
-    positions: int
-    figures: Summary
-    events: tuple[Event, ...]
-    trace: str
-    ended: str | None
-    truncated: bool
-    summary: Summary | None
-    index: Mapping[int, int] = field(default_factory=dict)
-    key: bytes | None = None
+    positions: int  # number of frames with the sender's own position, over all ticks
+    figures: Summary  # the metrics that the journal's ticks give
+    events: tuple[Event, ...]  # all events, in words
+    trace: str  # the trace hash of the ticks
+    ended: str | None  # how the run ended; None for a journal without an end
+    truncated: bool  # the journal ends within a record
+    summary: Summary | None  # what summary.json states; None without one
+    index: Mapping[int, int] = field(default_factory=dict)  # place of each robot in the arrays, by its number
+    key: bytes | None = None  # of the fleet, as given when the run was opened; None without one
 
     @property
     def ticks(self) -> int:
@@ -199,17 +167,9 @@ class Run:
 
 
 def open_run(folder: Path, key: Path | None = None) -> Run:
-    """Read a run, which may be a stranger's: no file outside of its folder is opened, except the key.
+    """Read a run from a folder that may come from a stranger.
 
-    Args:
-        folder: The run's folder.
-        key: The file of the fleet's key, to check the tags of messages; None to leave them unchecked.
-
-    Returns:
-        The run.
-
-    Raises:
-        BadInput: It is not the folder of a run, its files do not belong together, or it has no complete tick yet.
+    No file outside of it is opened, except that of the fleet's key; without a key the tags of messages stay unchecked.
     """
     journal = journal_in(folder)
     secret = fleet_key(key)
@@ -219,17 +179,9 @@ def open_run(folder: Path, key: Path | None = None) -> Run:
 
 
 def prepared_in(folder: Path, journal: Journal) -> Prepared:
-    """Prepare the scenario in a run's folder, which may be a stranger's, without what operators have added.
+    """Prepare the scenario in a run's folder, without what operators have added.
 
-    Args:
-        folder: The folder; no file outside of it is opened.
-        journal: Its journal.
-
-    Returns:
-        The prepared scenario.
-
-    Raises:
-        BadInput: Scenario and journal do not belong together, or the scenario cannot be prepared.
+    The folder may come from a stranger, so no file outside of it is opened.
     """
     scenario = load_scenario(folder / SCENARIO, opens_classes=False)
     if [robot.number for robot in journal.header.robots] != [spec.number for spec in scenario.roster]:
@@ -253,21 +205,7 @@ def read_run(
     summary: Summary | None = None,
     key: bytes | None = None,
 ) -> Run:
-    """Read a journal's ticks into arrays.
-
-    Args:
-        folder: The run's folder.
-        journal: Its journal.
-        prepared: Its scenario with the terrain.
-        summary: What summary.json states; None without one.
-        key: The fleet's key; None if it is not known.
-
-    Returns:
-        The run.
-
-    Raises:
-        BadInput: The journal has no complete tick, or its records do not fit together.
-    """
+    """Read a journal's ticks into arrays."""
     came = {event.robot for event in journal.events if event.kind in CAME}
     absent = {number for number in prepared.scenario.spares if number not in came}
     robots = [robot for robot in journal.header.robots if robot.number not in absent]

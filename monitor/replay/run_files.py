@@ -25,12 +25,7 @@ _MCAP = b"\x89MCAP0\r\n"
 def check_out(out: Path, example: str) -> None:
     """Check that a file can be written, before the work that produces it.
 
-    Args:
-        out: The file.
-        example: A file name to suggest if `out` is a folder.
-
-    Raises:
-        BadInput: It is a folder, or its folder does not exist.
+    `example` is a file name to suggest if `out` is a folder.
     """
     if out.is_dir() or not out.name:
         raise BadInput(f"{out}: is a folder; name a file, such as {out / example}")
@@ -39,14 +34,7 @@ def check_out(out: Path, example: str) -> None:
 
 
 def check_runs(folders: Sequence[Path]) -> None:
-    """Check the runs that a page is to show.
-
-    Args:
-        folders: The runs' folders.
-
-    Raises:
-        BadInput: One of them is not the folder of a run, or there are too many.
-    """
+    """Check the runs that a page is to show."""
     if len(folders) > MOST_REPLAYS:
         raise BadInput(
             f"replay: {len(folders)} runs were named; name one, or two to see them side by side (fogwatch compare "
@@ -57,17 +45,7 @@ def check_runs(folders: Sequence[Path]) -> None:
 
 
 def journal_in(folder: Path) -> Journal:
-    """Open the journal of a run.
-
-    Args:
-        folder: The run's folder.
-
-    Returns:
-        The journal; its ticks are not read yet.
-
-    Raises:
-        BadInput: It is not the folder of a run.
-    """
+    """Open the journal of a run, without reading its ticks yet."""
     if folder.is_file():
         try:
             with open_untrusted(folder, RECORDING_FILE) as file:

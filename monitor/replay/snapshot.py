@@ -10,25 +10,15 @@ from numpy.typing import NDArray
 
 @dataclass(frozen=True, eq=False)
 class Snapshot:
-    """A map as runs of equal values, row by row.
-
-    Attributes:
-        shape: Shape of the map.
-        begins: int32 (n,), index of each run's first point.
-        values: int32 (n,), value of each run.
-    """
+    """A map as runs of equal values, row by row."""
 
     shape: tuple[int, ...]
-    begins: NDArray[np.int32]
-    values: NDArray[np.int32]
+    begins: NDArray[np.int32]  # (n,), flat index of each run's first point
+    values: NDArray[np.int32]  # (n,), value of each run
 
     @classmethod
     def of(cls, seen: NDArray[np.int32]) -> Snapshot:
-        """Compress a map.
-
-        Args:
-            seen: int32 (h, w), at least one point.
-        """
+        """Compress a map, int32 (h, w), of at least one point."""
         flat = seen.ravel()
         begins = np.concatenate(([0], np.flatnonzero(flat[1:] != flat[:-1]) + 1)).astype(np.int32)
         return cls(seen.shape, begins, flat[begins])

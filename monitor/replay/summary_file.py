@@ -20,17 +20,7 @@ TOO_DEEP = "is nested too deeply for a summary; remove or restore it"
 
 
 def read_summary(path: Path) -> Summary | None:
-    """Read summary.json.
-
-    Args:
-        path: The file.
-
-    Returns:
-        The summary; None where there is no file, or where it is not complete, because the run was killed.
-
-    Raises:
-        BadInput: It is no regular file, too large, or holds something else than a summary.
-    """
+    """Read summary.json; return None where it is missing or, because the run was killed, incomplete."""
     try:
         document = json.loads(read_untrusted(path, SUMMARY), parse_int=_integer, parse_constant=_no_number)
     except FileNotFoundError:

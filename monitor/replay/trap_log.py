@@ -28,12 +28,7 @@ class TrapLog:
     """The trapped robots by tick, and the events that say so."""
 
     def __init__(self, run: Run, now: Callable[[], float] = time.monotonic) -> None:
-        """Start with nothing read.
-
-        Args:
-            run: The run.
-            now: Wall clock, s.
-        """
+        """Start with nothing read."""
         self._run = run
         self._now = now
         self._replay = Replay(run, MEMORY)

@@ -15,32 +15,20 @@ from patrol.ground.footprint import View
 
 @dataclass(frozen=True, eq=False)
 class Visits:
-    """The statistics of a run, in ticks.
+    """The statistics of a run, in ticks."""
 
-    Attributes:
-        mean: float64 (h, w), mean age over all ticks; 0 outside the patrolled area.
-        worst: int32 (h, w), largest age; 0 outside the patrolled area.
-        gaps: int64 (n,), number of times that n ticks passed between the end of a visit to a point and the next visit,
-            over all points. The first visit to a point ends no gap.
-        never: bool (h, w), patrolled points that no robot ever saw.
-    """
-
-    mean: NDArray[np.float64]
-    worst: NDArray[np.int32]
+    mean: NDArray[np.float64]  # (h, w), mean age over all ticks; 0 outside the patrolled area
+    worst: NDArray[np.int32]  # (h, w), largest age; 0 outside the patrolled area
+    # (n,), how often n ticks passed from the end of a visit to a point to its next; a first visit ends no gap
     gaps: NDArray[np.int64]
-    never: NDArray[np.bool_]
+    never: NDArray[np.bool_]  # (h, w), patrolled points that no robot ever saw
 
 
 class VisitCounter:
     """Computes the statistics while `monitor.replay.replay.play` replays the run."""
 
     def __init__(self, patrolled: NDArray[np.bool_], ticks: int) -> None:
-        """Start with empty sums.
-
-        Args:
-            patrolled: bool (h, w), the patrolled points.
-            ticks: Number of ticks of the run.
-        """
+        """Start with empty sums."""
         self._tracked = np.ascontiguousarray(patrolled).view(np.uint8)
         self._upto = np.full(patrolled.shape, -1, dtype=np.int32)
         self._sums = np.zeros(patrolled.shape, dtype=np.int64)

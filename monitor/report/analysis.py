@@ -28,42 +28,22 @@ NO_TOUR = "no tour for this ground or sensor"
 
 @dataclass(frozen=True, eq=False)
 class Analysis:
-    """A run with everything that its report shows.
-
-    Attributes:
-        run: The run.
-        bands: Its faults over time.
-        intruders: Its intruders over time.
-        visits: Statistics of the fog, point by point.
-        beliefs: Believed fog compared with the true one. None if they must be equal, and if deliveries are unknown.
-        untested: Whether beliefs accept frames without checking their tags, because the fleet's key is not known.
-        wrong_from: The first tick whose replayed fog differs from the one measured; None if all agree. A difference
-            means that the scenario, its map or the journal was changed after the run.
-        moving: The moving intruder; None where it cannot be played.
-        no_moving: Why it cannot; empty where it can.
-    """
+    """A run with everything that its report shows."""
 
     run: Run
     bands: tuple[Band, ...]
     intruders: tuple[Band, ...]
     visits: Visits
-    beliefs: BeliefErrors | None
-    untested: bool
+    beliefs: BeliefErrors | None  # None if they must equal the true fog, and if deliveries are unknown
+    untested: bool  # beliefs accept frames without checking their tags, as the key is not known
+    # first tick whose replayed fog differs (scenario, map or journal changed since); None if all agree
     wrong_from: int | None
-    moving: MovingIntruder | None
-    no_moving: str
+    moving: MovingIntruder | None  # None where it cannot be played
+    no_moving: str  # why it cannot; empty where it can
 
 
 def analyse(run: Run, watchers: Sequence[Watcher] = ()) -> Analysis:
-    """Replay a run and compute its analysis.
-
-    Args:
-        run: The run.
-        watchers: More watchers for the same replay.
-
-    Returns:
-        The analysis.
-    """
+    """Replay a run and compute its analysis."""
     footprint = sensor_footprint(run.prepared.scenario, run.prepared.terrain)
     visits = VisitCounter(run.prepared.patrolled, run.ticks)
     beliefs, untested = None, False
@@ -87,16 +67,10 @@ def analyse(run: Run, watchers: Sequence[Watcher] = ()) -> Analysis:
 
 @dataclass(frozen=True, slots=True)
 class Measure:
-    """One measured value of a run.
-
-    Attributes:
-        metric: Its declaration.
-        value: The value as in summary.json; None when unknown.
-        note: A remark.
-    """
+    """One measured value of a run."""
 
     metric: Metric
-    value: float | None
+    value: float | None  # as in summary.json; None when unknown
     note: str = ""
 
     @property
@@ -122,9 +96,6 @@ def measures(run: Run) -> list[Measure]:
     """List the measured values of a run, from its journal alone, so that a run without a summary has them too.
 
     Every metric that is declared with a title is among them; those of single robots if they can be summed up.
-
-    Args:
-        run: The run.
     """
     figures = run.figures.model_copy(
         update={"best_tour_s": best_tour(run.prepared).bound_of_fleet_s(run.prepared.scenario)}
@@ -171,10 +142,9 @@ def warnings_of(run: Run) -> Sequence[str]:
 
 
 def disagreement(run: Run) -> str:
-    """Return one line for a run whose summary its journal does not confirm, as far as it is quick to tell; else empty.
+    """Return one line on how a run's journal contradicts its summary; empty if it does not.
 
-    Args:
-        run: The run.
+    It compares only what is quick to tell.
     """
     end = run.journal.end
     given = run.figures.model_copy(
@@ -222,14 +192,9 @@ def _delivered(run: Run) -> float | None:
 
 
 def state_of(run: Run, going: bool = False) -> tuple[str, str]:
-    """Return how a run ended.
+    """Return a word for how a run ended, and a sentence if it is incomplete (else empty).
 
-    Args:
-        run: The run.
-        going: Whether it may still be running.
-
-    Returns:
-        A word, and a sentence if the run is incomplete (else empty).
+    `going` says that it may still be running.
     """
     time = f"{run.ticks * run.step:g} s of {run.prepared.scenario.duration:g} s"
     if run.ended == "completed":

@@ -58,10 +58,7 @@ _OTHER, _SILENT, _PAUSED, _GONE, _AWAY = range(6, len(STATES))
 def mfow_chart(run: Run, bands: Sequence[Band], tour_s: float | None = None) -> Figure:
     """Draw MFoW and mean fog over time, below the faults.
 
-    Args:
-        run: The run.
-        bands: Its faults.
-        tour_s: MFoW on the best tour found, s; None for none.
+    `tour_s` is the MFoW on the best tour found; None for none.
     """
     chart, axes, rows = _with_lanes(run, bands, 3.4)
     times, mfow = thinned(run.times, run.mfow.astype(np.float64) * run.step)
@@ -80,13 +77,7 @@ def mfow_chart(run: Run, bands: Sequence[Band], tour_s: float | None = None) -> 
 
 
 def belief_chart(run: Run, errors: BeliefErrors, bands: Sequence[Band]) -> Figure:
-    """Draw the mean difference between each robot's believed fog and the true one over time, below the faults.
-
-    Args:
-        run: The run.
-        errors: The differences.
-        bands: Its faults.
-    """
+    """Draw the mean difference between each robot's believed fog and the true one over time, below the faults."""
     chart, axes, rows = _with_lanes(run, bands, 2.7)
     times = errors.ticks * run.step
     for column, place in enumerate(errors.robots):
@@ -99,12 +90,7 @@ def belief_chart(run: Run, errors: BeliefErrors, bands: Sequence[Band]) -> Figur
 
 
 def radio_chart(run: Run, bands: Sequence[Band]) -> Figure:
-    """Draw the delivered share of the robots' frames over time, below the faults.
-
-    Args:
-        run: The run.
-        bands: Its faults.
-    """
+    """Draw the delivered share of the robots' frames over time, below the faults."""
     chart, axes, _ = _with_lanes(run, bands, 2.2)
     width = max(1, run.ticks // 240)
     delivered, dropped = (_summed(counts, width) for counts in (run.links.delivered_in, run.links.dropped_in))
@@ -117,12 +103,7 @@ def radio_chart(run: Run, bands: Sequence[Band]) -> Figure:
 
 
 def states_chart(run: Run, bands: Sequence[Band]) -> Figure:
-    """Return the state of each robot in each tick, and its cancelled moves.
-
-    Args:
-        run: The run.
-        bands: Its faults.
-    """
+    """Draw the state of each robot in each tick, and its cancelled moves."""
     from matplotlib.colors import ListedColormap
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
@@ -171,9 +152,7 @@ def state_codes(run: Run) -> NDArray[np.uint8]:
 def gaps_chart(gaps: NDArray[np.int64], step: float) -> Figure:
     """Draw a histogram of the times between two visits to a point.
 
-    Args:
-        gaps: int64 (n,), number of gaps by length in ticks, from `monitor.replay.visits`.
-        step: Duration of a tick, s.
+    `gaps` is int64 (n,), the number of gaps by length in ticks, from `monitor.replay.visits`. `step` is in s.
     """
     chart = figure(WIDTH, 2.9)
     axes = chart.add_subplot()
@@ -275,15 +254,7 @@ def troubles_chart(run: Run) -> Figure:
 
 
 def thinned(times: NDArray[np.float64], values: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Reduce a line to at most `MOST_POINTS` points: the largest value of each interval.
-
-    Args:
-        times: float64 (m,).
-        values: float64 (m,).
-
-    Returns:
-        Times and values of the points kept.
-    """
+    """Reduce a line to at most `MOST_POINTS` points: the largest value of each interval."""
     width = -(-len(values) // MOST_POINTS)
     if width <= 1:
         return times, values

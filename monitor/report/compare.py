@@ -83,20 +83,12 @@ def differences(runs: Sequence[Run]) -> list[tuple[str, ...]]:
 
 
 def contradictions(differ: Sequence[tuple[str, ...]]) -> list[tuple[str, ...]]:
-    """Return the differences without options that only some of the policies have, with one value.
-
-    Args:
-        differ: The rows of `differences`.
-    """
+    """Return the rows of `differences` without policy options that some runs lack and the others share."""
     return [row for row in differ if not row[0].startswith("patrol.options.") or len(set(row[1:]) - {"-"}) > 1]
 
 
 def cautions(differ: Sequence[Sequence[str]]) -> list[str]:
-    """Return a line for each setting whose difference makes runs hard to compare.
-
-    Args:
-        differ: The rows of `differences`.
-    """
+    """Return a line for each setting whose difference makes runs hard to compare."""
     return [
         f"{field} is {', '.join(dict.fromkeys(values))}: {CAUTIONS[field]}"
         for field, *values in differ
@@ -105,14 +97,7 @@ def cautions(differ: Sequence[Sequence[str]]) -> list[str]:
 
 
 def drawings(analyses: Sequence[Analysis]) -> list[Drawing]:
-    """Draw the figures of a comparison.
-
-    Args:
-        analyses: The analysed runs.
-
-    Raises:
-        BadInput: matplotlib is not installed.
-    """
+    """Draw the figures of a comparison."""
     names = names_of([analysis.run for analysis in analyses])
     figures = [
         draw(
@@ -148,12 +133,7 @@ def drawings(analyses: Sequence[Analysis]) -> list[Drawing]:
 
 
 def compare_html(analyses: Sequence[Analysis], figures: Sequence[Drawing]) -> str:
-    """Return the comparison as an HTML document.
-
-    Args:
-        analyses: The analysed runs.
-        figures: Their figures, from `drawings`.
-    """
+    """Return the comparison as an HTML document."""
     runs = [analysis.run for analysis in analyses]
     names = names_of(runs)
     of = {figure.name: figure for figure in figures}

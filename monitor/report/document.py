@@ -44,11 +44,7 @@ MOST_WARNINGS = 20
 
 
 def sketches(analysis: Analysis) -> list[Sketch]:
-    """List the figures of a report, which are drawn one by one.
-
-    Args:
-        analysis: The analysed run.
-    """
+    """List the figures of a report, which are drawn one by one."""
     run, visits = analysis.run, analysis.visits
     bands = (*analysis.bands, *analysis.intruders)
     terrain, counted, step = run.prepared.terrain, run.prepared.patrolled, run.step
@@ -132,25 +128,15 @@ def sketches(analysis: Analysis) -> list[Sketch]:
 
 
 def drawings(analysis: Analysis) -> list[Drawing]:
-    """Draw all figures of a report.
-
-    Args:
-        analysis: The analysed run.
-
-    Raises:
-        BadInput: matplotlib is not installed.
-    """
+    """Draw all figures of a report."""
     return [sketch.draw() for sketch in sketches(analysis)]
 
 
 def report_html(analysis: Analysis, figures: Sequence[Drawing], going: bool = False, beside: Path | None = None) -> str:
     """Return the report as an HTML document.
 
-    Args:
-        analysis: The analysed run.
-        figures: Its figures, from `drawings`.
-        going: Whether the run may still be running.
-        beside: The folder of the report, for links to the run's files; None for the run's folder.
+    Links to the run's files are relative to the folder `beside`; without one, to the run's own. `going` says that the
+    run may still be running.
     """
     run = analysis.run
     of = {figure.name: figure for figure in figures}
@@ -201,19 +187,9 @@ def report_html(analysis: Analysis, figures: Sequence[Drawing], going: bool = Fa
 
 
 def write_report(analysis: Analysis, out: Path, going: bool = False, figures: Path | None = None) -> list[Drawing]:
-    """Write the report of a run.
+    """Write the report of a run into an HTML file, and return its figures.
 
-    Args:
-        analysis: The analysed run.
-        out: The HTML file.
-        going: Whether the run may still be running.
-        figures: A folder for the figures as PNG and SVG; None for none.
-
-    Returns:
-        The figures.
-
-    Raises:
-        BadInput: matplotlib is not installed, or a file cannot be written.
+    With a folder `figures`, they are also written there as files. `going` says that the run may still be running.
     """
     check_out(out, REPORT)
     drawn = drawings(analysis)
@@ -224,15 +200,7 @@ def write_report(analysis: Analysis, out: Path, going: bool = False, figures: Pa
 
 
 def write_page(document: str, out: Path) -> None:
-    """Write a document; a file with the final name is always complete.
-
-    Args:
-        document: The HTML.
-        out: The file.
-
-    Raises:
-        BadInput: It cannot be written.
-    """
+    """Write a document; a file with the final name is always complete."""
     check_out(out, REPORT)
     try:
         write_whole(out, document)

@@ -27,12 +27,7 @@ def escape(says: str) -> str:
 
 
 def page(title: str, body: Iterable[str]) -> str:
-    """Return a complete document with its style.
-
-    Args:
-        title: Title of the document.
-        body: HTML elements.
-    """
+    """Return a complete document with its style."""
     style = palette.css() + files("monitor.report").joinpath("report.css").read_text(encoding="utf-8")
     return (
         '<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
@@ -45,54 +40,28 @@ def page(title: str, body: Iterable[str]) -> str:
 
 
 def section(name: str, heading: str, *content: str) -> str:
-    """Return a section; empty without content.
-
-    Args:
-        name: Its id, the target of links.
-        heading: Its heading.
-        content: HTML elements; empty ones are skipped.
-    """
+    """Return a section with the id `name`, the target of links; empty without content."""
     inside = "\n".join(part for part in content if part)
     return f'<section id="{escape(name)}">\n<h2>{escape(heading)}</h2>\n{inside}\n</section>' if inside else ""
 
 
 def main_heading(title: str, mark: Markup | None = None) -> str:
-    """Return the heading of the document.
-
-    Args:
-        title: Its text.
-        mark: A badge before it; None for none.
-    """
+    """Return the heading of the document."""
     return f"<h1>{f'{mark} ' if mark else ''}{escape(title)}</h1>"
 
 
 def text(says: str, kind: str = "") -> str:
-    """Return a paragraph; nothing without text.
-
-    Args:
-        says: The text.
-        kind: Its CSS class.
-    """
+    """Return a paragraph of the CSS class `kind`; empty without text."""
     return f"<p{_class(kind)}>{escape(says)}</p>" if says else ""
 
 
 def banner(says: str, bad: bool = False) -> str:
-    """Return a highlighted message; nothing without text.
-
-    Args:
-        says: The text.
-        bad: Whether it reports a problem.
-    """
+    """Return a highlighted message; empty without text."""
     return f'<div class="banner{" bad" if bad else ""}">{escape(says)}</div>' if says else ""
 
 
 def badge(word: str, kind: str) -> Markup:
-    """Return a word in a frame.
-
-    Args:
-        word: The word.
-        kind: Its CSS class.
-    """
+    """Return a word in a frame of the CSS class `kind`."""
     return Markup(f'<span class="badge {escape(kind)}">{escape(word)}</span>')
 
 
@@ -106,12 +75,9 @@ def boxes(items: Iterable[tuple[str, str, str]]) -> str:
 
 
 def table(heads: Sequence[str], rows: Iterable[Sequence[str]], numbers: Sequence[int] = ()) -> str:
-    """Return a table.
+    """Return a table; cells that are `Markup` are not escaped.
 
-    Args:
-        heads: Column headings.
-        rows: Text of the cells; `Markup` is not escaped.
-        numbers: Columns to align to the right.
+    `numbers` are the indices of the columns to align to the right.
     """
 
     def cell(tag: str, column: int, says: str) -> str:
@@ -129,14 +95,9 @@ def table(heads: Sequence[str], rows: Iterable[Sequence[str]], numbers: Sequence
 def long_table(
     summary: str, heads: Sequence[str], rows: Sequence[Sequence[str]], numbers: Sequence[int], most: int
 ) -> str:
-    """Return a table that is hidden until the summary is clicked, with the number of the rows that are left out.
+    """Return a table that is hidden until the summary is clicked.
 
-    Args:
-        summary: The text to click.
-        heads: As for `table`.
-        rows: As for `table`.
-        numbers: As for `table`.
-        most: Rows shown at most.
+    Of its rows, the first `most` are shown; the number of the others is given below.
     """
     left_out = f"{len(rows) - most} more are not listed" if len(rows) > most else ""
     return details(summary, table(heads, rows[:most], numbers), text(left_out, "note"))
@@ -154,12 +115,7 @@ def preformatted(says: str) -> str:
 
 
 def figure(drawing: Drawing | None, heading: bool = False) -> str:
-    """Draw a figure with its caption; nothing without a drawing.
-
-    Args:
-        drawing: The figure.
-        heading: Whether to add its heading.
-    """
+    """Return a figure with its caption; empty without a drawing."""
     if drawing is None:
         return ""
     above = f"<b>{escape(drawing.heading)}.</b> " if heading else ""

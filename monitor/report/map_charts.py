@@ -57,15 +57,8 @@ def fog_chart(
 ) -> Figure:
     """Return a map of the fog.
 
-    Args:
-        terrain: The terrain.
-        fog_s: float64 (h, w), s.
-        counted: bool (h, w), the patrolled area.
-        never: bool (h, w), points never seen.
-        label: Label of the colour scale.
-        most: End of the scale, s; None for the largest value.
-        zones: Zones to outline.
-        closures: Closures to outline.
+    `fog_s`, `counted` (the patrolled area) and `never` (points never seen) are of shape (h, w). `most` is the end of
+    the colour scale in s; None for the largest value.
     """
     chart, axes = _map(terrain)
     from matplotlib import colormaps
@@ -117,16 +110,7 @@ def paths_chart(run: Run) -> Figure:
 
 
 def ground_panels(terrain: Terrain, count: int, width: float) -> tuple[Figure, list[Axes]]:
-    """Draw the ground several times, side by side.
-
-    Args:
-        terrain: The ground.
-        count: How many times.
-        width: Of one, inches.
-
-    Returns:
-        The figure, and the panels to draw on.
-    """
+    """Draw the ground `count` times, side by side, each `width` inches wide."""
     xmin, ymin, xmax, ymax = terrain.bounds
     chart = figure(width * count, min(width * (ymax - ymin) / (xmax - xmin), 7.0) + 0.3)
     panels = list(chart.subplots(1, count, squeeze=False).ravel())

@@ -23,18 +23,7 @@ EVERY_S = 900.0
 
 
 def write_csv(run: Run, folder: Path) -> list[Path]:
-    """Write idleness.csv (a line for each visit), timeresults.csv and info.csv.
-
-    Args:
-        run: The run.
-        folder: Where; it is made if need be.
-
-    Returns:
-        The files.
-
-    Raises:
-        BadInput: The run has no graph, or the files cannot be written.
-    """
+    """Write idleness.csv (a line for each visit), timeresults.csv and info.csv of a run with a graph."""
     header = run.journal.header
     totals = node_totals(header)
     if totals is None:

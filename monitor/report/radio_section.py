@@ -11,10 +11,9 @@ MOST_LINKS = 400
 
 
 def links_section(run: Run) -> str:
-    """Describe what happened to the frames: counts, causes of loss, and a table of links; a direct radio has its own.
+    """Describe what happened to the frames: counts, causes of loss, and a table of links.
 
-    Args:
-        run: The run.
+    Of a direct radio, only what robots reported is known.
     """
     if run.direct:
         return _direct_links(run)

@@ -48,21 +48,13 @@ _HASH_SALT = "fogwatch"
 
 @dataclass(frozen=True, eq=False)
 class Drawing:
-    """A figure with its texts.
+    """A figure with its texts."""
 
-    Attributes:
-        name: File name without extension.
-        heading: Heading.
-        caption: Caption.
-        figure: The matplotlib figure.
-        is_exact: Whether files keep the figure's own size; else its white margins are cut off.
-    """
-
-    name: str
+    name: str  # file name without extension
     heading: str
     caption: str
     figure: Figure
-    is_exact: bool = False
+    is_exact: bool = False  # files keep the figure's own size; else white margins are cut off
 
     def page_svg(self) -> str:
         """Return the figure as an <svg> element without a fixed size, whose colours follow the page's theme."""
@@ -93,17 +85,7 @@ class Drawing:
         return text.replace("<svg", label, 1).strip()
 
     def save(self, folder: Path) -> list[Path]:
-        """Write the figure as PNG, as SVG and as PDF.
-
-        Args:
-            folder: The folder; created when missing.
-
-        Returns:
-            The files.
-
-        Raises:
-            BadInput: A file cannot be written.
-        """
+        """Write the figure as PNG, as SVG and as PDF."""
         files = [folder / f"{self.name}.{ending}" for ending in ("png", "svg", "pdf")]
         box = None if self.is_exact else "tight"
         try:
@@ -125,11 +107,7 @@ class Drawing:
 
 @contextmanager
 def drawn() -> Iterator[None]:
-    """A context in which figures are drawn in this style.
-
-    Raises:
-        BadInput: matplotlib cannot be used.
-    """
+    """Draw figures in this style within the context."""
     check_matplotlib("monitor")
     import matplotlib as mpl
 
@@ -181,12 +159,7 @@ def colour(place: int) -> str:
 
 
 def plain(axes: Axes, *, grid: str = "y") -> None:
-    """Show grid lines of one axis only.
-
-    Args:
-        axes: The axes.
-        grid: "x", "y" or "none".
-    """
+    """Show grid lines of one axis only: ``"x"``, ``"y"``, or with ``"none"`` of neither."""
     axes.grid(visible=False)
     if grid in ("x", "y"):
         axes.grid(visible=True, axis=grid)  # type: ignore[arg-type]
@@ -194,26 +167,15 @@ def plain(axes: Axes, *, grid: str = "y") -> None:
 
 @dataclass(frozen=True, eq=False)
 class Sketch:
-    """A figure that has not been drawn yet.
+    """A figure that has not been drawn yet."""
 
-    Attributes:
-        name: File name without extension.
-        heading: Heading.
-        caption: Caption.
-        make: Makes the figure.
-    """
-
-    name: str
+    name: str  # file name without extension
     heading: str
     caption: str
     make: Callable[[], Figure]
 
     def draw(self) -> Drawing:
-        """Draw the figure in this style.
-
-        Raises:
-            BadInput: matplotlib is not installed.
-        """
+        """Draw the figure in this style."""
         return draw(self.name, self.heading, self.caption, self.make)
 
 

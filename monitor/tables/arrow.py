@@ -19,11 +19,7 @@ BATCH_ROWS = 1 << 16
 
 
 def check_pyarrow() -> None:
-    """Import pyarrow.
-
-    Raises:
-        BadInput: It is not installed.
-    """
+    """Raise BadInput unless pyarrow can be imported."""
     try:
         import pyarrow  # noqa: F401 - whether it can be imported
     except ImportError:
@@ -33,12 +29,7 @@ def check_pyarrow() -> None:
 
 
 def schema_of(table: TableColumns, run: Run) -> pa.Schema:
-    """Return the schema of a table; its metadata say which run it is of.
-
-    Args:
-        table: The table.
-        run: The run.
-    """
+    """Return the schema of a table; its metadata say which run it is of."""
     import pyarrow as pa
 
     kinds = {"integer": pa.int64(), "number": pa.float64(), "text": pa.string(), "flag": pa.bool_()}
@@ -63,18 +54,9 @@ def schema_of(table: TableColumns, run: Run) -> pa.Schema:
 def batches(
     run: Run, names: Sequence[str], share: Callable[[float], None] = lambda _: None
 ) -> Iterator[tuple[str, pa.RecordBatch]]:
-    """Make tables piece by piece, so that the memory needed does not grow with the run.
+    """Yield tables piece by piece with their names; the memory needed does not grow with the run.
 
-    Args:
-        run: The run.
-        names: Of the tables.
-        share: Takes the share of the work that is done, 0 to 1.
-
-    Yields:
-        A table's name and its next rows; a table without rows gives one empty batch.
-
-    Raises:
-        BadInput: pyarrow is not installed, or there is no such table.
+    A table without rows gives one empty batch. `share` is called with the share of the work that is done, 0 to 1.
     """
     check_pyarrow()
     import pyarrow as pa
@@ -104,15 +86,7 @@ def batches(
 
 
 def arrow_table(run: Run, name: str) -> pa.Table:
-    """Make one table of a run.
-
-    Args:
-        run: The run.
-        name: Of the table, from `monitor.tables.columns.TABLES`.
-
-    Raises:
-        BadInput: pyarrow is not installed, or there is no such table.
-    """
+    """Make one table of a run."""
     pieces = [batch for _, batch in batches(run, [name])]
     import pyarrow as pa
 

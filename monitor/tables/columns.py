@@ -18,33 +18,20 @@ FORGER = "forger"
 
 @dataclass(frozen=True, slots=True)
 class Column:
-    """A column of a table.
+    """A column of a table."""
 
-    Attributes:
-        name: Its name, which ends with the unit.
-        kind: Type of the values; each may be null.
-        meaning: What it holds, for the documentation.
-        unit: Unit; empty for texts, flags and counts.
-    """
-
-    name: str
-    kind: Literal["integer", "number", "text", "flag"]
-    meaning: str
-    unit: str = ""
+    name: str  # ends with the unit
+    kind: Literal["integer", "number", "text", "flag"]  # each value may be null
+    meaning: str  # for the documentation
+    unit: str = ""  # empty for texts, flags and counts
 
 
 @dataclass(frozen=True, slots=True)
 class TableColumns:
-    """A table.
+    """A table."""
 
-    Attributes:
-        name: Its name, also of its file.
-        row: What a row is.
-        columns: The columns, in their order.
-    """
-
-    name: str
-    row: str
+    name: str  # also of its file
+    row: str  # what a row is, such as "a tick"
     columns: tuple[Column, ...]
 
 

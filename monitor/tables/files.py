@@ -28,20 +28,10 @@ def write_tables(
     names: Sequence[str] = tuple(TABLES),
     share: Callable[[float], None] = lambda _: None,
 ) -> list[Path]:
-    """Write tables of a run, each into a file NAME.parquet or NAME.csv. After an error, nothing of them stays.
+    """Write tables of a run, each into a file NAME.parquet or NAME.csv.
 
-    Args:
-        run: The run.
-        folder: Where to write; made if missing. Files of these names are replaced.
-        kind: The format.
-        names: Of the tables.
-        share: Takes the share of the work that is done, 0 to 1.
-
-    Returns:
-        The files.
-
-    Raises:
-        BadInput: pyarrow is not installed, or a file cannot be written.
+    Files of these names are replaced; after an error, none is. `share` is called with the share of the work that is
+    done, 0 to 1.
     """
     check_pyarrow()
     files = {name: folder / f"{name}.{kind}" for name in names}

@@ -137,10 +137,10 @@ _NONE_LOST: Counter[str | None] = Counter({None: 0})
 
 
 class _LinkCounts:
-    """Counts the frames of a tick by link; rows are senders and columns receivers, first the forger, then the robots.
+    """Counts the frames of a tick by link.
 
-    Attributes:
-        direct: Whether robots heard each other directly, so that only what was sent is known.
+    Rows are senders and columns receivers, first the forger, then the robots. Where robots heard each other directly
+    (`direct`), only what was sent is known.
     """
 
     def __init__(self, run: Run) -> None:
@@ -236,13 +236,8 @@ def rows_by_tick(
 ) -> Iterator[tuple[str, list[Row]]]:
     """Make rows of tables in one pass over the journal.
 
-    Args:
-        run: The run.
-        names: The tables.
-        share: Takes the share of the work that is done, 0 to 1.
-
-    Yields:
-        A table's name and some of its rows, in order, at least once for each table.
+    Yield each table's name at least once, with some of its rows, in order. `share` is called with the share of the work
+    that is done, 0 to 1.
     """
     makers = [_BY_TICK[name](run) for name in names if name in _BY_TICK]
     replayed = GROUND.name in names

@@ -19,39 +19,18 @@ def class_file(text: str) -> Path | None:
 
 
 def beside(text: str, info: ValidationInfo) -> str:
-    """Resolve the file's path in a class's name against the scenario's folder; other names stay as they are.
-
-    Args:
-        text: The name, as the scenario has it.
-        info: Of the validation.
-    """
+    """Resolve the file's path in a class's name against the scenario's folder; other names stay as they are."""
     path = class_file(text)
     return text if path is None else f"{absolute(str(path), info)}:{text.rpartition(':')[2]}"
 
 
 def file_digest(path: Path, field: str) -> str:
-    """SHA-256 (hex) of a class's file.
-
-    Args:
-        path: The file.
-        field: The field of the scenario that names it, for errors.
-
-    Raises:
-        BadInput: It cannot be read.
-    """
+    """Return the SHA-256 (hex) of a class's file."""
     return hashlib.sha256(class_source(path, field)).hexdigest()
 
 
 def class_source(path: Path, field: str) -> bytes:
-    """Return the content of a class's file.
-
-    Args:
-        path: The file.
-        field: The field of the scenario that names it, for errors.
-
-    Raises:
-        BadInput: It cannot be read.
-    """
+    """Return the content of a class's file."""
     try:
         return read_untrusted(path, OWN_CLASS)
     except OSError as error:

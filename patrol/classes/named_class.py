@@ -30,21 +30,13 @@ from patrol.errors import BadInput, did_you_mean
 
 @dataclass(frozen=True, slots=True)
 class ClassSort:
-    """A sort of classes that scenarios name.
+    """A sort of classes that scenarios name."""
 
-    Attributes:
-        noun: Of one: ``policy``.
-        field: Dotted field of the scenario that names one: ``patrol.policy``.
-        call: The method that such a class must have: ``decide(view)``.
-        group: The entry points by which an installed package offers such classes.
-        built_in: ``module:Class`` of those that come with fogwatch, by name. They are imported when a run uses them,
-            because their kernels take time to load.
-    """
-
-    noun: str
-    field: str
-    call: str
-    group: str
+    noun: str  # of one class, such as "policy"
+    field: str  # dotted field of the scenario that names one, such as "patrol.policy"
+    call: str  # the method that such a class must have, such as "decide(view)"
+    group: str  # the entry points by which an installed package offers such classes
+    # "module:Class" by name; imported only when a run uses one, because their kernels take time to load
     built_in: Mapping[str, str]
 
     @property
@@ -60,18 +52,11 @@ class ClassSort:
 
 @dataclass(frozen=True, slots=True)
 class NamedClass:
-    """A class as a scenario names it.
-
-    Attributes:
-        sort: What it should be.
-        name: As the scenario has it.
-        sha256: Of its file, where the scenario says it.
-        options: Those that the scenario gives it.
-    """
+    """A class as a scenario names it."""
 
     sort: ClassSort
-    name: str
-    sha256: str | None
+    name: str  # as the scenario has it, such as "./mine.py:Mine"
+    sha256: str | None  # hex, of its file; None where the scenario does not say it
     options: Mapping[str, Any]
 
     @property
@@ -81,14 +66,9 @@ class NamedClass:
 
 
 def find(named: NamedClass) -> type[Any]:
-    """Import the class that a name stands for.
+    """Import the class that a name stands for, and check that it has the method that its sort needs.
 
-    Args:
-        named: The name.
-
-    Raises:
-        BadInput: It cannot be found or loaded, its file is not the one that the scenario was resolved with, or it is
-            no class with the method that it needs.
+    Where the scenario gives a digest, a class's file must have it.
     """
     named_type = _load(named)
     if not inspect.isclass(named_type) or not callable(getattr(named_type, named.sort.method, None)):
@@ -97,18 +77,7 @@ def find(named: NamedClass) -> type[Any]:
 
 
 def options_of(named: NamedClass, found: type[Any]) -> Any:
-    """Validate the options that a scenario gives to a class.
-
-    Args:
-        named: The class's name, and its options.
-        found: The class.
-
-    Returns:
-        The options as the class's own model; an empty mapping where it has none.
-
-    Raises:
-        BadInput: The class does not take them.
-    """
+    """Return the validated options of a class: an instance of its own model, or an empty mapping without one."""
     options, field = dict(named.options), f"{named.sort.section}.options"
     model = getattr(found, "Options", None)
     if not (inspect.isclass(model) and issubclass(model, BaseModel)):
@@ -129,14 +98,7 @@ def options_of(named: NamedClass, found: type[Any]) -> Any:
 
 
 def entry_point_of(named: NamedClass) -> EntryPoint:
-    """Find the entry point by which an installed package offers a class; nothing of the package runs.
-
-    Args:
-        named: The class's name.
-
-    Raises:
-        BadInput: There is none of that name.
-    """
+    """Find the entry point by which an installed package offers a class; nothing of the package runs."""
     sort, name = named.sort, named.name
     offered = {point.name: point for point in entry_points(group=sort.group)}
     if name not in offered:
@@ -148,18 +110,7 @@ def entry_point_of(named: NamedClass) -> EntryPoint:
 
 
 def check_digest(path: Path, named: NamedClass) -> str:
-    """Check that a class's file is the one that its scenario was resolved with.
-
-    Args:
-        path: The file.
-        named: The class.
-
-    Returns:
-        The SHA-256 (hex) of the file.
-
-    Raises:
-        BadInput: It is another, or cannot be read.
-    """
+    """Return the SHA-256 (hex) of a class's file, after checking it against the one that the scenario gives."""
     digest = file_digest(path, named.sort.field)
     if named.sha256 is not None and digest != named.sha256:
         raise BadInput(
@@ -185,12 +136,7 @@ def absent_class(named: NamedClass, name: str, classes: list[str]) -> BadInput:
 
 
 def raised(where: str, error: BaseException) -> BadInput:
-    """Return the error for code of a class that raises.
-
-    Args:
-        where: The class as the scenario names it, with the field.
-        error: What it raised.
-    """
+    """Return the error for code of a class that raises."""
     return BadInput(f"{where}: raises {type(error).__name__}: {error}; correct it")
 
 

@@ -13,15 +13,7 @@ FIELD = "patrol.options.weights"
 
 
 def weights_content(path: Path, sha256: str | None = None) -> bytes:
-    """Return the content of a trained network's file.
-
-    Args:
-        path: The file.
-        sha256: Its SHA-256 (hex), where the scenario says it.
-
-    Raises:
-        BadInput: It cannot be read, or is another.
-    """
+    """Return the content of a trained network's file, after checking its SHA-256 (hex) where one is given."""
     try:
         content = read_untrusted(path, WEIGHTS)
     except OSError as error:
@@ -36,12 +28,5 @@ def weights_content(path: Path, sha256: str | None = None) -> bytes:
 
 
 def weights_digest(path: Path) -> str:
-    """SHA-256 (hex) of a trained network's file.
-
-    Args:
-        path: The file.
-
-    Raises:
-        BadInput: It cannot be read.
-    """
+    """Return the SHA-256 (hex) of a trained network's file."""
     return hashlib.sha256(weights_content(path)).hexdigest()

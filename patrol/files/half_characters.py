@@ -15,15 +15,7 @@ REMEDY = "holds half of a character (a lone surrogate, or a byte that is not UTF
 
 
 def refuse_half_characters(value: Any, source: str) -> None:
-    """Refuse lone surrogates in the keys and values of plain data.
-
-    Args:
-        value: Lists, mappings, texts and numbers, as a reader of JSON or YAML gives them.
-        source: What errors call it.
-
-    Raises:
-        BadInput: One line that names the field and the value.
-    """
+    """Refuse lone surrogates in the keys and values of plain data."""
     waiting: list[tuple[str, Any]] = [("", value)]
     seen_ids: set[int] = set()
     while waiting:

@@ -24,15 +24,10 @@ GIB = 1 << 30
 
 @dataclass(frozen=True, slots=True)
 class Kind:
-    """A kind of file.
+    """A kind of file."""
 
-    Attributes:
-        what: What errors call such a file.
-        most: Bytes of the largest one.
-    """
-
-    what: str
-    most: int
+    what: str  # what errors call such a file, such as "a map's image"
+    most: int  # bytes of the largest one
 
 
 SCENARIO = Kind("a scenario", 2 * MIB)
@@ -67,18 +62,8 @@ class FileRefused(Unusable, OSError):
 def open_untrusted(path: Path, kind: Kind) -> BinaryIO:
     """Open a file for reading.
 
-    Journals and recordings, which are read piece by piece, have limits of their own for each piece.
-
-    Args:
-        path: The file.
-        kind: What it should be.
-
-    Returns:
-        The file, at its beginning.
-
-    Raises:
-        OSError: When the system does not open it; FileRefused when it is no regular file or too large. `strerror` says
-            why in a few words.
+    Journals and recordings, which are read piece by piece, have limits of their own for each piece. Raises FileRefused,
+    an OSError, for anything but a regular file, and for one larger than its kind may be.
     """
     try:
         path_only = os.open(path, os.O_PATH | os.O_CLOEXEC)  # finds the file without opening it
@@ -97,13 +82,7 @@ def open_untrusted(path: Path, kind: Kind) -> BinaryIO:
 def check_regular(descriptor: int, path: Path, kind: Kind) -> None:
     """Check that an open file is a regular one within the limit of its kind.
 
-    Args:
-        descriptor: The open file.
-        path: Its path, for errors.
-        kind: What it should be.
-
-    Raises:
-        OSError: It is a folder; FileRefused when it is something else, or too large.
+    Raises IsADirectoryError for a folder, and FileRefused for all else.
     """
     facts = os.fstat(descriptor)
     if stat.S_ISDIR(facts.st_mode):
@@ -116,15 +95,7 @@ def check_regular(descriptor: int, path: Path, kind: Kind) -> None:
 
 
 def read_untrusted(path: Path, kind: Kind) -> bytes:
-    """Read the bytes of a file.
-
-    Args:
-        path: The file.
-        kind: What it should be.
-
-    Raises:
-        OSError: As from `open_untrusted`.
-    """
+    """Read the bytes of a file; its errors are those of `open_untrusted`."""
     with open_untrusted(path, kind) as file:
         content = file.read(kind.most + 1)  # some regular files, as in /proc, do not say how large they are
     if len(content) > kind.most:
@@ -138,10 +109,5 @@ def _too_large(path: Path, kind: Kind) -> FileRefused:
 
 
 def leads_out(folder: Path, path: Path) -> bool:
-    """Return True if a path leads out of a folder, by its names or by a link.
-
-    Args:
-        folder: The folder.
-        path: The file, which need not exist.
-    """
+    """Return True if a path, which need not exist, leads out of a folder, by its names or by a link."""
     return not Path(os.path.realpath(path)).is_relative_to(os.path.realpath(folder))

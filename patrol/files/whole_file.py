@@ -9,16 +9,9 @@ from pathlib import Path
 
 @contextmanager
 def replacing(file: Path) -> Iterator[Path]:
-    """Write a file beside another one, then replace that; after an error nothing of the new file stays.
+    """Give a path beside a file to write to, and then put it in the file's place.
 
-    Args:
-        file: The other file, which may be there already.
-
-    Yields:
-        The file to write, which is not there yet.
-
-    Raises:
-        OSError: It cannot be written.
+    The path does not exist yet. After an error nothing of it stays.
     """
     part = file.with_name(f".{file.name}.part")
     part.unlink(missing_ok=True)
@@ -31,14 +24,6 @@ def replacing(file: Path) -> Iterator[Path]:
 
 
 def write_whole(file: Path, text: str) -> None:
-    """Write a text file, whole or not at all.
-
-    Args:
-        file: The file, which may be there already.
-        text: What it is to hold.
-
-    Raises:
-        OSError: It cannot be written.
-    """
+    """Write a text file, whole or not at all."""
     with replacing(file) as part:
         part.write_text(text, encoding="utf-8")

@@ -120,11 +120,7 @@ _RULES = (
 
 
 def add_core_rules(reader_or_writer: type[yaml.SafeLoader | yaml.SafeDumper]) -> None:
-    """Give a PyYAML loader or dumper the core rules of YAML 1.2 for plain values, beside those that it has.
-
-    Args:
-        reader_or_writer: The class to change.
-    """
+    """Give a PyYAML loader or dumper the core rules of YAML 1.2 for plain values, beside those that it has."""
     for tag, rule, first in _RULES:
         reader_or_writer.add_implicit_resolver(f"{_TAG}{tag}", rule, first)
 
@@ -143,15 +139,7 @@ _Loader.add_constructor(f"{_TAG}int", _int)
 
 
 def read_text(path: Path, kind: Kind = SCENARIO) -> str:
-    """Read the text of a file in UTF-8, or else in Latin-1, as old maps' comments are.
-
-    Args:
-        path: The file.
-        kind: What it should be, which limits its size.
-
-    Raises:
-        BadInput: When the file cannot be read or holds no text.
-    """
+    """Read the text of a file in UTF-8, or else in Latin-1, as old maps' comments are."""
     try:
         return _decode(read_untrusted(path, kind))
     except FileNotFoundError:
@@ -174,18 +162,7 @@ def _decode(content: bytes) -> str:
 
 
 def parse_yaml(text: str, source: str) -> Any:
-    """Parse the one document in a YAML text.
-
-    Args:
-        text: The YAML.
-        source: What errors call it.
-
-    Returns:
-        Plain lists, mappings, texts and numbers.
-
-    Raises:
-        BadInput: With the line, when the text is not well formed; with the field, when a value is no whole text.
-    """
+    """Parse the one document in a YAML text into plain lists, mappings, texts and numbers."""
     try:
         value = yaml.load(text, Loader=_Loader)  # a SafeLoader: builds plain values only
     except yaml.MarkedYAMLError as error:
@@ -205,15 +182,10 @@ def parse_yaml(text: str, source: str) -> Any:
 
 
 def line_of(text: str, location: Sequence[int | str]) -> int | None:
-    """Find the line of a YAML text on which an entry stands.
+    """Return the line, from 1, on which an entry of a YAML text stands.
 
-    Args:
-        text: YAML that can be parsed.
-        location: The path of keys and indices to the entry.
-
-    Returns:
-        The line, from 1; of an entry that is missing, the line of the innermost entry around it; None when not even the
-        first key is there.
+    The location is the path of keys and indices to the entry. For an entry that is missing it is the line of the
+    innermost entry around it, or None when not even the first key is there.
     """
     node = yaml.compose(text, Loader=_Loader)
     line = None

@@ -36,12 +36,9 @@ Flat = NDArray[np.int64]
 
 
 def on_reach(graph: Graph, terrain: Terrain, reach: BoolGrid) -> Graph:
-    """Move the vertices of a graph that a body cannot stand on to the nearest place where it can.
+    """Return a graph whose vertices a body can stand on: the others move to the nearest place where it can.
 
-    Args:
-        graph: The graph.
-        terrain: The ground.
-        reach: bool (h, w), the points that the body can stand on.
+    The edges keep their lengths.
     """
     rows, cols = np.nonzero(reach)
     x, y = terrain.origin
@@ -56,13 +53,7 @@ def on_reach(graph: Graph, terrain: Terrain, reach: BoolGrid) -> Graph:
 
 
 def graph_from_ground(terrain: Terrain, fields: StaticFields, footprint: Footprint) -> Graph:
-    """Make the graph of the ground of one kind of body.
-
-    Args:
-        terrain: The terrain.
-        fields: The body's.
-        footprint: The sensor.
-    """
+    """Make the graph of the ground of one kind of body."""
     part = np.asarray(fields.reach)
     spacing = max(SPACING * footprint.radius, math.sqrt(np.count_nonzero(part) / MOST_CANDIDATES), 1.0)
     looks = Looks(terrain, footprint)

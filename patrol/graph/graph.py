@@ -18,19 +18,13 @@ PIXEL = 0.075
 
 @dataclass(frozen=True, eq=False)
 class Graph:
-    """A graph without loops; ways lead in both directions.
+    """A graph without loops; ways lead in both directions."""
 
-    Attributes:
-        places: float64 (v, 2), x and y of each vertex, m.
-        edges: For each vertex its neighbours with the length of the way there, m, in the file's order.
-        pixel: Side of a pixel of its image, m: rules of the literature with constants in pixels count in these.
-        visit: Distance within which a robot visits a vertex, m.
-    """
-
-    places: NDArray[np.float64]
+    places: NDArray[np.float64]  # (v, 2), x and y of each vertex, m
+    # by vertex: neighbours with the length of the way there, m, in the file's order
     edges: tuple[tuple[tuple[int, float], ...], ...]
-    pixel: float = PIXEL
-    visit: float = VISIT_M
+    pixel: float = PIXEL  # side of its image's pixels, m, in which rules of the literature count
+    visit: float = VISIT_M  # distance within which a robot visits a vertex, m
 
     @property
     def size(self) -> int:
@@ -56,22 +50,15 @@ class Graph:
         return Graph(self.places, tuple(tuple((other, 1.0) for other, _ in row) for row in self.edges)).lengths
 
     def step(self, vertex: int, goal: int) -> int:
-        """Return the neighbour through which the shortest way leads from a vertex to another; the vertex itself there.
-
-        Args:
-            vertex: Where the way begins.
-            goal: Where it ends.
-        """
+        """Return the next vertex on the shortest way to a goal; the goal itself when it is there already."""
         if vertex == goal:
             return vertex
         return min((length + float(self.lengths[other, goal]), other) for other, length in self.edges[vertex])[1]
 
     def way(self, vertex: int, goal: int) -> list[int]:
-        """Return the vertices on the shortest way from a vertex to another, the goal last; none where both are one.
+        """Return the vertices on the shortest way to a goal, without the first one and with the goal.
 
-        Args:
-            vertex: Where the way begins.
-            goal: Where it ends; a way leads there.
+        The list is empty where both are one; otherwise a way must lead to the goal.
         """
         way: list[int] = []
         while vertex != goal:
@@ -80,32 +67,20 @@ class Graph:
         return way
 
     def nearest(self, x: float, y: float) -> int:
-        """Return the vertex that is nearest to a place as the crow flies.
-
-        Args:
-            x: m.
-            y: m.
-        """
+        """Return the vertex that is nearest to a place as the crow flies."""
         return int(np.argmin(((self.places - (x, y)) ** 2).sum(axis=1)))
 
     def visit_reach(self, speed: float, step: float) -> float:
-        """Return the distance within which a robot visits a vertex, m: half a stride where that is more than `visit`.
+        """Return the distance (m) within which a robot of some speed (m/s) visits a vertex.
 
-        Args:
-            speed: The robot's, m/s.
-            step: Length of a tick, s.
+        It is `visit`, or half of what the robot drives in a tick of `step` s where that is more.
         """
         return max(self.visit, 0.5 * speed * step)
 
     def within(self, first: tuple[float, float], last: tuple[float, float], reach: float) -> list[int]:
-        """Return the vertices that are no farther away than some distance from a straight stretch, in order along it.
+        """Return the vertices no farther than `reach` (m) from a straight stretch, in order along it.
 
         Its very beginning does not count: a robot that leaves a vertex does not visit it anew.
-
-        Args:
-            first: Where the stretch begins, x and y in m.
-            last: Where it ends.
-            reach: m.
         """
         begin, way = np.array(first), np.subtract(last, first)
         along = np.clip((self.places - begin) @ way / max(float(way @ way), 1e-12), 0.0, 1.0)
@@ -123,11 +98,7 @@ def graph_of(
 ) -> Graph:
     """Make a graph from its vertices and its edges, each named once.
 
-    Args:
-        places: x and y of each vertex, m.
-        edges: Two vertices and the length of the way between them, m.
-        pixel: See `Graph`.
-        visit: See `Graph`.
+    A place is x and y in m. An edge is two vertices and the length of the way between them in m.
     """
     rows: list[list[tuple[int, float]]] = [[] for _ in places]
     for first, last, length in edges:

@@ -79,17 +79,9 @@ class _Words:
 def read_graph(path: Path, map_image: tuple[int, int] | None = None) -> dict[str, Any]:
     """Read a `.graph` file.
 
-    Args:
-        path: The file.
-        map_image: Width and height in pixels of the image of the map that it is used with, which it must name; None for
-            any.
-
-    Returns:
-        ``vertices``: x and y of each in m; ``edges``, each once in the file's order: two vertices and the length in m;
-        ``pixel``: the resolution, m.
-
-    Raises:
-        BadInput: It cannot be read, or is no such file.
+    Returns ``vertices``, x and y of each in m; ``edges``, each once in the file's order, as two vertices and the length
+    in m; and ``pixel``, the resolution in m. `map_image` is the width and height in pixels that the file must name,
+    None for any.
     """
     words = _Words(path)
     count = words.whole("the number of vertices", 1, MOST_VERTICES)

@@ -14,16 +14,10 @@ STARTS = 6
 
 
 def closed_tour(graph: Graph, vertices: Iterable[int]) -> list[int]:
-    """Find a short closed tour through some vertices, by the ways of the graph.
+    """Find a short closed tour through some vertices, by the ways of the graph; it begins with the least.
 
-    From several vertices on, the nearest one comes next; then 2-opt and Or-opt shorten the tour.
-
-    Args:
-        graph: The graph.
-        vertices: At least one. Those that no way leads to from the first one are left out.
-
-    Returns:
-        The vertices in order, the least first.
+    From several vertices on, the nearest one comes next; then 2-opt and Or-opt shorten the tour. Vertices that no way
+    leads to from the first one are left out. There must be at least one.
     """
     every = sorted(set(vertices))
     there = [vertex for vertex in every if graph.lengths[every[0], vertex] < np.inf]
@@ -43,10 +37,5 @@ def closed_tour(graph: Graph, vertices: Iterable[int]) -> list[int]:
 
 
 def tour_length(graph: Graph, tour: list[int]) -> float:
-    """Return the length of a closed tour, m.
-
-    Args:
-        graph: The graph.
-        tour: Its vertices in order.
-    """
+    """Return the length of a closed tour, m."""
     return sum(float(graph.lengths[tour[at - 1], vertex]) for at, vertex in enumerate(tour))

@@ -24,29 +24,17 @@ from patrol.pose import Pose
 
 
 class ChangingTerrain(Terrain):
-    """A terrain of which points close and open: they stop bodies and sight while they are closed.
+    """A terrain of which points close and open: they stop bodies and sight while they are closed."""
 
-    Attributes:
-        base: The terrain with nothing closed.
-    """
-
-    base: Terrain
+    base: Terrain  # the terrain with nothing closed
 
     def __init__(self, base: Terrain) -> None:
-        """Begin with nothing closed.
-
-        Args:
-            base: The terrain.
-        """
+        """Begin with nothing closed."""
         super().__init__(base.name, base.passable, base.point, base.origin, base.keep_out, base.source, base.against)
         vars(self)["base"] = base
 
     def close(self, closed: BoolGrid) -> None:
-        """Close some points, and open all others.
-
-        Args:
-            closed: bool (height, width).
-        """
+        """Close some points, and open all others."""
         vars(self)["passable"] = frozen_grid(self.base.passable & ~closed)
         for derived in ("free", "blocked", "room"):
             vars(self).pop(derived, None)
@@ -55,21 +43,14 @@ class ChangingTerrain(Terrain):
 class ChangingFootprint(Footprint):
     """A sensor on ground of which points close and open.
 
-    Attributes:
-        terrain: The ground as it is now.
-        closed: bool (height, width), what is closed.
+    `closed`, bool (height, width), is True on points that are closed now.
     """
 
-    terrain: ChangingTerrain
+    terrain: ChangingTerrain  # the ground as it is now
     changes = True
 
     def __init__(self, make: Callable[[Terrain], Footprint], terrain: Terrain) -> None:
-        """Begin with nothing closed.
-
-        Args:
-            make: Makes the sensor on a terrain.
-            terrain: The ground with nothing closed.
-        """
+        """Begin with nothing closed; `make` is called again whenever the ground changes."""
         self._make = make
         self.terrain = ChangingTerrain(terrain)
         self.closed: BoolGrid = np.zeros(terrain.shape, dtype=np.bool_)
@@ -82,11 +63,7 @@ class ChangingFootprint(Footprint):
         return self._now.visible(pose)
 
     def close(self, closed: BoolGrid) -> None:
-        """Close some points, and open all others.
-
-        Args:
-            closed: bool (height, width); copied.
-        """
+        """Close some points, and open all others; `closed` is copied."""
         if np.array_equal(closed, self.closed):
             return
         self.closed = closed.copy()
@@ -95,14 +72,9 @@ class ChangingFootprint(Footprint):
 
 
 def faces(view: View, closed: BoolGrid) -> NDArray[np.int64]:
-    """Return the closed points that a view shows to be closed: those in it, or beside a point in it.
+    """Return the closed points that a view shows to be closed, as ascending flat indices.
 
-    Args:
-        view: The points in sight.
-        closed: bool (height, width).
-
-    Returns:
-        Flat indices, ascending.
+    Those are the ones in it, or beside a point in it, diagonally too.
     """
     box = view.box(closed.shape)
     if box is None:

@@ -19,37 +19,24 @@ TOLERANCE = 1e-9
 
 
 def planning_radius(radius: float, point: float) -> float:
-    """Clearance in m that a body needs at the centres of points.
+    """Return the clearance in m that a body needs at the centres of points.
 
     Half a point more than the body, so that a straight drive between neighbouring C-space points touches no wall.
-
-    Args:
-        radius: Of the body, m.
-        point: Side of one point, m.
     """
     return radius + 0.5 * point
 
 
 def needed_level(radius: float, point: float) -> int:
-    """Least squared clearance, in half points, at which a body has its planning radius.
-
-    Args:
-        radius: Of the body, m.
-        point: Side of one point, m.
-    """
+    """Return the least squared clearance, in half points, at which a body has its planning radius."""
     halves = min(2.0 * (planning_radius(radius, point) - TOLERANCE) / point, 46_000.0)  # its square fits int32
     return max(math.ceil(halves * halves), 1)
 
 
 def clearance_levels(free: BoolGrid, cap: int) -> IntGrid:
-    """Squared distance, in half points, from each point's centre to the nearest blocked point or the grid's edge.
+    """Return the squared distance, in half points, from each point's centre to the nearest blocked point.
 
-    Args:
-        free: bool (h, w).
-        cap: Whole points beyond which distances are not told apart; the cost grows with it.
-
-    Returns:
-        int32 (h, w), 0 on blocked points and at most (2 cap - 1)^2.
+    The grid's edge counts as blocked. The result is int32 (h, w), 0 on blocked points and at most (2 cap - 1)^2:
+    distances beyond `cap` whole points are not told apart, and the cost grows with it.
     """
     from patrol.ground.kernels.clearance import square_clearance
 
@@ -61,16 +48,9 @@ def clearance_levels(free: BoolGrid, cap: int) -> IntGrid:
 
 
 def cspace_of(terrain: Terrain, radius: float) -> BoolGrid:
-    """Return the C-space of a body: where its centre keeps the planning radius to every wall.
+    """Return the C-space of a body, read-only: where its centre keeps the planning radius to every wall.
 
     Distances are exact, from a point's centre to the nearest blocked or keep-out square and to the terrain's edge.
-
-    Args:
-        terrain: The ground.
-        radius: Of the body, m.
-
-    Returns:
-        bool (height, width), read-only.
     """
     needed = needed_level(radius, terrain.point)
     cap = math.ceil(math.sqrt(needed)) // 2 + 2
@@ -78,13 +58,9 @@ def cspace_of(terrain: Terrain, radius: float) -> BoolGrid:
 
 
 def parts_of(mask: BoolGrid) -> tuple[IntGrid, int]:
-    """Return the connected parts of a mask (8 neighbours, no corner cutting).
+    """Return the connected parts of a mask (8 neighbours, no corner cutting), and the number of them.
 
-    Args:
-        mask: bool (h, w).
-
-    Returns:
-        int32 (h, w) labels from 1 (0 outside the mask), and the number of parts.
+    The parts are int32 (h, w), labels from 1, and 0 outside the mask.
     """
     from patrol.ground.kernels.components import label_parts
 
@@ -94,11 +70,7 @@ def parts_of(mask: BoolGrid) -> tuple[IntGrid, int]:
 
 
 def grown(mask: BoolGrid) -> BoolGrid:
-    """Return a mask with all eight neighbours of its points.
-
-    Args:
-        mask: bool (h, w).
-    """
+    """Return a mask with all eight neighbours of its points."""
     rows = mask.copy()
     rows[1:] |= mask[:-1]
     rows[:-1] |= mask[1:]

@@ -29,78 +29,44 @@ MARGIN = 2.0
 
 @dataclass(frozen=True, eq=False)
 class StaticFields:
-    """The reach and the view of robots of one radius on one terrain. All arrays are (height, width) and read-only.
+    """The reach and the view of robots of one radius on one terrain. All arrays are (height, width) and read-only."""
 
-    Attributes:
-        cspace: bool, the body fits with its centre at the point's centre.
-        reach: bool, the connected parts of `cspace` that hold a start, as far as ways lead there and back.
-        patrolled: bool, points that are seen from some place in `reach`; all of them, or those that are to be watched.
-        proxy: int32, for a patrolled point outside `reach` the flat index of the nearest point of `reach` that sees it
-            (paper/NOTES 4: such points pull through it), else -1.
-    """
-
-    cspace: BoolGrid
-    reach: BoolGrid
-    patrolled: BoolGrid
+    cspace: BoolGrid  # the body fits with its centre at the point's centre
+    reach: BoolGrid  # the connected parts of `cspace` that hold a start, as far as ways lead there and back
+    patrolled: BoolGrid  # seen from some place in `reach`: all such points, or those to be watched
+    # int32, for a patrolled point outside `reach` the flat index of the nearest point of `reach` that sees it
+    # (paper/NOTES 4: such points pull through it), else -1
     proxy: IntGrid
 
     def watching(self, points: BoolGrid) -> StaticFields:
-        """Return the fields of robots that patrol nothing else than some points.
-
-        Args:
-            points: bool, like `patrolled`.
-        """
+        """Return the fields of robots that patrol nothing else than some points."""
         proxy = np.where(points, self.proxy, np.int32(-1))
         proxy.flags.writeable = False
         return StaticFields(self.cspace, self.reach, frozen_grid(self.patrolled & points), proxy)
 
     def save(self, folder: Path) -> None:
-        """Write the four arrays as .npy files.
-
-        Args:
-            folder: Where to write; it is made when missing.
-        """
+        """Write the four arrays as .npy files into a folder, which is made when missing."""
         folder.mkdir(parents=True, exist_ok=True)
         for name in GRIDS:
             np.save(folder / f"{name}.npy", getattr(self, name))
 
     @staticmethod
     def load(folder: Path) -> StaticFields:
-        """Load what `save` wrote.
-
-        Args:
-            folder: The folder that `save` wrote into.
-
-        Returns:
-            The fields, memory-mapped and read-only.
-        """
+        """Load what `save` wrote into a folder, memory-mapped and read-only."""
         cspace, reach, patrolled, proxy = (load_grid(folder / f"{name}.npy") for name in GRIDS)
         return StaticFields(cspace, reach, patrolled, proxy)
 
 
 def load_grid(path: Path) -> NDArray[Any]:
-    """Return an array of a .npy file, memory-mapped and read-only.
-
-    Args:
-        path: The file.
-    """
+    """Return an array of a .npy file, memory-mapped and read-only."""
     return np.asarray(np.load(path, mmap_mode="r"))
 
 
 def anchor(terrain: Terrain, cspace: BoolGrid, x: float, y: float) -> tuple[int, int] | None:
-    """Return the C-space point through which a body joins the C-space.
+    """Return the (row, col) of the C-space point through which a body joins the C-space, or None.
 
     The nearest point within two points and a half (the lowest index of several) that a straight line over free points
-    leads to, so that no start joins a room behind a wall.
-
-    Args:
-        terrain: The ground.
-        cspace: bool (h, w), from `cspace_of`.
-        x: Of the body's centre, m.
-        y: Of the body's centre, m.
-
-    Returns:
-        (row, col), or None when there is no such point.
+    leads to, so that no start joins a room behind a wall. None when there is no such point.
     """
     row, col = terrain.point_at(x, y)
     span = math.ceil(MARGIN + 0.5) + 1
@@ -134,19 +100,6 @@ def compute_fields(
     """Return the static fields of a body and a sensor, for robots that begin at given places.
 
     Patrolled is what the whole disc around some place in reach sees, whatever the sensor's angle: a robot may turn.
-
-    Args:
-        terrain: The ground.
-        radius: Of the body, m.
-        sensor_range: m.
-        line_of_sight: Whether obstacles block the view.
-        starts: The poses at which robots of this radius begin.
-
-    Returns:
-        The fields of this radius.
-
-    Raises:
-        BadInput: Where a start lies in no part of the C-space, or one-way zones leave no way back from some ground.
     """
     cspace = cspace_of(terrain, radius)
     labels, _ = parts_of(cspace)
@@ -176,16 +129,9 @@ def compute_fields(
 
 
 def proxies_of(terrain: Terrain, reach: BoolGrid, sensor_range: float, line_of_sight: bool) -> IntGrid:
-    """Find the nearest point of some ground that sees each passable point outside of it.
+    """Return the flat index of the nearest point of `reach` that sees each passable point outside of it.
 
-    Args:
-        terrain: The ground.
-        reach: bool (h, w), where a robot's centre may be.
-        sensor_range: m.
-        line_of_sight: Whether obstacles block the view.
-
-    Returns:
-        int32 (h, w), flat indices; -1 for none, and in `reach`.
+    The result is int32 (h, w), -1 in `reach` and where there is no such point.
     """
     from patrol.ground.kernels.clearance import nearest
     from patrol.ground.kernels.coverage import see_back, see_from_reach

@@ -22,11 +22,7 @@ class Looks:
     """Looks of a sensor that leaves nothing of a point's age, side by side: fogs take in some of them at once."""
 
     def __init__(self, looks: Sequence[tuple[int, View]]) -> None:
-        """Put looks side by side.
-
-        Args:
-            looks: Tick and footprint of each; at least one, all of one sensor.
-        """
+        """Put looks side by side: the tick and the footprint of each, at least one, and all of one sensor."""
         self.views = [view for _, view in looks]
         self.masks = np.stack([view.mask for view in self.views])
         places = np.array([(view.row0, view.col0, tick) for tick, view in looks], dtype=np.int64)
@@ -42,11 +38,7 @@ class Fog:
     """
 
     def __init__(self, patrolled: NDArray[np.bool_]) -> None:
-        """Start with every point unseen.
-
-        Args:
-            patrolled: bool (h, w), the points that count; there must be at least one.
-        """
+        """Start with every point unseen; there must be at least one patrolled point."""
         self.patrolled = np.ascontiguousarray(patrolled).view(np.uint8)
         self.points = int(np.count_nonzero(patrolled))
         if self.points == 0:
@@ -58,15 +50,7 @@ class Fog:
 
     @classmethod
     def resumed(cls, patrolled: NDArray[np.bool_], last_seen: NDArray[np.int32]) -> Fog:
-        """A fog that goes on from a copy of another one's last-seen ticks.
-
-        Args:
-            patrolled: bool (h, w), the same as of the other fog.
-            last_seen: int32 (h, w), of the other fog.
-
-        Returns:
-            An independent fog.
-        """
+        """Make a fog that goes on from a copy of another one's last-seen ticks; both have the same points."""
         fog = cls(patrolled)
         fog.last_seen = np.array(last_seen, dtype=np.int32, order="C")
         fog._totals = None
@@ -80,42 +64,30 @@ class Fog:
         return other
 
     def observe(self, view: View, tick: int) -> None:
-        """Take in one robot's footprint.
-
-        Args:
-            view: The footprint.
-            tick: At which it was observed.
-        """
+        """Take in one robot's footprint."""
         place = view.row0, view.col0, tick
         gained, first = observe(self.last_seen, self.patrolled, view.mask, view.quality, *place)
         if self._totals is not None:
             self._totals = self._totals[0] + gained, self._totals[1] + first
 
     def observe_each(self, looks: Looks, chosen: NDArray[np.uint8]) -> None:
-        """Take in some of many footprints; what the mean needs is counted when it is asked for.
+        """Take in those of many footprints for which `chosen`, uint8, is not 0.
 
-        Args:
-            looks: The footprints.
-            chosen: uint8, for each of them, not 0 for those to take in.
+        What the mean needs is counted when it is asked for.
         """
         places = looks.rows, looks.cols, looks.ticks
         observe_each(self.last_seen, self.patrolled, looks.masks, *places, chosen)
         self._totals = None
 
     def mfow(self, tick: int) -> int:
-        """The age of the stalest patrolled point (MFoW), in ticks.
-
-        Args:
-            tick: Now.
-        """
+        """Return the age of the stalest patrolled point (MFoW) at a tick, in ticks."""
         row = stalest_row(self.last_seen, self.patrolled, self._oldest)
         return tick - max(self._oldest.item(row), 0)
 
     def stalest(self) -> tuple[int, int]:
-        """One of the points that nobody has seen for longest: the same as before while it is one of them.
+        """Return the (row, col) of a patrolled point that was last seen longest ago.
 
-        Returns:
-            Its row and column.
+        It is the same one as before while that is still among them.
         """
         row = stalest_row(self.last_seen, self.patrolled, self._oldest)
         oldest = self._oldest[row]
@@ -125,21 +97,13 @@ class Fog:
         return self._stalest
 
     def mean(self, tick: int) -> float:
-        """The patrolled points' mean age, in ticks.
-
-        Args:
-            tick: Now.
-        """
+        """Return the patrolled points' mean age at a tick, in ticks."""
         return tick - self._counted()[0] / self.points
 
     def age(self, tick: int) -> NDArray[np.int32]:
-        """The age of every point, in ticks.
+        """Return the age of every point at a tick, in ticks, int32 (h, w).
 
-        Args:
-            tick: Now.
-
-        Returns:
-            int32 (h, w); points outside the patrolled area read as never seen.
+        Points outside the patrolled area read as never seen.
         """
         return np.int32(tick) - np.maximum(self.last_seen, np.int32(0))
 

@@ -28,6 +28,8 @@ from numpy.typing import NDArray
 from patrol.ground.terrain import Terrain
 from patrol.pose import Pose
 
+__all__ = ["Footprint", "Sensor", "SensorSetup", "View"]
+
 REMEMBERED = 64
 """Views that a `Footprint` keeps unless told otherwise: in one tick every robot asks for the same few."""
 

@@ -24,25 +24,15 @@ LEAST_SHARE = 0.01
 
 @dataclass(frozen=True, slots=True)
 class LeftOut:
-    """Free ground that no robot of a fleet sees.
+    """Free ground that no robot of a fleet sees."""
 
-    Attributes:
-        area_m2: All parts that count.
-        parts: The number of these parts.
-        largest_m2: Area of the largest of them.
-        x: East coordinate of a place in the largest, m.
-        y: North coordinate of the place, m.
-        why: The reason why no robot sees the largest.
-        small_parts: The number of these parts that are smaller than `LEAST_M2`.
-    """
-
-    area_m2: float
-    parts: int
+    area_m2: float  # of all parts that count
+    parts: int  # the number of these parts
     largest_m2: float
-    x: float
-    y: float
-    why: str
-    small_parts: int = 0
+    x: float  # east coordinate of a place in the largest, m
+    y: float  # north coordinate of the place, m
+    why: str  # the reason why no robot sees the largest
+    small_parts: int = 0  # the number of these parts that are smaller than `LEAST_M2`
 
     @property
     def text(self) -> str:
@@ -59,16 +49,9 @@ class LeftOut:
 
 
 def left_out(terrain: Terrain, patrolled: BoolGrid, narrowest: StaticFields, radius: float) -> LeftOut | None:
-    """Return the free ground that no robot of a fleet sees.
+    """Return the free ground that no robot of a fleet sees; None where there is none that counts.
 
-    Args:
-        terrain: The ground.
-        patrolled: bool (height, width), the points that some robot sees.
-        narrowest: The fields of the fleet's narrowest body.
-        radius: Of that body, m.
-
-    Returns:
-        What is left out; None where nothing is.
+    The fields and the radius are those of the fleet's narrowest body.
     """
     unseen = terrain.free & ~patrolled
     least_m2 = min(LEAST_M2, LEAST_SHARE * np.count_nonzero(terrain.free) * terrain.point_area)
@@ -101,38 +84,20 @@ def _area(area_m2: float) -> str:
 
 
 def middle_of(terrain: Terrain, part: BoolGrid) -> tuple[float, float]:
-    """Return x and y, m, of the point of a part that is nearest to the part's centroid.
-
-    Args:
-        terrain: The ground.
-        part: bool (height, width), with at least one point.
-    """
+    """Return x and y, m, of the point of a part that is nearest to the part's centroid."""
     rows, columns = np.nonzero(part)
     middle = np.argmin((rows - rows.mean()) ** 2 + (columns - columns.mean()) ** 2)
     return terrain.centre(int(rows[middle]), int(columns[middle]))
 
 
 def joined_ground(terrain: Terrain, reach: BoolGrid) -> BoolGrid:
-    """Return the free ground that is connected with where a body gets to, however narrow the way.
-
-    Args:
-        terrain: The ground.
-        reach: bool (height, width), where the body's centre gets to.
-    """
+    """Return the free ground that is connected with where a body gets to, however narrow the way."""
     labels, _ = parts_of(terrain.free)
     return np.isin(labels, np.unique(labels[reach]))
 
 
 def why_out_of_reach(terrain: Terrain, part: BoolGrid, joined: BoolGrid, cspace: BoolGrid, radius: float) -> str:
-    """Return the reason why a body does not get into a part of the free ground.
-
-    Args:
-        terrain: The ground.
-        part: bool (height, width), the part.
-        joined: bool (height, width), as of `joined_ground`.
-        cspace: bool (height, width), where the body's centre may be.
-        radius: Of the body, m.
-    """
+    """Return the reason why a body does not get into a part of the free ground."""
     if not (part & joined).any():
         return "walled off, without an opening"
     if not (part & cspace).any():

@@ -39,15 +39,10 @@ NICHE = 4.0
 
 
 def with_direction(against: Steps, points: BoolGrid, degrees: int) -> Steps:
-    """Add the steps that lead against a zone.
+    """Return `against` with the steps that lead against one more zone, read-only.
 
-    Args:
-        against: uint8 (height, width), bit w is set where step w leads against another zone; `ALL_WAYS` for none.
-        points: bool (height, width), the zone's.
-        degrees: Its direction, a multiple of `TURN`.
-
-    Returns:
-        The same with the zone, read-only.
+    Bit w is set where step w leads against a zone; `against` may be `ALL_WAYS`. `degrees` is the zone's direction, a
+    multiple of `TURN`.
     """
     both = against.copy() if against.size else np.zeros(points.shape, dtype=np.uint8)
     height, width = points.shape
@@ -62,11 +57,7 @@ def with_direction(against: Steps, points: BoolGrid, degrees: int) -> Steps:
 
 
 def unit(degrees: int) -> tuple[float, float]:
-    """Return x and y of a direction of length 1.
-
-    Args:
-        degrees: From x towards y.
-    """
+    """Return x and y of the unit vector in a direction, given in degrees from x towards y."""
     angle = math.radians(degrees)
     return math.cos(angle), math.sin(angle)
 
@@ -75,19 +66,8 @@ def ground_with_ways_back(terrain: Terrain, reach: BoolGrid, radius: float) -> B
     """Leave out the points of connected ground from which no way leads back, or to which none leads.
 
     In a zone, such points lie in niches that are open against its direction. Where one is larger than `NICHE`, the
-    zones are refused instead.
-
-    Args:
-        terrain: The ground, with one-way zones.
-        reach: bool (height, width), one connected part of where a body's centre may be.
-        radius: Of the body, m.
-
-    Returns:
-        The part that is left, bool (height, width), read-only: ways lead from each of its points to each other. Found
-        once, and kept in `Terrain.with_ways_back`.
-
-    Raises:
-        BadInput: A larger part would be left out.
+    zones are refused instead. `reach` is one connected part of where a body's centre may be. Returns what is left of
+    it, read-only; it is found once, and kept in `Terrain.with_ways_back`.
     """
     key = radius, int(reach.argmax())
     if key not in terrain.with_ways_back:

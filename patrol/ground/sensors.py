@@ -13,6 +13,8 @@ from patrol.ground.kernels.footprint import cast, disc, keep_sector
 from patrol.ground.terrain import Terrain
 from patrol.pose import Pose
 
+__all__ = ["Disc", "Quality", "Sector", "SeeThrough", "footprint_of"]
+
 Quality = float | Sequence[tuple[float, float]]
 """Share of a point's age that an observation takes away: one number in (0, 1], or (distance in m, share) corners with
 straight lines between them and the nearest corner's share beyond the first and last."""

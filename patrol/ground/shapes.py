@@ -18,17 +18,7 @@ TOLERANCE = 1e-6
 
 
 def cover(polygon: Polygon, shape: tuple[int, int], point: float, origin: tuple[float, float]) -> BoolGrid:
-    """Return the points that share some area with a polygon, whose inside is by the even-odd rule.
-
-    Args:
-        polygon: Corners in m.
-        shape: (height, width) of the grid, points.
-        point: Side of one point, m.
-        origin: (x, y) in m of the outer corner of point (0, 0).
-
-    Returns:
-        bool (height, width).
-    """
+    """Return the points that share some area with a polygon, whose inside is by the even-odd rule."""
     covered = np.zeros(shape, dtype=np.bool_)
     corners = [((x - origin[0]) / point, (y - origin[1]) / point) for x, y in polygon]
     cols = _span([x for x, _ in corners], shape[1])

@@ -33,23 +33,12 @@ class SpeedLimits:
     """
 
     def __init__(self, zones: Iterable[SlowZone], terrain: Terrain) -> None:
-        """Lay the slow zones over the grid.
-
-        Args:
-            zones: All zones of the scenario.
-            terrain: The ground.
-        """
+        """Lay the slow zones over the grid."""
         self._terrain = terrain
         self._slow = [(zone.name, zone.speed, points_of(zone, terrain)) for zone in zones if zone.speed is not None]
 
     def at(self, x: float, y: float, in_force: Collection[str]) -> float:
-        """Return the top speed of a body whose centre is at a place, m/s; infinity where no zone limits it.
-
-        Args:
-            x: m.
-            y: m.
-            in_force: Names of the zones that are in force.
-        """
+        """Return the top speed of a body whose centre is at a place, m/s; infinity where no zone limits it."""
         if not self._slow:
             return math.inf
         row, col = self._terrain.point_at(x, y)
@@ -59,14 +48,9 @@ class SpeedLimits:
         return min(limits, default=math.inf)
 
     def delays(self, speed: float, in_force: Collection[str]) -> NDArray[np.float64] | None:
-        """Return the time that the limits add to each metre of a body, s per m.
+        """Return the time that the limits add to each metre of a body, s per m, float64 (height, width).
 
-        Args:
-            speed: Its top speed, m/s.
-            in_force: Names of the zones that are in force.
-
-        Returns:
-            float64 (height, width), 0 where it drives at top speed; None where it does so everywhere.
+        0 where the body drives at its top speed, `speed` in m/s; None where it does so everywhere.
         """
         slow = [(limit, points) for name, limit, points in self._slow if name in in_force and limit < speed]
         if not slow:

@@ -17,17 +17,14 @@ from patrol.pose import Command, Drive, Pose, Twist, Velocity
 if TYPE_CHECKING:
     from patrol.ground.terrain import Terrain
 
+__all__ = ["advance", "path_is_free"]
+
 
 def advance(pose: Pose, command: Command, step: float) -> Pose:
-    """Return the pose after one step with nothing in the way.
+    """Return the pose after one step, of `step` s, with nothing in the way.
 
     A holonomic robot faces the direction in which it moves, and keeps its heading when it stands. A car and a
     differential drive follow an exact arc; the latter may also turn on the spot.
-
-    Args:
-        pose: Where the step begins.
-        command: What the body obeys.
-        step: s.
     """
     match command:
         case Velocity(vx, vy):
@@ -43,27 +40,12 @@ def advance(pose: Pose, command: Command, step: float) -> Pose:
 
 
 def line_is_free(terrain: Terrain, start: tuple[float, float], end: tuple[float, float], radius: float) -> bool:
-    """Return True if a body touches no wall on a straight line.
-
-    Args:
-        terrain: The map.
-        start: x and y in m.
-        end: x and y in m.
-        radius: Of the body, m.
-    """
+    """Return True if a body can move along a straight line; touching a wall is free."""
     return free_fraction(terrain, Pose(*start, 0.0), Pose(*end, 0.0), radius) >= 1.0
 
 
 def path_is_free(terrain: Terrain, pose: Pose, command: Command, step: float, radius: float) -> bool:
-    """Return True if a body can obey a command for one step; touching a wall is free.
-
-    Args:
-        terrain: The map.
-        pose: Where the step begins.
-        command: What the body obeys.
-        step: s.
-        radius: Of the body, a disc, m.
-    """
+    """Return True if a body, a disc, can obey a command for `step` s; touching a wall is free."""
     match command:
         case Velocity():
             return free_fraction(terrain, pose, advance(pose, command, step), radius) >= 1.0
@@ -77,12 +59,7 @@ def path_is_free(terrain: Terrain, pose: Pose, command: Command, step: float, ra
 
 
 def chords(command: Command, step: float) -> int:
-    """Count the chords that represent the path of one step in `lay_path`.
-
-    Args:
-        command: What the body obeys.
-        step: s.
-    """
+    """Count the chords that represent the path of one step in `lay_path`."""
     match command:
         case Velocity():
             return 1
@@ -95,13 +72,9 @@ def chords(command: Command, step: float) -> int:
 
 
 def lay_path(path: NDArray[np.float64], pose: Pose, command: Command, step: float) -> None:
-    """Fill in where a body would be at equal steps of time, with chords for arcs.
+    """Fill `path` with where a body would be at equal steps of time, with chords for arcs.
 
-    Args:
-        path: float64 (m + 1, 2), x and y in m after each share of the step; filled in.
-        pose: Where the step begins.
-        command: What the body obeys.
-        step: s.
+    `path` is float64 (m + 1, 2), x and y in m from the beginning of the step to its end.
     """
     match command:
         case Velocity():
@@ -118,17 +91,7 @@ def lay_path(path: NDArray[np.float64], pose: Pose, command: Command, step: floa
 
 
 def free_fraction(terrain: Terrain, pose: Pose, target: Pose, radius: float) -> float:
-    """Return the largest fraction of a line that is free.
-
-    Args:
-        terrain: The map.
-        pose: Where the line begins.
-        target: Where it ends.
-        radius: Of the body, a disc, m.
-
-    Returns:
-        A fraction in [0, 1].
-    """
+    """Return the largest fraction, in [0, 1], of a straight line along which a body, a disc, stays free."""
     x, y = terrain.origin
     line = (pose.x, pose.y, target.x, target.y)
     return float(kernels.free_fraction_line(terrain.blocked, terrain.point, x, y, *line, radius))

@@ -15,6 +15,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+__all__ = ["BoolGrid", "Terrain"]
+
 BoolGrid = NDArray[np.bool_]
 Steps = NDArray[np.uint8]
 """For each point the steps that lead against one-way zones: bit w of step w (`patrol.ground.one_way`)."""
@@ -27,24 +29,15 @@ MAX_POINTS = 50_000_000
 
 
 def whole_points(length: float, point: float) -> int:
-    """Return the number of whole points that lie along a length; a millionth of a point may be missing.
+    """Return the number of whole points that lie along a length, at most `MAX_POINTS` + 1.
 
-    Args:
-        length: m.
-        point: Side of one point, m.
-
-    Returns:
-        At most MAX_POINTS + 1.
+    A millionth of a point may be missing.
     """
     return math.floor(min(length / point + 1e-6, MAX_POINTS + 1.0))
 
 
 def frozen_grid(mask: BoolGrid) -> BoolGrid:
-    """Return a read-only, row-major bool view of a mask; copies only where its memory is laid out otherwise.
-
-    Args:
-        mask: bool (h, w).
-    """
+    """Return a read-only, row-major bool view of a mask; copies only where its memory is laid out otherwise."""
     grid = np.ascontiguousarray(mask, dtype=np.bool_).view()
     grid.flags.writeable = False
     return grid
@@ -52,29 +45,20 @@ def frozen_grid(mask: BoolGrid) -> BoolGrid:
 
 @dataclass(frozen=True, eq=False)
 class Terrain:
-    """The ground of one scenario.
+    """The ground of one scenario."""
 
-    Attributes:
-        name: What errors and reports call it.
-        passable: bool (height, width), read-only; False is an obstacle, which stops bodies and sight alike.
-        point: Side of one point, m.
-        origin: x and y in m of the outer corner of point (0, 0).
-        keep_out: bool (height, width), read-only; True where bodies may not go although a sensor sees across. All False
-            when omitted.
-        source: The YAML file of the map that it was read from, for errors; None for any other terrain.
-        against: uint8 (height, width), the steps from each point that lead against a one-way zone
-            (`patrol.ground.one_way`); `ALL_WAYS` on ground without one.
-        with_ways_back: By the radius of a body and the first point of a part of its C-space, the points of that part
-            from which ways lead back, once they were needed (`patrol.ground.one_way.ground_with_ways_back`).
-    """
-
-    name: str
-    passable: BoolGrid
-    point: float
-    origin: tuple[float, float] = (0.0, 0.0)
+    name: str  # what errors and reports call it
+    passable: BoolGrid  # (height, width), read-only; False is an obstacle, which stops bodies and sight alike
+    point: float  # side of one point, m
+    origin: tuple[float, float] = (0.0, 0.0)  # x and y of the outer corner of point (0, 0), m
+    # (height, width), read-only; True where bodies may not go although a sensor sees across; all False when omitted
     keep_out: BoolGrid = field(default_factory=lambda: np.zeros((0, 0), dtype=np.bool_))
-    source: Path | None = None
+    source: Path | None = None  # the YAML file of the map that it was read from, for errors; None for any other terrain
+    # (height, width), the steps from each point that lead against a one-way zone (`patrol.ground.one_way`); `ALL_WAYS`
+    # on ground without one
     against: Steps = field(default_factory=lambda: ALL_WAYS)
+    # by the radius of a body and the first point of a part of its C-space, the points of that part from which ways lead
+    # back, once they were needed (`patrol.ground.one_way.ground_with_ways_back`)
     with_ways_back: dict[tuple[float, int], BoolGrid] = field(default_factory=dict, init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -137,65 +121,35 @@ class Terrain:
         return room
 
     def with_grids(self, free: BoolGrid, blocked: NDArray[np.uint8]) -> Terrain:
-        """Take over `free` and `blocked` computed elsewhere, such as from files that many share.
+        """Take over `free` and `blocked` computed elsewhere, and return this terrain.
 
-        Args:
-            free: bool (height, width), what this terrain would make of its grids.
-            blocked: uint8 (height, width), the same.
-
-        Returns:
-            This terrain.
+        They come from files that many share, for example, and must be what this terrain would make of its grids.
         """
         vars(self).update(free=frozen_grid(free), blocked=frozen_grid(blocked.view(np.bool_)).view(np.uint8))
         return self
 
     def point_at(self, x: float, y: float) -> tuple[int, int]:
-        """(row, col) of the point that covers a place; it may lie outside the grid.
-
-        Args:
-            x: m.
-            y: m.
-        """
+        """Return the (row, col) of the point that covers a place; it may lie outside the grid."""
         ox, oy = self.origin
         point = self.point
         return math.floor((y - oy) / point), math.floor((x - ox) / point)
 
     def nearest_point(self, x: float, y: float) -> tuple[int, int]:
-        """(row, col) of the point that covers a place, or of the nearest one to a place outside the grid.
-
-        Args:
-            x: m.
-            y: m.
-        """
+        """Return the (row, col) of the point that covers a place, or of the nearest one to a place outside."""
         row, col = self.point_at(x, y)
         rows, cols = self.shape
         return min(max(row, 0), rows - 1), min(max(col, 0), cols - 1)
 
     def centre(self, row: int, col: int) -> tuple[float, float]:
-        """(x, y) in m of the centre of a point.
-
-        Args:
-            row: From the lowest y.
-            col: From the lowest x.
-        """
+        """Return the (x, y) in m of the centre of a point."""
         ox, oy = self.origin
         return ox + (col + 0.5) * self.point, oy + (row + 0.5) * self.point
 
     def inside(self, row: int, col: int) -> bool:
-        """Return True if (row, col) is a point of this grid.
-
-        Args:
-            row: From the lowest y.
-            col: From the lowest x.
-        """
+        """Return True if (row, col) is a point of this grid."""
         height, width = self.shape
         return 0 <= row < height and 0 <= col < width
 
     def contains(self, x: float, y: float) -> bool:
-        """Return True if a place lies on the terrain; False for NaN and infinities.
-
-        Args:
-            x: m.
-            y: m.
-        """
+        """Return True if a place lies on the terrain; False for NaN and infinities."""
         return math.isfinite(x) and math.isfinite(y) and self.inside(*self.point_at(x, y))

@@ -14,12 +14,8 @@ from patrol.ground.terrain import BoolGrid, Steps
 def framed(reach: BoolGrid, against: Steps) -> tuple[NDArray[np.uint8], Steps]:
     """Return the ground as the kernels of ways take it: framed by one point on every side.
 
-    Args:
-        reach: bool (height, width), where a body's centre may be.
-        against: As of `Terrain.against`.
-
-    Returns:
-        uint8 (height + 2, width + 2), 1 where a body's centre may be, and the steps against zones; of size 0 for none.
+    The first grid is uint8, 1 where a body's centre may be; the second holds the steps against zones, of size 0 for
+    none.
     """
     return np.pad(reach, 1).view(np.uint8), np.pad(against, 1) if against.size else against
 
@@ -27,18 +23,10 @@ def framed(reach: BoolGrid, against: Steps) -> tuple[NDArray[np.uint8], Steps]:
 def lengths_along(
     reach: BoolGrid, against: Steps, starts: list[tuple[int, int]], limit: int, *, back: bool = False
 ) -> NDArray[np.int32]:
-    """Find the lengths of the ways from the nearest of several points, or to it.
+    """Return the lengths of the ways from the nearest of several points, or with `back` to it.
 
-    Args:
-        reach: bool (height, width), where a body's centre may be.
-        against: As of `Terrain.against`.
-        starts: Rows and columns of points of the reach.
-        limit: The longest way, in hundredths of a point.
-        back: Find the ways to the starts instead of those from them.
-
-    Returns:
-        int32 (height + 2, width + 2), in hundredths of a point, framed by one point on every side; `FAR` where no way
-        leads.
+    The result is int32 (height + 2, width + 2), framed by one point on every side, in hundredths of a point as is
+    `limit`, the longest way; `FAR` where no way leads. The starts are rows and columns without the frame.
     """
     from patrol.ground.kernels.ways import FAR, wave
 
@@ -53,17 +41,10 @@ def lengths_along(
 def first_bend(
     reach: BoolGrid, against: Steps, length: NDArray[np.int32], first: tuple[int, int], last: tuple[int, int]
 ) -> tuple[int, int]:
-    """Find where the shortest way from one point to another first bends, pulled taut.
+    """Return the (row, col) where the shortest way from one point to another, pulled taut, first bends.
 
-    Args:
-        reach: As for `lengths_along`.
-        against: As for `lengths_along`.
-        length: Lengths of the ways to the last point, as `lengths_along` finds them.
-        first: Row and column of a point from which a way leads there.
-        last: Row and column of the other.
-
-    Returns:
-        Row and column; the last point where the way does not bend. The straight line there leads against no zone.
+    It is `last` where the way does not bend. The straight line there leads against no zone. `length` has the lengths of
+    the ways to `last`, framed as by `lengths_along`; rows and columns are without the frame.
     """
     from patrol.ground.kernels.ways import corners
 

@@ -65,12 +65,7 @@ class Zone(Protocol):
 def points_of(zone: Zone, terrain: Terrain) -> BoolGrid:
     """Return the points that share some area with a zone.
 
-    Args:
-        zone: The zone. A mask may have another resolution and another origin than the terrain.
-        terrain: The ground.
-
-    Returns:
-        bool (height, width).
+    A zone's mask may have another resolution and another origin than the terrain.
     """
     if zone.polygon is not None:
         return cover(zone.polygon, terrain.shape, terrain.point, terrain.origin)
@@ -81,15 +76,7 @@ def points_of(zone: Zone, terrain: Terrain) -> BoolGrid:
 
 
 def outline(points: BoolGrid, terrain: Terrain) -> NDArray[np.float64]:
-    """Return the edges between some points and all others.
-
-    Args:
-        points: bool (height, width).
-        terrain: The ground.
-
-    Returns:
-        float64 (n, 4), x and y in m of both ends of each straight edge.
-    """
+    """Return the straight edges between some points and all others, float64 (n, 4): x and y in m of both ends."""
     rims = np.pad(points, 1)
     lines = [(row, *run) for row, runs in _runs(rims[1:] != rims[:-1]) for run in runs]
     edges = [(first, row, end, row) for row, first, end in lines]
@@ -110,24 +97,14 @@ def _runs(marked: BoolGrid) -> Iterator[tuple[int, list[tuple[int, int]]]]:
 
 
 def middle(points: BoolGrid, terrain: Terrain) -> tuple[float, float]:
-    """Return x and y in m of the point that is nearest to the middle of some points.
-
-    Args:
-        points: bool (height, width), at least one point.
-        terrain: The ground.
-    """
+    """Return x and y in m of the point that is nearest to the middle of some points."""
     rows, cols = np.nonzero(points)
     nearest = int(((rows - rows.mean()) ** 2 + (cols - cols.mean()) ** 2).argmin())
     return terrain.centre(int(rows[nearest]), int(cols[nearest]))
 
 
 def steps_against(zones: Iterable[Zone], terrain: Terrain) -> Steps:
-    """Return the steps that lead against one-way zones: `Terrain.against`.
-
-    Args:
-        zones: All zones of the scenario.
-        terrain: The ground.
-    """
+    """Return the steps that lead against one-way zones: `Terrain.against`."""
     against = ALL_WAYS
     for zone in zones:
         if zone.one_way is not None:
@@ -136,15 +113,7 @@ def steps_against(zones: Iterable[Zone], terrain: Terrain) -> Steps:
 
 
 def with_zones(terrain: Terrain, zones: Iterable[Zone]) -> Terrain:
-    """Return the terrain without the ground that zones keep bodies out of, and with the directions of one-way zones.
-
-    Args:
-        terrain: The ground.
-        zones: All zones of the scenario.
-
-    Raises:
-        NotPrepared: A zone lies outside of the terrain, or no free space is left.
-    """
+    """Return the terrain without the ground that zones keep bodies out of, and with the directions of one-way zones."""
     zones = list(zones)
     keep_out, kept_out = terrain.keep_out.copy(), []
     for number, zone in enumerate(zones):

@@ -29,33 +29,17 @@ _KINDS: Mapping[str, type[Record]] = {"header": Header, "tick": TickRecord, "eve
 
 
 def longest_record(robots: int) -> int:
-    """Return the bytes of a fleet's longest record: 30 times a record of a tick in which all robots hear each other.
-
-    Args:
-        robots: How many there are.
-    """
+    """Return the bytes of a fleet's longest record: 30 times a record of a tick in which all robots hear each other."""
     return min(_LEAST_RECORD + 1024 * robots + 8 * robots * robots, MAX_RECORD)
 
 
 def is_tick(payload: bytes) -> bool:
-    """Return whether a record, as this program writes it, is a tick.
-
-    Args:
-        payload: Of any record.
-    """
+    """Return True if a record, as this program writes it, is a tick."""
     return payload[1:11] == _TICK
 
 
 def decode(payload: bytes, robots: int) -> Record:
-    """Decode the record in a payload.
-
-    Args:
-        payload: Any bytes.
-        robots: How many the fleet has.
-
-    Raises:
-        Malformed: For anything but a record.
-    """
+    """Decode the record in a payload; raise Malformed for bytes that are no record."""
     if is_tick(payload):
         value = unpack(payload, object_hook=_one_map)
     else:

@@ -25,12 +25,9 @@ class _Rows(Sequence[Row], Generic[Row]):
     __slots__ = ("_sequence", "destination", "source")
 
     def __init__(self, source: Column, destination: Column, sequence: Column | None) -> None:
-        """Take the columns, which must not change any more.
+        """Take the columns, int64 (n,), which must not change any more.
 
-        Args:
-            source: int64 (n,), the frames' sources.
-            destination: int64 (n,), their receivers.
-            sequence: int64 (n,), of `patrol.journal.records.frame_sequence`; None where `_laid` lays them out.
+        The sequence is that of `patrol.journal.records.frame_sequence`; None where `_laid` lays it out.
         """
         self.source = source
         self.destination = destination
@@ -97,33 +94,19 @@ def _same(mine: Column, theirs: Column) -> bool:
 
 
 class Links(_Rows[tuple[int, int, int]]):
-    """Rows of (source, destination, sequence).
-
-    Attributes:
-        source: int64 (n,).
-        destination: int64 (n,).
-        sequence: int64 (n,).
-    """
+    """Rows of (source, destination, sequence), held as columns of the same names, int64 (n,)."""
 
     __slots__ = ()
 
 
 class Pairs(NamedTuple):
-    """Some frames on their way, each with each of its receivers, by frame and receiver; read-only.
+    """Some frames on their way, each with each of its receivers, by frame and receiver; read-only."""
 
-    Attributes:
-        frame: int64 (n,), each link's place among the frames.
-        source: int64 (n,), each link's.
-        destination: int64 (n,), each link's.
-        robots: int64 (n,), both: ``destination << 16 | source``.
-        rises: Whether the links are in the order of source and destination, and none is there twice.
-    """
-
-    frame: Column
+    frame: Column  # each link's place among the frames
     source: Column
     destination: Column
-    robots: Column
-    rises: bool
+    robots: Column  # both: destination << 16 | source
+    rises: bool  # whether the links are in the order of source and destination, and none is there twice
 
 
 def pairs_of(frame: Column, source: Column, destination: Column) -> Pairs:
@@ -138,12 +121,8 @@ def pairs_of(frame: Column, source: Column, destination: Column) -> Pairs:
 class WholeLinks(Links):
     """The links of frames of which none is missing from its pairs.
 
-    The pairs are those of many ticks. So a tick has one sequence for each frame, and one for each link only where
-    that column is read.
-
-    Attributes:
-        pairs: Of the frames.
-        of_frames: int64, the frames' sequences.
+    The pairs are those of many ticks. So a tick has one sequence for each frame, in `of_frames`, and one for each link
+    only where that column is read.
     """
 
     __slots__ = ("of_frames", "pairs")
@@ -163,14 +142,9 @@ class WholeLinks(Links):
 
 
 class Drops(_Rows[tuple[int, int, int, str]]):
-    """Rows of (source, destination, sequence, cause).
+    """Rows of (source, destination, sequence, cause), held as columns, int64 (n,).
 
-    Attributes:
-        source: int64 (n,).
-        destination: int64 (n,).
-        sequence: int64 (n,).
-        cause: int64 (n,), indices into `causes`.
-        causes: Each once.
+    The column `cause` holds indices into `causes`, which has each cause once.
     """
 
     __slots__ = ("cause", "causes")
@@ -196,24 +170,17 @@ class Drops(_Rows[tuple[int, int, int, str]]):
 
 
 class ToOthers(NamedTuple):
-    """Some frames on their way to all receivers but their own senders; read-only.
-
-    Attributes:
-        pairs: Each frame with each of its receivers.
-        reaches: bool (receivers, frames), whether there is a link from a frame to a receiver.
-    """
+    """Some frames on their way to all receivers but their own senders; read-only."""
 
     pairs: Pairs
-    reaches: NDArray[np.bool_]
+    reaches: NDArray[np.bool_]  # (receivers, frames), whether there is a link from a frame to a receiver
 
 
 @lru_cache(maxsize=2)
 def to_others(sources: tuple[int, ...], receivers: tuple[int, ...]) -> ToOthers:
     """Find the links of some frames, once for as long as the same robots send and hear.
 
-    Args:
-        sources: Of the frames, in their order.
-        receivers: All that a frame can reach, ascending.
+    The sources are in the order of the frames, the receivers ascending.
     """
     of, to = np.array(sources, dtype=np.int64), np.array(receivers, dtype=np.int64)
     is_other = of[:, None] != to[None, :]
@@ -224,13 +191,10 @@ def to_others(sources: tuple[int, ...], receivers: tuple[int, ...]) -> ToOthers:
 
 
 def places_of(links: Links | Drops) -> NDArray[np.uint64] | None:
-    """One number for each link, in whose order the links are sorted by source, destination and sequence.
+    """Return one number for each link, uint64 (n,), that sorts links by source, destination and sequence.
 
-    Args:
-        links: Their robots' numbers are below 2^16.
-
-    Returns:
-        uint64 (n,); None where a sequence, which only forged frames can have, takes more than 32 bits.
+    The robots' numbers must be below 2^16. None where a sequence, which only forged frames can have, takes more than 32
+    bits.
     """
     if (links.sequence > MAX_SHORT).any():
         return None

@@ -28,20 +28,12 @@ class TraceHash:
     """
 
     def __init__(self, spares: Collection[int] = ()) -> None:
-        """Begin before the first tick.
-
-        Args:
-            spares: Numbers of the scenario's spare robots.
-        """
+        """Begin before the first tick."""
         self._hash = hashlib.sha256()
         self._spares = frozenset(spares)
 
     def tick(self, record: TickRecord) -> None:
-        """Take in the next tick.
-
-        Args:
-            record: Of the tick.
-        """
+        """Take in the next tick."""
         robots = [row for row in record.robots if row.status is not Status.ABSENT or row.number not in self._spares]
         parts = [_COUNTED.pack(record.k, len(robots))]
         parts += [
@@ -78,15 +70,7 @@ def _packed(links: Links) -> bytes:
 
 
 def trace_hash(ticks: Iterable[TickRecord], spares: Collection[int] = ()) -> str:
-    """Compute the trace hash of a whole run.
-
-    Args:
-        ticks: In order.
-        spares: Numbers of the scenario's spare robots.
-
-    Returns:
-        64 hex digits.
-    """
+    """Return the trace hash of a whole run, 64 hex digits, from its ticks in order."""
     trace = TraceHash(spares)
     for record in ticks:
         trace.tick(record)

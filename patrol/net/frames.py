@@ -9,11 +9,9 @@ from patrol.radio.message import CONTACT, MAX_FRAME, Rejected, decode
 
 
 class FrameMailbox(Mailbox[bytes]):
-    """Frames that wait. A position of another robot than the key's is dropped: certificates guard keys alone.
+    """Frames that wait, without positions of another robot than the key's: certificates guard keys alone.
 
-    Args:
-        numbers: The senders' numbers, by the key under which each sends.
-        room: Frames that wait per sender; when there are more the oldest is dropped.
+    `numbers` are the senders' numbers by key. When more than `room` frames of a sender wait, the oldest is dropped.
     """
 
     def __init__(self, numbers: Mapping[str, int], room: int = 256) -> None:
@@ -21,12 +19,9 @@ class FrameMailbox(Mailbox[bytes]):
         self._numbers = numbers
 
     def put(self, key: str, message: bytes, size: int = 0) -> None:
-        """Put one frame in; called from any thread. What is no frame is for the reader to refuse.
+        """Put one frame in; called from any thread.
 
-        Args:
-            key: That it came under.
-            message: The frame.
-            size: Its length.
+        Bytes that are no frame are put in too, for the reader to refuse.
         """
         try:
             claimed = decode(message).robot

@@ -44,80 +44,40 @@ class FleetKeys:
         return f"{ROOT}/{self.fleet}/**"
 
     def tick(self, robot: str) -> str:
-        """Key of phases A and B, world to robot.
-
-        Args:
-            robot: Its name, or ``*`` for all robots.
-        """
+        """Return the key of phases A and B, world to robot; ``*`` stands for all robots."""
         return f"{ROOT}/{self.fleet}/robot/{robot}/tick"
 
     def reply(self, robot: str) -> str:
-        """Key of a robot's answers, robot to world.
-
-        Args:
-            robot: Its name, or ``*`` for all robots.
-        """
+        """Return the key of a robot's answers, robot to world; ``*`` stands for all robots."""
         return f"{ROOT}/{self.fleet}/robot/{robot}/reply"
 
     def position(self, robot: str) -> str:
-        """Key of position frames, robot to robots.
-
-        Args:
-            robot: Its name, or ``*`` for all robots.
-        """
+        """Return the key of position frames, robot to robots; ``*`` stands for all robots."""
         return f"{ROOT}/{self.fleet}/position/{robot}"
 
     def telemetry(self, robot: str) -> str:
-        """Key of diagnostics, robot to observers.
-
-        Args:
-            robot: Its name, or ``*`` for all robots.
-        """
+        """Return the key of diagnostics, robot to observers; ``*`` stands for all robots."""
         return f"{ROOT}/{self.fleet}/telemetry/{robot}"
 
     def truth(self, topic: str) -> str:
-        """Key of what the world publishes, world to observers.
-
-        Args:
-            topic: Such as `patrol.net.messages.telemetry.METRICS`.
-        """
+        """Return the key of what the world publishes under a topic, world to observers."""
         return f"{ROOT}/{self.fleet}/truth/{topic}"
 
     def control(self, what: str) -> str:
-        """Key of operators' requests, which the world answers.
-
-        Args:
-            what: Such as `patrol.net.security.control_auth.ASK`.
-        """
+        """Return the key of operators' requests, which the world answers."""
         return f"{ROOT}/{self.fleet}/control/{what}"
 
     def stop(self, robot: str) -> str:
-        """Key of an operator's orders to stop, which the robot answers.
-
-        Args:
-            robot: Its name, or ``*`` for all robots.
-        """
+        """Return the key of an operator's orders to stop, which the robot answers; ``*`` for all robots."""
         return f"{ROOT}/{self.fleet}/stop/{robot}"
 
     def alive(self, who: str) -> str:
-        """Key of a liveliness token.
-
-        Args:
-            who: a robot's name, `WORLD`, or ``*`` for all of them.
-        """
+        """Return the key of a liveliness token: a robot's, that of `WORLD`, or with ``*`` those of all."""
         return f"{ROOT}/{self.fleet}/alive/{who}"
 
 
 def fleet_keys(fleet: str, option: str = "--fleet") -> FleetKeys:
-    """Make the keys of a fleet.
-
-    Args:
-        fleet: Its name.
-        option: What errors call it.
-
-    Raises:
-        BadInput: When the name cannot be a part of a key.
-    """
+    """Make the keys of a fleet."""
     if not _FLEET.fullmatch(fleet):
         raise BadInput(
             f"{option} {fleet!r}: not a name for a fleet; give at most 128 letters, digits, '.', '_' and '-', "
@@ -127,20 +87,14 @@ def fleet_keys(fleet: str, option: str = "--fleet") -> FleetKeys:
 
 
 def callers_of(keys: FleetKeys, numbers: Mapping[str, int]) -> dict[int, str]:
-    """Return the keys under which robots send positions, by their numbers.
-
-    Args:
-        keys: Of their fleet.
-        numbers: By their names.
-    """
+    """Return the keys under which robots send positions, by their numbers."""
     return {number: keys.position(name) for name, number in numbers.items()}
 
 
 def robot_of(key: str) -> str:
-    """Return the robot's name in a key of `tick`, `reply`, `alive`, `telemetry` or `position`; empty for another key.
+    """Return the robot's name in a key; empty for a key that has none.
 
-    Args:
-        key: Any key.
+    Keys of `tick`, `reply`, `alive`, `telemetry` and `position` have one.
     """
     parts = key.split("/")
     if len(parts) == 5 and parts[2] == "robot":
@@ -149,18 +103,9 @@ def robot_of(key: str) -> str:
 
 
 def check_locator(locator: str, option: str, least_port: int = 1) -> str:
-    """Check one address as Zenoh writes it, ``tcp/HOST:PORT``.
+    """Check one address as Zenoh writes it, ``tcp/HOST:PORT``, and return it.
 
-    Args:
-        locator: The address.
-        option: What errors call it.
-        least_port: 0 where a process may listen on any free port.
-
-    Returns:
-        The locator.
-
-    Raises:
-        BadInput: For anything else.
+    `least_port` is 0 where a process may listen on any free port. Errors call the address `option`.
     """
     match = _LOCATOR.fullmatch(locator)
     if match is None or not least_port <= int(match[1]) < 65536:
@@ -169,39 +114,20 @@ def check_locator(locator: str, option: str, least_port: int = 1) -> str:
 
 
 def check_locators(locators: str, option: str) -> str:
-    """Check the addresses of a router, or of routers that are tried in turn.
-
-    Args:
-        locators: One locator, or several with commas between them.
-        option: What errors call them.
-
-    Returns:
-        The locators, as given.
-
-    Raises:
-        BadInput: One of them is no locator.
-    """
+    """Check the addresses of a router, or of several with commas between them, and return them as given."""
     for locator in locators.split(","):
         check_locator(locator, option)
     return locators
 
 
 def address_of(locator: str) -> tuple[str, int]:
-    """Return host and port of a locator.
-
-    Args:
-        locator: Such as ``quic/[::1]:7447?mixed_rel=1``.
-    """
+    """Return host and port of a locator, such as ``quic/[::1]:7447?mixed_rel=1``."""
     host, _, port = locator.partition("/")[2].partition("?")[0].rpartition(":")
     return host.strip("[]"), int(port)
 
 
 def is_loopback(host: str) -> bool:
-    """Return True if a host is this machine alone.
-
-    Args:
-        host: a name or an address.
-    """
+    """Return True if a host is this machine alone."""
     try:
         return ipaddress.ip_address(host.strip("[]")).is_loopback
     except ValueError:
@@ -209,20 +135,12 @@ def is_loopback(host: str) -> bool:
 
 
 def is_local(locator: str) -> bool:
-    """Return True if all addresses of a router are on this machine alone.
-
-    Args:
-        locator: Such as ``tcp/127.0.0.1:7447``; several with commas between them.
-    """
+    """Return True if all addresses of a router, with commas between them, are on this machine alone."""
     return all(is_loopback(address_of(one)[0]) for one in locator.split(","))
 
 
 def is_group(locator: str) -> bool:
-    """Return True if a locator is an IPv4 multicast group.
-
-    Args:
-        locator: ``udp/GROUP:PORT``, perhaps with ``#iface=NAME``.
-    """
+    """Return True if a locator is an IPv4 multicast group: ``udp/GROUP:PORT``, perhaps with ``#iface=NAME``."""
     match = _GROUP.fullmatch(locator)
     try:
         return match is not None and 0 < int(match[2]) < 65536 and ipaddress.IPv4Address(match[1]).is_multicast
@@ -231,21 +149,13 @@ def is_group(locator: str) -> bool:
 
 
 def check_radio(locator: str | None, option: str, via: str) -> str | None:
-    """Check where robots hear each other: a multicast group, a serial line, a member's folder or routers' addresses.
+    """Check the locator under which robots hear each other, and return it; None stays None.
+
+    It is a multicast group, a serial line, a member's folder or routers' addresses. It is refused where `via`, the
+    scenario's radio.via, is not ``direct``.
 
     A router is reached over udp only if it sends subscriptions reliably: they are announced once, and where an
     announcement is lost, a robot is never heard. A group needs no announcements.
-
-    Args:
-        locator: The place, or None.
-        option: What errors call it.
-        via: The scenario's radio.via.
-
-    Returns:
-        The locator.
-
-    Raises:
-        BadInput: For anything else, and for a locator where radio.via is not direct.
     """
     if locator is None:
         return None

@@ -84,9 +84,7 @@ class PortBusy(LinkDown):
 class Link:
     """A session with a router, or with the others of a mesh. Everything declared on it lives until `close`.
 
-    Args:
-        session: An open Zenoh session.
-        mesh: The fleet that it is a member of, where its members meet without a router.
+    `mesh` is the fleet that it is a member of, where the members meet without a router; else None.
     """
 
     def __init__(self, session: zenoh.Session, mesh: Mesh | None = None) -> None:
@@ -114,13 +112,12 @@ class Link:
     def post(self, key: str, *, waits: bool = True, together: bool = False) -> Post:
         """Make a publisher for ticks and answers: sends at once, ahead of all else.
 
-        Args:
-            key: To publish under.
-            waits: Whether to wait where a queue is full, or to drop. One receiver that has stopped reading then holds
-                up its router, and with it everything that this link sends.
-            together: For a sender to many at a time: what is sent while an earlier message still waits travels with
-                it, in pieces of up to 64 KiB. Each message on its own takes a place in the queue: of a burst to 50
-                robots, a busy machine dropped what came after the 16th (`patrol.net.settings`).
+        Where a queue is full, it waits, or drops the message if `waits` is False. While it waits, one receiver that has
+        stopped reading holds up its router, and with it everything that this link sends.
+
+        `together` is for a sender to many at a time: what is sent while an earlier message still waits travels with it,
+        in pieces of up to 64 KiB. Each message on its own takes a place in the queue: of a burst to 50 robots, a busy
+        machine dropped what came after the 16th (`patrol.net.settings`).
         """
         control = zenoh.CongestionControl.BLOCK if waits else zenoh.CongestionControl.DROP
         publisher = self._session.declare_publisher(
@@ -138,9 +135,6 @@ class Link:
 
         Positions of many robots that wait on their way travel together, as those of `post` may: otherwise a router
         dropped, on a busy machine, what came after the 16th of those that send at the same time.
-
-        Args:
-            key: To publish under.
         """
         publisher = self._session.declare_publisher(
             key,
@@ -155,11 +149,7 @@ class Link:
         return publisher.put
 
     def publisher(self, key: str) -> Post:
-        """Make a publisher for observers: drops a message where a queue is full, so that it never holds up a tick.
-
-        Args:
-            key: To publish under.
-        """
+        """Make a publisher for observers: drops a message where a queue is full, so that it never holds up a tick."""
         publisher = self._session.declare_publisher(
             key,
             congestion_control=zenoh.CongestionControl.DROP,
@@ -170,12 +160,7 @@ class Link:
         return publisher.put
 
     def subscribe(self, key: str, mailbox: Mailbox[Any]) -> None:
-        """Put messages into a mailbox.
-
-        Args:
-            key: a key expression.
-            mailbox: Where they wait.
-        """
+        """Put messages into a mailbox."""
 
         def receive(sample: zenoh.Sample) -> None:
             mailbox.deliver(str(sample.key_expr), sample.payload)
@@ -184,12 +169,7 @@ class Link:
         self._declared.append(self._session.declare_subscriber(key, handler))
 
     def watch(self, key: str, mailbox: Mailbox[Any]) -> None:
-        """Put liveliness tokens into a mailbox: those that exist now, and every change.
-
-        Args:
-            key: a key expression.
-            mailbox: Where `Presence` messages wait.
-        """
+        """Put liveliness tokens into a mailbox, as `Presence`: those that exist now, and every change."""
 
         def receive(sample: zenoh.Sample) -> None:
             mailbox.put(str(sample.key_expr), Presence(sample.kind == zenoh.SampleKind.PUT))
@@ -198,31 +178,16 @@ class Link:
         self._declared.append(self._session.liveliness().declare_subscriber(key, handler, history=True))
 
     def sees(self, key: str) -> bool:
-        """Return True if any process holds the liveliness token of a key now.
-
-        Args:
-            key: a key expression.
-        """
+        """Return True if any process holds the liveliness token of a key now."""
         return any(reply.ok is not None for reply in self._session.liveliness().get(key, timeout=SEE_S))
 
     def seen(self, key: str, most: int) -> list[str]:
-        """List the keys of liveliness tokens that are held now.
-
-        Args:
-            key: a key expression.
-            most: How many are of interest.
-        """
+        """List the keys of liveliness tokens that are held now, at most `most` of them."""
         replies = self._session.liveliness().get(key, timeout=SEE_S)
         return [str(reply.ok.key_expr) for reply in islice(replies, most) if reply.ok is not None]
 
     def attend(self, key: str, longest: int, mailbox: Mailbox[Question]) -> None:
-        """Put queries into a mailbox, to be answered later.
-
-        Args:
-            key: The key that is queried.
-            longest: Bytes of the longest payload that is accepted.
-            mailbox: Where they wait.
-        """
+        """Put queries into a mailbox, to be answered later; payloads of more than `longest` bytes are refused."""
 
         def receive(query: zenoh.Query) -> None:
             payload = query.payload
@@ -235,16 +200,7 @@ class Link:
         self._declared.append(self._session.declare_queryable(key, handler))
 
     def ask(self, key: str, payload: bytes, wait_s: float) -> bytes | None:
-        """Await the first answer to a query.
-
-        Args:
-            key: To query.
-            payload: Of the query.
-            wait_s: How long to wait.
-
-        Returns:
-            The answer, or None when none came in time.
-        """
+        """Return the first answer to a query, or None when none came within `wait_s`."""
         replies = self._session.get(key, payload=payload, timeout=wait_s, priority=zenoh.Priority.DATA_HIGH)
         return next((reply.ok.payload.to_bytes() for reply in replies if reply.ok is not None), None)
 
@@ -261,11 +217,7 @@ class Link:
     def echo(self, key: str) -> Callable[[], bool]:
         """Ask the router for a liveliness token of any holder; its answer shows that the router is at work.
 
-        Args:
-            key: Of the token.
-
-        Returns:
-            Whether the router has answered; in a mesh there is none to wait for.
+        The function returned tells whether the router has answered; in a mesh, which has none, it is always True.
         """
         if self.mesh is not None:
             return lambda: True
@@ -275,8 +227,7 @@ class Link:
     def pulse(self, key: str) -> Callable[[], bool]:
         """Ask the router's own tables for a liveliness token; they answer also when the link is cut.
 
-        Args:
-            key: Of a token.
+        The function returned tells whether they have answered.
         """
         back = threading.Event()
         handler: Any = zenoh.handlers.Callback(lambda _: None, back.set, indirect=False)
@@ -284,37 +235,24 @@ class Link:
         return back.is_set
 
     def live(self, key: str) -> None:
-        """Declare a liveliness token, which ends with this process or its link.
-
-        Args:
-            key: Of the token.
-        """
+        """Declare a liveliness token, which ends with this process or its link."""
         self._declared.append(self._session.liveliness().declare_token(key))
 
     def close(self, limit_s: float | None = None) -> bool:
-        """Close the session; what is closed already stays so.
+        """Close the session; return False when that takes longer than the limit or than Zenoh allows.
 
-        Args:
-            limit_s: How long to wait; None for `CLOSE_S` or `MESH_CLOSE_S`.
-
-        Returns:
-            False when closing takes longer than the limit or than Zenoh allows, after which only ending the process
-            helps.
+        Then only ending the process helps. What is closed already stays so. The limit is `CLOSE_S` or `MESH_CLOSE_S`
+        unless given.
         """
         usual_s = CLOSE_S if self.mesh is None else MESH_CLOSE_S
         return close_session(self._session, self._declared, usual_s if limit_s is None else limit_s)
 
 
 def close_session(session: zenoh.Session, declared: list[Any], limit_s: float) -> bool:
-    """Close a session; one that is closed already stays so.
+    """Close a session; return False when that takes longer than the limit or than Zenoh allows.
 
-    Args:
-        session: The session.
-        declared: What was declared on it, in order; undeclared and emptied.
-        limit_s: How long to wait.
-
-    Returns:
-        False when closing takes longer than the limit or than Zenoh allows, after which only ending the process helps.
+    Then only ending the process helps. A session that is closed already stays so. What was declared on it, in order, is
+    undeclared, and the list emptied.
     """
     closed = threading.Event()
 
@@ -368,17 +306,11 @@ def open_link(
 ) -> Link:
     """Join a router, or the other members of a mesh.
 
-    Robots and worlds of a mesh do not wait for others; whoever watches or controls it waits for the first.
+    Robots and worlds of a mesh do not wait for others; whatever watches or controls it waits for the first.
 
-    Args:
-        router: Its locator, such as ``tcp/127.0.0.1:7447``; several with commas between them are tried in turn.
-        wait_s: How long to wait for it.
-        waiting: Called as `TELL_S` says, with the seconds waited, while no router answers.
-        stopped: Whether to give up.
-        credentials: Prove this process's identity; None for a router that asks for none.
-
-    Raises:
-        LinkDown: When no router has answered after `wait_s`, or `stopped` says so.
+    Several routers, with commas between them, are tried in turn. While none answers, `waiting` is called with the
+    seconds waited, as often as `TELL_S` says. LinkDown is raised when none has answered after `wait_s`, or `stopped`
+    returns True. Credentials are None for a router that asks for none.
     """
     settings = client_settings(router, LEASE_S, credentials)
     if credentials is None or credentials.mesh is None:
@@ -406,16 +338,8 @@ def open_session(
 ) -> zenoh.Session:
     """Open a session with a router, for uses of Zenoh that a `Link` does not offer.
 
-    Args:
-        settings: Of Zenoh, by dotted name (`client_settings`).
-        router: As of `open_link`, like all others that are not listed.
-        wait_s: As of `open_link`.
-        waiting: As of `open_link`.
-        stopped: As of `open_link`.
-
-    Raises:
-        LinkDown: As of `open_link`.
-        NotAdmitted: The router does not let this process in.
+    The settings are Zenoh's, by dotted name (`client_settings`); all else is as for `open_link`. Raises NotAdmitted, a
+    LinkDown, when the router does not let this process in.
     """
     box: list[zenoh.Session | Exception] = []
     is_open = threading.Event()
@@ -468,15 +392,9 @@ def listens(routers: str) -> bool:
 
 
 def open_router(listen: str, security: RouterSecurity | None = None, others: Sequence[str] = ()) -> Link:
-    """Be a router.
+    """Open a router that listens at a locator; raise LinkDown when it cannot listen there.
 
-    Args:
-        listen: The locator to listen at.
-        security: The rights to connect and to act; None to allow everything.
-        others: Locators of the fleet's routers at other sites, to connect to.
-
-    Raises:
-        LinkDown: In one line, when it cannot listen there.
+    Without `security` it allows everything. `others` are locators of the fleet's routers at other sites, to connect to.
     """
     return _open_listening(router_settings(listen, security, others), listen)
 

@@ -25,26 +25,17 @@ Post = Callable[[bytes], None]
 
 @dataclass(frozen=True, slots=True)
 class Presence:
-    """A liveliness token has come or gone.
-
-    Attributes:
-        present: Whether it exists now.
-    """
+    """The news that a liveliness token has come or gone."""
 
     present: bool
 
 
 @dataclass(frozen=True, slots=True)
 class Question:
-    """A query that waits for an answer.
-
-    Attributes:
-        payload: Of the query.
-        answer: Sends the answer, once; a long answer waits for its receiver.
-    """
+    """A query that waits for an answer."""
 
     payload: bytes
-    answer: Post
+    answer: Post  # sends the answer, once; a long answer waits for its receiver
 
 
 class Payload(Protocol):
@@ -62,17 +53,10 @@ class Payload(Protocol):
 class Mailbox(Generic[T]):
     """Messages that have arrived and wait to be taken, in order within a key and fairly between keys.
 
-    One thread puts, another gets.
-
-    Attributes:
-        refused: Counts of dropped messages by reason: unknown, oversized, malformed, overflow.
-
-    Args:
-        keys: Those it accepts.
-        decode: Turns a payload into a message, or raises ValueError.
-        longest: Bytes of the longest payload that is decoded.
-        room: Messages that wait per key; when there are more the oldest is dropped.
-        room_bytes: Bytes of the payloads that wait, of all keys together; a message beyond them is dropped.
+    One thread puts, another gets. `decode` turns a payload of at most `longest` bytes into a message, or raises
+    ValueError. When more than `room` messages of a key wait, the oldest is dropped; a message is dropped itself when
+    the payloads of all keys would exceed `room_bytes`. `refused` counts dropped messages by reason: unknown, oversized,
+    malformed, overflow.
     """
 
     def __init__(
@@ -98,12 +82,7 @@ class Mailbox(Generic[T]):
         return sum(len(waiting) for waiting in self._waiting.values())
 
     def deliver(self, key: str, payload: Payload) -> None:
-        """Decode one message and put it in; called on the receiving thread.
-
-        Args:
-            key: That it came under.
-            payload: Not yet copied.
-        """
+        """Decode one message and put it in; called on the receiving thread."""
         if len(payload) > self._longest:
             self.refused["oversized"] += 1
             return
@@ -118,13 +97,7 @@ class Mailbox(Generic[T]):
         self.put(key, message, len(payload))
 
     def put(self, key: str, message: T, size: int = 0) -> None:
-        """Put one message in; called from any thread.
-
-        Args:
-            key: That it came under.
-            message: Decoded.
-            size: Bytes of its payload.
-        """
+        """Put one decoded message in, with the length of its payload in bytes; called from any thread."""
         waiting = self._waiting.get(key)
         if waiting is None:
             self.refused["unknown"] += 1
@@ -140,14 +113,7 @@ class Mailbox(Generic[T]):
             waiting.append((message, size))
 
     def get(self, timeout_s: float = 0.0) -> tuple[str, T] | None:
-        """Take the next message out.
-
-        Args:
-            timeout_s: How long to wait for one.
-
-        Returns:
-            Its key and the message, or None when none came in time.
-        """
+        """Take the next message out, with its key; None when none came within `timeout_s`."""
         with self._changed:
             if not self._ready and timeout_s > 0.0:
                 self._changed.wait(timeout_s)
@@ -166,20 +132,11 @@ class Air(Protocol):
     """A carrier of positions: a link to Zenoh, a multicast group or a serial line."""
 
     def broadcast(self, key: str) -> Post:
-        """Make a publisher for a direct radio: sends at once, to all others; a message is lost rather than late.
-
-        Args:
-            key: To publish under.
-        """
+        """Make a publisher for a direct radio: sends at once, to all others; a message is lost rather than late."""
         ...
 
     def subscribe(self, key: str, mailbox: Mailbox[Any]) -> None:
-        """Put messages into a mailbox.
-
-        Args:
-            key: a key expression.
-            mailbox: Where they wait.
-        """
+        """Put messages into a mailbox."""
         ...
 
     def close(self) -> bool:

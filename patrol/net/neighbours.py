@@ -11,11 +11,7 @@ import zenoh
 
 
 class Neighbours:
-    """The members of a mesh that a process is connected to, by the common names of their certificates.
-
-    Args:
-        session: An open Zenoh session.
-    """
+    """The members of a mesh that a process is connected to, by the common names of their certificates."""
 
     def __init__(self, session: zenoh.Session) -> None:
         self._links: Counter[str] = Counter()

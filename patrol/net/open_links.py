@@ -31,22 +31,10 @@ def open_links(
     credentials: Credentials | None = None,
     callers: Mapping[int, str] = MappingProxyType({}),
 ) -> tuple[Link, Air] | None:
-    """Open the link to the router and the one for positions.
+    """Open the link to the router and the one for positions; return None when `stopped` says so.
 
-    Args:
-        router: The router's locator.
-        radio: Where robots hear each other, or None for the same router or mesh.
-        wait_s: How long to wait for each.
-        say: Takes a line now and then while the process waits.
-        stopped: Whether to give up.
-        credentials: Prove this process's identity at both routers; None for routers that ask for none.
-        callers: The keys under which the robots send, by their numbers, for a serial line, which carries no keys.
-
-    Returns:
-        Both links, which may be the same; None when `stopped` says so.
-
-    Raises:
-        BadInput: When no router has answered after `wait_s`, or the credentials cannot be used at `radio`.
+    Where `radio` is None, both are the same link. Each may take `wait_s`. Only a serial line needs `callers`, the keys
+    under which the robots send, by their numbers: it carries no keys itself.
     """
     on_a_mesh = _mesh_credentials(radio, credentials)
     if radio is not None and credentials is not None and not (on_a_mesh or is_group(radio) or is_serial(radio)):
@@ -90,21 +78,7 @@ def open_air(
     credentials: Credentials | None = None,
     callers: Mapping[int, str] = MappingProxyType({}),
 ) -> Air:
-    """Open what carries positions alone: a group, a serial line, a mesh, or a router of its own.
-
-    Args:
-        radio: Where robots hear each other, checked (`patrol.net.keys.check_radio`).
-        wait_s: How long to wait for a router.
-        waiting: As for `patrol.net.link.open_link`.
-        stopped: Whether to give up.
-        credentials: For a mesh or a router; None for a router that asks for none.
-        callers: As for `open_links`.
-
-    Raises:
-        LinkDown: No router has answered in time, or the mesh cannot be listened for.
-        GroupDown: The group cannot be joined.
-        SerialDown: The line cannot be used.
-    """
+    """Open what carries positions alone: a group, a serial line, a mesh, or a router of its own."""
     if is_group(radio):
         return open_group(radio)
     if is_serial(radio):

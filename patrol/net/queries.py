@@ -44,20 +44,10 @@ def answers_until(
 def answers_of(
     session: zenoh.Session, keys: Sequence[str], payload: bytes, longest: int, wait_s: float
 ) -> Iterator[tuple[str, bytes]]:
-    """Give the answers to one query under several keys, which are asked at once.
+    """Yield the answers to one query under several keys, asked at once: each answer's key, and the answer.
 
     By default, Zenoh sends a query to the process that seems nearest, which may be the wrong one. So this one goes to
-    all, and no answer replaces another.
-
-    Args:
-        session: An open Zenoh session.
-        keys: To query.
-        payload: Of the query.
-        longest: Bytes of the longest answer that is wanted; longer ones are dropped.
-        wait_s: How long to wait for answers, s.
-
-    Yields:
-        The key that was queried, and an answer, as they come.
+    all, and no answer replaces another. Answers of more than `longest` bytes are dropped.
     """
     waiting: Mailbox[bytes] = Mailbox([*keys, _OVER], bytes, longest, max(_ROOM, len(keys)))
 

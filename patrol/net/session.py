@@ -215,38 +215,26 @@ Effects = tuple[Send | Refuse | Deliver | Repeat | Halt | Part | Unanswered | Un
 
 @dataclass(frozen=True, slots=True)
 class Identity:
-    """The identity of a robot's process.
-
-    Attributes:
-        name: The robot's name.
-        incarnation: Counts the robot's processes, from 1.
-        instance: Random number of this process, above 0.
-        scenario: The scenario's hash.
-    """
+    """The identity of a robot's process."""
 
     name: str
-    incarnation: int
-    instance: int
-    scenario: str
+    incarnation: int  # counts the robot's processes, from 1
+    instance: int  # random number of this process, above 0
+    scenario: str  # hash
 
 
 class RobotEnd:
     """The robot's end. Times are in s.
 
-    Attributes:
-        stage: Its state.
-        world_present: Whether the fleet has a world, which may not have greeted this robot yet.
-        k: The tick that the mind has taken last; -1 before the first.
+    `k` is the tick that the mind has taken last, -1 before the first. `world_present` is True where the fleet has a
+    world, which may not have greeted this robot yet.
     """
 
     def __init__(self, identity: Identity, patience_s: float, blind_s: float, now: float) -> None:
         """Begin without a world.
 
-        Args:
-            identity: Of the process.
-            patience_s: Time without a world after which the robot leaves.
-            blind_s: Time without a new pose after which the robot stops. Infinite in lockstep, where the world waits.
-            now: Time.
+        The robot leaves after `patience_s` without a world and stops after `blind_s` without a new pose, which is
+        infinite in lockstep, where the world waits.
         """
         self.stage = RobotStage.UNGREETED
         self.world_present = False
@@ -403,26 +391,16 @@ class RobotEnd:
 
 @dataclass(slots=True)
 class WorldRun:
-    """A run as a world offers it to its robots.
+    """A run as a world offers it to its robots."""
 
-    Attributes:
-        number: Random number of the run.
-        scenario: The scenario's hash.
-        chain: Proves which ticks have begun.
-        seat: Gives the instance of the process that the launcher starts for a robot, by number and incarnation; None
-            where there is no launcher.
-        return_s: How long a robot's token may be gone before its process is gone, s (`RETURN_S`).
-        k: The newest tick that a robot was told of.
-        begun: Number of ticks that have begun.
-    """
-
-    number: int
-    scenario: str
-    chain: TickChain
+    number: int  # random number of the run
+    scenario: str  # hash
+    chain: TickChain  # proves which ticks have begun
+    # instance that a launcher gives a robot's process, by number and incarnation; None without launcher
     seat: Callable[[int, int], int] | None = None
-    return_s: float = RETURN_S
-    k: int = 0
-    begun: int = 0
+    return_s: float = RETURN_S  # time without a token after which a process is gone
+    k: int = 0  # the newest tick that a robot was told of
+    begun: int = 0  # number of ticks that have begun
 
     def unlike(self, message: HelloReply) -> str:
         """Return what of a process is not as in this run, and the remedy; empty when all is."""
@@ -438,26 +416,14 @@ class WorldRun:
 class WorldEnd:
     """The world's end of one robot's session. Times are in s.
 
-    Attributes:
-        stage: Its state.
-        number: The robot's number.
-        name: The robot's name.
-        present: Whether there is a liveliness token of the robot.
-        away_since: When it was found to have gone; None where it is there or was never seen.
-        process: Incarnation and instance of the process that has the seat.
-        reason: Why its mind cannot go on, or why it was dismissed.
-        transcripts: Of the exchange with each process that has, or had, the seat, by incarnation and instance.
+    `present` is True while there is a liveliness token of the robot. `away_since` is when it was found to have gone,
+    None where it is there or was never seen. `process` has the seat, and `transcripts` are of each process that has, or
+    had, it: both by incarnation and instance. `reason` says why the mind cannot go on, or why the process was
+    dismissed.
     """
 
     def __init__(self, run: WorldRun, number: int, name: str, *, expected: bool = True) -> None:
-        """Begin without a process.
-
-        Args:
-            run: That the world offers.
-            number: The robot's number.
-            name: The robot's name.
-            expected: Whether a process is expected from the beginning, of whatever incarnation.
-        """
+        """Begin without a process; where one is `expected`, it may be of any incarnation."""
         self.stage = SeatStage.EXPECTED if expected else SeatStage.VACANT
         self.number = number
         self.name = name

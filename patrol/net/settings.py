@@ -57,10 +57,8 @@ _QUIET: dict[str, object] = {
 def client_settings(router: str, lease_s: float, credentials: Credentials | None = None) -> dict[str, object]:
     """Return the settings of a client of a router, or of a member of a mesh; each waits, and connects again, for ever.
 
-    Args:
-        router: Its locator, or those of several, tried in turn, with commas between them; of a mesh, of other members.
-        lease_s: How long the client may be silent before the router drops it, s; a mesh has its own.
-        credentials: Prove this process's identity; None for a router that asks for none.
+    `router` may name several routers, with commas between them, which are tried in turn; in a mesh it names other
+    members. The router drops a client that is silent for `lease_s`; a mesh has a lease of its own.
     """
     return {
         **_QUIET,
@@ -79,13 +77,9 @@ def client_settings(router: str, lease_s: float, credentials: Credentials | None
 def router_settings(
     listen: str, security: RouterSecurity | None = None, others: Sequence[str] = ()
 ) -> dict[str, object]:
-    """Return the settings of a router that listens at one locator.
+    """Return the settings of a router that listens at one locator; without `security` it allows everything.
 
-    Args:
-        listen: The locator.
-        security: The rights to connect and to act; None to allow everything.
-        others: Locators of routers of the same fleet, at other sites, to connect to; one that is not there, or goes, is
-            tried again for ever.
+    `others` are routers of the same fleet, at other sites. One that is not there, or goes, is tried again for ever.
     """
     return {
         **_QUIET,

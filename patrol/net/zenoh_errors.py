@@ -6,21 +6,13 @@ import re
 
 
 def system_error(error: Exception) -> int | None:
-    """Return the number of the system's error in the text of a Zenoh error; None without one.
-
-    Args:
-        error: Of Zenoh.
-    """
+    """Return the number of the system's error in the text of a Zenoh error; None without one."""
     match = re.search(r"\(os error (\d+)\)", str(error))
     return None if match is None else int(match[1])
 
 
 def first_line(error: Exception) -> str:
-    """Give Zenoh's text without the place in its sources.
-
-    Args:
-        error: Of Zenoh.
-    """
+    """Give Zenoh's text without the place in its sources."""
     text = str(error).partition(" at /")[0].partition("\n")[0]
     system = re.search(r": ([^:\[\]]+) \(os error \d+\)", text)
     return system[1] if system else text

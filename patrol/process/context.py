@@ -57,25 +57,16 @@ class AskedToLeave(Exception):
 
 @dataclass(slots=True)
 class ProcessContext:
-    """The context of a process, from its start to its end.
+    """The context of a process, from its start to its end."""
 
-    Attributes:
-        options: Its command line, without what `ProcessParser` adds to follow a process.
-        log: What it reports.
-        ending: Whether it should leave.
-        supervision: How it is followed, as its options say.
-        vitals: Its figures.
-        notifier: Tells the service manager that its loop turns.
-        closing: What is closed when it ends, the latest first.
-    """
-
-    options: argparse.Namespace
+    options: argparse.Namespace  # without those that `take_supervision` takes out
     log: Log
-    ending: Ending
+    ending: Ending  # true when the process should leave
     supervision: Supervision = field(default_factory=Supervision)
     vitals: Vitals = field(default_factory=Vitals)
+    # tells the service manager that the loop turns
     notifier: Notifier = field(default_factory=lambda: Notifier(os.environ))
-    closing: ExitStack = field(default_factory=ExitStack)
+    closing: ExitStack = field(default_factory=ExitStack)  # closed when the process ends, the latest first
 
     @property
     def launched(self) -> bool:
@@ -94,12 +85,7 @@ class ProcessContext:
     def follow(self, name: str = "", **labels: str) -> None:
         """Write health lines and answer with metrics from now on, as far as the options ask for it.
 
-        Args:
-            name: The process's name from now on, if it has learnt of another.
-            labels: Of all of its metrics besides its name, such as its fleet.
-
-        Raises:
-            BadInput: The metrics cannot be where the option says.
+        `name` is the process's name from now on; empty leaves it as it is. All metrics get the `labels`.
         """
         if name:
             self.log = begin_log(name, self.supervision.log_format, self.supervision.log_level)
@@ -113,22 +99,11 @@ class ProcessContext:
             self.closing.callback(HealthLines(self.vitals, self.log, health_s).close)
 
     def ready(self, address: str = "") -> None:
-        """Tell the launcher, if it waits for that, that this process can be used.
-
-        Args:
-            address: Where it listens.
-        """
+        """Tell the launcher, if it waits for that, that this process can be used."""
         report_start(getattr(self.options, "ready", None), StartReport(address))
 
     def meet(self, *kinds: Kind) -> Meeting:
-        """Find out where the options say that the fleet meets.
-
-        Args:
-            kinds: As for `patrol.process.options.meeting`.
-
-        Raises:
-            BadInput: They do not say it, or not well.
-        """
+        """Find out where the options say that the fleet meets."""
         return meeting(self.options.credentials, self.options.router, self.options.fleet, *kinds)
 
     def open_links(
@@ -140,21 +115,10 @@ class ProcessContext:
         quiet: bool = False,
         closing: ExitStack | None = None,
     ) -> tuple[Link, Air]:
-        """Open the link to the fleet's router and the one for positions.
+        """Open the link to the fleet's router and the one for positions; `AskedToLeave` may end the wait.
 
-        Args:
-            met: Where the fleet meets.
-            radio: Where robots hear each other; None for the same router.
-            callers: The keys under which the robots send, by their numbers.
-            quiet: Whether to say nothing while it waits.
-            closing: Closes them; None for when the process ends.
-
-        Returns:
-            Both links, which may be the same.
-
-        Raises:
-            AskedToLeave: Before they were open.
-            BadInput: No router has answered in time, or the credentials cannot be used.
+        Where `radio` is None, both are the same link. `closing` closes them; by default they close when the process
+        ends. `callers` are the keys under which the robots send, by their numbers.
         """
         from patrol.net.link import Link
         from patrol.net.open_links import open_links
@@ -198,12 +162,7 @@ class ProcessContext:
     def warm(self, packages: Sequence[str], scenario: Scenario | None = None) -> None:
         """Make sure that the kernels of some packages are compiled.
 
-        Args:
-            packages: Their names.
-            scenario: Says which kernels are needed that few runs need; None for none of these.
-
-        Raises:
-            BadInput: Nothing can be stored on disk, or compiling fails.
+        Kernels that few runs need are left out, but for those that the scenario needs.
         """
         from patrol.process.starting.seldom import seldom_kernels
         from patrol.process.starting.warmup import warm
@@ -211,15 +170,7 @@ class ProcessContext:
         warm(packages, self.log.info, () if scenario is None else seldom_kernels(scenario))
 
     def prepare(self, scenario: Scenario) -> Prepared:
-        """Prepare the scenario, or load what the launcher has prepared.
-
-        Args:
-            scenario: The one that all processes run.
-
-        Raises:
-            AskedToLeave: While the launcher prepared it.
-            BadInput: The launcher's static fields do not come.
-        """
+        """Prepare the scenario, or load what the launcher has prepared; `AskedToLeave` ends the wait for that."""
         from patrol.prepare import Prepared, prepare
 
         static = self.static
@@ -246,18 +197,11 @@ def run_with(
     on_death: Callable[[], None] = lambda: None,
     patience: int | None = None,
 ) -> int:
-    """Run a process's work, and close what it has opened.
+    """Run a process's work, close what it has opened, and return the exit code.
 
-    Args:
-        options: Its command line.
-        name: The process's name.
-        work: Does the work; returns the exit code.
-        prefix: What lines for people begin with, instead of the name and a colon, where an error ends the process.
-        on_death: Called when the process has not left in time after its launcher's death, right before it ends.
-        patience: As for `heed`.
-
-    Returns:
-        The exit code: that of `work`, 2 for bad input, 130 where it was asked to leave before it could begin.
+    That is the code of `work`, 2 for bad input, and 130 where the process was asked to leave before it could begin.
+    Lines for people about an error that ends the process begin with `prefix`, by default the name and a colon.
+    `on_death` and `patience` are as for `heed`.
     """
     process = ProcessContext(options, Log(name), heed(getattr(options, "lifeline", None), on_death, patience=patience))
     try:

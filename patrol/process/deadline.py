@@ -38,20 +38,12 @@ class deadline:  # noqa: N801 - a context manager
     """
 
     def __init__(self, limit_s: float | None) -> None:
-        """Set the limit.
-
-        Args:
-            limit_s: Wall time, s; None for no limit.
-        """
+        """Set the limit."""
         self._limit_s = limit_s if threading.current_thread() is threading.main_thread() else None
         self._used_s = self._looked = 0.0
 
     def __enter__(self) -> None:
-        """Begin.
-
-        Raises:
-            Late: In the middle of the block: it has taken longer, or calls itself without end.
-        """
+        """Begin the block, in which `Late` is raised when it takes too long or calls itself without end."""
         if self._limit_s is None:
             return
         self._looked = self._begun = time.monotonic()

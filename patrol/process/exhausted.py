@@ -24,14 +24,9 @@ _REMEDIES = {
 
 
 def told(error: BaseException) -> str | None:
-    """Say in one line which limit an error comes from, and what to do about it.
+    """Return one line on the limit that an error comes from, and the remedy; None where no limit explains it.
 
-    Args:
-        error: Any.
-
-    Returns:
-        For example ``run/journal: No space left on device; free some space, or write elsewhere``; None for an
-        error that no limit explains.
+    For example ``run/journal: No space left on device; free some space, or write elsewhere``.
     """
     if isinstance(error, MemoryError):
         return "out of memory; free some, raise the limit (ulimit -v), or take coarser points or fewer robots"
@@ -53,13 +48,6 @@ def allow_files(count: int, what: str) -> None:
     """Have this process, and those that it starts, allowed to open so many files at once.
 
     Beyond the limit, libraries abort or hang without an error.
-
-    Args:
-        count: How many.
-        what: What needs them, for the error.
-
-    Raises:
-        BadInput: The account is not allowed that many.
     """
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
     if soft == resource.RLIM_INFINITY or soft >= count:

@@ -45,11 +45,8 @@ class InterruptedBySignal(KeyboardInterrupt):
 class Ending:
     """State of a process's end: whether it should leave, why, and how often it was asked to.
 
-    Attributes:
-        patience: Signals that are left to the reader of this object; each further one raises InterruptedBySignal
-            wherever the process is. None: all are.
-        reason: Of the first request.
-        times: Requests so far.
+    The first request gives the reason. `patience` is the number of signals that are left to the reader of this object,
+    None for all; each further one raises `InterruptedBySignal` wherever the process is.
     """
 
     def __init__(self, patience: int | None = None) -> None:
@@ -62,37 +59,18 @@ class Ending:
         return self._asked.is_set()
 
     def ask(self, reason: str) -> None:
-        """Ask the process to leave soon; the first reason counts.
-
-        Args:
-            reason: One line.
-        """
+        """Ask the process to leave soon; the first reason counts."""
         self.times += 1
         if not self._asked.is_set():
             self.reason = reason
             self._asked.set()
 
     def wait(self, timeout_s: float) -> bool:
-        """Wait until asked to leave.
-
-        Args:
-            timeout_s: How long at most.
-
-        Returns:
-            Whether asked.
-        """
+        """Wait until asked to leave; return whether that has happened."""
         return self._asked.wait(timeout_s)
 
     def wait_for(self, path: Path, limit_s: float = math.inf) -> bool:
-        """Wait until a path exists or until asked to leave.
-
-        Args:
-            path: a file or folder.
-            limit_s: How long at most.
-
-        Returns:
-            Whether the path exists.
-        """
+        """Wait until a path exists; return False when asked to leave or when the limit is over, before it does."""
         waited_s = 0.0
         while not path.exists():
             if waited_s >= limit_s or self._asked.wait(_POLL_S):
@@ -102,12 +80,10 @@ class Ending:
 
 
 def heed(lifeline: int | None, on_death: Callable[[], None] = lambda: None, *, patience: int | None = None) -> Ending:
-    """Obey signals and the lifeline from now on; called on the main thread.
+    """Obey signals and the lifeline, a file descriptor, from now on; called on the main thread.
 
-    Args:
-        lifeline: a file descriptor, or None without a launcher.
-        on_death: Called when the process has not left in time after its launcher's death, right before it ends.
-        patience: See `Ending`.
+    `on_death` is called right before the process ends, when it has not left in time after its launcher's death.
+    `patience` is that of `Ending`.
     """
     ending = Ending(patience)
     if lifeline is not None:
@@ -133,10 +109,6 @@ def interrupt(_number: int, frame: FrameType | None, tries: int = 0) -> None:
 
     LLVM, calling back for compiled code, would go on with memory that was not filled; an import that is broken off
     leaves locks of libraries taken; what a `__del__` raises is dropped.
-
-    Args:
-        frame: Where the main thread is.
-        tries: Number of earlier attempts, which were put off or lost.
     """
     if _is_loading(frame) and tries * _POLL_S < LOADING_S:
         _interrupt_soon(tries + 1)
@@ -173,10 +145,6 @@ def rest_before_pause(rest: Callable[[], None], go_on: Callable[[], None]) -> No
     """Have something come to rest before a terminal's Ctrl-Z (SIGTSTP) pauses this process; called on the main thread.
 
     SIGSTOP, which no process can notice, still pauses it at once.
-
-    Args:
-        rest: Called before the pause, on the main thread, wherever that is.
-        go_on: Called when the process continues.
     """
 
     def by_signal(_number: int, _frame: FrameType | None) -> None:
@@ -190,9 +158,8 @@ def rest_before_pause(rest: Callable[[], None], go_on: Callable[[], None]) -> No
 def run_process(main: Callable[[], int]) -> NoReturn:
     """Run a process's main function and end the process with its exit code.
 
-    Args:
-        main: Returns the exit code; what it raises is printed and ends the process with `CRASHED`, or with one line and
-            `BAD_INPUT` where a limit of the machine explains it.
+    What it raises is printed and ends the process with `CRASHED`, or with one line and `BAD_INPUT` where a limit of the
+    machine explains it.
     """
     try:
         allow_files(LEAST, "this process")
@@ -211,11 +178,7 @@ def run_process(main: Callable[[], int]) -> NoReturn:
 
 
 def leave(code: int) -> NoReturn:
-    """End the process now, whatever threads of libraries are doing.
-
-    Args:
-        code: Exit code.
-    """
+    """End the process now, whatever threads of libraries are doing."""
     for stream in (sys.stdout, sys.stderr):
         with contextlib.suppress(OSError, ValueError):
             stream.flush()
@@ -243,10 +206,7 @@ def die_when_orphaned(lifeline: int | None) -> None:
     """Have the system kill this process as soon as its parent dies; for one that must not run a thread for that.
 
     The end of the thread that has started this process counts as the parent's death. What this process forks is not
-    killed with it.
-
-    Args:
-        lifeline: A file descriptor, which tells whether the parent has died before; None without a launcher.
+    killed with it. The lifeline, a file descriptor, tells whether the parent has died before.
     """
     _when_orphaned(signal.SIGKILL)
     if lifeline is not None and select.select([lifeline], [], [], 0)[0]:

@@ -20,8 +20,7 @@ _M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD = -1, -3
 def keep_freed_memory(most: int = KEPT) -> None:
     """Keep freed memory in small pieces from now on; where the C library is not glibc, nothing changes.
 
-    Args:
-        most: Bytes of the largest piece that is kept, and of all that is kept at most.
+    `most` is in bytes: of the largest piece that is kept, and of all that is kept.
     """
     with suppress(OSError, AttributeError):
         set_option = ctypes.CDLL(None).mallopt

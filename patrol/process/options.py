@@ -41,14 +41,7 @@ class ProcessParser(argparse.ArgumentParser):
     """A parser of a process's command line, whose errors are one line that says what to give."""
 
     def __init__(self, prog: str, description: str, epilog: str, *, reports_start: bool = False) -> None:
-        """Make a parser of the options that every process has; the caller adds its own.
-
-        Args:
-            prog: How the process is started.
-            description: First lines of the help.
-            epilog: Last lines of the help.
-            reports_start: Whether the process reports to its launcher that it can be used.
-        """
+        """Make a parser of the options that every process has; the caller adds its own."""
         form = argparse.RawDescriptionHelpFormatter
         super().__init__(prog, description=description, epilog=epilog, formatter_class=form, allow_abbrev=False)
         self.add_argument("--lifeline", type=int, metavar="FD", help="leave when this pipe ends (set by the launcher)")
@@ -66,11 +59,7 @@ class ProcessParser(argparse.ArgumentParser):
         return formatter.format_help()
 
     def error(self, message: str) -> NoReturn:
-        """End the process with one line.
-
-        Args:
-            message: In argparse's words.
-        """
+        """End the process with one line."""
         if message.startswith(_REQUIRED):
             names = message.removeprefix(_REQUIRED).split(", ")
             missing = [action for action in self._actions if not set(action.option_strings).isdisjoint(names)]
@@ -82,14 +71,7 @@ class ProcessParser(argparse.ArgumentParser):
 
 
 def fleet_parser(prog: str, description: str, epilog: str, others: str) -> ProcessParser:
-    """Make a parser of the options that world and agents have; the caller adds its own.
-
-    Args:
-        prog: How the process is started.
-        description: First lines of the help.
-        epilog: Last lines of the help.
-        others: The processes that this one waits for.
-    """
+    """Make a parser of the options that world and agents have; the caller adds its own."""
     parser = ProcessParser(prog, description, epilog)
     add = parser.add_argument
     add("--credentials", type=Path, metavar="FOLDER", help="this member's, of a fleet made by: fogwatch fleet init")
@@ -113,18 +95,11 @@ def fleet_parser(prog: str, description: str, epilog: str, others: str) -> Proce
 
 @dataclass(frozen=True, slots=True)
 class Meeting:
-    """The router or mesh, the keys and the credentials by which a process meets its fleet.
+    """The router or mesh, the keys and the credentials by which a process meets its fleet."""
 
-    Attributes:
-        router: The router's locator, or those of several, with commas between them; in a mesh, of other members.
-        keys: The fleet's keys.
-        credentials: Prove this process's identity to the router or the other members; None for a router that asks for
-            none.
-    """
-
-    router: str
+    router: str  # locator, or several with commas; in a mesh, of other members
     keys: FleetKeys
-    credentials: Credentials | None = None
+    credentials: Credentials | None = None  # None for a router that asks for none
 
     @property
     def meets_at(self) -> str:
@@ -144,16 +119,10 @@ class Meeting:
 
 
 def meeting(credentials: Path | None, router: str | None, fleet: str | None, *kinds: Kind) -> Meeting:
-    """Find out where a fleet meets.
+    """Find out where a fleet meets, from credentials, or from a router and a fleet's name.
 
-    Args:
-        credentials: The member's credentials, or None.
-        router: The router's locator, or None for that of the credentials.
-        fleet: The fleet's name, or None for that of the credentials.
-        kinds: Whose credentials fit; a run of this machine has those of the first.
-
-    Raises:
-        BadInput: When these do not say it, or the credentials are of another fleet or kind.
+    Credentials of any of the `kinds` fit; in a run of this machine, those of the first kind are taken. What is None
+    comes from the credentials.
     """
     from patrol.net.keys import check_locators, fleet_keys
     from patrol.net.security.access import credentials_at
@@ -174,15 +143,7 @@ def meeting(credentials: Path | None, router: str | None, fleet: str | None, *ki
 
 
 def robot_named(name: str | None, credentials: Credentials | None) -> str:
-    """Return the robot that a process is.
-
-    Args:
-        name: As an option says it, or None.
-        credentials: The process's, or None.
-
-    Raises:
-        BadInput: When neither says it, or each something else.
-    """
+    """Return the name of the robot that a process is for, from its option or its credentials."""
     own = None if credentials is None else credentials.role.robot
     if name is None and own is None:
         raise BadInput("--robot: name the robot of the scenario that this process is")

@@ -18,26 +18,15 @@ _ROUNDING = 1e-6
 
 @dataclass(frozen=True, slots=True)
 class Share:
-    """A robot's share of the fleet's budget.
+    """A robot's share of the fleet's budget."""
 
-    Attributes:
-        per_tick: Bits earned in a tick.
-        most: Bits that can be saved up, enough for the longest frame.
-        overhead: Bytes that the radio adds to a frame.
-        frame: Bytes of the longest frame.
-    """
-
-    per_tick: float
-    most: float
-    overhead: int
-    frame: int
+    per_tick: float  # bits earned in a tick
+    most: float  # bits that can be saved up, enough for the longest frame
+    overhead: int  # bytes that the radio adds to a frame
+    frame: int  # bytes of the longest frame
 
     def cost(self, length: int) -> int:
-        """Return the bits on the air.
-
-        Args:
-            length: Bytes of a frame.
-        """
+        """Return the bits on the air of a frame of `length` bytes."""
         return BITS * (length + self.overhead)
 
     @property
@@ -55,42 +44,23 @@ class Allowance:
     """The bits of its share that a robot has earned and not used."""
 
     def __init__(self, share: Share) -> None:
-        """Begin with nothing.
-
-        Args:
-            share: The robot's.
-        """
+        """Begin with nothing."""
         self._share = share
         self._bits = 0.0
         self._k: int | None = None
 
     def earn(self, k: int) -> None:
-        """Earn until a tick; ticks that were left out, such as those of a pause, count as well.
-
-        Args:
-            k: The tick, larger each time.
-        """
+        """Earn until tick `k`, which grows each time; ticks left out, such as those of a pause, count as well."""
         ticks = 0 if self._k is None else k - self._k
         self._bits = min(self._bits + ticks * self._share.per_tick, self._share.most)
         self._k = k
 
     def suffices(self, lengths: Iterable[int]) -> bool:
-        """Return True if all of some frames may be sent, or there is no use in waiting.
-
-        Args:
-            lengths: Their bytes.
-        """
+        """Return True if frames of these lengths, in bytes, may all be sent, or there is no use in waiting."""
         return self._bits + _ROUNDING >= min(sum(map(self._share.cost, lengths)), self._share.most)
 
     def take(self, length: int) -> bool:
-        """Use bits for a frame.
-
-        Args:
-            length: Its bytes.
-
-        Returns:
-            Whether it may be sent; otherwise nothing is used.
-        """
+        """Use bits for a frame of `length` bytes; return False, and use none, where it may not be sent."""
         cost = self._share.cost(length)
         if length > self._share.frame or cost > self._bits + _ROUNDING:
             return False

@@ -13,16 +13,9 @@ LONGEST = 64
 
 
 def fleet_key(file: str | Path | None) -> bytes | None:
-    """Read the key in a file, which is the file's bytes less white space at either end.
+    """Read the key in a file, which is the file's bytes less white space at either end; None without a file.
 
-    Args:
-        file: As the scenario's ``radio.key`` names it, or None without a key.
-
-    Returns:
-        16 to 64 bytes, or None without a key.
-
-    Raises:
-        BadInput: For a file that cannot be read or holds fewer or more bytes.
+    A key has 16 to 64 bytes.
     """
     if file is None:
         return None
@@ -37,14 +30,7 @@ def fleet_key(file: str | Path | None) -> bytes | None:
 
 
 def new_key(path: Path) -> None:
-    """Write a new random key, as text, to a file that no other user can read.
-
-    Args:
-        path: The new file.
-
-    Raises:
-        BadInput: When the file exists or cannot be written.
-    """
+    """Write a new random key, as text, to a new file that no other user can read."""
     if path.is_dir():
         raise BadInput(f"{path}: is a folder; name a new file in it, such as {path / 'fleet.key'}")
     try:

@@ -12,10 +12,8 @@ from numpy.typing import NDArray
 class Heard(Mapping[int, list[bytes]]):
     """The frames that reach each receiver, by its number, in their order.
 
-    Attributes:
-        frames: All frames, by sender and sequence, forged ones first.
-        receivers: The receivers' numbers, ascending.
-        reaches: bool (receivers, frames), whether a receiver hears a frame.
+    `frames` holds all of them, by sender and sequence, forged ones first; `receivers` is ascending; and `reaches`, bool
+    (receivers, frames), says which receiver hears which frame.
     """
 
     def __init__(self, frames: Sequence[bytes], receivers: Sequence[int], reaches: NDArray[np.bool_]) -> None:
@@ -35,12 +33,7 @@ class Heard(Mapping[int, list[bytes]]):
 
 
 def heard_by(receivers: Sequence[int], heard: Mapping[int, Sequence[bytes]]) -> Mapping[int, Sequence[bytes]]:
-    """Give the frames that some receivers hear.
-
-    Args:
-        receivers: Their numbers, ascending.
-        heard: What they and others hear.
-    """
+    """Return the frames that some receivers hear; the receivers' numbers are ascending."""
     if not isinstance(heard, Heard):
         return {number: heard[number] for number in receivers}
     if heard.receivers == tuple(receivers):

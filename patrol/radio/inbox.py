@@ -78,48 +78,31 @@ _CODES = {
 class Rules:
     """The settings by which all listeners of a fleet judge frames.
 
-    Attributes:
-        roster: The numbers of all robots.
-        bounds: The terrain's (x_min, y_min, x_max, y_max), m.
-        speed: Of the fastest robot, m/s.
-        key: Of the tags, or None when the fleet uses none.
-        step: s between two frames of a sender; a frame may come one step early or late.
-        ahead: By how many ticks a sequence may be ahead of the listener's own; None where the two are not counted from
-            the same moment. Then frames too far ahead of their sender's last, and too old ones, are accepted too, once
-            enough of them agree with each other: what a forged one has shut out comes back.
-        trail_every: Ticks between the places of a trail.
+    Where `ahead` is None, frames too far ahead of their sender's last, and too old ones, are accepted too, once enough
+    of them agree with each other: what a forged one has shut out comes back.
     """
 
-    roster: tuple[int, ...]
-    bounds: tuple[float, float, float, float]
-    speed: float
-    key: bytes | None = None
-    step: float = 0.5
-    ahead: int | None = 0
-    trail_every: int = 1
+    roster: tuple[int, ...]  # the numbers of all robots
+    bounds: tuple[float, float, float, float]  # of the terrain: x_min, y_min, x_max, y_max, m
+    speed: float  # of the fastest robot, m/s
+    key: bytes | None = None  # of the tags; None when the fleet uses none
+    step: float = 0.5  # s between a sender's frames, which may come one step early or late
+    ahead: int | None = 0  # ticks by which a sequence may lead the listener's; None where they begin at other moments
+    trail_every: int = 1  # ticks between the places of a trail
 
 
 @dataclass(frozen=True, slots=True)
 class Intake:
-    """The judgement of listeners on the frames of one tick.
-
-    Attributes:
-        tick: The tick.
-        listeners: Their numbers.
-        said: What each frame says, with as much of its trail as can be true; None where it cannot be decoded or true.
-        heard: uint8 (listeners, frames), not 0 where a frame reaches a listener.
-        accepted: bool (listeners, frames), whether a listener has accepted a frame.
-        plain: bool (listeners, frames), whether that made known where its sender was in this tick, and no more.
-        past: (row, frame, tick, pose) of the looks that other frames made known, in order: of earlier ticks, or told of
-            by a trail.
-    """
+    """The judgement of listeners on the frames of one tick."""
 
     tick: int
-    listeners: tuple[int, ...]
+    listeners: tuple[int, ...]  # their numbers, in the order of the rows
+    # by frame, with as much of its trail as can be true; None where it cannot be decoded or true
     said: tuple[Position | None, ...]
-    heard: NDArray[np.uint8]
-    accepted: NDArray[np.bool_]
-    plain: NDArray[np.bool_]
+    heard: NDArray[np.uint8]  # (listeners, frames), not 0 where a frame reaches a listener
+    accepted: NDArray[np.bool_]  # (listeners, frames)
+    plain: NDArray[np.bool_]  # (listeners, frames), where only the sender's place in this tick became known
+    # (row, frame, tick, pose) of other looks made known, in order: earlier, or told of by a trail
     past: list[tuple[int, int, int, Pose]]
 
     def positions(self, number: int) -> list[Position]:
@@ -148,12 +131,7 @@ class Inboxes:
     """
 
     def __init__(self, listeners: Sequence[int], rules: Rules) -> None:
-        """Nothing heard yet.
-
-        Args:
-            listeners: The numbers of all that may listen; one that is of no robot listens only.
-            rules: The fleet's.
-        """
+        """Begin with nothing heard; a listener with the number of no robot only listens."""
         self.rules = rules
         self._column = {number: column for column, number in enumerate(sorted(rules.roster))}
         self._row = {number: row for row, number in enumerate(listeners)}
@@ -185,14 +163,9 @@ class Inboxes:
         return Peers(self._column, self._cells[self._row[number]], since)
 
     def hear(self, tick: int, heard: Mapping[int, Sequence[bytes]]) -> Intake:
-        """Take in a tick's frames.
+        """Take in a tick's frames, those that reach each listener by its number, in their order.
 
-        Args:
-            tick: Now, never decreasing.
-            heard: The frames that reach each listener, by its number, in their order.
-
-        Returns:
-            What they accept, and what that makes known.
+        The tick never decreases.
         """
         rules, listeners = self.rules, tuple(heard)
         frames, reaches = _as_table(heard)
@@ -256,12 +229,10 @@ class Peers(Mapping[int, Peer]):
     """The robots that one listener has heard of, by number, as far as they were heard at some tick or later."""
 
     def __init__(self, column: Mapping[int, int], cells: NDArray[np.void], since: int = 0) -> None:
-        """Show a row of a table.
+        """Show the robots that a listener has heard at tick `since` or later.
 
-        Args:
-            column: The robots' columns by number, both ascending.
-            cells: CELL (columns,), the listener's row; what is heard later shows.
-            since: The tick.
+        `column` has the robots' columns by number, both ascending. `cells` is the listener's row, CELL (columns,), and
+        is not copied: what is heard later shows.
         """
         self._column = column
         self._cells = cells
@@ -278,11 +249,7 @@ class Peers(Mapping[int, Peer]):
         return int(np.count_nonzero(self._known))
 
     def said(self, number: int) -> Position:
-        """Return the newest position of a robot, with the first place of its trail.
-
-        Raises:
-            KeyError: It was not heard.
-        """
+        """Return a robot's newest position, with the first place of its trail; `KeyError` where it was not heard."""
         cell = self._cells[self._column[number]]
         if cell["sequence"] == NOTHING or cell["at"] < self._since:
             raise KeyError(number)

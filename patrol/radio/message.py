@@ -31,6 +31,35 @@ from patrol.errors import Unusable
 from patrol.pose import TAU, Pose, wrap
 from patrol.radio.units import CM_PER_M, MRAD_PER_RAD, cm_to_m, rad_to_mrad, s_to_ms
 
+__all__ = [
+    "CONTACT",
+    "FIELDS",
+    "MAX_CM",
+    "MAX_CONTACTS",
+    "MAX_FRAME",
+    "MAX_FRAMES",
+    "MAX_HEADING_MRAD",
+    "MAX_KEY",
+    "MAX_ROBOT",
+    "MAX_SEQUENCE",
+    "MAX_STEP_CM",
+    "MAX_TIME_MS",
+    "MAX_TRAIL",
+    "MIN_CM",
+    "MIN_STEP_CM",
+    "STEP",
+    "TAG_BYTES",
+    "VERSION",
+    "Position",
+    "RejectReason",
+    "Rejected",
+    "WireField",
+    "as_received",
+    "decode",
+    "encode",
+    "longest_frame",
+]
+
 VERSION = 1
 MAX_FRAME = 64
 CONTACT = 0

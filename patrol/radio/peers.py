@@ -16,27 +16,17 @@ SPAN = 64
 
 @dataclass(frozen=True, slots=True)
 class Peer:
-    """Another robot.
+    """Another robot."""
 
-    Attributes:
-        sequence: Its newest.
-        pose: There, m and rad.
-        tick: At which that was heard.
-    """
-
-    sequence: int
-    pose: Pose
-    tick: int
+    sequence: int  # its newest
+    pose: Pose  # at that sequence, m and rad
+    tick: int  # at which that was heard
 
 
 def places_of(peers: Mapping[int, Peer]) -> NDArray[np.float64]:
-    """Give the places of some robots, by number.
+    """Return the places of some robots, float64 (n, 2), x and y in m, ascending by number.
 
-    Args:
-        peers: a mapping that has them as columns, `places`, or any other.
-
-    Returns:
-        float64 (n, 2), x and y in m.
+    A mapping that has them as the column `places` gives them faster.
     """
     columns: NDArray[np.float64] | None = getattr(peers, "places", None)
     if columns is not None:
@@ -46,13 +36,9 @@ def places_of(peers: Mapping[int, Peer]) -> NDArray[np.float64]:
 
 
 def ticks_of(peers: Mapping[int, Peer]) -> NDArray[np.int64]:
-    """Give the ticks at which some robots were heard last, by number.
+    """Return the ticks at which some robots were heard last, int64 (n,), ascending by number.
 
-    Args:
-        peers: As of `places_of`, with the column `ticks`.
-
-    Returns:
-        int64 (n,), of the caller's own.
+    The array is the caller's own. A mapping that has them as the column `ticks` gives them faster.
     """
     column: NDArray[np.int64] | None = getattr(peers, "ticks", None)
     if column is not None:

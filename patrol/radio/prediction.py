@@ -23,26 +23,19 @@ class Predictor:
     """Predicts robots on one terrain."""
 
     def __init__(self, terrain: Terrain, trail_every: int, horizon: int) -> None:
-        """Know what all robots of a fleet know.
+        """Make a predictor with what all robots of a fleet know.
 
-        Args:
-            terrain: The ground.
-            trail_every: Ticks between the places of a trail.
-            horizon: Ticks after which a prediction stands still.
+        `trail_every` is the number of ticks between the places of a trail, and `horizon` the ticks after which a
+        prediction stands still.
         """
         self._terrain = terrain
         self._trail_every = trail_every
         self._horizon = horizon
 
     def pose(self, last: Position, ticks: int) -> Pose:
-        """Predict the pose some ticks after a frame.
+        """Predict the pose some ticks after a frame; the heading is that of the frame.
 
-        Args:
-            last: What the frame says, with as much of its trail as can be true.
-            ticks: Since then.
-
-        Returns:
-            The pose, m and rad; the heading is that of the frame.
+        The frame's trail is as long as can be true (`Intake.said`).
         """
         start = last.pose
         if not last.trail or ticks <= 0:
@@ -54,14 +47,6 @@ class Predictor:
         return Pose(start.x + share * (end.x - start.x), start.y + share * (end.y - start.y), start.heading)
 
     def error(self, last: Position, now: Position) -> float:
-        """Return the error of a prediction.
-
-        Args:
-            last: What the sender's last frame says.
-            now: Where it is.
-
-        Returns:
-            The distance, m.
-        """
+        """Return the distance, in m, between the place predicted from the sender's last frame and the present one."""
         predicted = self.pose(last, now.sequence - last.sequence)
         return math.hypot(predicted.x - now.pose.x, predicted.y - now.pose.y)

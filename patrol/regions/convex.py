@@ -17,47 +17,24 @@ DENT = 1e-6
 
 
 def cross(a: Floats, b: Floats) -> Floats:
-    """Cross products of vectors in the plane.
-
-    Args:
-        a: float64 (..., 2).
-        b: float64 (..., 2).
-
-    Returns:
-        float64 (...).
-    """
+    """Return the cross products of vectors in the plane, float64 (..., 2) each."""
     product: Floats = a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
     return product
 
 
 def area(polygon: NDArray[np.float64] | NDArray[np.int64]) -> float:
-    """Signed area of any polygon: positive where it runs counter-clockwise.
-
-    Args:
-        polygon: (k, 2).
-    """
+    """Return the signed area of any polygon, (k, 2): positive where it runs counter-clockwise."""
     ahead = np.roll(polygon, -1, axis=0)
     return 0.5 * float(np.sum(polygon[:, 0] * ahead[:, 1] - polygon[:, 1] * ahead[:, 0]))
 
 
 def circumference(polygon: Floats) -> float:
-    """Length of a polygon's sides.
-
-    Args:
-        polygon: float64 (k, 2).
-    """
+    """Return the length of a polygon's sides."""
     return float(np.hypot(*(np.roll(polygon, -1, axis=0) - polygon).T).sum())
 
 
 def hull(places: Floats) -> Floats:
-    """Return the convex hull of places, without corners on straight sides.
-
-    Args:
-        places: float64 (n, 2).
-
-    Returns:
-        float64 (k, 2), counter-clockwise.
-    """
+    """Return the convex hull of places, (n, 2), counter-clockwise and without corners on straight sides."""
     # Along a side that is upright but for rounding, places are in the order of y. Else its end might be taken for a
     # place in its middle.
     order = sorted(map(tuple, places.tolist()), key=lambda place: (round(place[0], 9), place[1]))
@@ -77,14 +54,7 @@ def hull(places: Floats) -> Floats:
 
 
 def dents(polygon: Floats) -> Bools:
-    """Mark the corners of polygons that are concave, by more than DENT at the end of the shorter side.
-
-    Args:
-        polygon: float64 (k, 2).
-
-    Returns:
-        bool (k,).
-    """
+    """Mark the corners of polygons that are concave, by more than DENT at the end of the shorter side."""
     to = polygon - np.roll(polygon, 1, axis=0)
     onward = np.roll(polygon, -1, axis=0) - polygon
     longest = np.maximum(np.abs(to).max(axis=1), np.abs(onward).max(axis=1))
@@ -95,11 +65,7 @@ def dents(polygon: Floats) -> Bools:
 def outward(polygon: Floats) -> tuple[Floats, Floats]:
     """Return the sides of a convex polygon as lines.
 
-    Args:
-        polygon: float64 (k, 2).
-
-    Returns:
-        The sides' unit normals (k, 2), and how far along its normal each side lies (k,).
+    These are the unit normals, (k, 2), which point outward, and how far along its normal each side lies, (k,).
     """
     sides = np.roll(polygon, -1, axis=0) - polygon
     normals = np.stack([sides[:, 1], -sides[:, 0]], axis=1)
@@ -110,12 +76,7 @@ def outward(polygon: Floats) -> tuple[Floats, Floats]:
 def overlap(polygon: Floats, other: Floats) -> float:
     """Return the depth of two overlapping convex polygons: the shortest way to part them.
 
-    Args:
-        polygon: float64 (k, 2).
-        other: float64 (m, 2).
-
-    Returns:
-        a length; 0 or less when they are apart.
+    It is a length, 0 or less when they are apart.
     """
     deepest = np.inf
     for one, two in ((polygon, other), (other, polygon)):
@@ -125,31 +86,14 @@ def overlap(polygon: Floats, other: Floats) -> float:
 
 
 def depths(polygon: Floats, places: Floats) -> Floats:
-    """Return the depth of each place within a convex polygon.
-
-    Args:
-        polygon: float64 (k, 2).
-        places: float64 (n, 2).
-
-    Returns:
-        float64 (n,); below 0 outside.
-    """
+    """Return the depth of each place, (n, 2), within a convex polygon; below 0 outside."""
     normals, reach = outward(polygon)
     inside: Floats = (reach - places @ normals.T).min(axis=1)
     return inside
 
 
 def left_of(polygon: Floats, a: Floats, b: Floats) -> Floats:
-    """Return the part of any polygon on the left of a line.
-
-    Args:
-        polygon: float64 (k, 2).
-        a: float64 (2,), a place on the line.
-        b: float64 (2,), a place further along the line.
-
-    Returns:
-        float64 (m, 2); (0, 2) when nothing lies there.
-    """
+    """Return the part of any polygon on the left of the line from `a` to `b`; (0, 2) when nothing lies there."""
     if len(polygon) == 0:
         return polygon
     aside = cross(b - a, polygon - a)

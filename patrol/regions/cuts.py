@@ -36,33 +36,20 @@ LONGEST = 2.0
 
 @dataclass(slots=True)
 class Plan:
-    """Corners and sides of the outline, and the cuts made so far.
+    """Corners and sides of the outline, and the cuts made so far."""
 
-    Attributes:
-        corners: float64 (n, 2).
-        before: int64 (n,), the neighbour before each corner.
-        after: int64 (n,), the neighbour after each corner.
-        concave: int64 (m,), indices of the concave corners.
-        ends: Places (x, y) where cuts end on a side or on another cut; they are numbered from n on.
-        cuts: Pairs of numbers.
-        stops: By line, the ends that lie on it, as (share of the way, number); lines are the sides, numbered as their
-            first corners, then the cuts.
-    """
-
-    corners: Floats
-    before: Ints
-    after: Ints
-    concave: Ints
+    corners: Floats  # (n, 2), in points
+    before: Ints  # (n,), the neighbour before each corner
+    after: Ints  # (n,), the neighbour after each corner
+    concave: Ints  # (m,), indices of the concave corners
+    # (x, y) where cuts end on a side or another cut; numbered from n on
     ends: list[tuple[float, float]] = field(default_factory=list)
-    cuts: list[tuple[int, int]] = field(default_factory=list)
+    cuts: list[tuple[int, int]] = field(default_factory=list)  # pairs of numbers, of corners or ends
+    # ends on a line, as (share of the way, number); lines are sides by first corner, then cuts
     stops: dict[int, list[tuple[float, int]]] = field(default_factory=dict)
 
     def place(self, number: int) -> tuple[float, float]:
-        """(x, y) of a corner or of a cut's end.
-
-        Args:
-            number: Of the corner or end.
-        """
+        """Return (x, y) of a corner or of a cut's end, by its number."""
         n = len(self.corners)
         if number >= n:
             return self.ends[number - n]
@@ -70,15 +57,7 @@ class Plan:
         return float(x), float(y)
 
     def shorten(self, concave: Ints, begin: Floats, end: Floats, first: int, ways: Floats) -> None:
-        """See `patrol.regions.kernels.cuts.shorten`, which this calls with the plan's corners.
-
-        Args:
-            concave: int64 (m,).
-            begin: float64 (k, 2).
-            end: float64 (k, 2).
-            first: Number of the first line.
-            ways: float64 (n, 5), changed in place.
-        """
+        """Call `patrol.regions.kernels.cuts.shorten` with the plan's corners; it changes `ways` in place."""
         shorten(self.corners, self.before, self.after, concave, begin, end, first, ways)
 
     def no_ways(self) -> Floats:
@@ -89,13 +68,9 @@ class Plan:
 
 
 def convex_pieces(rings: Sequence[Ring]) -> list[Floats]:
-    """Return the pieces into which cuts divide the ground inside the rings; angles exceed 180 degrees by SLACK at most.
+    """Return the pieces into which cuts divide the ground inside the rings.
 
-    Args:
-        rings: Outlines of the ground.
-
-    Returns:
-        float64 (k, 2) each, counter-clockwise, in points.
+    Each is float64 (k, 2), counter-clockwise, in points. Angles exceed 180 degrees by SLACK at most.
     """
     if not rings:
         return []
@@ -156,17 +131,10 @@ def _shared_cuts(plan: Plan) -> tuple[list[tuple[int, int]], Floats, Floats]:
 
 
 def best_set(cuts: Sequence[tuple[int, int]], first: Floats, second: Floats) -> list[tuple[int, int]]:
-    """Choose the most cuts that neither cross nor share a corner, and of as many the shorter ones.
+    """Choose as many cuts as possible that neither cross nor share a corner, preferring shorter ones.
 
-    A local optimum: no cut can be changed for two others, nor for a shorter one.
-
-    Args:
-        cuts: Pairs of corners, shortest first.
-        first: float64 (k, 2), the cuts' first ends.
-        second: float64 (k, 2), the cuts' second ends.
-
-    Returns:
-        The chosen cuts.
+    A local optimum: no chosen cut can be exchanged for two others, nor for a shorter one. `cuts` must come shortest
+    first; the rows of `first` and `second`, float64 (k, 2), are their ends.
     """
     at = np.array(cuts, dtype=np.int64).reshape(-1, 2)
     rivals = [set(map(int, np.flatnonzero(_conflicts(i, at, first, second)))) for i in range(len(cuts))]

@@ -19,34 +19,20 @@ GAP = 2.0
 
 @dataclass(frozen=True, slots=True)
 class Connection:
-    """A place where a body passes from one region to another.
+    """A place where a body passes from one region to another."""
 
-    Attributes:
-        x: m, of the centre of a point of the first region.
-        y: m, of the same.
-        regions: The two regions' numbers.
-        parts: The numbers of the two parts of regions.
-        points: Flat indices of the neighbouring points on either side; (x, y) is the centre of the first.
-    """
-
-    x: float
-    y: float
+    x: float  # m, centre of the first of `points`
+    y: float  # m
     regions: tuple[int, int]
-    parts: tuple[int, int]
-    points: tuple[int, int]
+    parts: tuple[int, int]  # numbers of the two parts of regions
+    points: tuple[int, int]  # flat indices of the neighbouring points on either side
 
 
 def connect(terrain: Terrain, labels: Ints, body: BoolGrid) -> tuple[Ints, tuple[Connection, ...]]:
     """Return the parts of regions in which a body's centre may be, and the connections between them.
 
-    Args:
-        terrain: The ground.
-        labels: int32 (h, w), region numbers, -1 none.
-        body: bool (h, w), where the body's centre may be.
-
-    Returns:
-        int32 (h, w), each point's part, -1 where the centre may not be; and a connection in the middle of each stretch
-        of border that the body can pass, in the order of the parts.
+    Parts are int32 (h, w), -1 where the centre may not be; `labels` has region numbers, -1 for none. There is one
+    connection in the middle of each stretch of border that the body can pass, in the order of the parts.
     """
     parts = np.empty(labels.shape, dtype=np.int32)
     work = np.empty(labels.size, dtype=np.int32)

@@ -31,27 +31,17 @@ _NO_SIDES = np.empty((0, 2, 2))
 
 @dataclass(slots=True)
 class Ring:
-    """A closed polygon, free ground on its left.
+    """A closed polygon, free ground on its left."""
 
-    Attributes:
-        corners: float64 (n, 2).
-        skipped: For each side, from its corner to the next, float64 (k, 2), the corners of the exact outline that it
-            replaces.
-    """
-
-    corners: list[Floats]
+    corners: list[Floats]  # (x, y) each, float64 (2,)
+    # by side, from its corner to the next: float64 (k, 2), the corners of the exact outline that it replaces
     skipped: list[Floats]
 
 
 def loops_of(free: BoolGrid, fill: float) -> list[Floats]:
-    """Return the exact outline of a mask as `trace_loops` has it, without small holes.
+    """Return the exact outline of a mask as `trace_loops` does, without small holes.
 
-    Args:
-        free: bool (h, w).
-        fill: Points; holes whose sides are at most this long are left out.
-
-    Returns:
-        float64 (n, 2) for each loop.
+    Holes whose sides are at most `fill` points long are left out.
     """
     loops = trace_loops(free)
     return [loop for loop in loops if np.ptp(loop, axis=0).max() > fill or area(loop) > 0.0]
@@ -60,11 +50,8 @@ def loops_of(free: BoolGrid, fill: float) -> list[Floats]:
 def simplified(loops: Sequence[Floats], fill: float) -> list[Ring]:
     """Return an exact outline with few corners.
 
-    Outer rings run counter-clockwise, holes clockwise; rings neither cross nor touch.
-
-    Args:
-        loops: From `loops_of`.
-        fill: Points by which the outline may move outwards; inwards it moves by SHAVE at most.
+    Outer rings run counter-clockwise, holes clockwise; rings neither cross nor touch. The outline moves outwards by at
+    most `fill` points, and inwards by at most SHAVE.
     """
     if not loops:
         return []
@@ -80,15 +67,9 @@ def simplified(loops: Sequence[Floats], fill: float) -> list[Ring]:
 
 
 def trace_loops(mask: BoolGrid) -> list[Floats]:
-    """Return the exact outline of a mask.
+    """Return the exact outline of a mask, by loop: corners (x, y), float64 (n, 2), inside on the left.
 
     Where two points touch at a corner only, each one's corner is drawn back by NOTCH, so that loops never touch.
-
-    Args:
-        mask: bool (h, w).
-
-    Returns:
-        float64 (n, 2) corners (x, y) of each loop, inside on the left.
     """
     framed = np.pad(mask, 1)
     around = framed[:-1, :-1].astype(np.int8) + framed[1:, :-1] + framed[:-1, 1:] + framed[1:, 1:]

@@ -29,68 +29,34 @@ class Patchwork:
             self.add(polygon)
 
     def add(self, polygon: Floats) -> None:
-        """Add a polygon, under the next number.
-
-        Args:
-            polygon: float64 (k, 2).
-        """
+        """Add a polygon, under the next number."""
         number = len(self._low)
         self._low = np.concatenate([self._low, np.full((1, 2), np.inf)])
         self._high = np.concatenate([self._high, np.full((1, 2), -np.inf)])
         self.put(number, polygon)
 
     def put(self, number: int, polygon: Floats) -> None:
-        """Replace a polygon.
-
-        Args:
-            number: Of the polygon.
-            polygon: float64 (k, 2).
-        """
+        """Replace a polygon."""
         self.polygons[number] = polygon
         self._low[number], self._high[number] = polygon.min(axis=0), polygon.max(axis=0)
 
     def drop(self, number: int) -> None:
-        """Take a polygon away.
-
-        Args:
-            number: Of the polygon.
-        """
+        """Take a polygon away."""
         del self.polygons[number]
         self._low[number], self._high[number] = np.inf, -np.inf
 
     def near(self, polygon: Floats, margin: float = 0.0) -> list[int]:
-        """Return the polygons whose boxes come near a polygon's box.
-
-        Args:
-            polygon: float64 (k, 2).
-            margin: Distance that counts as near, points.
-
-        Returns:
-            Numbers.
-        """
+        """Return the numbers of the polygons whose boxes come within `margin` points of a polygon's box."""
         low, high = polygon.min(axis=0) - margin, polygon.max(axis=0) + margin
         return [int(i) for i in np.flatnonzero(((self._low <= high) & (self._high >= low)).all(axis=1))]
 
     def is_clear(self, polygon: Floats, *besides: int) -> bool:
-        """Return True if a convex polygon at most touches the others.
-
-        Args:
-            polygon: float64 (k, 2).
-            besides: Numbers of polygons that do not count.
-        """
+        """Return True if a convex polygon at most touches the others, apart from those numbered in `besides`."""
         others = (self.polygons[number] for number in self.near(polygon) if number not in besides)
         return all(overlap(polygon, other) <= TOUCHING for other in others)
 
     def rest(self, number: int, gainer: Floats) -> Floats | None:
-        """Return a polygon without what it shares with a convex one.
-
-        Args:
-            number: Of the polygon.
-            gainer: float64 (k, 2), the convex one.
-
-        Returns:
-            float64 (m, 2), or None where no straight cut takes just that.
-        """
+        """Return a polygon without what it shares with a convex one; None if no straight cut takes just that."""
         polygon = shared = self.polygons[number]
         sides = list(zip(gainer, np.roll(gainer, -1, axis=0), strict=True))
         for a, b in sides:
@@ -107,9 +73,6 @@ def made_convex(pieces: Sequence[Floats]) -> list[Floats]:
 
     A dent is filled, and what the piece so gains of its neighbours is cut off them; where a neighbour would have to
     give more than that, the piece is cut in two along a side at its dent instead.
-
-    Args:
-        pieces: float64 (k, 2) each.
     """
     work = Patchwork([piece if dents(piece).any() else hull(piece) for piece in pieces if area(piece) > TOUCHING])
     for number in list(work.polygons):
@@ -162,9 +125,6 @@ def merged(polygons: Sequence[Floats]) -> list[Floats]:
     """Merge convex polygons, the smallest first, each with the neighbour that makes the most compact whole.
 
     The whole is their hull: it may reach POCKET into walls, and into no other polygon.
-
-    Args:
-        polygons: float64 (k, 2) each.
     """
     work = Patchwork(polygons)
     waiting = sorted(range(len(polygons)), key=lambda number: area(polygons[number]))
@@ -204,12 +164,7 @@ def _pocket(whole: Floats, polygon: Floats, other: Floats) -> float:
 
 
 def stretched(polygons: Sequence[Floats], places: Floats) -> list[Floats]:
-    """Stretch convex polygons to hold places just outside them, wherever no other polygon is in the way.
-
-    Args:
-        polygons: float64 (k, 2) each.
-        places: float64 (n, 2).
-    """
+    """Stretch convex polygons to hold places just outside them, wherever no other polygon is in the way."""
     work = Patchwork(polygons)
     for place in places:
         spot = place[None, :]

@@ -52,37 +52,21 @@ GRIDS = ("labels", "parts")
 
 @dataclass(frozen=True, eq=False)
 class RegionSplit:
-    """A terrain's regions, and how a body gets from one to another. Arrays are read-only.
+    """A terrain's regions, and how a body gets from one to another. Arrays are read-only."""
 
-    Attributes:
-        polygons: By region number, corners (x, y) in m.
-        labels: int32 (h, w), the region of every point where bodies may be, -1 elsewhere.
-        parts: int32 (h, w), -1 where the body's centre may not be; a region that walls or the body's width divide has
-            several parts.
-        connections: Ways between parts, one for each stretch of border that the body can pass.
-    """
-
-    polygons: tuple[Polygon, ...]
-    labels: NDArray[np.int32]
+    polygons: tuple[Polygon, ...]  # by region number
+    labels: NDArray[np.int32]  # (h, w), the region of every point where bodies may be, -1 elsewhere
+    # (h, w), -1 where the body's centre may not be; a region that walls or the body's width divide has several
     parts: NDArray[np.int32]
-    connections: tuple[Connection, ...]
+    connections: tuple[Connection, ...]  # one for each stretch of border between parts that the body can pass
 
     def for_body(self, terrain: Terrain, body: BoolGrid) -> RegionSplit:
-        """Return the same regions, connected for another body.
-
-        Args:
-            terrain: The ground.
-            body: bool (h, w), where the body's centre may be.
-        """
+        """Return the same regions, connected for another body, whose centre may be at the points of `body`."""
         parts, connections = connect(terrain, self.labels, body & terrain.free)
         return replace(self, parts=parts, connections=connections)
 
     def save(self, folder: Path) -> None:
-        """Write the arrays as .npy files and the rest as JSON.
-
-        Args:
-            folder: Where to write; it is made when missing.
-        """
+        """Write the arrays as .npy files and the rest as JSON."""
         folder.mkdir(parents=True, exist_ok=True)
         for name in GRIDS:
             np.save(folder / f"{name}.npy", getattr(self, name))
@@ -92,14 +76,7 @@ class RegionSplit:
 
     @staticmethod
     def load(folder: Path) -> RegionSplit:
-        """Load what `save` wrote.
-
-        Args:
-            folder: The folder that `save` wrote into.
-
-        Returns:
-            The split, memory-mapped and read-only.
-        """
+        """Load what `save` wrote, with memory-mapped, read-only arrays."""
         facts = json.loads((folder / FACTS).read_text(encoding="utf-8"))
         labels, parts = (load_grid(folder / f"{name}.npy") for name in GRIDS)
         links = tuple(
@@ -113,12 +90,8 @@ class RegionSplit:
 def split_regions(terrain: Terrain, body: BoolGrid | None = None) -> RegionSplit:
     """Split a terrain's free ground into convex regions.
 
-    Args:
-        terrain: The ground.
-        body: bool (h, w), where the centre of a body may be, on which connections lie; all free points when None.
-
-    Raises:
-        BadInput: For a terrain whose outline has more than MOST_CORNERS corners.
+    Connections lie where a body's centre may be: at the points of `body`, or at all free points when it is None. An
+    outline of more than MOST_CORNERS corners is refused.
     """
     loops = loops_of(terrain.free, FILL)
     rings = simplified(loops, FILL) if 3 * len(loops) <= MOST_CORNERS else []
@@ -140,16 +113,9 @@ def regions_by_hand(
 ) -> RegionSplit:
     """Return the split that the user's polygons describe.
 
-    They need not follow walls closely: what they cover of them does not count, and free points up to BY_HAND beside a
-    region belong to it.
-
-    Args:
-        terrain: The ground.
-        polygons: Corners (x, y) in m, either way round.
-        body: As in `split_regions`; ground to which it has no access need not be covered.
-
-    Raises:
-        BadInput: For polygons that are not convex, hold no free point or overlap, and for gaps between them.
+    Their corners are (x, y) in m, either way round. They need not follow walls closely: what they cover of them does
+    not count, and free points up to BY_HAND beside a region belong to it. Gaps between them are refused, but ground to
+    which `body` has no access need not be covered; `body` is as in `split_regions`.
     """
     slack = _slack(terrain)
     corners = [_checked(terrain, number, polygon) for number, polygon in enumerate(polygons)]

@@ -49,13 +49,7 @@ _ALL_MESSAGES = (
 
 
 def agent_rights(form: Format, namespace: str, commands: Sequence[str] = COMMANDS) -> Rights:
-    """Return the rights of a robot's agent at its router.
-
-    Args:
-        form: What the robot speaks.
-        namespace: The robot's namespace.
-        commands: Topics by which it drives the robot.
-    """
+    """Return the rights of a robot's agent at its router."""
     published = tuple(form.heard(full_name(namespace, name)) for name in (*commands, *TOLD, *SHOWN))
     heard = _heard(form, namespace)
     actions = form.heard(f"{full_name(namespace, NAME)}/_action/*")
@@ -72,12 +66,7 @@ def agent_rights(form: Format, namespace: str, commands: Sequence[str] = COMMAND
 
 
 def viewer_rights(form: Format, namespace: str) -> Rights:
-    """Return the rights of a client that only reads.
-
-    Args:
-        form: What the robot speaks.
-        namespace: The robot's namespace.
-    """
+    """Return the rights of a client that only reads."""
     heard = _heard(form, namespace)
     latched = _latched(heard)
     node = _tokens(form, namespace, f"*/*/*/{EntityKind.NODE}", "*")
@@ -93,13 +82,10 @@ def _latched(keys: Sequence[str]) -> tuple[str, ...]:
 
 
 def _tokens(form: Format, namespace: str, who: str, name: str) -> tuple[str, ...]:
-    """Tokens of nodes in the robot's own namespace, and of what they have.
+    """Return the tokens of nodes in the robot's own namespace and of their entities, as key expressions.
 
-    Args:
-        form: What the robot speaks.
-        namespace: The robot's namespace.
-        who: Session, node, entity and kind.
-        name: The node's name, and what follows it.
+    `who` stands for session, node, entity and kind, `name` for the node's name and what follows it. A bridge has no
+    tokens.
     """
     if isinstance(form, Bridge):
         return ()
@@ -109,15 +95,9 @@ def _tokens(form: Format, namespace: str, who: str, name: str) -> tuple[str, ...
 
 
 def access_control(form: Format, namespace: str, members: Mapping[str, Rights]) -> dict[str, Any]:
-    """Return the access rules of a robot's router.
+    """Return the access rules of a robot's router: all but its own programs and `members` are denied.
 
-    Args:
-        form: What the robot speaks.
-        namespace: The robot's namespace.
-        members: Rights by the common name of a certificate.
-
-    Returns:
-        The configuration: deny everything, but for the robot's own programs and the rights of each member.
+    `members` are rights by the common name of a certificate.
     """
     rules: list[dict[str, Any]] = [
         {
@@ -157,16 +137,9 @@ def robot_router(
 ) -> dict[str, Any]:
     """Return the configuration of a robot's router.
 
-    Args:
-        form: What the robot speaks.
-        namespace: The robot's namespace.
-        members: Rights by the common name of a certificate.
-        listen: Locators: TCP on loopback for the robot's own programs, TLS for the fleet's members.
-        tls: Where the router's certificate and key lie, as Zenoh's configuration names them.
-        commands: Topics by which the robot is driven.
-
-    Returns:
-        What Zenoh's router reads, such as `rmw_zenohd` by ``ZENOH_ROUTER_CONFIG_URI``.
+    It is what Zenoh's router reads, such as `rmw_zenohd` by ``ZENOH_ROUTER_CONFIG_URI``. `members` are rights by the
+    common name of a certificate. `listen` has locators: TCP on loopback for the robot's own programs, TLS for the
+    fleet's members. `tls` says where the router's certificate and key lie, as Zenoh's configuration names them.
     """
     driven = [form.heard(full_name(namespace, name)) for name in commands]
     network = {"link_protocols": ["tls"], "flows": ["ingress"]}

@@ -22,19 +22,12 @@ _LONGEST_TEXT = 4096
 
 @dataclass(frozen=True, slots=True)
 class Coding:
-    """The coding of a class of messages.
-
-    Attributes:
-        type_name: The type in ROS.
-        longest: Bytes of the longest payload that is read.
-        pack: To a message of ROS.
-        unpack: From one; None for what is only sent.
-    """
+    """The coding of a class of messages."""
 
     type_name: str
-    longest: int
-    pack: Callable[[Any], Any]
-    unpack: Callable[[Any], Any] | None
+    longest: int  # bytes of the longest payload that is read
+    pack: Callable[[Any], Any]  # to a message of ROS
+    unpack: Callable[[Any], Any] | None  # from one; None for what is only sent
 
     @property
     def type_hash(self) -> str:
@@ -43,32 +36,18 @@ class Coding:
 
 
 def encode(message: object) -> bytes:
-    """Return the bytes of a message.
+    """Return the bytes of a message: CDR, little endian, with its header.
 
-    Args:
-        message: One of `patrol.ros2.messages`.
-
-    Returns:
-        CDR, little endian, with its header.
-
-    Raises:
-        Malformed: It holds what must not be sent.
-        BadInput: The extra ``ros2`` is not installed.
+    A message that holds what must not be sent raises Malformed.
     """
     coding = CODINGS[type(message)]
     return bytes(store().serialize_cdr(coding.pack(message), coding.type_name, little_endian=True))
 
 
 def decode(kind: type[M], payload: bytes) -> M:
-    """Return the message in some bytes of any sender.
+    """Return the message in a payload of any sender: CDR of either byte order, with its header.
 
-    Args:
-        kind: One of the classes of `patrol.ros2.messages`.
-        payload: CDR of either byte order, with its header.
-
-    Raises:
-        Malformed: They are no such message, or one that cannot be used.
-        BadInput: The extra ``ros2`` is not installed.
+    A payload that is no such message, or one that cannot be used, raises Malformed.
     """
     from rosbags.serde import SerdeError
 

@@ -68,11 +68,7 @@ _SERVICES: dict[str, tuple[tuple[tuple[str, str], ...], tuple[tuple[str, str], .
 
 @cache
 def store() -> Typestore:
-    """All types, from rosbags and from here.
-
-    Raises:
-        BadInput: The extra ``ros2`` is not installed.
-    """
+    """Return all types, from rosbags and from here; BadInput if the extra ``ros2`` is not installed."""
     try:
         from rosbags.typesys import Stores, get_typestore
     except ImportError:
@@ -92,12 +88,9 @@ def store() -> Typestore:
 def service_types(
     service: str, request: tuple[tuple[str, str], ...], response: tuple[tuple[str, str], ...]
 ) -> dict[str, Any]:
-    """The types that a service consists of, as rosbags registers them. One of the service's own name has its hash.
+    """Return the types that a service consists of, as rosbags registers them.
 
-    Args:
-        service: Its name.
-        request: Names and types of the request's fields.
-        response: Those of the response.
+    The one of the service's own name has its hash. `request` and `response` are (name, type) of each field.
     """
     asked, answered, event = (f"{service}_{part}" for part in ("Request", "Response", "Event"))
     return {
@@ -113,11 +106,7 @@ def service_types(
 
 @cache
 def type_hash(name: str) -> str:
-    """Return the hash of a type or a service, ``RIHS01_`` and 64 hex digits.
-
-    Args:
-        name: Such as ``geometry_msgs/msg/Twist``.
-    """
+    """Return the hash of a type or a service, ``RIHS01_`` and 64 hex digits."""
     return store().hash_rihs01(name)
 
 

@@ -18,26 +18,18 @@ _MOST_SENDERS = 16
 class Overheard:
     """The messages heard under one key.
 
-    Attributes:
-        first_s: When the first message came, by `time.monotonic`, s.
-        last_s: When the last one came.
-        messages: How many came.
-        size: Bytes of the longest.
-        age_ns: How old the message was that seemed youngest: our clock less that of its sender; None where senders do
-            not say.
-        senders: The different senders, at most 16; empty where senders do not say.
-        newest: The newest payload; None if it is longer than 4 MiB.
-        recent: When the last 32 payloads of at most 16 KiB came, ns since the epoch, and these: many may publish a
-            topic, and one message may have been held up on its way.
+    Several recent ones are kept, as many senders may publish a topic, and one message may have been held up on its way.
     """
 
-    first_s: float
-    last_s: float = 0.0
+    first_s: float  # when the first message came, by `time.monotonic`
+    last_s: float = 0.0  # when the last one came, likewise
     messages: int = 0
-    size: int = 0
+    size: int = 0  # bytes of the longest
+    # of the message that seemed youngest: our clock less that of its sender; None where senders do not say
     age_ns: int | None = None
-    senders: set[bytes] = field(default_factory=set)
-    newest: bytes | None = None
+    senders: set[bytes] = field(default_factory=set)  # at most 16; empty where senders do not say
+    newest: bytes | None = None  # the newest payload; None if it is longer than 4 MiB
+    # arrival (ns since the epoch) and payload of the last 32 of at most 16 KiB
     recent: deque[tuple[int, bytes]] = field(default_factory=lambda: deque(maxlen=_RECENT))
 
     @property
@@ -50,8 +42,7 @@ class Overheard:
 class Ear:
     """Notes what is overheard, on one thread; another may look at it.
 
-    Attributes:
-        more: How many messages came under keys beyond the first 64.
+    Only the first 64 keys are kept; `more` counts the messages under others.
     """
 
     def __init__(self) -> None:
@@ -64,15 +55,7 @@ class Ear:
         return dict(self._heard)
 
     def note(self, key: str, payload: Payload, attached: bytes, at_s: float, now_ns: int) -> None:
-        """Note a message.
-
-        Args:
-            key: Its key.
-            payload: Its payload, not yet copied.
-            attached: Its attachment.
-            at_s: The time, by `time.monotonic`, s.
-            now_ns: The time, ns since the epoch.
-        """
+        """Note a message; `at_s` is by `time.monotonic`, `now_ns` since the epoch."""
         known = self._heard.get(key)
         if known is None:
             if len(self._heard) >= _MOST_KEYS:

@@ -34,17 +34,11 @@ _BRIDGED = {
 
 @dataclass(frozen=True, slots=True)
 class Attachment:
-    """The data attached to a message of `rmw_zenoh`.
+    """The data attached to a message of `rmw_zenoh`."""
 
-    Attributes:
-        sequence: Counts the sender's messages, from 1.
-        sent_ns: When it was sent, ns since the epoch, by the sender's clock.
-        sender: 16 bytes that stand for the publisher or client.
-    """
-
-    sequence: int
-    sent_ns: int
-    sender: bytes
+    sequence: int  # counts the sender's messages, from 1
+    sent_ns: int  # since the epoch, by the sender's clock
+    sender: bytes  # 16 bytes that stand for the publisher or client
 
     def to_bytes(self) -> bytes:
         """Return the 33 bytes of it."""
@@ -52,11 +46,7 @@ class Attachment:
 
 
 def attachment_of(given: bytes) -> Attachment | None:
-    """Return the attachment in some bytes; None for what is none.
-
-    Args:
-        given: From any sender.
-    """
+    """Return the attachment in some bytes; None for what is none."""
     if len(given) != _ATTACHMENT.size or given[16] != _GID:
         return None
     sequence, sent_ns, _, sender = _ATTACHMENT.unpack(given)
@@ -64,25 +54,19 @@ def attachment_of(given: bytes) -> Attachment | None:
 
 
 def gid_of(token: str) -> bytes:
-    """Return the 16 bytes that stand for an entity. `rmw_zenoh` hashes the token otherwise; others compare only.
+    """Return the 16 bytes that stand for an entity, made from its liveliness token.
 
-    Args:
-        token: The entity's liveliness token.
+    `rmw_zenoh` makes them by another hash, but receivers only compare them.
     """
     return hashlib.blake2b(token.encode(), digest_size=_GID).digest()
 
 
 @dataclass(frozen=True, slots=True)
 class Origin:
-    """The part of a key that describes the messages under it.
+    """The part of a key that describes the messages under it."""
 
-    Attributes:
-        type_name: The type as ROS calls it; empty where the format does not say.
-        type_hash: Its hash; empty where the format does not say.
-    """
-
-    type_name: str = ""
-    type_hash: str = ""
+    type_name: str = ""  # as ROS calls it; empty where the format does not say
+    type_hash: str = ""  # empty where the format does not say
 
 
 class Format(Protocol):
@@ -143,15 +127,10 @@ class Format(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class RmwZenoh:
-    """The format of `rmw_zenoh`.
+    """The format of `rmw_zenoh`."""
 
-    Attributes:
-        domain: The ROS_DOMAIN_ID.
-        hashed: Whether types have hashes; they have none in ROS 2 Humble.
-    """
-
-    domain: int = 0
-    hashed: bool = True
+    domain: int = 0  # ROS_DOMAIN_ID
+    hashed: bool = True  # False for ROS 2 Humble, where types have no hashes
     attaches = True
 
     @property
@@ -201,12 +180,9 @@ class RmwZenoh:
 
 @dataclass(frozen=True, slots=True)
 class Bridge:
-    """The format of `zenoh-bridge-ros2dds`: a topic's name is its key, and that is all.
+    """The format of `zenoh-bridge-ros2dds`: a topic's name is its key, and that is all."""
 
-    Attributes:
-        prefix: What the bridge puts before every name (its option ``namespace``), if that is not a part of the names.
-    """
-
+    # what the bridge puts before every name (its option ``namespace``), if that is not a part of the names
     prefix: str = ""
     attaches = False
     domain = 0
@@ -263,14 +239,9 @@ FORMATS: dict[str, Callable[[int], Format]] = {
 
 
 def other_format(form: Format, tokens: Callable[[str], list[str]]) -> str:
-    """Return the format of the nodes on a router where none has the expected one.
+    """Return the other format that nodes on a router speak, with the remedy; empty where there is none.
 
-    Args:
-        form: The expected format.
-        tokens: The liveliness tokens under a key expression.
-
-    Returns:
-        The remedy, such as "rmw_zenoh; give --format rmw_zenoh"; empty where no node speaks another format.
+    For example "rmw_zenoh; give --format rmw_zenoh". `tokens` returns the liveliness tokens under a key expression.
     """
     for name in ("rmw_zenoh", "bridge"):
         other = FORMATS[name](form.domain)
@@ -280,16 +251,7 @@ def other_format(form: Format, tokens: Callable[[str], list[str]]) -> str:
 
 
 def format_named(name: str, domain: int, option: str) -> Format:
-    """Return the format of a name.
-
-    Args:
-        name: One of `FORMATS`.
-        domain: The ROS_DOMAIN_ID.
-        option: What errors call it.
-
-    Raises:
-        BadInput: There is none.
-    """
+    """Return the format of a name."""
     if name not in FORMATS:
         raise BadInput(f"{option} {name!r}: no such format; known are {', '.join(FORMATS)}")
     return FORMATS[name](domain)

@@ -15,15 +15,9 @@ _SMALL_TURN = 1e-6
 
 
 def pose_given(option: str, text: str, otherwise: str = "") -> Pose:
-    """Return the pose that an option of a command line gives.
+    """Return the pose that a command-line option gives as X,Y,HEADING in m and rad.
 
-    Args:
-        option: The option, for errors.
-        text: X,Y,HEADING in m and rad.
-        otherwise: What else the option takes, for errors.
-
-    Raises:
-        BadInput: It is none.
+    `otherwise` tells the user what else the option takes.
     """
     try:
         x, y, heading = (float(part) for part in text.split(","))
@@ -37,14 +31,9 @@ def pose_given(option: str, text: str, otherwise: str = "") -> Pose:
 
 
 def heading_given(where: str, heading: float) -> float:
-    """Return a heading that a person or a file gives, from -pi to pi.
+    """Return a heading (rad) that a person or a file gives, wrapped to -pi to pi.
 
-    Args:
-        where: File or option and field, for errors.
-        heading: rad.
-
-    Raises:
-        BadInput: It is more than a full turn, so it was meant in degrees.
+    More than a full turn is refused, since it was meant in degrees.
     """
     if abs(heading) > TAU:
         raise BadInput(f"{where} = {heading:g}: more than a full turn; give rad, for example 1.57 for 90 degrees")
@@ -52,12 +41,7 @@ def heading_given(where: str, heading: float) -> float:
 
 
 def composed(outer: Pose, inner: Pose) -> Pose:
-    """Return a pose in a frame from the pose in a child of that frame.
-
-    Args:
-        outer: The child in the frame.
-        inner: The thing in the child.
-    """
+    """Return a pose in a frame, from the pose `inner` in a child frame and the child's own pose `outer`."""
     cos, sin = math.cos(outer.heading), math.sin(outer.heading)
     return Pose(
         outer.x + cos * inner.x - sin * inner.y,
@@ -67,11 +51,7 @@ def composed(outer: Pose, inner: Pose) -> Pose:
 
 
 def inverted(pose: Pose) -> Pose:
-    """Return the pose of the parent in the child from that of the child in the parent.
-
-    Args:
-        pose: The child in the parent.
-    """
+    """Return the pose of the parent in the child from that of the child in the parent."""
     cos, sin = math.cos(pose.heading), math.sin(pose.heading)
     return Pose(-cos * pose.x - sin * pose.y, sin * pose.x - cos * pose.y, wrap(-pose.heading))
 
@@ -79,10 +59,7 @@ def inverted(pose: Pose) -> Pose:
 def travelled(pose: Pose, twist: Twist, time_s: float) -> Pose:
     """Return the pose of a body that keeps its velocity for a while: an exact arc.
 
-    Args:
-        pose: Where it is.
-        twist: Its velocity, in its own frame.
-        time_s: For how long, s; negative for where it came from.
+    The velocity is in the body's own frame. A negative time gives the pose that the body came from.
     """
     turn = twist.turn_rate * time_s
     if abs(turn) < _SMALL_TURN:

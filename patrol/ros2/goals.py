@@ -81,15 +81,7 @@ class Going(Enum):
 
 
 class GoalClient:
-    """Sends a robot somewhere. A new goal takes the place of the last one, as in Nav2.
-
-    Attributes:
-        going: How it stands.
-
-    Args:
-        link: The robot's.
-        name: The action's name.
-    """
+    """Sends a robot somewhere. A new goal takes the place of the last one, as in Nav2."""
 
     def __init__(self, link: Ros2Link, name: str = NAME) -> None:
         self._link = link
@@ -103,12 +95,7 @@ class GoalClient:
         self.going = Going.NOWHERE
 
     def go(self, target: PoseStamped, now_s: float) -> None:
-        """Send the robot somewhere.
-
-        Args:
-            target: Where to.
-            now_s: The time, s.
-        """
+        """Send the robot somewhere."""
         self._goal = os.urandom(16)
         request = SendGoalRequest(self._goal, target)
         self._accepted = self._link.call(f"{self._name}/send_goal", _SEND, request, ACCEPT_S)
@@ -120,9 +107,6 @@ class GoalClient:
         """Cancel every goal that the robot has, also those of others: a robot that is to stop stops.
 
         `step` repeats the request until the robot confirms it; until then it is stopping.
-
-        Args:
-            now_s: The time, s.
         """
         self._result = None
         self._cancels.clear()
@@ -131,14 +115,7 @@ class GoalClient:
         self.step(now_s)
 
     def step(self, now_s: float) -> Going:
-        """Take in what the robot has answered.
-
-        Args:
-            now_s: The time, s.
-
-        Returns:
-            How it stands.
-        """
+        """Take in what the robot has answered."""
         if self.going is Going.STOPPING:
             self._step_stop(now_s)
             return self.going
@@ -189,12 +166,7 @@ class _Goal:
 
 
 class GoalServer:
-    """Goes where it is sent, one goal at a time: a new goal aborts the last one.
-
-    Args:
-        link: The robot's.
-        name: The action's name.
-    """
+    """Goes where it is sent, one goal at a time: a new goal aborts the last one."""
 
     def __init__(self, link: Ros2Link, name: str = NAME) -> None:
         inside = f"{name}/_action"
@@ -217,14 +189,7 @@ class GoalServer:
         return None if goal is None or goal.status.over else goal.target
 
     def step(self, stamp_ns: int) -> PoseStamped | None:
-        """Take in what was asked.
-
-        Args:
-            stamp_ns: The time, ns since the epoch.
-
-        Returns:
-            Where it is to go now; None for nowhere.
-        """
+        """Take in what was asked, and return where to go now; None for nowhere."""
         while (sent := self._sent.take()) is not None:
             self._accept(sent.message, stamp_ns)
         while (cancel := self._cancels.take()) is not None:
@@ -235,21 +200,11 @@ class GoalServer:
         return self.target
 
     def finish(self, status: Status) -> None:
-        """End the goal that it has, if it has one.
-
-        Args:
-            status: How it ended: succeeded or aborted.
-        """
+        """End the present goal, if there is one, as succeeded or aborted."""
         self._end(self._current, status)
 
     def feedback(self, current: PoseStamped, elapsed_s: float, distance_left: float) -> None:
-        """Say how far it is, if it is to go somewhere.
-
-        Args:
-            current: Where it is.
-            elapsed_s: For how long it has been under way, s.
-            distance_left: m.
-        """
+        """Publish the progress towards the present goal, if there is one; `distance_left` is in m."""
         if self.target is not None:
             self._feedback.send(Feedback(self._current, current, elapsed_s, distance_left))
 

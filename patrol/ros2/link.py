@@ -53,13 +53,7 @@ A = TypeVar("A")
 
 
 class ZenohRos2Link:
-    """A node of ROS 2 (`patrol.ros2.ports.Ros2Link`).
-
-    Args:
-        session: An open session with the robot's router.
-        form: What it speaks.
-        node: The node's name and namespace.
-    """
+    """A node of ROS 2 (`patrol.ros2.ports.Ros2Link`)."""
 
     def __init__(self, session: zenoh.Session, form: Format, node: NodeName) -> None:
         self._session = session
@@ -200,34 +194,19 @@ class ZenohRos2Link:
         return other_format(self._format, lambda graph: self.tokens(graph, limit_s))
 
     def tokens(self, expression: str, limit_s: float) -> list[str]:
-        """Return the liveliness tokens that there are now, each once, at most 10 000; waits.
-
-        Args:
-            expression: A key expression.
-            limit_s: How long to wait at most.
-        """
+        """Return the liveliness tokens that there are now, each once, at most 10 000; waits."""
         replies = self._session.liveliness().get(expression, timeout=limit_s)
         found = (str(reply.ok.key_expr) for reply in islice(replies, _MOST_ENTITIES) if reply.ok is not None)
         return list(dict.fromkeys(found))  # the router tells us of our own once more
 
     def router(self, limit_s: float) -> RouterSays | None:
-        """Return what the router says of itself in Zenoh's admin space; None if it does not answer, or not so.
-
-        Args:
-            limit_s: How long to wait at most.
-        """
+        """Return what the router says of itself in Zenoh's admin space; None without a valid answer."""
         asked = [f"@/{router}/router" for router in self._session.info.routers_zid()]
         answers = answers_of(self._session, asked, b"", _LONGEST_SAID, limit_s)
         return next((says for _, answer in answers if (says := router_says(answer, self._id)) is not None), None)
 
     def overhear(self, expression: str, ear: Ear, latched: bool) -> None:
-        """Note all messages under a key expression, whatever they are.
-
-        Args:
-            expression: The key expression.
-            ear: Where they are noted.
-            latched: Whether to get what was sent before, too.
-        """
+        """Note all messages under a key expression, whatever they are; if `latched`, also those sent before."""
 
         def receive(sample: zenoh.Sample) -> None:
             ear.note(str(sample.key_expr), sample.payload, _small(sample.attachment), time.monotonic(), time.time_ns())
@@ -241,14 +220,10 @@ class ZenohRos2Link:
         )
 
     def close(self, limit_s: float = CLOSE_S) -> bool:
-        """Close the session; what is closed already stays so.
+        """Close the session; closing it once more does nothing.
 
-        Args:
-            limit_s: How long to wait.
-
-        Returns:
-            False when closing takes longer than the limit or than Zenoh allows, after which only ending the process
-            helps.
+        It returns False when closing takes longer than `limit_s` or than Zenoh allows; then only ending the process
+        helps.
         """
         return close_session(self._session, self._declared, limit_s)
 
@@ -269,23 +244,16 @@ class ZenohRos2Link:
 
 @dataclass(frozen=True, slots=True)
 class RouterSays:
-    """A Zenoh router, as it describes itself. Whatever answers in its place can forge that.
+    """A Zenoh router, as it describes itself. Whatever answers in its place can forge that."""
 
-    Attributes:
-        version: Of Zenoh, such as "v1.5.0".
-        others: How many other processes are connected to it.
-    """
-
-    version: str
-    others: int
+    version: str  # of Zenoh, such as "v1.5.0"
+    others: int  # number of other processes that are connected to it
 
 
 def router_says(answer: bytes, own: str) -> RouterSays | None:
-    """Read a router's answer about itself, from anybody; None for anything else.
+    """Read a router's answer about itself, of at most `_LONGEST_SAID` bytes; None for anything else.
 
-    Args:
-        answer: At most `_LONGEST_SAID` bytes.
-        own: The asking session's id, which is not counted.
+    The answer may come from any process. `own` is the asking session's id, which is not counted.
     """
     try:
         says = json.loads(answer)
@@ -398,18 +366,9 @@ def open_ros2(
 ) -> ZenohRos2Link:
     """Join the Zenoh router of a robot.
 
-    Args:
-        router: Its locator, such as ``tcp/192.168.1.20:7447``.
-        form: What is spoken there.
-        node: The name and namespace of our node.
-        wait_s: How long to wait for the router.
-        waiting: Called now and then with the seconds waited, while no router answers.
-        stopped: Whether to give up.
-        credentials: Prove who this is; None for a router that asks for none.
-
-    Raises:
-        LinkDown: No router has answered after `wait_s`, or `stopped` says so.
-        BadInput: The extra ``ros2`` is not installed.
+    `router` is its locator, such as ``tcp/192.168.1.20:7447``. While no router answers, `waiting` is called now and
+    then with the seconds waited. LinkDown is raised when none has answered after `wait_s`, or once `stopped` returns
+    True. `credentials` is None for a router that asks for none.
     """
     store()
     own = None if credentials is None else replace(credentials, mesh=None)  # a robot's router is none of the mesh

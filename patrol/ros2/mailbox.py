@@ -15,34 +15,21 @@ _MOST_SAID = 16
 
 @dataclass(frozen=True, slots=True)
 class Received(Generic[T]):
-    """A message, and how it came.
-
-    Attributes:
-        message: The message.
-        at_s: When it was received, by `time.monotonic`, s.
-        sent_ns: When it was sent, by the clock of its sender or of the sender's bridge, ns since the epoch; None where
-            nothing says.
-        sequence: Counts the sender's messages; None where the format does not say.
-        sender: Stands for the sender; empty where the format does not say.
-    """
+    """A message, and how it came."""
 
     message: T
-    at_s: float
+    at_s: float  # when it was received, by `time.monotonic`
+    # since the epoch, by the clock of its sender or of the sender's bridge; None where nothing says
     sent_ns: int | None = None
-    sequence: int | None = None
-    sender: bytes = b""
+    sequence: int | None = None  # counts the sender's messages; None where the format does not say
+    sender: bytes = b""  # stands for the sender; empty where the format does not say
 
 
 class RosMailbox(Generic[T]):
-    """The newest messages of a topic.
+    """The newest messages of a topic; when `room` of them wait, the oldest makes room for the next.
 
-    Attributes:
-        refused: Counts of messages that cannot be used, by reason: oversized, malformed, type, hash.
-        said: One line for each reason, about the first message that was refused for it.
-        passed_over: How many messages had to make room for newer ones.
-
-    Args:
-        room: Messages that wait; of more the oldest is dropped.
+    `refused` counts the messages that cannot be used, by reason (oversized, malformed, type, hash), and `said` has one
+    line about the first of each. `passed_over` counts the messages that had to make room.
     """
 
     def __init__(self, room: int = 1) -> None:
@@ -71,11 +58,7 @@ class RosMailbox(Generic[T]):
         return len(self._senders)
 
     def put(self, received: Received[T]) -> None:
-        """Put a message in; called from any thread.
-
-        Args:
-            received: The message.
-        """
+        """Put a message in; called from any thread."""
         with self._changed:
             if len(self._waiting) == self._waiting.maxlen:
                 self.passed_over += 1
@@ -87,26 +70,14 @@ class RosMailbox(Generic[T]):
             self._changed.notify()
 
     def refuse(self, reason: str, line: str) -> None:
-        """Count a message that cannot be used; called from any thread.
-
-        Args:
-            reason: In a word.
-            line: What was wrong with it.
-        """
+        """Count a message that cannot be used; called from any thread."""
         with self._changed:
             self.refused[reason] += 1
             if len(self.said) < _MOST_SAID:
                 self.said.setdefault(reason, line)
 
     def take(self, timeout_s: float = 0.0) -> Received[T] | None:
-        """Take the oldest waiting message out.
-
-        Args:
-            timeout_s: How long to wait for one.
-
-        Returns:
-            The message, or None when none came in time.
-        """
+        """Take the oldest waiting message out; None when none comes within `timeout_s`."""
         with self._changed:
             if not self._waiting and timeout_s > 0.0:
                 self._changed.wait_for(lambda: bool(self._waiting), timeout_s)

@@ -47,17 +47,11 @@ class Clock:
 
 @dataclass(frozen=True, slots=True)
 class Twist:
-    """geometry_msgs/Twist: a velocity in a body's own frame.
+    """geometry_msgs/Twist: a velocity in a body's own frame."""
 
-    Attributes:
-        vx: Forward, m/s.
-        vy: To the left, m/s.
-        turn_rate: To the left, rad/s.
-    """
-
-    vx: float
-    vy: float
-    turn_rate: float
+    vx: float  # m/s, forward
+    vy: float  # m/s, to the left
+    turn_rate: float  # rad/s, to the left
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,21 +65,13 @@ class TwistStamped:
 
 @dataclass(frozen=True, slots=True)
 class AckermannDriveStamped:
-    """ackermann_msgs/AckermannDriveStamped.
-
-    Attributes:
-        stamp_ns: When it was sent.
-        frame: The body's frame.
-        speed: Forward, m/s.
-        steering_angle: Of a wheel in the middle of the front axle, to the left, rad.
-        acceleration: The most that may be used, m/s²; 0 leaves it to the robot.
-    """
+    """ackermann_msgs/AckermannDriveStamped."""
 
     stamp_ns: int
     frame: str
-    speed: float
-    steering_angle: float
-    acceleration: float = 0.0
+    speed: float  # m/s, forward
+    steering_angle: float  # rad, to the left, of a wheel in the middle of the front axle
+    acceleration: float = 0.0  # m/s², the most that may be used; 0 leaves it to the robot
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,89 +85,53 @@ class PoseStamped:
 
 @dataclass(frozen=True, slots=True)
 class PoseWithCovarianceStamped:
-    """geometry_msgs/PoseWithCovarianceStamped.
-
-    Attributes:
-        stamp_ns: When it was so.
-        frame: The frame of the pose.
-        pose: The pose.
-        variances: Of x (m²), y (m²) and heading (rad²).
-    """
+    """geometry_msgs/PoseWithCovarianceStamped."""
 
     stamp_ns: int
     frame: str
     pose: Pose
-    variances: tuple[float, float, float] = UNKNOWN_VARIANCES
+    variances: tuple[float, float, float] = UNKNOWN_VARIANCES  # of x (m²), y (m²) and heading (rad²)
 
 
 @dataclass(frozen=True, slots=True)
 class Odometry:
-    """nav_msgs/Odometry.
-
-    Attributes:
-        stamp_ns: When it was so.
-        frame: The frame of the pose.
-        child_frame: The body's own frame, that of the velocity; may be empty.
-        pose: The pose.
-        twist: The velocity.
-        variances: Of the pose: x (m²), y (m²) and heading (rad²).
-    """
+    """nav_msgs/Odometry."""
 
     stamp_ns: int
-    frame: str
-    child_frame: str
+    frame: str  # of the pose
+    child_frame: str  # the body's own, that of the velocity; may be empty
     pose: Pose
     twist: Twist
-    variances: tuple[float, float, float] = UNKNOWN_VARIANCES
+    variances: tuple[float, float, float] = UNKNOWN_VARIANCES  # of the pose: x (m²), y (m²) and heading (rad²)
 
 
 @dataclass(frozen=True, slots=True)
 class Transform:
-    """geometry_msgs/TransformStamped: where a frame is in another.
-
-    Attributes:
-        stamp_ns: When it was so.
-        frame: The frame that it is in.
-        child_frame: The frame that is there.
-        pose: The child's origin and heading.
-    """
+    """geometry_msgs/TransformStamped: where a frame is in another."""
 
     stamp_ns: int
-    frame: str
+    frame: str  # the frame that it is in
     child_frame: str
-    pose: Pose
+    pose: Pose  # the child's origin and heading
 
 
 @dataclass(frozen=True, slots=True)
 class TFMessage:
-    """tf2_msgs/TFMessage.
-
-    Attributes:
-        transforms: Those that can be used.
-        refused: How many of a received message cannot: tf ignores them too, and keeps the others.
-    """
+    """tf2_msgs/TFMessage."""
 
     transforms: tuple[Transform, ...]
-    refused: int = 0
+    refused: int = 0  # transforms of a received message that cannot be used; tf ignores them too, and keeps the others
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class OccupancyGrid:
-    """nav_msgs/OccupancyGrid.
-
-    Attributes:
-        stamp_ns: When it was made.
-        frame: The frame of its origin.
-        resolution: Side of a cell, m.
-        origin: The outer corner of the first cell, and the heading of the first row.
-        cells: int8 (h, w), row 0 first: 0 free to 100 occupied, -1 unknown.
-    """
+    """nav_msgs/OccupancyGrid."""
 
     stamp_ns: int
     frame: str
-    resolution: float
-    origin: Pose
-    cells: NDArray[int8]
+    resolution: float  # m, side of a cell
+    origin: Pose  # outer corner of the first cell, and the heading of the first row
+    cells: NDArray[int8]  # (h, w), row 0 first: 0 free to 100 occupied, -1 unknown
 
 
 @dataclass(frozen=True, slots=True)
@@ -195,17 +145,11 @@ class Path:
 
 @dataclass(frozen=True, slots=True)
 class SendGoalRequest:
-    """The request of nav2_msgs/action/NavigateToPose/send_goal.
+    """The request of nav2_msgs/action/NavigateToPose/send_goal."""
 
-    Attributes:
-        goal_id: 16 bytes.
-        target: Where to go.
-        behavior_tree: File name of a behaviour tree; empty for the robot's own.
-    """
-
-    goal_id: bytes
+    goal_id: bytes  # 16 bytes
     target: PoseStamped
-    behavior_tree: str = ""
+    behavior_tree: str = ""  # a file's name; empty for the robot's own
 
 
 @dataclass(frozen=True, slots=True)
@@ -232,15 +176,10 @@ class GetResultResponse:
 
 @dataclass(frozen=True, slots=True)
 class CancelRequest:
-    """The request of action_msgs/CancelGoal.
+    """The request of action_msgs/CancelGoal."""
 
-    Attributes:
-        goal_id: 16 bytes; zeros for any goal.
-        stamp_ns: Goals accepted up to then; 0 for the one goal, or for all goals if the id is zeros.
-    """
-
-    goal_id: bytes
-    stamp_ns: int = 0
+    goal_id: bytes  # 16 bytes; zeros for any goal
+    stamp_ns: int = 0  # goals accepted up to then; 0 for the one goal, or for all goals if the id is zeros
 
 
 @dataclass(frozen=True, slots=True)
@@ -253,19 +192,12 @@ class CancelResponse:
 
 @dataclass(frozen=True, slots=True)
 class Feedback:
-    """The feedback of NavigateToPose; only sent here, since what it holds differs by release.
+    """The feedback of NavigateToPose; only sent here, since what it holds differs by release."""
 
-    Attributes:
-        goal_id: 16 bytes.
-        current: Where the robot is.
-        elapsed_s: For how long it has been under way, s.
-        distance_left: m.
-    """
-
-    goal_id: bytes
+    goal_id: bytes  # 16 bytes
     current: PoseStamped
     elapsed_s: float
-    distance_left: float
+    distance_left: float  # m
 
 
 @dataclass(frozen=True, slots=True)
@@ -286,21 +218,13 @@ class DiagnosticLevel(IntEnum):
 
 @dataclass(frozen=True, slots=True)
 class DiagnosticStatus:
-    """diagnostic_msgs/DiagnosticStatus.
-
-    Attributes:
-        level: How the part does.
-        name: Of the part; unique among all that a robot's nodes publish.
-        message: How it does, in one line.
-        hardware_id: The robot.
-        values: Names and values for people.
-    """
+    """diagnostic_msgs/DiagnosticStatus."""
 
     level: DiagnosticLevel
-    name: str
+    name: str  # of the part; unique among all that a robot's nodes publish
     message: str
     hardware_id: str
-    values: tuple[tuple[str, str], ...] = ()
+    values: tuple[tuple[str, str], ...] = ()  # names and values for people
 
 
 @dataclass(frozen=True, slots=True)

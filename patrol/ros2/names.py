@@ -22,15 +22,7 @@ LAST_DOMAIN = 232
 
 
 def check_name(name: str, option: str) -> str:
-    """Check a name or a namespace of ROS, which is a part of keys.
-
-    Args:
-        name: Such as ``robot1``, ``/map`` or ``fleet/robot1``; empty is the root namespace.
-        option: What errors call it.
-
-    Raises:
-        BadInput: It cannot be one.
-    """
+    """Check and return a name or namespace of ROS, which is a part of keys; empty is the root namespace."""
     if name not in {"", "/"} and (len(name) > _LONGEST_NAME or not _NAME.fullmatch(name)):
         raise BadInput(
             f"{option} {name!r}: not a name in ROS; write letters, digits and '_', the first of each part no digit, "
@@ -40,29 +32,14 @@ def check_name(name: str, option: str) -> str:
 
 
 def check_domain(domain: int, option: str) -> int:
-    """Check a ROS_DOMAIN_ID.
-
-    Args:
-        domain: The number.
-        option: What errors call it.
-
-    Raises:
-        BadInput: It cannot be one.
-    """
+    """Check a ROS_DOMAIN_ID."""
     if not 0 <= domain <= LAST_DOMAIN:
         raise BadInput(f"{option} {domain}: not a domain of ROS 2; give the robot's ROS_DOMAIN_ID, 0 to {LAST_DOMAIN}")
     return domain
 
 
 def domain_given(domain: int | None) -> int:
-    """Return the ROS_DOMAIN_ID that an option gives, or else the environment, or else 0, as in ROS.
-
-    Args:
-        domain: The option's; None where it was not given.
-
-    Raises:
-        BadInput: It cannot be one.
-    """
+    """Return the ROS_DOMAIN_ID that an option gives, or else the environment, or else 0, as in ROS."""
     if domain is not None:
         return check_domain(domain, "--domain")
     text = os.environ.get("ROS_DOMAIN_ID", "0")
@@ -72,14 +49,9 @@ def domain_given(domain: int | None) -> int:
 
 
 def full_name(namespace: str, name: str) -> str:
-    """Return a name with its namespace, as ROS resolves it.
+    """Return a name with its namespace, as ROS resolves it, with a leading slash.
 
-    Args:
-        namespace: Such as ``robot1`` or ``/robot1``; empty for the root.
-        name: Relative to it, or from the root if it begins with a slash.
-
-    Returns:
-        The name from the root, with the slash that it begins with.
+    A name that begins with a slash is taken from the root.
     """
     if name.startswith("/"):
         return name
@@ -88,21 +60,13 @@ def full_name(namespace: str, name: str) -> str:
 
 
 def dds_name(type_name: str) -> str:
-    """Return a type as DDS calls it.
-
-    Args:
-        type_name: Such as ``geometry_msgs/msg/Twist``.
-    """
+    """Return a type such as ``geometry_msgs/msg/Twist`` as DDS calls it."""
     package, kind, name = type_name.split("/")
     return f"{package}::{kind}::dds_::{name}_"
 
 
 def ros_name(dds: str) -> str:
-    """Return a type as ROS calls it.
-
-    Args:
-        dds: Such as ``geometry_msgs::msg::dds_::Twist_``; anything else comes back as it is.
-    """
+    """Return a type such as ``geometry_msgs::msg::dds_::Twist_`` as ROS calls it; any other text as it is."""
     parts = dds.split("::")
     if len(parts) == 4 and parts[2] == "dds_" and parts[3].endswith("_"):
         return f"{parts[0]}/{parts[1]}/{parts[3][:-1]}"
@@ -121,18 +85,11 @@ def unmangled(part: str) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Qos:
-    """The quality of service of a publisher or a subscription. Nothing of it keeps the two from meeting.
-
-    Attributes:
-        reliable: Whether it wants every message.
-        latched: Whether who comes late still gets the last ``depth`` messages: transient local.
-        depth: Messages that are kept; 0 stands for 42.
-        keep_all: Whether all messages are kept.
-    """
+    """The quality of service of a publisher or a subscription; a mismatch does not keep the two apart."""
 
     reliable: bool = True
-    latched: bool = False
-    depth: int = 10
+    latched: bool = False  # transient local: a late subscriber still gets the last `depth` messages
+    depth: int = 10  # messages that are kept; 0 stands for 42
     keep_all: bool = False
 
     @property
@@ -150,14 +107,7 @@ SERVICE = Qos()
 
 
 def qos_of(text: str) -> Qos | None:
-    """Return the quality of service in a token.
-
-    Args:
-        text: Its last part, or another robot's idea of it.
-
-    Returns:
-        What it says; None for what cannot be read.
-    """
+    """Return the quality of service in a token's last part; None for what cannot be read."""
     parts = text.split(":")
     if len(parts) < 6:
         return None
@@ -180,44 +130,26 @@ class EntityKind(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class NodeName:
-    """A node.
-
-    Attributes:
-        name: Its name, such as ``fogwatch``.
-        namespace: Its namespace; empty for the root.
-    """
+    """A node."""
 
     name: str
-    namespace: str = ""
+    namespace: str = ""  # empty for the root
 
 
 @dataclass(frozen=True, slots=True)
 class Entity:
-    """A node, or what a node has: a publisher, a subscription, a service's server or client.
+    """A node, or what a node has: a publisher, a subscription, a service's server or client."""
 
-    Attributes:
-        domain: Its ROS_DOMAIN_ID.
-        session: The id of its session.
-        node_number: The number of its node in that session.
-        number: Its own number in that session.
-        kind: What it is.
-        node: Its node.
-        topic: The topic's or service's full name; empty for a node.
-        type_name: The type as ROS calls it; empty for a node.
-        type_hash: The type's hash; empty for a node.
-        qos: The quality of service; None for a node, or where it cannot be read.
-    """
-
-    domain: int
+    domain: int  # ROS_DOMAIN_ID
     session: str
-    node_number: int
-    number: int
+    node_number: int  # of its node in that session
+    number: int  # its own in that session
     kind: EntityKind
     node: NodeName
-    topic: str = ""
-    type_name: str = ""
-    type_hash: str = ""
-    qos: Qos | None = None
+    topic: str = ""  # full name of the topic or service; empty for a node
+    type_name: str = ""  # as ROS calls it; empty for a node
+    type_hash: str = ""  # empty for a node
+    qos: Qos | None = None  # None for a node, or where it cannot be read
 
     @property
     def token(self) -> str:
@@ -232,14 +164,7 @@ class Entity:
 
 
 def entity_of(token: str) -> Entity | None:
-    """Return the entity that a token stands for.
-
-    Args:
-        token: The key of a liveliness token of any node.
-
-    Returns:
-        The entity; None for what is none.
-    """
+    """Return the entity that a token stands for."""
     parts = token.split("/")
     if len(parts) < 9 or parts[0] != ADMIN_SPACE or parts[5] not in list(EntityKind):
         return None

@@ -137,12 +137,7 @@ def path(message: Any) -> Path:
 
 
 def make(kind: str, **fields: Any) -> Any:
-    """Return a message of ROS.
-
-    Args:
-        kind: Its type.
-        fields: All its fields.
-    """
+    """Return a message of ROS."""
     return store().types[kind](**fields)
 
 

@@ -17,30 +17,19 @@ M_contra = TypeVar("M_contra", contravariant=True)
 
 @dataclass(frozen=True, slots=True)
 class Service(Generic[Q, A]):
-    """A kind of service.
+    """A kind of service."""
 
-    Attributes:
-        type_name: Such as ``action_msgs/srv/CancelGoal``.
-        request: The class of what is asked.
-        response: The class of what is answered.
-    """
-
-    type_name: str
+    type_name: str  # such as ``action_msgs/srv/CancelGoal``
     request: type[Q]
     response: type[A]
 
 
 @dataclass(frozen=True, slots=True)
 class Asked(Generic[Q, A]):
-    """A request that waits for its response.
-
-    Attributes:
-        request: What is asked.
-        answer: Sends the response; once, from any thread but the one that hears.
-    """
+    """A request that waits for its response."""
 
     request: Q
-    answer: Callable[[A], None]
+    answer: Callable[[A], None]  # sends the response; once, from any thread but the one that hears
 
 
 class Sender(Protocol[M_contra]):
@@ -52,14 +41,7 @@ class Sender(Protocol[M_contra]):
         ...
 
     def send(self, message: M_contra) -> None:
-        """Send a message.
-
-        Args:
-            message: Of the topic's class.
-
-        Raises:
-            Malformed: It holds what must not be sent.
-        """
+        """Send a message."""
         ...
 
 
@@ -85,67 +67,31 @@ class Ros2Link(Protocol):
         ...
 
     def publisher(self, topic: str, kind: type[M], qos: Qos = USUAL) -> Sender[M]:
-        """Return a publisher.
-
-        Args:
-            topic: The topic's name.
-            kind: The class of its messages.
-            qos: Quality of service.
-        """
+        """Return a publisher."""
         ...
 
     def subscribe(self, topic: str, kind: type[M], mailbox: RosMailbox[M], qos: Qos = USUAL) -> None:
         """Put messages of a topic into a mailbox.
 
-        Args:
-            topic: The topic's name.
-            kind: The class of its messages; messages of another type or hash are refused, and the mailbox says so.
-            mailbox: Where they wait.
-            qos: Quality of service; one that is latched also gets what was sent before.
+        Messages of another type or hash are refused, and the mailbox says so. A latched subscription also gets what was
+        sent before.
         """
         ...
 
     def call(self, name: str, service: Service[Q, A], request: Q, limit_s: float) -> RosMailbox[A]:
-        """Ask a service, without waiting for the response.
-
-        Args:
-            name: The service's name.
-            service: Its kind.
-            request: What to ask.
-            limit_s: How long a response may take.
-
-        Returns:
-            Where the response will be, if one comes.
-
-        Raises:
-            Malformed: The request holds what must not be sent.
-        """
+        """Ask a service without waiting, and return the mailbox of the response, if one comes in `limit_s`."""
         ...
 
     def serve(self, name: str, service: Service[Q, A], mailbox: RosMailbox[Asked[Q, A]]) -> None:
-        """Offer a service.
-
-        Args:
-            name: The service's name.
-            service: Its kind.
-            mailbox: Where requests wait.
-        """
+        """Offer a service."""
         ...
 
     def other_format(self, limit_s: float) -> str:
-        """Return the format of nodes that this link cannot hear, and the remedy; empty where there are none; waits.
-
-        Args:
-            limit_s: How long to wait at most.
-        """
+        """Return the format of nodes that this link cannot hear, and the remedy; empty where there are none; waits."""
         ...
 
     def graph(self, limit_s: float) -> list[Entity]:
-        """Return the entities of the ROS graph now, as far as the format tells; waits.
-
-        Args:
-            limit_s: How long to wait at most.
-        """
+        """Return the entities of the ROS graph now, as far as the format tells; waits."""
         ...
 
     def close(self) -> bool:

@@ -37,11 +37,7 @@ A = TypeVar("A")
 
 
 def import_rclpy() -> Any:
-    """Return the package rclpy, for which there are no types where it is not installed.
-
-    Raises:
-        BadInput: It is not installed, or not for this Python.
-    """
+    """Return the package rclpy, for which there are no types where it is not installed."""
     try:
         for name in ("event_handler", "executors", "qos", "signals"):
             importlib.import_module(f"rclpy.{name}")
@@ -56,11 +52,8 @@ def import_rclpy() -> Any:
 class RclpyLink:
     """A node of ROS 2 (`patrol.ros2.ports.Ros2Link`).
 
-    Args:
-        rclpy: From `import_rclpy`.
-        node: The node's name and namespace.
-        domain: The ROS_DOMAIN_ID.
-        leave: Called with the reason when it can hear no more, from the thread that hears; `close` raises the error.
+    `leave` is called with the reason when the node can hear no more, from the thread that hears; `close` raises the
+    error.
     """
 
     def __init__(self, rclpy: Any, node: NodeName, domain: int, leave: Callable[[str], None]) -> None:

@@ -60,11 +60,6 @@ Closures = Annotated[
 
 
 def closures_in_file(value: Any, info: ValidationInfo) -> Any:
-    """Read the list of closures that a field names by its file; leave any other value as it is.
-
-    Args:
-        value: The field's value.
-        info: Of the validation.
-    """
+    """Read the list of closures that a field names by its file; leave any other value as it is."""
     example = "{name: door, polygon: ..., closed: [[60, 90]]}"
     return listed_in_file(value, info, "closures", example)

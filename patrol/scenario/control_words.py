@@ -10,23 +10,12 @@ from patrol.scenario.controls import OPERATOR, AddFault, AddIntruder, Heal, Pace
 
 
 def worded(event: Event) -> Event:
-    """Word an event's detail for people.
-
-    Args:
-        event: Of the journal.
-    """
+    """Word an event's detail for people."""
     return replace(event, detail=described(event)) if event.kind == OPERATOR else event
 
 
 def described(event: Event) -> str:
-    """Describe an event's detail for people.
-
-    Args:
-        event: Of the journal.
-
-    Returns:
-        One line, such as "loss: rate 0.5, who r1" or "ends op1".
-    """
+    """Describe an event's detail in one line, such as "loss: rate 0.5, who r1" or "ends op1"."""
     if event.kind != OPERATOR:
         return event.detail
     try:

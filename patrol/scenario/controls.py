@@ -150,26 +150,14 @@ _CONTROL: TypeAdapter[Control] = TypeAdapter(Annotated[Control, Discriminator("d
 
 @dataclass(frozen=True, slots=True)
 class Answer:
-    """The outcome of a control.
-
-    Attributes:
-        done: Whether it was obeyed.
-        text: One line for the operator; the reason where it was refused.
-    """
+    """The outcome of a control."""
 
     done: bool
-    text: str = ""
+    text: str = ""  # one line for the operator; the reason where it was refused
 
 
 def read_control(says: object) -> Control:
-    """Read the control in a mapping.
-
-    Args:
-        says: Anything.
-
-    Raises:
-        BadInput: One line, for anything but a control.
-    """
+    """Read the control in a mapping."""
     do = says.get("do") if isinstance(says, Mapping) else None
     if not isinstance(do, str) or do not in CONTROLS:
         known = did_you_mean(do, CONTROLS) if isinstance(do, str) else f"known are {', '.join(CONTROLS)}"
@@ -196,19 +184,10 @@ def read_control(says: object) -> Control:
 
 
 def amended(scenario: Scenario, k: int, control: Control) -> tuple[Scenario, str]:
-    """Return the scenario once a control has been obeyed before a tick.
+    """Return the scenario once a control has been obeyed before tick `k`, and one line on what it does.
 
-    Args:
-        scenario: So far.
-        k: The tick.
-        control: The operator's.
-
-    Returns:
-        The scenario, the same object where the control changes nothing that happens; and one line that says what it
-        does.
-
-    Raises:
-        BadInput: Where the control cannot be obeyed.
+    The scenario is the same object where the control changes nothing that happens. A control that cannot be obeyed
+    raises BadInput.
     """
     match control:
         case AddFault():
@@ -238,12 +217,7 @@ def amended(scenario: Scenario, k: int, control: Control) -> tuple[Scenario, str
 
 
 def operated(scenario: Scenario, events: Iterable[Event]) -> Scenario:
-    """Return the scenario that has happened: with what operators have added to it.
-
-    Args:
-        scenario: As it was loaded.
-        events: Of the journal.
-    """
+    """Return the scenario that has happened: with what operators have added to it."""
     for event in events:
         if event.kind == OPERATOR:
             scenario, _ = amended(scenario, event.k, control_in(event))
@@ -251,14 +225,7 @@ def operated(scenario: Scenario, events: Iterable[Event]) -> Scenario:
 
 
 def control_in(event: Event) -> Control:
-    """Read the control in an event of kind `OPERATOR`.
-
-    Args:
-        event: Of a journal that others may have written.
-
-    Raises:
-        BadInput: One line, when its detail is no control.
-    """
+    """Read the control in an event of kind `OPERATOR`."""
     try:
         says = json.loads(event.detail)
     except (ValueError, RecursionError):
@@ -267,15 +234,10 @@ def control_in(event: Event) -> Control:
 
 
 def in_force(scenario: Scenario, k: int, first: int = 0) -> tuple[Mapping[str, Any], ...]:
-    """List the lasting faults of radio, senses, bodies and closures that are active in a tick and change something.
+    """List the lasting faults, except those of processes, that are active in a tick and change something.
 
-    Args:
-        scenario: With its operators' faults.
-        k: The tick.
-        first: Index of the first fault that is looked at; operators' faults follow the scenario's own.
-
-    Returns:
-        As entries of a scenario's `faults`.
+    They are entries of a scenario's `faults`. Faults before index `first` are left out; operators' faults follow the
+    scenario's own.
     """
     return tuple(
         fault.model_dump(mode="json", exclude_none=True)
@@ -288,36 +250,17 @@ def in_force(scenario: Scenario, k: int, first: int = 0) -> tuple[Mapping[str, A
 
 
 def as_detail(control: Control) -> str:
-    """Write a control as the detail of an event.
-
-    Args:
-        control: The operator's.
-
-    Returns:
-        JSON.
-    """
+    """Write a control as the detail of an event."""
     return json.dumps(control.model_dump(mode="json", exclude_defaults=True), separators=(",", ":"))
 
 
 def intruder_name(place: int) -> str:
-    """Return the name by which an intruder is healed.
-
-    Args:
-        place: Its place in the scenario's list, from 0.
-
-    Returns:
-        For example "intruder1" for place 0.
-    """
+    """Return the name by which an intruder is healed, such as "intruder1" for place 0 in the list."""
     return f"{_INTRUDER}{place + 1}"
 
 
 def intruders_there(scenario: Scenario, k: int) -> tuple[tuple[float, float, str], ...]:
-    """List the intruders on the terrain in a tick, as x and y in m and name.
-
-    Args:
-        scenario: With its operators' intruders.
-        k: The tick.
-    """
+    """List the intruders on the terrain in a tick, as x and y in m and name."""
     return tuple(
         (*intruder.place, intruder_name(index))
         for index, intruder in enumerate(scenario.intruders)

@@ -25,41 +25,29 @@ MILLIMETRE = 1e-3
 
 @dataclass(frozen=True, slots=True)
 class BodyLengths:
-    """The lengths of one robot's patrol, in m; the defaults are the paper's, for the paper's body.
+    """The lengths of one robot's patrol, in m; the defaults are the paper's, for the paper's body."""
 
-    Attributes:
-        goal_distance: From the robot to its goal (paper, step 7: 5.5 m). Auto: 2.5 strides, at least 5.5 radii and one
-            point.
-        refine_side: Side of the square in which the goal is refined (paper: 2 m). Auto: 2 radii, at most twice the
-            goal distance, so that the square does not reach behind the robot.
-        refine_reach: Reach of the obstacle field psi (paper: 10 m). Auto: 10 radii, at least one point.
-        dilatation: Half-width of the window that spreads staleness; 0 for none (paper, Table 7: 4 to 5 m is best for
-            cars). Auto: 5 radii.
-        obstacle_radius: Radius of the artificial obstacle at each other robot. Auto: 5 radii.
-        fuzzy_distance: R_0, from which an obstacle weakens its sector. Auto: 5.5 radii.
-        surround_distance: From an intruder to the robots around it. Auto: 8 radii or what all robots need to stand
-            there side by side, whichever is more, but at most 0.8 sensor ranges. It follows the largest radius of the
-            team, because all robots must agree on the ring.
-        critical_width: Passages narrower than this are critical areas. Auto: 8 radii.
-    """
-
+    # from the robot to its goal (paper, step 7: 5.5 m); auto: 2.5 strides, at least 5.5 radii and one point
     goal_distance: float = 5.5
+    # side of the square in which the goal is refined (paper: 2 m); auto: 2 radii, at most twice the goal distance, so
+    # that the square does not reach behind the robot
     refine_side: float = 2.0
-    refine_reach: float = 10.0
+    refine_reach: float = 10.0  # reach of the obstacle field psi (paper: 10 m); auto: 10 radii, at least one point
+    # half-width of the window that spreads staleness, 0 for none (paper, Table 7: 4 to 5 m is best for cars); auto: 5
+    # radii
     dilatation: float = 5.0
-    obstacle_radius: float = 5.0
-    fuzzy_distance: float = 5.5
+    obstacle_radius: float = 5.0  # of the artificial obstacle at each other robot; auto: 5 radii
+    fuzzy_distance: float = 5.5  # R_0, from which an obstacle weakens its sector; auto: 5.5 radii
+    # from an intruder to the robots around it; auto: 8 radii or what all robots need to stand there side by side,
+    # whichever is more, but at most 0.8 sensor ranges; of the team's largest radius, as all robots must agree on the
+    # ring
     surround_distance: float = 8.0
-    critical_width: float = 8.0
+    critical_width: float = 8.0  # passages narrower than this are critical areas; auto: 8 radii
 
     def with_options(self, options: object) -> BodyLengths:
         """Replace lengths by those that a policy's settings state.
 
-        Args:
-            options: The settings of a built-in policy; of any other only a field `dilatation` counts.
-
-        Raises:
-            BadInput: The `dilatation` of another policy is no length.
+        Of a policy that is not built in only a field `dilatation` counts; BadInput if it is no length.
         """
         names = OPTION_LENGTHS if isinstance(options, PatrolOptions) else OPTION_LENGTHS[:1]
         stated = {name: getattr(options, name, AUTO) for name in names}
@@ -79,18 +67,10 @@ FIELDS = tuple(field.name for field in fields(BodyLengths) if field.name not in 
 def resolve_lengths(
     patrol: PatrolSpec, roster: Sequence[RobotSpec], point: float, step: float, sensor_range: float
 ) -> Mapping[int, BodyLengths]:
-    """Resolve the lengths of every robot's patrol.
+    """Return the lengths of every robot's patrol, by robot number.
 
-    Args:
-        patrol: The scenario's section.
-        roster: The scenario's robots.
-        point: m, side of a point.
-        step: s per tick.
-        sensor_range: m.
-
-    Returns:
-        What the section states, and for each ``auto`` what follows from the body, by robot number. Resolved lengths are
-        multiples of 1 mm. Robots of one radius and speed share an object.
+    They are what the section states, and for each ``auto`` what follows from the body, in multiples of 1 mm. Robots of
+    one radius and speed share an object. `point` and `sensor_range` are in m, `step` is in s.
     """
     ring = _ring(roster, sensor_range)
     bodies = {(spec.radius, spec.speed) for spec in roster}
@@ -103,14 +83,8 @@ def resolve_lengths(
 def check_refinement(patrol: PatrolSpec, roster: Sequence[RobotSpec], lengths: Mapping[int, BodyLengths]) -> None:
     """Refuse a square of refinement that would reach behind a robot.
 
-    Args:
-        patrol: The scenario's section.
-        roster: The scenario's robots.
-        lengths: As resolved.
-
-    Raises:
-        PydanticCustomError: The side that the scenario states is more than twice a robot's goal distance. It names the
-            side, because ``auto`` never leads to that.
+    Such a side is more than twice a robot's goal distance. The error names the side that the scenario states, because
+    ``auto`` never leads to that.
     """
     mixed = len({each.goal_distance for each in lengths.values()}) > 1
     for spec in roster:

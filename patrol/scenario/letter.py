@@ -73,11 +73,7 @@ FIELD = "patrol.options.letter"
 
 
 def rules_of(letter: Letter) -> frozenset[PaperRule]:
-    """Return the rules of the paper that replace ours.
-
-    Args:
-        letter: The option.
-    """
+    """Return the rules of the paper that replace ours."""
     if isinstance(letter, bool):
         return frozenset(PAPER_RULES if letter else ())
     return frozenset((letter,) if isinstance(letter, str) else letter)

@@ -21,11 +21,7 @@ SHORTEST, LONGEST = 0.3, 2.0
 
 
 def written_out(scenario: Scenario) -> Scenario:
-    """Replace a scenario's nemesis by concrete faults, after those that it has.
-
-    Args:
-        scenario: With or without a nemesis.
-    """
+    """Replace a scenario's nemesis by concrete faults, after those that it has."""
     if scenario.nemesis is None:
         return scenario
     mapping = scenario.model_dump(mode="json", exclude_none=True, exclude={"nemesis"})
@@ -35,14 +31,8 @@ def written_out(scenario: Scenario) -> Scenario:
 def drawn_faults(scenario: Scenario) -> list[dict[str, Any]]:
     """Draw the concrete faults of a scenario's nemesis, by the intervals they begin in.
 
-    They depend on the nemesis, the roster, the seed, the step and the duration, and on spare robots that the scenario's
-    own faults let join or leave.
-
-    Args:
-        scenario: With or without a nemesis.
-
-    Returns:
-        Entries of the scenario's `faults`.
+    They are entries of the scenario's `faults`. They depend on the nemesis, the roster, the seed, the step and the
+    duration, and on spare robots that the scenario's own faults let join or leave.
     """
     spec, step = scenario.nemesis, scenario.step
     if spec is None:

@@ -71,13 +71,10 @@ OPTION_LENGTHS = ("dilatation", "obstacle_radius", "fuzzy_distance", "critical_w
 
 
 class PatrolOptions(Section):
-    """Settings of all built-in policies: how robots keep apart.
+    """Settings of all built-in policies: how robots keep apart."""
 
-    Attributes:
-        NEEDS: By setting, the switch that it needs and the values of the switch with which it has an effect. Lengths
-            that follow the body are not among them: those of a whole team are stated together.
-    """
-
+    # by setting, the switch that it needs and the values of the switch with which it has an effect; without lengths
+    # that follow the body, as those of a whole team are stated together
     NEEDS: ClassVar[dict[str, tuple[str, tuple[str, ...]]]] = {"critical_areas": ("separation", ("semaphores",))}
 
     separation: Separation = Field("claims", description=SEPARATIONS)
@@ -249,8 +246,7 @@ class LearnedOptions(Section):
     def read_weights(self) -> bytes:
         """Read the trained network's file.
 
-        Raises:
-            BadInput: There is none, it cannot be read, or it is not the one that the scenario was resolved with.
+        BadInput also if it is not the one that the scenario was resolved with.
         """
         if self.weights is None:
             raise BadInput(f"{WEIGHTS_FIELD}: is missing; train a network with fogwatch.learn, and name its file")
@@ -371,16 +367,7 @@ class PaperPatrol(PatrolSpec):
 
 
 def check_letter(patrol: PaperPatrol, models: Iterable[str], intruders: bool) -> None:
-    """Refuse a rule that has no effect, and what contradicts the whole letter.
-
-    Args:
-        patrol: The scenario's section.
-        models: Those of the robots.
-        intruders: Whether there are any.
-
-    Raises:
-        PydanticCustomError: It names the field and the remedy.
-    """
+    """Refuse a rule that has no effect, and what contradicts the whole letter."""
     letter, bodies = patrol.options.letter, set(models)
     if letter is True:
         _check_whole(patrol, bodies)
@@ -418,13 +405,6 @@ def check_random_steps(options: PotentialFieldOptions, models: Iterable[str]) ->
     """Refuse a probability of random steps that no robot makes, and whose switch is not stated.
 
     As for `PatrolOptions.NEEDS` it is accepted where both are stated; so are 0 and the default, which promise nothing.
-
-    Args:
-        options: The policy's settings.
-        models: Those of the robots.
-
-    Raises:
-        PydanticCustomError: It names the field and the remedy.
     """
     stated, default = options.model_fields_set, type(options).model_fields["random_move"].get_default()
     if "random_move" not in stated or "random_move_for" in stated or options.random_move in (0.0, default):

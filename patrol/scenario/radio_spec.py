@@ -150,19 +150,13 @@ class RadioSpec(Section):
         return longest if self.budget is None else min(longest, self.budget.frame)
 
     def silence_ticks(self, step: float) -> int:
-        """After how many ticks without a frame a robot sends, if it may; 1 where it sends whenever it may.
-
-        Args:
-            step: s per tick.
-        """
+        """Return the ticks without a frame after which a robot sends, if it may; 1 without `adaptive`."""
         return 1 if self.adaptive is None else max(1, math.floor(self.adaptive.silence / step + 1e-9))
 
     def share(self, robots: int, step: float) -> Share | None:
         """Return each robot's share of the budget, or None where there is none.
 
-        Args:
-            robots: Number of robots of the roster, spare ones included.
-            step: s per tick.
+        `robots` is the number of robots of the roster, spare ones included.
         """
         if self.budget is None:
             return None
@@ -217,18 +211,7 @@ Radio = Annotated[
 def check_radio_spec(
     radio: RadioSpec, roster: Sequence[RobotSpec], step: float, sensor: SensorSpec, *, intruders: bool
 ) -> None:
-    """Check the radio against the rest of a scenario.
-
-    Args:
-        radio: The scenario's.
-        roster: The scenario's robots.
-        step: s per tick.
-        sensor: What the robots see.
-        intruders: The scenario has intruders, so robots also send contacts.
-
-    Raises:
-        PydanticCustomError: When they do not fit together.
-    """
+    """Check the radio against the rest of a scenario."""
     if isinstance(radio, PathLossRadio):
         airtime, redraw = radio.options.airtime, radio.options.redraw
         if airtime > step:

@@ -11,30 +11,18 @@ from patrol.values.types import Kind
 
 @dataclass(frozen=True, slots=True)
 class RobotSpec:
-    """One robot of the roster.
+    """One robot of the roster."""
 
-    Attributes:
-        number: 1..N.
-        name: Unique.
-        model: Of its body.
-        speed: m/s, top speed.
-        radius: m.
-        turning_radius: m.
-        start: None for a random one.
-        spare: It is absent until it joins.
-        battery: None for one that never gets empty.
-        section: Dotted field of the scenario that describes it: ``robots`` of a group, ``robots.0`` of a list.
-    """
-
-    number: int
-    name: str
+    number: int  # 1..N
+    name: str  # unique
     model: Kind
-    speed: float
-    radius: float
-    turning_radius: float
-    start: Pose | None
-    spare: bool = False
-    battery: BatterySpec | None = None
+    speed: float  # m/s, top speed
+    radius: float  # m
+    turning_radius: float  # m
+    start: Pose | None  # None for a random one
+    spare: bool = False  # absent until it joins
+    battery: BatterySpec | None = None  # None for one that never gets empty
+    # dotted field of the scenario that describes it: ``robots`` of a group, ``robots.0`` of a list
     section: str = field(default="robots", compare=False)
 
     @property
@@ -44,11 +32,7 @@ class RobotSpec:
 
 
 def roster_of(robots: RobotGroup | tuple[RobotEntry, ...]) -> list[RobotSpec]:
-    """List the robots of a scenario in the order of their numbers, 1..N.
-
-    Args:
-        robots: The scenario's section `robots`.
-    """
+    """List the robots of a scenario in the order of their numbers, 1..N."""
     if not isinstance(robots, tuple):
         starts = () if robots.starts == "random" else robots.starts
         poses = [*map(_pose, starts), *[None] * (robots.whole - len(starts))]

@@ -144,23 +144,15 @@ class BatterySpec(Section):
         return JOULES * self.capacity
 
     def patrol_share(self, speed: float) -> float:
-        """Return the share of the time for which a robot drives, if it charges for the rest.
-
-        Args:
-            speed: At which it drives, m/s.
-        """
+        """Return the share of the time for which a robot drives at a speed (m/s), if it charges for the rest."""
         gain_w = self.charge - self.idle
         return gain_w / (gain_w + self.idle + self.drive * speed)
 
     def most_on_patrol(self, robots: int, speed: float) -> int:
         """Return how many robots can patrol all the time while the others charge for them, at least 1.
 
-        For example, robots that drive for 40 minutes and charge for 18 patrol for 69 % of the time; of 6 robots 4
-        patrol.
-
-        Args:
-            robots: Number of robots, all with this battery.
-            speed: At which they drive, m/s.
+        All have this battery and drive at `speed` (m/s). For example, robots that drive for 40 minutes and charge for
+        18 patrol for 69 % of the time; of 6 robots 4 patrol.
         """
         return max(1, math.floor(self.patrol_share(speed) * robots))
 
@@ -322,9 +314,5 @@ class IntruderSpec(Section):
     stay: Positive | None = Field(None, alias="for", description="s, how long it stays; null: to the end")
 
     def is_there(self, time_s: float) -> bool:
-        """Return True if it is on the terrain.
-
-        Args:
-            time_s: s.
-        """
+        """Return True if it is on the terrain."""
         return self.at <= time_s and (self.stay is None or time_s < self.at + self.stay)

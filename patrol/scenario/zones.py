@@ -94,14 +94,7 @@ class MaskSpec(Section):
 
     @classmethod
     def of(cls, file: Path) -> Self:
-        """Read a mask in the format of Nav2's costmap filters.
-
-        Args:
-            file: Its YAML file.
-
-        Raises:
-            BadInput: It cannot be read, or is too large.
-        """
+        """Read a mask in the format of Nav2's costmap filters."""
         from patrol.ground.maps.cells import marked_cells  # here: loads the image library
 
         says = read_map_file(file)
@@ -192,11 +185,7 @@ class ZoneSpec(Section):
         return self.weight is not None or self.age is not None
 
     def weight_at(self, time_s: float) -> float | None:
-        """Return the weight at a time; None for a zone that has none.
-
-        Args:
-            time_s: Since tick 0, s.
-        """
+        """Return the weight at a time; None for a zone that has none."""
         changed = self.weights or ()
         place = bisect_right(changed, (time_s, math.inf))
         return changed[place - 1][1] if place else self.weight
@@ -222,11 +211,7 @@ class ZoneSpec(Section):
         return f"{self.name} {self.age:g} s" if self.weight is None else f"{self.name} x{self.weight:g}"
 
     def label_at(self, time_s: float) -> str:
-        """Return `label` with the weight at a time.
-
-        Args:
-            time_s: Since tick 0, s.
-        """
+        """Return `label` with the weight at a time."""
         weight = self.weight_at(time_s)
         return self.label if weight is None else f"{self.name} x{weight:g}"
 
@@ -248,76 +233,44 @@ class ZoneSpec(Section):
         return ", ".join(f"{first:g} to {end:g} s" for first, end in self.times[:MOST_NAMED]) + more
 
     def holds(self, time_s: float) -> bool:
-        """Return True if the zone is in force at a time.
-
-        Args:
-            time_s: Since tick 0, s.
-        """
+        """Return True if the zone is in force at a time."""
         return self.times is None or is_in_one_of(self.times, time_s)
 
 
 def zones_in_force(zones: Iterable[ZoneSpec], time_s: float) -> frozenset[str]:
-    """Return the names of the zones that are in force at a time.
-
-    Args:
-        zones: The scenario's.
-        time_s: Since tick 0, s.
-    """
+    """Return the names of the zones that are in force at a time."""
     return frozenset(zone.name for zone in zones if zone.holds(time_s))
 
 
 def weighing_at(zones: Iterable[ZoneSpec], time_s: float) -> Weighing:
-    """Return the zones with weights or wanted ages that are in force at a time, with their weights then.
-
-    Args:
-        zones: The scenario's.
-        time_s: Since tick 0, s.
-    """
+    """Return the zones with weights or wanted ages that are in force at a time, with their weights then."""
     return frozenset((zone.name, zone.weight_at(time_s)) for zone in zones if zone.weighs and zone.holds(time_s))
 
 
 class ZoneNow(NamedTuple):
-    """A zone at a time, as pages show it.
+    """A zone at a time, as pages show it."""
 
-    Attributes:
-        label: Its name, and what holds there, or would hold were it in force.
-        holds: It is in force.
-        weight: Likewise; None for a zone that has none.
-    """
-
-    label: str
+    label: str  # its name, and what holds there, or would hold were it in force
     holds: bool
-    weight: float | None
+    weight: float | None  # as it is, or would be were it in force; None for a zone that has none
 
 
 def zones_at(zones: Iterable[ZoneSpec], time_s: float) -> dict[str, ZoneNow]:
-    """Return all zones as they are at a time, by name.
-
-    Args:
-        zones: The scenario's.
-        time_s: Since tick 0, s.
-    """
+    """Return all zones as they are at a time, by name."""
     return {zone.name: ZoneNow(zone.label_at(time_s), zone.holds(time_s), zone.weight_at(time_s)) for zone in zones}
 
 
 def is_in_one_of(spans: Sequence[Span], time_s: float) -> bool:
-    """Return True if a time lies in one of some spans of time.
+    """Return True if a time lies in one of some spans of time, which `check_spans` has passed.
 
-    Args:
-        spans: From and to of each, s, as `check_spans` passes them.
-        time_s: s.
+    A span includes its beginning and excludes its end.
     """
     place = bisect_right(spans, (time_s, math.inf))
     return place > 0 and time_s < spans[place - 1][1]
 
 
 def holds_tick(span: Span, step: float) -> bool:
-    """Return True if a span of time holds a tick.
-
-    Args:
-        span: From and to, s.
-        step: s per tick.
-    """
+    """Return True if a span of time (s) holds a tick; its end is excluded."""
     first, end = span
     k = math.ceil(first / step)
     if (k - 1) * step >= first:  # the quotient was rounded up
@@ -326,13 +279,7 @@ def holds_tick(span: Span, step: float) -> bool:
 
 
 def check_spans(spans: Sequence[Span], field: str, name: str) -> None:
-    """Raise unless spans of time come one after the other, with time between them.
-
-    Args:
-        spans: From and to of each, s.
-        field: That holds them.
-        name: Of the zone or closure.
-    """
+    """Raise unless spans of time come one after the other, with time between them."""
     before = 0.0
     for number, (first, end) in enumerate(spans):
         if end <= first:
@@ -343,11 +290,7 @@ def check_spans(spans: Sequence[Span], field: str, name: str) -> None:
 
 
 def has_area(polygon: Sequence[tuple[float, float]]) -> bool:
-    """Return True if the corners of a polygon do not all lie on one line.
-
-    Args:
-        polygon: x and y of each corner, m.
-    """
+    """Return True if the corners of a polygon do not all lie on one line."""
     (x, y), *others = polygon
     sides = [(to_x - x, to_y - y) for to_x, to_y in others]
     across, up = max(sides, key=lambda side: math.hypot(*side))
@@ -361,10 +304,6 @@ def zones_in_file(value: Any, info: ValidationInfo) -> Any:
     """Read the list of zones that a field names by its file; leave any other value as it is.
 
     The file holds a list, or a mapping with a list ``zones``, such as a scenario. Masks lie relative to it.
-
-    Args:
-        value: The field's value.
-        info: Of the validation.
     """
     listed = listed_in_file(value, info, "zones", "{name: vault, polygon: ..., weight: 10}")
     return (
@@ -375,11 +314,8 @@ def zones_in_file(value: Any, info: ValidationInfo) -> Any:
 def listed_in_file(value: Any, info: ValidationInfo, key: str, example: str) -> Any:
     """Read the list that a field names by its YAML file; leave any other value as it is.
 
-    Args:
-        value: The field's value.
-        info: Of the validation.
-        key: The field's name; the file holds a list, or a mapping with a list of this name, such as a scenario.
-        example: An entry, for the error.
+    The file holds a list, or a mapping with a list named `key`, the field's name, such as a scenario. `example` is an
+    entry, for the error.
     """
     if not isinstance(value, str):
         return value

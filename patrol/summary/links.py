@@ -16,15 +16,11 @@ if TYPE_CHECKING:
 def count_frames(
     record: TickRecord, place: Mapping[int, int], sent: NDArray[np.integer[Any]], delivered: NDArray[np.integer[Any]]
 ) -> None:
-    """Add one tick to the counts of sent and delivered frames.
+    """Add one tick to `sent` and `delivered`, the counts (n, n) of frames, sender by receiver, in place.
 
-    Args:
-        record: The tick.
-        place: Row and column of each robot in the counts, by robot number. Robots without a place are not counted;
-            `patrol.journal.records.FORGED` is counted as a sender if it has a place.
-        sent: Integers (n, n), sender by receiver; changed in place. Counts every frame sent, also those delivered or
-            dropped in a later tick.
-        delivered: Integers (n, n), sender by receiver; changed in place.
+    `place` is the row and column of each robot, by robot number. Robots without a place are not counted;
+    `patrol.journal.records.FORGED` is counted as a sender if it has a place. `sent` counts every frame sent, also those
+    delivered or dropped in a later tick.
     """
     present = [place[row.number] for row in record.robots if row.status.is_present and row.number in place]
     for source, frames in Counter(source for source, _ in record.frames).items():

@@ -30,29 +30,20 @@ REDUCTIONS: Mapping[str, Callable[[Sequence[Any]], Number]] = {
 
 @dataclass(frozen=True, slots=True)
 class Metric:
-    """A number of the summary: its meaning, and how it is shown.
+    """A number of the summary: its meaning, and how it is shown."""
 
-    Attributes:
-        meaning: One line of Markdown for the documentation.
-        unit: Unit in which it is printed; empty for none. What is printed in "%" is stored as a share from 0 to 1.
-        title: Heading in the tables of the terminal, the report and the comparison; empty for a number that only
-            summary.json has.
-        note: Remark beside the value in the report.
-        digits: Decimals that are printed.
-        better: Which of two values is better: "lower", "higher", or empty for neither.
-        sweep: A key of `REDUCTIONS`: how sweeps have it; empty for a number that depends on the machine, or says
-            nothing of a patrol.
-        column: Name of its column in the results of sweeps, whose values are as printed, for example
-            ``dead_end_percent`` for ``dead_end_share``; empty for the key, with values as stored.
-    """
-
-    meaning: str
-    unit: str = ""
+    meaning: str  # one line of Markdown for the documentation
+    unit: str = ""  # in which it is printed; empty for none; what is printed in "%" is stored as a share from 0 to 1
+    # heading in the tables of terminal, report and comparison; empty for a number that only summary.json has
     title: str = ""
     note: str = ""
     digits: int = 1
-    better: str = ""
+    better: str = ""  # "lower", "higher", or empty for neither
+    # a key of `REDUCTIONS`: how sweeps have it; empty for a number that depends on the machine, or says nothing of a
+    # patrol
     sweep: str = ""
+    # of the results of sweeps, with values as printed, such as ``dead_end_percent`` for ``dead_end_share``; empty for
+    # the key, with values as stored
     column: str = ""
 
     @property
@@ -61,42 +52,30 @@ class Metric:
         return 100.0 if self.unit == "%" else 1.0
 
     def number(self, value: Number, group: str = "") -> str:
-        """Format a value without its unit.
+        """Format a value as stored without its unit; None gives "-".
 
-        Args:
-            value: The value as stored; None gives "-".
-            group: Stands between groups of three digits.
+        `group` stands between groups of three digits.
         """
         return "-" if value is None else f"{self.scale * value:,.{self.digits}f}".replace(",", group)
 
     def text(self, value: Number, group: str = "") -> str:
-        """Format a value with its unit, for example "59.5 s".
+        """Format a value as stored with its unit, for example "59.5 s"; None gives "-".
 
-        Args:
-            value: The value as stored; None gives "-".
-            group: Stands between groups of three digits.
+        `group` stands between groups of three digits.
         """
         return self.number(value, group) if value is None else f"{self.number(value, group)} {self.unit}".rstrip()
 
     def reduced(self, values: Sequence[Any]) -> Number:
         """Return the number in a sweep's column.
 
-        Args:
-            values: The values, robot by robot; of a metric that a run has once, this one.
+        `values` come robot by robot; for a metric that a run has once, they are that one value.
         """
         number = REDUCTIONS[self.sweep](values)
         return number if number is None or not self.column else self.scale * number
 
 
 def metrics_of(model: type[BaseModel]) -> Iterator[tuple[str, Metric]]:
-    """List the metrics of a model.
-
-    Args:
-        model: A model of `patrol.summary.model`.
-
-    Yields:
-        The keys with their metrics, in the order of summary.json.
-    """
+    """List the metrics of a model."""
     for key, field in model.model_fields.items():
         for metric in field.metadata:
             if isinstance(metric, Metric):

@@ -14,6 +14,8 @@ from pydantic import BaseModel, ConfigDict
 from patrol.ground.left_out import LeftOut
 from patrol.summary.metric import Metric
 
+__all__ = ["Summary"]
+
 
 class _Part(BaseModel):
     """A mapping in summary.json. It may hold more than is declared, because other versions write other keys."""
@@ -116,25 +118,15 @@ class DirectFacts(_Part):
 
 
 class IntruderFacts(_Part):
-    """One intruder.
+    """One intruder."""
 
-    Attributes:
-        place_m: x and y, m.
-        at_s: When it came.
-        until_s: When it went; None where it stayed to the end.
-        first_reported_s: When a robot first reported it; None for never.
-        reported_s: For how long a robot reported it.
-        surrounded_s: For how long robots stood around it.
-        most_robots: How many at most.
-    """
-
-    place_m: list[float] = []
+    place_m: list[float] = []  # x and y
     at_s: float = 0.0
-    until_s: float | None = None
-    first_reported_s: float | None
-    reported_s: float = 0.0
-    surrounded_s: float
-    most_robots: int
+    until_s: float | None = None  # when it went; None where it stayed to the end
+    first_reported_s: float | None  # when a robot first reported it; None for never
+    reported_s: float = 0.0  # how long a robot reported it
+    surrounded_s: float  # how long robots stood around it
+    most_robots: int  # most robots around it at once
 
 
 class Deadlines(_Part):
@@ -164,24 +156,15 @@ class Messages(_Part):
 
 
 class BatteryFigures(_Part):
-    """The charge of one robot over a run.
+    """The charge of one robot over a run."""
 
-    Attributes:
-        least_share: Least share of the capacity that was in the battery.
-        end_share: The same at the end.
-        charges: Number of times that it began to charge.
-        docked_s: Time for which it charged, s.
-        patrol_share: Share of its living time in which it was neither on its way to a dock, nor waiting, nor charging;
-            None where it took no part.
-        empty_s: When the battery first was empty, s; None for never.
-    """
-
-    least_share: float
-    end_share: float
+    least_share: float  # least share of the capacity that was in the battery
+    end_share: float  # the same at the end
     charges: int = 0
     docked_s: float = 0.0
+    # of its living time, neither on its way to a dock, nor waiting, nor charging; None where it took no part
     patrol_share: float | None = 1.0
-    empty_s: float | None = None
+    empty_s: float | None = None  # when it first was empty; None for never
 
 
 class RobotFigures(_Part):
@@ -301,12 +284,7 @@ class NodeFigures(_Part):
 
 
 class ClosureFigures(_Part):
-    """The closings of a closure.
-
-    Attributes:
-        closings: Number of times that it closed.
-        closed_s: Time for which it was closed, s.
-    """
+    """The closings of a closure."""
 
     closings: int = 0
     closed_s: float = 0.0
@@ -496,22 +474,13 @@ class Summary(_Part):
 
 
 def ground_text(summary: Summary) -> str:
-    """Return what a fleet is to see, for example "18 m²" or "12 vertices".
-
-    Args:
-        summary: The summary.
-    """
+    """Return what a fleet is to see, for example "18 m²" or "12 vertices"."""
     vertices = summary.patrolled_vertices
     return f"{summary.patrolled_area_m2:.0f} m²" if vertices is None else f"{vertices} vertices"
 
 
 def unsettled(summary: Summary, yardstick_s: float) -> str:
-    """Return why a mean MFoW says nothing yet beside a yardstick; empty once all is seen and the run long enough.
-
-    Args:
-        summary: The summary.
-        yardstick_s: An MFoW to compare with, s, such as the lower bound.
-    """
+    """Return why a mean MFoW says nothing yet beside a yardstick; empty once all is seen and the run long enough."""
     if summary.seen_share < 1.0:
         return "not all was seen"
     return "run too short" if summary.simulated_s < 4.0 * yardstick_s else ""

@@ -89,13 +89,7 @@ class RunTotals:
     """The running totals of a run; see `figures`."""
 
     def __init__(self, header: Header, step: float, patrolled: int) -> None:
-        """Start before the first tick.
-
-        Args:
-            header: Of the journal.
-            step: Length of a tick, s.
-            patrolled: Points of the patrolled ground.
-        """
+        """Start before the first tick; `patrolled` is the number of points of the patrolled ground."""
         self._header = header
         self._step = step
         self._patrolled = patrolled
@@ -106,11 +100,7 @@ class RunTotals:
         self._forged = 0
 
     def tick(self, record: TickRecord) -> None:
-        """Add the next tick.
-
-        Raises:
-            KeyError: It has a robot, or a frame of one, that the header does not have.
-        """
+        """Add the next tick; KeyError for a robot, or a frame of one, that the header does not have."""
         self._mfow.append(record.mfow)
         self._fog.append(record.fog_mean)
         self._seen = record.seen
@@ -137,8 +127,7 @@ class RunTotals:
     def figures(self, events: Iterable[Event]) -> Summary:
         """Return the metrics so far; what else a summary holds is not set.
 
-        Args:
-            events: Of the run; those after its last tick may change a robot's status.
+        Events after the run's last tick may change a robot's status.
         """
         header, step, mfow = self._header, self._step, self._mfow
         ticks = len(mfow)
@@ -191,14 +180,7 @@ class RunTotals:
 
 
 def dropped_by_source(record: TickRecord) -> list[tuple[int, str, int]]:
-    """Count the frames of each source that were dropped in a tick for each cause.
-
-    Args:
-        record: The tick's record.
-
-    Returns:
-        (source, cause, frames), without zeros.
-    """
+    """Count the frames dropped in a tick, as (source, cause, frames), without zeros."""
     drops = drops_of(record.dropped)
     if not len(drops):
         return []

@@ -42,9 +42,7 @@ Patrolled = Literal["ground", "vertices"]
 def expecting(what: str, bare: bool = False) -> WrapValidator:
     """Replace whatever the inner checks say by one message: what was expected.
 
-    Args:
-        what: The expected value, in words.
-        bare: Whether `what` says nothing about the field, so that the message should add the field's description.
+    With `bare`, `what` says nothing about the field, so the message adds the field's description.
     """
 
     def check(value: Any, handler: ValidatorFunctionWrapHandler) -> Any:
@@ -68,10 +66,6 @@ def at_least(count: int, what: str) -> AfterValidator:
     """Make a check that a list has enough items.
 
     It runs after the items' own checks, so that a wrong item is not counted as missing.
-
-    Args:
-        count: The least number of items.
-        what: What the items are.
     """
 
     def check(items: tuple[Any, ...]) -> tuple[Any, ...]:
@@ -83,12 +77,7 @@ def at_least(count: int, what: str) -> AfterValidator:
 
 
 def at_most(count: int, what: str) -> BeforeValidator:
-    """Make a check that a list does not have too many items, before any of them is looked at.
-
-    Args:
-        count: The largest number of items.
-        what: What the items are.
-    """
+    """Make a check that a list does not have too many items, before any of them is looked at."""
 
     def check(items: Any) -> Any:
         if isinstance(items, list | tuple) and len(items) > count:
@@ -177,9 +166,6 @@ def by_shape(what: str) -> Discriminator:
     """Choose among alternatives tagged =list, =mapping and =single.
 
     The equals sign sets the tags apart from field names where an error's location mentions them.
-
-    Args:
-        what: What is expected, in words, where a value has none of the shapes.
     """
     return Discriminator(_shape, "expected", "{what}", {"what": what, "bare": False})
 

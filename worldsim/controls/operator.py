@@ -39,29 +39,17 @@ NO_PROCESS_CONTROL = (
 
 @dataclass(frozen=True, slots=True)
 class ControlRequest:
-    """A request of an operator.
+    """A request of an operator."""
 
-    Attributes:
-        control: What is asked for, or why that cannot be read.
-        answer: Sends the answer; to be called once.
-    """
-
-    control: Control | BadInput
-    answer: Callable[[Answer], None]
+    control: Control | BadInput  # what is asked for, or why that cannot be read
+    answer: Callable[[Answer], None]  # sends the answer; to be called once
 
 
 class ControlRequests(Protocol):
     """The port for operators' requests."""
 
     def get(self, timeout_s: float) -> ControlRequest | None:
-        """Take the next request.
-
-        Args:
-            timeout_s: How long to wait for one, s.
-
-        Returns:
-            The request, or None when none came in time.
-        """
+        """Take the next request."""
         ...
 
 
@@ -79,22 +67,16 @@ class PacedBetweenTicks(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class RunState:
-    """The pace of the ticks: running or held, and how fast.
-
-    Attributes:
-        running: Whether they run by themselves, and are not held.
-        pace: The factor of real time, or None for no limit.
-    """
+    """The pace of the ticks: running or held, and how fast."""
 
     running: bool
-    pace: float | None
+    pace: float | None  # factor of real time; None for no limit
 
 
 class Operator:
     """Does what operators ask for, between the ticks of a world.
 
-    Attributes:
-        rest: Called again and again while no tick is due, and after what was asked for.
+    `rest` is called again and again while no tick is due, and after what was asked for.
     """
 
     def __init__(
@@ -109,13 +91,8 @@ class Operator:
     ) -> None:
         """Take requests for a world.
 
-        Args:
-            world: The world.
-            fleet: Its robots.
-            requests: Where requests come in.
-            now: Wall clock, s.
-            controls_processes: Whether this run can kill, pause and start robots' processes.
-            amended: Called with each scenario that operators have changed; may raise OSError where it cannot be kept.
+        `amended` is called with each scenario that operators have changed; it may raise OSError where that cannot be
+        kept.
         """
         self._world = world
         self._fleet = fleet
@@ -138,13 +115,9 @@ class Operator:
         return RunState(not self._held, self._pace)
 
     def between(self, stop: Callable[[], bool]) -> Iterator[Event]:
-        """Do what is asked for until the next tick is due.
+        """Do what is asked for until the next tick is due, and yield what was done, as events for the journal.
 
-        Args:
-            stop: Asked again and again whether to stop waiting.
-
-        Yields:
-            What was done, as events for the journal.
+        `stop` is asked again and again whether to stop waiting.
         """
         asked = False
         while not stop():
@@ -235,11 +208,7 @@ class Operator:
 
 
 def refusal(error: Exception) -> BadInput:
-    """Turn what handling a request has raised into its refusal.
-
-    Args:
-        error: A refusal already, or a mistake of ours, which the log then names.
-    """
+    """Turn what handling a request has raised into its refusal; a mistake of ours also goes to the log."""
     if isinstance(error, BadInput):
         return error
     if isinstance(error, RecursionError):

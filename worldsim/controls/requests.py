@@ -47,24 +47,12 @@ class ControlMailbox:
     """A `worldsim.controls.operator.ControlRequests` that takes requests from operators who know the fleet's token."""
 
     def __init__(self, mailbox: CountingMailbox[Question], gate: ControlGate) -> None:
-        """Take requests.
-
-        Args:
-            mailbox: Where they arrive; counts those of strangers too, as ``token``.
-            gate: Lets through those of operators.
-        """
+        """Take requests from a mailbox; those of strangers are counted in its `refused`, as ``token``."""
         self._mailbox = mailbox
         self._gate = gate
 
     def get(self, timeout_s: float) -> ControlRequest | None:
-        """Take the next request.
-
-        Args:
-            timeout_s: How long to wait for one, s.
-
-        Returns:
-            The request, or None when none came in time.
-        """
+        """Take the next request."""
         for _ in range(MOST_AT_ONCE):
             arrived = self._mailbox.get(timeout_s)
             if arrived is None:
@@ -93,12 +81,9 @@ def _request(admitted: Admitted, question: Question) -> ControlRequest:
 
 
 def answer_challenge(gate: ControlGate, question: Question, refused: Counter[str]) -> None:
-    """Give a ticket to each client that asks; it is of use only with the token.
+    """Give a ticket to a client that asks for one; it is of use only with the token.
 
-    Args:
-        gate: Gives the tickets.
-        question: Asks for one.
-        refused: Counts the questions that are none, as ``malformed``.
+    What is no such question is counted in `refused`, as ``malformed``.
     """
     try:
         question.answer(gate.challenge(question.payload))
@@ -109,9 +94,7 @@ def answer_challenge(gate: ControlGate, question: Question, refused: Counter[str
 def keep_timeline(folder: Path, scenario: Scenario) -> None:
     """Write the scenario as operators have changed it to `TIMELINE`, whole or not at all.
 
-    Args:
-        folder: The run's folder. Where it holds a copy of the scenario's map, the scenario refers to that.
-        scenario: The scenario.
+    Where the run's folder holds a copy of the scenario's map, the scenario written refers to that.
     """
     if scenario.terrain.map is not None:
         copy = Path(MAP) / Path(scenario.terrain.map).name

@@ -48,16 +48,7 @@ UNSEEN = "its process cannot be looked at here"
 
 
 def standing_at_the_end(timeline: Timeline, numbers: Iterable[int], ticks: int) -> dict[int, Status]:
-    """Return the robots' statuses after a number of ticks, if their processes do only what faults make them do.
-
-    Args:
-        timeline: The faults.
-        numbers: The robots' numbers.
-        ticks: The number of ticks.
-
-    Returns:
-        The statuses by robot number.
-    """
+    """Return the robots' statuses after a number of ticks, if their processes do only what faults make them do."""
     standing = {number: Status.ABSENT if number in timeline.starts_absent else Status.ALIVE for number in numbers}
     for k in range(ticks):
         for act in timeline.acts(k):
@@ -67,13 +58,5 @@ def standing_at_the_end(timeline: Timeline, numbers: Iterable[int], ticks: int) 
 
 
 def process_name(robot: str, incarnation: int) -> str:
-    """Name a robot's process, for lists of exit codes.
-
-    Args:
-        robot: The robot's name.
-        incarnation: Of the process, from 1.
-
-    Returns:
-        The robot's name for the first process, "r1 (2)" for the second.
-    """
+    """Name a robot's process in lists of exit codes: ``r1`` for the first, ``r1 (2)`` for the second."""
     return robot if incarnation <= 1 else f"{robot} ({incarnation})"

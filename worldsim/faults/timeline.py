@@ -41,28 +41,16 @@ ActKind = Literal["kill", "restart", "pause", "resume", "join", "leave"]
 
 @dataclass(frozen=True, slots=True)
 class Entry:
-    """One fault, resolved.
-
-    Attributes:
-        index: Its place among all faults, from 0.
-        fault: The fault.
-        begin: First tick in which it is active.
-        end: First tick in which it is not active any more; None: active to the end of the run. Equal to `begin` for a
-            fault that happens at once.
-        who: Robot numbers, ascending; of a spoof, those of the victims.
-        sources: Senders of the directed links of a link fault; of a spoof, the robot that forges (0 for a stranger).
-        targets: Receivers of the directed links of a link fault.
-        groups: Of a partition: robot numbers, ascending in each group; every robot is in one.
-    """
+    """One fault, resolved."""
 
     index: int
     fault: Fault
-    begin: int
-    end: int | None
-    who: tuple[int, ...] = ()
-    sources: tuple[int, ...] = ()
-    targets: tuple[int, ...] = ()
-    groups: tuple[tuple[int, ...], ...] = ()
+    begin: int  # first tick in which it is active
+    end: int | None  # exclusive; None: to the end of the run; equal to `begin` for a fault that happens at once
+    who: tuple[int, ...] = ()  # robot numbers, ascending; of a spoof, those of the victims
+    sources: tuple[int, ...] = ()  # senders of a link fault; of a spoof, the robot that forges (0 for a stranger)
+    targets: tuple[int, ...] = ()  # receivers of a link fault
+    groups: tuple[tuple[int, ...], ...] = ()  # of a partition: robot numbers, ascending; every robot is in one group
 
     @property
     def id(self) -> str:
@@ -72,14 +60,7 @@ class Entry:
 
 @dataclass(frozen=True, slots=True)
 class Act:
-    """One thing to do to one robot between two ticks.
-
-    Attributes:
-        kind: What to do.
-        number: The robot's number.
-        fault: Id of the fault that asks for it.
-        wreck: What becomes of the body of a robot that is killed.
-    """
+    """One thing to do to one robot between two ticks."""
 
     kind: ActKind
     number: int
@@ -91,11 +72,9 @@ class Timeline:
     """A scenario's faults in ticks and robot numbers; it has no state and looks at nothing but the scenario."""
 
     def __init__(self, scenario: Scenario, extra: Sequence[tuple[int, Fault]] = ()) -> None:
-        """Resolve the scenario's faults.
+        """Resolve the scenario's faults, and after them those that were added later.
 
-        Args:
-            scenario: The scenario.
-            extra: Faults added later, each with the tick from which its `at` counts; their indices follow on.
+        Each of the latter comes with the tick from which its `at` counts.
         """
         self._step = scenario.step
         self._seed = scenario.seed
@@ -119,12 +98,7 @@ class Timeline:
         return self._acts.get(k, ())
 
     def acts_on(self, number: int, since: int) -> Iterator[Act]:
-        """Return the acts on one robot before some tick and later ones, in their order.
-
-        Args:
-            number: The robot's.
-            since: The first tick.
-        """
+        """Return the acts on one robot before some tick and later ones, in their order."""
         for k in sorted(tick for tick in self._acts if tick >= since):
             yield from (act for act in self._acts[k] if act.number == number)
 

@@ -30,15 +30,7 @@ class Acts:
     """Carries out the acts of a world's timeline: on bodies by itself, on robots' processes by process control."""
 
     def __init__(self, world: World, control: ProcessControl | None) -> None:
-        """Take the acts of a world's timeline.
-
-        Args:
-            world: The world.
-            control: Kills, pauses and starts robots' processes; None without it.
-
-        Raises:
-            BadInput: Process control is needed and there is none.
-        """
+        """Take the acts of a world's timeline."""
         if control is None and world.timeline.needs_process_control:
             raise BadInput(NEEDS_LAUNCHER)
         self._world = world
@@ -58,11 +50,7 @@ class Acts:
         return not any(e.begin >= self._world.tick and e.fault.kind in kinds for e in self._world.timeline.entries)
 
     def will_be_alive(self, number: int) -> bool:
-        """Return True if a robot is alive, is being started, or will be after an act that is still to come.
-
-        Args:
-            number: The robot's.
-        """
+        """Return True if a robot is alive, is being started, or will be after an act that is still to come."""
         status = self._world.bodies[number].status
         if status is Status.ALIVE or number in self._coming:
             return True
@@ -79,11 +67,7 @@ class Acts:
         return bool(self._coming) or bool(self._world.timeline.acts(self._world.tick))
 
     def due(self) -> Iterator[Event]:
-        """Do what is due before the next tick.
-
-        Yields:
-            What happened, as it happens.
-        """
+        """Do what is due before the next tick, and yield what happened, as it happens."""
         timeline, k = self._world.timeline, self._world.tick
         yield from (*timeline.endings(k), *timeline.beginnings(k))
         for act in timeline.acts(k):

@@ -13,24 +13,13 @@ from worldsim.mailbox import AnswersMailbox
 
 @dataclass(frozen=True, slots=True)
 class FleetConnection:
-    """The connection of the world with its robots.
-
-    Attributes:
-        keys: The fleet's keys.
-        names: The robots' names by number.
-        posts: Sends to a robot, by number.
-        mailbox: Their answers.
-        connected: Whether the router answers now.
-        now: Seconds of a clock that never goes back.
-        ending: Whether the world should end.
-        has_ended: Asks the launcher whether a robot's process has ended, by number; None where there is no launcher.
-    """
+    """The connection of the world with its robots."""
 
     keys: FleetKeys
     names: Mapping[int, str]
-    posts: Mapping[int, Callable[[bytes], None]]
+    posts: Mapping[int, Callable[[bytes], None]]  # by number; each sends to a robot
     mailbox: AnswersMailbox[ToWorld | Presence]
-    connected: Callable[[], bool]
-    now: Callable[[], float]
-    ending: Callable[[], bool]
-    has_ended: Callable[[int], bool] | None = None
+    connected: Callable[[], bool]  # True if the router answers now
+    now: Callable[[], float]  # seconds of a clock that never goes back
+    ending: Callable[[], bool]  # True if the world should end
+    has_ended: Callable[[int], bool] | None = None  # asks the launcher about a robot's process; None without a launcher

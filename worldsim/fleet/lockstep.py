@@ -21,25 +21,22 @@ T = TypeVar("T", ReplyA, ReplyB)
 
 
 class LockstepFleet:
-    """A `worldsim.fleet.loop.Fleet` of processes.
+    """A `worldsim.fleet.loop.Fleet` of processes in lockstep.
 
     A phase's messages are sent again every `RESEND_S` to robots that have not answered. A robot that has not answered
     within the deadline, or whose process is gone, is lost. Waiting time is summed over short slices of bounded length,
     so that a pause of the world's own process (a suspended machine) loses no robot. While the router does not answer,
     the world waits, and robots have the whole deadline again from when it does.
 
-    Attributes:
-        meanwhile: Called now and then while a tick is waited for.
-        aside: Called once a tick, when all robots have begun to decide, for work that no robot waits for.
+    `meanwhile` is called now and then while a tick is waited for, and `aside` once a tick, when all robots have begun
+    to decide, for work that no robot waits for.
     """
 
     def __init__(self, sessions: Sessions, deadline_s: float = ANSWER_S, router: RouterWatch | None = None) -> None:
         """Drive the robots that have sessions.
 
-        Args:
-            sessions: Of the robots.
-            deadline_s: Wall time for an answer, s; in the first tick at least `ANSWER_S`.
-            router: Says whether the router answers; None where there is none between world and robots.
+        The deadline is wall time; in the first tick it is at least `ANSWER_S`. `router` is None where there is none
+        between world and robots.
         """
         self._sessions = sessions
         self._deadline_s = deadline_s
@@ -49,28 +46,12 @@ class LockstepFleet:
         self._lost: list[tuple[int, Status, str]] = []
 
     def phase_a(self, k: int, reports: Mapping[int, Sensed]) -> Mapping[int, Sequence[bytes]]:
-        """Send phase A and collect the answers.
-
-        Args:
-            k: The tick.
-            reports: What each living robot senses, by number.
-
-        Returns:
-            The frames of the robots that answer in time, by number.
-        """
+        """Send phase A and return the frames of the robots that answer in time, by number."""
         answers = self._ask(k, "A", reports, ReplyA)
         return {number: answer.frames for number, answer in answers.items()}
 
     def phase_b(self, k: int, heard: Mapping[int, list[bytes]]) -> Mapping[int, Reply]:
-        """Send phase B and collect the answers.
-
-        Args:
-            k: The tick.
-            heard: The frames that each robot hears, by number.
-
-        Returns:
-            The replies of the robots that answer in time, by number.
-        """
+        """Send phase B and return the replies of the robots that answer in time, by number."""
         answers = self._ask(k, "B", heard, ReplyB, self.aside)
         return {number: answer.reply for number, answer in answers.items()}
 
@@ -151,14 +132,7 @@ class LockstepFleet:
 
 
 def router_notes(router: RouterWatch | None) -> dict[str, Any]:
-    """Return notes on the router for the journal's end.
-
-    Args:
-        router: Says whether the router answers; None without one.
-
-    Returns:
-        `router_silent_s` where the router was silent, s of wall time; otherwise nothing.
-    """
+    """Return `router_silent_s`, wall time, for the journal's end; nothing if the router was never silent."""
     return {} if router is None or not router.silent_s else {"router_silent_s": round(router.silent_s, 3)}
 
 

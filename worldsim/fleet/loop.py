@@ -21,27 +21,16 @@ class Fleet(Protocol):
     """All robots' minds, in processes or in this one."""
 
     def phase_a(self, k: int, reports: Mapping[int, Sensed]) -> Mapping[int, Sequence[bytes]]:
-        """Send the living robots what they sense.
+        """Send the living robots what they sense, and return the frames that they send, by robot number.
 
-        Args:
-            k: The tick.
-            reports: By robot number.
-
-        Returns:
-            The frames that they send, by robot number; none from one that stays silent. A robot that is missing has
-            died.
+        A robot that stays silent has no frames; one that is missing has died.
         """
         ...
 
     def phase_b(self, k: int, heard: Mapping[int, list[bytes]]) -> Mapping[int, Reply | None]:
-        """Send the robots that answered phase A what they hear.
+        """Send the robots that answered phase A what they hear, and return their replies, by robot number.
 
-        Args:
-            k: The tick.
-            heard: Frames by robot number.
-
-        Returns:
-            Their replies by robot number, None from one that is late. A robot that is missing has died.
+        The reply is None from a robot that is late; one that is missing has died.
         """
         ...
 
@@ -64,23 +53,11 @@ def run_ticks(
     operator: Operator | None = None,
     settle: Callable[[], None] = lambda: None,
 ) -> str:
-    """Run the ticks that are left.
+    """Run the ticks that are left, and return why they ended (`worldsim.run_record`).
 
-    Args:
-        world: The world.
-        fleet: The robots.
-        sink: Takes each tick's record.
-        events: Takes what happens between ticks.
-        stop: Asked between ticks whether to stop.
-        control: Does to robots' processes what the scenario's faults ask for; None where none do.
-        operator: Does what operators ask for between ticks; None without operators.
-        settle: Called where the next tick may be long in coming, and at the end: does what `sink` has put off.
-
-    Returns:
-        Why the ticks ended (`worldsim.run_record`).
-
-    Raises:
-        BadInput: The faults need process control and there is none.
+    `sink` takes each tick's record, `events` what happens between ticks. `settle` does what `sink` has put off: it is
+    called where the next tick may be long in coming, and at the end. `control` may be None only where no fault needs
+    process control.
     """
     acts = Acts(world, control)
     try:
@@ -109,13 +86,7 @@ def run_ticks(
 
 @dataclass(frozen=True, slots=True)
 class BegunTick:
-    """A tick up to the point at which its robots decide.
-
-    Attributes:
-        reports: What each living robot sensed, by number.
-        frames: What those that answered sent.
-        heard: The frames that reach each of them.
-    """
+    """A tick up to the point at which its robots decide."""
 
     reports: Mapping[int, Sensed]
     frames: Mapping[int, Sequence[bytes]]
@@ -123,16 +94,7 @@ class BegunTick:
 
 
 def act_between_ticks(world: World, acts: Acts, events: Callable[[Event], None]) -> bool:
-    """Do what is due before the next tick.
-
-    Args:
-        world: The world.
-        acts: Of its timeline.
-        events: Takes what happens.
-
-    Returns:
-        False if no robot is left for the next tick.
-    """
+    """Do what is due before the next tick; return False if no robot is left for it."""
     for event in acts.due():
         events(event)
     for event in world.close_and_open():
@@ -141,12 +103,7 @@ def act_between_ticks(world: World, acts: Acts, events: Callable[[Event], None])
 
 
 def begin_tick(world: World, fleet: Fleet) -> BegunTick:
-    """Begin the world's next tick: robots sense, send and hear.
-
-    Args:
-        world: The world.
-        fleet: The robots.
-    """
+    """Begin the world's next tick: robots sense, send and hear."""
     reports = world.begin_tick()
     frames = fleet.phase_a(world.tick, reports)
     return BegunTick(reports, frames, world.exchange(frames))
@@ -159,15 +116,7 @@ def end_tick(
     sink: Callable[[TickRecord], None],
     events: Callable[[Event], None],
 ) -> None:
-    """End a tick: robots decide and move.
-
-    Args:
-        world: The world.
-        fleet: The robots.
-        begun: The tick.
-        sink: Takes its record.
-        events: Takes the robots that were lost.
-    """
+    """End a tick: robots decide and move."""
     k = world.tick
     replies = fleet.phase_b(k, begun.heard)
     sink(world.end_tick(replies))

@@ -44,16 +44,13 @@ LOOK_S = 0.005
 class PacedFleet:
     """A `worldsim.fleet.loop.Fleet` of processes that keeps to the clock.
 
-    Attributes:
-        late_frames: Ticks by robot number in which no frames were there in time.
-        late_commands: Ticks by robot number in which no command was there in time.
-        too_late: Frames by robot number that came after the deadline and reached no robot; the other late ones never
-            came.
-        slipped_s: By how much the world itself has fallen behind without catching up, s of wall time.
-        held_up_s: By how much deadlines were moved because the world was woken late, s of wall time.
-        longest_held_up_s: The most of that in one tick.
-        meanwhile: Called now and then while a tick is waited for.
-        aside: Called once a tick, when all robots have been sent phase A, for work that no robot waits for.
+    By robot number, `late_frames` and `late_commands` count the ticks in which none was there in time, and `too_late`
+    the frames that came after the deadline and reached no robot. All times are wall time: `slipped_s` is by how much
+    the world itself has fallen behind without catching up, `held_up_s` by how much deadlines were moved because the
+    world was woken late, and `longest_held_up_s` the most of that in one tick.
+
+    `meanwhile` is called now and then while a tick is waited for, and `aside` once a tick, when all robots have been
+    sent phase A, for work that no robot waits for.
     """
 
     def __init__(
@@ -63,13 +60,10 @@ class PacedFleet:
         listener: Listener | None = None,
         router: RouterWatch | None = None,
     ) -> None:
-        """Drive the robots that have sessions.
+        """Drive the robots that have sessions; `step_s` is the wall time of a tick.
 
-        Args:
-            sessions: Theirs.
-            step_s: Wall time of a tick, s.
-            listener: Hears a direct radio; None where the world carries the frames.
-            router: Says whether the router answers; None where there is none between world and robots.
+        `listener` hears a direct radio, and is None where the world carries the frames. `router` is None where there is
+        none between world and robots.
         """
         self.late_frames: Counter[int] = Counter()
         self.late_commands: Counter[int] = Counter()
@@ -181,14 +175,11 @@ class PacedFleet:
         least: float,
         answering: Set[int] | None = None,
     ) -> None:
-        """Take what has come and what comes.
+        """Take what has come and what comes, up to a moment of the tick.
 
-        Args:
-            frames: Takes the frames of this tick, by robot number.
-            told_at: When the last robot was sent the phase that this answers.
-            share: The share of the step after whose beginning it ends.
-            least: The least share of a step for which it lasts from `told_at`.
-            answering: It ends as soon as there are frames of all of these; None for not before its time.
+        Frames of this tick go into `frames`, by robot number. It ends `share` of a step after the tick's beginning, but
+        not before `least` of a step after `told_at`; earlier only if there are frames of all of `answering` (None:
+        never earlier).
         """
         assert self._begins is not None
         held_up_s = 0.0

@@ -31,20 +31,14 @@ class ProcessControl(Protocol):
         ...
 
     def pause(self, number: int) -> str:
-        """Stop it where it is.
+        """Stop a robot's process where it is, and return what was seen of it then; empty where there is none.
 
-        Returns:
-            What was seen of the process then (`worldsim.faults.lifecycle.STOPPED` and so on), empty where there is
-            none.
+        For example `worldsim.faults.lifecycle.STOPPED`.
         """
         ...
 
     def resume(self, number: int) -> str:
-        """Let it go on where it was stopped.
-
-        Returns:
-            What was seen of the process just before, as for `pause`.
-        """
+        """Let a process go on where it was stopped; return what was seen of it just before, as for `pause`."""
         ...
 
     def leave(self, number: int) -> None:
@@ -58,8 +52,7 @@ class ProcessControl(Protocol):
     def arrived(self, number: int) -> bool:
         """Return True if the process that was started can be reached by now.
 
-        Raises:
-            NotStarted: It never will be.
+        Raises `NotStarted` if it never will be.
         """
         ...
 
@@ -78,17 +71,11 @@ class ControlFailed(Exception):
 
 @dataclass(frozen=True, slots=True)
 class Request:
-    """One request of the world to the launcher.
+    """One request of the world to the launcher."""
 
-    Attributes:
-        do: "kill", "pause", "resume", "leave", "start", or "look" for whether the process has ended.
-        robot: The robot's number.
-        incarnation: Of the process to start; 0 otherwise.
-    """
-
-    do: str
+    do: str  # "kill", "pause", "resume", "leave", "start", or "look" for whether the process has ended
     robot: int
-    incarnation: int = 0
+    incarnation: int = 0  # of the process to start; 0 otherwise
 
     def line(self) -> bytes:
         """Return the request as a line of JSON."""
@@ -106,15 +93,11 @@ ENDED = "ended"
 
 
 def answer_line(problem: str = "", state: str = "") -> bytes:
-    """Build the launcher's answer to a request.
+    """Build the launcher's answer to a request, a line of JSON.
 
-    Args:
-        problem: Why it could not be done; empty when it was.
-        state: Of a process that was just paused, or is just about to go on, as the system reports it (proc(5)): "T" for
-            one that is stopped; empty where the system does not report it. In answer to "look" `ENDED`, or empty.
-
-    Returns:
-        The answer as a line of JSON.
+    `problem` says why the request could not be met, and is empty when it was. `state` is that of a process that was
+    just paused, or is just about to go on, as the system reports it (proc(5)): "T" for one that is stopped; empty where
+    the system does not report it. In answer to "look" it is `ENDED`, or empty.
     """
     return json.dumps({"problem": problem, "state": state}).encode() + b"\n"
 
@@ -123,13 +106,10 @@ class LauncherControl:
     """A `ProcessControl` over processes: the launcher sends signals and starts them, sessions say who has come."""
 
     def __init__(self, ask: Callable[[bytes], bytes], sessions: Sessions, *, waits: bool) -> None:
-        """Control the processes of a launcher.
+        """Control the processes of a launcher; `ask` sends it a line and returns its answer.
 
-        Args:
-            ask: Sends a line to the launcher and returns its answer.
-            sessions: The robots' sessions.
-            waits: Whether `start` waits until the process has opened its session, as in lockstep; otherwise the ticks
-                go on meanwhile.
+        If `waits`, `start` waits until the process has opened its session, as in lockstep; otherwise the ticks go on
+        meanwhile.
         """
         self._ask = ask
         self._sessions = sessions
@@ -167,10 +147,9 @@ class LauncherControl:
             self._sessions.await_session(number)
 
     def arrived(self, number: int) -> bool:
-        """Return whether its process has opened its session.
+        """Return True if the robot's process has opened its session.
 
-        Raises:
-            NotStarted: It has ended, or has not come within `START_S`.
+        Raises `NotStarted` if it has ended, or has not come within `START_S`.
         """
         if self._sessions.is_open(number):
             return True
@@ -203,15 +182,7 @@ class LauncherControl:
 
 
 def has_ended(ask: Callable[[bytes], bytes], number: int) -> bool:
-    """Return whether a robot's process is known to have ended, which its launcher says.
-
-    Args:
-        ask: Sends a line to the launcher and returns its answer.
-        number: The robot's number.
-
-    Returns:
-        False also where the launcher cannot say.
-    """
+    """Return True if a robot's process has ended; False also where the launcher cannot say."""
     try:
         return _have_done(ask, Request("look", number)) == ENDED
     except ControlFailed:

@@ -36,11 +36,8 @@ class RouterWatch:
     ) -> None:
         """Start with a router that answers.
 
-        Args:
-            connected: Whether there is a connection to a router.
-            echo: Asks the router something; what it returns says whether the answer has come.
-            now: Wall clock, s.
-            say: Reports a line to people.
+        `echo` asks the router something; what it returns says whether the answer has come. `say` reports a line to
+        people.
         """
         self._connected = connected
         self._echo = echo

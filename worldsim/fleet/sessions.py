@@ -47,13 +47,7 @@ class Sessions:
     """The processes that speak for the robots."""
 
     def __init__(self, connection: FleetConnection, run: WorldRun, absent: Collection[int] = ()) -> None:
-        """Expect a process for each robot.
-
-        Args:
-            connection: Of the world with the robots.
-            run: What the world offers them.
-            absent: Numbers of robots for which no process is expected yet.
-        """
+        """Expect a process for each robot but those in `absent`, which come later."""
         self._connection = connection
         self._run = run
         names, keys = connection.names, connection.keys
@@ -81,14 +75,9 @@ class Sessions:
     def gather(self, wait_s: float, waiting: Callable[[list[str], float], None]) -> None:
         """Greet the robots until each has a session.
 
-        Args:
-            wait_s: How long to wait, s.
-            waiting: Called about every five seconds with the names still missing and the seconds waited.
-
-        Raises:
-            Missing: Processes did not come in time.
-            BadInput: A robot has another scenario or protocol.
-            Interrupted: The world should end.
+        `waiting` is called about every five seconds with the names still missing and the seconds waited. Raises
+        `Missing` where processes do not come in time, BadInput where a robot has another scenario or protocol, and
+        `Interrupted` where the world should end.
         """
         self._gathering = True
         began = reported = self.now
@@ -109,15 +98,9 @@ class Sessions:
         self._gathering = False
 
     def send(self, number: int, k: int, tell: Sensed | Sequence[bytes]) -> bytes:
-        """Send a robot that has a session phase A of a tick, with what it senses, or phase B, with what it hears.
+        """Send a robot that has a session phase A of a tick (what it senses) or phase B (what it hears).
 
-        Args:
-            number: The robot's number.
-            k: The tick.
-            tell: What the robot senses, or the frames that it hears.
-
-        Returns:
-            The bytes sent, for `repeat`.
+        Returns the bytes sent, for `repeat`.
         """
         run, end = self._run, self._ends[number]
         if end.process is None:
@@ -131,12 +114,7 @@ class Sessions:
         return payload
 
     def act_on(self, number: int, answer: ReplyA | ReplyB) -> None:
-        """Write down that the world acts on an answer that `take` has returned.
-
-        Args:
-            number: The robot's number.
-            answer: The answer.
-        """
+        """Write down that the world acts on an answer that `take` has returned."""
         place = REPLY_A if isinstance(answer, ReplyA) else REPLY_B
         transcript = self._ends[number].transcripts[answer.incarnation, answer.instance]
         transcript.acted_on(answer.k, place, answer.digest or digest_of(encode(answer)))
@@ -156,27 +134,17 @@ class Sessions:
         self._connection.posts[number](payload)
 
     def take(self, timeout_s: float) -> tuple[int, ReplyA | ReplyB] | None:
-        """Take the next answer of a process that has a session; deal with everything else that arrives.
+        """Take in the next message; return it, with the robot's number, if it is an answer, else None.
 
-        Args:
-            timeout_s: How long to wait for a message, s.
-
-        Returns:
-            The robot's number and the answer, or None when none came in time.
-
-        Raises:
-            Interrupted: The world should end.
+        Only a process that has a session answers; everything else is dealt with here. Raises `Interrupted` where the
+        world should end.
         """
         if self._connection.ending():
             raise Interrupted
         return self._take_in(timeout_s)
 
     def gone(self, numbers: Iterable[int]) -> list[int]:
-        """Return those of the robots whose process is gone.
-
-        Args:
-            numbers: The robots.
-        """
+        """Return those of the robots whose process is gone."""
         away = [end for number in numbers if (end := self._ends[number]).away_since is not None]
         if not away:
             return []
@@ -197,10 +165,7 @@ class Sessions:
     def dismiss(self, number: int, reason: str, *, orderly: bool) -> None:
         """Tell a robot's process to leave; one that asks later is told again.
 
-        Args:
-            number: The robot's number.
-            reason: For the process to report.
-            orderly: Whether it leaves as planned, with exit code 0.
+        If `orderly`, it leaves as planned, with exit code 0.
         """
         self._carry_out(self._ends[number], self._ends[number].dismiss(reason, orderly=orderly))
 
@@ -224,12 +189,7 @@ class Sessions:
             self.take(POLL_S)
 
     def close(self, k: int, reason: str) -> None:
-        """Dismiss all robots; wait up to `DISMISSAL_S` until they are gone, then up to `REPORT_S` for reports.
-
-        Args:
-            k: The tick that would be next.
-            reason: For the processes to report.
-        """
+        """Dismiss all robots; wait up to `DISMISSAL_S` until they are gone, then up to `REPORT_S` for reports."""
         self._run.k = k
         staying = [end for end in self._ends.values() if end.stage in (SeatStage.SEATED, SeatStage.FAILING)]
         until = self.now + DISMISSAL_S

@@ -31,11 +31,7 @@ class BatteryTotals:
     """Follows the batteries of a run tick by tick; see `figures`."""
 
     def __init__(self, header: Header) -> None:
-        """Start before the first tick.
-
-        Args:
-            header: The run's first record.
-        """
+        """Start before the first tick."""
         self._step = float(header.scenario["step"])
         self._batteries: Batteries | None = None
         self._robots: dict[int, _Robot] = {}

@@ -12,13 +12,7 @@ if TYPE_CHECKING:
 
 
 def closure_figures(header: Header, events: Iterable[Event], ticks: int) -> dict[str, dict[str, Any]]:
-    """Return `patrol.summary.model.ClosureFigures` of each closure, by name.
-
-    Args:
-        header: Of the journal.
-        events: All events of the run.
-        ticks: Length of the run.
-    """
+    """Return `patrol.summary.model.ClosureFigures` of each closure, by name."""
     names = [str(closure["name"]) for closure in header.scenario.get("closures") or ()]
     closed_at: dict[str, int | None] = dict.fromkeys(names)
     closings, closed = dict.fromkeys(names, 0), dict.fromkeys(names, 0)

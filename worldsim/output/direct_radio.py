@@ -18,13 +18,6 @@ def as_measured(summary: Mapping[str, Any], journal: RunRecord) -> dict[str, Any
     `bytes_per_robot_s` are of the frames that the world heard itself. `direct` has, for each directed link of robots
     that have both reported, the frames sent and heard; `heard_share` over all of these; `missed`, the frames that
     reached the world too late; and `unsaid`, the robots whose counts are missing or end before their process did.
-
-    Args:
-        summary: The summary as for a run with an ether.
-        journal: The run's records.
-
-    Returns:
-        The new summary.
     """
     reports = reported(journal)
     links = links_of(reports)

@@ -58,18 +58,7 @@ class Feed:
         now: Callable[[], float],
         state: Callable[[], RunState],
     ) -> None:
-        """Publish a run.
-
-        Args:
-            world: Its world.
-            journal: Where its records go.
-            header: Its first record, which the journal has.
-            post: Sends a batch, or drops it.
-            questions: Viewers' questions for the fog so far.
-            submit: Has work done on another thread.
-            now: Wall clock, s.
-            state: Whether and how fast the ticks run.
-        """
+        """Publish a run."""
         self._world = world
         self._journal = journal
         self._post = post

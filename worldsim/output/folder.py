@@ -11,14 +11,9 @@ from patrol.scenario.file.copying import FILE, MAP, keep_scenario
 
 
 def check(scenario: Path, out: Path) -> None:
-    """Make the folder, unless it is there.
+    """Make the run's folder unless it is there, and refuse one that holds files of another run.
 
-    Args:
-        scenario: The scenario's file, which may lie in the folder.
-        out: The folder.
-
-    Raises:
-        BadInput: It cannot be written to, or holds files of another run.
+    The scenario's file may lie in it.
     """
     try:
         out.mkdir(parents=True, exist_ok=True)
@@ -35,16 +30,7 @@ def check(scenario: Path, out: Path) -> None:
 
 
 def keep(scenario: Scenario, file: Path, out: Path) -> None:
-    """Copy the scenario into the folder, unless it was read from there.
-
-    Args:
-        scenario: The scenario.
-        file: The file that it was read from.
-        out: The folder.
-
-    Raises:
-        BadInput: The folder cannot be written to.
-    """
+    """Copy the scenario into the folder, unless it was read from there."""
     if _is_in(out, file):
         return
     try:

@@ -54,12 +54,7 @@ class IntruderTotals:
     """Follows the intruders of a run tick by tick; see `facts`."""
 
     def __init__(self, header: Header, events: Sequence[Event] = ()) -> None:
-        """Start before the first tick.
-
-        Args:
-            header: The run's first record.
-            events: Those of the whole run, among which operators may have added intruders.
-        """
+        """Start before the first tick; the events are all of the run, as operators may have added intruders."""
         self._step = float(header.scenario["step"])
         self._intruders: list[_Intruder] = []
         self._beside = 0.0

@@ -19,12 +19,7 @@ class LiveProgress:
     """Turns a world's ticks and events into what is shown of them. It changes nothing."""
 
     def __init__(self, world: World, now: Callable[[], float]) -> None:
-        """Watch a world from its first tick on.
-
-        Args:
-            world: The world.
-            now: Wall clock, s.
-        """
+        """Watch a world from its first tick on."""
         scenario = world.scenario
         self._world = world
         self._names = {spec.number: spec.name for spec in scenario.roster}
@@ -33,13 +28,9 @@ class LiveProgress:
         self._traps = Traps(world.prepared, self._open_ground)
 
     def tick(self, record: TickRecord) -> tuple[Metrics | None, list[Notice]]:
-        """Take in the next tick.
+        """Take in the next tick; return the measures, when they are due, and notices.
 
-        Args:
-            record: Of the tick.
-
-        Returns:
-            The measures, when they are due; and a notice for each robot that is found to be trapped, or no longer is.
+        There is a notice for each robot that is found to be trapped, or no longer is.
         """
         fog = self._world.truth.fog
         if self._open_ground is not None:
@@ -55,11 +46,7 @@ class LiveProgress:
         return self._watcher.take(record, self._stalest), notices
 
     def event(self, event: Event) -> Notice:
-        """Return an event of the journal as a notice.
-
-        Args:
-            event: The event.
-        """
+        """Return an event of the journal as a notice."""
         return self._watcher.notice(event)
 
     def _stalest(self) -> tuple[float, float]:

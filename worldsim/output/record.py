@@ -16,33 +16,17 @@ if TYPE_CHECKING:
 
 
 def lower_bound(area_m2: float, roster: Sequence[RobotSpec], range_m: float) -> float:
-    """Return a lower bound of the MFoW that a fleet can keep on a patrolled area.
+    """Return a lower bound of the MFoW that a fleet can keep on a patrolled area, s, at least 0.
 
-    In a time T robot i sees at most pi r^2 + 2 r v_i T, and the fleet must see the whole area once per MFoW:
-    (A - n pi r^2) / (2 r sum v_i), which for n equal robots is (A / n - pi r^2) / (2 r v).
-
-    Args:
-        area_m2: The patrolled area A, m2.
-        roster: The robots.
-        range_m: The sensor's range r, m.
-
-    Returns:
-        The bound, s, at least 0.
+    In a time T robot i sees at most pi r^2 + 2 r v_i T, with the sensor's range r, and the fleet must see the whole
+    area A once per MFoW: (A - n pi r^2) / (2 r sum v_i), which for n equal robots is (A / n - pi r^2) / (2 r v).
     """
     at_once = len(roster) * math.pi * range_m**2
     return max((area_m2 - at_once) / (2.0 * range_m * sum(spec.speed for spec in roster)), 0.0)
 
 
 def header_of(world: World, started: str | None = None) -> Header:
-    """Make the first record of a run.
-
-    Args:
-        world: Its world.
-        started: Wall time as ISO 8601 text, for people; None where it does not matter.
-
-    Returns:
-        The header.
-    """
+    """Make the first record of a run; `started` is wall time as ISO 8601 text, for people, or None."""
     scenario, terrain = world.scenario, world.terrain
     area = world.truth.fog.points * terrain.point**2
     return Header(
@@ -61,12 +45,7 @@ class Recorder:
     """Writes a run's records in their order and keeps the trace hash."""
 
     def __init__(self, writer: Writer, spares: Collection[int] = ()) -> None:
-        """Record a run.
-
-        Args:
-            writer: Where records go.
-            spares: Numbers of the scenario's spare robots.
-        """
+        """Record a run."""
         self._writer = writer
         self._trace = TraceHash(spares)
 
@@ -85,14 +64,10 @@ class Recorder:
         self._writer.write(event)
 
     def end(self, reason: str, notes: Mapping[str, Any] | None = None) -> End:
-        """Write the end of the run.
+        """Write the end of the run, and return that record.
 
-        Args:
-            reason: COMPLETED, INTERRUPTED, or what went wrong in words.
-            notes: Facts about the run that its ticks do not hold.
-
-        Returns:
-            The record.
+        The reason is `COMPLETED`, `INTERRUPTED`, or what went wrong in words; the notes are facts about the run that
+        its ticks do not hold.
         """
         end = End(reason, self._trace.hexdigest(), notes or {})
         self._writer.write(end)

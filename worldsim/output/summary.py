@@ -29,12 +29,7 @@ class Totals:
     """The running totals of a run; see `summarise`."""
 
     def __init__(self, header: Header, events: Sequence[Event] = ()) -> None:
-        """Start before the first tick.
-
-        Args:
-            header: Of the journal.
-            events: All events of the run, which may include faults added by operators.
-        """
+        """Start before the first tick; the events are all of the run, as operators may have added faults."""
         self._header = header
         patrolled = round(header.patrolled_area_m2 / header.terrain.point**2)
         self._run = RunTotals(header, float(header.scenario["step"]), patrolled)
@@ -53,12 +48,9 @@ class Totals:
             self._nodes.tick(record)
 
     def summary(self, journal: RunRecord, verdict: Verdict, prepared: Prepared | None = None) -> Summary:
-        """Return the run's summary after its last tick, when the journal has ended; does not read the journal's ticks.
+        """Return the run's summary after its last tick, when the journal has ended.
 
-        Args:
-            journal: The run's records.
-            verdict: Of the run.
-            prepared: As for `summarise`.
+        The journal's ticks are not read. `prepared` is as for `summarise`.
         """
         header, end = self._header, journal.end
         document = self._run.figures(journal.events).document()
@@ -105,13 +97,7 @@ class Totals:
 
 
 def summarise(journal: RunRecord, verdict: Verdict, prepared: Prepared | None = None) -> Summary:
-    """Compute the summary of a run that has ended.
-
-    Args:
-        journal: The run's records.
-        verdict: Of the run.
-        prepared: The run's scenario and its terrain, for the best tour found; None leaves that out.
-    """
+    """Compute the summary of a run that has ended; without `prepared` it lacks what needs the terrain."""
     totals = Totals(journal.header, journal.events)
     for record in journal.ticks:
         totals.tick(record)

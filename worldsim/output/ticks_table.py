@@ -15,15 +15,7 @@ class TicksTable:
     """Writes ticks.csv as the run goes; each line reaches the operating system as soon as it is written."""
 
     def __init__(self, path: Path, step: float) -> None:
-        """Create the file.
-
-        Args:
-            path: Where.
-            step: Length of a tick, s.
-
-        Raises:
-            OSError: It cannot be written (FileExistsError where it exists).
-        """
+        """Create the file; raise FileExistsError where it exists."""
         self._file = path.open("x", encoding="ascii", newline="", buffering=1)
         self._step = step
         self._file.write(f"{HEAD}\n")

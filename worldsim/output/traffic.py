@@ -53,12 +53,7 @@ class Traffic:
     """
 
     def __init__(self, header: Header, events: Sequence[Event] = ()) -> None:
-        """Count from zero.
-
-        Args:
-            header: The run's first record.
-            events: Those of the whole run, among which operators may have added faults.
-        """
+        """Count from zero; the events are all of the run, as operators may have added faults."""
         self._names = {FORGED: FORGER, **{robot.number: robot.name for robot in header.robots}}
         self._counted = len(header.robots) <= MOST_ROBOTS
         self._place = {number: place for place, number in enumerate(self._names)} if self._counted else {}

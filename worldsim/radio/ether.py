@@ -51,23 +51,14 @@ Link = tuple[int, int, int]
 
 @dataclass(frozen=True, slots=True)
 class Delivery:
-    """The ether's work in one tick, ordered by sender, sequence and receiver.
+    """The ether's work in one tick, ordered by sender, sequence and receiver."""
 
-    Attributes:
-        heard: For each receiver its frames, by sender, sequence and copy, forged ones first.
-        arrived: (source, destination, sequence) of each frame that arrived, once for each copy.
-        dropped: The same of each frame that was dropped, and the cause.
-        forged: The forged frames; their source is `patrol.journal.records.FORGED`.
-        copies: As in `patrol.journal.records.TickRecord`.
-        delayed: As in `patrol.journal.records.TickRecord`.
-    """
-
-    heard: Mapping[int, list[bytes]]
-    arrived: Sequence[Link]
-    dropped: Sequence[tuple[int, int, int, str]]
-    forged: tuple[Forged, ...] = ()
-    copies: tuple[tuple[int, int, int, str], ...] = ()
-    delayed: tuple[tuple[int, int, int, str], ...] = ()
+    heard: Mapping[int, list[bytes]]  # by receiver; in order of sender, sequence and copy, forged ones first
+    arrived: Sequence[Link]  # once for each copy
+    dropped: Sequence[tuple[int, int, int, str]]  # the link of each frame that was dropped, and the cause
+    forged: tuple[Forged, ...] = ()  # their source is `patrol.journal.records.FORGED`
+    copies: tuple[tuple[int, int, int, str], ...] = ()  # as in `patrol.journal.records.TickRecord`
+    delayed: tuple[tuple[int, int, int, str], ...] = ()  # as in `patrol.journal.records.TickRecord`
 
 
 @dataclass(frozen=True, slots=True, order=True)
@@ -98,15 +89,7 @@ class Ether:
         model: RadioModel | None = None,
         model_cause: str = "",
     ) -> None:
-        """Make a radio; without rules, forger and model every frame arrives within its tick.
-
-        Args:
-            step: Length of a tick, s.
-            rules: What faults do to frames, or None.
-            forger: What forges frames, or None.
-            model: What gets through, or None for all.
-            model_cause: How the journal names what the model has lost.
-        """
+        """Make a radio; without rules, forger and model every frame arrives within its tick."""
         self._step = step
         self._model = model
         self._model_cause = model_cause
@@ -120,14 +103,7 @@ class Ether:
         return Counter((f.source, f.destination, f.sequence) for flying in self._flying.values() for f in flying)
 
     def follow(self, timeline: Timeline) -> None:
-        """Go on with a timeline that has other faults from the next tick on.
-
-        Args:
-            timeline: The timeline.
-
-        Raises:
-            BadInput: The faults cannot be added to this run.
-        """
+        """Go on with a timeline that has other faults from the next tick on."""
         if self._rules is None or self._forger is None:
             raise BadInput("control: this run takes no faults while it goes on")
         self._forger.follow(timeline)
@@ -140,16 +116,9 @@ class Ether:
         statuses: Mapping[int, Status],
         poses: Mapping[int, Pose],
     ) -> Delivery:
-        """Send each robot's frames, in their order, to all others that are there; to be called for each tick in turn.
+        """Send each robot's frames, in their order, to all others that are there; call it for each tick in turn.
 
-        Args:
-            tick: The tick.
-            frames: By the numbers of their senders, which are alive.
-            statuses: Of all robots by number; only those alive hear.
-            poses: The true ones, by robot number.
-
-        Returns:
-            What happens to frames in this tick.
+        The statuses are those of all robots, of which only the living hear; the poses are the true ones.
         """
         forged = self._forger.forge(tick, frames, statuses, poses) if self._forger is not None else []
         rules = self._rules if self._rules is not None and self._rules.begin(tick, poses) else None
@@ -262,19 +231,8 @@ def ether_of(
 ) -> Ether:
     """Make the ether of a scenario.
 
-    Args:
-        scenario: The scenario.
-        timeline: Its faults.
-        terrain: Its terrain.
-        senses: What makes robots report wrong places and times.
-        model: Its radio model (`worldsim.radio.models.found.model_of`), or None where every frame gets through.
-        operated: Whether operators may add faults, so that it must be able to `follow` other timelines.
-
-    Returns:
-        The ether.
-
-    Raises:
-        BadInput: A robot forges and the fleet's key cannot be read.
+    If `operated`, it can `follow` other timelines, since operators may add faults. Without a model only faults stop
+    frames.
     """
     model_cause = cause_of(scenario.radio.model)
     if not timeline.entries and not operated:

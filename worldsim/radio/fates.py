@@ -17,46 +17,26 @@ STRANGER = 0
 
 @dataclass(frozen=True, slots=True)
 class Forged:
-    """A forged frame.
+    """A forged frame."""
 
-    Attributes:
-        origin: Number of the robot whose radio sends it, or `STRANGER`.
-        fault: Id of the spoof.
-        frame: The frame.
-    """
-
-    origin: int
-    fault: str
+    origin: int  # number of the robot whose radio sends it, or `STRANGER`
+    fault: str  # id of the spoof
     frame: bytes
 
 
 @dataclass(frozen=True, slots=True)
 class Sent:
-    """The frames of one tick, forged ones first, then by sender and sequence.
-
-    Attributes:
-        frames: Their bytes.
-        origin: int64 (f,), the robot from whose radio each comes, not the sender that it claims; or `STRANGER`.
-        source: int64 (f,), the sender of each in the journal; `patrol.journal.records.FORGED` for a forged one.
-        sequence: int64 (f,), the sequence of each in the journal.
-        oversized: bool (f,), frames that are too long for the radio.
-    """
+    """The frames of one tick, forged ones first, then by sender and sequence."""
 
     frames: list[bytes]
-    origin: NDArray[np.int64]
-    source: NDArray[np.int64]
-    sequence: NDArray[np.int64]
-    oversized: NDArray[np.bool_]
+    origin: NDArray[np.int64]  # (f,), the robot from whose radio each comes, or `STRANGER`; not the claimed sender
+    source: NDArray[np.int64]  # (f,), each frame's sender in the journal, `patrol.journal.records.FORGED` if forged
+    sequence: NDArray[np.int64]  # (f,), each frame's sequence in the journal
+    oversized: NDArray[np.bool_]  # (f,), frames that are too long for the radio
 
     @staticmethod
     def of(tick: int, frames: Mapping[int, Sequence[bytes]], forged: Sequence[Forged]) -> Sent:
-        """Put the frames of a tick together.
-
-        Args:
-            tick: The tick.
-            frames: By the numbers of their senders.
-            forged: The forged ones.
-        """
+        """Put the frames of a tick together."""
         rows = [(forgery.origin, FORGED, frame_sequence(tick, k), forgery.frame) for k, forgery in enumerate(forged)]
         rows += [
             (source, source, frame_sequence(tick, place), frame)
@@ -72,29 +52,18 @@ class Sent:
 class Fates:
     """The fate of each frame on its way to each receiver; a frame that was stopped is not stopped again.
 
-    Attributes:
-        on_the_way: bool (f, r), frames that nothing has stopped yet.
-        cause: int64 (f, r), the place in `causes` of what stopped a frame; -1 for none.
-        causes: As the journal names them.
+    `on_the_way`, bool (f, r), marks the frames that nothing has stopped yet. `cause`, int64 (f, r), is the place in
+    `causes` of what stopped a frame, -1 for none; `causes` are as the journal names them.
     """
 
     def __init__(self, reaches: NDArray[np.bool_]) -> None:
-        """Begin with all on their way.
-
-        Args:
-            reaches: bool (f, r), the links that there are.
-        """
+        """Begin with all frames on their way, over the links that `reaches`, bool (f, r), marks."""
         self.on_the_way = reaches.copy()
         self.cause = np.full(reaches.shape, -1, dtype=np.int64)
         self.causes: list[str] = []
 
     def stop(self, hit: NDArray[np.bool_], cause: str) -> None:
-        """Stop frames that are on their way.
-
-        Args:
-            hit: bool, of a shape that (f, r) can be made of.
-            cause: Why.
-        """
+        """Stop frames that are on their way; `hit` is bool, of any shape that broadcasts to (f, r)."""
         stopped = self.on_the_way & hit
         self.cause[stopped] = len(self.causes)
         self.causes.append(cause)

@@ -34,11 +34,7 @@ MEMORY = 600
 
 
 class Forger:
-    """Makes the forged frames of each tick, in the order of the faults and their victims.
-
-    Attributes:
-        timeline: The faults.
-    """
+    """Makes the forged frames of each tick, in the order of the faults and their victims."""
 
     def __init__(
         self,
@@ -51,13 +47,8 @@ class Forger:
     ) -> None:
         """Forge by a timeline's spoofs.
 
-        Args:
-            scenario: The scenario.
-            timeline: Its faults.
-            terrain: Its terrain.
-            senses: What makes robots report wrong places and times.
-            key: The fleet's key, for the robots among the forgers; None when the fleet has none.
-            memory: Number of ticks whose frames are kept at least, for a replay that operators may add.
+        `key` is the fleet's, for the robots among the forgers; None where there is none, or no robot forges yet. The
+        frames of at least `memory` ticks are kept, for a replay that operators may add.
         """
         self.timeline = timeline
         self._scenario = scenario
@@ -74,14 +65,7 @@ class Forger:
         self._frozen: dict[tuple[int, int], Pose] = {}
 
     def follow(self, timeline: Timeline) -> None:
-        """Go on with another timeline.
-
-        Args:
-            timeline: The timeline.
-
-        Raises:
-            BadInput: A replay is older than what is kept, or the fleet's key cannot be read.
-        """
+        """Go on with another timeline; refuse one with a replay older than what is kept."""
         spoofs = [entry for entry in timeline.entries if isinstance(entry.fault, Spoof)]
         if any(self._age(entry) > self._depth for entry in spoofs):
             kept_s = self._depth * self._step
@@ -96,15 +80,6 @@ class Forger:
         """Forge the frames of a tick; to be called for each tick in turn.
 
         No frame is forged in the name of a spare robot that has not joined yet.
-
-        Args:
-            k: The tick.
-            frames: What the robots send in this tick, by number.
-            statuses: Of all robots by number.
-            poses: The true ones of all bodies by number.
-
-        Returns:
-            The forged frames.
         """
         self._sent.append(frames)
         unknown = {number for number in self._spares if statuses[number] is Status.ABSENT}

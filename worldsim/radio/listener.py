@@ -76,8 +76,7 @@ class _Counts:
 class Listener:
     """The world's ear on a direct radio, with the counts that robots report of it.
 
-    Attributes:
-        missed: Frames by robot number that reached the world too late, or out of order.
+    `missed` counts, by robot number, the frames that reached the world too late, or out of order.
     """
 
     def __init__(
@@ -88,15 +87,7 @@ class Listener:
         telemetry: AnswersMailbox[Traffic],
         now: Callable[[], float],
     ) -> None:
-        """Listen to a fleet.
-
-        Args:
-            keys: The fleet's keys.
-            numbers: The robots' numbers by name.
-            positions: The frames, by their senders' keys.
-            telemetry: What the robots report, by their keys.
-            now: Wall clock, s.
-        """
+        """Listen to a fleet."""
         self.missed: Counter[int] = Counter()
         self._numbers = {keys.position(name): number for name, number in numbers.items()}
         self._positions = positions
@@ -105,16 +96,10 @@ class Listener:
         self._counts = {name: _Counts(frozenset(numbers) - {name}) for name in numbers}
 
     def frames(self, k: int) -> dict[int, list[bytes]]:
-        """Take the frames of a tick that have reached the world by now.
+        """Take the frames of a tick that have reached the world by now, by robot number.
 
-        Frames of another tick have come too late, or are false; they are counted as missed, and so are contacts without
-        a position.
-
-        Args:
-            k: The tick.
-
-        Returns:
-            The frames by robot number, of each robot its position first.
+        Of each robot its position comes first. Frames of another tick have come too late, or are false; they are
+        counted as missed, and so are contacts without a position.
         """
         frames: dict[int, list[bytes]] = {}
         # No more than waits now, so that a flood of frames keeps no tick open.

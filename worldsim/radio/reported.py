@@ -10,26 +10,15 @@ if TYPE_CHECKING:
 
 
 def totals(links: Iterable[Mapping[str, int]]) -> dict[str, int]:
-    """Add up links.
-
-    Args:
-        links: "sent" and "heard" of each.
-
-    Returns:
-        The sums as "sent" and "delivered".
-    """
+    """Add up the ``sent`` and ``heard`` of links, and return the sums as ``sent`` and ``delivered``."""
     counts = list(links)
     return {"sent": sum(link["sent"] for link in counts), "delivered": sum(link["heard"] for link in counts)}
 
 
 def reported(journal: RunRecord) -> dict[str, dict[str, Any]]:
-    """Return the counts that each robot reported last.
+    """Return the counts that each robot reported last, by its name; empty where there are none.
 
-    Args:
-        journal: The run's records.
-
-    Returns:
-        "sent", "heard" (by sender), "refused" and "final", by the robots' names; empty where there are none.
+    They are ``sent``, ``heard`` (by sender), ``refused`` and ``final``.
     """
     notes = journal.end.notes if journal.end else {}
     counts: dict[str, dict[str, Any]] = notes.get("direct", {}).get("said", {})
@@ -37,13 +26,9 @@ def reported(journal: RunRecord) -> dict[str, dict[str, Any]]:
 
 
 def links_of(counts: Mapping[str, Mapping[str, Any]]) -> dict[tuple[str, str], dict[str, int]]:
-    """Return the frames sent and heard by directed link, of robots that have both reported.
+    """Return the frames sent and heard on each link (sender, hearer) of robots that have both reported.
 
-    Args:
-        counts: As of `reported`.
-
-    Returns:
-        "sent" and "heard" by (sender, hearer).
+    `counts` are as `reported` returns them; the result has ``sent`` and ``heard`` for each link.
     """
     return {
         (sender, hearer): {"sent": counts[sender]["sent"], "heard": heard}

@@ -59,29 +59,12 @@ _ON_FRAMES: tuple[type[Fault], ...] = (*DROPS, Delay, Reorder, Duplicate)
 
 
 def arrival(k: int, delay_s: float, step: float) -> int:
-    """Return when a frame is heard.
-
-    Args:
-        k: The tick in whose phase A it is sent.
-        delay_s: How long it takes, s.
-        step: Length of a tick, s.
-
-    Returns:
-        The tick in whose phase B it is heard.
-    """
+    """Return the tick in whose phase B a frame is heard that is sent in phase A of tick k."""
     return k + max(0, math.ceil((delay_s - PHASE_B_SHARE * step) / step - 1e-9))
 
 
 def waited(wait: Wait, *values: int) -> float:
-    """Draw the length of a wait.
-
-    Args:
-        wait: Its distribution.
-        values: Integers that the draw is a hash of.
-
-    Returns:
-        The length, s, at least 0.
-    """
+    """Draw the length of a wait, s, at least 0; the draw is a hash of `values`."""
     first, *rest = wait.values
     match wait.shape:
         case "uniform":
@@ -117,14 +100,9 @@ class Burst:
 
 
 def chain_of(rate: float, mean_burst: float) -> tuple[float, float]:
-    """Return the probabilities of a Gilbert-Elliott chain.
+    """Return the probabilities of a Gilbert-Elliott chain: r (bad to good) and p (good to bad).
 
-    Args:
-        rate: Share of bad ticks.
-        mean_burst: Mean length of a bad spell, ticks.
-
-    Returns:
-        r (bad to good) and p (good to bad).
+    `rate` is the share of bad ticks, `mean_burst` the mean length of a bad spell in ticks.
     """
     r = 1.0 / mean_burst
     return r, min(rate * r / (1.0 - rate), 1.0)
@@ -154,9 +132,6 @@ class RadioRules:
     """The radio faults of a timeline. Call `begin` for each tick in turn, then ask about its frames in their order.
 
     A frame's origin is the robot from whose radio it comes, or `STRANGER`, not the sender that it claims.
-
-    Attributes:
-        timeline: The faults.
     """
 
     def __init__(self, scenario: Scenario, timeline: Timeline, terrain: Terrain) -> None:
@@ -174,15 +149,7 @@ class RadioRules:
         self._buckets: dict[tuple[int, int], Bucket] = {}
 
     def begin(self, k: int, poses: Mapping[int, Pose]) -> bool:
-        """Begin a tick.
-
-        Args:
-            k: The tick.
-            poses: The robots' true poses by number.
-
-        Returns:
-            Whether any radio fault is active.
-        """
+        """Begin a tick, with the robots' true poses; return True if any radio fault is active."""
         self._k, self._poses = k, poses
         entries = self.timeline.at(k)
         if entries is not self._entries:
@@ -197,12 +164,9 @@ class RadioRules:
         return any(self._active.get(kind) for kind in (Delay, Reorder, Duplicate))
 
     def stop(self, sent: Sent, receivers: NDArray[np.int64], fates: Fates) -> None:
-        """Stop the frames that the tick's faults drop.
+        """Stop the frames that the tick's faults drop: changes `fates` in place.
 
-        Args:
-            sent: The tick's frames.
-            receivers: int64 (r,), numbers of the receivers.
-            fates: Of these frames on their way to these receivers; changed in place.
+        `receivers` are the numbers of those to whom the fates belong, int64 (r,).
         """
         jams = self._jams(sent)
         for entry in self._dropping:
@@ -273,16 +237,9 @@ class RadioRules:
         return None
 
     def delays(self, origin: int, source: int, destination: int, sequence: int) -> list[tuple[str, float]]:
-        """Find the faults that delay a frame on a link.
+        """Return the faults that delay a frame on a link: their ids, and how long each delays it, s.
 
-        Args:
-            origin: The robot whose radio sends it.
-            source: Its sender in the journal.
-            destination: Its receiver.
-            sequence: Its sequence in the journal.
-
-        Returns:
-            Their ids, and how long each delays it, s.
+        `source` and `sequence` are the frame's in the journal.
         """
         delays = []
         for entry in (*self._active.get(Delay, ()), *self._active.get(Reorder, ())):
@@ -297,10 +254,9 @@ class RadioRules:
         return delays
 
     def copies(self, origin: int, source: int, destination: int, sequence: int) -> list[tuple[str, float]]:
-        """Find the faults that copy a frame on a link; the arguments are those of `delays`.
+        """Return the faults that copy a frame on a link: their ids, and by how much each copy is later, s.
 
-        Returns:
-            Their ids, and how much longer than the frame each copy takes, s.
+        The arguments are those of `delays`.
         """
         copies = []
         for entry in self._active.get(Duplicate, ()):
@@ -369,15 +325,9 @@ def _group(groups: Sequence[Collection[int]], number: int) -> int:
 
 
 def receivers(entry: Entry, origin: int, here: frozenset[int]) -> frozenset[int]:
-    """Return the robots that a sender's frames reach over the links that a fault acts on.
+    """Return the robots `here` that a sender's frames reach over the links that a fault acts on.
 
-    Args:
-        entry: The fault.
-        origin: Number of the robot whose radio sends, or `STRANGER`.
-        here: Numbers of the robots that are there.
-
-    Returns:
-        Numbers of the receivers, which may include the sender's own.
+    The sender itself may be among them. `origin` is the robot whose radio sends, or `STRANGER`.
     """
     match entry.fault:
         case OnLinks() if origin in entry.sources:

@@ -20,46 +20,25 @@ def standstill(spec: RobotSpec) -> Command:
 
 
 def overlap(pose: Pose, radius: float, other: Pose, other_radius: float) -> bool:
-    """Return True if two round bodies overlap; touching is no overlap.
-
-    Args:
-        pose: Of the one body.
-        radius: Of the one body, m.
-        other: Pose of the other body.
-        other_radius: Of the other body, m.
-    """
+    """Return True if two round bodies overlap; touching is no overlap."""
     return math.hypot(pose.x - other.x, pose.y - other.y) < radius + other_radius
 
 
 @dataclass(slots=True)
 class Body:
-    """One robot's body.
-
-    Attributes:
-        spec: The robot's model and limits.
-        pose: Where it is, m and rad.
-        command: What it obeys, within its limits.
-        status: Whether it is driven, and if not, why.
-        bumped: Whether its last move was cancelled.
-        distance_m: Length of the path driven so far, m.
-        collisions: Number of moves cancelled so far.
-        refused: Whether its last command was invalid and stopped it.
-        silent_s: Time since the last command, s.
-        away: Whether it is not in the world: not yet, no longer, or because its wreck was removed.
-        incarnation: Number of minds it has had so far.
-    """
+    """One robot's body."""
 
     spec: RobotSpec
-    pose: Pose
+    pose: Pose  # m and rad
     command: Command
     status: Status = Status.ALIVE
-    bumped: bool = False
+    bumped: bool = False  # its last move was cancelled
     distance_m: float = 0.0
     collisions: int = 0
-    refused: bool = False
+    refused: bool = False  # its last command was invalid and stopped it
     silent_s: float = 0.0
-    away: bool = False
-    incarnation: int = FIRST_INCARNATION
+    away: bool = False  # not in the world: not yet, no longer, or its wreck was removed
+    incarnation: int = FIRST_INCARNATION  # number of minds it has had so far
 
     @property
     def alive(self) -> bool:

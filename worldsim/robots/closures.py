@@ -38,18 +38,11 @@ if TYPE_CHECKING:
 class Closures:
     """The closures of a world, tick by tick.
 
-    Attributes:
-        timeline: The scenario's faults; may be replaced between ticks by one with the same past.
+    `timeline` may be replaced between ticks by one with the same past.
     """
 
     def __init__(self, scenario: Scenario, timeline: Timeline, terrain: Terrain) -> None:
-        """Begin with all of them open.
-
-        Args:
-            scenario: The run's.
-            timeline: The scenario's faults.
-            terrain: The ground with nothing closed.
-        """
+        """Begin with all of them open; the terrain is the ground with nothing closed."""
         self.timeline = timeline
         self._specs = scenario.closures
         self._terrain = terrain
@@ -63,15 +56,9 @@ class Closures:
         return frozenset(self._closed.names)
 
     def tick(self, k: int, bodies: Mapping[int, Body], footprint: ChangingFootprint) -> Iterator[Event]:
-        """Close and open what is due before a tick; call it once for each tick.
+        """Close and open what is due before a tick, and yield what happened; call it once for each tick.
 
-        Args:
-            k: The tick.
-            bodies: By robot number.
-            footprint: The robots' sensor, on the ground where bodies move.
-
-        Yields:
-            What happened.
+        The footprint, on the ground where bodies move, is changed accordingly.
         """
         happened = list(self._due(k, bodies))
         for event in happened:
@@ -80,12 +67,7 @@ class Closures:
         yield from happened
 
     def blocked(self, body: Body, footprint: ChangingFootprint) -> tuple[int, ...]:
-        """Return what a robot sees blocked or has bumped into: `Sensed.blocked`.
-
-        Args:
-            body: The robot's.
-            footprint: Its sensor.
-        """
+        """Return what a robot sees blocked or has bumped into: `Sensed.blocked`."""
         grid = self._closed.grid
         if not self._closed.names:
             return ()

@@ -25,14 +25,9 @@ class Intruders:
         self._footprint = footprint
 
     def seen_by(self, tick: int, pose: Pose) -> tuple[Place, ...]:
-        """Find the intruders that a robot sees: those on points of its footprint.
+        """Return the intruders that a robot sees, those on points of its footprint, nearest first.
 
-        Args:
-            tick: The tick.
-            pose: Its true pose.
-
-        Returns:
-            Their places, nearest first, at most `MAX_CONTACTS`.
+        They are at most `MAX_CONTACTS`. The pose is the robot's true one.
         """
         if not self._intruders:
             return ()

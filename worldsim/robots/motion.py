@@ -21,14 +21,9 @@ if TYPE_CHECKING:
 
 
 def within_limits(spec: RobotSpec, command: Command) -> Command | None:
-    """Return the nearest command that a robot can obey.
+    """Return the nearest command that a robot can obey; None for an invalid one.
 
-    Args:
-        spec: The robot's model and limits.
-        command: Any command.
-
-    Returns:
-        None for an invalid command: one for another model, or with numbers that are not finite.
+    A command is invalid if it is for another model, or has numbers that are not finite.
     """
     if type(command) is not COMMANDS[spec.model] or not all(map(math.isfinite, command.numbers)):
         return None
@@ -48,11 +43,8 @@ def move(bodies: Sequence[Body], terrain: Terrain, step: float, driven: Mapping[
     (paper, "Simulation": collided robots cancel their moves). Bodies that are not driven are obstacles. So are those
     that turn on the spot, and nothing cancels such a turn.
 
-    Args:
-        bodies: All bodies; sets each one's pose, bumped, collisions and distance_m.
-        terrain: The map.
-        step: s.
-        driven: What bodies do instead of what they are commanded, by robot number (`worldsim.robots.noise`).
+    Sets each body's pose, bumped, collisions and distance_m. `driven` is what bodies do instead of what they are
+    commanded, by robot number (`worldsim.robots.noise`).
     """
     present = [body for body in bodies if body.present]
     commands = [(driven or {}).get(body.spec.number, body.command) for body in present]

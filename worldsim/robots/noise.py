@@ -33,9 +33,6 @@ class MotionNoise:
     """The motion of bodies under motion faults: functions of the timeline, the tick and the command alone.
 
     Several motion faults of one robot act one after the other, each on what the one before it left.
-
-    Attributes:
-        timeline: The faults.
     """
 
     def __init__(self, scenario: Scenario, timeline: Timeline) -> None:
@@ -45,15 +42,7 @@ class MotionNoise:
         self._models = {spec.number: spec.model for spec in scenario.roster}
 
     def driven(self, k: int, commands: Mapping[int, Command]) -> Mapping[int, Command]:
-        """Return what bodies do in a tick.
-
-        Args:
-            k: The tick.
-            commands: What each of them is commanded, within its limits, by robot number.
-
-        Returns:
-            For each of them a command that brings it where it gets to.
-        """
+        """Return, for each body and its command in a tick, a command that brings it where it gets to."""
         driven = dict(commands)
         for entry in self.timeline.at(k):
             if isinstance(entry.fault, Motion):
@@ -84,11 +73,7 @@ class MotionNoise:
 def stretch_of(entry: Entry, every: float | None, step: float, k: int) -> int:
     """Return the number of the stretch of time, all with a draw of their own, in which a tick lies.
 
-    Args:
-        entry: The fault.
-        every: Length of a stretch, s; None for one step.
-        step: s.
-        k: The tick.
+    The first begins with the fault; each lasts `every` seconds, or one step where that is None.
     """
     elapsed = k - entry.begin
     return elapsed if every is None else math.floor(elapsed * step / every + 1e-9)

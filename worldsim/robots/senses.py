@@ -27,9 +27,6 @@ class Senses:
 
     Several drifts of one robot add up, and so do several clock faults. A localiser knows its map, so these poses never
     lie off the terrain; and no clock shows less than zero or more than a message can hold.
-
-    Attributes:
-        timeline: The faults.
     """
 
     def __init__(self, scenario: Scenario, timeline: Timeline, terrain: Terrain) -> None:
@@ -43,16 +40,7 @@ class Senses:
         self._jumps: dict[tuple[int, int], list[tuple[float, float]]] = {}
 
     def pose(self, number: int, k: int, true: Pose) -> Pose:
-        """Return the pose that a robot's senses report.
-
-        Args:
-            number: The robot's number.
-            k: The tick.
-            true: Its true pose.
-
-        Returns:
-            The pose that it senses.
-        """
+        """Return the pose that a robot's senses report."""
         x, y, wrong = true.x, true.y, False
         for entry in self.timeline.at(k):
             if isinstance(entry.fault, Drift) and number in entry.who:
@@ -63,15 +51,7 @@ class Senses:
         return Pose(_within(x, self._x_limits), _within(y, self._y_limits), true.heading)
 
     def clock(self, number: int, k: int) -> float:
-        """Return the time that a robot's clock shows.
-
-        Args:
-            number: The robot's number.
-            k: The tick.
-
-        Returns:
-            The time, s.
-        """
+        """Return the time that a robot's clock shows, s."""
         time_s = k * self._step
         ahead = 0.0
         for entry in self.timeline.at(k):

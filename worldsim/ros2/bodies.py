@@ -28,23 +28,18 @@ if TYPE_CHECKING:
     from patrol.ground.terrain import Terrain
     from worldsim.ros2.robot import Build, SimulatedRobot
 
+__all__ = ["Bodies", "Moved"]
+
 BODIES = ClassSort("bodies", "--bodies", "move(robots, step_s)", "fogwatch.bodies", {})
 
 
 @dataclass(frozen=True, slots=True)
 class Moved:
-    """What one step has made of a body.
+    """What one step has made of a body."""
 
-    Attributes:
-        pose: Its true pose after the step.
-        counted: The motion that its wheels counted, in the frame of the body before the step; None for the true one.
-        at_wall: Whether it touches a wall, or the end of the terrain.
-        at_robot: Whether it touches another robot.
-    """
-
-    pose: Pose
-    counted: Pose | None = None
-    at_wall: bool = False
+    pose: Pose  # the true one after the step
+    counted: Pose | None = None  # by its wheels, in the body's frame before the step; None for the true motion
+    at_wall: bool = False  # it touches a wall, or the end of the terrain
     at_robot: bool = False
 
 
@@ -52,14 +47,9 @@ class Bodies(Protocol):
     """Moves all bodies."""
 
     def move(self, robots: Sequence[SimulatedRobot], step_s: float) -> Sequence[Moved]:
-        """Move the bodies by their commands.
+        """Move the bodies by their commands; return what became of each, in their order.
 
-        Args:
-            robots: Each obeys ``body.command`` during the step.
-            step_s: s.
-
-        Returns:
-            What became of each, in their order.
+        Each robot obeys ``body.command`` during the step.
         """
         ...
 
@@ -87,16 +77,7 @@ class OwnBodies:
 
 
 def bodies_named(name: str | None, terrain: Terrain, builds: Sequence[Build]) -> Bodies:
-    """Make the robots' bodies.
-
-    Args:
-        name: The class, such as ``./mine.py:Mine``; None for our own bodies.
-        terrain: The ground.
-        builds: Of the robots.
-
-    Raises:
-        BadInput: The class cannot be found, loaded or made.
-    """
+    """Make the robots' bodies of a class, such as ``./mine.py:Mine``; our own bodies if that is None."""
     if name is None:
         return OwnBodies(terrain)
     try:

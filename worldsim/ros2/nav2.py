@@ -27,12 +27,7 @@ _SIDES = ((0, 1), (1, 0), (0, -1), (-1, 0))
 
 
 class Navigator:
-    """Drives to goals.
-
-    Args:
-        terrain: The map that the robot has.
-        spec: Of its body.
-    """
+    """Drives to goals."""
 
     def __init__(self, terrain: Terrain, spec: RobotSpec) -> None:
         self._terrain = terrain
@@ -42,12 +37,7 @@ class Navigator:
         self._way: list[tuple[float, float]] = []
 
     def velocity(self, pose: Pose, goal: Pose) -> Twist | None:
-        """Return the velocity towards a goal, in the body's frame; None where there is no way.
-
-        Args:
-            pose: Where the robot is.
-            goal: Where it is to go.
-        """
+        """Return the velocity towards a goal, in the body's frame; None where there is no way."""
         if goal != self._goal:
             self._goal, self._way = goal, self._found(pose, goal)
         while len(self._way) > 1 and self._is_free(pose, self._way[1]):

@@ -52,48 +52,28 @@ _ROUNDING_S = 1e-3
 
 @dataclass(frozen=True, slots=True)
 class Habits:
-    """The settings of a robot's topics.
+    """The settings of a robot's topics."""
 
-    Attributes:
-        drive: What it is told: one of `DRIVES`.
-        wheelbase: Of a car, m.
-        odometry_hz: Messages of odometry in a second.
-        delay_s: How late everything is that it says, s.
-        tells_time: Whether its time is not everybody's, so that it publishes it.
-        has_map: Whether it publishes the map, latched.
-        has_nav2: Whether goals can be sent to it.
-        is_lost: Whether its localisation waits to be told on ``initialpose`` where it is, as AMCL does.
-        transform: The pose of its map in the world.
-    """
-
-    drive: str = "twist-stamped"
-    wheelbase: float = 0.3
+    drive: str = "twist-stamped"  # what it is told: one of `DRIVES`
+    wheelbase: float = 0.3  # of a car, m
     odometry_hz: float = 20.0
-    delay_s: float = 0.0
-    tells_time: bool = False
-    has_map: bool = False
+    delay_s: float = 0.0  # of everything that it says
+    tells_time: bool = False  # its time is its own, so that it publishes it
+    has_map: bool = False  # it publishes the map, latched
     has_nav2: bool = False
-    is_lost: bool = False
+    is_lost: bool = False  # its localisation waits to be told on `initialpose` where it is, as AMCL does
     transform: Pose = THE_WORLD
 
 
 class Every:
-    """A clock for what happens at equal intervals.
-
-    Args:
-        period_s: The interval, s.
-    """
+    """A clock for what happens at equal intervals."""
 
     def __init__(self, period_s: float) -> None:
         self._period_s = period_s
         self._due_s = -math.inf
 
     def is_so(self, now_s: float) -> bool:
-        """Return True if it is due, once in each interval.
-
-        Args:
-            now_s: The time, s.
-        """
+        """Return True if it is due, once in each interval."""
         if now_s < self._due_s - _ROUNDING_S:
             return False
         self._due_s = max(self._due_s + self._period_s, now_s)
@@ -101,18 +81,9 @@ class Every:
 
 
 class RobotNode:
-    """A robot's node.
+    """A simulated robot's node.
 
-    Attributes:
-        robot: The robot.
-        plugged: Whether its odometry still comes.
-        said: Messages sent.
-
-    Args:
-        link: Its own.
-        robot: The robot.
-        habits: How it talks.
-        terrain: The map that it has.
+    `plugged` is False once its odometry has stopped; `said` counts the messages sent.
     """
 
     def __init__(self, link: Ros2Link, robot: SimulatedRobot, habits: Habits, terrain: Terrain) -> None:
@@ -152,11 +123,7 @@ class RobotNode:
             self._map.send(grid)
 
     def hear(self, now_s: float) -> None:
-        """Take in what the robot was told.
-
-        Args:
-            now_s: The time, s since the epoch.
-        """
+        """Take in what the robot was told; the time is s since the epoch."""
         while (told := self._told.take()) is not None:
             if told.message.frame == MAP:
                 self._localise(told.message.pose)
@@ -172,11 +139,7 @@ class RobotNode:
             self._navigate(self._goals, self._navigator, now_s)
 
     def say(self, now_s: float) -> None:
-        """Send what is due.
-
-        Args:
-            now_s: The time, s since the epoch.
-        """
+        """Send what is due; the time is s since the epoch."""
         stamp_ns = round(now_s * 1e9)
         if self._clock is not None and self._clock_due.is_so(now_s):
             self._clock.send(Clock(stamp_ns))

@@ -8,38 +8,26 @@ from patrol.pose import Pose
 from patrol.random import Purpose, gauss
 from patrol.ros2.frames import composed, inverted
 
+__all__ = ["Errors"]
+
 
 @dataclass(frozen=True, slots=True)
 class Errors:
-    """The errors of odometry.
+    """The errors of odometry."""
 
-    Attributes:
-        noise_m: Standard deviation of x and y in each message, m.
-        noise_rad: Standard deviation of the heading in each message, rad.
-        drift: Drift of the position as a share of the way; it has one direction.
-        drift_rad: Drift of the heading, rad per m.
-        found_m: Standard deviation of x and y of each pose that the localisation finds, m.
-        found_rad: Standard deviation of its heading, rad.
-    """
-
-    noise_m: float = 0.0
-    noise_rad: float = 0.0
-    drift: float = 0.0
-    drift_rad: float = 0.0
-    found_m: float = 0.0
-    found_rad: float = 0.0
+    noise_m: float = 0.0  # standard deviation of x and y in each message
+    noise_rad: float = 0.0  # standard deviation of the heading in each message
+    drift: float = 0.0  # of the position, as a share of the way, always in the same direction
+    drift_rad: float = 0.0  # of the heading, rad per m
+    found_m: float = 0.0  # standard deviation of x and y of each pose that the localisation finds
+    found_rad: float = 0.0  # standard deviation of its heading
 
 
 class DriftingOdometry:
     """Counts a robot's way from where it was switched on.
 
-    Attributes:
-        counted: Where the robot has come to since then by its own count, m and rad, before the noise of messages.
-
-    Args:
-        start: The true pose at which it is switched on.
-        errors: How wrong it is.
-        identity: Seed and number of the robot, for its noise.
+    `counted` is where the robot has come to since then by its own count, before the noise of messages. The noise is
+    drawn by `identity`, seed and number of the robot.
     """
 
     def __init__(self, start: Pose, errors: Errors, identity: tuple[int, int]) -> None:
@@ -52,12 +40,10 @@ class DriftingOdometry:
         self._found_error = Pose(0.0, 0.0, 0.0)
 
     def move(self, pose: Pose, counted: Pose | None = None) -> None:
-        """The robot has moved.
+        """Take in that the robot has moved to a true pose.
 
-        Args:
-            pose: Where it truly is.
-            counted: The motion that its wheels counted, in its own frame, drift included; None for the true motion, to
-                which drift is added.
+        `counted` is the motion that its wheels counted, in its own frame, drift included; None for the true motion, to
+        which drift is added.
         """
         moved = composed(inverted(self._last), pose)
         self._last = pose

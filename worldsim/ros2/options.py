@@ -40,15 +40,10 @@ Ctrl-C. Exit codes: 0 the time is over, 2 bad input, 130 interrupted.
 
 @dataclass(frozen=True, slots=True)
 class Named:
-    """A robot on the command line.
+    """A robot on the command line."""
 
-    Attributes:
-        name: Its name, which is its namespace too.
-        format: What it speaks.
-    """
-
-    name: str
-    format: str
+    name: str  # its namespace too
+    format: str  # what it speaks, such as `rmw_zenoh`
 
 
 def parser() -> ProcessParser:
@@ -96,11 +91,7 @@ def parser() -> ProcessParser:
 
 
 def errors_of(options: argparse.Namespace) -> Errors:
-    """Read the errors of odometry.
-
-    Args:
-        options: From `parser`.
-    """
+    """Read the errors of odometry."""
     return Errors(
         options.noise,
         options.noise_heading,
@@ -112,14 +103,7 @@ def errors_of(options: argparse.Namespace) -> Errors:
 
 
 def robots_of(options: argparse.Namespace) -> list[Named]:
-    """Return the robots.
-
-    Args:
-        options: From `parser`.
-
-    Raises:
-        BadInput: There are none, or too many, or two of one name.
-    """
+    """Return the robots."""
     found = []
     for text in options.robots.split(","):
         name, _, form = text.strip().partition(":")
@@ -130,39 +114,17 @@ def robots_of(options: argparse.Namespace) -> list[Named]:
 
 
 def starts_of(options: argparse.Namespace) -> list[Pose]:
-    """Return the starts that are given.
-
-    Args:
-        options: From `parser`.
-
-    Raises:
-        BadInput: One is no pose.
-    """
+    """Return the starts that are given."""
     return [pose_given("--start", text) for text in options.start]
 
 
 def transform_of(options: argparse.Namespace) -> Pose:
-    """Return the pose of the robots' map on ours.
-
-    Args:
-        options: From `parser`.
-
-    Raises:
-        BadInput: It is no pose.
-    """
+    """Return the pose of the robots' map on ours."""
     return pose_given("--transform", options.transform)
 
 
 def unplugged(options: argparse.Namespace, names: Sequence[str]) -> dict[str, float]:
-    """Read the times at which robots' odometry ends, s.
-
-    Args:
-        options: From `parser`.
-        names: The robots.
-
-    Raises:
-        BadInput: A text means nothing.
-    """
+    """Return when robots' odometry ends, s, by name; that of the others never ends."""
     found = {}
     for text in options.unplug:
         name, _, when = text.partition("@")
@@ -173,14 +135,7 @@ def unplugged(options: argparse.Namespace, names: Sequence[str]) -> dict[str, fl
 
 
 def check(options: argparse.Namespace) -> None:
-    """Refuse what is out of range.
-
-    Args:
-        options: From `parser`.
-
-    Raises:
-        BadInput: A number is, or what is simulated is not named, or named twice.
-    """
+    """Refuse what is out of range."""
     for name, least, most in (
         ("margin", 0.0, 10.0),
         ("acceleration", 0.01, math.inf),

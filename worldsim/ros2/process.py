@@ -32,14 +32,7 @@ NODE = "robot_sim"
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Simulate robots until the time is over or asked to leave.
-
-    Args:
-        arguments: The command line's words; None for those of this process.
-
-    Returns:
-        The exit code.
-    """
+    """Simulate robots until the time is over or asked to leave."""
     return run_with(parser().parse_args(arguments), "robot-sim", _run)
 
 
@@ -182,12 +175,7 @@ def _habits(options: argparse.Namespace, pace: float) -> Habits:
 
 
 def show(simulation: Simulation, vitals: Vitals) -> None:
-    """Have the figures of simulated robots read.
-
-    Args:
-        simulation: Whose.
-        vitals: Of this process.
-    """
+    """Let the process's vitals show the figures of the simulated robots."""
     from patrol.process.reporting.vitals import COMMANDS, MFOW, TICK
 
     vitals.probe(TICK, lambda: simulation.ticks or None)

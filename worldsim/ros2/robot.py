@@ -14,6 +14,8 @@ from worldsim.robots.bodies import Body, standstill
 from worldsim.ros2.bodies import Moved
 from worldsim.ros2.odometry import DriftingOdometry, Errors
 
+__all__ = ["Build", "SimulatedRobot"]
+
 STILL = messages.Twist(0.0, 0.0, 0.0)
 _BARELY = 1e-9
 _STANDS = 1e-3
@@ -21,46 +23,29 @@ _STANDS = 1e-3
 
 @dataclass(frozen=True, slots=True)
 class Build:
-    """The dimensions and limits of a robot.
+    """The dimensions and limits of a robot."""
 
-    Attributes:
-        spec: Its model, top speed (m/s), radius (m) and turning radius (m).
-        start: Where it is switched on.
-        errors: Of its odometry.
-        acceleration: Of its motors, m/s²; infinite for a body that obeys at once.
-        watchdog_s: How long it obeys the last command when no other comes, s.
-        seed: Of its noise.
-    """
-
-    spec: RobotSpec
+    spec: RobotSpec  # model, top speed (m/s), radius (m) and turning radius (m)
     start: Pose
     errors: Errors
-    acceleration: float
-    watchdog_s: float
+    acceleration: float  # of its motors, m/s²; infinite for a body that obeys at once
+    watchdog_s: float  # for which it obeys the last command when no other comes
     seed: int
 
 
 @dataclass(slots=True)
 class Touches:
-    """Counts of collisions; each counts once until the robot is free again.
+    """Counts of collisions; each counts once until the robot is free again."""
 
-    Attributes:
-        walls: Walls, and the end of the terrain.
-        robots: Other robots.
-    """
-
-    walls: int = 0
+    walls: int = 0  # and the end of the terrain
     robots: int = 0
 
 
 @dataclass(slots=True)
 class Strayed:
-    """Distances between where a body is after each tick, and where exact obedience during that tick would have led it.
+    """Distances between where a body is after each tick, and where exact obedience would have led it.
 
-    Attributes:
-        ticks: Number of ticks.
-        total_m: Sum of the distances, m.
-        greatest_m: The greatest of them, m.
+    Each is measured for obedience during that tick alone, from where the body was before it.
     """
 
     ticks: int = 0
@@ -71,18 +56,8 @@ class Strayed:
 class SimulatedRobot:
     """A robot in the world.
 
-    Attributes:
-        body: Its body.
-        odometry: What it takes itself to have driven.
-        going: The velocity that its motors reach of what it was told.
-        touches: What it has run into.
-        velocity: Its velocity in its own frame, as its wheels count it.
-        strayed: How far it comes from where exact obedience would lead, tick by tick.
-        commands: Commands received.
-        watchdog_stops: How often its watchdog has stopped it.
-
-    Args:
-        build: How it is built.
+    `going` is the velocity that its motors reach of what it was told, `velocity` that of the body in its own frame, as
+    its wheels count it.
     """
 
     def __init__(self, build: Build) -> None:
@@ -111,22 +86,12 @@ class SimulatedRobot:
         return abs(self.velocity.vx) + abs(self.velocity.vy) + abs(self.velocity.turn_rate) < _STANDS
 
     def obey(self, twist: messages.Twist, now_s: float) -> None:
-        """A command has come.
-
-        Args:
-            twist: In the body's frame.
-            now_s: The time, s.
-        """
+        """Take in a command, in the body's frame."""
         self.commands += 1
         self._told, self._told_s = twist, now_s
 
     def begin(self, now_s: float, step_s: float) -> None:
-        """Set the body's command for the next step of the world.
-
-        Args:
-            now_s: The time, s.
-            step_s: s.
-        """
+        """Set the body's command for the next step of the world."""
         if self._told != STILL and now_s - self._told_s > self.build.watchdog_s:
             self._told = STILL
             self.watchdog_stops += 1
@@ -136,12 +101,7 @@ class SimulatedRobot:
         self._ideal = advance(self._ideal, self.body.command, step_s)
 
     def end(self, moved: Moved, step_s: float) -> None:
-        """The world has moved the body.
-
-        Args:
-            moved: What became of it.
-            step_s: s.
-        """
+        """Take in what became of the body in the world's step."""
         body, before = self.body, self._pose
         body.distance_m += math.dist((body.pose.x, body.pose.y), (moved.pose.x, moved.pose.y))  # 0: it did it itself
         body.pose = self._pose = moved.pose
@@ -170,13 +130,7 @@ class SimulatedRobot:
 
 
 def command_of(spec: RobotSpec, twist: messages.Twist, heading: float) -> Command:
-    """Return the command of a body that is told a velocity.
-
-    Args:
-        spec: Of the body.
-        twist: In its own frame.
-        heading: Its own, rad.
-    """
+    """Return the command of a body that is told a velocity in its own frame."""
     if spec.model == "holonomic":
         cos, sin = math.cos(heading), math.sin(heading)
         return Velocity(cos * twist.vx - sin * twist.vy, sin * twist.vx + cos * twist.vy)
@@ -190,11 +144,7 @@ def command_of(spec: RobotSpec, twist: messages.Twist, heading: float) -> Comman
 def eased(going: messages.Twist, told: messages.Twist, most: float, radius: float) -> messages.Twist:
     """Return the velocity nearest to what a body is told that its motors reach.
 
-    Args:
-        going: What it obeys now.
-        told: What it is told.
-        most: By how much a speed may change, m/s.
-        radius: Of the body, m: by how much it may turn.
+    `most` is by how much a speed may change, m/s; a turn rate may change by `most` / `radius`.
     """
     if math.isinf(most):
         return told

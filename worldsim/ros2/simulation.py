@@ -24,19 +24,12 @@ STEP_S = 0.02
 
 @dataclass(frozen=True, slots=True)
 class CollisionGround:
-    """The terrain of the simulated robots, and what they collide with.
-
-    Attributes:
-        terrain: The ground.
-        footprint: What a robot sees.
-        patrolled: bool (h, w), the points that count.
-        look_s: Time between two looks, s: a tick of the fleet.
-    """
+    """The terrain of the simulated robots, and what they collide with."""
 
     terrain: Terrain
     footprint: Footprint
-    patrolled: BoolGrid
-    look_s: float
+    patrolled: BoolGrid  # (h, w), the points that count
+    look_s: float  # time between two looks: a tick of the fleet
 
 
 @dataclass(slots=True)
@@ -50,17 +43,9 @@ class _Plug:
 class Simulation:
     """Robots that move by what they are told.
 
-    Attributes:
-        nodes: The robots' nodes, by name.
-        time_s: The robots' time since the beginning, s.
-        late_s: By how much a step came too late, at most, s of wall time; the process keeps this.
-
-    Args:
-        nodes: The robots' nodes, by name.
-        ground: Where they are.
-        epoch_s: What the robots' time is at the beginning, s since the epoch.
-        bodies: Moves them; None for our own bodies.
-        note: Called at each look with the time since all robots are driven, s, and the true poses by name.
+    `time_s` is the robots' time since the beginning, which is `epoch_s` since the epoch. `late_s` is by how much a step
+    came too late, at most, in wall time; the process sets it. `note` is called at each look with the time since all
+    robots are driven, s, and the true poses by name.
     """
 
     def __init__(
@@ -105,11 +90,7 @@ class Simulation:
         return self._mfow[-1] * self._ground.look_s if self._mfow else None
 
     def step(self, wall_s: float) -> None:
-        """One step of all robots: they hear, move, and say where they are.
-
-        Args:
-            wall_s: Wall time, s.
-        """
+        """Do one step of all robots: they hear, move, and say where they are."""
         now_s = self._epoch_s + self.time_s
         robots = [node.robot for node in self.nodes.values()]
         for node in self.nodes.values():
@@ -130,12 +111,7 @@ class Simulation:
                 plug.stood_s = wall_s
 
     def unplug(self, name: str, wall_s: float) -> None:
-        """A robot's odometry stops.
-
-        Args:
-            name: The robot.
-            wall_s: Wall time, s.
-        """
+        """Stop a robot's odometry."""
         self.nodes[name].plugged = False
         self._plugs[name] = _Plug(wall_s)
 

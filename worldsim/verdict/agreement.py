@@ -25,33 +25,22 @@ NONE_WAS_ZERO = ".battery.patrol_share"
 
 @dataclass(frozen=True, slots=True)
 class Difference:
-    """A field in which a summary differs from its journal.
+    """A field in which a summary differs from its journal."""
 
-    Attributes:
-        field: Its dotted name.
-        stated: Its value in the summary, None where the summary lacks it.
-        found: What the journal gives, None where it gives no such field.
-    """
-
-    field: str
-    stated: Any
-    found: Any
+    field: str  # dotted name
+    stated: Any  # in the summary; None where that lacks the field
+    found: Any  # from the journal; None where that gives no such field
 
 
 def differences(stated: Mapping[str, Any], found: Mapping[str, Any]) -> list[Difference]:
-    """Compare a summary with one that was made from the journal, field by field.
+    """Compare a summary with one that was made from the journal, field by field, in their order.
 
     Of the verdict's checks, those are compared that both have, by name. A check that was judged after the run and could
     not be judged again is left out, with its warnings and with what follows from its failure, and so are the warnings
     of checks that the stated verdict lacks. Exit codes are in no journal and are not compared. A field or a check that
     the stated summary lacks, at any depth, is no difference: earlier versions wrote fewer. `missing` lists these.
 
-    Args:
-        stated: As in summary.json.
-        found: From `worldsim.output.summary.summarise`, as JSON gives it back.
-
-    Returns:
-        The differences in the order of the fields.
+    `found` is from `worldsim.output.summary.summarise`, as JSON gives it back.
     """
     unknown = [name for name in WALL_TIMES if found[name] is None]
     differing: list[Difference] = []
@@ -64,15 +53,7 @@ def differences(stated: Mapping[str, Any], found: Mapping[str, Any]) -> list[Dif
 
 
 def missing(stated: Mapping[str, Any], found: Mapping[str, Any]) -> list[str]:
-    """List the fields that the journal gives and the summary does not state.
-
-    Args:
-        stated: As for `differences`.
-        found: As for `differences`.
-
-    Returns:
-        Dotted names, for example ``robots.r1.frames``.
-    """
+    """List the fields that the journal gives and the summary does not state, such as ``robots.r1.frames``."""
     return list(_missing(_by_name(stated), _by_name(found), ""))
 
 
@@ -97,13 +78,9 @@ def _missing(stated: Any, found: Any, prefix: str) -> Iterator[str]:
 
 
 def not_repeated(stated: Mapping[str, Any], found: Mapping[str, Any]) -> list[str]:
-    """Names of the checks that the summary states a result of, and that could not be judged again.
+    """Return the names of the checks whose result the summary states, and that could not be judged again.
 
     These checks need a second run without faults, or the fleet's key.
-
-    Args:
-        stated: As for `differences`.
-        found: As for `differences`.
     """
     verdict = stated.get("verdict")
     return [check["name"] for check in _unrepeated(verdict, found["verdict"])] if isinstance(verdict, Mapping) else []

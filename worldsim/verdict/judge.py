@@ -103,20 +103,13 @@ CHECKS: tuple[type[Check], ...] = (
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
-    """The results of a run's checks, and what follows from them.
+    """The results of a run's checks, and what follows from them."""
 
-    Attributes:
-        outcome: "valid", "invalid", or "unknown" when the journal does not reach its end, so that it cannot be judged.
-        checks: The results.
-        progress: How the patrol got on; None if the fog was not looked at.
-        zones: How old the ground of each zone got; None without zones, and where the fog was not looked at.
-        open_ages: How old ground got while it was open to view; None likewise without closures.
-    """
-
-    outcome: Outcome
+    outcome: Outcome  # "unknown" when the journal does not reach its end
     checks: tuple[CheckResult, ...]
-    progress: RunProgress | None = None
-    zones: ZoneFacts | None = None
+    progress: RunProgress | None = None  # None if the fog was not looked at
+    zones: ZoneFacts | None = None  # ages of the ground of each zone; None without zones or without a look at the fog
+    # ages of ground while it was open to view; None without closures or without a look at the fog
     open_ages: OpenFacts | None = None
 
     @property
@@ -143,8 +136,7 @@ class Verdict:
 def stated_verdict(facts: VerdictFacts | None) -> Verdict:
     """Return the verdict that a summary states, without what the checks found besides.
 
-    Args:
-        facts: As the summary has it; None for a run that has not been judged, whose verdict is unknown.
+    None stands for a run that has not been judged; its verdict is ``unknown``.
     """
     if facts is None or facts.outcome not in EXIT_CODES:
         return Verdict("unknown", ())
@@ -167,17 +159,12 @@ class Judge:
         baseline_s: float | None = None,
         fog: Fog | None = None,
     ) -> None:
-        """Choose the checks that the run calls for.
+        """Choose the checks that the run calls for; `journal` may still be being written.
 
-        Args:
-            journal: As for `judge`; it may still be being written.
-            exit_codes: As for `judge`.
-            prepared: As for `judge`, with the faults that operators added.
-            verify_fog: Whether to recompute the fog, which takes longer than all other checks together, and what robots
-                made of what they heard. Without it the verdict has no checks of these names. That is for a sweep, whose
-                world has just computed the same numbers from the same poses with the same code in the same process.
-            baseline_s: As for `judge`.
-            fog: The true fog of that world, so that progress can be judged without `verify_fog`.
+        Unlike for `judge`, `prepared` has the faults that operators added. With `verify_fog` the fog is recomputed,
+        which takes longer than all other checks together, and so is what robots made of what they heard. Without it the
+        verdict lacks these checks. That is for a sweep, whose world has just computed the same numbers from the same
+        poses with the same code in the same process. The true `fog` of that world lets progress be judged all the same.
         """
         self._journal = journal
         known = None if verify_fog else fog
@@ -198,11 +185,7 @@ class Judge:
         self._readings = readings.in_order()
 
     def tick(self, record: TickRecord) -> None:
-        """Take in the next tick.
-
-        Args:
-            record: The tick's record.
-        """
+        """Take in the next tick."""
         for reading in self._readings:
             for other in reading.needed:
                 if not other.usable:
@@ -226,19 +209,12 @@ def judge(
     *,
     baseline_s: float | None = None,
 ) -> Verdict:
-    """Judge a run.
+    """Judge a run; without a journal (None) the verdict is ``unknown``.
 
-    Args:
-        journal: Its records, or None when there is no journal.
-        exit_codes: Exit codes of the processes by name (`worldsim.faults.lifecycle.process_name`); None for one that
-            was never seen to end; empty for a run in one process.
-        prepared: The run's scenario, starts and terrain, from which its poses and its fog are recomputed. What
-            operators added is read from the journal.
-        baseline_s: Mean MFoW (s) of the same scenario without its faults, for the check of recovery; None when nobody
-            has run that.
-
-    Returns:
-        The verdict.
+    Exit codes are by name of process (`worldsim.faults.lifecycle.process_name`): None for a process that was never seen
+    to end, and no codes at all for a run in one process. Poses and fog are recomputed from `prepared`; what operators
+    added is read from the journal. `baseline_s` is the mean MFoW of the same scenario without its faults, for the check
+    of recovery; None if unknown.
     """
     if journal is None:
         return Verdict("unknown", (CheckResult("journal", False, "there is no journal"),))

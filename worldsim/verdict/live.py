@@ -27,22 +27,11 @@ if TYPE_CHECKING:
 class LiveJudge:
     """Judges a run of processes while it goes on.
 
-    Attributes:
-        journal: The run's journal, as far as it was read.
-        prepared: The run's scenario, with what operators have added so far.
-        judged: How many ticks were judged.
+    `prepared` is the scenario with what operators have added so far, `judged` the number of ticks judged.
     """
 
     def __init__(self, path: Path, prepared: Prepared) -> None:
-        """Judge nothing yet.
-
-        Args:
-            path: The journal, which has its header.
-            prepared: As for `worldsim.verdict.judge.judge`.
-
-        Raises:
-            BadInput: It is no journal.
-        """
+        """Open the journal, which must have its header, with no tick judged."""
         self.journal = GrowingJournal(path)
         self.prepared = prepared
         self.judged = 0
@@ -53,13 +42,9 @@ class LiveJudge:
         self._ticks = 0
 
     def read_on(self, progress: Callable[[int], None] = lambda _: None) -> None:
-        """Judge the ticks that have been recorded since, but the last.
+        """Judge the ticks that have been recorded since the last call, except the newest.
 
-        Args:
-            progress: Called after each tick with the number of ticks judged.
-
-        Raises:
-            BadInput: The journal has a damaged or unknown record.
+        `progress` is called after each tick with the number of ticks judged.
         """
         for record in self.journal.read_on():
             if isinstance(record, TickRecord):
@@ -75,14 +60,9 @@ class LiveJudge:
     def verdict(
         self, exit_codes: Mapping[str, int | None], progress: Callable[[int], None] = lambda _: None
     ) -> Verdict:
-        """Judge the rest of the finished journal, and give the verdict.
+        """Judge the rest of the finished journal and return the verdict.
 
-        Args:
-            exit_codes: As for `worldsim.verdict.judge.judge`; not empty.
-            progress: As for `read_on`.
-
-        Raises:
-            BadInput: As from `read_on`.
+        `exit_codes` are as for `worldsim.verdict.judge.judge`, but must not be empty.
         """
         self.read_on(progress)
         self._judge_waiting(progress)

@@ -38,27 +38,14 @@ MOST = 1e6
 
 @dataclass(frozen=True)
 class Layers:
-    """A network of layers that are fully connected.
+    """A network of layers that are fully connected."""
 
-    Attributes:
-        weights: float64 (inputs, outputs) of each layer.
-        biases: float64 (outputs,) of each layer.
-        activation: Between layers.
-    """
-
-    weights: Sequence[Vector]
-    biases: Sequence[Vector]
-    activation: Activation = "tanh"
+    weights: Sequence[Vector]  # float64 (inputs, outputs) of each layer
+    biases: Sequence[Vector]  # float64 (outputs,) of each layer
+    activation: Activation = "tanh"  # between layers
 
     def __call__(self, values: Vector) -> Vector:
-        """Evaluate it.
-
-        Args:
-            values: float64 (inputs,).
-
-        Returns:
-            float64 (outputs,).
-        """
+        """Evaluate the network: float64 (inputs,) to float64 (outputs,)."""
         for layer, (weights, bias) in enumerate(zip(self.weights, self.biases, strict=True)):
             if layer:
                 values = _activated(values, self.activation)
@@ -67,11 +54,7 @@ class Layers:
         return values
 
     def save(self, path: Path | str) -> None:
-        """Write it as an ``.npz`` file.
-
-        Args:
-            path: The file.
-        """
+        """Write it as an ``.npz`` file."""
         arrays: dict[str, Any] = {"activation": np.array(self.activation)}
         for layer, (weights, bias) in enumerate(zip(self.weights, self.biases, strict=True)):
             arrays |= {f"w{layer}": weights, f"b{layer}": bias}
@@ -81,8 +64,7 @@ class Layers:
 def flattened(observation: Observation) -> Vector:
     """Return an observation's values in one row, as a network gets them: float64 (inputs,).
 
-    Args:
-        observation: Its parts, in the order of `patrol.options.inputs`; a mask of actions is left out.
+    The parts keep their order, that of `patrol.options.inputs`; a mask of actions is left out.
     """
     parts = [part.reshape(-1) for name, part in observation.items() if name != MASK]
     return np.concatenate(parts, dtype=np.float64)
@@ -91,12 +73,8 @@ def flattened(observation: Observation) -> Vector:
 def action_of(outputs: Vector, mask: NDArray[np.int8] | None) -> Action:
     """Return the action that a network's outputs mean.
 
-    Args:
-        outputs: float64 (choices,), or (2,) for a place.
-        mask: int8 (choices,), the actions that may be chosen; None for a place.
-
-    Returns:
-        The first of the actions with the greatest output among those; the hyperbolic tangents for a place.
+    With a mask, int8 (choices,), it is the first of the permitted actions with the greatest output. If the mask is
+    None, it is a place: the hyperbolic tangents of the outputs, float64 (2,).
     """
     if mask is None:
         return np.array([math.tanh(value) for value in outputs.tolist()], dtype=np.float32)
@@ -104,17 +82,7 @@ def action_of(outputs: Vector, mask: NDArray[np.int8] | None) -> Action:
 
 
 def read_network(content: bytes, path: Path, inputs: int, outputs: int) -> Callable[[Vector], Vector]:
-    """Read a trained network.
-
-    Args:
-        content: Of its file.
-        path: The file, ``.npz`` or ``.onnx``.
-        inputs: Number of values that it must take.
-        outputs: Number of values that it must give.
-
-    Raises:
-        BadInput: It cannot be evaluated, or is for another number of values.
-    """
+    """Read a trained network, ``.npz`` or ``.onnx``, that has to take `inputs` values and give `outputs`."""
     network: Callable[[Vector], Vector]
     if path.suffix == ".onnx":
         from agent.policies.learned.onnx_network import onnx_network  # here: its library is an extra
@@ -132,15 +100,7 @@ def read_network(content: bytes, path: Path, inputs: int, outputs: int) -> Calla
 
 
 def read_layers(content: bytes, path: Path) -> Layers:
-    """Read a network of a ``.npz`` file.
-
-    Args:
-        content: Of the file.
-        path: The file, for errors.
-
-    Raises:
-        BadInput: It is none.
-    """
+    """Read a network of a ``.npz`` file; `path` is only named in errors."""
     wrong = f"{FIELD} = {path}: is no network"
     try:
         with zipfile.ZipFile(io.BytesIO(content)) as archive:

@@ -29,81 +29,45 @@ MOST_PEERS = 32
 
 @dataclass(frozen=True, slots=True)
 class Patrolling:
-    """The facts of a robot's patrol.
-
-    Attributes:
-        robot: Its name.
-        names: Of all robots of the fleet, by number.
-        step_s: A tick, s of the robot's time.
-        factor: Seconds of the robot's time in one of ours.
-        forget_after_s: Silence after which a robot is forgotten, s.
-    """
+    """The facts of a robot's patrol."""
 
     robot: str
-    names: Mapping[int, str]
-    step_s: float
-    factor: float
-    forget_after_s: float
+    names: Mapping[int, str]  # of all robots of the fleet, by number
+    step_s: float  # of a tick, in the robot's time
+    factor: float  # seconds of the robot's time in one of ours
+    forget_after_s: float  # silence after which a robot is forgotten
 
 
 @dataclass(frozen=True, slots=True)
 class DecisionReading:
-    """The last decision.
+    """The last decision."""
 
-    Attributes:
-        age_s: How long ago it was, s of ours.
-        tick: Of the fleet.
-        state: What the robot is doing.
-        mfow_s: MFoW that it believes, s.
-        decision_ms: Wall time that it took, ms.
-        frames_refused: So far.
-        peers_s: Ages of the other robots' last positions, by name, s.
-    """
-
-    age_s: float
+    age_s: float  # in our time
     tick: int
     state: str
-    mfow_s: float
-    decision_ms: float
+    mfow_s: float  # as the robot believes it
+    decision_ms: float  # wall time
     frames_refused: int
-    peers_s: Mapping[str, float]
+    peers_s: Mapping[str, float]  # ages of the other robots' last positions, by name
 
 
 @dataclass(frozen=True, slots=True)
 class Reading:
-    """A robot at one time.
+    """The state of a robot at one time."""
 
-    Attributes:
-        decision: The last one; None before the first.
-        missed: Ticks without a decision so far.
-        missed_lately: Whether one of these was in the last `MISSED_S`.
-        unlocated: Why it is unknown where the robot is; empty if it is known.
-        odometry_s: Age of the newest odometry, s; None before the first.
-        correction_s: Age of what corrects the odometry, s; None while unknown.
-        refused: Messages of the robot that could not be used, by reason.
-        stopped: Why the robot may not drive; empty if it may.
-    """
-
-    decision: DecisionReading | None
-    missed: int = 0
-    missed_lately: bool = False
-    unlocated: str = ""
-    odometry_s: float | None = None
-    correction_s: float | None = None
+    decision: DecisionReading | None  # the last one; None before the first
+    missed: int = 0  # ticks without a decision so far
+    missed_lately: bool = False  # one of these was in the last `MISSED_S`
+    unlocated: str = ""  # why the pose is unknown; empty if it is known
+    odometry_s: float | None = None  # age of the newest odometry; None before the first
+    correction_s: float | None = None  # age of what corrects the odometry; None while unknown
+    # numbers of messages of the robot that could not be used, by reason
     refused: Mapping[str, float] = field(default_factory=dict)
-    stopped: str = ""
+    stopped: str = ""  # why the robot may not drive; empty if it may
 
 
 def statuses(facts: Patrolling, reading: Reading) -> tuple[DiagnosticStatus, ...]:
-    """Judge a robot.
-
-    Args:
-        facts: Of its patrol.
-        reading: Of the robot.
-
-    Returns:
-        A status each of patrol, localisation, driving and radio.
-    """
+    """Judge a robot by one status each of patrol, localisation, driving and radio."""
     parts = {
         "patrol": _patrol(facts, reading),
         "localisation": _localisation(reading),
@@ -186,14 +150,7 @@ class Diagnostics:
         peers: Mapping[int, Peer],
         now: Callable[[], float] = time.monotonic,
     ) -> None:
-        """Make the publisher.
-
-        Args:
-            hardware: Of the robot.
-            facts: Of its patrol.
-            peers: The other robots heard so far, by number; goes on to change between two reports.
-            now: Wall clock, s.
-        """
+        """Make the publisher; `peers` goes on to change between two reports."""
         self._hardware, self._facts, self._peers, self._now = hardware, facts, peers, now
         topic = hardware.settings.topic("diagnostics")
         self._messages = hardware.link.publisher(topic, DiagnosticArray)
@@ -223,11 +180,7 @@ class Diagnostics:
         self._last = now_s, reading
 
     def watch(self, robot: Watched) -> None:
-        """Begin to publish, once a second.
-
-        Args:
-            robot: The robot.
-        """
+        """Begin to publish, once a second."""
         Thread(target=self._publish, args=(robot,), name="diagnostics", daemon=True).start()
 
     def close(self) -> None:
@@ -241,10 +194,9 @@ class Diagnostics:
             self._over.wait(EVERY_S)
 
     def read(self, stopped: str) -> Reading:
-        """Return the robot as it is now. From any thread.
+        """Return the state of the robot now; called from any thread.
 
-        Args:
-            stopped: Why it may not drive; empty if it may.
+        `stopped` is the reason why it may not drive, empty if it may.
         """
         now_s, last, hardware = self._now(), self._last, self._hardware
         return Reading(

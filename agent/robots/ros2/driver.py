@@ -42,17 +42,11 @@ class DriverFailed(Exception):
 
 @dataclass(frozen=True, slots=True)
 class Pace:
-    """The division of a robot's time.
+    """The division of a robot's time."""
 
-    Attributes:
-        step: A tick, s of the robot's time.
-        factor: Seconds of the robot's time in one of ours.
-        rate_hz: Commands in a second of the robot's time.
-    """
-
-    step: float
-    factor: float
-    rate_hz: float
+    step: float  # of a tick, s of the robot's time
+    factor: float  # seconds of the robot's time in one of ours
+    rate_hz: float  # of commands, in the robot's time
 
 
 class Objection(Protocol):
@@ -69,17 +63,9 @@ class Objection(Protocol):
 
 
 class Ros2Robot:
-    """Drives a robot.
+    """Drives a ROS 2 robot, and tells `onlooker` of every decision, too.
 
-    Args:
-        hardware: Hears it.
-        steering: Moves it.
-        clock: Says when a tick begins.
-        pace: How its time is divided.
-        onlooker: Told of every decision, too.
-        orders: What operators ask; None if there are none.
-        log: Where it says what happens.
-        objections: What may keep it from driving besides stops.
+    `orders` is what operators ask, or None. `objections` may keep the robot from driving besides stops.
     """
 
     def __init__(
@@ -129,20 +115,15 @@ class Ros2Robot:
         return self._thread.is_alive()
 
     def show(self, vitals: Vitals) -> None:
-        """Have the robot's figures read from now on.
-
-        Args:
-            vitals: The process's figures.
-        """
+        """Add the robot's figures to those of the process from now on."""
         vitals.probe(STOPPED, lambda: float(bool(self.stopped)))
         vitals.probe(ODOMETRY_AGE, lambda: self._hardware.odometry_age_s)
         vitals.probe(UNUSABLE, lambda: self._hardware.refused)
 
     def sense(self) -> Sensed | None:
-        """Wait for the next tick in which it is known where the robot is; None when it is time to leave.
+        """Wait for the next tick in which the robot's pose is known; None when it is time to leave.
 
-        Raises:
-            DriverFailed: The robot can no longer be driven.
+        `DriverFailed` is raised when the robot can no longer be driven.
         """
         while (k := self._clock.tick()) is not None:
             if self._failed:
@@ -265,13 +246,7 @@ class Sayer:
         self._said = False
 
     def state(self, why: str, moment_s: float, after_s: float = SAY_AFTER_S) -> None:
-        """Take in the robot's state.
-
-        Args:
-            why: Why it stands; empty if it does not.
-            moment_s: When, s.
-            after_s: How long it has to stand before that is said, s.
-        """
+        """Take in why the robot stands, empty if it does not, and say it once it has stood for `after_s`."""
         if not why:
             if self._said:
                 self.now("drives again")

@@ -23,10 +23,8 @@ _ROOM = 64
 class RobotTime:
     """The robot's time: the system's clock, or the clock of a simulation.
 
-    Args:
-        factor: Seconds of the robot's time in one of ours.
-        clock: Where the time of a simulation arrives; None for the system's clock.
-        fresh_s: How long ago that may have been, s of ours.
+    `clock` receives the time of a simulation; None stands for the system's clock. What it said last counts for
+    `fresh_s` of our time. `factor` is the seconds of the robot's time in one of ours.
     """
 
     def __init__(self, factor: float, clock: RosMailbox[Clock] | None, fresh_s: float) -> None:
@@ -35,11 +33,7 @@ class RobotTime:
         self._fresh_s = fresh_s
 
     def at(self, moment_s: float) -> float | None:
-        """Return the robot's time, s since its epoch; None while it is unknown.
-
-        Args:
-            moment_s: When, by `time.monotonic`.
-        """
+        """Return the robot's time at a moment of `time.monotonic`, s since its epoch; None while it is unknown."""
         if self._clock is None:
             return time.time() - (time.monotonic() - moment_s)
         told = self._clock.newest
@@ -55,18 +49,8 @@ class RobotTime:
 class Hardware:
     """Hears the robot.
 
-    Attributes:
-        link: To the robot.
-        settings: As given.
-        time: The robot's.
-        stops: Who has stopped it.
-
-    Args:
-        link: To the robot.
-        settings: How it is spoken to.
-        factor: Seconds of the robot's time in one of ours; 1 but for simulations.
-        say: Prints a line.
-        stop_files: Where stops are noted; None if they end with this process.
+    `factor` is the seconds of the robot's time in one of ours, 1 but for simulations. Without `stop_files`, stops end
+    with this process.
     """
 
     def __init__(
@@ -195,11 +179,7 @@ class Hardware:
 
 
 class Refusals:
-    """The messages that topics have refused, for people: the first message of each topic for each reason.
-
-    Args:
-        mailboxes: Of the topics.
-    """
+    """The messages that topics have refused, for people: the first message of each topic for each reason."""
 
     def __init__(self, mailboxes: list[RosMailbox[Any]]) -> None:
         self._mailboxes = mailboxes

@@ -92,9 +92,6 @@ def wanted(arguments: Sequence[str]) -> bool:
 
     A robot of a simulated fleet may be called ros2 or rclpy; its command line names a scenario, and neither a robot's
     router nor a namespace.
-
-    Args:
-        arguments: The command line.
     """
     split = [word for one in arguments for word in (one.split("=", 1) if one.startswith("--") else [one])]
     robot = next((second for first, second in itertools.pairwise(split) if first == "--robot"), "")
@@ -103,11 +100,7 @@ def wanted(arguments: Sequence[str]) -> bool:
 
 
 def options_of(arguments: Sequence[str]) -> argparse.Namespace:
-    """Read a command line.
-
-    Args:
-        arguments: Without the program's name.
-    """
+    """Read a command line."""
     return ros2_parser().parse_args(arguments)
 
 
@@ -183,14 +176,7 @@ def ros2_parser() -> ProcessParser:
 
 
 def drive_settings(options: argparse.Namespace) -> DriveSettings:
-    """Return how the robot is driven.
-
-    Args:
-        options: From `options_of`.
-
-    Raises:
-        BadInput: A value that cannot be used.
-    """
+    """Return how the robot is driven."""
     for name, least, most in (
         ("radius", 0.01, 100.0),
         ("speed", 0.001, 100.0),
@@ -268,14 +254,7 @@ def _check_robot(options: argparse.Namespace) -> None:
 
 
 def domain_of(options: argparse.Namespace) -> int:
-    """Return the ROS_DOMAIN_ID.
-
-    Args:
-        options: From `options_of`.
-
-    Raises:
-        BadInput: It is none.
-    """
+    """Return the ROS_DOMAIN_ID."""
     from patrol.ros2.names import domain_given
 
     return domain_given(options.domain)
@@ -294,14 +273,7 @@ def _is_file(name: str) -> bool:
 
 
 def topics_given(given: Sequence[str]) -> dict[str, str]:
-    """Names of topics, by their usual names.
-
-    Args:
-        given: NAME=TOPIC, each.
-
-    Raises:
-        BadInput: One is no such thing, or names no topic of `TOPICS`.
-    """
+    """Return names of topics, by their usual names, from texts ``NAME=TOPIC``."""
     from patrol.ros2.names import check_name
 
     found: dict[str, str] = {}

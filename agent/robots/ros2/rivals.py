@@ -27,11 +27,8 @@ _MOST = 4
 def rivals(entities: Sequence[Entity], topic: str | None, is_ours: Callable[[Entity], bool], node: str) -> list[str]:
     """Describe the other drivers of the robot.
 
-    Args:
-        entities: The graph.
-        topic: The full name of the topic of its commands; None where it gets goals, which Nav2 itself turns into some.
-        is_ours: Whether an entity is our own.
-        node: The full name of our own node: no other may have it.
+    `topic` is the full name of the topic of its commands; None where it gets goals, which Nav2 itself turns into
+    commands. `node` is the full name of our own node, which no other may have.
     """
     found = set()
     for one in entities:
@@ -46,11 +43,9 @@ def rivals(entities: Sequence[Entity], topic: str | None, is_ours: Callable[[Ent
 
 
 class Rivals:
-    """Looks for others who drive the robot (`agent.robots.ros2.driver.Objection`).
+    """Looks for other drivers of the robot (`agent.robots.ros2.driver.Objection`).
 
-    Args:
-        link: To the robot.
-        topic: The full name of the topic of its commands; None where it gets goals, or where others may command too.
+    `topic` is the full name of the topic of its commands; None where it gets goals, or where others may command too.
     """
 
     def __init__(self, link: Ros2Link, topic: str | None) -> None:
@@ -70,12 +65,7 @@ class Rivals:
         """Keep all drivers: an operator's word ends none."""
 
     def are_there(self, wait_s: float = GONE_S, stopped: Callable[[], bool] = lambda: False) -> list[str]:
-        """Find the other drivers of the robot that do not go; waits.
-
-        Args:
-            wait_s: How long to wait for them to go, s.
-            stopped: Whether to give up.
-        """
+        """Return the other drivers that are still there after up to `wait_s`, or once `stopped` returns True."""
         end_s = time.monotonic() + wait_s
         while self._look() and time.monotonic() < end_s and not stopped():
             self._over.wait(_AGAIN_S)

@@ -18,17 +18,9 @@ _WALL, _UNKNOWN, _FREE = 0, 205, 254
 
 
 def write_map(grid: OccupancyGrid, folder: Path) -> Path:
-    """Write a map as map_server does.
+    """Write a map as map_server does, and return the path of the YAML file.
 
-    Args:
-        grid: The map, from any sender.
-        folder: Where to.
-
-    Returns:
-        The YAML file.
-
-    Raises:
-        BadInput: It is turned, which a map_server file cannot say here.
+    A map that is turned raises `BadInput`, because a map_server file cannot say that here.
     """
     if grid.origin.heading != 0.0:
         raise BadInput("the robot's map is turned against its frame; give --map FILE with an upright one")

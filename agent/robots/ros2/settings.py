@@ -37,52 +37,28 @@ DRIVES = ("twist-stamped", "twist", "ackermann", "nav2")
 
 @dataclass(frozen=True, slots=True)
 class DriveSettings:
-    """The interface by which a robot is driven.
+    """The interface by which a robot is driven."""
 
-    Attributes:
-        drive: One of `DRIVES`.
-        base_frame: The frame in which velocities are meant.
-        map_frame: The frame of the map.
-        wheelbase: Of a car, m.
-        acceleration: The most by which the speed that the robot is told may change, m/s².
-        braking: How hard the robot surely brakes, m/s²; the fence relies on it.
-        margin: What the mind keeps clear around the body, m: the errors of localisation and of driving.
-        rate_hz: How often commands are sent, each second of the robot's time.
-        localisation: How it is found on the map.
-        is_shared: Whether others may send it commands too.
-        sim_time: Whether the robot's time comes from its clock topic.
-        topics: Names of topics other than the usual, by those.
-    """
-
-    drive: str = "twist-stamped"
-    base_frame: str = "base_link"
+    drive: str = "twist-stamped"  # one of `DRIVES`
+    base_frame: str = "base_link"  # in which velocities are meant
     map_frame: str = "map"
-    wheelbase: float = 0.3
-    acceleration: float = 1.0
-    braking: float = 1.0
-    margin: float = 0.1
-    rate_hz: float = 20.0
+    wheelbase: float = 0.3  # of a car, m
+    acceleration: float = 1.0  # the most by which the speed that the robot is told may change, m/s²
+    braking: float = 1.0  # how hard the robot surely brakes, m/s²; the fence relies on it
+    margin: float = 0.1  # kept clear around the body, m: the errors of localisation and of driving
+    rate_hz: float = 20.0  # of commands, in the robot's time
     localisation: LocalisationSettings = field(default_factory=LocalisationSettings)
-    is_shared: bool = False
-    sim_time: bool = False
-    topics: Mapping[str, str] = field(default_factory=dict)
+    is_shared: bool = False  # others may send it commands too
+    sim_time: bool = False  # the robot's time comes from its clock topic
+    topics: Mapping[str, str] = field(default_factory=dict)  # names other than the usual, by the usual ones
 
     def of_body(self, model: str, limits: Limits) -> DriveSettings:
-        """Return the same for a body of a scenario.
-
-        Args:
-            model: Its model.
-            limits: Its own; the radius holds the margin.
-        """
+        """Return the same for a body of a scenario, whose radius holds the margin."""
         turn_rate = turn_rate_of(model, replace(limits, radius=limits.radius - self.margin))
         return replace(self, localisation=replace(self.localisation, speed=limits.speed, turn_rate=turn_rate))
 
     def on_robots_map(self, pose: Pose) -> Pose:
-        """Return a pose on the robot's map from one on ours.
-
-        Args:
-            pose: The pose.
-        """
+        """Return a pose on the robot's map from one on ours."""
         return composed(inverted(self.localisation.transform), pose)
 
     @property
@@ -91,20 +67,11 @@ class DriveSettings:
         return {"nav2": None, "ackermann": "ackermann_cmd"}.get(self.drive, "cmd_vel")
 
     def topic(self, usual: str) -> str:
-        """Return the name of a topic.
-
-        Args:
-            usual: Its usual name.
-        """
+        """Return the name of a topic, by its usual name."""
         return self.topics.get(usual, f"/{usual}" if usual in OF_ALL_ROBOTS else usual)
 
 
 def turn_rate_of(model: str, limits: Limits) -> float:
-    """Return a body's largest turn rate, rad/s: a car's along its tightest turn, others' by their rim's top speed.
-
-    Args:
-        model: Its model.
-        limits: Its own.
-    """
+    """Return a body's largest turn rate, rad/s: a car's along its tightest turn, others' by their rim's top speed."""
     round_m = limits.turning_radius if model == "car" else limits.radius
     return limits.speed / round_m if round_m > 0.0 else math.inf

@@ -38,15 +38,7 @@ OCCUPIED, UNKNOWN = 100, -1
 
 
 class Shown:
-    """Publishes what the robot believes (`agent.ports.Telemetry`).
-
-    Args:
-        link: To the robot.
-        settings: Names of topics and frames.
-        terrain: The map.
-        fog: What the robot believes.
-        stamp_ns: The stamp of a message that is sent now.
-    """
+    """Publishes what the robot believes (`agent.ports.Telemetry`)."""
 
     def __init__(
         self, link: Ros2Link, settings: DriveSettings, terrain: Terrain, fog: Fog, stamp_ns: Callable[[], int]
@@ -89,17 +81,7 @@ class Shown:
 
 
 def show_map(link: Ros2Link, settings: DriveSettings, terrain: Terrain, stamp_ns: int) -> bool:
-    """Publish the map, latched, unless another node already does.
-
-    Args:
-        link: To the robot.
-        settings: Names of topics and frames.
-        terrain: The map.
-        stamp_ns: When it is sent.
-
-    Returns:
-        Whether it was published.
-    """
+    """Publish the map, latched, unless another node already does; return True if it was published."""
     topic = link.resolve(settings.topic("map"))
     if any(one.kind is EntityKind.PUBLISHER and one.topic == topic for one in link.graph(GRAPH_S)):
         return False
@@ -111,13 +93,7 @@ def show_map(link: Ros2Link, settings: DriveSettings, terrain: Terrain, stamp_ns
 def fog_cells(fog: Fog, tick: int, thin: int) -> NDArray[np.int8]:
     """Return a fog as cells: 0 where it was just seen, 100 where it is stalest, -1 off the patrolled ground.
 
-    Args:
-        fog: The fog.
-        tick: Now.
-        thin: Every how many-th row and column.
-
-    Returns:
-        int8 (ceil(h / thin), ceil(w / thin)).
+    The cells are every `thin`-th row and column: int8 (ceil(h / thin), ceil(w / thin)).
     """
     ages = tick - fog.last_seen[::thin, ::thin].astype(np.int64)
     shares = np.clip(OCCUPIED * ages // max(1, fog.mfow(tick)), 0, OCCUPIED)
@@ -127,11 +103,6 @@ def fog_cells(fog: Fog, tick: int, thin: int) -> NDArray[np.int8]:
 def grid_of(terrain: Terrain, cells: NDArray[np.int8], thin: int, frame: str, stamp_ns: int) -> OccupancyGrid:
     """Return a grid on a terrain.
 
-    Args:
-        terrain: Where its first cell begins.
-        cells: int8 (h, w), row 0 at the lowest y.
-        thin: Side of a cell in points.
-        frame: Of the map.
-        stamp_ns: When it is sent.
+    `cells` is int8 (h, w), with row 0 at the lowest y; the side of a cell is `thin` points.
     """
     return OccupancyGrid(stamp_ns, frame, terrain.point * thin, Pose(*terrain.origin, 0.0), cells)

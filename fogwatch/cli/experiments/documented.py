@@ -37,49 +37,26 @@ STDOUT = "stdout"
 
 @dataclass(frozen=True, slots=True)
 class Stated:
-    """A number as a page has it.
-
-    Attributes:
-        value: The number.
-        allowed: By how much a new measurement may differ from it.
-    """
+    """A number as a page has it."""
 
     value: float
-    allowed: float
+    allowed: float  # most by which a new measurement may differ
 
 
 @dataclass(frozen=True, slots=True)
 class Sample:
-    """A number of a page that commands measure again.
+    """A number of a page that commands measure again."""
 
-    Attributes:
-        page: Name of the page in docs/results, without its ending.
-        says: Pattern that finds the number on the page, and, as a second group, half the width of its interval.
-        commands: The command lines, with {out} for the run's folder, {seed} for the seed and {clone} for the clone.
-        value: Where the number is: a file in {out} or `STDOUT`, a colon, and dotted keys or a column of a table's first
-            row.
-        seeds: Seeds to execute them with; the mean of the values counts.
-        within: By how much the number may differ where the page gives no interval; None for a tenth of it.
-        scale: What the number is multiplied by to be in the page's unit: 100 for a share that is given in percent.
-    """
-
-    page: str
-    says: str
-    commands: Sequence[str]
-    value: str
-    seeds: Sequence[int] = (0,)
-    within: float | None = None
-    scale: float = 1.0
+    page: str  # name in docs/results, without its ending
+    says: str  # pattern that finds the number and, as a second group, half its interval
+    commands: Sequence[str]  # command lines; {out}, {seed} and {clone} are filled in
+    value: str  # a file in {out} or `STDOUT`, a colon, and dotted keys or a column of a CSV file's first row
+    seeds: Sequence[int] = (0,)  # the mean over them counts
+    within: float | None = None  # allowed difference where the page gives no interval; None for a tenth
+    scale: float = 1.0  # factor to the page's unit: 100 for a share that is given in percent
 
     def stated(self, folder: Path) -> Stated:
-        """Return the number that the page has.
-
-        Args:
-            folder: The folder docs/results.
-
-        Raises:
-            BadInput: The page does not have it.
-        """
+        """Return the number that the page has."""
         text = " ".join((folder / f"{self.page}.md").read_text(encoding="utf-8").split())
         match = re.search(self.says, text)
         if match is None:
@@ -91,14 +68,7 @@ class Sample:
         return Stated(float(value), rounding + (UNSTATED * abs(float(value)) if self.within is None else self.within))
 
     def measure(self, clone: Path) -> float:
-        """Execute the commands and return the mean of their numbers.
-
-        Args:
-            clone: The folder of the clone.
-
-        Raises:
-            BadInput: A command fails, or its number is not there.
-        """
+        """Execute the commands with each seed, and return the mean of their numbers in the page's unit."""
         values = []
         with TemporaryDirectory() as scratch:
             for seed in self.seeds:
@@ -131,28 +101,15 @@ class Sample:
 
 @dataclass(frozen=True, slots=True)
 class Samples:
-    """The samples of docs/results.
+    """The samples of docs/results."""
 
-    Attributes:
-        folder: That folder.
-        samples: The samples.
-        unsampled: The pages without samples, and why.
-    """
-
-    folder: Path
+    folder: Path  # docs/results
     samples: tuple[Sample, ...]
-    unsampled: dict[str, str]
+    unsampled: dict[str, str]  # the reason, by page without samples
 
 
 def read_samples(clone: Path) -> Samples:
-    """Read the samples of docs/results.
-
-    Args:
-        clone: The folder of the clone.
-
-    Raises:
-        BadInput: This is no clone.
-    """
+    """Read the samples of docs/results."""
     folder = clone / "docs" / "results"
     if not (folder / SAMPLES).is_file():
         raise BadInput(f"--check: needs docs/results/{SAMPLES}, which only a clone has; run the command in a clone")

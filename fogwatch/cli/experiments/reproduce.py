@@ -38,29 +38,15 @@ CLONE = Path(fogwatch.__file__).parents[1]
 
 @dataclass(frozen=True, slots=True)
 class SiteFigure:
-    """A figure of the documentation, or several that one command makes.
-
-    Attributes:
-        figure: Its name.
-        files: Patterns of its pictures in the folder docs.
-        command: The command line that makes it, without its folder.
-        minutes: Expected computing time on one core, min.
-    """
+    """A figure of the documentation, or several that one command makes."""
 
     figure: str
-    files: tuple[str, ...]
-    command: str
-    minutes: int
+    files: tuple[str, ...]  # patterns of its pictures in the folder docs
+    command: str  # without the folder that it writes to
+    minutes: int  # of computing on one core
 
     def words(self, out: Path) -> list[str]:
-        """Return the command with the program that runs it and its folder.
-
-        Args:
-            out: Folder of the pictures.
-
-        Raises:
-            BadInput: It is a script of a clone, and there is none.
-        """
+        """Return the command with the program that runs it and its folder."""
         program, *arguments = shlex.split(self.command)
         if program == "fogwatch":
             return [sys.executable, "-P", "-m", "fogwatch", *arguments, "--out", str(out)]

@@ -124,14 +124,10 @@ def _draw(rows: list[CaseRow], name: str, folder: Path, width: float) -> None:
 
 
 def workers_of(workers: int | None, cluster: str | None) -> WorkerPool:
-    """The workers that make the runs.
+    """Return the workers that make the runs: processes of this machine, or those of a cluster.
 
-    Args:
-        workers: How many processes of this machine; None for one per core.
-        cluster: Address of a Dask scheduler whose workers are used instead, or None.
-
-    Raises:
-        BadInput: Both are given.
+    `workers` is their number, None for one per core. `cluster` is the address of a Dask scheduler; only one of the two
+    may be given.
     """
     if cluster is None:
         return LocalWorkers(workers)
@@ -143,17 +139,10 @@ def workers_of(workers: int | None, cluster: str | None) -> WorkerPool:
 def make_runs(
     plan: Plan, folder: Path, workers: WorkerPool, console: Console, estimate_time: bool = False
 ) -> SweepOutcome:
-    """Make a plan's runs with a progress bar. After Ctrl-C, the next start continues.
+    """Make a plan's runs with a progress bar.
 
-    Args:
-        plan: The runs.
-        folder: Where results are kept and looked for.
-        workers: Who makes the runs.
-        console: Where the progress is shown.
-        estimate_time: Whether to try a few runs first, to say how long all will take.
-
-    Returns:
-        The results.
+    Results are kept in `folder` and looked for there: after Ctrl-C, the next start continues. With `estimate_time`, a
+    few runs are tried first, to say how long all will take.
     """
     with SweepProgress(console, estimate_time=estimate_time) as progress:
         try:
@@ -169,10 +158,6 @@ def print_cases(console: Console, rows: list[CaseRow]) -> None:
 
     Words that all cases have in their names are printed once, above the table. On a narrow terminal intervals stand
     below the means, and where that is not enough, the names stand above the table, which has the cases' numbers.
-
-    Args:
-        console: Where to print.
-        rows: The results case by case.
     """
     names, shared = told_apart({row.case: row.words for row in rows})
     if shared:
@@ -189,12 +174,10 @@ def print_cases(console: Console, rows: list[CaseRow]) -> None:
 
 
 def _cases_table(rows: list[CaseRow], names: Mapping[str, str], between: str) -> Table:
-    """The table of the cases' means.
+    """Return the table of the cases' means.
 
-    Args:
-        rows: The results case by case.
-        names: What the table calls each case.
-        between: What separates a mean from its interval, and the halves of a title: a space or a line break.
+    `names` is what the table calls each case. `between` separates a mean from its interval, and the halves of a title:
+    a space or a line break.
     """
     narrow = between == "\n"
     table = Table("case", box=None, pad_edge=False, header_style="cyan", padding=(0, 1 if narrow else 2, 0, 0))

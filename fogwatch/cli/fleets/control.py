@@ -182,17 +182,9 @@ def _stop(run: Path, do: str, robot: str | None, fleet: str | None, wait: float)
 
 
 def control_of(do: str, value: str | None) -> dict[str, Any]:
-    """The control that the words of a command line stand for; its value is not checked yet.
+    """Return the control that the words of a command line stand for; its value is not checked yet.
 
-    Args:
-        do: What to do, such as "step".
-        value: Its value as given, or None.
-
-    Returns:
-        The control as `patrol.scenario.controls.read_control` takes it.
-
-    Raises:
-        BadInput: A value is missing, not wanted, or no YAML.
+    It is as `patrol.scenario.controls.read_control` takes it. `do` is a word such as ``step``.
     """
     from patrol.files.yaml_text import parse_yaml
     from patrol.scenario.controls import CONTROLS, EXAMPLES

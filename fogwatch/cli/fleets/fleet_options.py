@@ -47,18 +47,7 @@ Wait = Annotated[float, typer.Option(metavar="S", help="How long to wait for the
 def check_one_fleet(
     command: str, run: Path | None, credentials: Path | None, router: str | None, fleet: str | None
 ) -> None:
-    """Check that a command is given one of the folder of a run, credentials, or both a router and a fleet's name.
-
-    Args:
-        command: Name of the command.
-        run: The folder.
-        credentials: A member's credentials, which say where the fleet meets.
-        router: The router.
-        fleet: The fleet's name.
-
-    Raises:
-        BadInput: Too much is given, or too little.
-    """
+    """Check that a command is given one of the folder of a run, credentials, or both a router and a fleet's name."""
     named = (router is not None) + (fleet is not None)
     if (run is not None and (named or credentials is not None)) or (run is None and credentials is None and named != 2):
         raise BadInput(f"{command}: name a run's folder, or --router and --fleet of a running fleet, or --credentials")
@@ -67,13 +56,8 @@ def check_one_fleet(
 def fleet_access(command: str, run: Path | None, scenario: Path | None) -> Path | None:
     """Return what gives the right to control a running fleet, from a command's RUN; None without one.
 
-    Args:
-        command: Name of the command.
-        run: As for `control_file`.
-        scenario: Of robots without a world, which an operator may watch as well.
-
-    Raises:
-        BadInput: There is no such fleet, or it is a run, which has a scenario of its own.
+    RUN is as for `control_file`. A `scenario` is of robots without a world, which an operator may watch as well; with
+    the folder of a run, which has a scenario of its own, it is refused.
     """
     from patrol.net.security.credentials import MEMBER
 
@@ -87,12 +71,7 @@ def fleet_access(command: str, run: Path | None, scenario: Path | None) -> Path 
 def control_file(command: str, run: Path) -> Path:
     """Return the file that says how to reach and control a running fleet.
 
-    Args:
-        command: Name of the command.
-        run: A running fleet's folder, its control file, or an operator's credentials.
-
-    Raises:
-        BadInput: There is none.
+    `run` is the fleet's folder, its control file, or an operator's credentials.
     """
     from monitor.replay.run_files import JOURNAL
     from patrol.net.security.access import FILE

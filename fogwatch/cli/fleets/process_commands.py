@@ -34,25 +34,12 @@ class PassedOn(HelpfulCommand):
     """The options that the words may hold, with their explanations."""
 
     def format_help(self, ctx: Any, formatter: Any) -> None:
-        """Show the command's help, and the options of what it passes its words on to.
-
-        Args:
-            ctx: The context of the call.
-            formatter: For a help without colours.
-        """
+        """Show the command's help, and the options of what it passes its words on to."""
         super().format_help(ctx, formatter)
         typer.echo(type(self).listed())
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """Leave all words but a lone ``--help`` alone.
-
-        Args:
-            ctx: The context of the call, which keeps them.
-            args: The words.
-
-        Returns:
-            No word that is left to parse.
-        """
+        """Leave all words but a lone ``--help`` alone: the context keeps them, and none is left to parse."""
         if args == ["--help"]:
             return super().parse_args(ctx, args)
         ctx.args = list(args)
@@ -126,12 +113,7 @@ def robot_sim(ctx: typer.Context) -> int:
 
 
 def register(app: typer.Typer, panel: str) -> None:
-    """Add the commands.
-
-    Args:
-        app: The group that they belong to.
-        panel: The panel that the group's help lists them in.
-    """
+    """Add the commands."""
     command(app, examples=AGENT_EXAMPLES, exit_codes=AGENT_CODES, panel=panel, kind=AgentCommand)(agent)
     command(app, examples=ROUTER_EXAMPLES, exit_codes=ROUTER_CODES, panel=panel, kind=RouterCommand)(router)
     command(app, "robot-sim", examples=SIM_EXAMPLES, exit_codes=SIM_CODES, panel=panel, kind=RobotSimCommand)(robot_sim)

@@ -100,17 +100,7 @@ def status(
 
 
 def once(fleet_watch: FleetWatch, seconds: float, ending: Ending, *, as_json: bool) -> int:
-    """Print the state of a fleet.
-
-    Args:
-        fleet_watch: Of the fleet.
-        seconds: How long to listen, s.
-        ending: Says when to end before that.
-        as_json: Whether to print JSON.
-
-    Returns:
-        The exit code.
-    """
+    """Listen for some seconds, print the state of a fleet, and return the exit code."""
     seen = fleet_watch.look(seconds)
     if ending or seen is None:
         return INTERRUPTED
@@ -119,16 +109,9 @@ def once(fleet_watch: FleetWatch, seconds: float, ending: Ending, *, as_json: bo
 
 
 def follow(fleet_watch: FleetWatch, seconds: float, ending: Ending, *, as_json: bool) -> int:
-    """Print the state of a fleet again and again, until its run is over.
+    """Print the state of a fleet again and again, until its run is over, and return the exit code.
 
-    Args:
-        fleet_watch: Of the fleet.
-        seconds: How long the first look listens, s.
-        ending: Says when to end before that.
-        as_json: Whether to print a line of JSON for each look.
-
-    Returns:
-        The exit code.
+    `seconds` is how long the first look listens; later ones take `EVERY_S`. JSON has a line for each look.
     """
     from rich.console import Console
     from rich.live import Live

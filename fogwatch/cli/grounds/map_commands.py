@@ -121,14 +121,7 @@ command(app, examples=map_random.EXAMPLES)(map_random.random)
 
 
 def plain_lines(report: MapReport) -> Iterator[str]:
-    """The result of a map check as lines of text.
-
-    Args:
-        report: The result.
-
-    Yields:
-        The lines.
-    """
+    """Yield the result of a map check as lines of text."""
     yield f"{_headline(report.terrain)}; {_body(report)}"
     for label, value, remark in _areas(report):
         yield f"  {label:<12} {value:10.1f} m²  {remark}".rstrip()

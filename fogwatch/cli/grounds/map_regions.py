@@ -85,17 +85,10 @@ def regions(
 
 
 def plain_lines(terrain: Terrain, radius: float, split: RegionSplit, took: float, by_hand: bool) -> Iterator[str]:
-    """Describe a split of the ground into regions as lines of text.
+    """Yield lines of text that describe a split of the ground into regions.
 
-    Args:
-        terrain: The ground.
-        radius: Radius of the body, m.
-        split: The regions.
-        took: How long the split took, s.
-        by_hand: Whether the scenario gave the regions.
-
-    Yields:
-        The lines.
+    `radius` is that of the body, m, and `took` the time of the split, s. `by_hand` says that the scenario gave the
+    regions.
     """
     xmin, ymin, xmax, ymax = terrain.bounds
     size = f"{xmax - xmin:g} x {ymax - ymin:g} m, points of {terrain.point:g} m"

@@ -10,15 +10,7 @@ from patrol.ground.terrain import Terrain
 
 
 def named_terrain(what: str, point: float) -> Terrain:
-    """Return a terrain.
-
-    Args:
-        what: A map's YAML file, or one of `LAYOUTS`.
-        point: Side of one point, m.
-
-    Raises:
-        BadInput: There is neither, or it cannot be used.
-    """
+    """Return the terrain of a map's YAML file, or one of `LAYOUTS`, with points of side `point`, m."""
     if what in LAYOUTS:
         return builtin_terrain(what, point)
     try:

@@ -184,10 +184,9 @@ def _numbers(text: str) -> range:
 
 
 class _Shown:
-    """Shows what a plan is at: a bar on a terminal, lines elsewhere. Implements `experiments.plan.plan.Observer`.
+    """Shows the progress of a plan: a bar on a terminal, lines elsewhere.
 
-    Attributes:
-        bar: A context manager that shows it and clears it away.
+    Implements `experiments.plan.plan.Observer`. `bar` is a context manager that shows it and clears it away.
     """
 
     def __init__(self, console: Console) -> None:

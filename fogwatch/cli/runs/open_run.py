@@ -23,26 +23,13 @@ KEY = typer.Option(
 def open_folder(folder: Path, key: Path | None = None) -> tuple[Run, bool]:
     """Open a run's folder, after compiling the kernels that this needs.
 
-    Args:
-        folder: The run's folder.
-        key: The file of the fleet's key; None to leave the tags of messages unchecked.
-
-    Returns:
-        The run, and whether it may still be going on.
-
-    Raises:
-        BadInput: The folder does not hold a run.
+    Return the run, and whether it may still be going on. Without the file `key`, the tags of messages stay unchecked.
     """
     return read_folder(folder, key, lambda line: typer.echo(line, err=True))
 
 
 def print_state(run: Run, going: bool) -> None:
-    """Print on the standard error what a run's folder lacks, and where its summary disagrees with its journal.
-
-    Args:
-        run: The run.
-        going: Whether it may still be going on.
-    """
+    """Print on the standard error what a run's folder lacks, and where its summary disagrees with its journal."""
     from monitor.report.analysis import disagreement, state_of
 
     for why in (state_of(run, going)[1], disagreement(run)):

@@ -28,12 +28,8 @@ class ProcessControlServer:
     ) -> None:
         """Start the thread that serves.
 
-        Args:
-            end: The launcher's end of the socket, which this closes.
-            children: The processes of the run.
-            robots: The robots' names, in the order of their numbers.
-            restart: Starts a new process for a robot, by its number and how often it has been started, this time
-                included.
+        `end` is the launcher's end of the socket; `close` closes it. `robots` are in the order of their numbers.
+        `restart` starts a new process for a robot, by its number and how often it has been started, this time included.
         """
         self._end = end
         self._children = children
@@ -91,22 +87,14 @@ class ProcessControlServer:
 
 
 def pause(child: Child) -> None:
-    """Send SIGSTOP and wait until the process is stopped.
-
-    Args:
-        child: The child.
-    """
+    """Send SIGSTOP and wait until the process is stopped."""
     child.process.send_signal(signal.SIGSTOP)
     with suppress(ChildProcessError):  # it has ended by itself
         os.waitid(os.P_PID, child.process.pid, os.WSTOPPED | os.WEXITED | os.WNOWAIT)
 
 
 def state_of(child: Child) -> str:
-    """Return the state of a process by proc(5), T where it is stopped; empty where there is no proc.
-
-    Args:
-        child: The child.
-    """
+    """Return the state of a process by proc(5), ``T`` where it is stopped; empty where there is no proc."""
     try:
         stat = Path(f"/proc/{child.process.pid}/stat").read_text(encoding="ascii", errors="replace")
     except OSError:

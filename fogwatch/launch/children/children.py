@@ -34,18 +34,13 @@ _POLL_S = 0.01
 
 
 class Forked:
-    """A child that another process has made for this one; as `subprocess.Popen`, as far as the launcher uses it.
+    """A child that another process has made; as `subprocess.Popen`, as far as the launcher uses it.
 
-    Attributes:
-        pid: Its process id, which stays its own until `poll` or `wait` has returned its exit code.
+    Its `pid` stays its own until `poll` or `wait` has returned its exit code.
     """
 
     def __init__(self, pid: int) -> None:
-        """Take over a child.
-
-        Args:
-            pid: Its process id.
-        """
+        """Take over a child."""
         self.pid = pid
         self._code: int | None = None
         self._reaping = threading.Lock()
@@ -81,11 +76,7 @@ class Forked:
 
 
 class Forks(Protocol):
-    """A maker of children of one module, from a process that has loaded it (`fogwatch.launch.children.fork_server`).
-
-    Attributes:
-        module: The module.
-    """
+    """A maker of children of one module, from a process that has loaded it (see `ForkServer`)."""
 
     module: str
 
@@ -96,32 +87,18 @@ class Forks(Protocol):
 
 @dataclass(slots=True)
 class Child:
-    """A child process.
+    """A child process."""
 
-    Attributes:
-        name: Its name in the run: a robot's, or one that no robot can have.
-        process: The process.
-        log: The file that its output goes to.
-        start: The pipe on which it reports that it has started; None for a child that reports nothing.
-        code: Its exit code, negative for the signal that killed it; None while it lives.
-        incarnation: How often its robot was started, this time included.
-        killed_by_fault: Whether one of the run's faults has killed it.
-    """
-
-    name: str
+    name: str  # a robot's, or one that no robot can have
     process: subprocess.Popen[bytes] | Forked
-    log: Path
-    start: StartPipe | None = None
-    code: int | None = None
-    incarnation: int = FIRST_INCARNATION
-    killed_by_fault: bool = False
+    log: Path  # of its output
+    start: StartPipe | None = None  # reports that it has started; None for a child that reports nothing
+    code: int | None = None  # exit code, negative for the signal that killed it; None while it lives
+    incarnation: int = FIRST_INCARNATION  # how often its robot was started, this time included
+    killed_by_fault: bool = False  # by one of the run's faults
 
     def poll(self) -> int | None:
-        """Look whether it has ended; what foreign code has started in it ends with it.
-
-        Returns:
-            Its exit code; None while it lives.
-        """
+        """Return its exit code, None while it lives; what foreign code has started in it ends with it."""
         if self.code is None and (code := self.process.poll()) is not None:
             self.code = code
             with suppress(OSError):  # there is nothing else in its group
@@ -129,14 +106,9 @@ class Child:
         return self.code
 
     def await_start(self, limit_s: float, stopped: Callable[[], bool] = lambda: False) -> StartReport | None:
-        """Wait for its report, as `StartPipe.await_report` does.
+        """Wait for its report, as `StartPipe.await_report` does; None where there is none.
 
-        Args:
-            limit_s: How long to wait at most, s of wall time.
-            stopped: Asked all the time whether to wait no longer.
-
-        Returns:
-            The report; None where there is none.
+        `limit_s` is wall time. `stopped` is asked all the time whether to wait no longer.
         """
         return None if self.start is None else self.start.await_report(limit_s, stopped)
 
@@ -184,18 +156,12 @@ class Child:
 class Children:
     """The living and ended children of a run.
 
-    Attributes:
-        by_name: The latest child of each name.
-        former: Earlier children of robots that were started again.
-        forks: Makes children of its module; None where all are started by themselves.
+    `by_name` holds the latest child of each name, `former` earlier children of robots that were started again. `forks`
+    makes children of its module; None where all are started by themselves.
     """
 
     def __init__(self, urgent: Callable[[], bool]) -> None:
-        """Make the lifeline; no child yet.
-
-        Args:
-            urgent: Asked again and again whether to kill at once instead of waiting.
-        """
+        """Start no child yet; `urgent` is asked again and again whether to kill at once instead of waiting."""
         self.by_name: dict[str, Child] = {}
         self.former: list[Child] = []
         self.forks: Forks | None = None
@@ -215,19 +181,11 @@ class Children:
     ) -> Child:
         """Start a child; it replaces an earlier one of the same name.
 
-        Args:
-            name: Its name in the run.
-            module: The module that it runs, as ``python -m`` names it.
-            arguments: Its arguments; ``--lifeline`` and ``--ready`` are added.
-            log: The file that its output is appended to.
-            inherit: Further file descriptors that it inherits.
-            reports_start: Whether it reports its start on a pipe.
-            environment: Variables that its environment has beside this process's own.
+        ``--lifeline`` and ``--ready`` are added to the arguments, the latter if the child reports its start on a pipe.
+        Its output is appended to `log`. It inherits the file descriptors `inherit`, and has the variables `environment`
+        beside this process's own.
 
         A child that `forks` makes inherits the lifeline only, and reports nothing.
-
-        Returns:
-            The child.
         """
         command = self.command(module, arguments)
         if self.forks is not None and module == self.forks.module:
@@ -265,33 +223,21 @@ class Children:
         return child
 
     def command(self, module: str, arguments: Sequence[str]) -> list[str]:
-        """Return the command line of a child, which tells it to heed the lifeline.
-
-        Args:
-            module: The module that it runs, as ``python -m`` names it.
-            arguments: Its own arguments.
-        """
+        """Return the command line of a child, which tells it to heed the lifeline."""
         if self._lifeline[0] < 0:
             self._lifeline = os.pipe()
         return [sys.executable, "-P", "-m", module, *arguments, "--lifeline", str(self._lifeline[0])]
 
     def signal(self, names: Sequence[str], number: signal.Signals) -> None:
-        """Send a signal to children that live.
-
-        Args:
-            names: Names of children; others are ignored.
-            number: The signal.
-        """
+        """Send a signal to those of the children that live; unknown names are ignored."""
         for name in names:
             if name in self.by_name and self.by_name[name].poll() is None:
                 self.by_name[name].process.send_signal(number)
 
     def wait(self, names: Sequence[str], limit_s: float) -> None:
-        """Wait until children have ended; not when it is urgent.
+        """Wait until children have ended, at most `limit_s` of wall time; not when it is urgent.
 
-        Args:
-            names: Names of children; others are ignored.
-            limit_s: How long to wait at most, s of wall time.
+        Unknown names are ignored.
         """
         until = time.monotonic() + limit_s
         while time.monotonic() < until and not self._urgent():
@@ -300,11 +246,7 @@ class Children:
             time.sleep(_POLL_S)
 
     def end(self, names: Sequence[str]) -> None:
-        """End children: SIGTERM, then SIGKILL for those that do not heed it. A stopped one continues first.
-
-        Args:
-            names: Names of children.
-        """
+        """End children: SIGTERM, then SIGKILL for those that do not heed it. A stopped one continues first."""
         if not self._urgent():
             self.signal(names, signal.SIGTERM)
             self.signal(names, signal.SIGCONT)

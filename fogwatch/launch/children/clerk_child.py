@@ -35,13 +35,7 @@ class ClerkChild:
     """The clerk of one run, which may never be started, or die at any time."""
 
     def __init__(self, folder: RunFolder, display: RunDisplay, enabled: bool = True) -> None:
-        """Start nothing yet.
-
-        Args:
-            folder: The run folder.
-            display: Shows how far the clerk is.
-            enabled: Whether there is to be a clerk at all.
-        """
+        """Start nothing yet; unless `enabled`, there will be no clerk at all."""
         self._folder = folder
         self._display = display
         self._children = Children(lambda: False)
@@ -66,38 +60,22 @@ class ClerkChild:
         return self._connection is not None and report is not None and report.ready
 
     def begin_verdict(self, exit_codes: Mapping[str, int | None]) -> None:
-        """Ask the clerk to judge the finished run.
-
-        Args:
-            exit_codes: As for `worldsim.verdict.judge.judge`.
-        """
+        """Ask the clerk to judge the finished run; the codes are as for `worldsim.verdict.judge.judge`."""
         if not self.loaded:
             self._give_up()
         self._send(VerdictAsked(exit_codes))
 
     def judged(self) -> Judged | None:
-        """Wait for the verdict.
-
-        Returns:
-            The clerk's answer; None without a working clerk.
-        """
+        """Wait for the verdict; None without a working clerk."""
         return self._await(Judged)
 
     def begin_report(self) -> bool:
-        """Ask the clerk, which has judged the run, to write the report meanwhile.
-
-        Returns:
-            Whether there is a clerk for that.
-        """
+        """Ask the clerk, which has judged the run, to write the report meanwhile; False without a clerk."""
         self._send(ReportAsked(self._folder.report))
         return self._connection is not None
 
     def report_written(self) -> ReportWritten | None:
-        """Wait for the report.
-
-        Returns:
-            How that went; None where the clerk is gone.
-        """
+        """Wait until the report is written, and return how that went; None where the clerk is gone."""
         outcome = self._await(ReportWritten)
         self._display.progress(REPORT, 1.0)
         return outcome
@@ -156,10 +134,9 @@ class ClerkChild:
 
 
 def open_pair() -> tuple[Connection, socket.socket]:
-    """Open the connection to a clerk.
+    """Open the connection to a clerk; return the launcher's end and the clerk's.
 
-    Returns:
-        The launcher's end and the clerk's. Reading at the first fails when the rest of a message does not come.
+    Reading at the launcher's end fails when the rest of a message does not come.
     """
     ours, theirs = socket.socketpair()
     ours.setsockopt(socket.SOL_SOCKET, socket.SO_RCVTIMEO, struct.pack("@ll", int(SILENT_S), 0))

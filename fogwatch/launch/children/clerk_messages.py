@@ -17,47 +17,29 @@ JUDGING, REPORT = "judging the run", "writing report.html"
 
 @dataclass(frozen=True, slots=True)
 class VerdictAsked:
-    """The question for the verdict, when the run has ended.
+    """The question for the verdict, when the run has ended."""
 
-    Attributes:
-        exit_codes: As for `worldsim.verdict.judge.judge`.
-    """
-
-    exit_codes: Mapping[str, int | None]
+    exit_codes: Mapping[str, int | None]  # as for `worldsim.verdict.judge.judge`
 
 
 @dataclass(frozen=True, slots=True)
 class ReportAsked:
-    """The order to write the run's report.
-
-    Attributes:
-        out: The file to write.
-    """
+    """The order to write the run's report."""
 
     out: Path
 
 
 @dataclass(frozen=True, slots=True)
 class Progress:
-    """The progress of the clerk with a request.
+    """The progress of the clerk with a request."""
 
-    Attributes:
-        step: The work, as the display calls it.
-        share: The share of it that is done, 0 to 1; None when unknown.
-    """
-
-    step: str
-    share: float | None = None
+    step: str  # as the display calls it
+    share: float | None = None  # 0 to 1; None when unknown
 
 
 @dataclass(frozen=True, slots=True)
 class Judged:
-    """A run's verdict and summary.
-
-    Attributes:
-        verdict: The verdict.
-        summary: As from `worldsim.output.summary.summarise`.
-    """
+    """A run's verdict and summary."""
 
     verdict: Verdict
     summary: Summary
@@ -65,10 +47,6 @@ class Judged:
 
 @dataclass(frozen=True, slots=True)
 class ReportWritten:
-    """The end of writing the report.
+    """The end of writing the report."""
 
-    Attributes:
-        problem: Why there is none; empty when it is written.
-    """
-
-    problem: str = ""
+    problem: str = ""  # why there is none; empty when it is written

@@ -27,11 +27,9 @@ OF_MINDS = MappingProxyType({"OPENBLAS_NUM_THREADS": "1"})
 
 
 class ForkServer:
-    """Makes the agents of a run. Once it has failed, each is started by itself.
+    """Makes the agents of a run.
 
-    Attributes:
-        module: The module of the processes that it makes.
-        answer_s: How long it may take to fork, s; None for ever.
+    Once it has failed, each is started by itself. `answer_s` is how long it may take to fork; None for ever.
     """
 
     module = "agent"
@@ -41,14 +39,8 @@ class ForkServer:
     ) -> None:
         """Start it; it loads while the launcher does other things.
 
-        Args:
-            children: The processes of the run, of which the agents are to be made.
-            log: The file that the server's own output goes to.
-            commands: The command lines that the agents will have, about; the longest counts.
-            kernels: Kernel modules that it loads beside those that all agents need.
-
-        Raises:
-            OSError: It cannot be started.
+        OSError if it cannot be started. `commands` are about those that the agents will have; the longest counts.
+        `kernels` are modules that it loads beside those that all agents need.
         """
         self.answer_s: float | None = ANSWER_S
         self._asking = threading.Lock()  # robots are started again on a thread of its own
@@ -67,25 +59,15 @@ class ForkServer:
         children.forks = self
 
     def await_start(self, stopped: Callable[[], bool]) -> None:
-        """Wait until it can be asked; one that does not load in time is given up.
-
-        Args:
-            stopped: Asked all the time whether to wait no longer.
-        """
+        """Wait until it can be asked; one that does not load in time is given up."""
         if self._child.await_start(READY_S, stopped) is None:
             self._child.process.kill()
 
     def make(self, command: Sequence[str], environment: Mapping[str, str], log: Path) -> Forked | None:
-        """Make a child.
+        """Make a child; None where there is no server that can make it.
 
-        Args:
-            command: Its command line.
-            environment: Variables that its environment has beside the server's.
-            log: The file that its output is appended to.
-
-        Returns:
-            The child; None where there is no server that can make it. One that stands still is given up, and ended: it
-            must not do later what was asked of it.
+        A server that stands still is given up, and ended: it must not do later what was asked of it. `environment`
+        comes on top of the server's own; the child's output is appended to `log`.
         """
         with self._asking, suppress(OSError):
             report = None if self._child.start is None else self._child.start.report()

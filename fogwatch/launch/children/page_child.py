@@ -21,14 +21,7 @@ class PageChild:
     """A run's page. Its key is in no log and in no list of processes."""
 
     def __init__(self, children: Children, arguments: Sequence[str], log: Path, say: Callable[[str], None]) -> None:
-        """Start no page yet.
-
-        Args:
-            children: The processes of the run.
-            arguments: Those of the page's process.
-            log: The file that its output goes to.
-            say: Shows a line to people.
-        """
+        """Start no page yet."""
         self._children = children
         self._arguments = arguments
         self._log = log

@@ -47,17 +47,11 @@ class _Progress:
 
 @dataclass(frozen=True, slots=True)
 class Wanted:
-    """The files that a run is to have.
+    """The files that a run is to have."""
 
-    Attributes:
-        picture: Whether to draw fog.png.
-        recording: Whether to write recording.mcap.
-        report: Whether to write report.html.
-    """
-
-    picture: bool
-    recording: bool
-    report: bool
+    picture: bool  # fog.png
+    recording: bool  # recording.mcap
+    report: bool  # report.html
 
 
 def write_files(
@@ -69,19 +63,9 @@ def write_files(
     display: RunDisplay,
     clerk: ClerkChild | None,
 ) -> bool:
-    """Write the files of a run that has ended, and show how far that is.
+    """Write the files of a run that has ended, and show the progress; False when a signal has ended it.
 
-    Args:
-        folder: The run folder.
-        prepared: The run's scenario with its static fields.
-        journal: The run's journal.
-        summary: The summary.
-        files: The files to write.
-        display: Shows the progress.
-        clerk: Writes the report meanwhile, if it can; None without one.
-
-    Returns:
-        False when a signal has ended it.
+    The clerk writes the report meanwhile, if there is one that can.
     """
     try:
         recording = folder.recording if files.recording else None
@@ -125,19 +109,11 @@ def derive(
     say: Callable[[str], None],
     progress: Callable[[int], None],
 ) -> None:
-    """Write a run's recording and its report in one pass over the journal.
+    """Write a run's recording and its report in one pass over the journal; either may be None.
 
     A file that cannot be written is reported with `say` and does not make the run invalid. An interruption leaves
-    nothing of a file that is not complete.
-
-    Args:
-        journal: The run's journal.
-        prepared: The run's scenario with its static fields.
-        summary: The summary.
-        recording: The recording to write, or None.
-        report: The report to write, or None.
-        say: Takes lines for the user.
-        progress: Called again and again with the number of ticks that were replayed.
+    nothing of a file that is not complete. `progress` is called again and again with the number of ticks that were
+    replayed.
     """
     try:
         warm(("patrol", "monitor"), say)

@@ -11,15 +11,9 @@ from fogwatch.launch.folder.runfolder import RunFolder
 
 
 def found_again(folder: RunFolder, handle: int, say: Callable[[str], None]) -> RunFolder:
-    """Find the run's folder, which may have been moved.
+    """Find the run's folder, which may have been moved; the same object unless it was.
 
-    Args:
-        folder: As it was called when the run began.
-        handle: The folder's descriptor, open since then; this closes it.
-        say: Shows a line to people.
-
-    Returns:
-        The folder, which is the same object unless it was moved.
+    `handle` is the folder's descriptor, open since the run began; this closes it.
     """
     try:
         if folder.path.exists():

@@ -23,17 +23,9 @@ FRESH_S = 30.0
 def read_folder(folder: Path, key: Path | None, say: Callable[[str], None]) -> tuple[Run, bool]:
     """Read a run's folder, after compiling the kernels that this needs.
 
-    Args:
-        folder: The run's folder.
-        key: The file of the fleet's key; None to leave the tags of messages unchecked. The file that the run's
-            scenario names is not opened: the run may be a stranger's.
-        say: Takes a line when compiling takes time.
-
-    Returns:
-        The run, and whether it is still going on.
-
-    Raises:
-        BadInput: The folder does not hold a run.
+    Return the run, and whether it is still going on. Without the file `key`, the tags of messages stay unchecked: the
+    file that the run's scenario names is not opened, since the run may be a stranger's. `say` takes a line when
+    compiling takes time.
     """
     from monitor.replay.run_files import journal_in
 

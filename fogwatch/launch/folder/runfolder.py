@@ -42,26 +42,16 @@ class PolicyNotMade(BadInput):
     """A policy that raised before the run began; the run's folder is kept, since it holds the traceback."""
 
     def __init__(self, why: str, log: Path) -> None:
-        """Say what was raised, and where the traceback is.
-
-        Args:
-            why: In one line.
-            log: Holds the traceback.
-        """
+        """Say in one line what was raised, and where the traceback is."""
         super().__init__(f"{why}; the traceback is in {log}")
 
 
 @dataclass(frozen=True, slots=True)
 class RunFolder:
-    """The paths in a run folder.
-
-    Attributes:
-        path: The folder.
-        made: Whether this run made the folder.
-    """
+    """The paths in a run folder."""
 
     path: Path
-    made: bool = False
+    made: bool = False  # by this run
 
     @property
     def scenario(self) -> Path:
@@ -114,31 +104,17 @@ class RunFolder:
         return self.path / "logs"
 
     def log(self, name: str) -> Path:
-        """Return the file for the output of one process.
-
-        Args:
-            name: The log's name, without its ending.
-        """
+        """Return the file for the output of one process, by the log's name without its ending."""
         return self.logs / f"{name}.log"
 
     def robot_log(self, name: str) -> Path:
-        """Return the log of a robot, whose mind may be in this process or its own.
-
-        Args:
-            name: The robot's name.
-        """
+        """Return the log of a robot, whose mind may be in this process or its own."""
         return self.log(f"robot-{name}")
 
     def keep_failure(self, name: str, reason: str, error: BaseException | None) -> Path:
-        """Append to a robot's log how its policy has failed in this process, as the robot's own process does.
+        """Append to a robot's log how its policy has failed in this process, and return the log.
 
-        Args:
-            name: The robot's name.
-            reason: In one line.
-            error: What the policy raised; None where it raised nothing.
-
-        Returns:
-            The log.
+        The robot's own process does the same. `error` is None where the policy raised nothing.
         """
         log = self.robot_log(name)
         raised = "" if error is None else "".join(traceback.format_exception(error))
@@ -153,20 +129,11 @@ class RunFolder:
         return load_scenario(self.scenario)
 
     def write_summary(self, summary: Summary) -> None:
-        """Write summary.json.
-
-        Args:
-            summary: The summary.
-        """
+        """Write summary.json."""
         write_whole(self.summary, f"{json.dumps(summary.document(), indent=2)}\n")
 
     def naming_the_given_map(self, error: str, scenario: Scenario) -> str:
-        """Name the map that was given in an error, in place of its copy in this folder.
-
-        Args:
-            error: The error.
-            scenario: As it was given.
-        """
+        """Return an error with the given map's name in place of that of its copy in this folder."""
         if scenario.terrain.map is None:
             return error
         original = scenario.base / scenario.terrain.map
@@ -184,18 +151,9 @@ class RunFolder:
 
 
 def make_folder(scenario: Scenario, out: Path | None, now: datetime) -> RunFolder:
-    """Make the folder of a new run, which no other run takes then. Nothing is in it yet.
+    """Make the folder of a new run, which no other run takes then.
 
-    Args:
-        scenario: The scenario.
-        out: The folder, new or empty; None for ``runs/<name>-<time>``.
-        now: The time for that name.
-
-    Returns:
-        The folder.
-
-    Raises:
-        BadInput: The folder is not empty or cannot be made, or the map cannot be used.
+    Nothing is in it yet. `out` must be new or empty; None for ``runs/<name>-<time>``.
     """
     if scenario.terrain.map is not None:
         # Loaded here so that an error names the map itself, not its copy, and leaves no folder behind.
@@ -222,13 +180,7 @@ def make_folder(scenario: Scenario, out: Path | None, now: datetime) -> RunFolde
 def fill(folder: RunFolder, scenario: Scenario, out: Path | None) -> None:
     """Copy the scenario, with all files that it names, into the folder of a new run.
 
-    Args:
-        folder: The folder.
-        scenario: The scenario.
-        out: The folder that was asked for, as errors name it.
-
-    Raises:
-        BadInput: The folder cannot be written to, or a file that the scenario names cannot be used.
+    `out` is the folder that was asked for, as errors name it.
     """
     try:
         keep_scenario(scenario, folder.path)
@@ -249,11 +201,7 @@ def _unusable(path: Path, out: Path | None, error: OSError) -> BadInput:
 
 
 def untaken(first: Path) -> Path:
-    """Return a path that does not exist yet.
-
-    Args:
-        first: The path to try first; later ones have a number appended.
-    """
+    """Return a path that does not exist yet: the first, or else one with a number appended."""
     path = first
     number = 2
     while path.exists():

@@ -17,10 +17,9 @@ WIDTH = 30
 
 
 def kernel_bar(console: Console) -> Callable[[Compiled], None] | None:
-    """Return a function that draws the bar over the last one, and removes it in the end; None without a terminal.
+    """Return a function that draws the bar over the last one; None without a terminal.
 
-    Args:
-        console: Where to draw it.
+    The function removes the bar in the end.
     """
     if not console.is_terminal:
         return None

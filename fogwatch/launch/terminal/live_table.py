@@ -39,35 +39,21 @@ class RunDisplay(Protocol):
     """Shows the progress of a run."""
 
     def say(self, line: str) -> None:
-        """Show a line of text.
-
-        Args:
-            line: The line.
-        """
+        """Show a line of text."""
         ...
 
     def metrics(self, metrics: Metrics) -> None:
-        """Show the measures of the run so far.
-
-        Args:
-            metrics: The measures.
-        """
+        """Show the measures of the run so far."""
         ...
 
     def notice(self, notice: Notice) -> None:
-        """Show an event.
-
-        Args:
-            notice: The event.
-        """
+        """Show an event."""
         ...
 
     def progress(self, step: str, share: float | None = None) -> None:
-        """Show how far a step of the run's end is. Several may go on at once.
+        """Show how far a step of the run's end is, such as ``writing report.html``.
 
-        Args:
-            step: What is done, such as "writing report.html".
-            share: How much of it is done, 0 to 1; None when unknown.
+        Several may go on at once. `share` is how much of it is done, 0 to 1; None when unknown.
         """
         ...
 
@@ -99,11 +85,7 @@ class CallbackDisplay(SilentDisplay):
     """Passes metrics on to a function and shows nothing else."""
 
     def __init__(self, metrics: Callable[[Metrics], None]) -> None:
-        """Begin.
-
-        Args:
-            metrics: Called with the measures so far.
-        """
+        """Pass metrics on to a function."""
         self._tell = metrics
 
     def metrics(self, metrics: Metrics) -> None:
@@ -192,11 +174,7 @@ class _StepBars:
     """A bar and the time spent for each of some steps, as of the moment at which they are drawn."""
 
     def __init__(self, steps: Mapping[str, tuple[float, float | None]]) -> None:
-        """Show steps.
-
-        Args:
-            steps: For each, when it began, and how much of it is done.
-        """
+        """Show steps: for each, when it began (`time.monotonic`), and its share done, None when unknown."""
         self._steps = dict(steps)
 
     def __rich__(self) -> Table:
@@ -212,18 +190,10 @@ class GuardedDisplay:
     """A display whose failures do not reach the run.
 
     Any error of the other display is counted, and reported once through it; the run goes on.
-
-    Attributes:
-        shown: The other display.
-        failures: How often it has failed.
     """
 
     def __init__(self, shown: RunDisplay) -> None:
-        """Guard a display.
-
-        Args:
-            shown: The display.
-        """
+        """Guard a display."""
         self.shown = shown
         self.failures = 0
 
@@ -267,11 +237,7 @@ class _QuietOnBrokenPipe(Console):
 
 
 def make_display(quiet: bool) -> RunDisplay:
-    """Make the display that suits the standard error: a live table on a terminal, else plain lines.
-
-    Args:
-        quiet: Whether to show nothing at all.
-    """
+    """Make the display that suits the standard error: a live table on a terminal, else plain lines."""
     console = _QuietOnBrokenPipe(stderr=True)
     if quiet:
         return SilentDisplay()
@@ -279,11 +245,7 @@ def make_display(quiet: bool) -> RunDisplay:
 
 
 def headline(metrics: Metrics) -> str:
-    """Write the measures of a run so far in one line.
-
-    Args:
-        metrics: The measures.
-    """
+    """Write the measures of a run so far in one line."""
     rate = metrics.ticks_per_s
     step = metrics.time_s / metrics.k
     parts = [
@@ -300,11 +262,7 @@ def headline(metrics: Metrics) -> str:
 
 
 def duration_text(seconds: float) -> str:
-    """Format a duration, for example "42 s", "7 min 05 s" or "2 h 05 min".
-
-    Args:
-        seconds: The duration in s.
-    """
+    """Format a duration, for example "42 s", "7 min 05 s" or "2 h 05 min"."""
     total_s = round(seconds)
     if total_s < 60:
         return f"{total_s} s"

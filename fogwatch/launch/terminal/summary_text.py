@@ -27,13 +27,7 @@ ABSENT = Status.ABSENT.name.lower()
 
 
 def print_summary(console: Console, summary: Summary, folder: Path) -> None:
-    """Print the summary of a run: the measures, the robots, the verdict, and the files of the run folder.
-
-    Args:
-        console: Where to print.
-        summary: The summary.
-        folder: The run folder.
-    """
+    """Print the summary of a run: the measures, the robots, the verdict, and the files of the run folder."""
     for line in measures(summary):
         console.print(line, markup=False, highlight=False, soft_wrap=True)
     present = {name: robot for name, robot in summary.robots.items() if robot.status != ABSENT}
@@ -49,12 +43,7 @@ def print_summary(console: Console, summary: Summary, folder: Path) -> None:
 
 
 def print_verdict(console: Console, verdict: VerdictFacts) -> None:
-    """Print a verdict, its warnings, and the checks that failed or could not be judged.
-
-    Args:
-        console: Where to print.
-        verdict: The verdict.
-    """
+    """Print a verdict, its warnings, and the checks that failed or could not be judged."""
     text = Text("verdict     ").append(verdict.outcome, _VERDICTS[verdict.outcome])
     warnings = verdict.warnings
     if warnings:
@@ -74,11 +63,7 @@ def print_verdict(console: Console, verdict: VerdictFacts) -> None:
 
 
 def measures(summary: Summary) -> list[str]:
-    """List the measures of a run, one per line.
-
-    Args:
-        summary: The summary.
-    """
+    """List the measures of a run, one per line."""
     lines = [f"{summary.name}: {summary.simulated_s:g} s in {summary.ticks} ticks"]
     if summary.ended != "completed":
         lines[0] += f", {summary.ended or 'cut off'}"

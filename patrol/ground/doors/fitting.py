@@ -23,15 +23,9 @@ LEAST_RADIUS = 0.01
 
 
 def fits_nowhere(terrain: Terrain, radius: float, default: bool = False) -> str:
-    """Return the error for a body that fits nowhere.
+    """Return the error for a body that fits nowhere: one line with the cause and the remedy.
 
-    Args:
-        terrain: The ground.
-        radius: Of the body, m.
-        default: Whether it is the radius of a robot for which none is given.
-
-    Returns:
-        One line that names the cause and the remedy.
+    `default` says that the radius is the default, as the scenario gives none.
     """
     most = largest_radius(terrain)
     if why := _map_to_blame(terrain, f"a body with a radius of {radius:g} m"):
@@ -51,15 +45,8 @@ def fits_no_door(
 ) -> str:
     """Return the error for a body that fits through no door around the place where it would start.
 
-    Args:
-        terrain: The ground.
-        radius: Of the body, m.
-        widest: Of these doors.
-        default: Whether it is the radius of a robot for which none is given.
-        is_let_out: Tells whether it fits through a door on the same ground with smaller points.
-
-    Returns:
-        One line that names the door and the remedy.
+    One line with the widest of these doors and the remedy. `is_let_out` tells whether the body fits through a door on
+    the same ground with smaller points; `default` is as for `fits_nowhere`.
     """
     if why := _map_to_blame(terrain, f"a body with a radius of {radius:g} m to move"):
         return why
@@ -77,16 +64,9 @@ def fits_no_door(
 
 
 def no_room_for_all(terrain: Terrain, radius: float, robots: int, why: str) -> str:
-    """Return the error for a fleet that finds no room at the start.
+    """Return the error for a fleet that finds no room at the start: one line with the cause and the remedy.
 
-    Args:
-        terrain: The ground.
-        radius: Of the robot for which there is no place left, m.
-        robots: Number of robots in the fleet.
-        why: What shows that they do not fit.
-
-    Returns:
-        One line that names the cause and the remedy.
+    The radius is that of the robot for which there is no place left.
     """
     fleet = f"{robots} {'robot' if robots == 1 else 'robots'}"
     if to_blame := _map_to_blame(terrain, f"{fleet} with a radius of {radius:g} m"):
@@ -114,14 +94,7 @@ def _map_to_blame(terrain: Terrain, what: str) -> str:
 
 
 def largest_radius(terrain: Terrain) -> float:
-    """Return the largest radius of a body that fits somewhere on a terrain, rounded down to hundredths of a metre.
-
-    Args:
-        terrain: The ground.
-
-    Returns:
-        The radius, m; 0 where no body fits.
-    """
+    """Return the largest radius of a body that fits somewhere, in m, rounded down to hundredths; 0 for none."""
     level = int(clearance_levels(terrain.free, max(terrain.shape)).max())
     return _hundredths(0.5 * terrain.point * (math.sqrt(level) - 1.0))
 
@@ -131,14 +104,10 @@ def _hundredths(length: float) -> float:
 
 
 def _finer_points(spare: float, radius: float, point: float) -> list[str]:
-    """Return the advice to use smaller points; none where points are no coarser than suits the body.
+    """Return the advice to use smaller points; empty where points are no coarser than suits the body.
 
     A body needs half a point more than its radius, and a finer grid may be shifted against the place by a point.
-
-    Args:
-        spare: What the place is wider than the radius, m.
-        radius: Of the body, m.
-        point: Side of a point, m.
+    `spare` is half the width of the place less the radius, m.
     """
     finer = _nice(spare / 1.5) if spare > 0.0 else 0.0
     if finer < LEAST_SHARE * radius:  # whether the place is wide enough is unknown, unless points are coarse
@@ -151,11 +120,6 @@ def finer_points_where(terrain: Terrain, radius: float, holds: Callable[[Terrain
 
     A corridor whose walls lie between points is up to two points wider than on the grid: one of 0.7 m from 0.25 to 0.95
     m has five whole points of 0.1 m, and fourteen of 0.05 m.
-
-    Args:
-        terrain: The ground.
-        radius: Of the body, m.
-        holds: Tells whether it holds on the map's ground with smaller points.
     """
     if terrain.source is None or terrain.keep_out.any():
         return []

@@ -14,18 +14,11 @@ SMALLEST_M2 = 1.0
 
 
 def narrow_passages(terrain: Terrain, reach: BoolGrid, width: float) -> list[BoolGrid]:
-    """Return the critical areas of a terrain: connected reachable parts narrower than a width that join wider ground.
+    """Return the critical areas of a terrain: connected parts narrower than `width` (m) that join wider ground.
 
     Narrow is what no disc of that diameter, lying on free ground, covers. A narrow part counts when it meets wider
-    ground in two places or more, so that corners and dead ends do not.
-
-    Args:
-        terrain: The ground.
-        reach: bool (h, w), where the body gets to.
-        width: m.
-
-    Returns:
-        bool (h, w) masks, the one with the lowest point first.
+    ground in two places or more, so that corners and dead ends do not. The masks are bool (h, w), the one with the
+    lowest point first.
     """
     half = width / (2.0 * terrain.point)
     cap = math.ceil(half) + 2

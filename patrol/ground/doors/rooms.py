@@ -32,48 +32,28 @@ LISTED_AREA = 2.0
 
 @dataclass(frozen=True, slots=True)
 class Door:
-    """A narrowest place between two parts of the free space. Lengths are in m, areas in m2.
+    """A narrowest place between two parts of the free space. Lengths are in m, areas in m2."""
 
-    Attributes:
-        x: Of its middle.
-        y: Of its middle.
-        width: Between the walls, in whole free points.
-        radius: Of the widest body that passes.
-        behind: Area of the part that it leads to: the one not reached, or the smaller one.
-        passes: Whether the body fits through.
-    """
-
-    x: float
-    y: float
-    width: float
-    radius: float
-    behind: float
-    passes: bool
+    x: float  # of its middle
+    y: float  # of its middle
+    width: float  # between the walls, in whole free points
+    radius: float  # of the widest body that passes
+    behind: float  # area of the part that it leads to: the one not reached, or the smaller one
+    passes: bool  # whether the body fits through
 
 
 class Rooms:
     """The rooms and doors of a terrain for one body, as binary trees (see kernels/doors.py).
 
-    Attributes:
-        nodes: int32 (n, 4), rooms (leaves) and doors (inner nodes), each after those that it joins.
-        labels: int32 (h, w), 1 + the node of the room that a point belongs to, or 0.
-        levels: int32 (h, w), squared clearance in half points.
-        areas: By node, m2.
-        leaves: By node, the rooms in it.
-        reached: By node, whether the body gets there.
-        is_root: By node.
-        crumbs: bool (h, w), free points in no room.
-        crumb_count: The number of connected parts in `crumbs`.
+    `nodes`, int32 (n, 4), are rooms (leaves) and doors (inner nodes), each after those that it joins. By node, `areas`
+    are in m2, `leaves` are the rooms in it, and `reached` tells whether the body gets there.
+
+    Of the grids, `labels`, int32 (h, w), is 1 + the node of the room that a point belongs to, or 0; `levels`, int32 (h,
+    w), the squared clearance in half points; and `crumbs` the free points in no room, in `crumb_count` connected parts.
     """
 
     def __init__(self, terrain: Terrain, radius: float, reach: BoolGrid) -> None:
-        """Split the terrain.
-
-        Args:
-            terrain: The ground.
-            radius: Of the body, m.
-            reach: bool (h, w), where the body gets to.
-        """
+        """Split the terrain."""
         self.terrain = terrain
         self.body = needed_level(radius, terrain.point)
         self.levels, self.nodes, self.labels = _split(terrain, radius)
@@ -98,26 +78,14 @@ class Rooms:
         self.crumb_count = parts_of(self.crumbs)[1]
 
     def points_of(self, leaves: Sequence[int]) -> BoolGrid:
-        """Return the points of some rooms.
-
-        Args:
-            leaves: The rooms' nodes.
-
-        Returns:
-            bool (h, w).
-        """
+        """Return the points of some rooms."""
         chosen = np.zeros(len(self.nodes) + 1, dtype=np.bool_)
         chosen[[leaf + 1 for leaf in leaves]] = True
         points: BoolGrid = chosen[self.labels]
         return points
 
     def door(self, number: int, behind: float) -> Door:
-        """Return the door that an inner node stands for.
-
-        Args:
-            number: Of the node.
-            behind: Area of the part that it leads to, m2.
-        """
+        """Return the door that an inner node stands for; `behind` is the area (m2) that it leads to."""
         at = int(self.nodes[number, SADDLE])
         x, y = self.terrain.centre(*divmod(at, self.terrain.width))
         level = int(self.levels.flat[at])

@@ -30,17 +30,9 @@ class Layout:
 
 
 def builtin_terrain(name: str, point: float) -> Terrain:
-    """Return a built-in terrain as a grid; a point that shares some area with an obstacle is impassable.
+    """Return a built-in terrain, a key of `LAYOUTS`, as a grid whose lower left corner is at (0, 0).
 
-    Args:
-        name: a key of `LAYOUTS`.
-        point: Side of one point, m.
-
-    Returns:
-        The terrain, with its lower left corner at (0, 0).
-
-    Raises:
-        BadInput: For an unknown name, and for points so large or small that no terrain is left.
+    A point that shares some area with an obstacle is impassable.
     """
     if name not in LAYOUTS:
         raise BadInput(f"terrain.builtin = {name}: no such terrain; known are {', '.join(LAYOUTS)}")

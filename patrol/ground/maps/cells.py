@@ -59,36 +59,21 @@ Levels = NDArray[np.bool_]
 
 @dataclass(frozen=True, eq=False)
 class MapImage:
-    """The pixels of a map's image, the lowest row (that of the lowest y) first.
-
-    Attributes:
-        greys: uint8 (rows, columns).
-        opaque: bool (rows, columns); None where all pixels are.
-        is_jpeg: Whether the image is a JPEG, whose greys are inexact.
-    """
+    """The pixels of a map's image, the lowest row (that of the lowest y) first."""
 
     greys: NDArray[np.uint8]
-    opaque: BoolGrid | None
-    is_jpeg: bool
+    opaque: BoolGrid | None  # None where all pixels are
+    is_jpeg: bool  # whether the image is a JPEG, whose greys are inexact
 
     def cells(self, levels: Levels) -> BoolGrid:
-        """Return the opaque cells whose grey is among some, bool (rows, columns).
-
-        Args:
-            levels: bool (256,).
-        """
+        """Return the opaque cells whose grey is among some, bool (rows, columns)."""
         cells = levels[self.greys]
         if self.opaque is not None:
             cells &= self.opaque
         return cells
 
     def rows(self, first: int, after: int) -> MapImage:
-        """Return some rows.
-
-        Args:
-            first: The lowest of them.
-            after: The one above the highest of them.
-        """
+        """Return the rows from `first` up to, but without, `after`, counted from the lowest."""
         opaque = None if self.opaque is None else self.opaque[first:after]
         return MapImage(self.greys[first:after], opaque, self.is_jpeg)
 
@@ -104,30 +89,18 @@ class MapImage:
 
 
 def free_levels(says: MapFile) -> Levels:
-    """Return the greys that are free, bool (256,).
-
-    Args:
-        says: The map's YAML file.
-    """
+    """Return the greys that are free, bool (256,)."""
     return occupancy_of(says) <= np.float32(says.free_thresh)
 
 
 def occupied_levels(says: MapFile) -> Levels:
-    """Return the greys that are occupied, bool (256,).
-
-    Args:
-        says: The map's YAML file.
-    """
+    """Return the greys that are occupied, bool (256,)."""
     occupancy = occupancy_of(says)
     return (occupancy >= np.float32(says.occupied_thresh)) & (occupancy <= 1.0) & ~free_levels(says)
 
 
 def occupancy_of(says: MapFile) -> NDArray[np.float32]:
-    """Return the occupancy of each grey, float32 (256,): 0 to 1, and above 1 for unknown in mode raw.
-
-    Args:
-        says: The map's YAML file.
-    """
+    """Return the occupancy of each grey, float32 (256,): 0 to 1, and above 1 for unknown in mode raw."""
     greys = np.arange(LEVELS, dtype=np.float32)
     if says.mode == "raw":
         return np.where(greys <= 100.0, greys / np.float32(100.0), np.float32(np.inf))
@@ -136,17 +109,7 @@ def occupancy_of(says: MapFile) -> NDArray[np.float32]:
 
 
 def free_cells(says: MapFile) -> BoolGrid:
-    """Return the cells of a map that are free, that is neither occupied nor unknown.
-
-    Args:
-        says: The map's YAML file.
-
-    Returns:
-        bool (rows, columns), the lowest y first.
-
-    Raises:
-        BadInput: When the image cannot be read.
-    """
+    """Return the cells of a map that are free, that is neither occupied nor unknown; the lowest y first."""
     return read_image(says).cells(free_levels(says))
 
 
@@ -154,16 +117,8 @@ def marked_cells(says: MapFile) -> BoolGrid:
     """Return the cells of a mask that are marked: those whose value is above 0 as nav2 reads it.
 
     In mode trinary that is what is occupied. In mode scale the value rises from 0 at free_thresh to 100 at
-    occupied_thresh, and in mode raw it is the pixel itself; a cell is marked from 1 on. Unknown is not marked.
-
-    Args:
-        says: The mask's YAML file.
-
-    Returns:
-        bool (rows, columns), the lowest y first.
-
-    Raises:
-        BadInput: When the image cannot be read.
+    occupied_thresh, and in mode raw it is the pixel itself; a cell is marked from 1 on. Unknown is not marked. The
+    lowest y comes first.
     """
     marked = occupied_levels(says)
     occupancy = occupancy_of(says)
@@ -186,13 +141,6 @@ def single_unknown_cells(image: MapImage, says: MapFile) -> BoolGrid:
         . . .   # # #   . . .
         . ? .   . ? .   # ? #
         . . .   . . .   . . .
-
-    Args:
-        image: The map's image.
-        says: The map's YAML file.
-
-    Returns:
-        bool (rows, columns), the lowest y first.
     """
     free, occupied = image.cells(free_levels(says)), image.cells(occupied_levels(says))
     unknown = np.pad(~free & ~occupied, 1)
@@ -215,17 +163,10 @@ _RING = ((0, 1), (1, 1), (1, 0), (1, -1), (0, -1), (-1, -1), (-1, 0), (-1, 1))
 def touched_points(
     cells: BoolGrid, resolution: float, point: float, shape: tuple[int, int], start: tuple[float, float] = (0.0, 0.0)
 ) -> BoolGrid:
-    """Return the points that share some area with a marked cell.
+    """Return the points of a grid of some shape that share some area with a marked cell.
 
-    Args:
-        cells: bool (rows, columns), the marked cells.
-        resolution: Side of one cell, m.
-        point: Side of one point, m; it may be smaller or larger than a cell.
-        shape: (height, width) in points.
-        start: x and y of the corner of point (0, 0) from the corner of cell (0, 0), m.
-
-    Returns:
-        bool (height, width).
+    `resolution` is the side of a cell and `point` that of a point, m; either may be the larger one. `start` is x and y
+    in m of the corner of point (0, 0) from the corner of cell (0, 0).
     """
     # count[r, c] counts the marked cells below row r and left of column c.
     count = np.zeros((cells.shape[0] + 1, cells.shape[1] + 1), dtype=np.int32)
@@ -247,27 +188,13 @@ def _overlaps(count: int, cells: int, point: float, start: float) -> tuple[NDArr
 
 
 def image_size(says: MapFile) -> tuple[int, int]:
-    """Return the (rows, columns) of a map's image, from its first bytes.
-
-    Args:
-        says: The map's YAML file.
-
-    Raises:
-        BadInput: When the image cannot be read, or has more than MAX_CELLS pixels.
-    """
+    """Return the (rows, columns) of a map's image, from its first bytes."""
     with _image(says) as image:
         return image.height, image.width
 
 
 def read_image(says: MapFile) -> MapImage:
-    """Return the pixels of a map's image.
-
-    Args:
-        says: The map's YAML file.
-
-    Raises:
-        BadInput: When the image cannot be read, or has more than MAX_CELLS pixels.
-    """
+    """Return the pixels of a map's image."""
     with _image(says) as image:
         image.load()
         return _pixels_of(image, _where(says))
@@ -321,9 +248,8 @@ class _Laborious(Exception):
 class _Metered:
     """A file that a decoder reads, but not in more steps than an honest image takes.
 
-    Attributes:
-        is_plain: Whether its pixels follow as text. Comments between them take seconds for each MB, and no program
-            writes them.
+    `is_plain` says that its pixels follow as text. Comments between them are then refused: they take seconds for each
+    MB, and no program writes them.
     """
 
     def __init__(self, file: BinaryIO) -> None:

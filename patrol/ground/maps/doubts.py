@@ -57,11 +57,7 @@ UNKNOWN_GREYS = (205, 206)
 def doubts(terrain: Terrain) -> list[str]:
     """Describe what is doubtful about the reading of a terrain's map, each with the remedy, in one line.
 
-    Args:
-        terrain: As read; of one that is read from no map there is no doubt.
-
-    Raises:
-        BadInput: When the map cannot be read again.
+    The map is read again. A terrain that was read from no map has no doubts.
     """
     if terrain.source is None:
         return []
@@ -74,43 +70,20 @@ def doubts(terrain: Terrain) -> list[str]:
 
 
 def wrong_settings(says: MapFile, image: MapImage) -> str:
-    """Describe the cells under a map's settings, where another setting would free several times more.
+    """Return the end of an error about a map's settings where another setting would free several times more.
 
-    Args:
-        says: The map's YAML file.
-        image: Its image.
-
-    Returns:
-        The end of an error; empty where nothing seems wrong.
+    It describes the cells, and is empty where nothing seems wrong.
     """
     return next(_settings(says, image), "")
 
 
 def settings_text(says: MapFile, image: MapImage) -> str:
-    """Describe what a map's settings make of its cells, and the setting to correct.
-
-    Args:
-        says: The map's YAML file.
-        image: Its image.
-
-    Returns:
-        The end of an error.
-    """
+    """Return the end of an error: what a map's settings make of its cells, and the setting to correct."""
     return wrong_settings(says, image) or f"{_shares(says, image)}; correct negate, mode or the thresholds"
 
 
 def perhaps_unknown(terrain: Terrain) -> BoolGrid:
-    """Return the passable points with cells of a dark grey that is read as free; see `DARK`.
-
-    Args:
-        terrain: As read; one that is read from no map has none.
-
-    Returns:
-        bool (height, width).
-
-    Raises:
-        BadInput: When the map cannot be read again.
-    """
+    """Return the passable points with cells of a dark grey that is read as free; see `DARK`."""
     if terrain.source is None:
         return np.zeros(terrain.shape, dtype=np.bool_)
     says = read_map_file(terrain.source)

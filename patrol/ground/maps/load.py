@@ -30,6 +30,8 @@ from patrol.ground.terrain import MAX_POINTS, BoolGrid, Terrain, whole_points
 from patrol.ground.zones import Zone, with_zones
 from patrol.printable import printable
 
+__all__ = ["load_terrain", "read_terrain"]
+
 CELLS_AT_ONCE = 16_000_000
 """Cells of a map that are made points at a time, which bounds the memory that this takes."""
 
@@ -58,16 +60,7 @@ def load_terrain(
 ) -> Terrain:
     """Return the terrain that a scenario asks for.
 
-    Args:
-        spec: The scenario's `terrain` section.
-        point: Side of one point, m.
-        base: The folder that the map's path is relative to.
-        within: The folder that the map's files must lie in; None for anywhere.
-        zones: The scenario's zones.
-
-    Raises:
-        BadInput: When there is no such map, or it cannot be used.
-        NotPrepared: When a zone lies outside of it, or no free space is left.
+    The map's path is relative to `base`, and its files must lie in `within`; None allows any place.
     """
     if spec.builtin is not None:
         terrain = builtin_terrain(spec.builtin, point)
@@ -87,15 +80,8 @@ def load_terrain(
 def read_terrain(path: Path, point: float, within: Path | None = None) -> Terrain:
     """Return the terrain of a map.
 
-    The grid begins at the map's origin; what is left of the map beyond the last whole point is dropped.
-
-    Args:
-        path: The map's YAML file.
-        point: Side of one point, m.
-        within: The folder that both files must lie in; None for anywhere.
-
-    Raises:
-        BadInput: For anything wrong with the two files, and when no free space is left.
+    The grid begins at the map's origin; what is left of the map beyond the last whole point is dropped. Both of the
+    map's files must lie in `within`; None allows any place.
     """
     says = read_map_file(path, within)
     rows, columns = image_size(says)

@@ -15,6 +15,8 @@ from patrol.errors import BadInput, did_you_mean, quoted
 from patrol.files.untrusted import MAP, leads_out
 from patrol.files.yaml_text import parse_yaml, read_text
 
+__all__ = ["MapFile", "read_map_file"]
+
 IMAGE_ENDINGS = (".pgm", ".png", ".bmp", ".jpg", ".jpeg")
 IS_IMAGE = "is an image; give the map's YAML file, which names the image and its resolution"
 
@@ -27,42 +29,23 @@ TURN_TOLERANCE = 1e-4
 
 @dataclass(frozen=True, slots=True)
 class MapFile:
-    """The content of a map's YAML file.
-
-    Attributes:
-        path: The YAML file.
-        image: The image that it names, or the file of that name beside it where there is no such image: maps are copied
-            from other computers with absolute paths in them.
-        named_image: The image's name in the YAML file.
-        resolution: m per cell.
-        origin: (x, y) in m of the lower left corner.
-        negate: Whether dark pixels are free.
-        occupied_thresh: Occupancy from which on a cell is occupied, 0 to 1.
-        free_thresh: Occupancy up to which a cell is free, 0 to 1.
-        mode: The meaning of pixels; see `patrol.ground.maps.cells`.
-    """
+    """The content of a map's YAML file."""
 
     path: Path
+    # the image that it names, or the file of that name beside it where there is no such image: maps are copied from
+    # other computers with absolute paths in them
     image: Path
     named_image: str
-    resolution: float
-    origin: tuple[float, float]
-    negate: bool
-    occupied_thresh: float
-    free_thresh: float
-    mode: Mode
+    resolution: float  # m per cell
+    origin: tuple[float, float]  # x and y of the lower left corner, m
+    negate: bool  # whether dark pixels are free
+    occupied_thresh: float  # occupancy from which on a cell is occupied, 0 to 1
+    free_thresh: float  # occupancy up to which a cell is free, 0 to 1
+    mode: Mode  # the meaning of pixels; see `patrol.ground.maps.cells`
 
 
 def read_map_file(path: Path, within: Path | None = None) -> MapFile:
-    """Read a map's YAML file.
-
-    Args:
-        path: The YAML file.
-        within: The folder that it and its image must lie in; None for anywhere.
-
-    Raises:
-        BadInput: One line that names the key, its value and what is wrong with it.
-    """
+    """Read a map's YAML file; it and its image must lie in `within`, where None allows any place."""
     if within is not None and leads_out(within, path):
         raise BadInput(f"{path}: this map lies outside of {within} and is not read; copy its files into that folder")
     if path.suffix.lower() in IMAGE_ENDINGS:

@@ -47,13 +47,7 @@ Flags = NDArray[np.bool_]
 
 @dataclass(frozen=True, slots=True)
 class Percent:
-    """A share or a difference of shares with its 95 % interval, all in percent.
-
-    Attributes:
-        percent: The value.
-        low: Lower end of the interval.
-        high: Upper end of the interval.
-    """
+    """A share or a difference of shares with its 95 % interval, all in percent."""
 
     percent: float
     low: float
@@ -62,48 +56,28 @@ class Percent:
 
 @dataclass(frozen=True, slots=True)
 class Gains:
-    """The gains of watching, in percentage points over the blind intruder.
+    """The gains of watching, in percentage points over the blind intruder."""
 
-    Attributes:
-        watching: Of the better of the predictors that watch.
-        similar: Of the predictor `similar`.
-        each: Of the predictor `each`.
-        code: Of the predictor `code`, which does not only watch; None where it did not play.
-    """
-
-    watching: Percent
+    watching: Percent  # of the better of the predictors that watch
     similar: Percent
     each: Percent
-    code: Percent | None = None
+    code: Percent | None = None  # of the predictor that does not only watch; None where it did not play
 
 
 @dataclass(frozen=True, slots=True)
 class Infiltration:
-    """The outcome of the game.
-
-    Attributes:
-        attempts: How many attempts there were.
-        points: How many points the intruder moves on.
-        point_m: Their distance, m.
-        speed: Speed of a straight move, m/s.
-        depth_m: Least length of the way from an entry to a target, m.
-        targets: How many points were targets.
-        once: Success of each predictor where the intruder plans once, in percent.
-        gain: Of watching, where the intruder plans once.
-        again: Success of those that watch, where the intruder plans again every second; empty where that was not asked.
-        again_gain: Of watching, likewise; None where that was not asked.
-    """
+    """The outcome of the game."""
 
     attempts: int
-    points: int
-    point_m: float
-    speed: float
-    depth_m: float
-    targets: int
-    once: dict[str, Percent]
-    gain: Gains
-    again: dict[str, Percent]
-    again_gain: Gains | None
+    points: int  # how many points the intruder moves on
+    point_m: float  # their distance
+    speed: float  # of a straight move, m/s
+    depth_m: float  # least length of the way from an entry to a target
+    targets: int  # how many points were targets
+    once: dict[str, Percent]  # success by predictor where the intruder plans once
+    gain: Gains  # of watching, where the intruder plans once
+    again: dict[str, Percent]  # success of those that watch, where it plans again every second; empty where not asked
+    again_gain: Gains | None  # of watching, likewise; None where not asked
 
 
 @dataclass(frozen=True, eq=False)

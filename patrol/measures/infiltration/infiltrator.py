@@ -39,28 +39,18 @@ LIMITS = {
 
 @dataclass(frozen=True, slots=True)
 class Infiltrator:
-    """The moving intruder.
+    """The moving intruder."""
 
-    Attributes:
-        speed: Its speed, m/s.
-        stay_s: How long it must stay at its target, s.
-        within_s: From the moment at which it plans first, the time until its stay must be over, s.
-        depth_m: Least length of the way from an entry to a target, m; at most half the greatest there is.
-        attempts: How many there are.
-        seed: Of their moments and targets.
-        entries: Where it may enter: at the edge of the ground (the terrain's, or where walls surround it the outermost
-            points of rows and columns), at doors between rooms, or in a polygon, m.
-        zone: Name of the zone in which its targets are, however deep; None for all ground.
-    """
-
-    speed: float = 2.0
-    stay_s: float = 10.0
-    within_s: float = 120.0
-    depth_m: float = 20.0
+    speed: float = 2.0  # m/s
+    stay_s: float = 10.0  # how long it must stay at its target
+    within_s: float = 120.0  # from the moment at which it plans first, the time until its stay must be over
+    depth_m: float = 20.0  # least length of the way from an entry to a target; at most half the greatest there is
     attempts: int = 150
-    seed: int = 1
+    seed: int = 1  # of the attempts' moments and targets
+    # where it may enter: at the edge of the ground (the terrain's, or where walls surround it the outermost points of
+    # rows and columns), at doors between rooms, or in a polygon, m
     entries: Literal["edge", "doors"] | Polygon = "edge"
-    zone: str | None = None
+    zone: str | None = None  # name of the zone in which its targets are, however deep; None for all ground
 
     def __post_init__(self) -> None:
         """Raise BadInput for a setting out of its limits, or a stay that does not fit into the time."""

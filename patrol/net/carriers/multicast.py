@@ -27,11 +27,7 @@ class GroupDown(Exception):
 
 @dataclass(frozen=True, slots=True)
 class Datagram:
-    """A payload that has been copied already (`patrol.net.mailbox.Payload`).
-
-    Attributes:
-        data: The bytes.
-    """
+    """A payload that has been copied already (`patrol.net.mailbox.Payload`)."""
 
     data: bytes
 
@@ -44,13 +40,7 @@ class Datagram:
 
 
 class Group:
-    """A member of a multicast group (`patrol.net.mailbox.Air`). It does not hear what it sends itself.
-
-    Args:
-        out: Sends to the group.
-        into: Receives from it.
-        address: The group's, and the port.
-    """
+    """A member of a multicast group (`patrol.net.mailbox.Air`). It does not hear what it sends itself."""
 
     def __init__(self, out: socket.socket, into: socket.socket, address: tuple[str, int]) -> None:
         self._out = out
@@ -63,11 +53,7 @@ class Group:
         self._thread.start()
 
     def broadcast(self, key: str) -> Post:
-        """Make a publisher under a key; a frame that the network does not take at once is lost.
-
-        Args:
-            key: To send under.
-        """
+        """Make a publisher under a key; a frame that the network does not take at once is lost."""
         self._own.add(key)
         head = key.encode() + b"\0"
 
@@ -78,12 +64,7 @@ class Group:
         return post
 
     def subscribe(self, key: str, mailbox: Mailbox[Any]) -> None:
-        """Put messages into a mailbox.
-
-        Args:
-            key: One key, or the beginning of several with ``*`` for the rest.
-            mailbox: Where they wait.
-        """
+        """Put messages into a mailbox, under one key or, where it ends in ``*``, under all that begin like it."""
         self._subscriptions.append((key, mailbox))
 
     def close(self) -> bool:
@@ -111,14 +92,7 @@ class Group:
 
 
 def open_group(locator: str) -> Group:
-    """Join a group.
-
-    Args:
-        locator: ``udp/GROUP:PORT``, perhaps with ``#iface=NAME``.
-
-    Raises:
-        GroupDown: In one line, when it cannot be joined.
-    """
+    """Join a group, ``udp/GROUP:PORT``, perhaps with ``#iface=NAME``; raise GroupDown when that fails."""
     address, _, iface = locator.removeprefix("udp/").partition("#iface=")
     group, _, port = address.partition(":")
     out, into = (socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(2))

@@ -26,19 +26,14 @@ _LONGEST_RUN = 254
 
 
 def packet(frame: bytes) -> bytes:
-    """Pack a frame as bytes for the line.
-
-    Args:
-        frame: At most `MAX_FRAME` bytes.
-    """
+    """Pack a frame of at most `MAX_FRAME` bytes for the line."""
     return _stuffed(frame + _checksum(frame)) + END
 
 
 class Unpacker:
     """Finds the frames in a stream of bytes; whatever comes, it keeps no more than `MAX_PACKET` of them.
 
-    Attributes:
-        spoilt: Packets that were no frame.
+    `spoilt` counts packets that were no frame.
     """
 
     def __init__(self) -> None:
@@ -47,14 +42,7 @@ class Unpacker:
         self._skips = False
 
     def feed(self, data: bytes) -> Iterator[bytes]:
-        """Take the next bytes.
-
-        Args:
-            data: Any number of bytes.
-
-        Yields:
-            The frames that end in them.
-        """
+        """Take the next bytes, any number, and yield the frames that end in them."""
         *ended, unfinished = data.split(END)
         for piece in ended:
             self._add(piece)

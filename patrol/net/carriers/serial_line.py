@@ -39,8 +39,7 @@ class SerialDown(Exception):
 def is_serial(locator: str) -> bool:
     """Return True if a locator is that of a serial line, at a speed that this system has.
 
-    Args:
-        locator: ``serial/DEVICE``, perhaps with ``#baud=SPEED``.
+    It is ``serial/DEVICE``, perhaps with ``#baud=SPEED``.
     """
     match = _LOCATOR.fullmatch(locator)
     return match is not None and _speed(match[2]) is not None
@@ -49,22 +48,14 @@ def is_serial(locator: str) -> bool:
 class SerialLine:
     """One end of a serial line (`patrol.net.mailbox.Air`). It does not hear what it sends itself.
 
-    A line that goes down, such as that of an adapter that is unplugged, is opened again when it is back.
-
-    Attributes:
-        dropped: Frames that the line did not take.
+    A line that goes down, such as that of an adapter that is unplugged, is opened again when it is back. `dropped`
+    counts frames that the line did not take.
     """
 
     def __init__(self, device: str, speed: int, callers: Mapping[int, str]) -> None:
-        """Open the line.
+        """Open the line, or raise SerialDown.
 
-        Args:
-            device: The line's file.
-            speed: As `termios` has it.
-            callers: The keys under which the robots send, by their numbers.
-
-        Raises:
-            SerialDown: It cannot be opened.
+        The speed is a constant of `termios`. `callers` are the keys under which the robots send, by their numbers.
         """
         self.dropped = 0
         self._device = device
@@ -88,19 +79,13 @@ class SerialLine:
     def broadcast(self, key: str) -> Post:
         """Make a publisher of frames; one that the line does not take at once is lost.
 
-        Args:
-            key: Under which the sender is known; it is not sent.
+        The key is not sent: it marks this end's own sender, whose frames `subscribe` leaves out.
         """
         self._own.add(key)
         return self._send
 
     def subscribe(self, key: str, mailbox: Mailbox[Any]) -> None:
-        """Put frames into a mailbox.
-
-        Args:
-            key: One key, or the beginning of several with ``*`` for the rest.
-            mailbox: Where they wait.
-        """
+        """Put frames into a mailbox, under one key or, where it ends in ``*``, under all that begin like it."""
         self._subscriptions.append((key, mailbox))
 
     def close(self) -> bool:
@@ -186,14 +171,9 @@ class SerialLine:
 
 
 def open_serial(locator: str, callers: Mapping[int, str]) -> SerialLine:
-    """Open a serial line.
+    """Open a serial line, ``serial/DEVICE``, perhaps with ``#baud=SPEED``; raise SerialDown when that fails.
 
-    Args:
-        locator: ``serial/DEVICE``, perhaps with ``#baud=SPEED``.
-        callers: The keys under which the robots send, by their numbers.
-
-    Raises:
-        SerialDown: In one line, when it cannot be opened.
+    `callers` are the keys under which the robots send, by their numbers.
     """
     match = _LOCATOR.fullmatch(locator)
     speed = None if match is None else _speed(match[2])

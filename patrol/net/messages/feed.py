@@ -73,35 +73,22 @@ class Batch(Row):
     """Records of the journal, packed as it holds them (`patrol.journal.file.unpack`); read sparingly.
 
     A batch may be empty, where only `running` or `pace` has changed.
-
-    Attributes:
-        first: The number of the first record.
-        records: In order.
-        running: Whether ticks go on by themselves.
-        pace: The requested factor of real time, None for as fast as possible.
     """
 
-    first: _Whole
+    first: _Whole  # the number of the first record
     records: Annotated[tuple[Bytes, ...], Field(max_length=MAX_RECORDS, fail_fast=True)]
-    running: Flag
-    pace: _Pace | None
+    running: Flag  # whether ticks go on by themselves
+    pace: _Pace | None  # the requested factor of real time; None for as fast as possible
 
 
 @dataclass(frozen=True, eq=False)
 class Ground:
-    """The grids of a run, none of which ever changes: bool (h, w).
+    """The grids of a run, none of which ever changes: bool (h, w)."""
 
-    Attributes:
-        passable: False is an obstacle.
-        keep_out: True where bodies may not go.
-        areas: The ground that robots can see, one for each kind of body.
-        area_of: By robot number, the index of its area.
-    """
-
-    passable: NDArray[np.bool_]
-    keep_out: NDArray[np.bool_]
-    areas: tuple[NDArray[np.bool_], ...]
-    area_of: Mapping[int, int]
+    passable: NDArray[np.bool_]  # False is an obstacle
+    keep_out: NDArray[np.bool_]  # True where bodies may not go
+    areas: tuple[NDArray[np.bool_], ...]  # the ground that robots can see, one for each kind of body
+    area_of: Mapping[int, int]  # by robot number, the index of its area
 
     @property
     def patrolled(self) -> NDArray[np.bool_]:
@@ -111,54 +98,33 @@ class Ground:
 
 @dataclass(frozen=True, eq=False)
 class SoFar:
-    """A run up to now.
+    """A run up to now."""
 
-    Attributes:
-        number: Of the next record.
-        header: Packed record.
-        last: Packed record of the newest tick, or None.
-        last_seen: int32 (h, w), of the true fog after that tick.
-        events: Packed records, the latest ones.
-        event: How many events there were before those.
-        asked: Packed records: all events of operators' controls, and the latest one of each closure.
-        every: Distance in ticks between the values of the series.
-        mfow: float32, ticks, of every `every`-th tick from the first on.
-        fog_mean: float32, ticks, the same.
-        running: Whether ticks go on by themselves.
-        pace: The requested factor of real time, None for as fast as possible.
-        ground: The grids.
-    """
-
-    number: int
-    header: bytes
-    last: bytes | None
-    last_seen: NDArray[np.int32]
-    events: tuple[bytes, ...]
-    event: int
-    asked: tuple[bytes, ...]
-    every: int
-    mfow: NDArray[np.float32]
-    fog_mean: NDArray[np.float32]
-    running: bool
-    pace: float | None
+    number: int  # of the next record
+    header: bytes  # packed record
+    last: bytes | None  # packed record of the newest tick, None before the first
+    last_seen: NDArray[np.int32]  # (h, w), of the true fog after that tick; -1 is never
+    events: tuple[bytes, ...]  # packed records, the latest ones
+    event: int  # number of events before those
+    asked: tuple[bytes, ...]  # packed: all of operators' controls, the latest of each closure
+    every: int  # ticks between the values of the series
+    mfow: NDArray[np.float32]  # ticks
+    fog_mean: NDArray[np.float32]  # ticks
+    running: bool  # ticks go on by themselves
+    pace: float | None  # requested factor of real time, None for as fast as possible
     ground: Ground
 
 
 def batch_bytes(batch: Batch) -> bytes:
-    """Pack a batch.
-
-    Args:
-        batch: To send.
-    """
+    """Pack a batch."""
     packed: bytes = msgpack.packb(batch.to_values())
     return packed
 
 
 def longest_record(robots: int) -> int:
-    """Return the bytes of the longest record that a viewer unpacks; objects take many times their packed bytes.
+    """Return the length in bytes of the longest record that a viewer unpacks, for a roster of `robots`.
 
-    Args:
-        robots: In the roster. Each has a row, frames, and links to all others.
+    Objects take many times their packed bytes.
     """
     return min(MAX_BATCH, (1 << 17) + (robots << 11) + (robots * robots << 6))
 
@@ -187,11 +153,7 @@ class _Answer:
 
 
 def so_far_bytes(so_far: SoFar) -> bytes:
-    """Pack an answer; takes a while for a large terrain.
-
-    Args:
-        so_far: To send.
-    """
+    """Pack an answer; takes a while for a large terrain."""
     ground = so_far.ground
     patrolled = ground.patrolled
     grids = {
@@ -212,15 +174,10 @@ def so_far_bytes(so_far: SoFar) -> bytes:
 def read_so_far(
     payload: bytes, known: SoFar | None = None, fits: Callable[[bytes, int, int], bool] = lambda *_: True
 ) -> SoFar:
-    """Read the answer in a payload. Nothing is decompressed before its size is known and allowed.
+    """Read the answer in a payload, whose grids are those of `known` where that is given.
 
-    Args:
-        payload: Any bytes.
-        known: An earlier answer of the same run, whose grids are kept; None for the first.
-        fits: Says of the header and the terrain's height and width whether they can be of one run.
-
-    Raises:
-        Malformed: For anything but an answer, for one of another run than `known`, and for one too large.
+    Nothing is decompressed before its size is known and allowed. `fits` says of the header and the terrain's height and
+    width whether they can be of one run. An answer of another run than `known`'s is malformed, like any other bytes.
     """
     if len(payload) > MAX_ANSWER:
         raise Malformed(f"an answer of {len(payload)} bytes")
@@ -306,13 +263,5 @@ def _inflated(packed: bytes, size: int) -> bytes:
 
 
 def thinned(values: Sequence[float], every: int) -> NDArray[np.float32]:
-    """Copy every n-th of the values, which may grow while the copy is still read.
-
-    Args:
-        values: The series.
-        every: n.
-
-    Returns:
-        float32.
-    """
+    """Copy every n-th of the values as float32; the series may grow while the copy is still read."""
     return np.array(values, dtype=np.float32)[::every]

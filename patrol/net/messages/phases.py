@@ -72,47 +72,32 @@ _Lines = Annotated[tuple[_Line, ...], Field(max_length=MAX_LINES, fail_fast=True
 
 @dataclass(frozen=True, slots=True)
 class Head(Row):
-    """The first fields of every message.
+    """The first fields of every message."""
 
-    Attributes:
-        incarnation: Counts the robot's processes, from 1.
-        instance: Random number of one process, or `ANYONE`.
-        k: The tick.
-        run: Random number of the run, or `NO_RUN`.
-    """
-
-    incarnation: _Count
-    instance: _Id
+    incarnation: _Count  # counts the robot's processes, from 1
+    instance: _Id  # random number of one process, or `ANYONE`
     k: _Count
-    run: _Id
+    run: _Id  # random number of the run, or `NO_RUN`
 
 
 @dataclass(frozen=True, slots=True)
 class Hello(Head):
-    """The world asks which robots are there. Its k counts the ticks that have begun.
+    """The world asks which robots are there.
 
-    Attributes:
-        proof: The proof of k, from which the robot goes on.
-        stride: Ticks that share a link of the chain.
+    Its k counts the ticks that have begun.
     """
 
-    proof: _Proof
-    stride: Annotated[_Count, Field(ge=1)]
+    proof: _Proof  # that k ticks have begun, from which the robot goes on
+    stride: Annotated[_Count, Field(ge=1)]  # ticks that share a link of the chain
 
 
 @dataclass(frozen=True, slots=True)
 class PhaseA(Head):
-    """The robot's senses at tick k.
-
-    Attributes:
-        sensed: Of the same tick.
-        proof: The proof that k + 1 ticks have begun.
-        digest: Of the bytes that it was decoded from.
-    """
+    """The robot's senses at tick k."""
 
     sensed: Sensed
-    proof: _Proof
-    digest: bytes = field(default=b"", compare=False, repr=False)
+    proof: _Proof  # that k + 1 ticks have begun
+    digest: bytes = field(default=b"", compare=False, repr=False)  # of the bytes that it was decoded from
 
     @classmethod
     def columns(cls) -> Mapping[str, Any]:  # noqa: D102 - of `Row`
@@ -141,41 +126,26 @@ class PhaseA(Head):
 
 @dataclass(frozen=True, slots=True)
 class PhaseB(Head):
-    """The frames that reach the robot in tick k.
+    """The frames that reach the robot in tick k."""
 
-    Attributes:
-        frames: By sender and sequence.
-        proof: The proof that k + 1 ticks have begun.
-        digest: Of the bytes that it was decoded from.
-    """
-
-    frames: Annotated[tuple[Annotated[Bytes, Field(max_length=MAX_FRAME)], ...], FAIL_FAST]
-    proof: _Proof
-    digest: bytes = field(default=b"", compare=False, repr=False)
+    frames: Annotated[tuple[Annotated[Bytes, Field(max_length=MAX_FRAME)], ...], FAIL_FAST]  # by sender and sequence
+    proof: _Proof  # that k + 1 ticks have begun
+    digest: bytes = field(default=b"", compare=False, repr=False)  # of the bytes that it was decoded from
 
 
 @dataclass(frozen=True, slots=True)
 class Stop(Head):
-    """The world asks the robot to leave.
+    """The world asks the robot to leave."""
 
-    Attributes:
-        orderly: Whether the run is over; otherwise this process is not, or no longer, part of the run.
-        reason: Why, in one line.
-    """
-
-    orderly: Flag
-    reason: _Reason
+    orderly: Flag  # the run is over; else this process is not, or no longer, part of it
+    reason: _Reason  # one line
 
 
 @dataclass(frozen=True, slots=True)
 class HelloReply(Head):
-    """The robot reports that it is there. Its run is the one that it answers, or `NO_RUN`.
+    """The robot reports that it is there. Its run is the one that it answers, or `NO_RUN`."""
 
-    Attributes:
-        scenario: The scenario's hash, by which the world checks that both use the same one.
-        protocol: Version of this protocol.
-    """
-
+    # hash, by which the world checks that both use the same one
     scenario: Annotated[Text, Field(max_length=64), PRINTABLE]
     protocol: _Count = PROTOCOL
 
@@ -184,28 +154,23 @@ class HelloReply(Head):
 class ReplyA(Head):
     """The frames that the robot sends in tick k.
 
-    Attributes:
-        frames: Its position frame, then those of its contacts; none for a robot that stays silent. The ether drops and
-            counts those that are too long, so that the result is the same without a wire.
-        digest: Of the bytes that it was decoded from.
+    The ether drops and counts those that are too long, so that the result is the same without a wire.
     """
 
+    # its position frame, then those of its contacts; none when silent
     frames: Annotated[tuple[Bytes, ...], Field(max_length=MAX_FRAMES, fail_fast=True)]
-    digest: bytes = field(default=b"", compare=False, repr=False)
+    digest: bytes = field(default=b"", compare=False, repr=False)  # of the bytes that it was decoded from
 
 
 @dataclass(frozen=True, slots=True)
 class ReplyB(Head):
     """The reply of the robot's mind at tick k.
 
-    Attributes:
-        reply: The command, and diagnostics. The world refuses commands that are not finite, so that the result is the
-            same without a wire.
-        digest: Of the bytes that it was decoded from.
+    The world refuses commands that are not finite, so that the result is the same without a wire.
     """
 
     reply: Reply
-    digest: bytes = field(default=b"", compare=False, repr=False)
+    digest: bytes = field(default=b"", compare=False, repr=False)  # of the bytes that it was decoded from
 
     @classmethod
     def columns(cls) -> Mapping[str, Any]:  # noqa: D102 - of `Row`
@@ -228,26 +193,17 @@ class ReplyB(Head):
 
 @dataclass(frozen=True, slots=True)
 class Failed(Head):
-    """The robot's mind cannot go on after tick k.
-
-    Attributes:
-        reason: Why, in one line.
-    """
+    """The robot's mind cannot go on after tick k."""
 
     reason: _Reason
 
 
 @dataclass(frozen=True, slots=True)
 class Report(Head):
-    """The digests of all that the robot has sent and acted on since its last report, complete up to tick k.
+    """The digests of all that the robot has sent and acted on since its last report, complete up to tick k."""
 
-    Attributes:
-        since: The first tick for which it is complete.
-        lines: By tick.
-    """
-
-    since: _Count
-    lines: tuple[Line, ...]
+    since: _Count  # the first tick for which it is complete
+    lines: tuple[Line, ...]  # by tick
 
     @classmethod
     def columns(cls) -> Mapping[str, Any]:  # noqa: D102 - of `Row`
@@ -277,11 +233,7 @@ def max_to_robot(robots: int) -> int:
 
 
 def encode(message: ToRobot | ToWorld) -> bytes:
-    """Pack a message, a reason cut short where it is too long. Receivers check all other limits.
-
-    Raises:
-        ValueError: A phase A says what was sensed at another tick.
-    """
+    """Pack a message, a reason cut short where it is too long. Receivers check all other limits."""
     values = message.to_values()
     match message:
         case PhaseA() | PhaseB() | ReplyA() | ReplyB():
@@ -293,14 +245,9 @@ def encode(message: ToRobot | ToWorld) -> bytes:
 
 
 def decode_to_robot(payload: bytes, zones: int = MOST_ZONES) -> ToRobot:
-    """Decode a message from the world.
+    """Decode a message from the world to a robot of a scenario with `zones` zones.
 
-    Args:
-        payload: The bytes.
-        zones: How many zones the scenario has.
-
-    Raises:
-        Malformed: The bytes are not a message to a robot. No other exception is raised, whatever the bytes.
+    Any other bytes raise `Malformed`, and no other exception.
     """
     message: ToRobot = _decode(payload, _TO_ROBOT)
     if isinstance(message, PhaseA):
@@ -314,8 +261,7 @@ def decode_to_robot(payload: bytes, zones: int = MOST_ZONES) -> ToRobot:
 def decode_to_world(payload: bytes) -> ToWorld:
     """Decode a message from a robot.
 
-    Raises:
-        Malformed: The bytes are not a message to the world. No other exception is raised, whatever the bytes.
+    Any other bytes raise `Malformed`, and no other exception.
     """
     if len(payload) > MAX_REPLY:
         raise Malformed(f"{len(payload)} bytes, at most {MAX_REPLY} are allowed")

@@ -40,15 +40,10 @@ class Order(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """The outcome of an order.
+    """The outcome of an order."""
 
-    Attributes:
-        done: Whether it is carried out, as far as the robot can tell: after an order to stop, it stands.
-        text: In one line.
-    """
-
-    done: bool
-    text: str
+    done: bool  # as far as the robot can tell: after an order to stop, it stands
+    text: str  # one line
 
     def to_bytes(self) -> bytes:
         """Pack the outcome as an answer."""
@@ -56,22 +51,13 @@ class Outcome:
 
 
 def outcome_of(answer: bytes) -> Outcome:
-    """Read the outcome in an answer of unknown origin; any other text counts as not done.
-
-    Args:
-        answer: At most `LONGEST_ANSWER` bytes.
-    """
+    """Read the outcome in an answer of unknown origin; any other text counts as not done."""
     word, _, text = answer.decode("utf-8", "replace").partition(" ")
     return Outcome(word == _DONE, printable(text))
 
 
 def robots_there(link: Link, keys: FleetKeys) -> list[str]:
-    """List the robots that are connected to the fleet, or were until a moment ago.
-
-    Args:
-        link: To the fleet.
-        keys: Of the fleet.
-    """
+    """List the robots that are connected to the fleet, or were until a moment ago, sorted by name."""
     return sorted({robot_of(key) for key in link.seen(keys.alive("*"), _MOST)} - {WORLD, ""})
 
 
@@ -83,20 +69,11 @@ def robots_to_ask(link: Link, keys: FleetKeys) -> list[str]:
 def ask_robots(
     link: Link, keys: FleetKeys, robots: Sequence[str], order: Order, wait_s: float
 ) -> Iterator[tuple[str, Outcome]]:
-    """Ask robots, all at once: none is asked later because another one does not answer.
+    """Ask robots, all at once, and yield each one's name and outcome as it answers.
 
-    Each is asked by its name: a router with rules hands a robot no question that is for others as well. Where none
-    answers, because it is not connected yet or has just come back, it is asked again until the time is up.
-
-    Args:
-        link: To the fleet's router.
-        keys: Of the fleet.
-        robots: Whom to ask.
-        order: What to ask.
-        wait_s: How long to wait for answers, s.
-
-    Yields:
-        Robots and what they answer, as it comes.
+    None is asked later because another one does not answer. Each is asked by its name: a router with rules hands a
+    robot no question that is for others as well. Where none answers, because it is not connected yet or has just come
+    back, it is asked again until the time is up.
     """
     names = {keys.stop(name): name for name in robots}
     for key, answer in link.answers_until(tuple(names), order.encode(), LONGEST_ANSWER, wait_s):
@@ -104,13 +81,7 @@ def ask_robots(
 
 
 class StopOrders:
-    """The orders to one robot.
-
-    Args:
-        link: To the fleet's router.
-        keys: Of the fleet.
-        robot: The robot.
-    """
+    """The orders to one robot."""
 
     def __init__(self, link: Link, keys: FleetKeys, robot: str) -> None:
         key = keys.stop(robot)
@@ -118,11 +89,7 @@ class StopOrders:
         link.attend(key, LONGEST, self._waiting)
 
     def obey(self, carry_out: Callable[[Order], Outcome]) -> None:
-        """Carry out orders from now on, on a thread of its own: an answer may have to wait for the router.
-
-        Args:
-            carry_out: Does what an order says; returns what has come of it.
-        """
+        """Carry out orders from now on, on a thread of its own: an answer may have to wait for the router."""
         threading.Thread(target=self._obey, args=(carry_out,), name="orders", daemon=True).start()
 
     def _obey(self, carry_out: Callable[[Order], Outcome]) -> None:

@@ -52,52 +52,30 @@ _Place = tuple[_Number, _Number]
 
 @dataclass(frozen=True, slots=True)
 class RobotView:
-    """One robot.
-
-    Attributes:
-        name: Of the robot.
-        status: a `patrol.journal.Status`.
-        state: What its mind reports that it is doing.
-        x: m, of its true pose.
-        y: m, of the same.
-        heading: rad, of the same.
-    """
+    """One robot."""
 
     name: _Text
-    status: Annotated[int, Field(strict=True, ge=min(Status), le=max(Status))]
-    state: _Text
-    x: _Number
-    y: _Number
-    heading: _Number
+    status: Annotated[int, Field(strict=True, ge=min(Status), le=max(Status))]  # a `patrol.journal.Status`
+    state: _Text  # as its mind reports it
+    x: _Number  # m, true
+    y: _Number  # m, true
+    heading: _Number  # rad, true
 
 
 @dataclass(frozen=True, slots=True)
 class Metrics:
-    """The run so far.
+    """The run so far."""
 
-    Attributes:
-        k: Ticks done.
-        ticks: Of the whole run.
-        time_s: Simulated.
-        mfow_s: Now.
-        mfow_mean_s: Over all ticks.
-        mfow_max_s: Over all ticks.
-        seen_share: Of the patrolled area.
-        ticks_per_s: By the wall clock, over the last seconds.
-        robots: In roster order.
-        stalest: x and y in m of the stalest place now, or None where it is not told.
-    """
-
-    k: Annotated[_Whole, Field(ge=1)]
-    ticks: Annotated[_Whole, Field(le=MAX_TICKS)]
-    time_s: _Amount
-    mfow_s: _Amount
-    mfow_mean_s: _Amount
-    mfow_max_s: _Amount
-    seen_share: Annotated[float, Field(strict=True, ge=0.0, le=1.0), NO_WHOLE]
-    ticks_per_s: _Amount
-    robots: Annotated[tuple[RobotView, ...], FAIL_FAST]
-    stalest: _Place | None = None
+    k: Annotated[_Whole, Field(ge=1)]  # ticks done
+    ticks: Annotated[_Whole, Field(le=MAX_TICKS)]  # of the whole run
+    time_s: _Amount  # simulated
+    mfow_s: _Amount  # now
+    mfow_mean_s: _Amount  # over all ticks
+    mfow_max_s: _Amount  # over all ticks
+    seen_share: Annotated[float, Field(strict=True, ge=0.0, le=1.0), NO_WHOLE]  # of the patrolled area
+    ticks_per_s: _Amount  # by the wall clock, over the last seconds
+    robots: Annotated[tuple[RobotView, ...], FAIL_FAST]  # in roster order
+    stalest: _Place | None = None  # x and y of the stalest place now, m; None where it is not told
 
     def __post_init__(self) -> None:
         if self.k > self.ticks:
@@ -106,65 +84,38 @@ class Metrics:
 
 @dataclass(frozen=True, slots=True)
 class Notice:
-    """An event of the run.
+    """An event of the run."""
 
-    Attributes:
-        k: It happened before this tick.
-        kind: Of the event.
-        robot: Its name, or empty for the whole run.
-        detail: One line.
-    """
-
-    k: Annotated[int, Field(strict=True, ge=0, le=MAX_TICKS)]
+    k: Annotated[int, Field(strict=True, ge=0, le=MAX_TICKS)]  # the tick before which it happened
     kind: _Text
-    robot: _Text
-    detail: _Text
+    robot: _Text  # its name, empty for the whole run
+    detail: _Text  # one line
 
 
 @dataclass(frozen=True, slots=True)
 class Traffic:
-    """Frames that one process of a robot has sent and heard by direct radio so far.
+    """Frames that one process of a robot has sent and heard by direct radio so far."""
 
-    Attributes:
-        incarnation: Which of the robot's processes.
-        sent: Frames.
-        heard: Frames by the sender's name.
-        refused: Frames dropped unread.
-        final: Whether this process is about to leave.
-    """
-
-    incarnation: _Whole
+    incarnation: _Whole  # of the process
     sent: _Whole
-    heard: Annotated[dict[Text, _Whole], FAIL_FAST_MAP]
-    refused: _Whole
-    final: Flag
+    heard: Annotated[dict[Text, _Whole], FAIL_FAST_MAP]  # frames by the sender's name
+    refused: _Whole  # frames dropped unread
+    final: Flag  # this process is about to leave
 
 
 @dataclass(frozen=True, slots=True)
 class Telemetry:
-    """A robot's decision in one tick.
-
-    Attributes:
-        k: The tick.
-        state: What it is doing.
-        goal: m, before refinement.
-        refined: m, after refinement.
-        direction: rad, or None.
-        mfow: Believed, ticks.
-        decision_ms: Wall time.
-        rejected: Frames so far.
-        traffic: Of a direct radio, or None.
-    """
+    """A robot's decision in one tick."""
 
     k: _Whole
     state: _Text
-    goal: _Place | None
-    refined: _Place | None
-    direction: _Number | None
-    mfow: _Whole
-    decision_ms: _Number
-    rejected: _Whole
-    traffic: Traffic | None = None
+    goal: _Place | None  # x and y before refinement, m
+    refined: _Place | None  # x and y after refinement, m
+    direction: _Number | None  # rad
+    mfow: _Whole  # as the robot believes, ticks
+    decision_ms: _Number  # wall time
+    rejected: _Whole  # frames so far
+    traffic: Traffic | None = None  # of a direct radio
 
 
 @dataclass(frozen=True, slots=True)
@@ -177,12 +128,8 @@ class _WithTraffic:
 class Watcher:
     """Turns tick records into metrics, at most one each `SHOW_S` of wall time.
 
-    Args:
-        names: By robot number.
-        points: Of the patrolled area.
-        step: s.
-        ticks: Of the whole run.
-        now: Wall clock, s.
+    `points` is the number of points of the patrolled area, `step` the length of a tick in s, and `now` a wall clock in
+    s.
     """
 
     def __init__(
@@ -199,14 +146,9 @@ class Watcher:
         self._shown: deque[tuple[float, int]] = deque([(now(), 0)])
 
     def take(self, record: TickRecord, stalest: Callable[[], tuple[float, float]] | None = None) -> Metrics | None:
-        """Take in the next tick.
+        """Take in the next tick; return the metrics when they are due and after the last tick, otherwise None.
 
-        Args:
-            record: Of the tick.
-            stalest: Gives x and y in m of the stalest place; asked only when metrics are due.
-
-        Returns:
-            The metrics when they are due, and after the last tick; otherwise None.
+        `stalest` gives x and y in m of the stalest place. It is called only when metrics are due.
         """
         self._sum += record.mfow
         self._max = max(self._max, record.mfow)
@@ -232,11 +174,7 @@ class Watcher:
         )
 
     def notice(self, event: Event) -> Notice:
-        """Make an event of the journal as observers receive it.
-
-        Args:
-            event: Of the journal.
-        """
+        """Make an event of the journal as observers receive it."""
         name = "" if event.robot is None else self._names[event.robot]
         return Notice(event.k, event.kind, name, described(event)[:MAX_TEXT])
 
@@ -250,31 +188,19 @@ class Watcher:
 
 
 def longest_metrics(robots: int) -> int:
-    """Return the bytes of the longest metrics that are read: a stranger's small objects could become many more.
+    """Return the length in bytes of the longest metrics that are read, for a roster of `robots`.
 
-    Args:
-        robots: In the roster.
+    The limit bounds the memory that a stranger's small objects could take.
     """
     return min(MAX_VIEW, MAX_NOTICE + 2 * MAX_TEXT * robots)
 
 
 def pack_view(view: Metrics | Notice | Telemetry) -> bytes:
-    """Pack a view.
-
-    Args:
-        view: To send.
-    """
+    """Pack a view."""
     packed: bytes = msgpack.packb(asdict(view))
     return packed
 
 
 def read_traffic(payload: bytes) -> Traffic:
-    """Read the traffic in a robot's telemetry.
-
-    Args:
-        payload: Any bytes.
-
-    Raises:
-        Malformed: For anything else, and without traffic.
-    """
+    """Read the traffic in a robot's telemetry; telemetry without traffic is `Malformed`."""
     return read(_WithTraffic, payload).traffic

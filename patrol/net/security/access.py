@@ -36,49 +36,27 @@ _OF_A_RUN = ("journal", "scenario.yaml")
 
 @dataclass(frozen=True, slots=True)
 class Access:
-    """Address of a fleet, and the right to control it.
-
-    Attributes:
-        fleet: Its name.
-        router: Its locator.
-        token: The right to control it.
-        credentials: Prove this process's identity to the router; None for a router that asks for none.
-    """
+    """Address of a fleet, and the right to control it."""
 
     fleet: str
-    router: str
-    token: str
-    credentials: Credentials | None = field(default=None, compare=False)
+    router: str  # locator
+    token: str  # the right to control it
+    credentials: Credentials | None = field(default=None, compare=False)  # None for a router that asks for none
 
     def __repr__(self) -> str:
         return f"Access({self.fleet!r}, {self.router!r})"
 
 
 def write_pointer(path: Path, fleet: str, router: str, private: str) -> None:
-    """Write the file that names the private folder of a run. Who waits for it finds all of it as soon as it is there.
+    """Write the file that names the private folder of a run, in one piece.
 
-    Args:
-        path: The file.
-        fleet: The fleet's name.
-        router: Its locator.
-        private: Name of the private folder.
-
-    Raises:
-        OSError: When the file cannot be written.
+    A process that waits for the file finds it complete as soon as it is there.
     """
     replace_private(path, json.dumps({"fleet": fleet, "router": router, "private": private}))
 
 
 def read_access(path: Path, option: str) -> Access:
-    """Read how to reach and control a fleet.
-
-    Args:
-        path: a run's folder or its file, or an operator's credentials.
-        option: What errors call the path.
-
-    Raises:
-        BadInput: When there is no such file, or it gives no right to control the fleet.
-    """
+    """Read how to reach and control a fleet."""
     access = _read(path, option, OPERATOR)
     if isinstance(access, Access):
         return access
@@ -93,13 +71,7 @@ def read_access(path: Path, option: str) -> Access:
 def credentials_at(path: Path, option: str, role: Role) -> Credentials:
     """Read the credentials that a member has, or that a role has in a run of this machine.
 
-    Args:
-        path: The member's credentials, or a run's folder or file.
-        option: What errors call the path.
-        role: The role in the run.
-
-    Raises:
-        BadInput: When there are none.
+    The path is the member's credentials, or the run's folder or file; only for a run does `role` count.
     """
     access = _read(path, option, role)
     if isinstance(access, Access):
@@ -172,11 +144,7 @@ def private_roots() -> list[Path]:
 
 
 def is_private(folder: Path) -> bool:
-    """Return True if a path is a folder of this user's own, and no link, that no other user can look into.
-
-    Args:
-        folder: The path.
-    """
+    """Return True if a path is a folder of this user's own, and no link, that no other user can look into."""
     try:
         status = folder.lstat()
     except OSError:

@@ -67,17 +67,11 @@ class Unanswered(Exception):
 
 @dataclass(frozen=True, slots=True)
 class Admitted:
-    """A request with a valid MAC.
+    """A request with a valid MAC."""
 
-    Attributes:
-        control: What is asked for: anything that JSON can say, or None where the request is no JSON.
-        seal: Makes of the answer the bytes to send. To be called once.
-        answered: The bytes of the answer to the same request when it came first; None where it is new.
-    """
-
-    control: Any
-    seal: Callable[[Answer], bytes]
-    answered: bytes | None = None
+    control: Any  # anything that JSON can say; None where the request is no JSON
+    seal: Callable[[Answer], bytes]  # makes of the answer the bytes to send; to be called once
+    answered: bytes | None = None  # the answer's bytes when this request came before; None where it is new
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,12 +87,8 @@ class ControlGate:
     def __init__(self, fleet: str, token: str, run: int, secret: bytes, now: Callable[[], float]) -> None:
         """Open a gate for one run.
 
-        Args:
-            fleet: The fleet's name.
-            token: The fleet's token.
-            run: The run's random number.
-            secret: At least 16 random bytes that no other process has.
-            now: Monotonic clock, s, at least 0.
+        `secret` holds at least 16 random bytes that no other process has. `now` is a monotonic clock in s, never below
+        0.
         """
         self._fleet = fleet
         self._token = token
@@ -108,16 +98,9 @@ class ControlGate:
         self._obeyed: dict[bytes, _Obeyed] = {}
 
     def challenge(self, nonce: bytes) -> bytes:
-        """Give a ticket. Any thread may call this.
+        """Return the answer to an operator's nonce: a ticket, and proof that the world knows the token.
 
-        Args:
-            nonce: The operator's.
-
-        Returns:
-            The answer, by which the operator sees that the world knows the token.
-
-        Raises:
-            RequestRefused: That is no nonce.
+        Any thread may call this.
         """
         if len(nonce) != NONCE:
             raise RequestRefused(f"a nonce has {NONCE} bytes")
@@ -126,17 +109,10 @@ class ControlGate:
         return _CHALLENGED.pack(mac, self._run, ticket)
 
     def open(self, payload: bytes) -> Admitted:
-        """Let a request through.
+        """Let a request through; raise `RequestRefused` for any other bytes.
 
-        Args:
-            payload: Any bytes.
-
-        Returns:
-            What it asks for. Once its answer is sealed, the same request is not new any more.
-
-        Raises:
-            RequestRefused: Its sender has not proved to know the token, it is of another run, its ticket is not ours or
-                too old, or its nonce was used for something else.
+        Its sender must know the token, its run and ticket must be ours, its ticket must not be too old, and its nonce
+        must not have been used for something else. The same request counts as new until its answer is sealed.
         """
         if not _REQUEST.size <= len(payload) <= MAX_REQUEST:
             raise RequestRefused("no request")
@@ -192,28 +168,16 @@ class Asks(Protocol):
     def answers_until(
         self, keys: Sequence[str], payload: bytes, longest: int, wait_s: float
     ) -> Iterable[tuple[str, bytes]]:
-        """Give all answers, as they come; ask again while there is none.
-
-        Args:
-            keys: To ask under.
-            payload: Of the question.
-            longest: Bytes of the longest answer that is wanted.
-            wait_s: How long to wait for answers, s.
-        """
+        """Give all answers, as they come; ask again while there is none."""
         ...
 
 
 @dataclass(slots=True)
 class Operated:
-    """The outcome of a control.
-
-    Attributes:
-        answer: The world's.
-        strangers: Answers without a valid MAC that came before it.
-    """
+    """The outcome of a control."""
 
     answer: Answer
-    strangers: int = 0
+    strangers: int = 0  # answers without a valid MAC that came before it
 
     @property
     def warning(self) -> str:
@@ -223,34 +187,18 @@ class Operated:
 
 @dataclass(frozen=True, slots=True)
 class ControlClient:
-    """The operator's side.
-
-    Attributes:
-        link: The connection.
-        keys: The fleet's keys.
-        token: The fleet's token.
-        now: Monotonic clock, s.
-        random: Gives random bytes, so many.
-    """
+    """The operator's side."""
 
     link: Asks
     keys: FleetKeys
     token: str = field(repr=False)
-    now: Callable[[], float]
-    random: Callable[[int], bytes]
+    now: Callable[[], float]  # monotonic clock, s
+    random: Callable[[int], bytes]  # returns that many random bytes
 
     def ask(self, control: Mapping[str, Any], wait_s: float) -> Operated:
-        """Ask the fleet's world for something.
+        """Ask the fleet's world for something; raise `Unanswered` where no answer has a valid MAC.
 
-        Args:
-            control: As `patrol.scenario.controls.read_control` takes it.
-            wait_s: How long to wait for the answer, s.
-
-        Returns:
-            What became of it.
-
-        Raises:
-            Unanswered: No answer had a valid MAC.
+        `control` is as `patrol.scenario.controls.read_control` takes it.
         """
         until = self.now() + wait_s
         fleet, nonce = self.keys.fleet, self.random(NONCE)

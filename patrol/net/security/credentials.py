@@ -36,28 +36,19 @@ SHORTEST_TOKEN = 16
 
 @dataclass(frozen=True, slots=True)
 class Credentials:
-    """A process's role, its secrets and where its fleet meets. The `repr` shows no secrets.
+    """A process's role, its secrets and where its fleet meets.
 
-    Attributes:
-        fleet: The fleet's name.
-        router: The router's locator, or those of several that are tried in turn; of a fleet without a router, those of
-            the members with a known address.
-        role: What the process is.
-        password: Proves it to the router; None for a member with a certificate.
-        token: The right to control the fleet, for operators and the world; None for others.
-        folder: Where certificate, key and the authority's certificate lie; None for a member with a password.
-        mesh: The fleet as its members know it that meet without a router; None where there is one.
-        beside: Whether this is for a process's second session, which cannot listen where the first one does.
+    The `repr` shows no secrets.
     """
 
     fleet: str
-    router: str
+    router: str  # locator, or several with commas, tried in turn; of a mesh, the members' with known addresses
     role: Role
-    password: str | None = None
-    token: str | None = None
-    folder: Path | None = None
-    mesh: Mesh | None = None
-    beside: bool = False
+    password: str | None = None  # proves the role to the router; None for a member with a certificate
+    token: str | None = None  # the right to control the fleet; None but for operators and the world
+    folder: Path | None = None  # of the certificate, its key and the authority's certificate; None with a password
+    mesh: Mesh | None = None  # None where the fleet has a router
+    beside: bool = False  # for a process's second session, which cannot listen where the first one does
 
     def __repr__(self) -> str:
         return f"Credentials({self.fleet!r}, {self.router!r}, {self.role.user!r})"
@@ -84,17 +75,9 @@ class Credentials:
         return {**_certified(self.folder, listens=True), **self.mesh.session(self.listens_at)}
 
     def check_router(self, router: str, option: str) -> str:
-        """Check that a router can ask for these credentials, so that their owner is not told that they are wrong.
+        """Check that a router can ask for these credentials, and return its locator.
 
-        Args:
-            router: The router's locator.
-            option: What errors call it.
-
-        Returns:
-            The locator.
-
-        Raises:
-            BadInput: A password would leave this machine, the locator has no certificates, or the fleet has no router.
+        Otherwise their owner would be told that the credentials are wrong, and not the address.
         """
         if self.mesh is not None:
             raise BadInput(
@@ -117,11 +100,7 @@ def _certified(folder: Path, *, listens: bool) -> dict[str, object]:
 
 
 def as_json(credentials: Credentials) -> str:
-    """Return the text of a credentials file.
-
-    Args:
-        credentials: What it holds.
-    """
+    """Return the text of a credentials file."""
     says = {
         "fleet": credentials.fleet,
         "router": credentials.router if credentials.mesh is None else None,
@@ -134,17 +113,9 @@ def as_json(credentials: Credentials) -> str:
 
 
 def read_credentials(path: Path, option: str) -> Credentials:
-    """Read a member's credentials.
+    """Read a member's credentials from a file, or from the folder that `MEMBER` lies in.
 
-    Args:
-        path: The file, or the folder that `MEMBER` lies in.
-        option: What errors call the path.
-
-    Returns:
-        The credentials.
-
-    Raises:
-        BadInput: There are none, others can read them, or they hold something else.
+    Files that others can read are refused.
     """
     file = path / MEMBER if path.is_dir() else path
     says = read_object(file, option, secret=True)
@@ -185,21 +156,13 @@ def _own_mesh(file: Path, fleet: str, role: Role, option: str) -> Mesh:
 
 @dataclass(frozen=True, slots=True)
 class RouterSecurity:
-    """The members of a fleet, for its router.
-
-    Attributes:
-        keys: The fleet's keys.
-        listen: The locator that the router listens on.
-        members: Roles by the name that the router knows each member by: its user, or its certificate's common name.
-        folder: Where the passwords lie, or the router's certificate, its key and the authority's certificate.
-        passwords: Whether members have passwords, and no certificates.
-    """
+    """The members of a fleet, for its router."""
 
     keys: FleetKeys
-    listen: str
-    members: Mapping[str, Role]
-    folder: Path
-    passwords: bool
+    listen: str  # locator
+    members: Mapping[str, Role]  # by user, or by the common name of the certificate
+    folder: Path  # of the passwords, or of the router's certificate, its key and the authority's certificate
+    passwords: bool  # members have passwords, and no certificates
 
     def session(self) -> dict[str, object]:
         """Give the settings for Zenoh's configuration of the router, by key."""
@@ -214,31 +177,17 @@ class RouterSecurity:
         }
 
     def check_listen(self, listen: str) -> str:
-        """Check that members can be told apart, and that no stranger can read along, where the router listens.
+        """Check where the router listens, and return the locator.
 
-        Args:
-            listen: The locator.
-
-        Returns:
-            The locator.
-
-        Raises:
-            BadInput: Passwords would leave this machine, or the locator has no certificates.
+        Members must be told apart there, and no stranger may read along: passwords do not leave this machine, and
+        members with certificates need an encrypted locator.
         """
         return _check_locator_of(listen, "--listen", self.passwords)
 
     def check_connect(self, other: str) -> str:
-        """Check that a link to another router of the fleet is guarded.
+        """Check that a link to another router of the fleet is guarded, and return its locator.
 
-        Args:
-            other: The other router's locator.
-
-        Returns:
-            The locator.
-
-        Raises:
-            BadInput: The fleet has passwords, which routers cannot prove themselves with, or the locator is not
-                encrypted.
+        Routers cannot prove themselves with passwords, so a fleet with passwords has no such link.
         """
         if self.passwords:
             raise BadInput(f"--connect {other}: a fleet with passwords is on one machine, with one router; {REMEDY}")
@@ -258,14 +207,9 @@ def _check_locator_of(locator: str, option: str, passwords: bool) -> str:
 
 
 def read_router(path: Path, option: str) -> RouterSecurity:
-    """Read what a router needs to know.
+    """Read what a router needs to know, from its own folder or the fleet's, in which that lies.
 
-    Args:
-        path: The router's folder, or the fleet's folder that it lies in.
-        option: What errors call the path.
-
-    Raises:
-        BadInput: It is no such folder, others can read its secrets, or it holds something else.
+    Secrets that others can read are refused.
     """
     folder = path if (path / ROUTER).is_file() else path / "router"
     file = folder / ROUTER
@@ -283,12 +227,6 @@ def read_router(path: Path, option: str) -> RouterSecurity:
 
 
 def router_json(keys: FleetKeys, listen: str, members: Mapping[str, Role]) -> str:
-    """Return the text of a router's file.
-
-    Args:
-        keys: The fleet's keys.
-        listen: The locator that the router listens on.
-        members: Roles by the name that the router knows each member by.
-    """
+    """Return the text of a router's file."""
     users = {name: role.user for name, role in members.items()}
     return f"{json.dumps({'fleet': keys.fleet, 'listen': listen, 'members': users}, indent=2)}\n"

@@ -41,17 +41,11 @@ _REMEDY = "copy mesh.json from the fleet's folder again"
 
 @dataclass(frozen=True, slots=True)
 class Mesh:
-    """A fleet without a router, as each of its members knows it.
-
-    Attributes:
-        fleet: Its name.
-        members: Roles by the common name of each member's certificate.
-        places: Known addresses, by `Role.user`: the locators that others connect to.
-    """
+    """A fleet without a router, as each of its members knows it."""
 
     fleet: str
-    members: Mapping[str, Role]
-    places: Mapping[str, str]
+    members: Mapping[str, Role]  # by the common name of the certificate
+    places: Mapping[str, str]  # known locators that others connect to, by `Role.user`
 
     @property
     def robots(self) -> list[str]:
@@ -65,11 +59,8 @@ class Mesh:
     def listens_at(self, role: Role, *, beside: bool) -> str:
         """Return where a member listens: at its known address alone, so that what it hears comes by that network.
 
-        A name may stand for loopback on its own machine: then, on all addresses. Without a known one, on any free port.
-
-        Args:
-            role: The member's.
-            beside: Whether another session of this process listens at the member's address already.
+        A name may stand for loopback on its own machine: then, on all addresses. Without a known one, on any free port;
+        also where another session of this process listens at the address already (`beside`).
         """
         place = None if beside else self.places.get(role.user)
         if place is None:
@@ -77,11 +68,7 @@ class Mesh:
         return place if is_address(place) else everywhere(place)
 
     def session(self, listen: str) -> dict[str, object]:
-        """Give the settings for Zenoh's configuration of a member's session, but for its certificate, by key.
-
-        Args:
-            listen: Where it listens.
-        """
+        """Give the settings for Zenoh's configuration of a member's session, but for its certificate, by key."""
         return {
             "mode": "peer",
             "scouting/gossip/enabled": True,
@@ -102,15 +89,7 @@ def mesh_json(mesh: Mesh) -> str:
 
 
 def read_mesh(file: Path, option: str) -> Mesh:
-    """Read the file `MESH`.
-
-    Args:
-        file: The file.
-        option: What errors call it.
-
-    Raises:
-        BadInput: It cannot be read, or holds something else.
-    """
+    """Read the file `MESH`."""
     says = read_object(file, option)
     where = f"{option}: {file}"
     fleet = fleet_keys(text_in(says, "fleet's name", "fleet", where), f"{where}: fleet").fleet

@@ -20,15 +20,7 @@ REMEDY = "make it with: fogwatch fleet init"
 
 
 def check_private(file: Path, option: str) -> None:
-    """Check that a file with a secret is a regular one that only its owner can read.
-
-    Args:
-        file: The file.
-        option: What errors call it.
-
-    Raises:
-        BadInput: It is something else, or others can read it.
-    """
+    """Check that a file with a secret is a regular one that only its owner can read."""
     try:
         status = file.stat()
     except OSError as error:
@@ -51,16 +43,7 @@ def _exposed(file: Path, mode: int) -> bool:
 
 
 def read_object(file: Path, option: str, *, secret: bool = False) -> dict[str, Any]:
-    """Read the JSON object in a file.
-
-    Args:
-        file: The file.
-        option: What errors call it.
-        secret: Whether only its owner may be able to read it.
-
-    Raises:
-        BadInput: It cannot be read, or is no JSON object.
-    """
+    """Read the JSON object in a file; with `secret`, refuse a file that others can read."""
     try:
         with open_untrusted(file, ACCESS) as opened:
             mode = os.fstat(opened.fileno()).st_mode & 0o777
@@ -80,15 +63,7 @@ def read_object(file: Path, option: str, *, secret: bool = False) -> dict[str, A
 
 
 def write_private(file: Path, text: str) -> None:
-    """Write a new file that only its owner may read.
-
-    Args:
-        file: The new file.
-        text: What it holds.
-
-    Raises:
-        OSError: It exists already, or cannot be written.
-    """
+    """Write a new file that only its owner may read."""
     descriptor = os.open(file, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
     with os.fdopen(descriptor, "w", encoding="utf-8") as opened:
         opened.write(text)

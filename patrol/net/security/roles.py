@@ -44,15 +44,10 @@ RESERVED = frozenset({"authority", "router", *(kind for kind in Kind if kind is 
 
 @dataclass(frozen=True, slots=True)
 class Role:
-    """The role of a member of a fleet.
-
-    Attributes:
-        kind: Its kind.
-        robot: The robot's name; empty for other kinds.
-    """
+    """The role of a member of a fleet."""
 
     kind: Kind
-    robot: str = ""
+    robot: str = ""  # its name; empty for other kinds
 
     @property
     def user(self) -> str:
@@ -69,14 +64,7 @@ WORLD_ROLE, VIEWER, OPERATOR = Role(Kind.WORLD), Role(Kind.VIEWER), Role(Kind.OP
 
 
 def robot_role(name: str) -> Role:
-    """Return the role of a robot.
-
-    Args:
-        name: Its name.
-
-    Raises:
-        BadInput: The name is none that a scenario could have.
-    """
+    """Return the role of a robot."""
     if not _ROBOT.fullmatch(name):
         raise BadInput(
             f"robot {name!r}: not a robot's name; give at most 32 letters, digits, '_' and '-', the first a letter or "
@@ -86,15 +74,7 @@ def robot_role(name: str) -> Role:
 
 
 def role_of(user: str, where: str) -> Role:
-    """Find the role that is known by a name.
-
-    Args:
-        user: The name, as `Role.user` makes it.
-        where: What errors call the place that it stands in.
-
-    Raises:
-        BadInput: No role has that name.
-    """
+    """Return the role whose `Role.user` is the given name."""
     kind, dash, name = user.partition("-")
     if dash and kind == Kind.ROBOT:
         return robot_role(name)
@@ -104,14 +84,7 @@ def role_of(user: str, where: str) -> Role:
 
 
 def roles_of(robots: Sequence[str]) -> tuple[Role, ...]:
-    """List the roles of a fleet: its robots', and one of each other kind.
-
-    Args:
-        robots: The names of all robots that may ever join.
-
-    Raises:
-        BadInput: A name is none that a scenario could have, or stands there twice.
-    """
+    """List the roles of a fleet: its robots', and one of each other kind."""
     twice = {name for name in robots if robots.count(name) > 1}
     if twice:
         raise BadInput(f"robot {min(twice)!r}: named twice; name each robot once")
@@ -120,39 +93,20 @@ def roles_of(robots: Sequence[str]) -> tuple[Role, ...]:
 
 @dataclass(frozen=True, slots=True)
 class Rights:
-    """The key expressions that a role may use.
+    """The key expressions that a role may use."""
 
-    Attributes:
-        publish: It may publish under.
-        hear: It may subscribe to, and is sent.
-        ask: It may query.
-        answer: It may answer queries of.
-        announce: Liveliness tokens that it may declare.
-        watch: Liveliness tokens that it may see.
-        reply: Keys of its answers, where they are others than those of the questions.
-        answered: Keys of the answers that it may get, where they are others than those of its questions.
-    """
-
-    publish: tuple[str, ...] = ()
-    hear: tuple[str, ...] = ()
-    ask: tuple[str, ...] = ()
-    answer: tuple[str, ...] = ()
-    announce: tuple[str, ...] = ()
-    watch: tuple[str, ...] = ()
-    reply: tuple[str, ...] = ()
-    answered: tuple[str, ...] = ()
+    publish: tuple[str, ...] = ()  # it may publish under
+    hear: tuple[str, ...] = ()  # it may subscribe to, and is sent
+    ask: tuple[str, ...] = ()  # it may query
+    answer: tuple[str, ...] = ()  # it may answer queries of
+    announce: tuple[str, ...] = ()  # liveliness tokens that it may declare
+    watch: tuple[str, ...] = ()  # liveliness tokens that it may see
+    reply: tuple[str, ...] = ()  # of its answers, where they are others than the questions'
+    answered: tuple[str, ...] = ()  # of the answers that it may get, where they are others than its questions'
 
 
 def rights_of(role: Role, keys: FleetKeys) -> Rights:
-    """Give the rights of a role.
-
-    Args:
-        role: The role.
-        keys: The fleet's keys.
-
-    Returns:
-        Its rights; whatever they do not name is denied.
-    """
+    """Return the rights of a role; whatever they do not name is denied."""
     everyone = (keys.alive("*"),)
     own = role.robot
     match role.kind:
@@ -181,11 +135,7 @@ def rights_of(role: Role, keys: FleetKeys) -> Rights:
 
 
 def router_name(fleet: str) -> str:
-    """Return the common name of the certificate of a fleet's routers; no member has it.
-
-    Args:
-        fleet: The fleet's name.
-    """
+    """Return the common name of the certificate of a fleet's routers; no member has it."""
     return f"router.{fleet[:50]}"  # a common name has at most 64 characters
 
 
@@ -194,15 +144,9 @@ def access_control(
 ) -> dict[str, Any]:
     """Write the access rules of a router, or of a member of a mesh, as Zenoh's configuration takes them.
 
-    Args:
-        keys: The fleet's keys.
-        members: Roles by the name that the router knows each member by.
-        known_by: `USERNAMES` or `COMMON_NAMES`.
-        routers: Whether the fleet has routers, which may connect to each other.
-
-    Returns:
-        The configuration: deny everything, but for the rights of each member. Another router of the fleet, which is
-        known by its certificate, may pass on whatever belongs to the fleet: it has applied the same rules.
+    They deny everything but the rights of each member, by the name that the router knows it by: `known_by` is
+    `USERNAMES` or `COMMON_NAMES`. Another router of the fleet, which is known by its certificate, may pass on whatever
+    belongs to the fleet: it has applied the same rules.
     """
     rules: list[dict[str, Any]] = []
     policies: list[dict[str, Any]] = []
@@ -246,15 +190,10 @@ def _everything(name: str, keys: FleetKeys) -> dict[str, Any]:
 
 
 def rules_of(name: str, rights: Rights, anything: tuple[str, ...]) -> list[dict[str, Any]]:
-    """Write the rules of one member. Ingress is what it sends to the router, egress what the router sends to it.
+    """Write the rules of one member, as Zenoh's configuration takes them, under names that begin with `name`.
 
-    Args:
-        name: What its rules are called after.
-        rights: What it may do.
-        anything: Key expressions of everything that others may want of it or offer it.
-
-    Returns:
-        The rules, as Zenoh's configuration takes them.
+    Ingress is what it sends to the router, egress what the router sends to it. `anything` covers all that others may
+    want of it or offer it.
     """
     rule_parts = (
         ("publish", "ingress", ("put",), rights.publish),

@@ -19,31 +19,14 @@ _LARGEST = 2**63 - 1
 
 
 def seat_of(token: str, fleet: str, robot: str, incarnation: int) -> int:
-    """Return the instance of a process that a launcher starts.
-
-    Args:
-        token: The fleet's token.
-        fleet: The fleet's name.
-        robot: The robot's name.
-        incarnation: Counts the robot's processes, from 1.
-
-    Returns:
-        A number from 1 to 2^63 - 1.
-    """
+    """Return the instance of a process that a launcher starts, from 1 to 2^63 - 1."""
     text = f"fogwatch seat/{fleet}/{robot}/{incarnation}".encode()
     drawn = hmac.digest(token.encode("utf-8", "surrogatepass"), text, "sha256")[:8]
     return int.from_bytes(drawn, "big") >> 1 | 1
 
 
 def own_instance(environment: Mapping[str, str]) -> int:
-    """Return the instance of this process: the one that its launcher gave it, or a random one.
-
-    Args:
-        environment: Of this process.
-
-    Returns:
-        A number from 1 to 2^63 - 1.
-    """
+    """Return the instance of this process, from 1 to 2^63 - 1: its launcher's, or else a random one."""
     seat = environment.get(SEAT, "")
     if seat.isascii() and seat.isdigit() and len(seat) < 20 and 0 < int(seat) <= _LARGEST:
         return int(seat)

@@ -23,17 +23,11 @@ COSTLY_S = 1.0
 class TickChain:
     """The world's side: has the proofs of all ticks of a run.
 
-    Attributes:
-        stride: Ticks that share one link.
+    Each link of the chain proves `stride` ticks.
     """
 
     def __init__(self, secret: bytes, ticks: int) -> None:
-        """Make the chain.
-
-        Args:
-            secret: Random bytes that no other process has.
-            ticks: Number of ticks of the run.
-        """
+        """Make the chain for a number of ticks, from random bytes that no other process has."""
         self.stride = stride_of(ticks)
         links = ticks // self.stride + 2
         self._links = bytearray(PROOF * links)
@@ -43,11 +37,7 @@ class TickChain:
             self._links[PROOF * index : PROOF * (index + 1)] = link
 
     def proof(self, begun: int) -> bytes:
-        """Return the proof that so many ticks have begun.
-
-        Args:
-            begun: Number of ticks.
-        """
+        """Return the proof that so many ticks have begun."""
         index = begun // self.stride
         return bytes(self._links[PROOF * index : PROOF * (index + 1)])
 
@@ -56,27 +46,14 @@ class TickProofs:
     """A robot's side: checks proofs against the newest that it has found right."""
 
     def __init__(self, begun: int, proof: bytes, stride: int, now: float) -> None:
-        """Begin with a proof that is believed.
-
-        Args:
-            begun: Number of ticks that have begun by it.
-            proof: The proof.
-            stride: Ticks that share one link.
-            now: Time, s.
-        """
+        """Begin with a proof that is believed, by which `begun` ticks have begun; `now` is in s."""
         self._stride = stride
         self._place = begun // stride
         self._proof = proof
         self._costly_at = now
 
     def accepts(self, begun: int, proof: bytes, now: float) -> bool:
-        """Return whether a proof shows that so many ticks have begun.
-
-        Args:
-            begun: Number of ticks.
-            proof: The proof.
-            now: Time, s.
-        """
+        """Return whether a proof shows that so many ticks have begun; `now` is in s."""
         index = begun // self._stride
         hashes = index - self._place
         if abs(hashes) > LONGEST or not self._affords(abs(hashes), now):
@@ -98,11 +75,7 @@ class TickProofs:
 
 
 def stride_of(ticks: int) -> int:
-    """Number of ticks that share one link of a run's chain.
-
-    Args:
-        ticks: Number of ticks of the run.
-    """
+    """Return the number of ticks that share one link of a run's chain."""
     return ticks // LONGEST + 1
 
 

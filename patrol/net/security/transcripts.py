@@ -33,24 +33,16 @@ _LENGTHS = [bytes((length,)) for length in range(MAX_DIGESTS * DIGEST + 1)]
 
 
 def digest_of(payload: bytes) -> bytes:
-    """Return the digest of a message.
-
-    Args:
-        payload: The message as it was sent.
-    """
+    """Return the digest of a message."""
     return hashlib.blake2b(payload, digest_size=DIGEST).digest()
 
 
 @dataclass(frozen=True, slots=True)
 class Line:
-    """One tick of a robot's transcript.
-
-    Attributes:
-        k: The tick.
-        digests: Of phase A, phase B, reply A and reply B; each none, one, or for replies several behind each other.
-    """
+    """One tick of a robot's transcript."""
 
     k: int
+    # of `PHASE_A` to `REPLY_B`; each none, one, or for replies several joined
     digests: tuple[bytes, bytes, bytes, bytes]
 
 
@@ -62,12 +54,9 @@ class RobotTranscript:
         self._since = 0
 
     def note(self, k: int, place: int, digest: bytes) -> None:
-        """Write down that a message was sent or acted on.
+        """Write down that a message was sent or acted on; its place is one of `PHASE_A` to `REPLY_B`.
 
-        Args:
-            k: Its tick.
-            place: Which of a tick's messages it is.
-            digest: Its digest.
+        A further digest in the same place is added to those before.
         """
         self._lines.setdefault(k, [b""] * PLACES)[place] += digest
 
@@ -77,13 +66,10 @@ class RobotTranscript:
         return len(self._lines) >= LINES
 
     def report(self, until: int) -> list[tuple[int, int, tuple[Line, ...]]]:
-        """Everything up to a tick since the last report, in pieces that fit into a message; forgotten here.
+        """Return all ticks up to `until` since the last report, and forget them.
 
-        Args:
-            until: The newest tick in which the robot has sent a reply.
-
-        Returns:
-            For each piece the first and the last tick for which it is complete, and its lines.
+        There is a piece for each message that they need: the first and the last tick for which it is complete, and its
+        lines. `until` is the newest tick in which the robot has sent a reply.
         """
         lines = [Line(k, (a, b, c, d)) for k, (a, b, c, d) in sorted(self._lines.items()) if k <= until]
         self._lines = {k: digests for k, digests in self._lines.items() if k > until}
@@ -108,19 +94,12 @@ MAX_SPANS = 16
 
 @dataclass(slots=True)
 class Span:
-    """A stretch of ticks in which the two transcripts of one process agree throughout, or differ in each report.
-
-    Attributes:
-        first: Its first tick.
-        last: Its last tick.
-        phases: Running hashes of the phases that the robot acted on: by the robot, by the world.
-        replies: Running hashes of the replies that the world acted on: by the robot, by the world.
-    """
+    """A stretch of ticks in which the two transcripts of one process agree throughout, or differ in each report."""
 
     first: int
-    last: int
-    phases: tuple[str, str] = ("", "")
-    replies: tuple[str, str] = ("", "")
+    last: int  # inclusive
+    phases: tuple[str, str] = ("", "")  # running hashes of those that the robot acted on: by the robot, by the world
+    replies: tuple[str, str] = ("", "")  # running hashes of those that the world acted on: by the robot, by the world
 
     @property
     def agrees(self) -> bool:
@@ -143,18 +122,12 @@ class WorldTranscript:
 
     Digests are kept for a while after they have been compared. So a forged report that agrees with forged replies hides
     nothing: the robot's own report of the same ticks is compared as well.
-
-    Attributes:
-        spans: What has been compared, in the order of the reports.
-        messages: Number of messages compared.
-        asked: The newest tick that the process was sent; -1 for none.
-        closed: Whether the process has sent its last report.
     """
 
-    spans: list[Span] = field(default_factory=list)
-    messages: int = 0
-    asked: int = -1
-    closed: bool = False
+    spans: list[Span] = field(default_factory=list)  # in the order of the reports
+    messages: int = 0  # number of messages compared
+    asked: int = -1  # the newest tick that the process was sent; -1 for none
+    closed: bool = False  # the process has sent its last report
     _missed: int = 0
     _until: int = -1
     _forgotten: int = -1
@@ -169,26 +142,14 @@ class WorldTranscript:
         return self._missed + sum(_uncovered(self._acted_on[k]) for k in self._acted_on if k <= self._until)
 
     def sent(self, k: int, place: int, digest: bytes) -> None:
-        """Write down that the robot was sent a phase.
-
-        Args:
-            k: Its tick.
-            place: `PHASE_A` or `PHASE_B`.
-            digest: Its digest.
-        """
+        """Write down that the robot was sent a phase; its place is `PHASE_A` or `PHASE_B`."""
         self.asked = max(self.asked, k)
         self._sent.setdefault(k, [b"", b""])[place] = digest
         while len(self._sent) > MAX_TICKS:
             self._forget(next(iter(self._sent)))
 
     def acted_on(self, k: int, place: int, digest: bytes) -> None:
-        """Write down that the world acts on a reply.
-
-        Args:
-            k: Its tick.
-            place: `REPLY_A` or `REPLY_B`.
-            digest: Its digest.
-        """
+        """Write down that the world acts on a reply; its place is `REPLY_A` or `REPLY_B`."""
         if k <= self._forgotten:
             self._missed += 1
             return
@@ -201,11 +162,8 @@ class WorldTranscript:
     def compare(self, since: int, until: int, lines: Iterable[Line]) -> None:
         """Compare a report of the robot with what the world has written down.
 
-        Args:
-            since: The first tick for which the report is complete; earlier ones were in earlier reports, which may have
-                been lost while the router was down.
-            until: The last tick for which it is complete.
-            lines: Of the report.
+        The report is complete from `since` to `until`, both included. Earlier ticks were in earlier reports, which may
+        have been lost while the router was down.
         """
         self.closed = self.closed or until == LAST
         self._until = max(self._until, until)
@@ -245,11 +203,7 @@ class WorldTranscript:
 
 
 def as_notes(transcripts: Mapping[tuple[int, int], WorldTranscript]) -> list[dict[str, object]]:
-    """Make notes of transcripts for a journal's end.
-
-    Args:
-        transcripts: By robot number and incarnation.
-    """
+    """Make notes of transcripts, by robot number and incarnation, for a journal's end."""
     return [
         {
             "robot": robot,

@@ -41,24 +41,14 @@ Figures = Mapping[Figure, Value]
 
 @dataclass(frozen=True, slots=True)
 class HealthReading:
-    """The figures at one time.
+    """The figures at one time."""
 
-    Attributes:
-        at: Of a clock that never goes back, s.
-        figures: All that are known.
-    """
-
-    at: float
-    figures: Figures
+    at: float  # of a clock that never goes back, s
+    figures: Figures  # all that are known
 
 
 def health_line(now: HealthReading, before: HealthReading | None) -> str:
-    """Write a health line for people.
-
-    Args:
-        now: The newest figures.
-        before: Those of the line before, for the ticks a second; None for the first line.
-    """
+    """Write a health line for people."""
     figures = now.figures
     parts = _ticks(now, before) + [told(figures[figure]) for figure, told in _TOLD.items() if figure in figures]
     return f"health: {', '.join(parts)}"
@@ -106,11 +96,7 @@ _TOLD: Mapping[Figure, Callable[[Value], str]] = {
 
 
 def facts_of(figures: Figures) -> dict[str, object]:
-    """Return all figures, for a JSON line, by the names that the metrics have.
-
-    Args:
-        figures: The figures.
-    """
+    """Return all figures, for a JSON line, by the names that the metrics have."""
     return {figure.name: _as_fact(value) for figure, value in figures.items()}
 
 
@@ -125,13 +111,7 @@ class HealthLines:
     """Writes a health line every so often, from now until `close`."""
 
     def __init__(self, vitals: Vitals, log: Log, every_s: float) -> None:
-        """Begin.
-
-        Args:
-            vitals: Of the process.
-            log: Where the lines go.
-            every_s: Time between two lines, s.
-        """
+        """Begin to write, on a thread of its own."""
         self._vitals = vitals
         self._log = log
         self._every_s = every_s

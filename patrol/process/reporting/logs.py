@@ -42,62 +42,32 @@ class Log:
     """The log of one process, or of one part of it."""
 
     def __init__(self, process: str, prefix: str | None = None) -> None:
-        """Report under a name.
-
-        Args:
-            process: The name: a robot's, world, router, or monitor.
-            prefix: What lines for people begin with, instead of the name and a colon.
-        """
+        """Begin a log; lines for people start with `prefix`, by default the process's name and a colon."""
         self.process = process
         self._prefix = f"{process}: " if prefix is None else prefix
 
     def debug(self, line: str) -> None:
-        """Report details for the search for a mistake.
-
-        Args:
-            line: One line.
-        """
+        """Report details for the search for a mistake."""
         self._report(logging.DEBUG, line)
 
     def info(self, line: str, **facts: object) -> None:
-        """Report what happens.
-
-        Args:
-            line: One line.
-            facts: More fields of a JSON line; lines for people leave them out.
-        """
+        """Report what happens; the facts are more fields of a JSON line, and lines for people leave them out."""
         self._report(logging.INFO, line, facts=facts)
 
     def warning(self, line: str) -> None:
-        """Report something that people may have to look after.
-
-        Args:
-            line: One line.
-        """
+        """Report something that people may have to look after."""
         self._report(logging.WARNING, line)
 
     def error(self, line: str) -> None:
-        """Report why the process, or its task, ends.
-
-        Args:
-            line: One line.
-        """
+        """Report why the process, or its task, ends."""
         self._report(logging.ERROR, line)
 
     def failure(self, error: BaseException) -> None:
-        """Report an exception with its traceback.
-
-        Args:
-            error: The exception.
-        """
+        """Report an exception with its traceback."""
         self._report(logging.ERROR, described(error), error=error)
 
     def announce(self, line: str) -> None:
-        """Tell the starter of this process, on the standard output and at any level, that what it waits for is done.
-
-        Args:
-            line: One line.
-        """
+        """Tell the starter of this process, on the standard output and at any level, that what it waits for is done."""
         record = _LOGGER.makeRecord(_LOGGER.name, logging.INFO, "", 0, "%s", (line,), None, extra=self._more())
         print(_HANDLER.shape(record), flush=True)
 
@@ -111,11 +81,7 @@ class Log:
 
 
 def described(error: BaseException) -> str:
-    """Describe an exception by its type and message.
-
-    Args:
-        error: The exception.
-    """
+    """Describe an exception by its type and message."""
     return "".join(traceback.format_exception_only(error)).strip()
 
 
@@ -127,11 +93,7 @@ class _Handler(logging.Handler):
         self.shape = shape
 
     def emit(self, record: logging.LogRecord) -> None:
-        """Write one record.
-
-        Args:
-            record: Of our own logger or of a library's.
-        """
+        """Write one record."""
         stream = sys.stderr
         with suppress(OSError, ValueError, AttributeError):  # its reader has gone, or there is none
             stream.write(f"{self.shape(record)}\n")
@@ -153,11 +115,7 @@ class _AsJson:
         """Whose records are those that name no process: a library's, and crashes."""
 
     def __call__(self, record: logging.LogRecord) -> str:
-        """One line.
-
-        Args:
-            record: Of our own logger or of a library's.
-        """
+        """Return a record, of our own logger or of a library's, as one line."""
         when = datetime.fromtimestamp(record.created, UTC)
         fields: dict[str, Any] = {
             "time": when.isoformat(timespec="milliseconds").replace("+00:00", "Z"),
@@ -176,16 +134,7 @@ class _AsJson:
 
 
 def begin_log(process: str, form: Format, level: str) -> Log:
-    """Choose how this process writes its log, from now on.
-
-    Args:
-        process: Its name.
-        form: Text or JSON.
-        level: The least of `LEVELS` that is written.
-
-    Returns:
-        The process's log.
-    """
+    """Choose how this process writes its log, from now on."""
     _LOGGER.setLevel(level.upper())
     if form is Format.TEXT:
         _HANDLER.shape = _as_text
@@ -214,11 +163,7 @@ def is_json() -> bool:
 
 
 def crashed(error: BaseException) -> None:
-    """Report a mistake of ours, which ends the process or one of its threads.
-
-    Args:
-        error: The exception.
-    """
+    """Report a mistake of ours, which ends the process or one of its threads."""
     shape = _HANDLER.shape
     Log(shape.process if isinstance(shape, _AsJson) else "").failure(error)
 

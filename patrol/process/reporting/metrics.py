@@ -43,12 +43,7 @@ _READ_BYTES = 1024
 
 
 def render(figures: Mapping[Figure, Value], labels: Mapping[str, str]) -> bytes:
-    """Write the figures in Prometheus' text format, version 0.0.4.
-
-    Args:
-        figures: By figure.
-        labels: That each number gets: which process it is of.
-    """
+    """Write the figures in Prometheus' text format, version 0.0.4; each number gets all the labels."""
     lines = []
     for figure, value in figures.items():
         lines += [f"# HELP {figure.name} {figure.says}", f"# TYPE {figure.name} {figure.kind}"]
@@ -73,17 +68,9 @@ def _written(number: float) -> str:
 
 
 def listen_at(where: str, *, is_open: bool) -> socket.socket:
-    """Open the address for metrics.
+    """Open a listening socket for metrics at ``HOST:PORT``; port 0 stands for a free one.
 
-    Args:
-        where: ``HOST:PORT`` as the option says it; port 0 for a free one.
-        is_open: Whether other machines may connect.
-
-    Returns:
-        A listening socket.
-
-    Raises:
-        BadInput: It is no address, other machines could connect, or nothing can listen there.
+    An address that other machines can reach is refused unless `is_open`.
     """
     host, colon, number = where.rpartition(":")
     bare = host[1:-1] if host.startswith("[") and host.endswith("]") else host
@@ -126,13 +113,7 @@ class MetricsServer:
     """Answers requests for metrics, from now until `close`."""
 
     def __init__(self, listening: socket.socket, vitals: Vitals, labels: Mapping[str, str]) -> None:
-        """Begin.
-
-        Args:
-            listening: Where to answer; closed by `close`.
-            vitals: Of the process.
-            labels: That each number gets.
-        """
+        """Begin to answer, on a thread of its own; `close` closes the listening socket."""
         self._listening = listening
         self._vitals = vitals
         self._labels = labels

@@ -19,12 +19,7 @@ SOCKET, WATCHDOG_US, WATCHDOG_PID = "NOTIFY_SOCKET", "WATCHDOG_USEC", "WATCHDOG_
 
 
 class Notifier:
-    """Tells the service manager; does nothing where none asks for it.
-
-    Args:
-        environment: The process's environment.
-        now: A clock that never goes back, s.
-    """
+    """Tells the service manager that the process is ready and alive; does nothing where no manager asks for it."""
 
     def __init__(self, environment: Mapping[str, str], now: Callable[[], float] = time.monotonic) -> None:
         name = environment.get(SOCKET, "")
@@ -49,11 +44,7 @@ class Notifier:
             self._send(b"WATCHDOG=1")
 
     def busy(self, limit_s: float) -> None:
-        """Ask for patience, since the loop is over and long work follows.
-
-        Args:
-            limit_s: How long it takes at most, s.
-        """
+        """Ask for patience, since the loop is over and long work follows."""
         if self._every_s is not None:
             self._send(b"WATCHDOG_USEC=%d" % round(limit_s * 1e6))
 

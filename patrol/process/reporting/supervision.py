@@ -16,21 +16,13 @@ LEAST_S, MOST_S = 0.1, 86_400.0
 
 @dataclass(frozen=True, slots=True)
 class Supervision:
-    """Settings for following a process.
-
-    Attributes:
-        log_format: How its log is written.
-        log_level: The least level that is written.
-        health: Time between two health lines, s; None for none.
-        metrics: ``HOST:PORT`` of its metrics; None for none.
-        metrics_open: Whether other machines may read them.
-    """
+    """Settings for following a process."""
 
     log_format: Format = Format.TEXT
-    log_level: str = "info"
-    health: float | None = None
-    metrics: str | None = None
-    metrics_open: bool = False
+    log_level: str = "info"  # the least that is written
+    health: float | None = None  # s between two health lines; None for none
+    metrics: str | None = None  # ``HOST:PORT``; None for none
+    metrics_open: bool = False  # other machines may read them
 
     @property
     def counts(self) -> bool:
@@ -39,11 +31,7 @@ class Supervision:
 
 
 def add_supervision(parser: argparse.ArgumentParser) -> None:
-    """Add the options of a process that can be followed.
-
-    Args:
-        parser: Of the process's command line.
-    """
+    """Add the options of a process that can be followed."""
     add = parser.add_argument_group("what others see of this process (docs/operations.md)").add_argument
     add("--log-format", type=Format, choices=[*Format], default=Format.TEXT, help="of the log (%(default)s)")
     add("--log-level", choices=LEVELS, default="info", help="the least level in the log (%(default)s)")
@@ -53,13 +41,9 @@ def add_supervision(parser: argparse.ArgumentParser) -> None:
 
 
 def take_supervision(options: argparse.Namespace) -> Supervision:
-    """Take what `add_supervision` added out of parsed options; a process without these is not followed.
+    """Take what `add_supervision` added out of parsed options, which lose these fields.
 
-    Args:
-        options: They lose these fields.
-
-    Raises:
-        BadInput: An option does not fit.
+    A process without these options is not followed.
     """
     names = ("log_format", "log_level", "health", "metrics", "metrics_open")
     supervision = Supervision(**{name: vars(options).pop(name) for name in names if name in options})

@@ -33,19 +33,12 @@ class Kind(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Figure:
-    """A figure of a process.
+    """A figure of a process."""
 
-    Attributes:
-        name: As Prometheus knows it; counters end with ``_total``.
-        kind: A gauge goes up and down, a counter only up.
-        says: What it is, in one line, with its unit.
-        label: What its numbers are told apart by; empty for a figure that is one number.
-    """
-
-    name: str
+    name: str  # as Prometheus knows it; counters end with ``_total``
     kind: Kind
-    says: str
-    label: str = ""
+    says: str  # one line, with the unit
+    label: str = ""  # what its numbers are told apart by; empty for one number
 
 
 TICK = Figure("fogwatch_tick", Kind.GAUGE, "The newest tick that the process has done or shown.")
@@ -87,11 +80,7 @@ class Vitals:
     """The figures of this process. One loop leaves them; any thread may read them."""
 
     def __init__(self, now: Callable[[], float] = time.monotonic) -> None:
-        """Count from now on.
-
-        Args:
-            now: Seconds of a clock that never goes back.
-        """
+        """Count from now on."""
         self._now = now
         self._began = time.time()
         self._version = version()
@@ -99,30 +88,20 @@ class Vitals:
         self._probes: list[tuple[Figure, Callable[[], Value | None]]] = []
 
     def beat(self, k: int, figures: Mapping[Figure, Value]) -> None:
-        """Leave the figures of a tick that has been done.
-
-        Args:
-            k: The tick.
-            figures: Those of the loop; nothing may change them afterwards.
-        """
+        """Leave the figures of a tick that has been done; nothing may change the mapping afterwards."""
         ticks = 1 if self._beat is None else self._beat.ticks + 1
         self._beat = _Beat(ticks, self._now(), {TICK: k, **figures})
 
     def probe(self, figure: Figure, read: Callable[[], Value | None]) -> None:
-        """Have a figure read for each request.
+        """Have a figure that the loop does not leave read for each request.
 
-        Args:
-            figure: One that the loop does not leave. Where it is read in several places, the numbers are added.
-            read: Returns it, at once and on any thread; None while it is not known.
+        `read` is called on any thread and returns at once, None while the figure is not known. Where a figure is read
+        in several places, the numbers are added.
         """
         self._probes.append((figure, read))
 
     def probe_mailbox(self, mailbox: Mailbox[Any]) -> None:
-        """Have a mailbox's figures read for each request.
-
-        Args:
-            mailbox: Whose messages wait or were dropped.
-        """
+        """Have a mailbox's figures read for each request."""
         self.probe(QUEUE, lambda: mailbox.waiting)
         self.probe(DROPPED, lambda: dict(mailbox.refused))
 

@@ -18,19 +18,14 @@ _NAMED = 2
 
 
 def room_for(commands: Iterable[Sequence[str]]) -> str:
-    """Return an argument of blanks that makes room for longer command lines; a longer one is cut short.
-
-    Args:
-        commands: The command lines that are going to be shown.
-    """
+    """Return an argument of blanks that makes room for longer command lines; a longer one is cut short."""
     return " " * max(len(_line(words)) for words in commands)
 
 
 def show_as(words: Sequence[str]) -> None:
-    """Show a command line of this process from now on; where the system does not say where it stands, nothing changes.
+    """Show a command line of this process from now on.
 
-    Args:
-        words: The command line.
+    Where the system does not say where it stands, nothing changes.
     """
     with suppress(OSError, ValueError, IndexError):
         fields = Path("/proc/self/stat").read_bytes().rpartition(b")")[2].split()

@@ -29,17 +29,11 @@ LOOK_S = 0.5
 
 @dataclass(frozen=True, slots=True)
 class Compiled:
-    """The progress of compiling.
+    """The progress of compiling."""
 
-    Attributes:
-        kernels: Compiled so far.
-        of: All.
-        left_s: Time to go, s; None as long as nothing is known about it.
-    """
-
-    kernels: int
-    of: int
-    left_s: float | None
+    kernels: int  # compiled so far
+    of: int  # all kernels
+    left_s: float | None  # time to go; None as long as nothing is known about it
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,14 +69,7 @@ class _Worker:
             self.process.stdin.flush()
 
     def finish(self) -> _Work:
-        """Read its answer.
-
-        Returns:
-            What it has compiled.
-
-        Raises:
-            BadInput: It could not compile the module, or has ended.
-        """
+        """Read its answer."""
         assert self.process.stdout is not None
         assert self.work is not None
         answer = self.process.stdout.readline()
@@ -108,14 +95,9 @@ class _Worker:
 
 
 def compile_modules(modules: Mapping[str, Path], show: Callable[[Compiled], None]) -> None:
-    """Compile kernel modules and store them in the cache (`patrol.kernel_cache`).
+    """Compile kernel modules, files by full name, and store them in the cache (`patrol.kernel_cache`).
 
-    Args:
-        modules: Their files by full name.
-        show: Called with the progress at each change, and every `LOOK_S`.
-
-    Raises:
-        BadInput: One cannot be compiled or stored, or a process that compiles was killed.
+    `show` is called with the progress at each change, and every `LOOK_S`.
     """
     todo = sorted((_work(name, source) for name, source in modules.items()), key=lambda work: work.size)
     of, size = sum(work.kernels for work in todo), sum(work.size for work in todo)

@@ -44,15 +44,10 @@ _adopting = threading.Lock()
 
 @dataclass(frozen=True, slots=True)
 class Orders:
-    """The command line and environment of a new process.
+    """The command line and environment of a new process."""
 
-    Attributes:
-        command: Its command line, as it would be started by itself.
-        environment: Variables beside those that the server has.
-    """
-
-    command: Sequence[str]
-    environment: Mapping[str, str]
+    command: Sequence[str]  # as the process would be started by itself
+    environment: Mapping[str, str]  # variables beside those that the server has
 
 
 def can_fork() -> bool:
@@ -66,17 +61,11 @@ def count_threads() -> int:
 
 
 def serve_forks(descriptor: int) -> tuple[Orders, int] | None:
-    """Fork for each request; called in a process of one thread.
+    """Fork for each request that arrives on a socket; called in a process of one thread.
 
-    Args:
-        descriptor: Of the socket on which the requests arrive. The server ends when no process holds the other end.
-
-    Returns:
-        In each new process, which leads a session of its own, its orders and the descriptor of its output; None in the
-        server when no process can ask any more, and in a new process that gets no orders.
-
-    Raises:
-        OSError: The system has no room for another process.
+    This returns in each new process, which leads a session of its own, with its orders and the descriptor of its
+    output, or None where it gets no orders. In the server it returns None when no process holds the other end of the
+    socket any more.
     """
     control = socket.socket(fileno=descriptor)
     while True:
@@ -110,19 +99,11 @@ def _become(own: socket.socket) -> tuple[Orders, int] | None:
 
 
 def ask_for_fork(control: socket.socket, orders: Orders, output: int) -> int:
-    """Have a server make a process, which becomes a child of this one.
+    """Have a server make a process, which becomes a child of this one, and return its process id.
 
-    Args:
-        control: Where the server listens; its timeout holds for each step.
-        orders: What the new process is to be.
-        output: Descriptor of the file that the process writes to.
-
-    Returns:
-        Its process id.
-
-    Raises:
-        OSError: The server has gone, or does not answer in time, or what it has made is no child of this process. A
-            process that is not told what to be ends.
+    The timeout of `control` holds for each step. The process writes to the file of the descriptor `output`. An OSError
+    says that the server has gone, does not answer in time, or has made no child of this process; a process that is not
+    told what to be ends.
     """
     ours, theirs = socket.socketpair()
     with ours:

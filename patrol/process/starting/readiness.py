@@ -29,17 +29,11 @@ class StartFailure(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class StartReport:
-    """The one report of a child process, when it has started or given up.
+    """The one report of a child process, when it has started or given up."""
 
-    Attributes:
-        address: Where it listens; empty where it could not start.
-        failure: Why it could not start; None when it is ready.
-        detail: The error in one line, for people; empty when it is ready.
-    """
-
-    address: str = ""
-    failure: StartFailure | None = None
-    detail: str = ""
+    address: str = ""  # where it listens; empty where it could not start
+    failure: StartFailure | None = None  # None when it is ready
+    detail: str = ""  # the error in one line; empty when it is ready
 
     @property
     def ready(self) -> bool:
@@ -48,11 +42,9 @@ class StartReport:
 
 
 def report_start(descriptor: int | None, report: StartReport) -> None:
-    """Report to the parent that this process is ready, or cannot start.
+    """Report to the parent that this process is ready, or cannot start, and close the descriptor.
 
-    Args:
-        descriptor: Writing end of the parent's pipe, which this closes; None where no parent waits.
-        report: What to report.
+    The descriptor is the writing end of the parent's pipe, None where no parent waits.
     """
     if descriptor is None:
         return
@@ -65,9 +57,8 @@ def report_start(descriptor: int | None, report: StartReport) -> None:
 class StartPipe:
     """A parent's end of the pipe on which one child reports its start.
 
-    Attributes:
-        child_end: The descriptor to pass to the child; -1 after `spawned`.
-        ended: Whether the child has closed its end; what has not been reported by then never will be.
+    `child_end` is the descriptor to pass to the child, -1 after `spawned`. Once the child has closed it, `ended` is
+    True: what has not been reported by then never will be.
     """
 
     def __init__(self) -> None:
@@ -83,14 +74,7 @@ class StartPipe:
             self.child_end = -1
 
     def report(self, timeout_s: float = 0.0) -> StartReport | None:
-        """Return the child's report, as soon as there is one.
-
-        Args:
-            timeout_s: How long to wait for something to arrive, in s of wall time.
-
-        Returns:
-            The report, or None as long as there is none.
-        """
+        """Return the child's report, None as long as there is none; wait for at most `timeout_s` of wall time."""
         if self._report is None and not self.ended and select.select([self._end], [], [], timeout_s)[0]:
             arrived = os.read(self._end, _READ_BYTES)
             self._bytes += arrived
@@ -101,14 +85,9 @@ class StartPipe:
         return self._report
 
     def await_report(self, limit_s: float, stopped: Callable[[], bool] = lambda: False) -> StartReport | None:
-        """Wait for the child's report.
+        """Wait for the child's report; return None where the child ends without one, or when the wait is over.
 
-        Args:
-            limit_s: How long to wait at most, s of wall time.
-            stopped: Asked all the time whether to wait no longer.
-
-        Returns:
-            The report; None where there is none when the child ends, or when the wait is over.
+        The wait is over after `limit_s` of wall time, or when `stopped`, which is asked all the time, says so.
         """
         until = time.monotonic() + limit_s
         while (report := self.report(_REPORT_S)) is None:

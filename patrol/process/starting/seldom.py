@@ -60,9 +60,5 @@ SELDOM: Mapping[str, Callable[[Scenario], bool]] = {
 
 
 def seldom_kernels(scenario: Scenario) -> list[str]:
-    """Return the modules of `SELDOM` that a run needs.
-
-    Args:
-        scenario: Its scenario.
-    """
+    """Return the modules of `SELDOM` that a run needs."""
     return [name for name, needs in SELDOM.items() if needs(scenario)]

@@ -34,14 +34,8 @@ def warm(
 ) -> None:
     """Make sure that the kernels of some packages are compiled; returns at once when they are.
 
-    Args:
-        packages: Their names.
-        say: Takes a line when compiling or waiting takes time.
-        also: Modules of theirs listed in `SELDOM` that are needed nevertheless; the others are left out.
-        show: Shows how far compiling is; by default `say` gets a line every few seconds.
-
-    Raises:
-        BadInput: Nothing can be stored on disk, or compiling fails.
+    Modules listed in `SELDOM` are left out, but for those in `also`. `say` takes a line when compiling or waiting takes
+    time, and one with the progress every few seconds unless `show` shows it.
     """
     files = {
         name: file
@@ -61,14 +55,7 @@ def warm(
 
 
 def kernel_files(package: str) -> dict[str, Path]:
-    """List a package's kernel modules: every module in a folder called kernels.
-
-    Args:
-        package: Its name.
-
-    Returns:
-        Files by the module's full name.
-    """
+    """List a package's kernel modules by full name: every module in a folder called kernels."""
     files = {}
     spec = find_spec(package)
     for folder in (spec.submodule_search_locations if spec else None) or ():
@@ -80,11 +67,7 @@ def kernel_files(package: str) -> dict[str, Path]:
 
 
 def progress_line(compiled: Compiled) -> str:
-    """Describe for people how far compiling is.
-
-    Args:
-        compiled: The progress.
-    """
+    """Describe for people how far compiling is."""
     time_left = "" if compiled.left_s is None else f", about {max(round(compiled.left_s), 1)} s to go"
     return f"compiling the kernels: {compiled.kernels} of {compiled.of}{time_left}"
 

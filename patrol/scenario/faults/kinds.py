@@ -84,14 +84,12 @@ ActsOn = Literal["processes", "frames", "senses", "bodies", "closures"]
 class Fault(Section):
     """The base of all faults.
 
-    A subclass whose `kind` is a literal is a kind of fault: the class alone puts it into `KINDS`, the schema and
-    the error messages. A nemesis draws it once `patrol.scenario.faults.nemesis_draws` says how.
-
-    Attributes:
-        acts_on: *processes* (needs a launcher that can start and stop robots), *frames* (needs an ether), *senses*
-            (changes what a robot measures), *bodies* (changes what its body does) or *closures* (closes or opens one).
+    A subclass whose `kind` is a literal is a kind of fault: the class alone puts it into `KINDS`, the schema and the
+    error messages. A nemesis draws it once `patrol.scenario.faults.nemesis_draws` says how.
     """
 
+    # processes need a launcher that can start and stop robots, and frames an ether; senses: what a robot measures;
+    # bodies: what its body does; closures: closes or opens one
     acts_on: ClassVar[ActsOn]
     model_config = ConfigDict(serialize_by_alias=True)
 
@@ -379,26 +377,15 @@ class Open(OnClosure):
 
 
 def nothing(name: str, at: float, step: float, who: str) -> dict[str, Any]:
-    """Make an entry that changes nothing (a clock that is not wrong), for a place that others' draws depend on.
+    """Make an entry that changes nothing, for a place that others' draws depend on.
 
-    Args:
-        name: The entry's id.
-        at: s.
-        step: s; the entry lasts for one step.
-        who: Any robot's name.
+    It is a clock that is not wrong, from `at` (s) on for one `step` (s).
     """
     return {"kind": "clock", "id": name, "at": at, "for": step, "who": [who]}
 
 
 def kinds_acting_on(what: ActsOn) -> tuple[str, ...]:
-    """List the kinds of faults that act on processes, frames, senses, bodies or closures.
-
-    Args:
-        what: As `Fault.acts_on` has it.
-
-    Returns:
-        In the order of `KINDS`.
-    """
+    """List the kinds of faults that act on processes, frames, senses, bodies or closures."""
     return tuple(kind for kind, model in KINDS.items() if model.acts_on == what)
 
 

@@ -79,14 +79,8 @@ Found = list[dict[str, Any]]
 def draw_fault(draws: Draws, kinds: Sequence[str], robots: RobotsHit, when: When) -> Found:
     """Draw a fault: of the kinds, the first in a drawn order that can happen now.
 
-    Args:
-        draws: Of the interval in which it begins.
-        kinds: Keys of `DRAWN`.
-        robots: Notes whom it hits.
-        when: It lasts.
-
-    Returns:
-        The fault and what heals it, as entries of a scenario's `faults` without ids; empty when none can happen.
+    Kinds are keys of `DRAWN`. The result is the fault and what heals it, as entries of a scenario's `faults` without
+    ids; empty when none can happen. `robots` notes which robots it hits.
     """
     for kind in draws.shuffled(kinds):
         if drawn := DRAWN[kind](draws, robots, when):

@@ -43,18 +43,9 @@ class NemesisSpec(Section):
 
 
 def room_for(spec: NemesisSpec, step: float, ticks: int) -> tuple[int, float]:
-    """Find the part of a run that is left for a nemesis's faults.
+    """Return the tick at which a nemesis's quiet window begins, and the length of an interval in ticks.
 
-    Args:
-        spec: Of the nemesis.
-        step: s.
-        ticks: Of the run.
-
-    Returns:
-        The tick at which the quiet window begins, and the ticks of an interval.
-
-    Raises:
-        PydanticCustomError: When they do not fit into the run.
+    The part of the run before that tick is left for faults.
     """
     quiet = ticks * QUIET if spec.quiet is None else spec.quiet / step
     end = min(math.floor(ticks - quiet + 1e-9), ticks - 1)

@@ -12,22 +12,12 @@ from patrol.values.section import wrong
 
 
 def tick_of(at: float, step: float) -> int:
-    """Return the first tick that is not before a time.
-
-    Args:
-        at: s.
-        step: s.
-    """
+    """Return the first tick that is not before a time; `at` and `step` are in s."""
     return math.ceil(at / step - 1e-9)
 
 
 def ticks_of(lasts: float, step: float) -> int:
-    """Convert a duration to ticks, half a tick rounded up; at least one.
-
-    Args:
-        lasts: s.
-        step: s.
-    """
+    """Convert a duration (s) to ticks, half a tick rounded up; at least one."""
     return max(1, math.floor(lasts / step + 0.5 + 1e-9))
 
 
@@ -43,19 +33,8 @@ def check_faults(
     """Raise for the first fault that the roster, the closures or the duration rule out.
 
     Such a fault names no robot of the roster, wants too many or none, cuts no robot off, forges in no other name, names
-    no closure, or comes after the last tick.
-
-    Args:
-        faults: All of the scenario.
-        names: Of the whole roster, in the order of the robots' numbers.
-        spares: Numbers of the spare robots; sizes are of the others.
-        closures: Names of the closures.
-        step: s.
-        ticks: Of the run.
-        seed: The scenario's, from which targets are drawn.
-
-    Raises:
-        PydanticCustomError: For the first such fault.
+    no closure, or comes after the last tick. `names` are of the whole roster, in the order of the robots' numbers;
+    targets by size are of the robots that are not spare.
     """
     fleet = len(names) - len(spares)
     for index, fault in enumerate(faults):

@@ -63,14 +63,7 @@ Who = Annotated[
 def check_who(who: str | tuple[str, ...] | Some, names: Sequence[str], fleet: int, where: str) -> None:
     """Raise when a target cannot be among some robots, or holds none.
 
-    Args:
-        who: The target.
-        names: Of all robots.
-        fleet: How many of them are not spare.
-        where: The target's field.
-
-    Raises:
-        PydanticCustomError: When the target is none.
+    `fleet` counts the robots that are not spare, `names` has all.
     """
     if isinstance(who, Some):
         if who.count is not None and who.count > fleet:
@@ -88,16 +81,7 @@ def check_who(who: str | tuple[str, ...] | Some, names: Sequence[str], fleet: in
 
 
 def check_name(name: str, names: Sequence[str], where: str) -> None:
-    """Raise when no robot has a name.
-
-    Args:
-        name: To look for.
-        names: Of all robots.
-        where: The name's field.
-
-    Raises:
-        PydanticCustomError: When no robot has it.
-    """
+    """Raise when no robot has a name."""
     if name not in names:
         near = get_close_matches(name, names, n=1, cutoff=0.6)
         some = ", ".join(names[:8]) + (", ..." if len(names) > 8 else "")
@@ -107,17 +91,7 @@ def check_name(name: str, names: Sequence[str], where: str) -> None:
 def meant(
     who: str | tuple[str, ...] | Some, numbers: Mapping[str, int], spares: frozenset[int], drawing: Drawing
 ) -> tuple[int, ...]:
-    """Find the robots that a target means.
-
-    Args:
-        who: The target, which `check_who` has checked.
-        numbers: Of all robots by name.
-        spares: Numbers of the spare robots.
-        drawing: What the target is drawn from.
-
-    Returns:
-        Robot numbers, ascending.
-    """
+    """Return the numbers of the robots that a target means, ascending; `check_who` has checked it."""
     if isinstance(who, tuple):
         return tuple(sorted(numbers[name] for name in who))
     if isinstance(who, str) and who not in WORDS:
@@ -129,23 +103,13 @@ def meant(
 
 
 def in_drawn_order(numbers: Iterable[int], drawing: Drawing) -> list[int]:
-    """Sort robots into an order drawn for one field of one fault.
-
-    Args:
-        numbers: Of the robots.
-        drawing: What the order is drawn from.
-    """
+    """Sort robots into an order drawn for one field of one fault."""
     seed, index, field = drawing
     return sorted(numbers, key=lambda number: (draw(seed, Purpose.FAULT, index, field, number), number))
 
 
 def size_of(who: str | Some, robots: int) -> int:
-    """Return the number of robots that a target by size means.
-
-    Args:
-        who: The target.
-        robots: How many there are to choose from.
-    """
+    """Return the number of robots that a target by size means."""
     if isinstance(who, Some):
         if who.count is not None:
             return who.count

@@ -28,18 +28,9 @@ AnySection = TypeVar("AnySection", bound=Section)
 
 
 def keep_scenario(scenario: Scenario, folder: Path) -> Path:
-    """Write the resolved scenario into a folder, with copies of its map, own classes and network.
+    """Write a resolved scenario with copies of its map, own classes and network, and return its new file.
 
-    Args:
-        scenario: Resolved.
-        folder: An existing one.
-
-    Returns:
-        The scenario's new file.
-
-    Raises:
-        BadInput: When one of them cannot be read.
-        OSError: When the folder cannot be written to.
+    The folder must exist. A file that cannot be read raises BadInput, a folder that cannot be written to OSError.
     """
     path = folder / FILE
     path.write_text(dump_scenario(with_copies(scenario, folder)), encoding="utf-8")
@@ -47,18 +38,10 @@ def keep_scenario(scenario: Scenario, folder: Path) -> Path:
 
 
 def with_copies(scenario: Scenario, folder: Path) -> Scenario:
-    """Copy a scenario's map, its own classes' files and its trained network into a folder.
+    """Copy a scenario's map, own classes and trained network into a folder.
 
-    Args:
-        scenario: Resolved.
-        folder: An existing one, without such copies.
-
-    Returns:
-        The scenario, which names the copies relative to the folder.
-
-    Raises:
-        BadInput: When one of them cannot be read.
-        OSError: When the folder cannot be written to.
+    The scenario returned names the copies relative to the folder, which must exist and have no such copies yet. A file
+    that cannot be read raises BadInput, a folder that cannot be written to OSError.
     """
     own = _with_own_map(scenario, folder / MAP)
     return own.model_copy(

@@ -39,11 +39,8 @@ add_core_rules(_Dumper)
 def dump_section(section: Section, indent: int = 0, notes: Mapping[str, str] = _NO_NOTES, inside: str = "") -> str:
     """Write a section as YAML, one field a line, each with its description; None values are comments.
 
-    Args:
-        section: Of a scenario.
-        indent: Spaces before each line.
-        notes: What to add to a field's description, by dotted field.
-        inside: The dotted name of the section with a full stop behind it; empty for a whole scenario.
+    `notes` are added to descriptions, by dotted field. `inside` is the dotted name of the section with a full stop
+    behind it; empty for a whole scenario.
     """
     lines = []
     for name, field in type(section).model_fields.items():
@@ -63,13 +60,10 @@ def dump_section(section: Section, indent: int = 0, notes: Mapping[str, str] = _
 
 
 def notes_on_lengths(scenario: Scenario) -> Mapping[str, str]:
-    """Describe what each field that stays ``auto`` comes to for the robots of a mixed team.
+    """Describe the lengths of fields that stay ``auto``, for the robots of a mixed team, by dotted field.
 
-    Args:
-        scenario: Loaded, so that a field is ``auto`` only where robots differ.
-
-    Returns:
-        One line such as ``here 6.6 for truck, 1.65 for scout-1 and scout-2``, by dotted field.
+    A line is such as ``here 6.6 for truck, 1.65 for scout-1 and scout-2``. The scenario is loaded, so that a field is
+    ``auto`` only where robots differ.
     """
     notes = {}
     sections = (("patrol", scenario.patrol, FIELDS), ("patrol.options", scenario.patrol.options, OPTION_LENGTHS))

@@ -85,17 +85,10 @@ def one_line(
     line_of: LineOf,
     aliases: Mapping[str, str],
 ) -> str:
-    """Write the first problem as ``source: line 3: field = value: problem``, unknown keys first, and count the others.
+    """Write the first problem as ``source: line 3: field = value: problem``, and count the others.
 
-    Args:
-        error: What pydantic found.
-        source: The file, or what a mapping is called.
-        overridden: Dotted fields that were given as overrides and not by the source.
-        line_of: Finds the line of a field in the source.
-        aliases: What to call a field instead of its dotted name.
-
-    Returns:
-        One line for the user.
+    Unknown keys come first. `source` is the file, or what a mapping is called. `overridden` has the dotted fields that
+    were given as overrides and not by the source; `aliases` is what to call a field instead of its dotted name.
     """
     problems = sorted(error.errors(include_url=False), key=lambda problem: problem["type"] not in _UNKNOWN)
     line = _describe(problems[0], source, overridden, line_of, aliases)
@@ -105,16 +98,10 @@ def one_line(
 
 @contextmanager
 def naming(source: object, overridden: Collection[str] = ()) -> Iterator[None]:
-    """Name the file of a scenario in the error of preparing it: ``site.yaml: docks.0.place = [5, 5]: ...``.
+    """Name the file of a scenario in the error of preparing it.
 
-    An error that is about a field given as an override names no file, and one that names the file stays as it is.
-
-    Args:
-        source: The file; a built-in terrain is none, and is not named.
-        overridden: Dotted fields that were given as overrides.
-
-    Raises:
-        BadInput: With the file's name.
+    The error is such as ``site.yaml: docks.0.place = [5, 5]: ...``. An error that is about a field in `overridden`
+    (dotted) names no file, and one that names the file stays as it is. A built-in terrain is no file, and is not named.
     """
     try:
         yield

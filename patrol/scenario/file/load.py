@@ -76,24 +76,16 @@ def load_scenario(
     aliases: Mapping[str, str] | None = None,
     opens_classes: bool = True,
 ) -> Scenario:
-    """Load the scenario in a YAML file, or in a mapping of the same shape.
+    """Load and resolve the scenario in a YAML file, or in a mapping of the same shape.
 
-    Args:
-        source: The file, or the mapping.
-        overrides: Values by dotted field (``patrol.give_way``, ``robots.0.speed``; ``robots.speed`` goes to every
-            entry of a list); texts are read as YAML.
-        base: The folder that a mapping's relative paths are relative to, the current one unless given; a file's are
-            relative to the file's folder.
-        called: What errors call a mapping.
-        aliases: What errors call a field instead of its dotted name.
-        opens_classes: Whether the files of such classes may be opened, for their hashes; False for a stranger's
-            scenario that is only looked at. No other file that a scenario names is opened here.
+    Overrides are values by dotted field (``patrol.give_way``, ``robots.0.speed``; ``robots.speed`` goes to every entry
+    of a list); texts are read as YAML. A mapping's relative paths are relative to `base`, the current folder unless
+    given; a file's are relative to the file's folder. Errors call a mapping `called`, and a field by its alias instead
+    of its dotted name.
 
-    Returns:
-        The scenario, resolved.
-
-    Raises:
-        BadInput: One line that names the file, the field, the value and the remedy.
+    `opens_classes` is whether the files of own classes may be opened, for their hashes; False for a stranger's scenario
+    that is only looked at. No other file that a scenario names is opened here. BadInput is one line that names the
+    file, the field, the value and the remedy.
     """
     if isinstance(source, Mapping):
         raw = copy.deepcopy(dict(source))
@@ -106,15 +98,7 @@ def load_scenario(
 
 
 def open_scenario(what: str, overrides: Overrides | None = None) -> Scenario:
-    """Open the scenario that a command-line argument names.
-
-    Args:
-        what: a scenario file, a map's YAML file or a built-in terrain.
-        overrides: As in `load_scenario`.
-
-    Raises:
-        BadInput: One line that says what is wrong and what to do instead.
-    """
+    """Open the scenario that an argument names: a scenario file, a map's YAML file or a built-in terrain."""
     if what in BUILTINS:
         return load_scenario({"terrain": {"builtin": what}}, overrides)
     path = Path(what)
@@ -133,15 +117,7 @@ def open_scenario(what: str, overrides: Overrides | None = None) -> Scenario:
 
 
 def check_map(scenario: Scenario, source: str) -> None:
-    """Refuse a scenario whose map is not there.
-
-    Args:
-        scenario: Resolved.
-        source: What errors call it.
-
-    Raises:
-        BadInput: There is no file at `terrain.map`.
-    """
+    """Refuse a scenario whose map is not there."""
     if scenario.terrain.map is None:
         return
     path = scenario.base / scenario.terrain.map
@@ -152,12 +128,7 @@ def check_map(scenario: Scenario, source: str) -> None:
 def with_spares(scenario: Scenario, spare: int) -> Scenario:
     """Add spare robots to a scenario, which are not there until they join.
 
-    Args:
-        scenario: Without them.
-        spare: How many.
-
-    Raises:
-        BadInput: Where the scenario lists its robots.
+    A scenario that lists its robots is refused.
     """
     if not isinstance(scenario.robots, RobotGroup):
         raise BadInput(f"--spare {spare}: {scenario.name} lists its robots; mark those that are to join as spare: true")
@@ -165,17 +136,7 @@ def with_spares(scenario: Scenario, spare: int) -> Scenario:
 
 
 def parse_overrides(settings: Sequence[str]) -> dict[str, object]:
-    """Parse command-line texts into overrides for `load_scenario`.
-
-    Args:
-        settings: ``FIELD=VALUE``; the later of two for one field wins.
-
-    Returns:
-        Values by dotted field.
-
-    Raises:
-        BadInput: For a text of another form.
-    """
+    """Parse ``FIELD=VALUE`` texts into overrides by dotted field; the later of two for one field wins."""
     overrides: dict[str, object] = {}
     for setting in settings:
         field, equals, value = setting.partition("=")
@@ -188,11 +149,7 @@ def parse_overrides(settings: Sequence[str]) -> dict[str, object]:
 
 
 def as_mapping(scenario: Scenario) -> dict[str, Any]:
-    """Write a scenario as plain lists, texts and numbers; `load_scenario` gives an equal scenario back.
-
-    Args:
-        scenario: Resolved.
-    """
+    """Write a scenario as plain lists, texts and numbers; `load_scenario` gives an equal scenario back."""
     return scenario.model_dump(mode="json", exclude_none=True)
 
 
@@ -201,9 +158,6 @@ def dump_scenario(scenario: Scenario) -> str:
 
     Where robots differ in a length that follows the body, the field stays ``auto`` and its comment says what it comes
     to for each robot.
-
-    Args:
-        scenario: Resolved.
     """
     return f"{dump_section(scenario, notes=notes_on_lengths(scenario))}\n"
 
@@ -214,16 +168,10 @@ def scenario_schema() -> dict[str, Any]:
 
 
 def scenario_hash(scenario: Scenario) -> str:
-    """SHA-256 (hex) of what the scenario means.
+    """Return the SHA-256 (hex) of what a scenario means.
 
     Left out are the name and where files lie: a map enters by its content, a tag key only by its presence, robots one
     by one.
-
-    Args:
-        scenario: Resolved.
-
-    Raises:
-        BadInput: When the map cannot be read.
     """
     meaning = _meaning(scenario)
     if scenario.terrain.map is not None:
@@ -238,14 +186,9 @@ def scenario_hash(scenario: Scenario) -> str:
 
 
 def same_but_for_files(one: Scenario, other: Scenario) -> bool:
-    """Return True if two scenarios mean the same, as far as it can be told without opening what they name.
+    """Return True if two scenarios mean the same, as far as can be told without opening what they name.
 
-    Args:
-        one: Resolved; it may be a stranger's.
-        other: Resolved.
-
-    Returns:
-        False where anything differs but names, and the map and the policy's file themselves.
+    Names, the map and the policy's file themselves do not count. Both are resolved; `one` may be a stranger's.
     """
     meanings = [_meaning(scenario) for scenario in (one, other)]
     for meaning in meanings:
@@ -303,13 +246,9 @@ def _drop_what_is_not_given(meaning: dict[str, Any]) -> None:
 
 
 def map_digest(path: Path) -> str:
-    """SHA-256 (hex) of a map: what its YAML means and its image's bytes, wherever the two files lie.
+    """Return the SHA-256 (hex) of a map: of what its YAML means and of its image's bytes.
 
-    Args:
-        path: The map's YAML file.
-
-    Raises:
-        BadInput: When one of the files cannot be read.
+    It does not matter where the two files lie.
     """
     says = read_map_file(path)
     try:

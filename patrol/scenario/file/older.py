@@ -68,23 +68,17 @@ _REPULSION = "repulsion"
 def translate_field(field: str) -> str:
     """Translate the dotted name of a field of an earlier version; return any other as it is.
 
-    Args:
-        field: For example ``patrol.alpha``, which is ``patrol.options.alpha`` now.
+    For example ``patrol.alpha`` is ``patrol.options.alpha`` now.
     """
     section, _, name = field.partition(".")
     return f"patrol.options.{name}" if section == "patrol" and name.partition(".")[0] in _MOVED else field
 
 
 def translate_overrides(overrides: Mapping[str, Any], patrol: object) -> dict[str, Any]:
-    """Translate overrides of an earlier version; leave those of this version as they are.
+    """Translate overrides of an earlier version, by dotted field; leave those of this version as they are.
 
-    Args:
-        overrides: Values by dotted field.
-        patrol: The section that they are laid over, as this version has it.
-
-    Returns:
-        Values by dotted field, a policy first. `commitment` chooses a policy, with the defaults of 0.2 where the
-        section has another one.
+    `patrol` is the section that they are laid over, as this version has it. `commitment` chooses a policy, with the
+    defaults of 0.2 where the section has another one. In the result a policy comes first.
     """
     translated: dict[str, Any] = {}
     policy = _POLICIES.get(str(overrides.get("patrol.commitment")))
@@ -104,13 +98,9 @@ def translate_overrides(overrides: Mapping[str, Any], patrol: object) -> dict[st
 def translate_patrol(patrol: Mapping[str, Any], notes: list[str]) -> dict[str, Any]:
     """Translate a section of an earlier version; leave one of this version as it is.
 
-    Args:
-        patrol: The section as a file or an override has it, unchecked.
-        notes: Takes one line for each setting whose meaning changes.
-
-    Returns:
-        The section as this version has it. A section that states `commitment` is one of 0.2, which accepted settings
-        without effect: they are left out. In any other they stay, so that they are refused.
+    The section is unchecked, as a file or an override has it. `notes` takes one line for each setting whose meaning
+    changes. A section that states `commitment` is one of 0.2, which accepted settings without effect: they are left
+    out. In any other they stay, so that they are refused.
     """
     section = {name: value for name, value in patrol.items() if name not in _MOVED}
     stated = {name: value for name, value in patrol.items() if name in _MOVED}

@@ -63,17 +63,7 @@ def model_named(scenario: Scenario) -> NamedClass:
 
 
 def model_class(scenario: Scenario) -> tuple[Any, Any]:
-    """Find the class of a scenario's radio model.
-
-    Args:
-        scenario: The scenario.
-
-    Returns:
-        The class, and its options.
-
-    Raises:
-        BadInput: It cannot be found or loaded, or does not take its options.
-    """
+    """Find the class of a scenario's radio model."""
     named, options = model_named(scenario), scenario.radio.options
     kind = find(named)
     if named.name not in MODELS:  # those of a built-in model were checked with the scenario
@@ -82,18 +72,7 @@ def model_class(scenario: Scenario) -> tuple[Any, Any]:
 
 
 def model_of(scenario: Scenario, terrain: Terrain) -> RadioModel | None:
-    """Make the radio model of a scenario.
-
-    Args:
-        scenario: The scenario.
-        terrain: Its terrain.
-
-    Returns:
-        The model; None where every frame gets through.
-
-    Raises:
-        BadInput: It cannot be found, loaded or made, or does not take its options.
-    """
+    """Make the radio model of a scenario; None where every frame gets through."""
     radio = scenario.radio
     if radio.model == IDEAL:
         return None

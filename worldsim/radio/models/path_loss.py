@@ -53,29 +53,15 @@ class Drawn(IntEnum):
 
 
 def window_of(k: int, step: float, redraw: float | None) -> int:
-    """Count how often shadowing has been drawn anew.
-
-    Args:
-        k: The tick.
-        step: s per tick.
-        redraw: s between two draws, or None.
-    """
+    """Return how often shadowing has been drawn anew by tick k: each `redraw` seconds; None for never."""
     return 0 if redraw is None else math.floor(k * step / redraw + 1e-9)
 
 
 class PathLoss:
-    """Loses frames by distance, walls and interference.
-
-    Attributes:
-        options: Power, losses and airtime.
-    """
+    """Loses frames by distance, walls and interference."""
 
     def __init__(self, setup: ModelSetup) -> None:
-        """Draw nothing yet.
-
-        Args:
-            setup: Its options are `patrol.scenario.radio_spec.PathLossOptions`.
-        """
+        """Draw nothing yet; the setup's options are `patrol.scenario.radio_spec.PathLossOptions`."""
         self.options = setup.options
         self._seed = setup.seed
         self._step = setup.step

@@ -33,6 +33,8 @@ if TYPE_CHECKING:
     from patrol.ground.terrain import Terrain
     from patrol.pose import Pose
 
+__all__ = ["ModelSetup", "OnAir", "RadioModel"]
+
 OWN_MODEL = "model"
 """The cause, in journals, of frames that a model of one's own has lost."""
 

@@ -21,16 +21,7 @@ FAMILY = 1e-9
 
 
 def evidence(hits: int, draws: int, p: float) -> float:
-    """Return the logarithm of E.
-
-    Args:
-        hits: Draws that hit.
-        draws: All draws.
-        p: Their probability.
-
-    Returns:
-        ln E; infinite where p excludes the hits.
-    """
+    """Return ln E, with E as in the module's docstring; infinite where p excludes the hits."""
     if (p <= 0.0 and hits) or (p >= 1.0 and hits < draws):
         return math.inf
     under = 0.0
@@ -42,25 +33,12 @@ def evidence(hits: int, draws: int, p: float) -> float:
 
 
 def enough(draws: int, p: float, alarm: float) -> bool:
-    """Return True if there are enough draws that some number of hits would be unexplained.
-
-    Args:
-        draws: All draws.
-        p: Their probability.
-        alarm: As for `unexplained`.
-    """
+    """Return True if there are enough draws that some number of hits would be unexplained."""
     return max(evidence(0, draws, p), evidence(draws, draws, p)) >= -math.log(alarm)
 
 
 def unexplained(hits: int, draws: int, p: float, alarm: float) -> bool:
-    """Return True if chance does not explain a number of hits.
-
-    Args:
-        hits: Draws that hit.
-        draws: All draws.
-        p: Their probability.
-        alarm: The probability of a false alarm, at most.
-    """
+    """Return True if chance does not explain a number of hits; `alarm` bounds a false alarm's probability."""
     return evidence(hits, draws, p) >= -math.log(alarm)
 
 

@@ -24,46 +24,26 @@ TAGS_NOT_JUDGED = "; tags not judged: "
 
 @dataclass(frozen=True, slots=True)
 class CheckResult:
-    """The result of one check.
-
-    Attributes:
-        name: The check's name, as in `summary.json`.
-        ok: Whether the run passed.
-        detail: What was found; where the run failed, the first problem.
-        judged: False where there was nothing to judge by, or too little. Then `ok` is True and the detail says why.
-        warnings: What is wrong with the patrol or its evidence although the run can be believed, one line each.
-    """
+    """The result of one check."""
 
     name: str
     ok: bool
-    detail: str
-    judged: bool = True
-    warnings: tuple[str, ...] = ()
+    detail: str  # what was found; where the run failed, the first problem
+    judged: bool = True  # False: nothing to judge by, or too little; then `ok` is True and the detail says why
+    warnings: tuple[str, ...] = ()  # what is wrong although the run can be believed, one line each
 
 
 @dataclass(frozen=True)
 class JudgedRun:
-    """A run as its verdict knows it.
+    """A run as its verdict knows it."""
 
-    Attributes:
-        journal: Its records. It may still be being written: events and end are read when they are needed.
-        prepared: Its scenario with all faults, its starts and its terrain.
-        timeline: The scenario's faults in ticks and robot numbers.
-        exit_codes: Exit codes of its processes by name, None for one that was never seen to end; empty for a run in one
-            process.
-        verify_fog: Whether to recompute the fog and what robots made of what they heard.
-        baseline_s: Mean MFoW (s) of the same scenario without its faults, or None if that was not run.
-        fog: The true fog of the world that makes the run, as it is after each tick, where the fog is not recomputed;
-            None where there is no such world.
-    """
-
-    journal: RunRecord
+    journal: RunRecord  # may still be being written: events and end are read when they are needed
     prepared: Prepared
     timeline: Timeline
-    exit_codes: Mapping[str, int | None]
-    verify_fog: bool = True
-    baseline_s: float | None = None
-    fog: Fog | None = None
+    exit_codes: Mapping[str, int | None]  # by process, None: never seen to end; empty for a run in one process
+    verify_fog: bool = True  # recompute the fog, and what robots made of what they heard
+    baseline_s: float | None = None  # mean MFoW of the same scenario without its faults; None if that was not run
+    fog: Fog | None = None  # the world's own, after each tick, where it is not recomputed; None without a world
 
     @property
     def processes(self) -> bool:
@@ -94,21 +74,14 @@ class JudgedRun:
 class JournalReading(ABC):
     """A reader of a journal's ticks, in order, that can be asked about them.
 
-    Attributes:
-        needs: The classes of the readings that this one asks. They take in each tick before it does, and once one of
-            them is not `usable` any more, this one gets no further ticks.
-        needed: These readings.
+    The readings that it `needs` take in each tick before it does, and once one of them is not `usable` any more, this
+    one gets no further ticks. `needed` are these readings.
     """
 
     needs: ClassVar[tuple[type[JournalReading], ...]] = ()
 
     def __init__(self, run: JudgedRun, readings: Readings) -> None:
-        """Prepare to read a run.
-
-        Args:
-            run: The run.
-            readings: The readings that this one `needs`, at least.
-        """
+        """Prepare to read a run."""
         self._run = run
         self.needed = tuple(readings[kind] for kind in self.needs)
 
@@ -119,11 +92,7 @@ class JournalReading(ABC):
 
     @abstractmethod
     def tick(self, record: TickRecord) -> None:
-        """Take in the next tick.
-
-        Args:
-            record: The tick's record.
-        """
+        """Take in the next tick."""
 
 
 R = TypeVar("R", bound=JournalReading)
@@ -142,12 +111,7 @@ class Readings:
         return found
 
     def add(self, kind: type[JournalReading], run: JudgedRun) -> None:
-        """Make a reading, and before it those that it needs; none twice.
-
-        Args:
-            kind: Its class.
-            run: The run to read.
-        """
+        """Make a reading, and before it those that it needs; none twice."""
         if kind not in self._made:
             for needed in kind.needs:
                 self.add(needed, run)
@@ -159,17 +123,11 @@ class Readings:
 
 
 class Check(JournalReading):
-    """A check of the verdict. A subclass implements `_tick` and `_good`, and reports problems by `_fail`.
-
-    Attributes:
-        name: The check's name.
-        of_ether: Whether it is about frames that the world carried, so that it makes no sense with direct radio.
-        reads_on: Whether it takes in ticks after its first problem, because others need what it reads.
-    """
+    """A check of the verdict. A subclass implements `_tick` and `_good`, and reports problems by `_fail`."""
 
     name: ClassVar[str]
-    of_ether: ClassVar[bool] = False
-    reads_on: ClassVar[bool] = False
+    of_ether: ClassVar[bool] = False  # about frames that the world carried: makes no sense with direct radio
+    reads_on: ClassVar[bool] = False  # takes in ticks after its first problem, because others need what it reads
 
     def __init__(self, run: JudgedRun, readings: Readings) -> None:
         super().__init__(run, readings)
@@ -177,19 +135,11 @@ class Check(JournalReading):
 
     @classmethod
     def applies(cls, run: JudgedRun) -> bool:
-        """Return True if a run calls for this check.
-
-        Args:
-            run: The run.
-        """
+        """Return True if a run calls for this check."""
         return run.by_ether or not cls.of_ether
 
     def tick(self, record: TickRecord) -> None:
-        """Take in the next tick; nothing after the first problem, unless the check `reads_on`.
-
-        Args:
-            record: The tick's record.
-        """
+        """Take in the next tick; nothing after the first problem, unless the check `reads_on`."""
         if self.reads_on or not self._problem:
             self._tick(record)
 

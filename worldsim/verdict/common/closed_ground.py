@@ -18,11 +18,9 @@ if TYPE_CHECKING:
 
 
 class ClosedGround(JournalReading):
-    """The ground, tick by tick. Without closures it never changes.
+    """The ground, tick by tick; without closures it never changes.
 
-    Attributes:
-        closed: The points that are closed.
-        closure_events: The events of closures before this tick.
+    `closure_events` are the events of closures just before this tick.
     """
 
     def __init__(self, run: JudgedRun, readings: Readings) -> None:

@@ -24,13 +24,7 @@ def active(entry: Entry, k: int) -> bool:
 
 
 def on_link(entry: Entry, origin: int, to: int) -> bool:
-    """Return True if a fault of links acts on what one robot's radio sends to another.
-
-    Args:
-        entry: The fault.
-        origin: Number of the robot whose radio sends.
-        to: Number of the receiver.
-    """
+    """Return True if a fault of links acts on what one robot's radio sends to another."""
     return origin in entry.sources and to in entry.targets
 
 
@@ -43,14 +37,11 @@ class FrameFaultCheck(Check):
     """A check of what faults of some kinds do to frames that the world carries.
 
     A subclass implements `_active_tick`, or `_tick` if it also looks at ticks in which none of its faults is active.
-
-    Attributes:
-        kinds: Classes of the faults that call for the check; they are also those that it looks at.
     """
 
     needs = (RobotsThere,)
     of_ether = True
-    kinds: ClassVar[tuple[type[Fault], ...]]
+    kinds: ClassVar[tuple[type[Fault], ...]]  # faults that call for the check, and that it looks at
 
     def __init__(self, run: JudgedRun, readings: Readings) -> None:
         super().__init__(run, readings)

@@ -18,11 +18,7 @@ if TYPE_CHECKING:
 
 
 class TrueFog(JournalReading):
-    """The fog, recomputed from the poses; or that of the world, where the verdict does not verify it.
-
-    Attributes:
-        fog: After the latest tick's observations.
-    """
+    """The fog after the latest tick: recomputed from the poses, or the world's own if it is not verified."""
 
     needs = (RobotsThere, ClosedGround)
 

@@ -42,14 +42,9 @@ ON_ARRIVAL = (RECEIVER_DEAD, RECEIVER_PAUSED, RECEIVER_ABSENT)
 
 
 def origins_of(record: TickRecord, forgers: Mapping[str, int]) -> dict[tuple[int, int], int]:
-    """Return the robot whose radio sends each frame of a tick.
+    """Return the robot whose radio sends each frame of a tick, by (source, sequence), in frame order.
 
-    Args:
-        record: The tick's record.
-        forgers: As of `worldsim.verdict.common.faults.forgers_of`.
-
-    Returns:
-        The robots' numbers, `NO_ROBOT` for a stranger, by (source, sequence), in the frames' order.
+    It is `NO_ROBOT` for a stranger. `forgers` are as `worldsim.verdict.common.faults.forgers_of` returns them.
     """
     origins: dict[tuple[int, int], int] = {}
     places: Counter[int] = Counter()
@@ -64,15 +59,9 @@ def origins_of(record: TickRecord, forgers: Mapping[str, int]) -> dict[tuple[int
 
 
 def fates(record: TickRecord, forgers: Mapping[str, int]) -> Iterator[tuple[int, Link, str]]:
-    """Yield every frame of a tick on every link.
+    """Yield every frame of a tick on every link: the robot whose radio sent it, the link, what stopped it.
 
-    Args:
-        record: The tick's record.
-        forgers: As of `worldsim.verdict.common.faults.forgers_of`.
-
-    Yields:
-        The robot whose radio sent it, its link, and what stopped it when it was sent; empty where nothing did, so that
-        the frame arrives, sooner or later.
+    The last is empty where nothing stopped the frame when it was sent, so that it arrives, sooner or later.
     """
     here = [row.number for row in record.robots if row.status.is_present]
     causes = {drop[:3]: drop[3] for drop in record.dropped if drop[3] not in ON_ARRIVAL}
@@ -84,15 +73,7 @@ def fates(record: TickRecord, forgers: Mapping[str, int]) -> Iterator[tuple[int,
 
 
 def airborne(record: TickRecord, forgers: Mapping[str, int]) -> Iterator[tuple[int, Link]]:
-    """Return those of the `fates` that nothing stopped when they were sent, so that they arrive, sooner or later.
-
-    Args:
-        record: The tick's record.
-        forgers: As of `worldsim.verdict.common.faults.forgers_of`.
-
-    Returns:
-        The robot whose radio sent each frame, and its link.
-    """
+    """Return those of the `fates` that nothing stopped when they were sent, so that they arrive, sooner or later."""
     return ((origin, link) for origin, link, why in fates(record, forgers) if not why)
 
 

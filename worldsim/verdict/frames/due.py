@@ -36,13 +36,7 @@ class DueFrames:
     """
 
     def __init__(self, scenario: Scenario, terrain: Terrain, journal: RunRecord) -> None:
-        """Begin before the first tick.
-
-        Args:
-            scenario: The run's.
-            terrain: Its ground.
-            journal: Of the run; a tick's events are there when the tick is asked about.
-        """
+        """Begin before the first tick; a tick's events must be in the journal when the tick is asked about."""
         radio, share = scenario.radio, scenario.radio_share
         self._always = not radio.spares_frames
         self._silence = radio.silence_ticks(scenario.step)
@@ -56,16 +50,10 @@ class DueFrames:
     def missing(
         self, k: int, living: Mapping[int, Position], sent: Mapping[int, Position], seers: Collection[int]
     ) -> list[int]:
-        """Return the robots that should have sent and have not.
+        """Return the numbers of the robots that should have sent a frame in a tick and have not.
 
-        Args:
-            k: The tick; each in turn.
-            living: Where each living robot takes itself to be, by number.
-            sent: The position that each has sent.
-            seers: The robots that see an intruder.
-
-        Returns:
-            Their numbers.
+        Ticks are asked about in turn. `living` says where each living robot takes itself to be, `seers` which robots
+        see an intruder.
         """
         if self._always:
             return [number for number in living if number not in sent]

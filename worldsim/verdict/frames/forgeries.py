@@ -29,38 +29,23 @@ Place = tuple[int, int, int]
 
 @dataclass(frozen=True, slots=True)
 class _Spoof:
-    """A spoof and the content that its frames should have.
-
-    Attributes:
-        entry: The fault.
-        kind: "freeze" or "random", else the name of the payload's field.
-        offset: Along x and y, m.
-        ahead: By how many ticks sequences run ahead.
-        invented: Number of invented robots.
-        age: Age of the frames that a replay repeats, ticks.
-    """
+    """A spoof and the content that its frames should have."""
 
     entry: Entry
-    kind: str
-    offset: tuple[float, float] = (0.0, 0.0)
-    ahead: int = 0
-    invented: int = 0
-    age: int = 0
+    kind: str  # "freeze" or "random", else the name of the payload's field
+    offset: tuple[float, float] = (0.0, 0.0)  # along x and y, m
+    ahead: int = 0  # ticks by which sequences run ahead
+    invented: int = 0  # number of invented robots
+    age: int = 0  # of the frames that a replay repeats, ticks
 
 
 @dataclass(frozen=True, slots=True)
 class _Victim:
-    """The known frames of a robot in whose name frames are forged.
-
-    Attributes:
-        row: Its part of the tick's record.
-        sent: Its own position of the tick, if it sent one.
-        honest: Whether no drift makes it report a wrong place.
-    """
+    """The known frames of a robot in whose name frames are forged."""
 
     row: RobotTick
-    sent: Position | None
-    honest: bool
+    sent: Position | None  # its own position of the tick, None if it sent none
+    honest: bool  # no drift makes it report a wrong place
 
 
 class SpoofsAsAsked(FrameFaultCheck):

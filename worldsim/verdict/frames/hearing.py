@@ -34,19 +34,12 @@ _GONE = tuple(status.name.lower() for status in (Status.DEAD, Status.LEFT, Statu
 
 @dataclass(frozen=True, slots=True)
 class AcceptedForgery:
-    """A forged frame that a robot accepted.
-
-    Attributes:
-        receiver: The robot's number.
-        sequence: The frame's sequence in the journal.
-        position: What the frame says.
-        again: Whether the robot had accepted this sequence of this sender before.
-    """
+    """A forged frame that a robot accepted."""
 
     receiver: int
-    sequence: int
+    sequence: int  # of the frame, as the journal counts it
     position: Position
-    again: bool
+    again: bool  # it had accepted this sequence of this sender before
 
 
 class Used:
@@ -57,12 +50,10 @@ class Used:
         self._bits: dict[int, NDArray[np.uint8]] = {}
 
     def use(self, rows: NDArray[np.int64], column: int, sequence: int) -> NDArray[np.bool_]:
-        """Note that robots accept a sequence of a sender; return whether they had before.
+        """Note that robots accept a sequence of a sender; return whether each had before.
 
-        Args:
-            rows: int64 (n,), the robots' places in the roster.
-            column: The sender's.
-            sequence: Of its frame, below the number of ticks.
+        `rows`, int64 (n,), are the robots' places in the roster, and `column` is the sender's. The sequence is less
+        than the number of ticks.
         """
         part, bit = sequence // 8, np.uint8(1 << sequence % 8)
         if part not in self._bits:
@@ -85,10 +76,8 @@ class Hearing(Check):
     that is a process also counts a stranger's messages over the network, so its count may be higher. When the run keeps
     to the clock, a robot may miss a tick, so it is unknown when it heard what.
 
-    No inbox may accept a sender's sequence twice, from any radio. That is counted here, not by the inboxes.
-
-    Attributes:
-        accepted: The forged frames that were accepted in the last tick.
+    No inbox may accept a sender's sequence twice, from any radio. That is counted here, not by the inboxes. `accepted`
+    holds the forged frames that were accepted in the last tick.
     """
 
     name = "refused frames"
@@ -148,12 +137,9 @@ class Hearing(Check):
             self._compare(row.number, row.rejected, self._inboxes.rejected(row.number), record.k)
 
     def _look(self, k: int, intake: Intake, forged: Mapping[int, Sequence[int]]) -> None:
-        """Look at what robots have accepted, frame by frame.
+        """Collect the forged frames that robots have accepted, and fail for other frames accepted twice.
 
-        Args:
-            k: The tick.
-            intake: What they have accepted of the frames that they heard.
-            forged: The sequences of the forged frames that each robot heard; these come first.
+        `forged` has the sequences of the forged frames that each robot heard; they come before all others.
         """
         listeners = np.array([self._place[number] for number in intake.listeners], dtype=np.int64)
         accepted: list[tuple[int, int, AcceptedForgery]] = []
@@ -198,11 +184,9 @@ class Hearing(Check):
         )
 
     def _again(self, receivers: NDArray[np.int64], position: Position) -> NDArray[np.bool_]:
-        """Note that receivers accept a sender's sequence; return whether they had before. Contacts have no sequence.
+        """Note that receivers accept a sender's sequence; return whether each had before.
 
-        Args:
-            receivers: Their places in the roster.
-            position: What they have accepted now.
+        `receivers` are places in the roster. Contacts have no sequence.
         """
         if position.robot == CONTACT or position.sequence >= self._prepared.scenario.ticks:
             return np.zeros(len(receivers), dtype=np.bool_)

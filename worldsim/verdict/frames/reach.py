@@ -49,29 +49,16 @@ class Sightlines:
     def walls(self, a: Place, b: Place, margin: float) -> int:
         """Count the points of wall that a line touches.
 
-        Args:
-            a: One end, m.
-            b: The other end, m.
-            margin: By how much the line is widened or, where negative, narrowed, m.
-
-        Returns:
-            The number of points.
+        `margin` is how much the line is widened or, where negative, narrowed, m.
         """
         sums, ends = self._cuts(a, b)[0]
         return int(touched(sums, *ends, margin / self._point).sum())
 
     def crossings(self, a: Place, b: Place) -> tuple[int, int]:
-        """Count the walls that a line crosses, each once however thick it is.
+        """Return the least and the greatest number of walls that a line crosses, however thick they are.
 
         The line is cut into columns, or into rows where it is steeper than its diagonals. A wall is an unbroken stretch
         of these in which the line touches points of wall. One in which the line only grazes them may count or not.
-
-        Args:
-            a: One end, m.
-            b: The other end, m.
-
-        Returns:
-            The least and the greatest number of walls.
         """
         counts = [crossings(sums, *ends, GRAZING_M / self._point) for sums, ends in self._cuts(a, b)]
         return min(least for least, _ in counts), max(greatest for _, greatest in counts)

@@ -36,13 +36,9 @@ ROUNDING_BYTES = 1e-6
 
 
 class _Stated:
-    """A radio model that loses what the journal says that the run's model has lost.
+    """A radio model that loses what the journal says that the run's model has lost."""
 
-    Attributes:
-        record: The tick that it is asked about next.
-    """
-
-    record: TickRecord | None = None
+    record: TickRecord | None = None  # the tick that it is asked about next
 
     def lost(self, air: OnAir) -> NDArray[np.bool_]:
         assert self.record is not None
@@ -56,8 +52,7 @@ class _Stated:
 class FatesAsRecomputed(Check):
     """A fresh ether decides the fates of the journal's frames as the journal has them, draw for draw.
 
-    Attributes:
-        delivery: What it did in the last tick, None where that could not be recomputed.
+    `delivery` is what the ether did in the last tick, None where that could not be recomputed.
     """
 
     name = "radio"

@@ -244,14 +244,7 @@ def _between(entry: Entry, sources: NDArray[np.int64], targets: NDArray[np.int64
 
 
 def alarm_of(timeline: Timeline) -> float:
-    """Return the probability of a false alarm that each series of draws may have, so that all together have `FAMILY`.
-
-    Args:
-        timeline: The run's faults.
-
-    Returns:
-        The probability.
-    """
+    """Return the probability of a false alarm for each series of draws: `FAMILY`, shared equally."""
     series = sum(
         3 if isinstance(entry.fault, Loss) and entry.fault.mean_burst is not None else 1
         for entry in timeline.entries
@@ -261,14 +254,9 @@ def alarm_of(timeline: Timeline) -> float:
 
 
 def longer(wait: Wait, seconds: float) -> float:
-    """Return the probability that a random wait is longer than a given time.
+    """Return the probability that a random wait is longer than a time of 0 s or more.
 
-    Args:
-        wait: Its distribution, which is not constant.
-        seconds: The time, s, at least 0.
-
-    Returns:
-        The probability.
+    The wait's distribution must not be constant.
     """
     first, *rest = wait.values
     match wait.shape:

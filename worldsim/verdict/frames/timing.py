@@ -156,14 +156,7 @@ class OnTime(FrameFaultCheck):
 
 
 def bounds(wait: Wait) -> Span:
-    """Return the bounds of a wait.
-
-    Args:
-        wait: Its distribution.
-
-    Returns:
-        The least and the most that it can be, s.
-    """
+    """Return the least and the greatest length of a wait, s."""
     first, *rest = wait.values
     match wait.shape:
         case "constant":

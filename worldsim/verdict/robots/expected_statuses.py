@@ -24,13 +24,11 @@ class ExpectedStatuses(JournalReading):
     In lockstep a robot that is started takes part at once, or as soon as its place is free. At any other pace the world
     waits for no process, and it may do so later. Lost robots were not planned; another check reports them.
 
-    Attributes:
-        away: Numbers of the robots whose bodies are not in the world.
-        appeared: Numbers of those that came back at their starts for this tick.
-        problem: What is wrong with this tick's statuses, or nothing; from then on they are taken as they are.
-        events: The events of robots before this tick, in their order, but those of robots that were lost.
-        may_wait: Further events that there may be at a pace: nothing else shows when a process came that then had to
-            wait for its place.
+    After each tick `away` has the numbers of the robots whose bodies are not in the world, and `appeared` of those that
+    came back at their starts for this tick. `problem` is what is wrong with this tick's statuses, or empty; from then
+    on they are taken as they are. `events` are the events of robots before this tick, in order, without those of lost
+    robots. `may_wait` are further events that are allowed at a pace: nothing else shows when a process came that then
+    had to wait for its place.
     """
 
     needs = (RobotsThere,)
@@ -58,11 +56,7 @@ class ExpectedStatuses(JournalReading):
             self.away.add(number)
 
     def tick(self, record: TickRecord) -> None:
-        """Take in the next tick.
-
-        Args:
-            record: The tick's record.
-        """
+        """Take in the next tick."""
         rows = {row.number: row for row in record.robots}
         self.appeared.clear()
         self.problem = ""

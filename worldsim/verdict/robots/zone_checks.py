@@ -29,14 +29,10 @@ SLACK_M = 1e-6
 
 
 class ZoneCheck(Check):
-    """A check of what robots do in zones of one kind.
-
-    Attributes:
-        rule: The field of a scenario's zone that makes it one of this kind, for example "speed".
-    """
+    """A check of what robots do in zones of one kind."""
 
     needs = (RobotsThere, ExpectedStatuses)
-    rule: ClassVar[str]
+    rule: ClassVar[str]  # field of a zone that makes it one of this kind, such as "speed"
 
     def __init__(self, run: JudgedRun, readings: Readings) -> None:
         super().__init__(run, readings)
@@ -144,15 +140,10 @@ class SlowZonesKept(ZoneCheck):
 
 
 class _Visit(NamedTuple):
-    """A robot's stay in a zone.
+    """A robot's stay in a zone."""
 
-    Attributes:
-        came_in: x and y where its centre was first seen in it, m.
-        disturbed: A drift or motion fault acted on the robot, so it was not where it believed to be.
-    """
-
-    came_in: tuple[float, float]
-    disturbed: bool
+    came_in: tuple[float, float]  # x and y where its centre was first seen in the zone, m
+    disturbed: bool  # a drift or motion fault acted on it, so it was not where it believed to be
 
 
 class OneWayZonesKept(ZoneCheck):
@@ -222,23 +213,16 @@ class OneWayZonesKept(ZoneCheck):
 
 
 def _place_test(zone: ZoneSpec) -> Callable[[float, float], bool]:
-    """Return what tells by x and y in m whether a place is in a zone, by its polygon or mask.
-
-    Args:
-        zone: The zone.
-    """
+    """Return a test whether a place, x and y in m, is in a zone, by the zone's polygon or mask."""
     if zone.mask is not None:
         return partial(_is_marked, zone.mask, zone.mask.marked())
     return partial(is_inside, np.array(zone.polygon, dtype=np.float64))
 
 
 def is_inside(corners: NDArray[np.float64], x: float, y: float) -> bool:
-    """Return True for a place inside of a polygon, by the even-odd rule.
+    """Return True for a place inside a polygon, by the even-odd rule.
 
-    Args:
-        corners: float64 (n, 2), x and y of each corner, m.
-        x: Of the place, m.
-        y: Of the place, m.
+    `corners` is float64 (n, 2): x and y of each corner, m.
     """
     xs, ys = corners.T
     to_xs, to_ys = np.roll(xs, -1), np.roll(ys, -1)
@@ -249,14 +233,7 @@ def is_inside(corners: NDArray[np.float64], x: float, y: float) -> bool:
 
 
 def _is_marked(mask: MaskSpec, marked: NDArray[np.bool_], x: float, y: float) -> bool:
-    """Return True for a place in a marked cell of a mask.
-
-    Args:
-        mask: The mask.
-        marked: Its marked cells, bool (rows, columns).
-        x: Of the place, m.
-        y: Of the place, m.
-    """
+    """Return True for a place in a marked cell of a mask."""
     row = math.floor((y - mask.origin[1]) / mask.resolution)
     col = math.floor((x - mask.origin[0]) / mask.resolution)
     return 0 <= row < mask.rows and 0 <= col < mask.columns and bool(marked[row, col])

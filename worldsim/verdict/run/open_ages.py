@@ -24,23 +24,14 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class OpenFacts:
-    """The figures of a run with closures.
+    """The figures of a run with closures."""
 
-    Attributes:
-        mfow_open_mean_s: Mean over all ticks of the greatest open age, s.
-        mfow_open_late_mean_s: The same over the second half.
-        mfow_open_max_s: The greatest of them.
-        closed_out_share: Share of ground times time that was closed out.
-        ages_s: float64 (ticks,), the greatest open age in each tick, s; not in the summary.
-        zones_s: The same of the ground of each zone with a wanted age, by name, NaN while it was not in force; not in
-            the summary.
-    """
-
-    mfow_open_mean_s: float
-    mfow_open_late_mean_s: float
-    mfow_open_max_s: float
-    closed_out_share: float
-    ages_s: NDArray[np.float64]
+    mfow_open_mean_s: float  # mean over all ticks of the greatest open age
+    mfow_open_late_mean_s: float  # the same over the second half
+    mfow_open_max_s: float  # the greatest open age of all ticks
+    closed_out_share: float  # share of ground times time that was closed out
+    ages_s: NDArray[np.float64]  # (ticks,), greatest open age in each tick; not in the summary
+    # the same by zone with a wanted age, NaN while not in force; not in the summary
     zones_s: dict[str, NDArray[np.float64]]
 
     def figures(self) -> dict[str, float]:
@@ -49,10 +40,9 @@ class OpenFacts:
 
 
 class GroundOpen(JournalReading):
-    """The ground that is open to view, tick by tick; nothing of it is known where the scenario has no closures.
+    """The ground that is open to view, tick by tick.
 
-    Attributes:
-        open_ground: What each robot can get to and see; None without closures.
+    `open_ground` is what each robot can get to and see; None where the scenario has no closures.
     """
 
     needs = (RobotsThere, ClosedGround)

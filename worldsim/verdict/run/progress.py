@@ -40,87 +40,50 @@ than its first."""
 
 @dataclass(frozen=True, slots=True)
 class Stalest:
-    """The stalest place at some time.
-
-    Attributes:
-        x: Of the place, m.
-        y: Of the place, m.
-        age_s: Time since it was last seen, s; from the start if never.
-        at_s: The time, s.
-        seen: It had been seen at least once.
-        nearest: The name of the living robot nearest to it in a straight line; None where none was alive.
-        nearest_m: That robot's distance, m.
-    """
+    """The stalest place at some time."""
 
     x: float
     y: float
-    age_s: float
-    at_s: float
-    seen: bool
-    nearest: str | None
+    age_s: float  # since it was last seen, or since the start if never
+    at_s: float  # the time at which it had this age
+    seen: bool  # it had been seen at least once
+    nearest: str | None  # living robot nearest in a straight line; None if none was alive
     nearest_m: float | None
 
 
 @dataclass(frozen=True, slots=True)
 class LongestStay:
-    """The longest time for which a robot stayed in one place (`patrol.measures.stays.Stays`).
-
-    Attributes:
-        seconds: How long, s.
-        since_s: From when, s.
-        x: Of the circle's centre, m.
-        y: Of the circle's centre, m.
-        radius_m: Of the circle, m.
-    """
+    """The longest time for which a robot stayed in one place (`patrol.measures.stays.Stays`)."""
 
     seconds: float
     since_s: float
-    x: float
-    y: float
+    x: float  # of the circle's centre, m
+    y: float  # of the circle's centre, m
     radius_m: float
 
 
 @dataclass(frozen=True, slots=True)
 class TrappedRobot:
-    """A time for which a robot was trapped.
-
-    Attributes:
-        robot: Its name.
-        x: Of the circle's centre, m.
-        y: Of the circle's centre, m.
-        radius_m: Of the circle, m.
-        from_s: From when on it was trapped, s: when it came, or when all that it could see elsewhere had been seen.
-        until_s: When it left, or when all that it could see elsewhere had been seen, s; None where it was trapped to
-            the end.
-        stale: x and y in m of a stale point outside of the circle that it could have gone to and seen.
-        seen_s: When that point had last been seen, s; None if never.
-    """
+    """A time for which a robot was trapped."""
 
     robot: str
-    x: float
-    y: float
+    x: float  # of the circle's centre, m
+    y: float  # of the circle's centre, m
     radius_m: float
-    from_s: float
-    until_s: float | None
-    stale: Place
-    seen_s: float | None
+    from_s: float  # when it came, or when all that it could see elsewhere had been seen
+    until_s: float | None  # when it left, or all that it could see elsewhere had been seen; None if trapped to the end
+    stale: Place  # x and y in m of a stale point outside the circle that it could have gone to and seen
+    seen_s: float | None  # when that point had last been seen; None if never
 
 
 @dataclass(frozen=True, slots=True)
 class RunProgress:
-    """The progress of a patrol.
+    """The progress of a patrol."""
 
-    Attributes:
-        worst: The stalest place over the whole run; None without a tick.
-        end: The stalest place at the end; None without a tick.
-        stays: The longest stays by robot number.
-        trapped: Every time for which a robot was trapped, in the order in which they began.
-    """
-
-    worst: Stalest | None
-    end: Stalest | None
-    stays: dict[int, LongestStay]
-    trapped: tuple[TrappedRobot, ...]
+    worst: Stalest | None  # over the whole run; None without a tick
+    end: Stalest | None  # at the end of the run; None without a tick
+    stays: dict[int, LongestStay]  # by robot number
+    trapped: tuple[TrappedRobot, ...]  # in the order in which they began
 
 
 class ProgressCheck(Check):

@@ -26,40 +26,26 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class ZoneFacts:
-    """The figures of a run's zones.
+    """The figures of a run's zones."""
 
-    Attributes:
-        mfow_weighted_mean_s: Mean over all ticks of the greatest age times weight, s.
-        mfow_weighted_late_mean_s: The same over the second half.
-        mfow_weighted_max_s: The greatest of them.
-        best_weighted_s: On the best weighted tours, the mean over all ticks; None where there are none at some time.
-        zones: Of each zone that weighs, by name, while it was in force, and of the ground in none of them. A zone that
-            was never in force is missing.
-        ages_s: Of each of them, float64 (ticks,), the age of its stalest point in each tick, s, NaN while it was not in
-            force; not in the summary.
-    """
-
-    mfow_weighted_mean_s: float
-    mfow_weighted_late_mean_s: float
-    mfow_weighted_max_s: float
-    best_weighted_s: float | None
+    mfow_weighted_mean_s: float  # mean over all ticks of the greatest age times weight
+    mfow_weighted_late_mean_s: float  # the same over the second half
+    mfow_weighted_max_s: float  # the greatest of all ticks
+    best_weighted_s: float | None  # mean over all ticks on the best weighted tours; None if there are none at some time
+    # of each zone that weighs and was in force, by name, and of the ground in none of them
     zones: dict[str, ZoneFigures]
+    # of each of these, (ticks,), age of its stalest point, NaN while not in force; not in the summary
     ages_s: dict[str, NDArray[np.float64]]
 
 
 @dataclass(slots=True)
 class _Part:
-    """A part of the ground.
+    """A part of the ground."""
 
-    Attributes:
-        points: Flat indices of its points.
-        stalest: Age of its stalest point in each tick, ticks; NaN where it does not count.
-        mean: Sum over these ticks of the mean age, ticks.
-    """
-
-    points: NDArray[np.int64]
+    points: NDArray[np.int64]  # flat indices
+    # age of its stalest point in each tick, ticks; NaN where it does not count
     stalest: list[float] = field(default_factory=list)
-    mean: float = 0.0
+    mean: float = 0.0  # sum over these ticks of the mean age, ticks
 
 
 class ZoneAges(JournalReading):

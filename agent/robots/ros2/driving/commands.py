@@ -12,9 +12,7 @@ from patrol.ros2 import messages
 def velocity_of(command: Command, heading: float) -> messages.Twist:
     """Return the velocity that a command stands for, in the body's frame.
 
-    Args:
-        command: Of any model. A holonomic body's is in the map's frame; the body keeps its heading.
-        heading: Of the body on the map, rad.
+    A holonomic body's command is in the map's frame, so its heading there (rad) counts; the body keeps it.
     """
     match command:
         case Velocity(vx, vy):
@@ -31,20 +29,13 @@ def velocity_of(command: Command, heading: float) -> messages.Twist:
 def steering_of(command: Drive, wheelbase: float) -> tuple[float, float]:
     """Return the speed (m/s) and the steering angle (rad) of a car that obeys a command.
 
-    Args:
-        command: The command.
-        wheelbase: From the rear axle to the front axle, m.
+    `wheelbase` is the distance from the rear axle to the front axle, m.
     """
     return command.speed, math.atan(wheelbase * command.curvature)
 
 
 def scaled(command: Command, share: float) -> Command:
-    """Return the same path, driven more slowly.
-
-    Args:
-        command: Of any model.
-        share: Of its speed, 0 to 1.
-    """
+    """Return the command for the same path at a share of its speed, 0 to 1."""
     match command:
         case Velocity(vx, vy):
             return Velocity(vx * share, vy * share)
@@ -59,12 +50,8 @@ def scaled(command: Command, share: float) -> Command:
 def nearer(command: Command, wanted: Command, most: float, radius: float) -> Command:
     """Return the command nearest to a wanted one that a body reaches whose speed changes by a limited amount.
 
-    Args:
-        command: What it obeys now.
-        wanted: Of the same model.
-        most: By how much a speed may change, m/s. A differential drive's wheels are `radius` left and right of its
-            centre, so that turning counts with it.
-        radius: Of the body, m.
+    `command` is what the body obeys now. A speed may change by at most `most` m/s. The wheels of a differential drive
+    are `radius` (m) left and right of its centre, so turning counts with it.
     """
     match command, wanted:
         case Velocity(vx, vy), Velocity(to_x, to_y):

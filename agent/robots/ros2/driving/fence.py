@@ -28,27 +28,17 @@ LOOKS = (0.25, 0.5, 0.75, 1.0)
 
 @dataclass(frozen=True, slots=True)
 class Fence:
-    """The fence of one body.
-
-    Attributes:
-        terrain: The ground.
-        radius: Of the body and what is kept clear around it, m.
-        reaction_s: How long the body goes on before it begins to brake, s.
-        braking: How hard it brakes, m/s².
-    """
+    """The fence of one body."""
 
     terrain: Terrain
-    radius: float
-    reaction_s: float
-    braking: float
+    radius: float  # of the body and what is kept clear around it, m
+    reaction_s: float  # for which the body goes on before it begins to brake
+    braking: float  # how hard it brakes, m/s²
 
     def allowed(self, pose: Pose, command: Command, others: Sequence[Other] = ()) -> Command:
-        """Return the same path, as fast as it may be driven; a halt if not at all.
+        """Return the command for the same path, as fast as it may be driven; a halt if not at all.
 
-        Args:
-            pose: The body's own.
-            command: What it is to obey.
-            others: The other robots.
+        A differential drive that is on the ground may still turn on the spot.
         """
         if not self.on_ground(pose):
             return scaled(command, 0.0)
@@ -61,11 +51,7 @@ class Fence:
         return Twist(0.0, command.turn_rate) if isinstance(command, Twist) else scaled(command, 0.0)
 
     def on_ground(self, pose: Pose) -> bool:
-        """Return True if a body's centre is where a body may be.
-
-        Args:
-            pose: The body's.
-        """
+        """Return True if a body's centre is where a body may be."""
         at = self.terrain.point_at(pose.x, pose.y) if self.terrain.contains(pose.x, pose.y) else None
         return at is not None and bool(self.terrain.free[at])
 

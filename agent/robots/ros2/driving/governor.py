@@ -18,32 +18,19 @@ TOO_NEAR = "a wall or a robot is too near"
 
 @dataclass(frozen=True, slots=True)
 class Rule:
-    """The limits of one body.
-
-    Attributes:
-        model: Of the body.
-        limits: Its top speed (m/s), radius (m) and turning radius (m).
-        acceleration: The most by which a speed may change, m/s².
-        hold_s: For how long a command is obeyed, s.
-    """
+    """The limits of one body."""
 
     model: str
     limits: Limits
-    acceleration: float
-    hold_s: float
+    acceleration: float  # the most by which a speed may change, m/s²
+    hold_s: float  # for which a command is obeyed
 
 
 class Governor:
     """Obeys a mind's commands within limits, and only as long as it is safe.
 
-    Attributes:
-        command: What the robot was told last.
-        why: Why it was not told what the mind wants: empty if it was.
-        fenced: Whether that was because of the fence.
-
-    Args:
-        rule: The body's limits.
-        fence: Where it may go.
+    `command` is what the robot was told last. `why` is the reason why that was not what the mind wants, empty if it
+    was; `fenced` is True if the fence slowed the robot down.
     """
 
     def __init__(self, rule: Rule, fence: Fence) -> None:
@@ -57,12 +44,7 @@ class Governor:
         self.fenced = False
 
     def want(self, command: Command, now_s: float) -> None:
-        """A new command of the mind.
-
-        Args:
-            command: Of the body's model.
-            now_s: The time, s.
-        """
+        """Take in a new command of the mind, which is obeyed for `Rule.hold_s`."""
         self._wanted = command.limited(self._rule.limits)
         self._until_s = now_s + self._rule.hold_s
 
@@ -71,12 +53,7 @@ class Governor:
     ) -> Command:
         """Return the velocity to send now.
 
-        Args:
-            pose: Its pose; None if unknown.
-            now_s: The time, s.
-            since_s: Time since the last step, s.
-            stopped: Why it has to stand whatever the mind wants; empty if it has not.
-            others: The other robots.
+        The robot stands while its pose is None, which means unknown, or while `stopped` gives a reason.
         """
         self.why = stopped or ("nobody knows where it is" if pose is None else "")
         self.fenced = False

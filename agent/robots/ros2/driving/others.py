@@ -17,22 +17,13 @@ MOST_TICKS = 4
 
 @dataclass(frozen=True, slots=True)
 class Other:
-    """Another robot.
+    """Another robot."""
 
-    Attributes:
-        x: Where it was, m.
-        y: m.
-        vx: Its velocity on the map, m/s.
-        vy: m/s.
-        radius: Of its body, m.
-        since_s: How long ago that was, s.
-    """
-
-    x: float
-    y: float
-    vx: float
-    vy: float
-    radius: float
+    x: float  # m, `since_s` ago
+    y: float  # m
+    vx: float  # m/s, on the map
+    vy: float  # m/s
+    radius: float  # of its body, m
     since_s: float
 
     @property
@@ -41,13 +32,7 @@ class Other:
         return math.hypot(self.vx, self.vy)
 
     def distance(self, x: float, y: float, ahead_s: float) -> float:
-        """Return the distance of its centre from a place, m.
-
-        Args:
-            x: m.
-            y: m.
-            ahead_s: When, s from now.
-        """
+        """Return the distance in m of the robot's centre from a place, `ahead_s` from now."""
         gone_s = min(self.since_s + ahead_s, CARRIED_S)
         return math.hypot(self.x + self.vx * gone_s - x, self.y + self.vy * gone_s - y)
 
@@ -61,14 +46,11 @@ class _Seen:
 
 
 class Others:
-    """Follows the other robots.
+    """Follows the other robots, heard in `peers`, which goes on to change.
 
-    Args:
-        peers: Those heard so far, by number; goes on to change.
-        radii: Of all robots, by number, m.
-        step: s per tick.
-        foreseen: Where they should be that many ticks from now; None where the fleet's robots do not predict each
-            other. Robots that do are silent while the others foresee them well enough.
+    Radii are in m, `step` is in s per tick. `foreseen` returns where the others should be that many ticks from now; it
+    is None where the fleet's robots do not predict each other. Robots that do are silent while the others foresee them
+    well enough.
     """
 
     def __init__(
@@ -85,11 +67,7 @@ class Others:
         self._seen: dict[int, _Seen] = {}
 
     def look(self, now_s: float) -> None:
-        """Take in what has been heard for this tick.
-
-        Args:
-            now_s: The time, s.
-        """
+        """Take in what has been heard for this tick."""
         if self._foreseen is not None:
             after = self._foreseen(1)
             for number, peer in self._foreseen(0).items():
@@ -107,11 +85,7 @@ class Others:
             self._seen[number] = _Seen(peer, vx, vy, now_s)
 
     def around(self, now_s: float) -> tuple[Other, ...]:
-        """All that were heard.
-
-        Args:
-            now_s: The time, s.
-        """
+        """Return all other robots that were heard."""
         return tuple(
             Other(one.peer.pose.x, one.peer.pose.y, one.vx, one.vy, self._radii[number], max(0.0, now_s - one.at_s))
             for number, one in self._seen.items()

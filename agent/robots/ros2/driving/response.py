@@ -32,12 +32,8 @@ MOVED_M, MOVED_RAD = 0.2, 0.3
 class Response:
     """Judges one robot (`agent.robots.ros2.driver.Objection`).
 
-    Attributes:
-        why: Why it must stand, and what ends that; empty if it need not.
-
-    Args:
-        radius: Of the body, m: the way that turning counts for.
-        slow_s: How long its motors take from its top speed to a stand, s.
+    `radius` (m) is that of the body, which is the way that a turn by 1 rad counts for. `slow_s` is the time that its
+    motors take from its top speed to a stand.
     """
 
     def __init__(self, radius: float, slow_s: float) -> None:
@@ -52,13 +48,7 @@ class Response:
         self._blind_s = 0.0
 
     def told(self, command: Command, pose: Pose | None, time_s: float) -> None:
-        """The robot was told something.
-
-        Args:
-            command: What.
-            pose: Its pose now; None if unknown.
-            time_s: For how long, s.
-        """
+        """Take in what the robot was told for `time_s`, and its pose now; None if that is unknown."""
         if pose is None or self._begin is None or self._meant is None:
             self._start(pose)
             return

@@ -49,36 +49,19 @@ class Steering(Protocol):
     """The steering of a robot."""
 
     def want(self, command: Command, goal: Place | None, now_s: float) -> None:
-        """Take in what the mind wants.
-
-        Args:
-            command: For the next step.
-            goal: Where it leads in the end, x and y in m; None for nowhere.
-            now_s: The time, s.
-        """
+        """Take in what the mind wants; `goal` is where it leads in the end, None for nowhere."""
         ...
 
     def step(self, fix: Fix | None, now_s: float, since_s: float, stopped: str) -> str:
-        """Move on, if it is safe; many times a tick.
+        """Move on, if it is safe, and return why the robot stands though the mind wants to go on.
 
-        Args:
-            fix: The robot's pose; None if unknown.
-            now_s: The time, s.
-            since_s: Time since the last step, s.
-            stopped: Why it has to stand; empty if it has not.
-
-        Returns:
-            Why it stands though the mind wants to go on; empty if it does not.
+        Called many times a tick. The result is empty if the robot does not stand. `fix` is None if its pose is unknown;
+        `stopped` is the reason why it has to stand, empty if it has not.
         """
         ...
 
     def ahead(self, fix: Fix, lead_s: float) -> Pose:
-        """Predict the robot's place in a moment.
-
-        Args:
-            fix: Where it is.
-            lead_s: How far ahead, s.
-        """
+        """Predict the robot's pose in `lead_s`."""
         ...
 
     def blocked(self, pose: Pose) -> bool:
@@ -175,11 +158,7 @@ class MotionCheck:
             self._meant = advance(self._meant, command, time_s)
 
     def ended(self, pose: Pose) -> bool:
-        """Return True if it did not get on. It is judged anew each time it was told to go far enough.
-
-        Args:
-            pose: Where it is.
-        """
+        """Return True if the robot has not got on; it is judged anew each time it was told to go far enough."""
         if self._begin is None or self._meant is None:
             self._begin = self._meant = pose
             return False
@@ -271,12 +250,7 @@ class GoalSteering:
         return "Nav2 has not confirmed that it has cancelled its goals" if self._goals.going is Going.STOPPING else ""
 
     def _stand(self, fix: Fix | None, must: bool) -> None:
-        """Have no goal.
-
-        Args:
-            fix: The robot's pose; None if unknown.
-            must: No goal of another client may move it either.
-        """
+        """Have no goal of ours; with `must`, no goal of another client may move the robot either."""
         moment_s = time.monotonic()
         going = self._goals.step(moment_s)
         self._sent = None

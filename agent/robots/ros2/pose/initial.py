@@ -39,10 +39,7 @@ _EXPORTS = "the output of 'ros2 topic echo --once /amcl_pose', or Nav2 parameter
 class InitialPose:
     """Tells a robot's localisation where the robot is, until it agrees.
 
-    Args:
-        start: Where it is, on our map.
-        told: The same in the robot's map, as it is sent; the stamp does not matter.
-        sender: Publishes it.
+    `start` is on our map, `told` is the same on the robot's map, as it is sent; its stamp does not matter.
     """
 
     def __init__(self, start: Pose, told: PoseWithCovarianceStamped, sender: Sender[PoseWithCovarianceStamped]) -> None:
@@ -53,12 +50,7 @@ class InitialPose:
         self._last_s = -math.inf
 
     def tell(self, stamp_ns: int, moment_s: float) -> None:
-        """Send the pose, if it is time to.
-
-        Args:
-            stamp_ns: The robot's time; 0 while it is unknown, when nothing is sent.
-            moment_s: Our time, s.
-        """
+        """Send the pose, if it is time to; nothing is sent while the robot's time is unknown (0)."""
         if stamp_ns and moment_s - self._last_s >= AGAIN_S:
             told = self._told
             self._sender.send(PoseWithCovarianceStamped(stamp_ns, told.frame, told.pose, told.variances))
@@ -70,11 +62,9 @@ class InitialPose:
         return not math.isinf(self._first_s)
 
     def doubt(self, pose: Pose, moment_s: float) -> str:
-        """Tell why the localisation does not agree, in one line; empty if it does.
+        """Return why the localisation does not agree, in one line; empty if it does.
 
-        Args:
-            pose: Where it says that the robot is, on our map.
-            moment_s: Our time, s.
+        `pose` is where it says that the robot is, on our map.
         """
         if self.was_told and moment_s - self._first_s < SETTLED_S:
             return "its localisation has just been told where it is"
@@ -90,21 +80,13 @@ class InitialPose:
 
 
 def read_initial_pose(path: Path, option: str, frame: str) -> tuple[Pose, Variances]:
-    """Read a pose on the robot's map from a file of ROS, in one of two forms.
+    """Read a pose on the robot's map, and its variances, from a file of ROS in one of two forms.
 
     A message, as ``ros2 topic echo --once /amcl_pose > pose.yaml`` writes it; of several the last counts. Or parameters
     of Nav2's AMCL, as in a file of parameters or from ``ros2 param dump``: ``initial_pose: {x: 1.5, y: 2, yaw: 0}``.
 
-    Args:
-        path: The file.
-        option: What gave it, for errors.
-        frame: Of the robot's map, which a message has to be in.
-
-    Returns:
-        The pose, and its variances: those of a message as far as they are above 0, otherwise RViz's.
-
-    Raises:
-        BadInput: It is no such file, has an angle of more than a full turn, or not all 36 covariances of a message.
+    A message has to be in `frame`. Its variances count as far as they are above 0, otherwise RViz's do. `option` is
+    what gave the file, for errors.
     """
     where = f"{option} {path}"
     messages = [text for text in re.split(r"^---\s*$", read_text(path, POSE), flags=re.MULTILINE) if text.strip()]

@@ -68,17 +68,11 @@ class Source(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Fix:
-    """The pose of the robot.
+    """The pose of the robot."""
 
-    Attributes:
-        pose: On the map, now.
-        twist: Its velocity as its odometry says, in its own frame.
-        age_s: How old the odometry is that the pose is carried on from, s.
-    """
-
-    pose: Pose
-    twist: Twist
-    age_s: float
+    pose: Pose  # on the map, now
+    twist: Twist  # by its odometry, in its own frame
+    age_s: float  # of the odometry that the pose is carried on from
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,40 +86,24 @@ class _Correction:
 
 @dataclass(frozen=True, slots=True)
 class LocalisationSettings:
-    """The settings by which a robot is found on the map.
+    """The settings by which a robot is found on the map."""
 
-    Attributes:
-        source: What corrects its odometry.
-        map_frame: Name of the map's frame.
-        start: Where it is on the map at first. Without corrections its odometry counts from there; otherwise its
-            localisation is told.
-        variances: Of that.
-        transform: The pose of the robot's own map on ours, if it has another.
-        fresh_s: How long ago the newest odometry may have arrived, s.
-        delay_s: How old odometry is when it arrives, s; None to go by its stamps.
-        speed: The robot's top speed, m/s: by how much its odometry may change.
-        turn_rate: How fast it can turn, rad/s.
-    """
-
-    source: Source = Source.TF
+    source: Source = Source.TF  # what corrects the odometry
     map_frame: str = "map"
+    # on the map; without corrections odometry counts from there, otherwise the localisation is told
     start: Pose | None = None
-    variances: Variances = VARIANCES
-    transform: Pose = SAME_MAP
-    fresh_s: float = 0.3
-    delay_s: float | None = None
-    speed: float = SPEED
-    turn_rate: float = SPEED / RADIUS
+    variances: Variances = VARIANCES  # of `start`
+    transform: Pose = SAME_MAP  # pose of the robot's own map on ours, if it has another
+    fresh_s: float = 0.3  # longest time since the newest odometry arrived
+    delay_s: float | None = None  # age of odometry when it arrives; None to go by its stamps
+    speed: float = SPEED  # top speed, m/s: by how much the odometry may change
+    turn_rate: float = SPEED / RADIUS  # how fast the robot can turn, rad/s
 
 
 class Localisation:
     """Puts together where the robot is.
 
-    Attributes:
-        why: Why there is no pose, in one line with the remedy; empty if there is one.
-
-    Args:
-        settings: How.
+    `why` says why there is no pose, in one line with the remedy; it is empty if there is one.
     """
 
     def __init__(self, settings: LocalisationSettings) -> None:
@@ -146,12 +124,9 @@ class Localisation:
         return MappingProxyType({name: one.arrived_s for name, one in {**self._fixed, **self._moving}.items()})
 
     def odometry(self, message: Odometry, arrived_s: float, sender: bytes = b"") -> None:
-        """Take in odometry. Once it counts from somewhere else, it must be corrected anew.
+        """Take in odometry; once it counts from somewhere else, it must be corrected anew.
 
-        Args:
-            message: The odometry.
-            arrived_s: When it arrived, s.
-            sender: Stands for who sent it; empty where that is not known.
+        `sender` stands for the node that sent it, empty where that is not known.
         """
         is_first, other_frame = not self._odometer.frame, message.frame != self._odometer.frame
         jumped = self._odometer.take(message, arrived_s, sender)
@@ -171,10 +146,7 @@ class Localisation:
     def transforms(self, message: TFMessage, arrived_s: float, *, fixed: bool) -> None:
         """Take in transforms; only those of frames on the map matter.
 
-        Args:
-            message: The transforms.
-            arrived_s: When they arrived, s.
-            fixed: Whether they came on ``tf_static``, and so hold for ever.
+        If `fixed`, they came on ``tf_static``, and so hold for ever.
         """
         kept = self._fixed if fixed else self._moving
         for one in message.transforms:
@@ -191,12 +163,7 @@ class Localisation:
             del kept[next(name for name in kept if name != _named(self._odometer.frame))]
 
     def localised(self, message: PoseWithCovarianceStamped, arrived_s: float) -> None:
-        """Take in a pose on the map; it is held against the odometry of its time.
-
-        Args:
-            message: The pose.
-            arrived_s: When it arrived, s.
-        """
+        """Take in a pose on the map; it is held against the odometry of its time."""
         if _named(message.frame) != _named(self._settings.map_frame):
             self._refuse(Source.POSE, "poses of the localisation are in", message.frame)
             return
@@ -237,11 +204,7 @@ class Localisation:
         return self._posed is None and stood and len(readings) < REMEMBERED and at_s < first.stamp_s
 
     def at(self, now_s: float) -> Fix | None:
-        """Return the robot's pose now; None, and `why`, if it is unknown.
-
-        Args:
-            now_s: The time, s.
-        """
+        """Return the robot's pose now; None, and `why`, if it is unknown."""
         newest = self._odometer.newest
         self.why = self._odometry_fault(newest, now_s) or self._correction_fault(newest, now_s)
         if newest is None or self.why:
@@ -252,11 +215,7 @@ class Localisation:
         return Fix(travelled(composed(correction.pose, newest.pose), newest.twist, age_s), newest.twist, age_s)
 
     def correction_age_s(self, now_s: float) -> float | None:
-        """Return the age of the correction in use, s; None without one. From any thread.
-
-        Args:
-            now_s: The time, s.
-        """
+        """Return the age of the correction in use, s, or None without one; called from any thread."""
         found = self._correction()
         return None if found is None else abs(now_s - found.arrived_s)
 

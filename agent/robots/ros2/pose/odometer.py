@@ -43,37 +43,25 @@ _MOST_SENDERS = 16
 
 @dataclass(frozen=True, slots=True)
 class OdometryReading:
-    """A message of odometry.
-
-    Attributes:
-        stamp_s: When it was measured, s.
-        arrived_s: When it arrived, s.
-        pose: In the odometry's frame.
-        twist: In the body's own frame.
-        driven_m: The way until then, by its velocities: the noise of poses would add up.
-    """
+    """A message of odometry."""
 
     stamp_s: float
     arrived_s: float
-    pose: Pose
-    twist: Twist
-    driven_m: float
+    pose: Pose  # in the odometry's frame
+    twist: Twist  # in the body's own frame
+    driven_m: float  # way until then, by its velocities: the noise of poses would add up
 
 
 class Odometer:
-    """Takes in odometry. All times are the robot's, in s.
+    """Takes in odometry; all times are the robot's, in s.
 
-    Attributes:
-        readings: What is believed, the newest last; what came before a silence is left out.
-        frame: The frame of its poses; empty before the first.
-        jumped_m: How far the last jump was, m.
+    `readings` holds what is believed, the newest last, without what came before a silence. `frame` is that of its
+    poses, empty before the first; `jumped_m` is the length of the last jump.
 
-    Args:
-        speed: The robot's top speed, m/s; one that moves faster must say so in its odometry.
-        turn_rate: How fast it can turn, rad/s. While messages are missing, it may have; between others it turns as both
-            of them say.
-        fresh_s: After how long without a message the robot counts as silent, s.
-        delay_s: How old messages are when they arrive, s, so that their stamps mean nothing; None to go by the stamps.
+    `speed` is the robot's top speed, m/s; one that moves faster must say so in its odometry. `turn_rate` is how fast it
+    can turn, rad/s: while messages are missing, it may have turned like that; between others it turns as both of them
+    say. After `fresh_s` without a message the robot counts as silent. `delay_s` is the age of messages when they
+    arrive, so that their stamps mean nothing; None to go by the stamps.
     """
 
     def __init__(self, speed: float, turn_rate: float, fresh_s: float, delay_s: float | None) -> None:
@@ -95,15 +83,10 @@ class Odometer:
         return self.readings[-1] if self.readings else None
 
     def take(self, message: Odometry, arrived_s: float, sender: bytes = b"") -> bool:
-        """Take in a message. An older one than the last is left out while that is fresh.
+        """Take in a message, and return True if odometry counts from somewhere else from now on.
 
-        Args:
-            message: The odometry.
-            arrived_s: When it arrived, s.
-            sender: Stands for who sent it; empty where that is not known.
-
-        Returns:
-            Whether it counts from somewhere else from now on: what was known of its frame is void.
+        What was known of its frame is void then. A message older than the last is left out while that is fresh.
+        `sender` stands for the node that sent it, empty where that is not known.
         """
         self._note(sender, arrived_s)
         last = self.newest
@@ -129,11 +112,7 @@ class Odometer:
         return True
 
     def doubt(self, now_s: float) -> str:
-        """Return why the odometry cannot be believed now, in one line; empty if it can.
-
-        Args:
-            now_s: The time, s.
-        """
+        """Return why the odometry cannot be believed now, in one line; empty if it can."""
         lately = sum(abs(now_s - at_s) <= SETTLED_S for at_s in self._senders.values())
         if lately > 1:
             return f"odometry comes from {lately} senders; end all but one, or give --topic odom=TOPIC"

@@ -20,15 +20,7 @@ _FOLDER = "fogwatch"
 def state_folder(given: Path | None, environment: Mapping[str, str]) -> Path:
     """Return the folder for what must outlive this user's processes.
 
-    Args:
-        given: What an option says, if it says anything.
-        environment: Of the process.
-
-    Returns:
-        The option's folder, else the first one of systemd's ``StateDirectory=``, else the user's own.
-
-    Raises:
-        BadInput: The user's own folder is unknown.
+    It is `given` unless that is None, else the first one of systemd's ``StateDirectory=``, else the user's own.
     """
     if given is not None:
         return given
@@ -43,15 +35,7 @@ def state_folder(given: Path | None, environment: Mapping[str, str]) -> Path:
 
 
 class StopFiles:
-    """The files of one robot.
-
-    Args:
-        folder: Where they are; made if there is none.
-        robot: The robot's name.
-
-    Raises:
-        BadInput: No files can be made there.
-    """
+    """The files that note the stops of one robot; their folder is made if there is none."""
 
     def __init__(self, folder: Path, robot: str) -> None:
         self._folder = folder
@@ -68,22 +52,13 @@ class StopFiles:
             ) from None
 
     def holds(self, stopper: str) -> bool:
-        """Return True if any stop holds.
-
-        Args:
-            stopper: Who.
-        """
+        """Return True if a stop of `stopper` holds."""
         return os.path.lexists(self._path(stopper))
 
     def note(self, stopper: str, who: str) -> str:
-        """Note that a stop holds; it is on the disk when this returns.
+        """Note that a stop holds, on the disk when this returns; return why that failed, empty if it did not.
 
-        Args:
-            stopper: Whose.
-            who: What people call them.
-
-        Returns:
-            Why that failed; empty if it did not.
+        `who` is what people call the stop's source.
         """
         line = f"{self._robot}: stopped by {who}\n"
         try:
@@ -100,14 +75,7 @@ class StopFiles:
         return ""
 
     def forget(self, stopper: str) -> str:
-        """Note that a stop holds no longer.
-
-        Args:
-            stopper: Whose.
-
-        Returns:
-            Why that failed; empty if it did not.
-        """
+        """Note that a stop holds no longer; return why that failed, empty if it did not."""
         try:
             self._path(stopper).unlink(missing_ok=True)
             self._sync()

@@ -24,28 +24,19 @@ _JUST = "it has not come to rest yet"
 
 
 def moves(fix: Fix) -> bool:
-    """Return True if a robot moves, as its odometry says.
-
-    Args:
-        fix: Where it is.
-    """
+    """Return True if a robot moves, as its odometry says."""
     return speed_of(fix) > MOVES
 
 
 def speed_of(fix: Fix) -> float:
-    """Return the speed of a robot and its rim together: m/s and rad/s.
-
-    Args:
-        fix: Where it is.
-    """
+    """Return the sum of a robot's speed, m/s, and its turn rate, rad/s."""
     return math.hypot(fix.twist.vx, fix.twist.vy) + abs(fix.twist.turn_rate)
 
 
 class Standing:
     """Follows a robot that was told to stand; one thread looks, others wait.
 
-    Args:
-        factor: Seconds of the robot's time in one of ours.
+    `factor` is the seconds of the robot's time in one of ours.
     """
 
     def __init__(self, factor: float) -> None:
@@ -62,12 +53,10 @@ class Standing:
             self._still_s, self._doubt = None, _JUST
 
     def look(self, fix: Fix | None, unconfirmed: str, moment_s: float) -> None:
-        """Describe the state of a robot that was told to stand.
+        """Take in the state of a robot that was told to stand, at a moment of `time.monotonic`.
 
-        Args:
-            fix: Its pose; None if unknown.
-            unconfirmed: The part of the stop that is not confirmed; empty if there is none.
-            moment_s: When, by `time.monotonic`.
+        `fix` is None if its pose is unknown. `unconfirmed` is the part of the stop that is not confirmed, empty if
+        there is none.
         """
         with self._changed:
             if fix is None:

@@ -22,10 +22,7 @@ class Stops:
     """The stops that hold; called from any thread.
 
     A stop holds at once. A thread notes it, so that no slow disk keeps a robot driving; `unsaved` waits for that.
-
-    Args:
-        topic: Full name of the topic that stops the robot.
-        files: Where stops are noted; None if they end with this process.
+    Without `files` the stops end with this process.
     """
 
     def __init__(self, topic: str, files: StopFiles | None = None) -> None:
@@ -64,14 +61,7 @@ class Stops:
         return self._texts[stopper][0]
 
     def hold(self, stopper: Stopper) -> bool:
-        """Stop.
-
-        Args:
-            stopper: Who says so.
-
-        Returns:
-            Whether that is new.
-        """
+        """Stop the robot for one source; return True if that is new."""
         with self._changed:
             new = stopper not in self._held
             if new:
@@ -81,14 +71,7 @@ class Stops:
             return new
 
     def release(self, stopper: Stopper) -> bool:
-        """Release the stops of one source; others' stops still hold.
-
-        Args:
-            stopper: Who says so.
-
-        Returns:
-            Whether that is new.
-        """
+        """Release the stops of one source, while others' stops still hold; return True if that is new."""
         with self._changed:
             new = stopper in self._held
             if new:
@@ -98,11 +81,7 @@ class Stops:
             return new
 
     def unsaved(self, limit_s: float = SAVE_S) -> str:
-        """Wait until the stops that hold now are noted; return why they are not, in a few words, empty if they are.
-
-        Args:
-            limit_s: How long to wait at most.
-        """
+        """Wait until the stops that hold now are noted; return why they are not, in a few words, empty if they are."""
         with self._changed:
             if self._files is None:
                 return ""

@@ -22,14 +22,12 @@ class _Stop:
 class StopTopic(RosMailbox[Bool]):
     """Takes in the topic as its messages come, so that a flood pushes nothing out.
 
-    Several may publish there, and who comes late gets the last message of each, in any order. So a true always stops,
-    and a false releases only what was sent before it. What one sender says is ordered by its own count; otherwise the
-    senders' clocks decide, and in doubt the robot stays where it is.
+    Several nodes may publish there, and a late subscriber gets the last message of each, in any order. So a true always
+    stops, and a false releases only what was sent before it. What one sender says is ordered by its own count;
+    otherwise the senders' clocks decide, and in doubt the robot stays where it is.
 
-    Args:
-        held: Whether the topic has stopped the robot before this process began; what was sent before then releases
-            nothing.
-        clock: The time, ns since the epoch.
+    If `held`, the topic has stopped the robot before this process began; what was sent before then releases nothing.
+    `clock` returns the time, ns since the epoch.
     """
 
     def __init__(self, held: bool, clock: Callable[[], int]) -> None:
@@ -66,9 +64,8 @@ class StopTopic(RosMailbox[Bool]):
     def heed(self) -> tuple[bool, bool, str]:
         """Take the requests that have come since the last call.
 
-        Returns:
-            Whether the topic stopped the robot in the meantime, whether it holds it now, and why a false has not
-            released it; empty if none was ignored.
+        Returns whether the topic stopped the robot in the meantime, whether it holds it now, and why a false has not
+        released it, empty if none was ignored.
         """
         with self._changed:
             found = self._stopped, self._stop is not None, self._ignored
