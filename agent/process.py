@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import os
 import sys
 from collections.abc import Callable, Sequence
+from importlib import import_module
 from typing import TYPE_CHECKING
 
-from agent.robots.ros2.options import wanted as is_for_ros2
 from patrol.errors import BadInput
 from patrol.exchange import FIRST_INCARNATION
 from patrol.process.context import ProcessContext, run_with
@@ -41,11 +42,22 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run one agent."""
     words = sys.argv[1:] if arguments is None else arguments
     if is_for_ros2(words):
-        from agent.ros2_process import main as drive_ros2
-
+        drive_ros2: Callable[[Sequence[str]], int] = import_module("ros2.robot.process").main  # it stands on `agent`
         return drive_ros2(words)
     options = simulated_parser().parse_args(words)
     return run_with(options, options.robot or "agent", _run)
+
+
+def is_for_ros2(arguments: Sequence[str]) -> bool:
+    """Return True if a command line of ``fogwatch agent`` is meant for a ROS 2 robot.
+
+    A robot of a simulated fleet may be called ros2 or rclpy; its command line names a scenario, and neither a robot's
+    router nor a namespace.
+    """
+    split = [word for one in arguments for word in (one.split("=", 1) if one.startswith("--") else [one])]
+    robot = next((second for first, second in itertools.pairwise(split) if first == "--robot"), "")
+    own = {"ros2": "--connect", "rclpy": "--namespace"}.get(robot)
+    return own is not None and (own in split or "--scenario" not in split)
 
 
 def _run(process: ProcessContext) -> int:

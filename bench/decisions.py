@@ -10,7 +10,7 @@ from tempfile import TemporaryDirectory
 from agent.ports import Decision
 from bench.grounds import tiled, write_map
 from bench.runner import Bench
-from experiments.inprocess import InProcessFleet, make_minds
+from fogwatch.inprocess import InProcessFleet, make_minds
 from patrol.exchange import Reply
 from patrol.prepare import prepare
 from patrol.scenario import Scenario, load_scenario

@@ -16,7 +16,7 @@ from typing import Any
 
 from bench.grounds import KILOMETRE, square, write_map
 from bench.runner import Bench
-from experiments.inprocess import run_in_process
+from fogwatch.inprocess import run_in_process
 from patrol.journal import TickRecord
 from patrol.prepare import Prepared, prepare
 from patrol.scenario import load_scenario

@@ -29,7 +29,7 @@ TAG = "cp{0}{1}-cp{0}{1}{2}-manylinux_2_28_x86_64"
 MAKE = """
 from patrol.process.starting.seldom import SELDOM
 from patrol.process.starting.warmup import warm
-warm(("patrol", "agent", "worldsim", "monitor"), print, SELDOM)
+warm(("patrol", "agent", "worldsim", "monitor", "experiments"), print, SELDOM)
 
 from patrol.measures.best_tour import round_of
 from patrol.prepare import prepare

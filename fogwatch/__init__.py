@@ -17,10 +17,10 @@ if TYPE_CHECKING:
 
     from agent.ports import Bearing, Intent, Place, PolicySetup, Stay, Steer
     from agent.view import View
+    from experiments.plan.result import PlanResult, plan
+    from experiments.sweeps.result import SweepResult, sweep
     from fogwatch.api import run
-    from fogwatch.notebook.plan import PlanResult, plan
     from fogwatch.notebook.run import Run, load
-    from fogwatch.notebook.sweep import SweepResult, sweep
     from patrol.errors import BadInput
     from patrol.pose import Drive, Twist, Velocity
 
@@ -51,19 +51,19 @@ _HOMES = {
     "Drive": "patrol.pose",
     "Intent": "agent.ports",
     "Place": "agent.ports",
-    "PlanResult": "fogwatch.notebook.plan",
+    "PlanResult": "experiments.plan.result",
     "PolicySetup": "agent.ports",
     "Run": "fogwatch.notebook.run",
     "Stay": "agent.ports",
     "Steer": "agent.ports",
-    "SweepResult": "fogwatch.notebook.sweep",
+    "SweepResult": "experiments.sweeps.result",
     "Twist": "patrol.pose",
     "Velocity": "patrol.pose",
     "View": "agent.view",
     "load": "fogwatch.notebook.run",
-    "plan": "fogwatch.notebook.plan",
+    "plan": "experiments.plan.result",
     "run": "fogwatch.api",
-    "sweep": "fogwatch.notebook.sweep",
+    "sweep": "experiments.sweeps.result",
 }
 """The modules of the public names, imported on first use, so that child processes and short commands start quickly."""
 

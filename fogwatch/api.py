@@ -181,7 +181,7 @@ def execute(scenario: Scenario, options: RunOptions) -> Run:
     for line in scenario.translated:
         options.display.say(f"warning: {line}")
     watched = options.recording or options.report or options.page
-    packages = (*PACKAGES, "monitor") if watched else PACKAGES
+    packages = (*PACKAGES, "monitor", "experiments") if watched else PACKAGES
     warm(packages, options.display.say, seldom_kernels(scenario), options.show_kernels)
     if scenario.patrol.policy not in BUILT_IN:  # else it loads much and cannot fail
         from agent.policies.found import policy_of
@@ -217,7 +217,7 @@ def _begin(options: RunOptions) -> None:
 
 
 def _in_this_process(scenario: Scenario, folder: RunFolder, options: RunOptions) -> Run:
-    from experiments.inprocess import run_in_process
+    from fogwatch.inprocess import run_in_process
     from patrol.prepare import prepare
     from worldsim.output.live_progress import LiveProgress
     from worldsim.output.ticks_table import TicksTable
@@ -397,7 +397,7 @@ def _baseline(prepared: Prepared, options: RunOptions) -> float | None:
     scenario = prepared.scenario
     if not _needs_second_run(scenario, options) or options.stop():
         return None
-    from experiments.inprocess import fault_free_mfow
+    from fogwatch.inprocess import fault_free_mfow
 
     options.display.say("running the scenario without its faults, to judge the recovery ...")
     return fault_free_mfow(prepared, options.stop)

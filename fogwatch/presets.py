@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from patrol.errors import BadInput
+from patrol.extras import study
 
 POINT_M = 0.5
 """Side of a point with which the paper's tables are reproduced, and for which the sensor's range was calibrated, m."""
@@ -27,8 +28,9 @@ def preset_settings(name: str | None) -> dict[str, object]:
         return {}
     if name not in PRESETS:
         raise BadInput(f"preset {name}: no such preset; choose from {', '.join(PRESETS)}")
-    from experiments.paper.printed import paper
     from patrol.scenario.letter import TO_THE_LETTER
+
+    paper = study("paper.printed").paper
 
     settings = {**paper().settings, "point": POINT_M, "sensor.range": paper().sensor_range(POINT_M).range}
     return {**settings, **TO_THE_LETTER} if name == "letter" else settings

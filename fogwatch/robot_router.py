@@ -18,8 +18,8 @@ from patrol.net.keys import check_locator
 from patrol.net.security.credentials import AUTHORITY, CERTIFICATE, KEY
 from patrol.net.security.private_files import replace_private
 from patrol.net.security.roles import VIEWER, Kind, robot_role
-from patrol.ros2.access import COMMANDS, agent_rights, robot_router, viewer_rights
-from patrol.ros2.formats import Format
+from ros2.wire.access import COMMANDS, agent_rights, robot_router, viewer_rights
+from ros2.wire.formats import Format
 
 FILE = "zenoh.json5"
 LOCAL_PORT = 7447

@@ -10,8 +10,8 @@ from pathlib import Path
 
 import numpy as np
 
-from experiments.inprocess import run_in_process
-from fogwatch.grounds.random_building import TEAM, random_building
+from experiments.random_building import TEAM, random_building
+from fogwatch.inprocess import run_in_process
 from patrol.journal import Status, TickRecord
 from patrol.measures.own_ground import own_grounds
 from patrol.measures.progress import stalest_outside

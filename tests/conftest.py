@@ -6,9 +6,10 @@ import gc
 import hashlib
 import os
 import signal
+import sys
 import time
 import uuid
-from collections.abc import Iterator, Set
+from collections.abc import Callable, Iterator, Set
 from contextlib import suppress
 from pathlib import Path
 from resource import RUSAGE_CHILDREN, RUSAGE_SELF, getrusage
@@ -35,13 +36,13 @@ SLOW = ("processes", "browser")
 TIMES = Path(__file__).with_name("times.tsv")
 """Tests that take long, as `make times` found them: processor time in s, a tab, the test's name."""
 
-WAITING = ("agent/robots", "hostile", "patrol/net", "patrol/process", "patrol/ros2")
+WAITING = ("agent/robots", "hostile", "patrol/net", "patrol/process", "ros2")
 """Folders whose tests wait for other processes, threads and routers more than they work."""
 
 KINDS = ("closed fleet", "direct radio", "lockstep", "page", "paced", "ros2")
 """Kinds of real fleets; the quick suite runs one test of each, the one marked ``kind``."""
 
-PACKAGES = ("patrol", "agent", "worldsim", "monitor")
+PACKAGES = ("patrol", "agent", "worldsim", "monitor", "experiments")
 """Packages that have kernels."""
 
 TERMINAL = (
@@ -231,3 +232,23 @@ def no_process_outlives_the_session() -> Iterator[None]:
         with suppress(ProcessLookupError):
             os.kill(number, signal.SIGKILL)
     assert not left, f"tests left processes behind: {left}"
+
+
+@pytest.fixture
+def fogwatch(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Callable[..., int]:
+    """The command, in a folder of its own."""
+    monkeypatch.chdir(tmp_path)
+
+    def command(*arguments: str | Path) -> int:
+        monkeypatch.setattr(sys, "argv", ["fogwatch", *map(str, arguments)])
+        from fogwatch.cli.app import main
+
+        return main()
+
+    return command
+
+
+@pytest.fixture
+def command(fogwatch: Callable[..., int]) -> Callable[..., int]:
+    """The command, for files in which `fogwatch` is the package."""
+    return fogwatch

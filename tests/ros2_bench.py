@@ -16,16 +16,16 @@ from PIL import Image
 from patrol.ground.maps.load import load_terrain
 from patrol.ground.sensors import footprint_of
 from patrol.pose import Pose
-from patrol.ros2.formats import format_named
-from patrol.ros2.link import ZenohRos2Link, open_ros2
-from patrol.ros2.names import NodeName
 from patrol.scenario import RobotSpec
 from patrol.scenario.sections import TerrainSpec
+from ros2.sim.node import Habits, RobotNode
+from ros2.sim.odometry import Errors
+from ros2.sim.robot import Build, SimulatedRobot
+from ros2.sim.simulation import STEP_S, CollisionGround, Simulation
+from ros2.wire.formats import format_named
+from ros2.wire.link import ZenohRos2Link, open_ros2
+from ros2.wire.names import NodeName
 from tests.routers import PATIENCE_S
-from worldsim.ros2.node import Habits, RobotNode
-from worldsim.ros2.odometry import Errors
-from worldsim.ros2.robot import Build, SimulatedRobot
-from worldsim.ros2.simulation import STEP_S, CollisionGround, Simulation
 
 NAME = "robot1"
 RADIUS, SPEED = 0.25, 0.5

@@ -1,4 +1,4 @@
-"""Nodes of ROS 2 in one process: links (`patrol.ros2.ports.Ros2Link`) that need no router."""
+"""Nodes of ROS 2 in one process: links (`ros2.wire.ports.Ros2Link`) that need no router."""
 
 from __future__ import annotations
 
@@ -6,9 +6,9 @@ import time
 from collections import defaultdict
 from typing import Any
 
-from patrol.ros2.mailbox import Received, RosMailbox
-from patrol.ros2.names import USUAL, Entity, EntityKind, NodeName, Qos, full_name
-from patrol.ros2.ports import Asked
+from ros2.wire.mailbox import Received, RosMailbox
+from ros2.wire.names import USUAL, Entity, EntityKind, NodeName, Qos, full_name
+from ros2.wire.ports import Asked
 
 
 class Hub:

@@ -12,12 +12,12 @@ from fogwatch.fleet_folder import FleetFolder
 from fogwatch.robot_router import FILE, make_robot_router
 from patrol.net.security.credentials import Credentials, read_credentials
 from patrol.pose import Pose
-from patrol.ros2.formats import Format
-from patrol.ros2.link import ZenohRos2Link, open_ros2
-from patrol.ros2.mailbox import RosMailbox
-from patrol.ros2.messages import Odometry, Twist, TwistStamped
-from patrol.ros2.names import NodeName
-from patrol.ros2.ports import Sender
+from ros2.wire.formats import Format
+from ros2.wire.link import ZenohRos2Link, open_ros2
+from ros2.wire.mailbox import RosMailbox
+from ros2.wire.messages import Odometry, Twist, TwistStamped
+from ros2.wire.names import NodeName
+from ros2.wire.ports import Sender
 from tests.routers import PATIENCE_S, free_port
 
 M = TypeVar("M")

@@ -30,7 +30,7 @@ from pydantic import BaseModel
 from agent.policies.commitment.commitment import NEARER, NO_NEARER_S
 from agent.policies.commitment.given_up import GivenUp
 from agent.ports import Intent, Place, PolicySetup
-from experiments.inprocess import run_in_process
+from fogwatch.inprocess import run_in_process
 from patrol.ground.terrain import Terrain
 from patrol.prepare import prepare
 from patrol.random import Purpose, draw

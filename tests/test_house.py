@@ -22,7 +22,7 @@ from packaging.utils import canonicalize_name
 from tests.conftest import KINDS
 
 ROOT = Path(__file__).resolve().parents[1]
-PACKAGES = ("patrol", "agent", "worldsim", "monitor", "experiments", "fogwatch")
+PACKAGES = ("patrol", "agent", "worldsim", "monitor", "ros2", "fogwatch", "experiments")
 OUTSIDE = ("bench", "tests")
 """Folders of Python that stay in a clone."""
 LONGEST_FILE = 600
@@ -325,7 +325,7 @@ def test_an_agent_needs_no_extra_and_none_of_the_other_packages() -> None:
     assert done.returncode == 0, done.stderr
 
 
-def test_the_wheel_holds_the_six_packages_and_nothing_else(tmp_path: Path) -> None:
+def test_the_wheel_holds_the_packages_and_nothing_else(tmp_path: Path) -> None:
     command = [sys.executable, "-m", "hatchling", "build", "-t", "wheel", "-d", str(tmp_path)]
     subprocess.run(command, cwd=ROOT, check=True, capture_output=True)
     (wheel,) = tmp_path.glob("fogwatch-*.whl")
@@ -348,8 +348,8 @@ OWN_FILES = {
     "agent/psi.py": "fields that its launcher prepared",
     "experiments/paper/printed.py": "data of the package",
     "experiments/sweeps/results.py": "the file that it goes on with, checked like others",
-    "fogwatch/cli/experiments/documented.py": "pages of the clone, and what its own commands have written",
-    "fogwatch/cli/experiments/reproduce.py": "data of the package",
+    "experiments/commands/documented.py": "pages of the clone, and what its own commands have written",
+    "experiments/commands/reproduce.py": "data of the package",
     "fogwatch/cli/main.py": "what stands in for a standard stream that is closed",
     "fogwatch/certificates.py": "the certificate of the authority that it has made",
     "fogwatch/launch/children/child_control.py": "the kernel's facts about its own children",

@@ -30,8 +30,8 @@ from agent.policies.potential_field.force import distance_force, fow_force
 from agent.policies.potential_field.policy import PotentialField
 from agent.ports import Intent
 from agent.view import View
-from experiments.inprocess import run_in_process
 from fogwatch.cli.ending import guarded
+from fogwatch.inprocess import run_in_process
 from fogwatch.notebook.run import Run
 from fogwatch.presets import preset_settings
 from patrol.ground.terrain import Terrain

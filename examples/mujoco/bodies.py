@@ -22,8 +22,8 @@ from patrol.ground.maps.map_file import read_map_file
 from patrol.ground.terrain import BoolGrid, Terrain
 from patrol.palette import ROBOTS, UNCOUNTED, rgb
 from patrol.pose import Pose, Twist, wrap
-from worldsim.ros2.bodies import Moved
-from worldsim.ros2.robot import Build, SimulatedRobot
+from ros2.sim.bodies import Moved
+from ros2.sim.robot import Build, SimulatedRobot
 
 try:
     import mujoco
@@ -184,7 +184,7 @@ def make_model(terrain: Terrain, builds: Sequence[Build]) -> mujoco.MjModel:
 
 
 class MujocoBodies:
-    """Moves the robots' bodies (`worldsim.ros2.bodies.Bodies`)."""
+    """Moves the robots' bodies (`ros2.sim.bodies.Bodies`)."""
 
     def __init__(self, terrain: Terrain, builds: Sequence[Build]) -> None:
         self.model = make_model(terrain, builds)

@@ -22,8 +22,8 @@ from patrol.errors import BadInput
 from patrol.pose import Pose
 from patrol.prepare import Prepared, prepare, sensor_footprint
 from patrol.scenario import load_scenario, naming
-from worldsim.ros2.odometry import Errors
-from worldsim.ros2.robot import Build
+from ros2.sim.odometry import Errors
+from ros2.sim.robot import Build
 from worldsim.truth import Truth
 
 try:

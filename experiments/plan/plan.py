@@ -20,8 +20,8 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
-from experiments.inprocess import run_in_process
 from experiments.plan.division import Divider, Territory
+from fogwatch.inprocess import run_in_process
 from patrol.errors import BadInput, NotPrepared
 from patrol.ground.left_out import LeftOut
 from patrol.ground.maps.load import load_terrain

@@ -28,7 +28,7 @@ class BeliefError:
         self._fresher = 0.0
 
     def look(self, world: World, minds: Mapping[int, Mind]) -> None:
-        """Compare, if it is time to; called after each tick by `experiments.inprocess.run_in_process`."""
+        """Compare, if it is time to; called after each tick by `fogwatch.inprocess.run_in_process`."""
         if world.tick % EVERY:
             return
         true = np.maximum(world.truth.fog.last_seen, 0)

@@ -6,16 +6,16 @@ import math
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
+from experiments.intruders.infiltrator import Infiltrator
+from experiments.intruders.standing import ATTACKS_S, intruder_games
 from patrol.errors import BadInput
 from patrol.journal.records import Status
-from patrol.measures.infiltration.infiltrator import Infiltrator
-from patrol.measures.intruders import ATTACKS_S, intruder_games
 from patrol.pose import Pose
 
 if TYPE_CHECKING:
+    from experiments.intruders.game import Game
+    from experiments.intruders.sightings import Sightings
     from patrol.journal import TickRecord
-    from patrol.measures.infiltration.game import Game
-    from patrol.measures.sightings import Sightings
     from worldsim.world import World
 
 INTRUDERS = ("random", "waiting", "statistical", "worst")
@@ -53,7 +53,9 @@ class GameLog:
 
         That does nothing with a sensor that leaves some of a point's age: it is open then what such a sensor has seen.
         """
-        from patrol.measures.sightings import Sightings  # here: it loads kernels, and pages need names of metrics only
+        from experiments.intruders.sightings import (
+            Sightings,  # here: it loads kernels, and pages need names of metrics only
+        )
 
         footprint = world.truth.footprint
         if footprint.leaves_age:
@@ -81,7 +83,7 @@ class GameLog:
 
         The moving intruder has none in runs that are too short for it, and where only vertices are patrolled.
         """
-        from patrol.measures.infiltration.game import infiltration  # here, likewise
+        from experiments.intruders.game import infiltration  # here, likewise
 
         if self.sightings is None:
             return {}

@@ -25,7 +25,7 @@ from patrol.summary.model import Messages, NodeFigures, RobotFigures, Summary, V
 if TYPE_CHECKING:
     from pydantic import BaseModel
 
-    from experiments.inprocess import Outcome
+    from fogwatch.inprocess import Outcome
     from patrol.prepare import Prepared
     from patrol.scenario import Scenario
 
@@ -87,9 +87,9 @@ def run_scenario(scenario: Scenario | Prepared, games: bool = False) -> tuple[Ou
 
     The metrics are those that the summary lacks: of what the robots believed and, with `games`, of intruder games.
     """
-    from experiments.inprocess import run_in_process
     from experiments.sweeps.belief_error import BeliefError  # here: loads kernels that `prepare_worker` compiles
     from experiments.sweeps.game_log import GameLog
+    from fogwatch.inprocess import run_in_process
 
     # The world and the verdict are in one process, so the verdict need not compute the fog a second time.
     belief, log = BeliefError(), GameLog() if games else None

@@ -13,21 +13,13 @@ from typing import Annotated
 
 import typer
 
-from fogwatch.cli.command_help import FINISHED, MANY, OTHER, RUNNING, START, OrderedGroup, command
+from fogwatch.cli.command_help import FINISHED, OTHER, RUNNING, START, OrderedGroup, command
 from fogwatch.cli.ending import complain, run_app
-from fogwatch.cli.experiments import benchmark, experiment, paper, reproduce, sweep
 from fogwatch.cli.fleets import control, doctor_command, fleet, key, process_commands, status_command
-from fogwatch.cli.grounds import map_commands, plan_command, scenario
+from fogwatch.cli.grounds import map_commands, scenario
 from fogwatch.cli.patrol_option import patrol_option
-from fogwatch.cli.runs import (
-    animate_command,
-    export_command,
-    intruder_command,
-    judge_command,
-    page,
-    recording_commands,
-    report_commands,
-)
+from fogwatch.cli.runs import animate_command, export_command, judge_command, page, recording_commands, report_commands
+from fogwatch.cli.studies import add_studies
 from fogwatch.presets import PRESETS, preset_settings
 from patrol.errors import BadInput
 from patrol.pose import MODELS
@@ -51,11 +43,8 @@ for group, name, panel in (
     (scenario.app, "scenario", START),
     (key.app, "key", START),
     (fleet.app, "fleet", START),
-    (experiment.app, "experiment", MANY),
-    (paper.app, "paper", MANY),
 ):
     app.add_typer(group, name=name, rich_help_panel=panel)
-command(app, examples=plan_command.EXAMPLES, exit_codes=plan_command.EXIT_CODES, panel=START)(plan_command.plan)
 process_commands.register(app, START)
 command(app, examples=page.MONITOR_EXAMPLES, exit_codes=page.EXIT_CODES, panel=RUNNING)(page.monitor)
 command(app, examples=doctor_command.EXAMPLES, exit_codes=doctor_command.EXIT_CODES, panel=START)(doctor_command.doctor)
@@ -77,16 +66,13 @@ command(app, examples=export_command.EXAMPLES, exit_codes=export_command.EXIT_CO
 )
 command(app, examples=judge_command.EXAMPLES, exit_codes=judge_command.EXIT_CODES, panel=FINISHED)(judge_command.judge)
 command(app, examples=report_commands.COMPARE_EXAMPLES, panel=FINISHED)(report_commands.compare)
-command(app, examples=intruder_command.EXAMPLES, panel=FINISHED)(intruder_command.intruder)
 command(
     app,
     examples=recording_commands.RECORDING_EXAMPLES,
     exit_codes="0 the recording is complete, or was repaired; 1 it is cut off or damaged; 2 bad input",
     panel=FINISHED,
 )(recording_commands.recording)
-command(app, examples=sweep.EXAMPLES, exit_codes=sweep.EXIT_CODES, panel=MANY)(sweep.sweep)
-command(app, examples=benchmark.EXAMPLES, exit_codes=sweep.EXIT_CODES, panel=MANY)(benchmark.benchmark)
-command(app, examples=reproduce.EXAMPLES, exit_codes=reproduce.EXIT_CODES, panel=MANY)(reproduce.reproduce)
+add_studies(app, map_commands.app)
 
 PAGE_SPARES = 2
 """Number of robots that may join a run with a live page, unless the scenario or an option sets another."""
@@ -272,7 +258,7 @@ def run(
 
     from fogwatch.api import RunOptions, execute
     from fogwatch.launch.launcher import LaunchFailed
-    from fogwatch.launch.terminal.kernel_bar import kernel_bar
+    from fogwatch.launch.terminal.bars import kernel_bar
     from fogwatch.launch.terminal.live_table import make_display
     from fogwatch.launch.terminal.summary_text import print_summary
     from patrol.summary.model import Summary

@@ -25,7 +25,7 @@ from patrol.ground.maps.cells import marked_cells, touched_points
 from patrol.ground.maps.map_file import read_map_file
 from patrol.ground.terrain import BoolGrid, Terrain
 from patrol.pose import Pose
-from patrol.ros2.frames import composed, inverted
+from ros2.wire.frames import composed, inverted
 
 Place = tuple[float, float]
 """x and y, m."""

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 
 from agent.policies.found import PolicyKind
 from agent.policies.learned.decisions import Action, Decisions
-from experiments.inprocess import fleet_of
+from fogwatch.inprocess import fleet_of
 from patrol.prepare import sensor_footprint
 from patrol.scenario.policies import LEARNED
 from worldsim.fleet.acts import Acts

@@ -15,7 +15,7 @@ from pettingzoo.utils.env import ParallelEnv
 
 from agent.policies.learned.decisions import MASK, STAY
 from agent.policies.learned.observation import Observer
-from experiments.inprocess import check_in_process
+from fogwatch.inprocess import check_in_process
 from fogwatch.learn.episode import Episode
 from fogwatch.learn.rewards import Reward, reward_of
 from fogwatch.notebook.arguments import WrongArguments, checked_arguments

@@ -24,6 +24,7 @@ from fogwatch.notebook.arguments import checked_arguments
 from monitor.replay.run_files import SUMMARY, journal_in
 from monitor.replay.summary_file import read_summary
 from patrol.errors import BadInput, did_you_mean
+from patrol.extras import study
 from patrol.process.starting.warmup import warm
 from patrol.summary.model import Summary
 
@@ -31,10 +32,10 @@ if TYPE_CHECKING:
     import pyarrow as pa
     from matplotlib.figure import Figure
 
+    from experiments.intruders.game import Infiltration
     from monitor.replay.replay import Replay
     from monitor.replay.run import Run as ReplayedRun
     from monitor.report.style import Sketch
-    from patrol.measures.infiltration.game import Infiltration
     from patrol.scenario import Scenario
     from worldsim.verdict.judge import Verdict
 
@@ -184,7 +185,7 @@ class Run:
             again: Whether it also plans again every second from what is then seen, which takes minutes.
             code: Whether one plays too that has the scenario and the code, but not the secret of the draws. For that,
                 the scenario is run again, with its policy and its key.
-            settings: Of the intruder, as `patrol.measures.infiltration.game.Infiltrator` has them: speed, stay_s,
+            settings: Of the intruder, as `experiments.intruders.game.Infiltrator` has them: speed, stay_s,
                 within_s, depth_m, attempts, seed, entries, zone.
 
         Returns:
@@ -194,19 +195,16 @@ class Run:
             BadInput: There is no such setting, or the game cannot be played on this run; or its scenario does not give
                 the same run again.
         """
-        from experiments.simulated_futures import add_code
-        from monitor.replay.intruder_games import moving_game
-        from patrol.measures.infiltration.game import infiltration
-        from patrol.measures.infiltration.infiltrator import Infiltrator
-
-        known = [each.name for each in fields(Infiltrator)]
+        on_run = study("intruders.on_run")
+        known = [each.name for each in fields(on_run.Infiltrator)]
         for name in settings:
             if name not in known:
                 raise BadInput(f"{name}: the moving intruder has no such setting; {did_you_mean(name, known)}")
-        game = moving_game(self._replayed, Infiltrator(**settings))
+        game = on_run.moving_game(self._replayed, on_run.Infiltrator(**settings))
         if code:
-            add_code(game, self._replayed.prepared)
-        return infiltration(game, again)
+            study("intruders.simulated_futures").add_code(game, self._replayed.prepared)
+        played: Infiltration = on_run.infiltration(game, again)
+        return played
 
     @property
     def figure_names(self) -> list[str]:

@@ -1,1 +1,1 @@
-"""Still pictures: maps, runs, and the results of experiments."""
+"""Still pictures and films of maps and runs."""

@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from patrol.errors import BadInput
+from patrol.extras import check_matplotlib
 from patrol.files.whole_file import replacing
 from patrol.ground.terrain import BoolGrid, Terrain
-from patrol.matplotlib_check import check_matplotlib
 from patrol.palette import rgb, with_walls
 
 if TYPE_CHECKING:

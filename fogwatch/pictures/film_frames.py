@@ -20,11 +20,11 @@ from monitor.replay.replay import Moment, Replay, RobotMoment
 from monitor.replay.run import Run
 from monitor.report.map_charts import CLOSURE, ZONES
 from patrol.closures import closure_points
+from patrol.extras import check_matplotlib
 from patrol.ground.fog import NEVER
 from patrol.ground.terrain import BoolGrid
 from patrol.ground.zones import middle, outline, points_of
 from patrol.journal.records import Status
-from patrol.matplotlib_check import check_matplotlib
 from patrol.palette import LIGHT, NEVER_SEEN, ROBOTS, UNCOUNTED, WALL, WALL_EDGE, rgb, with_walls
 from patrol.scenario.zones import zones_at
 

@@ -14,7 +14,7 @@ from patrol.ground.cspace import grown
 from patrol.ground.terrain import BoolGrid, Terrain
 from patrol.palette import LIGHT, WALL
 from patrol.pose import Pose
-from patrol.ros2.frames import inverted
+from ros2.wire.frames import inverted
 
 OWN, OURS = "#d55e00", "#0077bb"
 FREE_OWN, FREE_OURS, FREE_BOTH = "#f7dcc6", "#cfe3f2", "#eef1f4"

@@ -182,7 +182,7 @@ def _drawn(seed: int, folder: Path, settings: Mapping[str, Any]) -> Make:
 
 def _run(policy: type[Any], make: Make, situation: str, chance: int, *, judged: bool = False) -> _Run:
     """Run a scenario with a policy; raise RuleBroken where it fails."""
-    from experiments.inprocess import run_in_process
+    from fogwatch.inprocess import run_in_process
     from patrol.prepare import Prepared
 
     run = _Run(situation)

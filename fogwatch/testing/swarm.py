@@ -18,8 +18,8 @@ from typing import Any
 import numpy as np
 
 from agent.policies.found import POLICIES
-from fogwatch.grounds.random_building import random_building
 from patrol.errors import NotPrepared
+from patrol.extras import study
 from patrol.ground.doors.rooms import Rooms
 from patrol.ground.maps.load import load_terrain
 from patrol.pose import MODELS
@@ -179,7 +179,7 @@ class _Drawing:
         point = dice.choice(0.25, 0.4)
         if "terrain" in self._given:
             return {"point": point, "robots": robots}
-        building = random_building(dice.whole(0, 10**6), radii[0], point)
+        building = study("random_building").random_building(dice.whole(0, 10**6), radii[0], point)
         name = f"building-{dice.whole(0, 10**9)}"
         return {"terrain": {"map": str(building.write(self._folder, name))}, "point": point, "robots": robots}
 

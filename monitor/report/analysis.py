@@ -5,25 +5,48 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
 from monitor.observation.fault_bands import Band, bands_of, intruder_bands
 from monitor.replay.belief_errors import BeliefErrors, BeliefWatcher, exact_by_construction
-from monitor.replay.intruder_games import Looks
 from monitor.replay.replay import Watcher, play
 from monitor.replay.run import Run
 from monitor.replay.run_files import SUMMARY
 from monitor.replay.visits import VisitCounter, Visits
-from monitor.report.moving_intruder import REPORTED, MovingIntruder
 from patrol.errors import BadInput, quoted
+from patrol.extras import study
 from patrol.measures.best_tour import NO_BOUND, best_tour
 from patrol.prepare import sensor_footprint
 from patrol.summary.metric import Metric, metrics_of
 from patrol.summary.model import RobotFigures, Summary, ground_text, unsettled
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
 NO_TOUR = "no tour for this ground or sensor"
 """Note beside the best tour found where there is none."""
+
+
+class MovingIntruder(Protocol):
+    """The game of the moving intruder on a run, which the studies play (`experiments.intruders.report_section`)."""
+
+    def table(self) -> str:
+        """Return the table of successes as HTML."""
+        ...
+
+    def chart(self) -> Figure:
+        """Draw examples of attempts."""
+        ...
+
+
+class MovingWatch(Watcher, Protocol):
+    """A watcher that takes down what the moving intruder needs."""
+
+    def game(self) -> MovingIntruder:
+        """Return the game after the last tick; raise BadInput where it cannot be played."""
+        ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,17 +73,22 @@ def analyse(run: Run, watchers: Sequence[Watcher] = ()) -> Analysis:
     if not run.direct and not exact_by_construction(run):
         untested = run.keyless
         beliefs = BeliefWatcher(run, footprint, run.key)
-    looks = Looks(run, None, REPORTED, footprint)
-    along: list[Watcher] = [visits, looks, *([beliefs] if beliefs else []), *watchers]
+    watch: MovingWatch | None = None
+    moving, no_moving = None, ""
+    try:
+        watch = study("intruders.report_section").MovingWatch(run, footprint)
+    except BadInput as why:
+        no_moving = str(why)
+    along: list[Watcher] = [visits, *([watch] if watch else []), *([beliefs] if beliefs else []), *watchers]
     wrong = play(run, along, footprint)
     end_s = run.ticks * run.step
     bands = bands_of(run.events, run.step, end_s)
     intruders = intruder_bands(run.prepared.scenario, end_s)
-    moving, no_moving = None, ""
-    try:
-        moving = MovingIntruder(run, looks.sightings.game())
-    except BadInput as why:
-        no_moving = str(why)
+    if watch is not None:
+        try:
+            moving = watch.game()
+        except BadInput as why:
+            no_moving = str(why)
     errors = beliefs.result() if beliefs else None
     return Analysis(run, bands, intruders, visits.result(), errors, untested, wrong, moving, no_moving)
 

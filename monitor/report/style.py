@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 from xml.sax.saxutils import quoteattr
 
 from patrol.errors import BadInput
-from patrol.matplotlib_check import check_matplotlib
+from patrol.extras import check_matplotlib
 from patrol.palette import LIGHT, ROBOTS
 
 if TYPE_CHECKING:

@@ -127,7 +127,9 @@ def no_class(named: NamedClass) -> BadInput:
 
 def absent_module(named: NamedClass, what: str) -> BadInput:
     """Make the error for a module that is not installed, or imports one that is not."""
-    return BadInput(f"{named.field}: {what}; install it, or give ./file.py:Class beside the scenario")
+    ours = named.name in named.sort.built_in
+    remedy = "with: pip install 'fogwatch[experiments]'" if ours else "or give ./file.py:Class beside the scenario"
+    return BadInput(f"{named.field}: {what}; install it{' ' if ours else ', '}{remedy}")
 
 
 def absent_class(named: NamedClass, name: str, classes: list[str]) -> BadInput:

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 import fogwatch
-from experiments.inprocess import make_minds, run_in_process
+from fogwatch.inprocess import make_minds, run_in_process
 from patrol.exchange import Reply
 from patrol.journal import read_journal
 from patrol.prepare import prepare

@@ -18,7 +18,7 @@ from typing import Any
 
 import pytest
 
-from experiments.inprocess import run_in_process
+from fogwatch.inprocess import run_in_process
 from patrol.scenario import dump_scenario, load_scenario
 from tests.ros2_bench import write_plan
 from tests.routers import PATIENCE_S, routed
@@ -55,7 +55,7 @@ def agents(endpoint: str, common: list[str], formats: dict[str, str]) -> Iterato
 
 def measured(endpoint: str, out: Path, *words: str) -> dict[str, Any]:
     """What simulated robots measure that end by themselves."""
-    simulator = module("worldsim.ros2", "--connect", endpoint, "--out", str(out), *words)
+    simulator = module("ros2.sim", "--connect", endpoint, "--out", str(out), *words)
     subprocess.run(simulator, check=True)
     found: dict[str, Any] = json.loads(out.read_text(encoding="utf-8"))
     return found

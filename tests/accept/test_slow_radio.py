@@ -8,7 +8,7 @@ from statistics import mean
 
 import pytest
 
-from experiments.inprocess import Outcome, run_in_process
+from fogwatch.inprocess import Outcome, run_in_process
 from patrol.files.yaml_text import parse_yaml, read_text
 from patrol.scenario import load_scenario
 

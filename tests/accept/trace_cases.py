@@ -162,7 +162,7 @@ def cases() -> Iterator[tuple[str, dict[str, Any]]]:
 
 def trace_of(case: tuple[str, dict[str, Any]]) -> tuple[str, str]:
     """Run one case in this process; its name and trace hash, or the error that it ended with."""
-    from experiments.inprocess import run_in_process
+    from fogwatch.inprocess import run_in_process
     from patrol.scenario import open_scenario
 
     name, settings = case

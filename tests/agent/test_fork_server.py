@@ -13,7 +13,7 @@ import sys
 from agent.fork_server import _load
 _load([])
 loaded = set(sys.modules)
-from experiments.inprocess import run_in_process
+from fogwatch.inprocess import run_in_process
 from patrol.measures.best_tour import best_tour
 from patrol.prepare import prepare
 from patrol.scenario import load_scenario

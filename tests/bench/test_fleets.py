@@ -12,7 +12,7 @@ import pytest
 from bench import fleets
 from bench.decisions import Patrol
 from bench.fleets import fleet_time, square_scenario
-from experiments.inprocess import Outcome, run_in_process
+from fogwatch.inprocess import Outcome, run_in_process
 from patrol.scenario import load_scenario
 
 SMALL: dict[str, Any] = {

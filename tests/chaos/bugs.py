@@ -20,7 +20,7 @@ import pytest
 from agent import sender
 from agent.mind import Mind
 from agent.ports import PolicyFailed
-from experiments.inprocess import InProcessFleet
+from fogwatch.inprocess import InProcessFleet
 from patrol.closures import WAITING
 from patrol.energy import Batteries
 from patrol.ground.fog import Fog

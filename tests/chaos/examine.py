@@ -15,8 +15,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from experiments.inprocess import Outcome, run_in_process
 from fogwatch.api import RunOptions, execute
+from fogwatch.inprocess import Outcome, run_in_process
 from patrol.errors import BadInput
 from patrol.prepare import Prepared
 from patrol.scenario import Scenario, as_mapping, dump_scenario, load_scenario
@@ -28,7 +28,7 @@ from worldsim.verdict.judge import Verdict
 LIMIT_S = 600.0
 """Wall time after which a run, which should take seconds, is broken off."""
 
-PACKAGES = ("patrol", "agent", "worldsim", "experiments", "fogwatch")
+PACKAGES = ("patrol", "agent", "worldsim", "fogwatch", "experiments")
 TRACES_DIFFER = "traces differ"
 DIRECTLY = "by direct radio"
 """The way in which robots hear each other over the network, at a pace."""

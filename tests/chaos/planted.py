@@ -16,7 +16,7 @@ from typing import Any
 
 import pytest
 
-from experiments.inprocess import fault_free_mfow, run_in_process
+from fogwatch.inprocess import fault_free_mfow, run_in_process
 from fogwatch.testing.swarm import random_fleet
 from patrol.prepare import Prepared
 from tests.chaos.bugs import BUGS, Bug

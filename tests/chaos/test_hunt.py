@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 import tests.chaos.examine
-from experiments.inprocess import InProcessFleet
+from fogwatch.inprocess import InProcessFleet
 from fogwatch.testing.swarm import random_fleet
 from patrol.errors import BadInput
 from patrol.pose import MODELS

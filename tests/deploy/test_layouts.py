@@ -13,10 +13,6 @@ import pytest
 import yaml
 from mcap.reader import make_reader
 
-from agent.robots.ros2.diagnostics import Diagnostics, Patrolling
-from agent.robots.ros2.hardware import Hardware
-from agent.robots.ros2.settings import DriveSettings
-from agent.robots.ros2.shown import Shown, show_map
 from monitor.recording.ros_messages import LATCHED
 from monitor.recording.run_recorder import Recorder
 from monitor.replay.replay import play
@@ -24,8 +20,12 @@ from patrol.exchange import Sensed
 from patrol.ground.fog import Fog
 from patrol.ground.terrain import Terrain
 from patrol.pose import Pose
-from patrol.ros2.codec import CODINGS
-from patrol.ros2.definitions import store
+from ros2.robot.diagnostics import Diagnostics, Patrolling
+from ros2.robot.hardware import Hardware
+from ros2.robot.settings import DriveSettings
+from ros2.robot.shown import Shown, show_map
+from ros2.wire.codec import CODINGS
+from ros2.wire.definitions import store
 from tests.monitor.conftest import QUIET, run_of
 from tests.ros2_hub import Hub
 

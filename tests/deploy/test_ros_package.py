@@ -101,7 +101,7 @@ def test_the_launch_file_starts_an_agent_with_what_it_is_given(described: list[A
 
 
 def test_the_agent_can_read_these_command_lines(described: list[Any]) -> None:
-    options = pytest.importorskip("agent.robots.ros2.options", reason="no driver for ROS 2 robots is here")
+    options = pytest.importorskip("ros2.robot.options", reason="no driver for ROS 2 robots is here")
     few, full = (options.options_of(command_of(described, given)[2:]) for given in (FEW, ALL))
     assert (few.connect, few.namespace, few.map) == (FEW["connect"], "", None)
     assert (full.connect, full.namespace, str(full.map), full.radius) == (FEW["connect"], "robot1", ALL["map"], 0.2)

@@ -11,11 +11,11 @@ import pytest
 from typer.main import get_command
 
 from agent.process import simulated_parser
-from agent.robots.ros2.options import ros2_parser
 from fogwatch.cli.app import app
 from fogwatch.router import router_parser
+from ros2.robot.options import ros2_parser
+from ros2.sim.options import parser as sim_parser
 from worldsim.process import world_parser
-from worldsim.ros2.options import parser as sim_parser
 
 ROOT = Path(__file__).parents[2]
 DOCUMENTS = ("README.md", "CONTRIBUTING.md", "deploy/README.md", "docs/**/*.md")

@@ -27,8 +27,8 @@ from tests.routers import free_port
 
 WAITS = "goes on until Ctrl-C; tests/fogwatch/processes starts it"
 MEMBERS = "needs the machines of a fleet; tests/fogwatch/processes/test_admission.py starts them on one"
-LONG = "needs a run of six minutes or more; tests/fogwatch/cli/runs/test_intruder_command.py makes one"
-ROBOT = "needs a ROS 2 robot, or processes in several shells; tests/agent/robots/ros2 starts simulated ones"
+LONG = "needs a run of six minutes or more; tests/experiments/commands/test_intruder.py makes one"
+ROBOT = "needs a ROS 2 robot, or processes in several shells; tests/ros2 starts simulated ones"
 NOT_EXECUTED = {
     "python": "starts a process of a fleet by hand; " + MEMBERS,
     "fogwatch agent": ROBOT,
@@ -44,7 +44,7 @@ NOT_EXECUTED = {
     "fogwatch status --credentials": MEMBERS,
     "fogwatch status --router": MEMBERS,
     "fogwatch benchmark --preset": "needs the map of cumberland, which is not ours",
-    "fogwatch reproduce rules": "becomes another program; tests/fogwatch/cli/experiments/test_reproduce.py starts it",
+    "fogwatch reproduce rules": "becomes another program; tests/experiments/commands/test_reproduce.py starts it",
     "fogwatch reproduce noise": "measures for a while; tests/accept/test_documented.py checks all samples",
     "fogwatch paper all": "runs all cells of seven tables",
     "fogwatch paper calibrate": "runs cells of all tables",

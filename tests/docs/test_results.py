@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from fogwatch.cli.experiments.documented import read_samples
+from experiments.commands.documented import read_samples
 
 ROOT = Path(__file__).parents[2]
 PAGES = sorted((ROOT / "docs" / "results").glob("*.md"))

@@ -20,14 +20,14 @@ from patrol.ground.maps.load import read_terrain
 from patrol.ground.sensors import footprint_of
 from patrol.ground.terrain import Terrain
 from patrol.pose import Pose
-from patrol.ros2.messages import Twist, TwistStamped
 from patrol.scenario import RobotSpec
+from ros2.sim.bodies import bodies_named
+from ros2.sim.node import Habits, RobotNode
+from ros2.sim.odometry import Errors
+from ros2.sim.robot import Build, SimulatedRobot
+from ros2.sim.simulation import STEP_S, CollisionGround, Simulation
+from ros2.wire.messages import Twist, TwistStamped
 from tests.ros2_hub import Hub
-from worldsim.ros2.bodies import bodies_named
-from worldsim.ros2.node import Habits, RobotNode
-from worldsim.ros2.odometry import Errors
-from worldsim.ros2.robot import Build, SimulatedRobot
-from worldsim.ros2.simulation import STEP_S, CollisionGround, Simulation
 from worldsim.truth import Truth
 
 EXAMPLES = Path(__file__).parents[2] / "examples"

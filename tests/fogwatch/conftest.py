@@ -15,7 +15,6 @@ from typing import Any
 
 import pytest
 
-from fogwatch.cli.app import main
 from tests.fleets import trace_of
 
 PATIENCE_S = 800.0
@@ -137,21 +136,3 @@ def start(tmp_path: Path) -> Iterator[Callable[..., Run]]:
             with suppress(ProcessLookupError):
                 os.kill(pid, signal.SIGKILL)
         run.process.communicate(timeout=PATIENCE_S)
-
-
-@pytest.fixture
-def fogwatch(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Callable[..., int]:
-    """The command, in a folder of its own."""
-    monkeypatch.chdir(tmp_path)
-
-    def command(*arguments: str | Path) -> int:
-        monkeypatch.setattr(sys, "argv", ["fogwatch", *map(str, arguments)])
-        return main()
-
-    return command
-
-
-@pytest.fixture
-def command(fogwatch: Callable[..., int]) -> Callable[..., int]:
-    """The command, for files in which `fogwatch` is the package."""
-    return fogwatch

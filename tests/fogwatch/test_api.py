@@ -87,7 +87,7 @@ def test_what_has_run_is_never_thrown_away(tmp_path: Path, monkeypatch: pytest.M
     def damaged(_: Path) -> None:
         raise BadInput("journal: tick 7 is damaged")
 
-    monkeypatch.setattr("experiments.inprocess.read_journal", damaged)
+    monkeypatch.setattr("fogwatch.inprocess.read_journal", damaged)
     with pytest.raises(BadInput, match="tick 7"):
         fogwatch.run(SMALL, out=tmp_path / "run", picture=False)
     assert sum(1 for _ in read_journal(tmp_path / "run" / "journal").ticks) == 40

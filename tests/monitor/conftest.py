@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from agent.build import mind_maker, shared_by
 from agent.mind import Mind
-from experiments.inprocess import InProcessFleet
+from fogwatch.inprocess import InProcessFleet
 from monitor.replay.run import Run, open_run
 from patrol.exchange import FIRST_INCARNATION
 from patrol.journal import JournalWriter, TickRecord, read_journal

@@ -13,9 +13,9 @@ import numpy as np
 import pytest
 
 from patrol.pose import Pose
-from patrol.ros2 import messages as ours
-from patrol.ros2.codec import CODINGS, decode, encode
-from patrol.ros2.definitions import ACTION, type_hash
+from ros2.wire import messages as ours
+from ros2.wire.codec import CODINGS, decode, encode
+from ros2.wire.definitions import ACTION, type_hash
 from tests.routers import PATIENCE_S
 
 pytestmark = [pytest.mark.ros, pytest.mark.filterwarnings("ignore:module 'sre_:DeprecationWarning")]

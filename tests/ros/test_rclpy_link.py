@@ -13,9 +13,9 @@ import pytest
 
 from patrol.errors import BadInput
 from patrol.process.exit_codes import CRASHED
-from patrol.ros2.definitions import CANCEL_GOAL
-from patrol.ros2.mailbox import Received, RosMailbox
-from patrol.ros2.messages import (
+from ros2.wire.definitions import CANCEL_GOAL
+from ros2.wire.mailbox import Received, RosMailbox
+from ros2.wire.messages import (
     AckermannDriveStamped,
     Bool,
     CancelRequest,
@@ -24,9 +24,9 @@ from patrol.ros2.messages import (
     Twist,
     TwistStamped,
 )
-from patrol.ros2.names import LATCHED, SENSOR, USUAL, EntityKind, NodeName, Qos
-from patrol.ros2.ports import Sender, Service
-from patrol.ros2.rclpy_link import RclpyLink, import_rclpy
+from ros2.wire.names import LATCHED, SENSOR, USUAL, EntityKind, NodeName, Qos
+from ros2.wire.ports import Sender, Service
+from ros2.wire.rclpy_link import RclpyLink, import_rclpy
 from tests.ros.site import OFFICE
 from tests.routers import PATIENCE_S
 

@@ -12,13 +12,13 @@ from itertools import count
 
 import pytest
 
-from patrol.ros2.formats import format_named
-from patrol.ros2.link import open_ros2
-from patrol.ros2.mailbox import RosMailbox
-from patrol.ros2.messages import Twist, TwistStamped
-from patrol.ros2.names import NodeName
-from patrol.ros2.ports import Ros2Link
-from patrol.ros2.rclpy_link import RclpyLink, import_rclpy
+from ros2.wire.formats import format_named
+from ros2.wire.link import open_ros2
+from ros2.wire.mailbox import RosMailbox
+from ros2.wire.messages import Twist, TwistStamped
+from ros2.wire.names import NodeName
+from ros2.wire.ports import Ros2Link
+from ros2.wire.rclpy_link import RclpyLink, import_rclpy
 from tests.ros.site import ROOT
 from tests.routers import PATIENCE_S, free_endpoint, routed
 

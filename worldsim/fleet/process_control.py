@@ -1,7 +1,7 @@
 """Process control: ends, stops, continues and starts robots' processes.
 
 The world decides when a robot is killed or paused, and what becomes of its body; process control acts on its process.
-In a fleet in one process, it drops minds and makes them again (`experiments.inprocess`). In a fleet of processes, only
+In a fleet in one process, it drops minds and makes them again (`fogwatch.inprocess`). In a fleet of processes, only
 the launcher, their parent, can act on them (`fogwatch.launch.children.child_control`): the world asks it, one JSON line
 for each request and answer, over a socket of their own, so that nothing depends on the router.
 """

@@ -13,7 +13,7 @@ from fogwatch.cli.columns import aligned
 from patrol.errors import BadInput
 
 if TYPE_CHECKING:
-    from fogwatch.doctor.examine import Examined
+    from ros2.doctor.examine import Examined
 
 EXAMPLES = [
     "fogwatch doctor --connect tcp/192.168.1.20:7447 --namespace robot1",
@@ -52,16 +52,16 @@ def doctor(
 
     It needs no ROS, finds out whether the robot speaks rmw_zenoh or zenoh-bridge-ros2dds, and sends nothing to it.
     """
-    from agent.robots.ros2.options import topics_given
-    from agent.robots.ros2.pose.localisation import Source
-    from fogwatch.doctor.examine import examine
-    from fogwatch.doctor.survey import Wanted, survey
     from patrol.net.keys import check_locator
     from patrol.net.link import LinkDown
     from patrol.net.security.credentials import read_credentials
-    from patrol.ros2.formats import RmwZenoh
-    from patrol.ros2.link import open_ros2
-    from patrol.ros2.names import NodeName, check_name, domain_given
+    from ros2.doctor.examine import examine
+    from ros2.doctor.survey import Wanted, survey
+    from ros2.robot.localisation import Source
+    from ros2.robot.options import topics_given
+    from ros2.wire.formats import RmwZenoh
+    from ros2.wire.link import open_ros2
+    from ros2.wire.names import NodeName, check_name, domain_given
 
     check_locator(connect, "--connect")
     check_name(namespace, "--namespace")

@@ -188,9 +188,9 @@ def robot_router(
     """
     from fogwatch.fleet_folder import open_fleet_folder
     from fogwatch.robot_router import FILE, make_robot_router
-    from patrol.ros2.access import COMMANDS
-    from patrol.ros2.formats import format_named
-    from patrol.ros2.names import check_domain, check_name
+    from ros2.wire.access import COMMANDS
+    from ros2.wire.formats import format_named
+    from ros2.wire.names import check_domain, check_name
 
     _check_days(days)
     check_name(namespace, "--namespace")

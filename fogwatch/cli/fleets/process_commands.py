@@ -53,7 +53,7 @@ class AgentCommand(PassedOn):
     def listed() -> str:
         """The options of ROS 2 robots, then those of simulated ones."""
         from agent.process import simulated_parser
-        from agent.robots.ros2.options import ros2_parser
+        from ros2.robot.options import ros2_parser
 
         ros2, simulated = ros2_parser().list_options(), simulated_parser().list_options()
         return f"For --robot ros2 or rclpy, of ROS 2:\n\n{ros2}\nFor a robot that a world simulates:\n\n{simulated}"
@@ -76,7 +76,7 @@ class RobotSimCommand(PassedOn):
     @staticmethod
     def listed() -> str:
         """The options of simulated ROS 2 robots."""
-        from worldsim.ros2.options import parser
+        from ros2.sim.options import parser
 
         return parser().list_options()
 
@@ -107,7 +107,7 @@ def robot_sim(ctx: typer.Context) -> int:
 
     They have odometry with noise, drift and delay, a localisation, a watchdog, and Nav2 on request.
     """
-    from worldsim.ros2.process import main
+    from ros2.sim.process import main
 
     return _code(main, ctx.args)
 

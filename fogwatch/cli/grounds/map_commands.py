@@ -13,7 +13,7 @@ from rich.console import Console
 from rich.table import Table
 
 from fogwatch.cli.command_help import command
-from fogwatch.cli.grounds import map_align, map_random, map_regions
+from fogwatch.cli.grounds import map_align, map_regions
 from fogwatch.cli.grounds.named_terrain import named_terrain
 from patrol.errors import BadInput
 from patrol.files.yaml_text import parse_yaml, read_text
@@ -117,7 +117,6 @@ def check(
 
 command(app, examples=map_regions.EXAMPLES)(map_regions.regions)
 command(app, examples=map_align.EXAMPLES)(map_align.align)
-command(app, examples=map_random.EXAMPLES)(map_random.random)
 
 
 def plain_lines(report: MapReport) -> Iterator[str]:

@@ -87,8 +87,8 @@ def animate(
     from rich.console import Console
     from rich.progress import TimeRemainingColumn
 
+    from fogwatch.launch.terminal.bars import bar_on
     from fogwatch.pictures.film_frames import FilmFrames
-    from fogwatch.progress import bar_on
 
     film = FilmFrames(opened, width, max(int(opened.mfow[first : last + 1].max()), 1))
     if kind == ".gif":

@@ -37,7 +37,7 @@ def export(
     from rich.console import Console
     from rich.progress import TimeRemainingColumn
 
-    from fogwatch.progress import bar_on
+    from fogwatch.launch.terminal.bars import bar_on
     from monitor.tables.arrow import check_pyarrow
     from monitor.tables.files import FORMATS, write_tables
 

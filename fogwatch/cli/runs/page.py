@@ -137,7 +137,7 @@ def _save(folders: list[Path], out: Path, key: Path | None) -> int:
     from rich.console import Console
     from rich.progress import TimeRemainingColumn
 
-    from fogwatch.progress import bar_on
+    from fogwatch.launch.terminal.bars import bar_on
     from monitor.page.saved import save_page
 
     with bar_on(Console(stderr=True), TimeRemainingColumn()) as bar:

@@ -116,7 +116,7 @@ def derive(
     replayed.
     """
     try:
-        warm(("patrol", "monitor"), say)
+        warm(("patrol", "monitor", "experiments"), say)
         _derive(journal, prepared, summary, recording, report, _Progress(progress))
     except ImportError as error:
         say(f"no recording and no report: {error.name} is not installed (pip install 'fogwatch[monitor]')")

@@ -30,7 +30,7 @@ def read_folder(folder: Path, key: Path | None, say: Callable[[str], None]) -> t
     from monitor.replay.run_files import journal_in
 
     journal = journal_in(folder).path
-    warm(("patrol", "monitor"), say)
+    warm(("patrol", "monitor", "experiments"), say)
     from monitor.replay.run import open_run
 
     was_going_on = _is_being_written(journal)

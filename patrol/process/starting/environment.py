@@ -11,7 +11,7 @@ from importlib.machinery import PathFinder
 
 import patrol
 
-PACKAGES = ("patrol", "agent", "worldsim", "monitor", "experiments", "fogwatch")
+PACKAGES = ("patrol", "agent", "worldsim", "monitor", "ros2", "fogwatch", "experiments")
 HOME = os.path.dirname(patrol.__path__[0])  # noqa: PTH120
 
 

@@ -12,7 +12,7 @@ from agent.build import build_mind
 from agent.policies.charging import Charging
 from agent.policies.surround.surround import Surround
 from agent.ports import Intent, Place, State, Stay
-from experiments.inprocess import run_in_process
+from fogwatch.inprocess import run_in_process
 from patrol.exchange import Sensed
 from patrol.journal import TickRecord
 from patrol.pose import Pose

@@ -18,7 +18,7 @@ from agent.routes.ground import Ground
 from agent.routes.kernels.wave import SETTLED, STATUS
 from agent.routes.path_window import FAR
 from agent.routes.region_paths import Regions
-from experiments.inprocess import run_in_process
+from fogwatch.inprocess import run_in_process
 from patrol.ground.terrain import Terrain
 from patrol.prepare import Prepared, prepare
 from patrol.regions.split import RegionSplit, split_regions

@@ -11,6 +11,8 @@ import pytest
 from experiments.benchmark import markdown
 from experiments.benchmark.conditions import faults_of
 from experiments.benchmark.matrix import Matrix, plan_of, read_policies, read_terrains
+from experiments.benchmark.page import drawings
+from experiments.benchmark.page import page as html_page
 from experiments.benchmark.presets import PRESETS, beside_published, preset_matrix
 from experiments.benchmark.results import (
     INTRUDED,
@@ -27,8 +29,6 @@ from experiments.benchmark.results import (
 from experiments.sweeps.casetable import case_lines, csv_text
 from experiments.sweeps.runner import SweepOutcome, run_sweep
 from experiments.sweeps.stats import estimate
-from fogwatch.pictures.benchmark_page import drawings
-from fogwatch.pictures.benchmark_page import page as html_page
 from patrol.errors import BadInput
 from tests.experiments.sweeps.test_sweep_runs import Here, Watching
 

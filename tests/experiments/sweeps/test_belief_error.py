@@ -6,8 +6,8 @@ from typing import Any
 
 import pytest
 
-from experiments.inprocess import run_in_process
 from experiments.sweeps.belief_error import EVERY, BeliefError
+from fogwatch.inprocess import run_in_process
 from patrol.scenario import load_scenario
 
 

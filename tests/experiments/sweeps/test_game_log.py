@@ -7,12 +7,12 @@ from pathlib import Path
 import pytest
 
 import fogwatch
+from experiments.intruders.infiltrator import Infiltrator
+from experiments.intruders.on_run import Moving, games_of
+from experiments.intruders.standing import ATTACKS_S
 from experiments.sweeps.game_log import GAINED, INTRUDERS, game_metric, moving_metric
 from experiments.sweeps.worker import run_scenario
-from monitor.replay.intruder_games import Moving, games_of
 from monitor.replay.run import open_run
-from patrol.measures.infiltration.infiltrator import Infiltrator
-from patrol.measures.intruders import ATTACKS_S
 from patrol.scenario import load_scenario
 
 SCENARIO = {

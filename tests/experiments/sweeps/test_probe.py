@@ -9,11 +9,11 @@ from typing import Any
 
 import pytest
 
-from experiments.inprocess import Outcome, run_in_process
 from experiments.sweeps import probe
 from experiments.sweeps.plan import Base, Case, Run, make_plan
 from experiments.sweeps.probe import LOADING_TICKS, TICKS, seconds_per_run
 from experiments.sweeps.worker import run_task
+from fogwatch.inprocess import Outcome, run_in_process
 from patrol.prepare import Prepared
 from patrol.scenario import Scenario, as_mapping
 
@@ -68,7 +68,7 @@ def test_a_run_is_tried_as_it_will_be_made(monkeypatch: pytest.MonkeyPatch, game
         how.append({name: value is not None if name in ("look", "watch") else value for name, value in words.items()})
         return run_in_process(scenario, **words)
 
-    monkeypatch.setattr("experiments.inprocess.run_in_process", noting)
+    monkeypatch.setattr("fogwatch.inprocess.run_in_process", noting)
     (run,) = runs({"duration": 2})
     task = {"key": "k", "case": "c", "seed": 1, "scenario": as_mapping(run.scenario), "games": games}
     assert run_task(task)["error"] is None

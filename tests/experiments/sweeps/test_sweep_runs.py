@@ -17,7 +17,6 @@ from typing import Any, Self
 import pytest
 
 from agent.mind import Mind
-from experiments.inprocess import Outcome, run_in_process
 from experiments.sweeps.belief_error import BeliefError
 from experiments.sweeps.caserows import case_rows
 from experiments.sweeps.casetable import write_tables
@@ -28,6 +27,7 @@ from experiments.sweeps.results import RunResult, open_results
 from experiments.sweeps.runner import run_sweep
 from experiments.sweeps.stats import estimate
 from experiments.sweeps.worker import Answer, Task, metrics_of, run_scenario, run_task
+from fogwatch.inprocess import Outcome, run_in_process
 from patrol.errors import BadInput
 from patrol.scenario import Scenario, load_scenario
 from worldsim.world import World
@@ -184,7 +184,7 @@ def test_whatever_a_run_raises_is_its_error(monkeypatch: pytest.MonkeyPatch) -> 
     def broken(*_: Any, **__: Any) -> None:
         raise RuntimeError("no\nidea")
 
-    monkeypatch.setattr("experiments.inprocess.run_in_process", broken)
+    monkeypatch.setattr("fogwatch.inprocess.run_in_process", broken)
     found = run_task({"key": "k", "case": "c", "seed": 1, "scenario": BASE})
     assert (found["outcome"], found["error"], found["metrics"]) == ("failed", "RuntimeError: no idea", {})
 
@@ -229,7 +229,7 @@ def test_a_run_leaves_nothing_behind_in_its_worker(monkeypatch: pytest.MonkeyPat
 
         return run_in_process(scenario, look=both, **how)
 
-    monkeypatch.setattr("experiments.inprocess.run_in_process", noting)
+    monkeypatch.setattr("fogwatch.inprocess.run_in_process", noting)
     gc.disable()
     try:
         assert run_task({"key": "k", "case": "c", "seed": 1, "scenario": BASE})["outcome"] == "ok"

@@ -285,7 +285,7 @@ LEFT_ALONE = """
 import os, sys
 from itertools import product
 from pathlib import Path
-import experiments.inprocess, fogwatch.api, fogwatch.pictures.run_end, matplotlib.figure
+import fogwatch.inprocess, fogwatch.api, fogwatch.pictures.run_end, matplotlib.figure
 from fogwatch.cli.app import main
 from worldsim.verdict.robots.status_checks import CheckResult, NobodyLost
 

@@ -20,7 +20,7 @@ from patrol.errors import BadInput
 from patrol.ground.maps.builtins import builtin_terrain
 from patrol.ground.terrain import Terrain
 from patrol.pose import Pose
-from patrol.ros2.frames import composed, inverted
+from ros2.wire.frames import composed, inverted
 
 POINT = 0.5
 

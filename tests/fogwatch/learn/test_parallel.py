@@ -10,7 +10,7 @@ import pettingzoo
 import pytest
 from pettingzoo.test import parallel_api_test
 
-from experiments.inprocess import run_in_process
+from fogwatch.inprocess import run_in_process
 from fogwatch.learn import PARALLEL_ID, Layers, PatrolEnv, action_of, flattened, parallel_env
 from patrol.errors import BadInput
 from patrol.scenario import load_scenario

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from experiments.inprocess import run_in_process
 from fogwatch.grounds.map_check import check_map
+from fogwatch.inprocess import run_in_process
 from fogwatch.pictures.drawing import Key, Layer, canvas, cropped, fog_scale, key_column, painted, round_length
 from fogwatch.pictures.run_end import map_picture, replay, run_picture
 from patrol.errors import BadInput

@@ -222,6 +222,6 @@ def test_the_recovery_from_an_operators_first_fault_is_judged_too(
 ) -> None:
     """The scenario has no fault, so a clerk was started, which does not know of the second run."""
     second_runs: list[Prepared] = []
-    monkeypatch.setattr("experiments.inprocess.fault_free_mfow", lambda given, _: second_runs.append(given))
+    monkeypatch.setattr("fogwatch.inprocess.fault_free_mfow", lambda given, _: second_runs.append(given))
     assert stage.run(Operator(stage), recovery=True).verdict.valid
     assert [given.scenario.faults[0].kind for given in second_runs] == ["loss"]

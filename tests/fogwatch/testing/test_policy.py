@@ -17,7 +17,7 @@ from pydantic import BaseModel
 
 from agent.ports import Bearing, Intent, Place, PolicySetup, Stay, Steer
 from agent.view import View
-from fogwatch.grounds.random_building import random_building
+from experiments.random_building import random_building
 from fogwatch.testing import RuleBroken, check_policy
 from patrol.errors import BadInput
 from patrol.pose import Drive

@@ -10,11 +10,8 @@ import pytest
 from monitor.recording.run_recorder import Recorder
 from monitor.replay.replay import play
 from monitor.replay.run import open_run
-from tests.fogwatch.conftest import fogwatch
 from tests.hostile.files.looks import write_map
 from tests.monitor.conftest import FAULTS, QUIET, run_of
-
-__all__ = ["fogwatch"]
 
 
 @pytest.fixture(scope="session")

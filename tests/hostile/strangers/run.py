@@ -12,8 +12,8 @@ from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
 
-from experiments.inprocess import run_in_process
 from fogwatch.api import RunOptions, execute
+from fogwatch.inprocess import run_in_process
 from fogwatch.launch.folder.runfolder import RunFolder
 from fogwatch.launch.launcher import LaunchFailed
 from fogwatch.notebook.run import Run

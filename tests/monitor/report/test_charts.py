@@ -31,7 +31,7 @@ def test_every_state_of_a_mind_has_a_name_in_the_chart() -> None:
 
 
 def test_a_backend_that_does_not_exist_is_one_line() -> None:
-    program = "from patrol.matplotlib_check import check_matplotlib; check_matplotlib('monitor')"
+    program = "from patrol.extras import check_matplotlib; check_matplotlib('monitor')"
     environment = {**os.environ, "MPLBACKEND": "nonsense"}
     done = subprocess.run([sys.executable, "-c", program], env=environment, capture_output=True, text=True, check=False)
     assert done.stderr.endswith(

@@ -14,7 +14,7 @@ import pytest
 from PIL import Image
 
 from agent.build import mind_maker, shared_by
-from experiments.inprocess import InProcessFleet, run_in_process
+from fogwatch.inprocess import InProcessFleet, run_in_process
 from patrol.errors import BadInput
 from patrol.exchange import FIRST_INCARNATION
 from patrol.journal.records import Event, Status, TickRecord

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from experiments.inprocess import run_in_process
+from fogwatch.inprocess import run_in_process
 from patrol.errors import BadInput
 from patrol.journal.records import IN_FORCE, OUT_OF_FORCE, Event
 from patrol.prepare import prepare

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from agent.build import mind_maker, shared_by
-from experiments.inprocess import InProcessFleet
+from fogwatch.inprocess import InProcessFleet
 from patrol.exchange import FIRST_INCARNATION
 from patrol.journal import JournalWriter, TickRecord
 from patrol.net.messages.feed import read_so_far

@@ -11,8 +11,8 @@ import pytest
 from agent.policies.commitment.commitment import NO_NEARER_S
 from agent.policies.committed.policy import Committed
 from agent.policies.surround.surround import Surround
-from experiments.inprocess import run_in_process
-from fogwatch.grounds.random_building import Building
+from experiments.random_building import Building
+from fogwatch.inprocess import run_in_process
 from patrol.pose import MODELS, Pose
 from patrol.scenario import load_scenario, open_scenario
 from tests.agent.minds import STEP

@@ -13,11 +13,11 @@ import pytest
 from patrol.net.link import Link, open_link, open_session
 from patrol.net.settings import router_settings
 from patrol.pose import Pose
-from patrol.ros2.formats import Bridge, Format, RmwZenoh
-from patrol.ros2.link import open_ros2
-from patrol.ros2.mailbox import RosMailbox
-from patrol.ros2.messages import OccupancyGrid, Odometry, TFMessage, Transform, Twist, TwistStamped
-from patrol.ros2.names import LATCHED, NodeName
+from ros2.wire.formats import Bridge, Format, RmwZenoh
+from ros2.wire.link import open_ros2
+from ros2.wire.mailbox import RosMailbox
+from ros2.wire.messages import OccupancyGrid, Odometry, TFMessage, Transform, Twist, TwistStamped
+from ros2.wire.names import LATCHED, NodeName
 from tests.routers import PATIENCE_S, free_endpoint, routed
 
 Fogwatch = Callable[..., int]

@@ -4,7 +4,7 @@ from io import BytesIO, StringIO, TextIOWrapper
 
 from rich.console import Console
 
-from fogwatch.launch.terminal.kernel_bar import kernel_bar
+from fogwatch.launch.terminal.bars import kernel_bar
 from patrol.process.starting.compiling import Compiled
 
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from experiments.inprocess import Outcome, run_in_process
+from fogwatch.inprocess import Outcome, run_in_process
 from patrol.journal.records import FORGED, TickRecord
 from patrol.prepare import Prepared, prepare
 from patrol.radio.message import decode, encode

@@ -1,0 +1,1 @@
+"""Commands of the studies: plans, sweeps, benchmarks, the paper, intruders, random buildings."""

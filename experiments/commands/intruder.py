@@ -1,0 +1,269 @@
+"""``fogwatch intruder``: how often an intruder would have succeeded in a run. Raises BadInput; the caller prints it."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import typer
+
+from experiments.intruders.infiltrator import KNOWLEDGE, Infiltrator
+from experiments.intruders.standing import ATTACKS_S
+from fogwatch.cli.runs.open_run import RUN, open_folder, print_state
+from patrol.errors import BadInput
+from patrol.printable import printable
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from rich.progress import Progress
+
+    from experiments.intruders.game import Game, Infiltration, Percent
+    from experiments.intruders.learned import Learned
+    from experiments.intruders.standing import Successes
+
+EXAMPLES = [
+    "fogwatch intruder runs/yards-20260101-120000",
+    "fogwatch intruder RUN --speed 3 --entries doors --zone vault",
+    "fogwatch intruder RUN --again --attempts 50",
+    "fogwatch intruder RUN --code --attempts 50",
+    "fogwatch intruder RUN --attacks 30,90,180 --json",
+    "fogwatch intruder RUN --attacks 30,90,180 --learned --horizon 300,1200,3600",
+]
+ATTACKS = ",".join(f"{attack_s:g}" for attack_s in ATTACKS_S)
+HORIZONS = "300"
+TRIALS = 50
+MOVING = Infiltrator()
+PANEL = "Moving intruder"
+
+
+def intruder(
+    run: Annotated[Path, RUN],
+    attacks: Annotated[str, typer.Option(metavar="S,S,...", help="Durations of attacks, simulated seconds.")] = ATTACKS,
+    learned: Annotated[
+        bool,
+        typer.Option("--learned", help="Play the learned intruder too: 0.1 to 0.3 ms for each second of each trial."),
+    ] = False,
+    horizon: Annotated[
+        str | None,
+        typer.Option(
+            metavar="S,S,...",
+            help="How long the learned intruder watches and attacks, simulated seconds; the paper's are 300,1200,3600 "
+            f"(default: {HORIZONS}).",
+        ),
+    ] = None,
+    trials: Annotated[
+        int | None,
+        typer.Option(
+            metavar="N",
+            min=1,
+            max=1000,
+            help=f"Trials of the learned intruder, spread over the run (default: {TRIALS}).",
+        ),
+    ] = None,
+    speed: Annotated[float, typer.Option(metavar="M/S", help="Its speed, m/s.", rich_help_panel=PANEL)] = MOVING.speed,
+    stay: Annotated[
+        float, typer.Option(metavar="S", help="How long it must stay at its target, s.", rich_help_panel=PANEL)
+    ] = MOVING.stay_s,
+    within: Annotated[
+        float,
+        typer.Option(metavar="S", help="Time from its first plan to the end of its stay, s.", rich_help_panel=PANEL),
+    ] = MOVING.within_s,
+    depth: Annotated[
+        float,
+        typer.Option(
+            metavar="M",
+            help="Least length of the way from an entry to a target, m; at most half of the longest.",
+            rich_help_panel=PANEL,
+        ),
+    ] = MOVING.depth_m,
+    entries: Annotated[
+        str,
+        typer.Option(
+            metavar="WHERE",
+            help="Where it enters: edge (of the ground), doors (between rooms), or a polygon's corners, m, such as "
+            "'0,0 10,0 10,5'.",
+            rich_help_panel=PANEL,
+        ),
+    ] = "edge",
+    zone: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME",
+            help="Zone in which its targets are, at any depth (default: all ground).",
+            rich_help_panel=PANEL,
+        ),
+    ] = None,
+    attempts: Annotated[int, typer.Option(metavar="N", help="Number of attempts.", rich_help_panel=PANEL)] = (
+        MOVING.attempts
+    ),
+    seed: Annotated[
+        int, typer.Option(metavar="N", help="Seed of its moments and targets.", rich_help_panel=PANEL)
+    ] = MOVING.seed,
+    again: Annotated[
+        bool,
+        typer.Option(
+            "--again",
+            help="Also plan again every second from what is then seen: about a second for each attempt.",
+            rich_help_panel=PANEL,
+        ),
+    ] = False,
+    code: Annotated[
+        bool,
+        typer.Option(
+            "--code",
+            help="Also play one that has the scenario and the code, but not the secret of the draws. It runs the "
+            "scenario again, with its policy and its key, so only for runs that you trust; each attempt simulates 5 "
+            "futures.",
+            rich_help_panel=PANEL,
+        ),
+    ] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+) -> None:
+    """Play intruder games on a run: how often could somebody stay at a place, or get in, unseen?
+
+    Random attacks any place at any time. Waiting attacks a place that has just been left. Statistical has learned from
+    the first half of the run after which time a place is likely to stay unseen. An attack succeeds if no robot sees
+    the place until it is over. The games are also played on the vertices of terrain.graph, or of the graph made from
+    the ground, where a robot must come within `terrain.graph.visit` (0.4 m), as in the literature.
+
+    Learned is a neural network that watches for half of its horizon, then attacks once, where and when it expects
+    success. With six durations, 50 trials of 300 s take half a minute; the paper's durations and horizons four minutes.
+
+    The moving intruder has watched from the start. At a random moment it plans a way from outside to a random place and
+    a stay there, on which it expects to be seen least; it gets in if no robot sees it until its stay is over. The gain
+    of watching says how many more attempts in a hundred succeed than without any knowledge: 0 is a patrol that
+    watching does not help against. It needs a run of 600 s or more.
+    """
+    durations = _seconds("--attacks", attacks, ATTACKS)
+    for option, value in (("--horizon", horizon), ("--trials", trials)):
+        if value is not None and not learned:
+            raise BadInput(f"{option} {value}: only the learned intruder has it; add --learned")
+    horizons = _seconds("--horizon", horizon or HORIZONS, HORIZONS)
+    try:
+        infiltrator = Infiltrator(speed, stay, within, depth, attempts, seed, _entries(entries), zone)
+    except BadInput as error:
+        # Fields have the names of their options, with a unit.
+        raise BadInput(re.sub(r"^([a-z]+)(_s|_m)? = ", r"--\1 ", str(error))) from None
+    opened, going = open_folder(run)
+    from experiments.intruders.learned import Trials
+    from experiments.intruders.on_run import Moving, games_of
+
+    played = Trials(tuple(horizons), trials or TRIALS) if learned else None
+    with _bar() as bar:
+        task = bar.add_task("learned intruder, %", total=100, visible=learned)
+        futures = bar.add_task("simulated futures, %", total=100, visible=code)
+        moves = bar.add_task("moving intruder, %", total=100)
+
+        def prepare(game: Game) -> None:
+            if code:
+                from experiments.intruders.simulated_futures import add_code
+
+                add_code(game, opened.prepared, lambda share: bar.update(futures, completed=100.0 * share))
+
+        moving = Moving(infiltrator, again, lambda share: bar.update(moves, completed=100.0 * share), prepare)
+        games = games_of(opened, durations, played, lambda share: bar.update(task, completed=100.0 * share), moving)
+    if games.no_moving and (infiltrator != MOVING or again or code):
+        raise BadInput(games.no_moving)
+    if as_json:
+        typer.echo(json.dumps(asdict(games), indent=2))
+        return
+    print_state(opened, going)
+    _print(f"{games.points} points of the ground", games.ground, games.learned_ground)
+    _print(f"{games.vertices} vertices of the graph", games.nodes, games.learned_nodes)
+    if learned:
+        where = f"{games.learned_points} of the points and all vertices"
+        counted = "one trial, which" if trials == 1 else f"{trials or TRIALS} trials, each of which"
+        typer.echo(f"learned: share of {counted} attacks one place, on {where}")
+    if games.moving is not None:
+        _print_moving(games.moving, infiltrator)
+    if games.no_moving:
+        typer.echo(printable(games.no_moving), err=True)
+
+
+def _seconds(option: str, text: str, example: str) -> list[float]:
+    found = []
+    for word in text.split(","):
+        try:
+            value = float(word)
+        except ValueError:
+            value = math.nan
+        if not 0.0 < value <= 1e6:
+            raise BadInput(f"{option} {printable(text)}: expected seconds above 0, such as {example}")
+        found.append(value)
+    return found
+
+
+def _entries(text: str) -> Literal["edge", "doors"] | list[tuple[float, float]]:
+    match text:
+        case "edge" | "doors":
+            return text
+    corners = []
+    for word in text.split():
+        try:
+            x, y = map(float, word.split(","))
+        except ValueError:
+            x = y = math.nan
+        corners.append((x, y))
+    if len(corners) < 3 or not all(math.isfinite(x) and math.isfinite(y) for x, y in corners):
+        raise BadInput(f"--entries {printable(text)}: expected edge, doors, or three corners or more, '0,0 10,0 10,5'")
+    return corners
+
+
+def _bar() -> Progress:
+    from rich.console import Console
+    from rich.progress import TimeRemainingColumn
+
+    from fogwatch.launch.terminal.bars import bar_on
+
+    return bar_on(Console(stderr=True), TimeRemainingColumn())
+
+
+def _print(where: str, shares: Sequence[Successes], learned: Sequence[Learned]) -> None:
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table(title=f"attacks that succeed, on {where}", title_justify="left")
+    horizons = list(dict.fromkeys(outcome.horizon_s for outcome in learned))
+    headings = [f"learned {horizon_s:g} s" for horizon_s in horizons]
+    for heading in ("attack", "random", "waiting", "statistical", "worst", *headings):
+        table.add_column(heading, justify="right")
+    for row, share in enumerate(shares):
+        numbers = [share.random, share.waiting, share.statistical, share.worst]
+        numbers += [learned[number * len(shares) + row].success for number in range(len(horizons))]
+        table.add_row(f"{share.attack_s:g} s", *("-" if number is None else f"{number:.1%}" for number in numbers))
+    Console(highlight=False).print(table)
+
+
+def _print_moving(outcome: Infiltration, infiltrator: Infiltrator) -> None:
+    from rich.console import Console
+    from rich.table import Table
+
+    title = f"a moving intruder gets in, {outcome.attempts} attempts (%, 95 % interval)"
+    table = Table(title=title, title_justify="left")
+    table.add_column("an intruder that")
+    plans = [("plans once", outcome.once, outcome.gain)]
+    if outcome.again_gain is not None:
+        plans.append(("again every second", outcome.again, outcome.again_gain))
+    for heading, _, _ in plans:
+        table.add_column(heading, justify="right")
+    for name in (name for name in KNOWLEDGE if name in outcome.once):
+        shares_of_it = (_percent(shares.get(name)) for _, shares, _ in plans)
+        table.add_row(KNOWLEDGE[name], *shares_of_it, end_section=name == "blind")
+    table.add_row("gain of watching, percentage points", *(_percent(gain.watching) for _, _, gain in plans))
+    if outcome.gain.code is not None:
+        table.add_row("gain of scenario and code, likewise", *(_percent(gain.code) for _, _, gain in plans))
+    Console(highlight=False).print(table)
+    where = f"at least {outcome.depth_m:.0f} m inside" if infiltrator.zone is None else f"in {infiltrator.zone}"
+    typer.echo(
+        f"{outcome.speed:.3g} m/s, {infiltrator.stay_s:g} s at the target, {infiltrator.within_s:g} s in all; "
+        f"{outcome.targets} targets {printable(where)}, points of {outcome.point_m:g} m"
+    )
+
+
+def _percent(value: Percent | None) -> str:
+    return "-" if value is None else f"{value.percent:.0f} ({value.low:.0f} to {value.high:.0f})"

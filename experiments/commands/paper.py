@@ -1,0 +1,355 @@
+"""``fogwatch paper``: the paper's tables, our values beside the printed ones. Raises BadInput; the caller prints it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.table import Table as Grid
+from rich.text import Text
+
+from experiments.commands.sweep import (
+    EXIT_CODES,
+    FAILED,
+    ClusterAddress,
+    Workers,
+    make_runs,
+    workers_of,
+)
+from experiments.paper.calibrate import best_radius, calibration_plan, crossing, fit_as_json, fit_radii, fits_as_json
+from experiments.paper.calibrate import radius_setups as setups_of
+from experiments.paper.figures import table_picture, terrain_picture
+from experiments.paper.orderings import HELD, NOT_HELD, Judged, judge_orderings
+from experiments.paper.orderings import as_json as ordering_as_json
+from experiments.paper.printed import PaperTable, paper
+from experiments.paper.tables import (
+    Cell,
+    PaperSetup,
+    TableComparison,
+    as_json,
+    as_lines,
+    compare,
+    fit_of,
+    plan_of,
+    to_mean_fog_text,
+)
+from experiments.paper.tables_page import page
+from experiments.sweeps.casetable import csv_text, json_text, write_text
+from experiments.sweeps.plan import count_of_seeds
+from experiments.sweeps.progress import command_line, print_failures
+from experiments.sweeps.stats import Fit, with_interval
+from fogwatch.cli.command_help import command
+from fogwatch.launch.terminal.live_table import duration_text
+from patrol.errors import BadInput
+from patrol.ground.maps.builtins import builtin_terrain
+from patrol.scenario import parse_overrides
+from patrol.scenario.letter import FIELD as LETTER
+from patrol.scenario.letter import TO_THE_LETTER
+
+app = typer.Typer(
+    help="Reproduce the paper's tables: our values beside the printed ones.",
+    no_args_is_help=True,
+)
+
+TERRAIN_POINT = 0.1
+"""Side of one grid point of the drawn terrains, m."""
+
+Point = Annotated[float, typer.Option(metavar="M", help="Side of one grid point in m.")]
+Seeds = Annotated[int, typer.Option(metavar="K", help="Run each cell with seeds 1 to K.")]
+Out = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="DIR",
+        help="Folder of the results, new and earlier ones (default: runs/paper-POINTm; runs/paper-letter-POINTm).",
+    ),
+]
+Duration = Annotated[
+    float | None, typer.Option("--duration", metavar="S", help="Simulated time in s (default: the paper's 5000).")
+]
+Settings = Annotated[
+    list[str] | None,
+    typer.Option("--set", metavar="FIELD=VALUE", help="Set a field of every cell, such as sensor.line_of_sight=false."),
+]
+Radius = Annotated[
+    float | None,
+    typer.Option(metavar="R", help="Sensor range in m (default: calibrated for the size of the points)."),
+]
+Letter = Annotated[
+    bool,
+    typer.Option(
+        "--letter",
+        help="Follow the paper to the letter: letter=true, ties=drawn, random_move_for=all in every cell.",
+    ),
+]
+Rows = Annotated[str | None, typer.Option(metavar="NAME,...", help="Run only these rows.")]
+Columns = Annotated[str | None, typer.Option(metavar="NAME,...", help="Run only these columns.")]
+
+
+@command(app, examples=["fogwatch paper table 2 3 --seeds 1"], exit_codes=EXIT_CODES)
+def table(
+    numbers: Annotated[list[int], typer.Argument(metavar="N...", help="Numbers of tables, 2 to 8.")],
+    seeds: Seeds = 3,
+    point: Point = 0.5,
+    sensor_range: Radius = None,
+    rows: Rows = None,
+    columns: Columns = None,
+    duration: Duration = None,
+    settings: Settings = None,
+    letter: Letter = False,
+    out: Out = None,
+    workers: Workers = None,
+    cluster: ClusterAddress = None,
+) -> int:
+    """Run tables of the paper and print our values beside the printed ones.
+
+    The folder gets the tables as JSON, CSV and pictures, and paper.md with all of it. Runs that have a result there are
+    not repeated.
+    """
+    chosen = [paper().table(number).part(_names(rows), _names(columns)) for number in dict.fromkeys(numbers)]
+    setup = _setup(point, sensor_range, seeds, duration, settings, letter=letter)
+    return _reproduce(chosen, setup, out, workers, cluster)
+
+
+@command(app, "all", examples=["fogwatch paper all --point 0.5"], exit_codes=EXIT_CODES)
+def everything(
+    seeds: Seeds = 3,
+    point: Point = 0.5,
+    sensor_range: Radius = None,
+    duration: Duration = None,
+    settings: Settings = None,
+    letter: Letter = False,
+    out: Out = None,
+    workers: Workers = None,
+    cluster: ClusterAddress = None,
+) -> int:
+    """Run all tables of the paper, and test the paper's conclusions on our values."""
+    setup = _setup(point, sensor_range, seeds, duration, settings, letter=letter)
+    return _reproduce(list(paper().tables.values()), setup, out, workers, cluster)
+
+
+@command(app, examples=["fogwatch paper calibrate --point 1 --ranges 10,12,14"], exit_codes=EXIT_CODES)
+def calibrate(
+    point: Point = 0.5,
+    ranges: Annotated[str, typer.Option(metavar="R,...", help="Sensor ranges to try in m.")] = "10,11,12,13,14",
+    seeds: Seeds = 1,
+    duration: Duration = None,
+    settings: Settings = None,
+    letter: Letter = False,
+    out: Out = None,
+    workers: Workers = None,
+    cluster: ClusterAddress = None,
+) -> int:
+    """Find the sensor range that fits the paper's Tables 2 and 3 best, for one size of points.
+
+    The paper does not give the sensor range.
+    """
+    base = _setup(point, None, seeds, duration, settings, letter=letter)
+    setups = setups_of(point, _numbers(ranges), base.seeds, base.settings)
+    console = Console()
+    folder = _folder(out, base)
+    outcome = make_runs(calibration_plan(setups), folder, workers_of(workers, cluster), console, estimate_time=True)
+    fits = fit_radii(setups, outcome)
+    write_text(folder / "calibration.json", json_text(fits_as_json(point, base.seeds, fits)))
+    grid = Grid(title=f"Tables 2 and 3 on points of {point:g} m", box=None, pad_edge=False, header_style="cyan")
+    below = f"< {paper().fit_below:g} s"
+    for title in ("range (m)", f"cells {below}", "median ratio", "RMS log error", "correlation", "all: RMS", "corr."):
+        grid.add_column(title, justify="right")
+    best = best_radius(fits)
+    for one in fits:
+        numbers = [f"{one.radius:g}", str(one.near.cells), *_fit_numbers(one.near), *_fit_numbers(one.whole)[1:]]
+        grid.add_row(*numbers, style="bold green" if one is best else None)
+    console.print(grid, highlight=False)
+    if best is not None:
+        between = crossing(fits)
+        hint = "" if between is None else f"; the median ratio passes 1 at {between:.2f} m"
+        _say(console, f"best: {best.radius:g} m{hint}. Use it with: fogwatch paper all --sensor-range {best.radius:g}")
+    print_failures(console, outcome)
+    return FAILED if outcome.failed else 0
+
+
+def _reproduce(
+    tables: Sequence[PaperTable], setup: PaperSetup, out: Path | None, workers: int | None, cluster: str | None
+) -> int:
+    console = Console()
+    folder = _folder(out, setup)
+    plan = plan_of(tables, {"": setup})
+    points = f"points of {setup.point:g} m (the paper's: 0.1 m)"
+    _say(console, f"{points}, sensor range {setup.sensor_range:g} m{_calibrated(setup)}")
+    outcome = make_runs(plan, folder, workers_of(workers, cluster), console, estimate_time=True)
+    comparisons = [compare(table, setup, outcome) for table in tables]
+    for comparison in comparisons:
+        _print_comparison(console, comparison)
+        name = f"table_{comparison.table.number}"
+        write_text(folder / f"{name}.json", json_text(as_json(comparison)))
+        write_text(folder / f"{name}.csv", csv_text(as_lines(comparison)))
+        table_picture(comparison, [folder / f"{name}.png", folder / f"{name}.svg"])
+    judged = judge_orderings(paper().orderings, comparisons)
+    _write_fit(console, comparisons, folder)
+    _write_orderings(console, judged, folder)
+    pictures = _terrain_pictures(comparisons, folder)
+    write_text(folder / "paper.md", _page(comparisons, judged, setup, outcome.computing_s, pictures))
+    print_failures(console, outcome)
+    files = ", ".join(f"table_{table.number}" for table in tables)
+    made = f"{outcome.made} runs made in {duration_text(outcome.wall_s)}"
+    _say(console, f"{made}; {folder}: {files} as json, csv, png, svg, and paper.md with all results")
+    return FAILED if outcome.failed else 0
+
+
+def _terrain_pictures(comparisons: Sequence[TableComparison], folder: Path) -> dict[str, str]:
+    """Draw the tables' terrains; files by title."""
+    names = dict.fromkeys(str(comparison.table.settings["terrain.builtin"]) for comparison in comparisons)
+    for name in names:
+        terrain_picture(builtin_terrain(name, TERRAIN_POINT), folder / f"terrain_{name}.png")
+    return {f"terrain {name}": f"terrain_{name}.png" for name in names}
+
+
+def _page(
+    comparisons: Sequence[TableComparison],
+    judged: Sequence[Judged],
+    setup: PaperSetup,
+    computing_s: float,
+    pictures: dict[str, str],
+) -> str:
+    """paper.md."""
+    numbers = [comparison.table.number for comparison in comparisons]
+    which = ["all"] if numbers == list(paper().tables) else ["table", *map(str, numbers)]
+    made_by = command_line("paper", *which)
+    pictures |= {f"table {number}": f"table_{number}.png" for number in numbers}
+    return page(comparisons, judged, setup, command=made_by, computing_s=computing_s, pictures=pictures)
+
+
+def _setup(
+    point: float,
+    sensor_range: float | None,
+    seeds: int,
+    duration: float | None,
+    settings: list[str] | None,
+    *,
+    letter: bool,
+) -> PaperSetup:
+    given = (dict(TO_THE_LETTER) if letter else {}) | parse_overrides(settings or [])
+    if duration is not None:
+        given["duration"] = duration
+    radius = paper().sensor_range(point).range if sensor_range is None else sensor_range
+    return PaperSetup(point, radius, count_of_seeds(seeds), given)
+
+
+def _folder(out: Path | None, setup: PaperSetup) -> Path:
+    name = "paper-letter" if setup.settings.get(LETTER) is True else "paper"
+    return out or Path("runs") / f"{name}-{setup.point:g}m"
+
+
+def _calibrated(setup: PaperSetup) -> str:
+    found = paper().sensor_range(setup.point)
+    if setup.sensor_range != found.range:
+        return f" (calibrated for points of {found.point:g} m: {found.range:g} m)"
+    if found.point != setup.point:
+        return f", calibrated for points of {found.point:g} m; there is no calibration for {setup.point:g} m"
+    return f" ({found.found})"
+
+
+def _names(text: str | None) -> list[str]:
+    return [name.strip() for name in text.split(",")] if text else []
+
+
+def _numbers(text: str) -> list[float]:
+    try:
+        return [float(number) for number in text.split(",")]
+    except ValueError:
+        raise BadInput(f"--ranges = {text}: expected numbers such as 10,11,12") from None
+
+
+def _print_comparison(console: Console, comparison: TableComparison) -> None:
+    """Print a table: as a grid on a terminal, elsewhere cell by cell."""
+    table, setup = comparison.table, comparison.setup
+    _say(console, "")
+    how = f"{len(setup.seeds)} seeds, ±: 95 % interval" + (
+        ", in brackets: the printed value" if console.is_terminal else ""
+    )
+    _say(console, f"Table {table.number}: {table.title}; {how}")
+    for assumed in table.assumed:
+        _say(console, f"  assumed: {assumed}")
+    for field, value in setup.settings.items():
+        _say(console, f"  set: {field} = {value}")
+    if not console.is_terminal:
+        for cell in comparison.cells:
+            _say(console, f"  {cell.row}, {table.columns_are} {cell.column}: {_plain(cell)}")
+        return
+    grid = Grid(table.columns_are, *(column.name for column in table.columns), header_style="cyan", show_lines=True)
+    for column in grid.columns[1:]:
+        column.justify = "right"
+    for row, unit in dict.fromkeys((cell.row, cell.unit) for cell in comparison.cells):
+        grid.add_row(f"{row} ({unit})", *(_beside(cell) for cell in comparison.cells if cell.row == row))
+    console.print(grid, highlight=False)
+
+
+def _beside(cell: Cell) -> Text:
+    """Our value, and below it the printed one and the ratio, which is marked where it is far from 1."""
+    text = Text(with_interval(cell.found), style="bold")
+    if cell.paper is not None:
+        text.append(f"\n({cell.paper:g})", style="not bold dim")
+    if cell.ratio is not None:
+        text.append(f"\n×{cell.ratio:.2f}{' !' if cell.far_off else ''}", style="bold red" if cell.far_off else "green")
+    return text
+
+
+def _plain(cell: Cell) -> str:
+    printed = "" if cell.paper is None else f", paper {cell.paper:g} {cell.unit}"
+    ratio = "" if cell.ratio is None else f", x {cell.ratio:.2f}{' !' if cell.far_off else ''}"
+    return f"{with_interval(cell.found)} {cell.unit}{printed}{ratio}"
+
+
+def _write_fit(console: Console, comparisons: Sequence[TableComparison], folder: Path) -> None:
+    """Print how well each table fits the printed one; print and write the fit of Tables 2 and 3 together."""
+    _say(console, "")
+    for comparison in comparisons:
+        found = fit_of([comparison])
+        if found is not None:
+            _say(console, f"Table {comparison.table.number}: {_fit_text(found)}")
+        ratios = to_mean_fog_text(comparison)
+        if ratios is not None:
+            _say(console, f"  {ratios}")
+    together = fit_as_json(comparisons)
+    if together is not None:
+        write_text(folder / "fit.json", json_text(together))
+        names = " and ".join(str(number) for number in together["tables"])
+        near, whole = Fit(**together["near"]), Fit(**together["all"])
+        _say(console, f"Tables {names}, printed below {together['below']:g} s: {_fit_text(near)}")
+        _say(console, f"Tables {names}, all: {_fit_text(whole)}")
+
+
+def _write_orderings(console: Console, judged: Sequence[Judged], folder: Path) -> None:
+    """Print and write the paper's conclusions and whether each holds on our values."""
+    if not judged:
+        return
+    write_text(folder / "orderings.json", json_text([ordering_as_json(one) for one in judged]))
+    _say(console, "\nthe paper's conclusions; whether they hold here, and the ratio of the first side to the second:")
+    styles = {HELD: "green", NOT_HELD: "red"}
+    for one in judged:
+        ratio = one.ratio
+        found = "-" if ratio is None else f"{ratio.mean:.3f}"
+        if ratio is not None and ratio.low is not None and ratio.high is not None:
+            found += f" [{ratio.low:.3f}, {ratio.high:.3f}]"
+        console.print(
+            Text(f"  {one.ordering.says}: ")
+            .append(one.verdict, styles.get(one.verdict, "yellow"))
+            .append(f", {found}"),
+            soft_wrap=True,
+        )
+
+
+def _fit_numbers(found: Fit) -> list[str]:
+    correlation = "-" if found.correlation is None else f"{found.correlation:.3f}"
+    return [f"{found.median_ratio:.3f}", f"{found.rms_log_error:.3f}", correlation]
+
+
+def _fit_text(found: Fit) -> str:
+    median, error, correlation = _fit_numbers(found)
+    return f"{found.cells} cells, median ratio {median}, RMS log error {error}, correlation of logs {correlation}"
+
+
+def _say(console: Console, text: str) -> None:
+    console.print(text, highlight=False, markup=False, soft_wrap=True)

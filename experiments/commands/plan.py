@@ -1,0 +1,206 @@
+"""``fogwatch plan``: how many robots some ground needs. Raises BadInput; the caller prints it."""
+
+from __future__ import annotations
+
+import math
+import re
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.table import Table
+
+from fogwatch.cli.patrol_option import patrol_option
+from patrol.errors import BadInput
+from patrol.extras import check_matplotlib
+from patrol.pose import MODELS
+from patrol.printable import printable
+from patrol.process.lifeline import heed
+from patrol.process.starting.seldom import SELDOM
+from patrol.process.starting.warmup import warm
+from patrol.scenario import BUILTINS, as_mapping, load_scenario, naming, open_scenario, parse_overrides
+from patrol.scenario.patrols import patrol_settings
+
+if TYPE_CHECKING:
+    from experiments.plan.plan import FleetPlan
+    from patrol.scenario import Scenario
+
+NOT_KEPT = 1
+"""The exit code when no number of robots keeps the wanted age."""
+
+MOST_SEEDS = 100
+EXAMPLES = [
+    "fogwatch plan yards --age 60 --model holonomic --radius 0.3 --speed 1",
+    "fogwatch plan my-map.yaml --robots 1-8 --quick",
+]
+EXIT_CODES = "0 done, 1 no number of robots keeps the age, 2 bad input, 130 interrupted"
+BODY = "Robots"
+OUTPUT = "Output"
+
+
+def plan(
+    what: Annotated[
+        str,
+        typer.Argument(
+            metavar="SCENARIO",
+            help=f"Map file (map_server's YAML), built-in terrain ({', '.join(BUILTINS)}) or scenario file.",
+        ),
+    ],
+    age: Annotated[
+        float | None, typer.Option(metavar="S", help="Age that nothing is to exceed, in s: find the number of robots.")
+    ] = None,
+    robots: Annotated[
+        str | None, typer.Option(metavar="N|N-M", help="Numbers of robots to look at, at most 24: find their ages.")
+    ] = None,
+    model: Annotated[
+        str | None, typer.Option(metavar="|".join(MODELS), help="Body model.", rich_help_panel=BODY)
+    ] = None,
+    radius: Annotated[float | None, typer.Option(metavar="M", help="Body radius in m.", rich_help_panel=BODY)] = None,
+    speed: Annotated[float | None, typer.Option(metavar="M/S", help="Top speed in m/s.", rich_help_panel=BODY)] = None,
+    turning_radius: Annotated[
+        float | None, typer.Option(metavar="M", help="Tightest turn of a car, in m.", rich_help_panel=BODY)
+    ] = None,
+    sensor_range: Annotated[
+        float | None, typer.Option(metavar="M", help="Range of the sensor in m.", rich_help_panel=BODY)
+    ] = None,
+    point: Annotated[float | None, typer.Option(metavar="M", help="Side of one grid point in m.")] = None,
+    duration: Annotated[
+        float | None,
+        typer.Option(
+            metavar="S",
+            help="Length of each simulated run in s (default: 12 times the age of the tours, at least 600 s).",
+        ),
+    ] = None,
+    patrol: Annotated[str | None, patrol_option()] = None,
+    settings: Annotated[
+        list[str] | None,
+        typer.Option("--set", metavar="FIELD=VALUE", help="Set any field of the scenario. Repeatable."),
+    ] = None,
+    seeds: Annotated[
+        int | None,
+        typer.Option(metavar="N", help="Simulated runs of each number, each with another seed (default: 3)."),
+    ] = None,
+    quick: Annotated[bool, typer.Option("--quick", help="Compute bounds and tours, and simulate nothing.")] = False,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="DIR", help="Folder of the results, new or empty (default: runs/plan-NAME).", rich_help_panel=OUTPUT
+        ),
+    ] = None,
+) -> int:
+    """Find out how many robots some ground needs so that nothing is older than an age, or what age robots keep.
+
+    For each number of robots: a lower bound, one tour for all, and a tour for each over a division of the ground. Then
+    fleets are simulated, with several seeds. A number keeps an age if nothing is older in any of its runs after the
+    first quarter; where doors close, only open ground counts. The chosen number is also run with one robot dead from
+    the middle on, and as the tour (for `--patrol tour`: as the stochastic patrol). Faults and intruders of a scenario
+    are left out.
+    """
+    for name, value in (("age", age), ("duration", duration)):
+        if value is not None and not (math.isfinite(value) and value > 0.0):
+            raise BadInput(f"--{name} = {value:g}: expected a finite number above 0, in s")
+    if age is None and robots is None:
+        raise BadInput(
+            "--age or --robots: one is needed, for example --age 60 for the number of robots that keeps 60 s"
+        )
+    if quick and duration is not None:
+        raise BadInput(
+            f"--duration {duration:g}: has no effect with --quick, which simulates nothing; drop one of them"
+        )
+    if seeds is not None and not 1 <= seeds <= MOST_SEEDS:
+        raise BadInput(f"--seeds {seeds}: expected a number of runs from 1 to {MOST_SEEDS}")
+    if quick and seeds is not None:
+        raise BadInput(f"--seeds {seeds}: has no effect with --quick, which simulates nothing; drop one of them")
+    numbers = None if robots is None else _numbers(robots)
+    overrides: dict[str, object] = {
+        "robots.model": model,
+        "robots.radius": radius,
+        "robots.speed": speed,
+        "robots.turning_radius": turning_radius,
+        "sensor.range": sensor_range,
+        "point": point,
+    }
+    given = {field: value for field, value in overrides.items() if value is not None}
+    overridden = {**given, **parse_overrides(settings or [])}
+    overridden |= patrol_settings(patrol, overridden)
+    scenario = open_scenario(what, overridden)
+    check_matplotlib("sim")
+    heed(None, patience=0)  # any signal raises KeyboardInterrupt
+    warm(("patrol", "agent", "worldsim"), lambda line: typer.echo(line, err=True), SELDOM)
+    from experiments.plan.answer import answer_lines  # here: these import kernels, which are compiled first
+    from experiments.plan.folder import plan_folder, write_plan
+    from experiments.plan.plan import SEEDS, make_plan
+
+    folder = plan_folder(out, scenario.name)
+    with naming(what, overridden):
+        for line in _notes(scenario, 1 if numbers is None else numbers[-1]):
+            typer.echo(printable(f"warning: {line}"), err=True)
+    shown = _Shown(Console(stderr=True))
+    with shown.bar, naming(what, overridden):
+        made = make_plan(scenario, age, numbers, shown, duration_s=duration, quick=quick, seeds=seeds or SEEDS)
+        shown.begin("pictures")
+        write_plan(made, folder)
+    console = Console()
+    console.print(_table(made), highlight=False, markup=False)
+    for line in answer_lines(made):
+        console.print(printable(line), highlight=False, markup=False, soft_wrap=True)
+    console.print(printable(f"files: {folder}"), highlight=False, markup=False, soft_wrap=True)
+    return NOT_KEPT if age is not None and made.chosen is None else 0
+
+
+def _notes(scenario: Scenario, most: int) -> list[str]:
+    """Return the notes on the scenario with the most robots that a plan looks at, one if it searches for the number."""
+    from experiments.plan.plan import planned_scenario  # here: these import kernels
+    from fogwatch.grounds.scenario_notes import scenario_notes
+    from patrol.prepare import prepare
+
+    planned = load_scenario(as_mapping(planned_scenario(scenario)), {"robots.count": most})
+    return [*scenario.translated, *scenario_notes(prepare(planned))]
+
+
+def _table(plan: FleetPlan) -> Table:
+    from experiments.plan.answer import answer_table  # here: it imports kernels
+
+    heads, rows = answer_table(plan)
+    table = Table(box=None, pad_edge=False, header_style="cyan")
+    for head in heads:
+        table.add_column(head, justify="left" if head.startswith("keeps") else "right")
+    for row in rows:
+        table.add_row(*row)
+    return table
+
+
+def _numbers(text: str) -> range:
+    """Read numbers of robots: N or N-M."""
+    from patrol.measures.best_tour import MOST_ROBOTS  # here: it imports kernels
+
+    match = re.fullmatch(r"(\d{1,3})(?:-(\d{1,3}))?", text.strip())
+    first, last = (int(match[1]), int(match[2] or match[1])) if match else (0, 0)
+    if not 1 <= first <= last <= MOST_ROBOTS:
+        raise BadInput(f"--robots {text}: expected a number or two with a hyphen, 1 to {MOST_ROBOTS}, such as 1-8")
+    return range(first, last + 1)
+
+
+class _Shown:
+    """Shows the progress of a plan: a bar on a terminal, lines elsewhere.
+
+    Implements `experiments.plan.plan.Observer`. `bar` is a context manager that shows it and clears it away.
+    """
+
+    def __init__(self, console: Console) -> None:
+        self._console = console
+        columns = (TextColumn("{task.description}", style="cyan"), BarColumn(), TimeElapsedColumn())
+        self.bar = Progress(*columns, console=console, transient=True, disable=not console.is_terminal)
+        self._task = self.bar.add_task("plan", total=1.0)
+
+    def begin(self, what: str) -> None:
+        """Show what is computed next."""
+        self.bar.update(self._task, description=what, completed=0.0)
+        if not self._console.is_terminal:
+            self._console.print(f"{what} ...", highlight=False, markup=False, soft_wrap=True)
+
+    def share(self, done: float) -> None:
+        """Show the share of it that is done."""
+        self.bar.update(self._task, completed=done)

@@ -1,0 +1,194 @@
+"""``fogwatch sweep``: many runs, the numbers of each kept. Raises BadInput; the caller prints it."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.table import Table
+
+from experiments.sweeps.caserows import CaseRow, case_rows
+from experiments.sweeps.casetable import shown_columns, told_apart, write_tables
+from experiments.sweeps.classes import check_classes
+from experiments.sweeps.cluster import ClusterWorkers
+from experiments.sweeps.paired import PAIRING, TEST
+from experiments.sweeps.plan import Plan, read_plan
+from experiments.sweeps.pool import LocalWorkers, WorkerPool
+from experiments.sweeps.progress import SweepProgress, print_failures
+from experiments.sweeps.runner import SweepOutcome, run_sweep
+from fogwatch.cli.columns import fits
+from fogwatch.launch.terminal.live_table import duration_text
+from patrol.errors import BadInput
+from patrol.extras import check_matplotlib
+
+FAILED = 1
+"""The exit code when some of the runs failed."""
+
+FIGURE = re.compile(r"(cases|change|curves)-[a-z_]+\.(png|svg|pdf)")
+"""File names of the figures of sweeps."""
+
+MM_PER_INCH = 25.4
+LEAST_WIDTH_MM = 60.0
+
+Workers = Annotated[
+    int | None,
+    typer.Option(metavar="N", help="Runs at a time (default: one per core).", show_default=False),
+]
+ClusterAddress = Annotated[
+    str | None,
+    typer.Option("--cluster", metavar="ADDRESS", help="Run on the workers of this Dask scheduler, tcp://HOST:8786."),
+]
+
+EXAMPLES = ["fogwatch sweep examples/sweeps/dilatation.yaml --seeds 5"]
+EXIT_CODES = "0 every run has a result, 1 some runs failed, 2 bad input, 130 interrupted"
+
+
+def sweep(
+    file: Annotated[
+        Path, typer.Argument(metavar="FILE", help="Sweep file, YAML with base, grid, cases, seeds, against.")
+    ],
+    out: Annotated[
+        Path | None,
+        typer.Option(metavar="DIR", help="Folder of the results, new and earlier ones (default: runs/NAME)."),
+    ] = None,
+    workers: Workers = None,
+    cluster: ClusterAddress = None,
+    seeds: Annotated[
+        int | None, typer.Option(metavar="K", help="Use seeds 1 to K instead of the file's.", show_default=False)
+    ] = None,
+    figure_width: Annotated[
+        float | None,
+        typer.Option(
+            metavar="MM",
+            help="Draw figures exactly so wide, without captions, for a paper: 88 is a column of many journals.",
+            show_default=False,
+        ),
+    ] = None,
+) -> int:
+    """Run a scenario with every combination of some settings and every seed, and tabulate and draw the results.
+
+    The folder gets summary.csv and summary.json (a row a case), table.tex (the same for LaTeX), runs.csv (a row a run),
+    comparisons.csv (paired tests of the cases that `against` compares) and figures/ as PNG, SVG and PDF. Runs that have
+    a result there are not repeated, so that an interrupted sweep continues when it is started again.
+    """
+    check_matplotlib("experiments")  # before hours of runs, not after them
+    width = _inches(figure_width)
+    plan = read_plan(file, seeds)
+    check_classes(plan)
+    folder = out or Path("runs") / file.stem
+    console = Console()
+    outcome = make_runs(plan, folder, workers_of(workers, cluster), console)
+    write_tables(outcome, folder)
+    rows = case_rows(outcome)
+    _draw(rows, plan.name, folder / "figures", width)
+    print_cases(console, rows)
+    print_failures(console, outcome)
+    compared = ""
+    if plan.partners:
+        console.print(f"changes are judged by a {TEST}, paired by the {PAIRING}", highlight=False, soft_wrap=True)
+        compared = ", comparisons.csv"
+    for line in plan.notes:
+        console.print(line, highlight=False, markup=False, soft_wrap=True)
+    here = f"{len(outcome.plan.runs)} runs, {outcome.made} made now in {duration_text(outcome.wall_s)}"
+    files = f"{folder}: summary.csv, summary.json, table.tex, runs.csv{compared}, figures"
+    console.print(f"{here}; {files}", highlight=False, soft_wrap=True)
+    return FAILED if outcome.failed else 0
+
+
+def _inches(figure_width_mm: float | None) -> float:
+    """Return the width of figures in inches: that of a report's charts, or a narrower one that was asked for."""
+    from monitor.report.charts import WIDTH  # here: it loads libraries that `--help` does without
+
+    if figure_width_mm is None:
+        return WIDTH
+    if not LEAST_WIDTH_MM <= figure_width_mm <= WIDTH * MM_PER_INCH:
+        raise BadInput(
+            f"--figure-width {figure_width_mm:g}: expected {LEAST_WIDTH_MM:g} to {WIDTH * MM_PER_INCH:.0f} mm; a "
+            "column of a paper has about 88"
+        )
+    return figure_width_mm / MM_PER_INCH
+
+
+def _draw(rows: list[CaseRow], name: str, folder: Path, width: float) -> None:
+    """Write the figures of a sweep, so many inches wide; those of an earlier plan that it no longer has are removed."""
+    from experiments.sweeps.figures import drawings  # here: its library is an extra
+
+    written = {file for drawing in drawings(rows, name, width) for file in drawing.save(folder)}
+    for file in folder.glob("*"):
+        if file not in written and FIGURE.fullmatch(file.name):
+            file.unlink()
+
+
+def workers_of(workers: int | None, cluster: str | None) -> WorkerPool:
+    """Return the workers that make the runs: processes of this machine, or those of a cluster.
+
+    `workers` is their number, None for one per core. `cluster` is the address of a Dask scheduler; only one of the two
+    may be given.
+    """
+    if cluster is None:
+        return LocalWorkers(workers)
+    if workers is not None:
+        raise BadInput("--workers and --cluster: a cluster has its own workers; give only one of the two")
+    return ClusterWorkers(cluster)
+
+
+def make_runs(
+    plan: Plan, folder: Path, workers: WorkerPool, console: Console, estimate_time: bool = False
+) -> SweepOutcome:
+    """Make a plan's runs with a progress bar.
+
+    Results are kept in `folder` and looked for there: after Ctrl-C, the next start continues. With `estimate_time`, a
+    few runs are tried first, to say how long all will take.
+    """
+    with SweepProgress(console, estimate_time=estimate_time) as progress:
+        try:
+            return run_sweep(plan, folder, workers=workers, observer=progress, say=progress.say)
+        except KeyboardInterrupt:
+            if progress.total:
+                progress.say(f"{progress.done} of {progress.total} runs are done; start again to continue in {folder}")
+            raise
+
+
+def print_cases(console: Console, rows: list[CaseRow]) -> None:
+    """Print the cases' means as a table.
+
+    Words that all cases have in their names are printed once, above the table. On a narrow terminal intervals stand
+    below the means, and where that is not enough, the names stand above the table, which has the cases' numbers.
+    """
+    names, shared = told_apart({row.case: row.words for row in rows})
+    if shared:
+        console.print(f"all cases: {shared}", highlight=False, markup=False, soft_wrap=True)
+    table = _cases_table(rows, names, " ")
+    if not fits(table, console):
+        table = _cases_table(rows, names, "\n")
+    if not fits(table, console):
+        numbers = {case: str(number) for number, case in enumerate(names, start=1)}
+        for case, number in numbers.items():
+            console.print(f"case {number}: {names[case]}", highlight=False, markup=False, soft_wrap=True)
+        table = _cases_table(rows, numbers, "\n")
+    console.print(table, highlight=False, markup=False)
+
+
+def _cases_table(rows: list[CaseRow], names: Mapping[str, str], between: str) -> Table:
+    """Return the table of the cases' means.
+
+    `names` is what the table calls each case. `between` separates a mean from its interval, and the halves of a title:
+    a space or a line break.
+    """
+    narrow = between == "\n"
+    table = Table("case", box=None, pad_edge=False, header_style="cyan", padding=(0, 1 if narrow else 2, 0, 0))
+    columns = shown_columns(rows, names)
+    for column in columns:
+        head, *unit = column.title.rsplit(" ", 2) if column.is_number else column.title.split()
+        title = between.join([head, " ".join(unit)]) if unit else head
+        table.add_column(title, justify="right" if column.is_number else "left")
+    for place, row in enumerate(rows):
+        cells = [
+            column.cells[place].replace(" ", between) if column.is_number else column.cells[place] for column in columns
+        ]
+        table.add_row(names[row.case], *cells)
+    return table

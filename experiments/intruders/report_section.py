@@ -1,0 +1,108 @@
+"""The moving intruder in a report: how often it gets in, and one attempt that succeeded beside one that did not."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from experiments.intruders.game import Attempt, Game, Infiltration, Percent, infiltration
+from experiments.intruders.infiltrator import KNOWLEDGE, WATCHING, Infiltrator
+from experiments.intruders.on_run import Looks
+from monitor.replay.run import Run
+from monitor.report import html
+from monitor.report.map_charts import PANEL_WIDTH, ground_panels
+from monitor.report.style import ALERT, INK, colour
+from patrol.ground.footprint import Footprint
+from patrol.journal.records import Status
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+
+REPORTED = Infiltrator(attempts=30)
+"""The intruder of reports: fewer attempts, as a report is written at the end of every run."""
+
+
+class MovingWatch(Looks):
+    """Takes down what is in view, for the game of a report."""
+
+    def __init__(self, run: Run, footprint: Footprint) -> None:
+        super().__init__(run, None, REPORTED, footprint)
+
+    def game(self) -> MovingIntruder:
+        """Return the game after the last tick; raise BadInput where it cannot be played."""
+        return MovingIntruder(self._run, self.sightings.game())
+
+
+class MovingIntruder:
+    """The game on a run, played when it is first asked for."""
+
+    def __init__(self, run: Run, game: Game) -> None:
+        self.run = run
+        self.game = game
+
+    @cached_property
+    def outcome(self) -> Infiltration:
+        """The share of attempts in which the intruder gets in."""
+        return infiltration(self.game)
+
+    @cached_property
+    def examples(self) -> list[Attempt]:
+        """The first attempt that succeeded and the first that did not, of the predictor that watches better."""
+        better = max(WATCHING, key=lambda name: self.outcome.once[name].percent)
+        found: dict[bool, Attempt] = {}
+        for now, target in self.game.trials:
+            attempt = self.game.once(self.game.predictors[better], now, target)
+            # Without a way in time there is nothing to draw.
+            if attempt.way.size:
+                found.setdefault(attempt.succeeded, attempt)
+            if len(found) == 2:
+                break
+        return [found[succeeded] for succeeded in (True, False) if succeeded in found]
+
+    def table(self) -> str:
+        """Return the table of successes as HTML."""
+        outcome, infiltrator = self.outcome, self.game.infiltrator
+        rows = [(words, *_cells(outcome.once[name])) for name, words in KNOWLEDGE.items() if name in outcome.once]
+        gain = _cells(outcome.gain.watching)
+        rows.append(("gain of watching: the better of the two that watch, less the last", *gain))
+        heads = ("an intruder that", "gets in (%)", "95 % interval")
+        note = (
+            f"{outcome.attempts} attempts in the second half of the run, planned once: at {outcome.speed:.3g} m/s from "
+            f"the edge to a random place at least {outcome.depth_m:.0f} m inside, and {infiltrator.stay_s:g} s there, "
+            f"within {infiltrator.within_s:g} s. `fogwatch intruder` makes more attempts, and plays other intruders."
+        )
+        return html.table(heads, rows, numbers=(1, 2)) + html.text(note, "note")
+
+    def chart(self) -> Figure:
+        """Draw the examples."""
+        chart, panels = ground_panels(self.run.prepared.terrain, len(self.examples), PANEL_WIDTH)
+        for axes, attempt in zip(panels, self.examples, strict=True):
+            self._draw(axes, attempt)
+        return chart
+
+    def _draw(self, axes: Axes, attempt: Attempt) -> None:
+        run, ground, terrain = self.run, self.game.watch.ground, self.run.prepared.terrain
+        last = attempt.now + len(attempt.way)
+        for place in range(len(run.names)):
+            track = run.poses[attempt.now : last + 1, place, :2].copy()
+            track[run.status[attempt.now : last + 1, place] != Status.ALIVE] = np.nan
+            axes.plot(*track.T, color=colour(place), linewidth=1.0, alpha=0.8)
+            axes.plot(*track[-1], color=colour(place), marker="o", markersize=4)
+        points = np.append(attempt.way[attempt.way >= 0], attempt.target)
+        x = terrain.origin[0] + (ground.cols[points] + 0.5) * terrain.point
+        y = terrain.origin[1] + (ground.rows[points] + 0.5) * terrain.point
+        axes.plot(x[:-1], y[:-1], color=INK, linewidth=1.6, linestyle=(0, (3, 1)))
+        axes.plot(x[-1], y[-1], marker="*", markersize=10, color=INK)
+        if attempt.seen is None:
+            axes.set_title(f"gets in: {attempt.now * run.step:g} to {last * run.step:g} s", color=INK)
+        else:
+            axes.plot(x[-2], y[-2], marker="X", markersize=9, color=ALERT, markeredgecolor=INK)
+            axes.set_title(f"fails: seen at {attempt.seen * run.step:g} s", color=INK)
+
+
+def _cells(value: Percent) -> tuple[str, str]:
+    return f"{value.percent:.0f}", f"{value.low:.0f} to {value.high:.0f}"

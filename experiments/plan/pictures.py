@@ -1,0 +1,115 @@
+"""Pictures of a plan: the age that fleets keep over their size, and tours and territories on the map."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from experiments.paper.figures import write_figure
+from experiments.plan.plan import FleetPlan, FleetSize, robots_text
+from fogwatch.pictures.drawing import DPI, Key, Layer, canvas, key_column, label, paint, painted, save
+from fogwatch.pictures.region_map import COLOURS
+from patrol.extras import check_matplotlib
+from patrol.ground.terrain import BoolGrid, Terrain
+from patrol.palette import LIGHT, ROBOTS, UNCOUNTED, WALL
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from experiments.plan.plan import AgeKept
+
+Way = Sequence[tuple[float, float]]
+
+
+def curve_picture(plan: FleetPlan, files: Sequence[Path]) -> None:
+    """Draw the ages that fleets keep, over their number of robots."""
+    write_figure(curve_figure(plan), files)
+
+
+def curve_figure(plan: FleetPlan) -> Figure:
+    """Draw the ages that fleets keep, over their number of robots, as a matplotlib figure."""
+    check_matplotlib("sim")
+    from matplotlib.figure import Figure
+    from matplotlib.ticker import MaxNLocator
+
+    figure = Figure(figsize=(9.5, 4.8), dpi=DPI, facecolor="white", layout="constrained")
+    axes = figure.subplots()
+    bounds = [(size.robots, size.bound_s) for size in plan.sizes if size.bound_s > 0.0]
+    _line(axes, bounds, "lower bound", "v:", LIGHT["muted"])
+    _line(axes, [(size.robots, size.tour_s) for size in plan.sizes], "one tour for all", "o-", ROBOTS[0])
+    _line(axes, [(size.robots, size.own_tours_s) for size in plan.sizes], "a tour for each", "s--", ROBOTS[1])
+    for simulated, what, colour, shift in (
+        ([(size.robots, size.simulated) for size in plan.sizes], "simulated", ROBOTS[2], 0.0),
+        ([(size.robots, size.one_dead) for size in plan.sizes], "simulated, one dead", LIGHT["alert"], 0.08),
+        ([(size.robots, size.other_patrol) for size in plan.sizes], "simulated, other patrol", ROBOTS[4], -0.08),
+    ):
+        _ranges(axes, [(robots, kept) for robots, kept in simulated if kept is not None], what, colour, shift)
+    if plan.wanted_s is not None:
+        axes.axhline(plan.wanted_s, color=LIGHT["ink"], linewidth=1.0, linestyle="--", label="wanted")
+    axes.set_ylim(bottom=0.0)
+    axes.xaxis.set_major_locator(MaxNLocator(integer=True))
+    axes.set_xlabel("robots")
+    axes.set_ylabel("age of the stalest point (s)")
+    axes.grid(visible=True, color=LIGHT["grid"], linewidth=0.6)
+    figure.legend(loc="outside right upper", frameon=False, fontsize=9)
+    axes.set_title(f"{plan.scenario.name}: the age that robots keep", loc="left", fontsize=11)
+    return figure
+
+
+def tour_picture(plan: FleetPlan, size: FleetSize, out: Path) -> None:
+    """Draw the tours that all robots of a fleet share; `size` must have tours."""
+    title = f"{plan.scenario.name}: one tour for all; {robots_text(size.robots)} come by every {size.tour_s:.0f} s"
+    _draw(plan.terrain, title, [], [(part.way, part.length_m or 0.0) for part in size.tours.parts], out)
+
+
+def territories_picture(plan: FleetPlan, size: FleetSize, out: Path) -> None:
+    """Draw the ground and the tour of each robot; `size` must have territories."""
+    territories = size.territories or ()
+    title = (
+        f"{plan.scenario.name}: a tour for each of {robots_text(size.robots)}, at most {size.own_tours_s:.0f} s long"
+    )
+    tours = [(territory.tour.way, territory.tour.length_m) for territory in territories]
+    _draw(plan.terrain, title, [territory.ground for territory in territories], tours, out)
+
+
+def _draw(
+    terrain: Terrain, title: str, grounds: Sequence[BoolGrid], tours: Sequence[tuple[Way, float]], out: Path
+) -> None:
+    figure, axes = canvas(terrain, title)
+    layers = [Layer(WALL, "wall or unknown", ~terrain.passable)]
+    if grounds:
+        nobody = terrain.passable & ~np.logical_or.reduce(list(grounds))
+        layers.append(Layer(UNCOUNTED, "can never be seen, does not count", nobody))
+    pale = [Layer(COLOURS[at % len(COLOURS)], "", ground) for at, ground in enumerate(grounds)]
+    paint(axes, terrain, painted(terrain.shape, [*layers, *pale]), ~terrain.passable)
+    keys = [Key(layer.colour, layer.label) for layer in layers if layer.mask.any()]
+    for at, (way, length_m) in enumerate(tours):
+        colour = ROBOTS[at % len(ROBOTS)]
+        xs, ys = zip(*way, way[0], strict=True)
+        axes.plot(xs, ys, color="#ffffff", linewidth=3.4, alpha=0.85, zorder=4)
+        axes.plot(xs, ys, color=colour, linewidth=1.8, marker="o" if length_m == 0.0 else None, zorder=5)
+        label(axes, *way[len(way) // 2], str(at + 1), size=10.0)
+        keys.append(Key(colour, f"tour {at + 1}: {length_m:.0f} m", "-"))
+    key_column(figure, axes, terrain, keys)
+    save(figure, out)
+
+
+def _line(axes: Axes, values: Sequence[tuple[int, float | None]], what: str, style: str, colour: str) -> None:
+    there = [(robots, age) for robots, age in values if age is not None]
+    if there:
+        axes.plot(*zip(*there, strict=True), style, color=colour, label=what, linewidth=1.5, markersize=5)
+
+
+def _ranges(axes: Axes, values: Sequence[tuple[int, AgeKept]], what: str, colour: str, shift: float) -> None:
+    """Draw the mean of simulated ages as a point, and a line up to the largest."""
+    if not values:
+        return
+    xs = [robots + shift for robots, _ in values]
+    means, largest = [kept.mean_s for _, kept in values], [kept.max_s for _, kept in values]
+    axes.vlines(xs, means, largest, color=colour, linewidth=2.0)
+    axes.plot(xs, largest, "_", color=colour, markersize=11, markeredgewidth=2.0)
+    axes.plot(xs, means, "D", color=colour, markersize=5, label=f"{what}: mean to largest")

@@ -1,0 +1,231 @@
+"""The figures of a sweep: each measure case by case, its change against another case, and its curve over a setting.
+
+matplotlib is an optional dependency, so it is imported only when something is drawn.
+"""
+
+from __future__ import annotations
+
+import math
+import textwrap
+from collections.abc import Callable, Collection, Sequence
+from typing import TYPE_CHECKING
+
+from experiments.sweeps.caserows import CaseRow
+from experiments.sweeps.casetable import SHOWN, told_apart
+from experiments.sweeps.estimates import Curve, Dot, draw_curves, draw_dots, scale
+from experiments.sweeps.paired import PAIRING, TEST, PairedTest, paired_tests
+from experiments.sweeps.plan import CASE
+from monitor.report.charts import WIDTH
+from monitor.report.style import MUTED, Drawing, draw, figure
+from patrol.errors import quoted
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+MOST_ROWS = 80
+"""A figure with a row for each case has at most so many; larger sweeps have curves and tables alone."""
+
+LEAST_POINTS = 3
+"""A setting with at least so many numbers as values gets curves."""
+
+NAME_WIDTH = 46
+"""Characters of a case's name in one line of a figure."""
+
+POLICY = "patrol.policy"
+
+Fill = Callable[["Axes"], None]
+
+
+def drawings(rows: Sequence[CaseRow], sweep: str, width: float = WIDTH) -> list[Drawing]:
+    """Draw the figures of a sweep.
+
+    For each measure that some case has, there are dots by case, changes where cases are compared, and curves where a
+    setting is a number. Where policies (or named cases) stand beside another axis, dots are grouped: a row for each
+    value of the other axes, a colour for each policy.
+
+    `width` is in inches. Figures that are narrower than a page are exactly so wide and show no caption, because a paper
+    brings its own.
+    """
+    figures = _Figures(rows, sweep, width)
+    tests = paired_tests(rows)
+    over = _number_setting(rows)
+    made = []
+    for metric, title in SHOWN.items():
+        measured = [row for row in rows if metric in row.metrics]
+        compared = [test for test in tests if test.metric == metric and test.change is not None]
+        if measured and len(measured) <= MOST_ROWS:
+            made.append(figures.dots(measured, metric, title))
+        if compared and len(compared) <= MOST_ROWS:
+            made.append(figures.changes(compared, metric, title))
+        if measured and over is not None:
+            made.append(figures.curves(measured, over, metric, title))
+    return made
+
+
+class _Figures:
+    """Draws the figures of one sweep, all of one width, with the same names and colours."""
+
+    def __init__(self, rows: Sequence[CaseRow], sweep: str, width: float) -> None:
+        axis = _series_axis(rows)
+        self._series = {row.case: _text_on(row, axis) for row in rows}
+        self._order = list(dict.fromkeys(self._series.values()))
+        words = {row.case: [label.word for label in row.labels if label.axis != axis] or row.words for row in rows}
+        grouped = {" ".join(own): own for own in words.values()}
+        names, shared = told_apart(grouped)
+        self._name_width = round(NAME_WIDTH * width / WIDTH)
+        self._lines = {case: self._wrapped(names[" ".join(own)]) for case, own in words.items()}
+        self._about = f"{sweep}{f', {shared}' if shared else ''}"
+        self._names, _ = told_apart({row.case: row.words for row in rows})
+        self._sweep = sweep
+        self._width = width
+
+    def dots(self, rows: Sequence[CaseRow], metric: str, title: str) -> Drawing:
+        counts = {row.runs for row in rows}
+        dots = [
+            Dot(
+                self._lines[row.case],
+                row.metrics[metric],
+                self._series[row.case],
+                list(row.values[metric].values()),
+                note=f"n = {row.runs}" if counts != {row.runs} else "",
+            )
+            for row in rows
+        ]
+
+        def fill(axes: Axes) -> None:
+            self._draw(axes, dots, f"{title}{_same_n(counts)}")
+            scale(axes, [dot.found.mean for dot in dots])
+
+        caption = f"Means over n seeds with their 95 % intervals; grey: the single runs. {self._about}."
+        return self._drawing(f"cases-{metric}", title, caption, fill, self._height(dots))
+
+    def changes(self, tests: Sequence[PairedTest], metric: str, title: str) -> Drawing:
+        counts = {test.pairs for test in tests}
+        dots = [
+            Dot(self._lines[test.case], test.change, self._series[test.case], note=_test_text(test, counts))
+            for test in tests
+            if test.change is not None
+        ]
+
+        def fill(axes: Axes) -> None:
+            axes.axvline(0.0, color=MUTED, linewidth=1.0, zorder=1)
+            self._draw(axes, dots, f"change of {title.rpartition(' (')[0] or title} (%){_same_n(counts)}")
+
+        others = list(dict.fromkeys(self._names[test.against] for test in tests))
+        against = others[0] if len(others) == 1 else "the case that differs only in what is compared"
+        caption = (
+            f"Change against {against}: mean over n pairs of runs with the {PAIRING}, 95 % intervals; p of a {TEST}, "
+            f"not adjusted for {len(tests)} tests. {self._about}."
+        )
+        return self._drawing(f"change-{metric}", f"Change of {title}", caption, fill, self._height(dots))
+
+    def curves(self, rows: Sequence[CaseRow], over: str, metric: str, title: str) -> Drawing:
+        groups: dict[str, list[CaseRow]] = {}
+        words: dict[str, list[str]] = {}
+        for row in rows:
+            others = {field: value for field, value in row.settings.items() if field != over}
+            own = _curve_words(row, over)
+            name = " ".join(own) or quoted(others)
+            groups.setdefault(name, []).append(row)
+            words[name] = own or [name]
+        labels, shared = told_apart(words)
+        curves = [
+            Curve(
+                self._wrapped(labels[group]),
+                sorted(((_number(row.settings[over]), row.metrics[metric]) for row in own), key=lambda point: point[0]),
+                place,
+            )
+            for place, (group, own) in enumerate(groups.items())
+        ]
+
+        def fill(axes: Axes) -> None:
+            draw_curves(axes, curves, over, title)
+            self._legend(axes, len(curves))
+
+        about = f", {shared}" if shared and curves[1:] else ""
+        caption = f"Means over seeds with their 95 % intervals. {self._sweep}{about}."
+        lines = sum(curve.label.count("\n") + 1 for curve in curves)
+        height = (3.4 if self._is_whole else 2.4) + 0.1 * lines
+        return self._drawing(f"curves-{metric}", f"{title} over {over}", caption, fill, height)
+
+    @property
+    def _is_whole(self) -> bool:
+        """True if the figures are as wide as a page."""
+        return self._width >= WIDTH
+
+    def _wrapped(self, name: str) -> str:
+        return textwrap.fill(name, self._name_width)
+
+    def _draw(self, axes: Axes, dots: Sequence[Dot], title: str) -> None:
+        draw_dots(axes, list(dict.fromkeys(dot.row for dot in dots)), dots, self._order, title)
+        self._legend(axes, len(self._order))
+
+    def _legend(self, axes: Axes, count: int) -> None:
+        if count > 1:
+            axes.figure.legend(loc="outside upper left", ncols=min(count, 4 if self._is_whole else 2))
+
+    def _height(self, dots: Sequence[Dot]) -> float:
+        """Return the height of a figure with a row for the dots of each name, inches."""
+        series = len(self._order)
+        rows = {dot.row for dot in dots}
+        return 0.9 + 0.2 * (series > 1) + sum(0.13 + 0.13 * max(series, row.count("\n") + 1) for row in rows)
+
+    def _drawing(self, name: str, heading: str, caption: str, fill: Fill, height: float) -> Drawing:
+        def make() -> Figure:
+            chart = figure(self._width, height + 0.4 * self._is_whole)
+            fill(chart.subplots())
+            if self._is_whole:
+                chart.supxlabel(textwrap.fill(caption, 170), x=0.0, ha="left", fontsize=7, color=MUTED)
+            return chart
+
+        return draw(name, heading[0].upper() + heading[1:], caption, make, is_exact=not self._is_whole)
+
+
+def _series_axis(rows: Sequence[CaseRow]) -> str | None:
+    """Return the axis whose values have a colour each: policies, else named cases, where another axis varies too."""
+    texts: dict[str, set[str]] = {}
+    for row in rows:
+        for label in row.labels:
+            texts.setdefault(label.axis, set()).add(label.text)
+    varied = [axis for axis, own in texts.items() if len(own) > 1]
+    return next((axis for axis in (POLICY, CASE) if axis in varied and len(varied) > 1), None)
+
+
+def _text_on(row: CaseRow, axis: str | None) -> str:
+    """Return the name of a case's value on an axis."""
+    return next((label.text for label in row.labels if label.axis == axis), "")
+
+
+def _same_n(counts: Collection[int]) -> str:
+    """Return what an axis says of the number of runs, where it is the same in all rows."""
+    return f", n = {next(iter(counts))}" if len(counts) == 1 else ""
+
+
+def _test_text(test: PairedTest, counts: Collection[int]) -> str:
+    """Return the text beside a change: p, and n where it differs between rows."""
+    p = "" if test.p is None else "p < 0.001" if test.p < 0.001 else f"p = {test.p:.3f}"
+    return ", ".join(filter(None, ["" if counts == {test.pairs} else f"n = {test.pairs}", p]))
+
+
+def _curve_words(row: CaseRow, over: str) -> list[str]:
+    """Return the words of a case's name without the one that gives the setting under the curve."""
+    if row.labels:
+        return [label.word for label in row.labels if label.axis != over]
+    ends = (over, over.rpartition(".")[2])
+    given = quoted(row.settings[over])
+    return [word for word in row.words if word not in {f"{end}={given}" for end in ends}]
+
+
+def _number_setting(rows: Sequence[CaseRow]) -> str | None:
+    """Return the setting that is a number in all cases and has the most values; None where all have too few."""
+    fields = list(dict.fromkeys(field for row in rows for field in row.settings))
+    values = {field: {_number(row.settings.get(field)) for row in rows} for field in fields}
+    numbers = {field: len(own) for field, own in values.items() if not any(map(math.isnan, own))}
+    best = max(numbers, key=lambda field: numbers[field], default=None)
+    return best if best is not None and numbers[best] >= LEAST_POINTS else None
+
+
+def _number(value: object) -> float:
+    """Return a setting as a number, NaN where it is none."""
+    return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else math.nan

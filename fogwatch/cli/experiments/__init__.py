@@ -1,1 +1,0 @@
-"""Commands that run many runs: experiments, sweeps, the paper."""

@@ -1,0 +1,259 @@
+"""A ROS 2 robot as a mind's body (`agent.ports.Robot`).
+
+The mind decides once a tick. Between its decisions a thread hears the robot and tells it what is safe, many times a
+tick. So the robot stands soon after its odometry, its mind or its radio link has died; when this process dies, the
+robot's own watchdog is the last line.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from threading import Event, Lock, Thread
+from typing import Protocol
+
+from agent.ports import Decision, FleetClock, Telemetry
+from patrol.exchange import Sensed
+from patrol.net.messages.phases import PHASE_B_SHARE
+from patrol.net.messages.stop_orders import Order, Outcome, StopOrders
+from patrol.pose import Command
+from patrol.process.reporting.logs import Log
+from patrol.process.reporting.vitals import ODOMETRY_AGE, STOPPED, UNUSABLE, Vitals
+from ros2.robot.hardware import Hardware
+from ros2.robot.localisation import Fix
+from ros2.robot.standing import Standing
+from ros2.robot.steering import Place, Steering
+from ros2.robot.stops import Stopper
+
+SAY_AFTER_S = 1.0
+"""Time that a robot stands before the reason is reported, s."""
+HELD_AFTER_S = 10.0
+"""Time that a robot that could drive is held before that is reported, s: at walls and in queues it soon goes round."""
+LONGEST_CYCLE_S = 0.25
+"""The longest time between two commands over which a speed may change, s: who was late does not jump."""
+_JOIN_S = 1.0
+_LOCK_S = 0.2
+
+
+class DriverFailed(Exception):
+    """The thread that drives has failed, so the robot was stopped for good."""
+
+
+@dataclass(frozen=True, slots=True)
+class Pace:
+    """The division of a robot's time."""
+
+    step: float  # of a tick, s of the robot's time
+    factor: float  # seconds of the robot's time in one of ours
+    rate_hz: float  # of commands, in the robot's time
+
+
+class Objection(Protocol):
+    """The reasons besides stops that keep a robot from driving."""
+
+    @property
+    def why(self) -> str:
+        """The reason why the robot must stand, and what ends that, in one line; empty if it need not."""
+        ...
+
+    def release(self) -> None:
+        """Release the robot, by an operator who has looked at it."""
+        ...
+
+
+class Ros2Robot:
+    """Drives a ROS 2 robot, and tells `onlooker` of every decision, too.
+
+    `orders` is what operators ask, or None. `objections` may keep the robot from driving besides stops.
+    """
+
+    def __init__(
+        self,
+        hardware: Hardware,
+        steering: Steering,
+        clock: FleetClock,
+        pace: Pace,
+        onlooker: Telemetry | None,
+        orders: StopOrders | None,
+        log: Log,
+        objections: Sequence[Objection] = (),
+    ) -> None:
+        self._hardware = hardware
+        self._steering = steering
+        self._clock = clock
+        self._pace = pace
+        self._onlooker = onlooker
+        self._orders = orders
+        self._log = log
+        self._say = Sayer(log.info)
+        self._objections = objections
+        self._goal: Place | None = None
+        self._lock = Lock()
+        self._over = Event()
+        self._failed = ""
+        self._stopped = ""
+        self._standing = Standing(pace.factor)
+        self._cycled_s = time.monotonic()
+        self._thread = Thread(target=self._drive, name="drive", daemon=True)
+
+    def start(self) -> Ros2Robot:
+        """Begin to drive; itself."""
+        if self._orders is not None:
+            self._orders.obey(self._carry_out)
+        self._thread.start()
+        return self
+
+    @property
+    def stopped(self) -> str:
+        """The reason why it may not drive, and what ends that; empty if it may. From any thread."""
+        return self._failed or self._stopped
+
+    @property
+    def driving(self) -> bool:
+        """True if its thread drives."""
+        return self._thread.is_alive()
+
+    def show(self, vitals: Vitals) -> None:
+        """Add the robot's figures to those of the process from now on."""
+        vitals.probe(STOPPED, lambda: float(bool(self.stopped)))
+        vitals.probe(ODOMETRY_AGE, lambda: self._hardware.odometry_age_s)
+        vitals.probe(UNUSABLE, lambda: self._hardware.refused)
+
+    def sense(self) -> Sensed | None:
+        """Wait for the next tick in which the robot's pose is known; None when it is time to leave.
+
+        `DriverFailed` is raised when the robot can no longer be driven.
+        """
+        while (k := self._clock.tick()) is not None:
+            if self._failed:
+                raise DriverFailed(self._failed)
+            with self._lock:
+                fix = self._hardware.fix()
+                if fix is None:
+                    continue
+                # The command that is decided on now begins to act only then.
+                pose = self._steering.ahead(fix, PHASE_B_SHARE * self._pace.step)
+                bumped = self._steering.blocked(fix.pose) and not self._hardware.stops
+            return Sensed(k, pose, bumped, clock_s=k * self._pace.step)
+        return None
+
+    def report(self, sensed: Sensed, decision: Decision, decision_ms: float) -> None:
+        """A decision has been taken (`agent.ports.Telemetry`)."""
+        self._goal = decision.goal
+        if self._onlooker is not None:
+            self._onlooker.report(sensed, decision, decision_ms)
+
+    def act(self, command: Command) -> None:
+        """Obey for one step."""
+        now_s = self._hardware.time.now()
+        if now_s is not None:
+            with self._lock:
+                self._steering.want(command, self._goal, now_s)
+
+    def stop(self, reason: str) -> None:
+        """Stop for good."""
+        if self._over.is_set():
+            return
+        self._over.set()
+        if self._thread.is_alive():
+            self._thread.join(_JOIN_S)
+        self._halt()
+        self._say.now(f"stopped for good: {reason}")
+        if doubt := self._steering.unconfirmed:
+            self._say.now(f"may still drive: {doubt}")
+        if unsaved := self._hardware.stops.unsaved():
+            self._say.now(f"stops are not noted: {unsaved}")
+
+    def rest(self) -> None:
+        """Stop before this process is paused; `go_on` drives on."""
+        self._halt()
+
+    def go_on(self) -> None:
+        """Drive on after `rest`, unless the robot was stopped for good."""
+        if not self._over.is_set():
+            self._steering.go_on()
+
+    def cycle(self) -> Fix | None:
+        """Hear the robot and tell it what is safe, once; where it is."""
+        with self._lock:
+            moment_s = time.monotonic()
+            since_s = min((moment_s - self._cycled_s) * self._pace.factor, LONGEST_CYCLE_S)
+            self._cycled_s = moment_s
+            fix = self._hardware.fix()
+            now_s = self._hardware.time.now()
+            stopped = self._hardware.stops.why or next((one.why for one in self._objections if one.why), "")
+            self._stopped = stopped
+            if not stopped:
+                self._standing.told()  # whoever stops the robot from now on, for it is about to be driven
+            why = self._steering.step(fix, 0.0 if now_s is None else now_s, since_s, stopped)
+        if stopped:
+            self._standing.look(fix, self._steering.unconfirmed, moment_s)
+        elif fix is None:
+            why = self._hardware.why
+        self._say.state(why, moment_s, SAY_AFTER_S if stopped or fix is None else HELD_AFTER_S)
+        return fix
+
+    def _carry_out(self, order: Order) -> Outcome:
+        """Do what an operator asks; what has come of it, once that is known."""
+        stops = self._hardware.stops
+        if order is Order.RELEASE:
+            objected = any(one.why for one in self._objections)
+            for objection in self._objections:
+                objection.release()
+            if stops.release(Stopper.OPERATOR) or objected:
+                self._say.now("released by an operator")
+            return Outcome(True, stops.why or "not stopped")
+        if stops.hold(Stopper.OPERATOR):
+            self._standing.told()
+            self._say.now("stopped by an operator")
+        doubt = self._standing.doubt()
+        if doubt:
+            return Outcome(False, f"may still drive: {doubt}; {stops.why}")
+        if unsaved := stops.unsaved():
+            return Outcome(False, f"stands, but a restart of its agent would end that ({unsaved}); {stops.why}")
+        return Outcome(True, stops.why)
+
+    def _drive(self) -> None:
+        period_s = 1.0 / (self._pace.rate_hz * self._pace.factor)
+        due_s = time.monotonic()
+        try:
+            while not self._over.wait(max(0.0, due_s - time.monotonic())):
+                self.cycle()
+                due_s = max(due_s + period_s, time.monotonic())
+        except Exception as error:  # noqa: BLE001 - whatever it is, the robot must stand, and the mind must know
+            self._log.failure(error)
+            self._failed = f"the driver failed: {type(error).__name__}: {error}"
+        finally:
+            self._halt()
+
+    def _halt(self) -> None:
+        """Send zero velocity, after the present message; also if the thread that sends it hangs."""
+        locked = self._lock.acquire(timeout=_LOCK_S)
+        try:
+            self._steering.halt()
+        finally:
+            if locked:
+                self._lock.release()
+
+
+class Sayer:
+    """Says why a robot stands, once, when it has stood for a while; and when it drives again."""
+
+    def __init__(self, say: Callable[[str], None]) -> None:
+        self.now = say
+        self._since_s: float | None = None
+        self._said = False
+
+    def state(self, why: str, moment_s: float, after_s: float = SAY_AFTER_S) -> None:
+        """Take in why the robot stands, empty if it does not, and say it once it has stood for `after_s`."""
+        if not why:
+            if self._said:
+                self.now("drives again")
+            self._since_s, self._said = None, False
+            return
+        if self._since_s is None:
+            self._since_s = moment_s
+        if not self._said and moment_s - self._since_s >= after_s:
+            self.now(f"stands: {why}")
+            self._said = True

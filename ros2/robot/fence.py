@@ -1,0 +1,73 @@
+"""The fence: no command may lead off the ground, nor into another robot, within the way that the body needs to stop.
+
+The ground is the map's: where a body of this radius may be without entering a wall, a keep-out area or what lies
+beyond the map. A body that is too near to a wall already may only move away from it; one whose centre is off the ground
+stands. Other robots are taken to go on as they went; who is too near to one already may only move away from it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from patrol.ground.swept_path import advance, path_is_free
+from patrol.ground.terrain import Terrain
+from patrol.pose import Command, Pose, Twist
+from ros2.robot.commands import scaled
+from ros2.robot.others import Other
+
+SHARES = tuple(eighth / 8.0 for eighth in range(8, 0, -1))
+"""Shares of a command's speed that are tried, the whole first."""
+
+THEIRS_S = 0.3
+"""Time that another robot takes longer to stop than this one, s: it hears of this one once a tick."""
+
+LOOKS = (0.25, 0.5, 0.75, 1.0)
+"""Shares of the time until it stands at which a body's distance from another is looked at."""
+
+
+@dataclass(frozen=True, slots=True)
+class Fence:
+    """The fence of one body."""
+
+    terrain: Terrain
+    radius: float  # of the body and what is kept clear around it, m
+    reaction_s: float  # for which the body goes on before it begins to brake
+    braking: float  # how hard it brakes, m/s²
+
+    def allowed(self, pose: Pose, command: Command, others: Sequence[Other] = ()) -> Command:
+        """Return the command for the same path, as fast as it may be driven; a halt if not at all.
+
+        A differential drive that is on the ground may still turn on the spot.
+        """
+        if not self.on_ground(pose):
+            return scaled(command, 0.0)
+        for share in SHARES:
+            slower = scaled(command, share)
+            stands_s = self._until_it_stands(slower)
+            free = path_is_free(self.terrain, pose, slower, stands_s, self.radius)
+            if free and all(self._keeps_off(pose, slower, stands_s + THEIRS_S, other) for other in others):
+                return slower
+        return Twist(0.0, command.turn_rate) if isinstance(command, Twist) else scaled(command, 0.0)
+
+    def on_ground(self, pose: Pose) -> bool:
+        """Return True if a body's centre is where a body may be."""
+        at = self.terrain.point_at(pose.x, pose.y) if self.terrain.contains(pose.x, pose.y) else None
+        return at is not None and bool(self.terrain.free[at])
+
+    def _until_it_stands(self, command: Command) -> float:
+        """For how long the body may not leave the ground at its present speed, s: as far as it goes while it brakes."""
+        return self.reaction_s + command.speed_mps / (2.0 * self.braking)
+
+    def _keeps_off(self, pose: Pose, command: Command, time_s: float, other: Other) -> bool:
+        """Return True if a body comes no nearer to another than both are wide, or goes away from it."""
+        wide = self.radius + other.radius
+        now = other.distance(pose.x, pose.y, 0.0)
+        if now - (command.speed_mps + other.speed) * time_s >= wide:
+            return True
+        for share in LOOKS:
+            end = advance(pose, command, share * time_s)
+            then = other.distance(end.x, end.y, share * time_s)
+            if then < wide and then < now:
+                return False
+        return True

@@ -1,0 +1,196 @@
+"""The robot's side of a link: what it says of itself, its time, and who stops it. Nothing here moves it."""
+
+from __future__ import annotations
+
+import time
+from collections import Counter
+from collections.abc import Callable, Iterator
+from typing import Any
+
+from ros2.robot.localisation import Fix, Localisation
+from ros2.robot.settings import DriveSettings
+from ros2.robot.stop_files import StopFiles
+from ros2.robot.stop_topic import StopTopic
+from ros2.robot.stops import Stopper, Stops
+from ros2.wire.mailbox import RosMailbox
+from ros2.wire.messages import Bool, Clock, Odometry, PoseWithCovarianceStamped, TFMessage
+from ros2.wire.names import LATCHED, SENSOR, USUAL
+from ros2.wire.ports import Ros2Link
+
+_ROOM = 64
+
+
+class RobotTime:
+    """The robot's time: the system's clock, or the clock of a simulation.
+
+    `clock` receives the time of a simulation; None stands for the system's clock. What it said last counts for
+    `fresh_s` of our time. `factor` is the seconds of the robot's time in one of ours.
+    """
+
+    def __init__(self, factor: float, clock: RosMailbox[Clock] | None, fresh_s: float) -> None:
+        self._factor = factor
+        self._clock = clock
+        self._fresh_s = fresh_s
+
+    def at(self, moment_s: float) -> float | None:
+        """Return the robot's time at a moment of `time.monotonic`, s since its epoch; None while it is unknown."""
+        if self._clock is None:
+            return time.time() - (time.monotonic() - moment_s)
+        told = self._clock.newest
+        if told is None or moment_s - told.at_s > self._fresh_s:
+            return None
+        return told.message.stamp_ns / 1e9 + self._factor * (moment_s - told.at_s)
+
+    def now(self) -> float | None:
+        """Return the robot's time now, s since its epoch."""
+        return self.at(time.monotonic())
+
+
+class Hardware:
+    """Hears the robot.
+
+    `factor` is the seconds of the robot's time in one of ours, 1 but for simulations. Without `stop_files`, stops end
+    with this process.
+    """
+
+    def __init__(
+        self,
+        link: Ros2Link,
+        settings: DriveSettings,
+        factor: float,
+        say: Callable[[str], None],
+        stop_files: StopFiles | None = None,
+    ) -> None:
+        self.link = link
+        self.settings = settings
+        self.stops = Stops(link.resolve(settings.topic("stop")), stop_files)
+        self._say = say
+        self._unnoted = ""
+        fresh_s = settings.localisation.fresh_s / factor
+        clock: RosMailbox[Clock] | None = RosMailbox() if settings.sim_time else None
+        self.time = RobotTime(factor, clock, fresh_s)
+        self._localisation = Localisation(settings.localisation)
+        self._odometry: RosMailbox[Odometry] = RosMailbox(_ROOM)
+        self._tf: RosMailbox[TFMessage] = RosMailbox(_ROOM)
+        self._tf_static: RosMailbox[TFMessage] = RosMailbox(_ROOM)
+        self._root_tf: RosMailbox[TFMessage] = RosMailbox(_ROOM)
+        self._root_tf_static: RosMailbox[TFMessage] = RosMailbox(_ROOM)
+        self._poses: RosMailbox[PoseWithCovarianceStamped] = RosMailbox(_ROOM)
+        self._stop = StopTopic(Stopper.TOPIC in self.stops, time.time_ns)
+        tfs = (self._tf, self._tf_static, self._root_tf, self._root_tf_static)
+        heard: list[RosMailbox[Any]] = [self._stop, self._odometry, self._poses, *tfs]
+        self._refusals = Refusals(heard if clock is None else [*heard, clock])
+        topic = settings.topic
+        if clock is not None:
+            link.subscribe(topic("clock"), Clock, clock, SENSOR)
+        link.subscribe(topic("stop"), Bool, self._stop, LATCHED)
+        link.subscribe(topic("tf_static"), TFMessage, self._tf_static, LATCHED)
+        link.subscribe(topic("tf"), TFMessage, self._tf, USUAL)
+        for usual, mailbox, qos in (("tf", self._root_tf, USUAL), ("tf_static", self._root_tf_static, LATCHED)):
+            # ROS says transforms outside of every namespace, unless a launch file moves them into the robot's.
+            if topic(usual) == usual and link.resolve(usual) != f"/{usual}":
+                link.subscribe(f"/{usual}", TFMessage, mailbox, qos)
+        link.subscribe(topic("amcl_pose"), PoseWithCovarianceStamped, self._poses, LATCHED)
+        link.subscribe(topic("odom"), Odometry, self._odometry, SENSOR)
+
+    @property
+    def why(self) -> str:
+        """The reason why the robot's pose is unknown, in one line; empty if it is known."""
+        if self.time.now() is None:
+            return f"no time on {self.settings.topic('clock')}; leave --use-sim-time out, or start the simulation"
+        refused = [*self._odometry.said.values(), *self._tf.said.values(), *self._poses.said.values()]
+        found = self._localisation.why
+        return f"{found} ({refused[0]})" if found and refused else found
+
+    def fix(self) -> Fix | None:
+        """Locate the robot now, by the messages that have arrived; None if unknown. From one thread at a time."""
+        self._heed_stops()
+        now_s = self.time.now()
+        if now_s is None:
+            return None
+        while (odometry := self._odometry.take()) is not None:
+            self._localisation.odometry(odometry.message, self._arrival(odometry.at_s, now_s), odometry.sender)
+        for mailbox, fixed in self._transforms():
+            while (said := mailbox.take()) is not None:
+                self._localisation.transforms(said.message, self._arrival(said.at_s, now_s), fixed=fixed)
+        while (pose := self._poses.take()) is not None:
+            self._localisation.localised(pose.message, self._arrival(pose.at_s, now_s))
+        return self._localisation.at(now_s)
+
+    @property
+    def odometry_age_s(self) -> float | None:
+        """The age of the newest odometry, s of ours; None before the first. From any thread."""
+        newest = self._odometry.newest
+        return None if newest is None else time.monotonic() - newest.at_s
+
+    @property
+    def correction_age_s(self) -> float | None:
+        """The age of what corrects the odometry, s of the robot's time; None while unknown. From any thread."""
+        now_s = self.time.now()
+        return None if now_s is None else self._localisation.correction_age_s(now_s)
+
+    @property
+    def refused(self) -> dict[str, float]:
+        """Counts of the robot's messages that could not be used, by reason. From any thread."""
+        heard = (
+            self._odometry,
+            self._tf,
+            self._tf_static,
+            self._root_tf,
+            self._root_tf_static,
+            self._poses,
+            self._stop,
+        )
+        return dict(sum((Counter(mailbox.refused) for mailbox in heard), Counter[str]()))
+
+    def stamp_ns(self) -> int:
+        """Return the stamp of a message that is sent now; 0 while the time is unknown."""
+        now_s = self.time.now()
+        return 0 if now_s is None else max(0, int(now_s * 1e9))
+
+    def _transforms(self) -> Iterator[tuple[RosMailbox[TFMessage], bool]]:
+        """Give the queues of transforms, and whether they hold for ever; those of the robot's own namespace go first.
+
+        Outside of it they count only as long as there are none inside: other robots may use the same names there.
+        """
+        yield (self._tf_static if self._tf_static.received else self._root_tf_static), True
+        yield (self._tf if self._tf.received else self._root_tf), False
+
+    def _arrival(self, at_s: float, now_s: float) -> float:
+        """Return the arrival time of a message, s of the robot's time."""
+        then_s = self.time.at(at_s)
+        return now_s if then_s is None else min(then_s, now_s)
+
+    def _heed_stops(self) -> None:
+        for line in self._refusals.new():
+            self._say(f"refused: {line}")
+        stopped, holds, ignored = self._stop.heed()
+        who = self.stops.who(Stopper.TOPIC)
+        if stopped and self.stops.hold(Stopper.TOPIC):
+            self._say(f"stopped by {who}")
+        if not holds and self.stops.release(Stopper.TOPIC):
+            self._say(f"released by {who}")
+        if (error := self.stops.error) != self._unnoted:
+            self._unnoted = error
+            if error:
+                self._say(f"stops are not noted: {error}")
+        if ignored:
+            self._say(f"still stopped by {who}: {ignored}")
+
+
+class Refusals:
+    """The messages that topics have refused, for people: the first message of each topic for each reason."""
+
+    def __init__(self, mailboxes: list[RosMailbox[Any]]) -> None:
+        self._mailboxes = mailboxes
+        self._said = [0] * len(mailboxes)
+
+    def new(self) -> list[str]:
+        """Lines that are new since this was last asked."""
+        lines: list[str] = []
+        for number, mailbox in enumerate(self._mailboxes):
+            if len(mailbox.said) > self._said[number]:
+                said = list(mailbox.said.values())
+                lines += said[self._said[number] :]
+                self._said[number] = len(said)
+        return lines

@@ -1,0 +1,268 @@
+"""The robot's pose on the map now: its odometry, corrected by its localisation, and brought up to this moment.
+
+Odometry is smooth and frequent, but drifts. A localisation corrects it now and then: by the transform of the odometry's
+frame in the map's, which AMCL, slam_toolbox and Cartographer publish on ``tf``, or by poses such as ``amcl_pose``.
+All times are the robot's, in s. Without a fresh pose there is none: nothing is guessed for longer than `LONGEST_S`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import StrEnum
+from types import MappingProxyType
+from typing import TYPE_CHECKING
+
+from patrol.pose import Pose
+from patrol.printable import printable
+from ros2.robot.odometer import REMEMBERED, Odometer, OdometryReading
+from ros2.wire.frames import composed, inverted, travelled
+
+if TYPE_CHECKING:
+    from ros2.wire.messages import Odometry, PoseWithCovarianceStamped, TFMessage, Twist
+
+LONGEST_S = 0.5
+"""The longest time over which a pose is carried on by its velocity, s."""
+
+AHEAD_S = 0.1
+"""Largest lead of a stamp over the robot's time, s: clocks on two machines never agree quite."""
+
+CORRECTION_S = 5.0
+"""Greatest age of the newest transform from map to odometry, s. AMCL repeats it with every scan."""
+
+CORRECTED_M = 10.0
+"""Longest drive on odometry after the last pose of the localisation, m. AMCL sends one after each 0.2 m
+or so, and none to a robot that stands."""
+
+MATCH_S = 0.2
+"""Largest difference in time between a pose and the odometry that it is compared with, s."""
+
+Variances = tuple[float, float, float]
+"""Of x and y, m², and of the heading, rad²."""
+
+VARIANCES: Variances = (0.25, 0.25, (math.pi / 12.0) ** 2)
+"""What RViz says of a pose that is given by hand: half a metre, and 15 degrees."""
+
+SAME_MAP = Pose(0.0, 0.0, 0.0)
+"""The transform of a robot whose map is ours."""
+
+SPEED = 0.25
+"""The top speed of a small and careful robot, m/s."""
+
+RADIUS = 0.25
+"""The radius of its body, m."""
+
+_STANDS = 0.02
+"""A robot stands whose speed and turn rate add up to less than this, in m/s and rad/s: odometry is noisy."""
+_MOST_CHILDREN = 256
+
+
+class Source(StrEnum):
+    """The source of corrections of the odometry."""
+
+    TF = "tf"
+    POSE = "pose"
+    ODOMETRY = "odometry"
+
+
+@dataclass(frozen=True, slots=True)
+class Fix:
+    """The pose of the robot."""
+
+    pose: Pose  # on the map, now
+    twist: Twist  # by its odometry, in its own frame
+    age_s: float  # of the odometry that the pose is carried on from
+
+
+@dataclass(frozen=True, slots=True)
+class _Correction:
+    """The pose of the odometry's frame on the map."""
+
+    pose: Pose
+    arrived_s: float
+    driven_m: float
+
+
+@dataclass(frozen=True, slots=True)
+class LocalisationSettings:
+    """The settings by which a robot is found on the map."""
+
+    source: Source = Source.TF  # what corrects the odometry
+    map_frame: str = "map"
+    # on the map; without corrections odometry counts from there, otherwise the localisation is told
+    start: Pose | None = None
+    variances: Variances = VARIANCES  # of `start`
+    transform: Pose = SAME_MAP  # pose of the robot's own map on ours, if it has another
+    fresh_s: float = 0.3  # longest time since the newest odometry arrived
+    delay_s: float | None = None  # age of odometry when it arrives; None to go by its stamps
+    speed: float = SPEED  # top speed, m/s: by how much the odometry may change
+    turn_rate: float = SPEED / RADIUS  # how fast the robot can turn, rad/s
+
+
+class Localisation:
+    """Puts together where the robot is.
+
+    `why` says why there is no pose, in one line with the remedy; it is empty if there is one.
+    """
+
+    def __init__(self, settings: LocalisationSettings) -> None:
+        self.why = "no odometry has come"
+        self._settings = settings
+        self._odometer = Odometer(settings.speed, settings.turn_rate, settings.fresh_s, settings.delay_s)
+        self._fixed: dict[str, _Correction] = {}
+        self._moving: dict[str, _Correction] = {}
+        self._posed: _Correction | None = None
+        self._refused = ""
+        self._begun: _Correction | None = None
+        self._lost = False
+        self._early: PoseWithCovarianceStamped | None = None
+
+    @property
+    def frames(self) -> Mapping[str, float]:
+        """The frames that transforms on the map lead to, each with the time of its newest transform, s."""
+        return MappingProxyType({name: one.arrived_s for name, one in {**self._fixed, **self._moving}.items()})
+
+    def odometry(self, message: Odometry, arrived_s: float, sender: bytes = b"") -> None:
+        """Take in odometry; once it counts from somewhere else, it must be corrected anew.
+
+        `sender` stands for the node that sent it, empty where that is not known.
+        """
+        is_first, other_frame = not self._odometer.frame, message.frame != self._odometer.frame
+        jumped = self._odometer.take(message, arrived_s, sender)
+        if jumped:
+            self._moving.clear()
+            self._fixed.clear()
+        if jumped or (other_frame and not is_first):
+            self._posed = self._begun = self._early = None
+            self._lost = True
+        newest, start = self._odometer.newest, self._settings.start
+        if is_first and newest is not None and start is not None:
+            self._begun = _Correction(composed(start, inverted(newest.pose)), arrived_s, newest.driven_m)
+        if self._early is not None:
+            early, self._early = self._early, None
+            self.localised(early, arrived_s)
+
+    def transforms(self, message: TFMessage, arrived_s: float, *, fixed: bool) -> None:
+        """Take in transforms; only those of frames on the map matter.
+
+        If `fixed`, they came on ``tf_static``, and so hold for ever.
+        """
+        kept = self._fixed if fixed else self._moving
+        for one in message.transforms:
+            if _named(one.frame) == _named(self._settings.map_frame):
+                self._keep(kept, _named(one.child_frame), _Correction(self._on_our_map(one.pose), arrived_s, 0.0))
+            elif _named(one.child_frame) == _named(self._odometer.frame):
+                self._refuse(Source.TF, f"transforms of {one.child_frame} on tf are in", one.frame)
+
+    def _keep(self, kept: dict[str, _Correction], child: str, correction: _Correction) -> None:
+        """Keep a frame's transform; of many frames the oldest makes room, but never the odometry's own."""
+        kept.pop(child, None)
+        kept[child] = correction
+        if len(kept) > _MOST_CHILDREN:
+            del kept[next(name for name in kept if name != _named(self._odometer.frame))]
+
+    def localised(self, message: PoseWithCovarianceStamped, arrived_s: float) -> None:
+        """Take in a pose on the map; it is held against the odometry of its time."""
+        if _named(message.frame) != _named(self._settings.map_frame):
+            self._refuse(Source.POSE, "poses of the localisation are in", message.frame)
+            return
+        readings = self._odometer.readings
+        if not readings:
+            self._early = message
+            return
+        at_s = message.stamp_ns / 1e9
+        nearest, ahead_s = readings[-1], 0.0
+        if self._settings.delay_s is None:
+            nearest = min(readings, key=lambda one: abs(one.stamp_s - at_s))
+            ahead_s = at_s - nearest.stamp_s
+        if self._precedes_all(at_s):
+            nearest, ahead_s = readings[0], 0.0
+        elif abs(ahead_s) > MATCH_S:
+            return
+        then = travelled(nearest.pose, nearest.twist, ahead_s)
+        self._posed = _Correction(composed(self._on_our_map(message.pose), inverted(then)), arrived_s, nearest.driven_m)
+
+    def _refuse(self, source: Source, words: str, frame: str) -> None:
+        """Note that corrections come in a frame that is not the map's."""
+        if source is self._settings.source:
+            why = f"{printable(words)} the frame {printable(frame)!r}, not {self._settings.map_frame}"
+            self._refused = f"{why}; correct that, or give --map-frame"
+
+    def _on_our_map(self, pose: Pose) -> Pose:
+        return composed(self._settings.transform, pose)
+
+    def _precedes_all(self, at_s: float) -> bool:
+        """Return True if a pose is from before the first odometry of a robot that stood then.
+
+        A localisation is silent while a robot stands, so that its latched pose may be old. Since then the robot has
+        driven less than it takes for another one: no more than some 0.2 m.
+        """
+        readings = self._odometer.readings
+        first = readings[0]
+        stood = math.hypot(first.twist.vx, first.twist.vy) + abs(first.twist.turn_rate) < _STANDS
+        return self._posed is None and stood and len(readings) < REMEMBERED and at_s < first.stamp_s
+
+    def at(self, now_s: float) -> Fix | None:
+        """Return the robot's pose now; None, and `why`, if it is unknown."""
+        newest = self._odometer.newest
+        self.why = self._odometry_fault(newest, now_s) or self._correction_fault(newest, now_s)
+        if newest is None or self.why:
+            return None
+        correction = self._correction()
+        assert correction is not None  # else there would be a reason
+        age_s = max(0.0, now_s - newest.stamp_s)
+        return Fix(travelled(composed(correction.pose, newest.pose), newest.twist, age_s), newest.twist, age_s)
+
+    def correction_age_s(self, now_s: float) -> float | None:
+        """Return the age of the correction in use, s, or None without one; called from any thread."""
+        found = self._correction()
+        return None if found is None else abs(now_s - found.arrived_s)
+
+    def _odometry_fault(self, newest: OdometryReading | None, now_s: float) -> str:
+        if newest is None:
+            return "no odometry has come"
+        if doubt := self._odometer.doubt(now_s):
+            return doubt
+        silent_s = abs(now_s - newest.arrived_s)  # a clock may have been set back
+        if silent_s > self._settings.fresh_s:
+            return f"no odometry for {silent_s:.1f} s"
+        age_s = now_s - newest.stamp_s
+        if age_s > LONGEST_S:
+            return f"odometry is {age_s:.1f} s old by its stamps; set NTP on both machines, or give --delay"
+        if age_s < -AHEAD_S:
+            return f"odometry is {-age_s:.1f} s ahead by its stamps; set NTP on both machines, or give --delay"
+        return ""
+
+    def _correction_fault(self, newest: OdometryReading | None, now_s: float) -> str:
+        found, frame = self._correction(), self._odometer.frame
+        source, wanted = self._settings.source, f"{self._settings.map_frame} -> {frame}"
+        if found is None and self._lost:
+            remedy = "start this agent anew where the robot stands then"
+            if source is not Source.ODOMETRY:
+                remedy = f"is the robot's localisation running? If it has none, {remedy}"
+            return f"odometry counts from somewhere else, and nothing has said where that is on the map; {remedy}"
+        if source is Source.ODOMETRY:
+            return "" if found is not None else "it is not known where the robot started; give --start X,Y,HEADING"
+        if found is None:
+            missing = f"no transform {wanted} on tf" if source is Source.TF else "no pose of a localisation has come"
+            return self._refused or f"{missing}; start the robot's localisation, or give --localisation"
+        corrected_s = self.correction_age_s(now_s) or 0.0
+        if source is Source.TF and _named(frame) in self._moving and corrected_s > CORRECTION_S:
+            return f"no transform {wanted} for {corrected_s:.1f} s; is the robot's localisation running?"
+        if source is Source.POSE and newest is not None and newest.driven_m - found.driven_m > CORRECTED_M:
+            return f"no pose of a localisation for {newest.driven_m - found.driven_m:.1f} m; is it running?"
+        return ""
+
+    def _correction(self) -> _Correction | None:
+        if self._settings.source is Source.ODOMETRY:
+            return self._begun
+        if self._settings.source is Source.POSE:
+            return self._posed
+        frame = _named(self._odometer.frame)
+        return self._moving.get(frame) or self._fixed.get(frame)
+
+
+def _named(frame: str) -> str:
+    """Return a frame's name as tf compares it: old robots put a slash before it."""
+    return frame.lstrip("/")

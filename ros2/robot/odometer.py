@@ -1,0 +1,168 @@
+"""The odometry of a robot, as far as it can be believed: of one sender, in its order, and without jumps.
+
+Odometry goes on as a body does. What is farther from what came before than speed and time allow is not: the robot was
+restarted and counts from somewhere else, it was carried, or another node speaks. Then its pose is unknown until
+its odometry has been steady for `SETTLED_S`, and something has said anew where that lies on the map.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from patrol.pose import wrap
+
+if TYPE_CHECKING:
+    from patrol.pose import Pose
+    from ros2.wire.messages import Odometry, Twist
+
+SETTLED_S = 1.0
+"""For how long odometry must be steady, or of one sender, before it counts again, s."""
+
+JUMP_M, JUMP_RAD = 0.5, 1.0
+"""Largest change of odometry that is no jump, m and rad: the noise of its poses, and the lateness of a message."""
+
+USUAL_S = 0.1
+"""Time between two messages of which none between them is missing, s."""
+
+MOST_RAD = 3.0
+"""A turn that is larger is a jump, however fast the robot can turn: of nearly half a turn the sense is unknown."""
+
+BACK_S = 0.1
+"""Least step back of arrivals that means that a clock was set back, s."""
+
+REMEMBERED = 256
+"""Messages that are remembered."""
+
+_DRIVEN_S = 0.5
+"""The longest time between two messages over which a velocity counts as driven, s."""
+_MOST_SENDERS = 16
+
+
+@dataclass(frozen=True, slots=True)
+class OdometryReading:
+    """A message of odometry."""
+
+    stamp_s: float
+    arrived_s: float
+    pose: Pose  # in the odometry's frame
+    twist: Twist  # in the body's own frame
+    driven_m: float  # way until then, by its velocities: the noise of poses would add up
+
+
+class Odometer:
+    """Takes in odometry; all times are the robot's, in s.
+
+    `readings` holds what is believed, the newest last, without what came before a silence. `frame` is that of its
+    poses, empty before the first; `jumped_m` is the length of the last jump.
+
+    `speed` is the robot's top speed, m/s; one that moves faster must say so in its odometry. `turn_rate` is how fast it
+    can turn, rad/s: while messages are missing, it may have turned like that; between others it turns as both of them
+    say. After `fresh_s` without a message the robot counts as silent. `delay_s` is the age of messages when they
+    arrive, so that their stamps mean nothing; None to go by the stamps.
+    """
+
+    def __init__(self, speed: float, turn_rate: float, fresh_s: float, delay_s: float | None) -> None:
+        self.readings: deque[OdometryReading] = deque(maxlen=REMEMBERED)
+        self.frame = ""
+        self.jumped_m = 0.0
+        self._speed = speed
+        self._turn_rate = turn_rate
+        self._fresh_s = fresh_s
+        self._delay_s = delay_s
+        self._senders: dict[bytes, float] = {}
+        self._astray: OdometryReading | None = None
+        self._astray_since_s = 0.0
+        self._strayed_s = -math.inf
+
+    @property
+    def newest(self) -> OdometryReading | None:
+        """The newest message, as far as it is believed."""
+        return self.readings[-1] if self.readings else None
+
+    def take(self, message: Odometry, arrived_s: float, sender: bytes = b"") -> bool:
+        """Take in a message, and return True if odometry counts from somewhere else from now on.
+
+        What was known of its frame is void then. A message older than the last is left out while that is fresh.
+        `sender` stands for the node that sent it, empty where that is not known.
+        """
+        self._note(sender, arrived_s)
+        last = self.newest
+        reading = self._read(message, arrived_s, last)
+        if last is None or message.frame != self.frame:
+            self.frame = message.frame
+            self._begin(reading)
+            return False
+        latest = self._astray or last
+        renewed = not -BACK_S <= arrived_s - latest.arrived_s <= self._fresh_s
+        if not renewed and reading.stamp_s <= latest.stamp_s:
+            return False
+        if self._follows(last, reading) and self._keeps_its_speed(reading):
+            self._astray = None
+            if renewed:  # stamps from before mean nothing any more
+                self.readings.clear()
+            self.readings.append(reading)
+            return False
+        self.jumped_m = math.dist((last.pose.x, last.pose.y), (reading.pose.x, reading.pose.y))
+        if not renewed and not self._settled(reading):
+            return False
+        self._begin(reading)
+        return True
+
+    def doubt(self, now_s: float) -> str:
+        """Return why the odometry cannot be believed now, in one line; empty if it can."""
+        lately = sum(abs(now_s - at_s) <= SETTLED_S for at_s in self._senders.values())
+        if lately > 1:
+            return f"odometry comes from {lately} senders; end all but one, or give --topic odom=TOPIC"
+        if abs(now_s - self._strayed_s) <= SETTLED_S:
+            return f"odometry has jumped by {self.jumped_m:.1f} m"
+        return ""
+
+    def _read(self, message: Odometry, arrived_s: float, last: OdometryReading | None) -> OdometryReading:
+        stamp_s = message.stamp_ns / 1e9 if self._delay_s is None else arrived_s - self._delay_s
+        driven_m = 0.0
+        if last is not None:
+            lapsed_s = min(max(0.0, arrived_s - last.arrived_s), _DRIVEN_S)
+            driven_m = last.driven_m + _speed(message.twist) * lapsed_s
+        return OdometryReading(stamp_s, arrived_s, message.pose, message.twist, driven_m)
+
+    def _note(self, sender: bytes, arrived_s: float) -> None:
+        self._senders.pop(sender, None)
+        self._senders[sender] = arrived_s
+        if len(self._senders) > _MOST_SENDERS:
+            del self._senders[next(iter(self._senders))]
+
+    def _begin(self, reading: OdometryReading) -> None:
+        self._astray, self._strayed_s = None, -math.inf
+        self.readings.clear()
+        self.readings.append(reading)
+
+    def _settled(self, reading: OdometryReading) -> bool:
+        """Return True if what came astray has been steady for long enough to be where the robot counts from now."""
+        if self._astray is None or not self._follows(self._astray, reading):
+            self._astray_since_s = reading.arrived_s
+        self._astray, self._strayed_s = reading, reading.arrived_s
+        return reading.arrived_s - self._astray_since_s >= SETTLED_S
+
+    def _keeps_its_speed(self, reading: OdometryReading) -> bool:
+        """Return True if many small jumps make no large one."""
+        second = [one for one in self.readings if 0.0 <= reading.arrived_s - one.arrived_s <= SETTLED_S]
+        return not second or self._follows(second[0], reading)
+
+    def _follows(self, before: OdometryReading, after: OdometryReading) -> bool:
+        """Return True if a body that was at the one can be at the other."""
+        lapsed_s = max(after.stamp_s - before.stamp_s, after.arrived_s - before.arrived_s, 0.0)
+        time_s = min(lapsed_s, SETTLED_S) + self._fresh_s  # messages that waited arrive together
+        speed = max(self._speed, min(_speed(before.twist), _speed(after.twist)))
+        told = min(abs(before.twist.turn_rate), abs(after.twist.turn_rate)) * time_s
+        unseen = self._turn_rate * max(0.0, min(lapsed_s, SETTLED_S) - USUAL_S)
+        moved = math.dist((before.pose.x, before.pose.y), (after.pose.x, after.pose.y))
+        turned = abs(wrap(after.pose.heading - before.pose.heading))
+        long_ago = after.arrived_s - before.arrived_s > self._fresh_s  # it may have turned all round
+        return moved <= JUMP_M + speed * time_s and (long_ago or turned <= min(JUMP_RAD + max(told, unseen), MOST_RAD))
+
+
+def _speed(twist: Twist) -> float:
+    return math.hypot(twist.vx, twist.vy)

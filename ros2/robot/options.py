@@ -1,0 +1,274 @@
+"""The command line of a ROS 2 robot's agent."""
+
+from __future__ import annotations
+
+import argparse
+import math
+from collections.abc import Sequence
+from pathlib import Path
+
+from patrol.errors import BadInput, did_you_mean
+from patrol.pose import MODELS, Limits
+from patrol.process.options import ProcessParser
+from ros2.robot.localisation import RADIUS, SAME_MAP, SPEED, VARIANCES, LocalisationSettings, Source
+from ros2.robot.settings import DRIVES, TOPICS, DriveSettings, turn_rate_of
+from ros2.wire.frames import composed, pose_given
+
+TURNING_RADIUS = 3.5
+"""A car's tightest turn unless options say otherwise, m, as in scenarios."""
+
+SCENARIO_START = "scenario"
+"""The value of --start that stands for the robot's start in the fleet's scenario."""
+
+FORMATS = ("rmw_zenoh", "rmw_zenoh-humble", "bridge")
+
+ROBOTS = ("ros2", "rclpy")
+"""The values of --robot: over Zenoh without ROS, or as a node of the ROS that is installed here."""
+
+DESCRIPTION = """Drive a ROS 2 robot on patrol, over its Zenoh router; ROS is not needed on this machine."""
+
+HELP = """
+First run. The robot runs a Zenoh router (rmw_zenohd, or zenoh-bridge-ros2dds) and a localisation, such as AMCL:
+
+  fogwatch doctor --connect tcp/192.168.1.20:7447 --namespace robot1        # what is there, and what is missing
+  fogwatch agent --robot ros2 --namespace robot1 --map map.yaml --connect tcp/192.168.1.20:7447 \\
+      --model differential --radius 0.2 --speed 0.3
+
+It drives as soon as it knows where it is. Ctrl-C stops the robot, and so does anybody who publishes true on its topic
+stop while this program runs:
+
+  ros2 topic pub --once --qos-durability transient_local /robot1/stop std_msgs/msg/Bool '{data: true}'
+
+The robot then stands until false is published there, also if this program ends and starts again meanwhile: it notes
+stops in the folder --state.
+
+Several robots patrol together when each agent is given all their names and its own credentials. They meet directly:
+
+  fogwatch fleet init yards-1 --robots robot1=192.168.1.21,robot2=192.168.1.22     # then copy each folder to its robot
+  ... --namespace robot1 --robots robot1,robot2 --credentials yards-1/robot1
+
+Without credentials they meet, by --router tcp/HOST:7447, at a router on HOST that everybody may use:
+
+  fogwatch router --listen tcp/0.0.0.0:7447 --open
+
+A localisation that waits to be told where the robot is, as AMCL does, is told by --start, on the topic initialpose;
+where it agrees, the robot drives. A place on --map, or a file with a pose on the robot's own map:
+
+  --start 1.5,2,0                  x and y in m, heading in rad; with a minus, --start=-1.5,2,0
+  --start pose.yaml                of: ros2 topic echo --once /amcl_pose > pose.yaml; or Nav2's parameters, initial_pose
+  --start scenario                 where --scenario has it
+
+On the robot itself, or wherever ROS 2 is installed, the agent can be a node of it, without a Zenoh router of the robot:
+
+  source /opt/ros/kilted/setup.bash
+  fogwatch agent --robot rclpy --namespace robot1 --map map.yaml --router tcp/192.168.1.10:7447
+
+--router is then the fleet's router, started as above on 192.168.1.10, over which operators stop the robot; members of a
+mesh give --credentials instead. With --scenario, --namespace has to be given, if only as ''. Goals for Nav2 (--drive
+nav2) go over Zenoh alone.
+
+A robot whose own map is not --map has --transform, which fogwatch map align finds.
+
+Speeds are in m/s, lengths in m, angles in rad. --drive says what the robot is told:
+
+  twist-stamped   geometry_msgs/TwistStamped on cmd_vel   Nav2 and TurtleBot 3 since Jazzy (the default)
+  twist           geometry_msgs/Twist on cmd_vel          robots before Jazzy
+  ackermann       ackermann_msgs/AckermannDriveStamped on ackermann_cmd, with --wheelbase; for --model car
+  nav2            goals of the action navigate_to_pose; Nav2 finds the way, and keeps off what no map shows
+
+The robot stands, with zero velocity, whenever its pose is not fresh, somebody has stopped it, or the way that it needs
+to stop leads off the map's ground; and when this process ends, or Ctrl-Z pauses it. The way that it needs to stop
+follows from --braking: measure that, since a robot that brakes less hard than it is said to runs into walls. If this
+process is killed, only the robot's own watchdog stops the robot: test that first. This program sees no people and no
+obstacles that are not on the map; see docs/ros2.md.
+
+Exit codes: 1 the robot or its policy failed, 2 bad input, 130 interrupted.
+"""
+
+
+def options_of(arguments: Sequence[str]) -> argparse.Namespace:
+    """Read a command line."""
+    return ros2_parser().parse_args(arguments)
+
+
+def ros2_parser() -> ProcessParser:
+    """Return the parser of a ROS 2 robot's command line."""
+    parser = ProcessParser("fogwatch agent --robot ros2", DESCRIPTION, HELP)
+    robots = "a ROS 2 robot, over Zenoh, or by the rclpy that is installed here"
+    parser.add_argument("--robot", choices=ROBOTS, required=True, help=robots)
+    add = parser.add_argument_group("the robot").add_argument
+    add("--connect", metavar="LOCATOR", help="the robot's Zenoh router, tcp/HOST:7447; not with rclpy")
+    add("--namespace", default="", metavar="NS", help="the robot's namespace, such as robot1 (default: none)")
+    add("--format", choices=FORMATS, help=f"what is spoken there (default: {FORMATS[0]})")
+    add("--domain", type=int, metavar="N", help="ROS_DOMAIN_ID (default: of the environment, or 0)")
+    add(
+        "--ros-credentials",
+        type=Path,
+        metavar="FOLDER",
+        help="for the robot's router (default: --credentials, over TLS)",
+    )
+    add("--drive", choices=DRIVES, default="twist-stamped", help="what the robot is told (default: %(default)s)")
+    add("--shared-commands", action="store_true", help="drive although others send it commands too, such as a joystick")
+    add("--topic", action="append", default=[], metavar="NAME=TOPIC", help=f"another name; of {', '.join(TOPICS)}")
+    add("--base-frame", default="base_link", metavar="NAME", help="frame of velocities (default: %(default)s)")
+    add("--use-sim-time", action="store_true", help="go by the time on /clock, of a simulated robot")
+
+    add = parser.add_argument_group("its body").add_argument
+    add("--model", choices=MODELS, default="differential", help="how it moves (default: %(default)s)")
+    add("--radius", type=float, default=RADIUS, metavar="M", help="of the round body (default: %(default)s m)")
+    add("--speed", type=float, default=SPEED, metavar="M/S", help="top speed (default: %(default)s m/s)")
+    add("--turning-radius", type=float, metavar="M", help=f"a car's tightest turn ({TURNING_RADIUS:g} m)")
+    add("--wheelbase", type=float, default=0.3, metavar="M", help="a car's, for ackermann (default: %(default)s m)")
+    add("--acceleration", type=float, default=1.0, metavar="M/S2", help="told at most (default: %(default)s m/s²)")
+    add("--braking", type=float, metavar="M/S2", help="it surely brakes as hard as that (default: --acceleration)")
+    add("--margin", type=float, default=0.1, metavar="M", help="kept clear around it (default: %(default)s m)")
+    add("--rate", type=float, default=20.0, metavar="HZ", help="commands a second (default: %(default)s)")
+
+    add = parser.add_argument_group("where it is").add_argument
+    add("--map", type=Path, metavar="FILE", help="map_server's YAML (default: the robot's latched topic map)")
+    add("--map-frame", default="map", metavar="NAME", help="the map's frame (default: %(default)s)")
+    add(
+        "--localisation",
+        choices=[one.value for one in Source],
+        default=Source.TF.value,
+        help="what corrects the odometry: transforms on tf, poses on amcl_pose, or nothing (default: %(default)s)",
+    )
+    add("--start", metavar="X,Y,HEADING|FILE|scenario", help="where it stands now; its localisation is told")
+    add("--transform", metavar="X,Y,HEADING", help="where its own map lies on --map (default: they are the same)")
+    add("--fresh", type=float, default=0.3, metavar="S", help="it stops without odometry for so long (%(default)s s)")
+    add("--delay", type=float, metavar="S", help="age of odometry on arrival, if its stamps are wrong")
+
+    add = parser.add_argument_group("its fleet").add_argument
+    add("--name", metavar="NAME", help="of the robot in its fleet (default: its credentials', its namespace, or robot)")
+    add("--robots", metavar="NAME,NAME", help="all robots of the fleet, with equal bodies (default: this one)")
+    add("--scenario", type=Path, metavar="FILE", help="the fleet's scenario, instead of map, body and --robots")
+    add("--set", action="append", default=[], metavar="FIELD=VALUE", help="set a field of the scenario; repeatable")
+    add("--write-scenario", type=Path, metavar="FILE", help="write the scenario that the options make, for a monitor")
+    add(
+        "--router",
+        metavar="LOCATOR",
+        help="the router that the fleet meets at (default: the credentials', or --connect)",
+    )
+    add("--fleet", metavar="NAME", help="the fleet's name (default: the credentials', or patrol)")
+    add("--credentials", type=Path, metavar="FOLDER", help="this robot's, made by: fogwatch fleet init")
+    add(
+        "--radio",
+        metavar="LOCATOR|FOLDER",
+        help="group, line, router, or its folder in a mesh, for positions (default: the fleet's)",
+    )
+    add("--epoch", type=float, metavar="S", help="Unix time of tick 0 (default: as a robot that is heard counts)")
+    add("--wait", type=float, default=60.0, metavar="S", help="for routers, map and pose (default: %(default)g s)")
+    add("--state", type=Path, metavar="FOLDER", help="where stops are noted (default: $STATE_DIRECTORY, or the user's)")
+    return parser
+
+
+def drive_settings(options: argparse.Namespace) -> DriveSettings:
+    """Return how the robot is driven."""
+    for name, least, most in (
+        ("radius", 0.01, 100.0),
+        ("speed", 0.001, 100.0),
+        ("acceleration", 0.01, 100.0),
+        ("margin", 0.0, 10.0),
+        ("wheelbase", 0.01, 100.0),
+        ("rate", 2.0, 50.0),
+        ("fresh", 0.05, 0.4),
+        ("wait", 0.1, 86_400.0),
+    ):
+        _check(f"--{name}", getattr(options, name), least, most)
+    braking = options.acceleration if options.braking is None else options.braking
+    _check("--braking", braking, 0.01, 100.0)
+    if options.delay is not None:
+        _check("--delay", options.delay, 0.0, 0.4)
+    _check_robot(options)
+    if options.write_scenario is not None and (options.scenario is not None or options.map is None):
+        raise BadInput("--write-scenario: needs --map, and no --scenario; leave it out")
+    if options.drive == "ackermann" and options.scenario is None and options.model != "car":
+        raise BadInput(f"--drive ackermann: steers a car, and --model is {options.model}; give --model car")
+    transform = SAME_MAP if options.transform is None else pose_given("--transform", options.transform)
+    if options.transform is not None and options.map is None and options.scenario is None:
+        raise BadInput("--transform: places the robot's own map on ours; give ours with --map or --scenario")
+    start, variances = None, VARIANCES
+    if options.start == SCENARIO_START and options.scenario is None:
+        raise BadInput("--start scenario: there is none; give --scenario, or a pose")
+    if options.start not in {None, SCENARIO_START} and _is_file(options.start):
+        from ros2.robot.initial import read_initial_pose
+
+        there, variances = read_initial_pose(Path(options.start), "--start", options.map_frame)
+        start = composed(transform, there)
+    elif options.start not in {None, SCENARIO_START}:
+        start = pose_given("--start", options.start, ", or a file that exists")
+    turning_radius = TURNING_RADIUS if options.turning_radius is None else options.turning_radius
+    limits = Limits(options.speed, options.radius, turning_radius)
+    return DriveSettings(
+        drive=options.drive,
+        base_frame=options.base_frame,
+        map_frame=options.map_frame,
+        wheelbase=options.wheelbase,
+        acceleration=options.acceleration,
+        braking=braking,
+        margin=options.margin,
+        rate_hz=options.rate,
+        localisation=LocalisationSettings(
+            Source(options.localisation),
+            options.map_frame,
+            start,
+            variances,
+            transform,
+            options.fresh,
+            options.delay,
+            options.speed,
+            turn_rate_of(options.model, limits),
+        ),
+        is_shared=options.shared_commands,
+        sim_time=options.use_sim_time,
+        topics=topics_given(options.topic),
+    )
+
+
+def _check_robot(options: argparse.Namespace) -> None:
+    """Refuse options that mean nothing for how the robot is reached."""
+    if options.robot == "ros2":
+        if options.connect is None:
+            raise BadInput("--connect: the robot's Zenoh router is missing; give it as tcp/HOST:7447")
+        return
+    for name in ("connect", "format", "ros_credentials"):
+        if getattr(options, name) is not None:
+            raise BadInput(
+                f"--{name.replace('_', '-')}: --robot rclpy needs no Zenoh router of the robot; leave it out"
+            )
+    if options.drive == "nav2":
+        raise BadInput("--drive nav2: --robot rclpy sends no goals; give --robot ros2, or --drive twist-stamped")
+
+
+def domain_of(options: argparse.Namespace) -> int:
+    """Return the ROS_DOMAIN_ID."""
+    from ros2.wire.names import domain_given
+
+    return domain_given(options.domain)
+
+
+def _check(option: str, value: float, least: float, most: float) -> None:
+    if not math.isfinite(value) or not least <= value <= most:
+        raise BadInput(f"{option} {value:g}: out of range; give {least:g} to {most:g}")
+
+
+def _is_file(name: str) -> bool:
+    try:
+        return Path(name).is_file()
+    except OSError:  # such as a name that is too long
+        return False
+
+
+def topics_given(given: Sequence[str]) -> dict[str, str]:
+    """Return names of topics, by their usual names, from texts ``NAME=TOPIC``."""
+    from ros2.wire.names import check_name
+
+    found: dict[str, str] = {}
+    for text in given:
+        usual, equals, name = text.partition("=")
+        if not equals or not name:
+            raise BadInput(f"--topic {text}: expected NAME=TOPIC, for example odom=odometry/filtered")
+        if usual not in TOPICS:
+            raise BadInput(f"--topic {text}: {usual!r} is no topic of ours; {did_you_mean(usual, tuple(TOPICS))}")
+        found[usual] = check_name(name, f"--topic {usual}")
+    return found

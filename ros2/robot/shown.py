@@ -1,0 +1,108 @@
+"""The topics for RViz, Foxglove and the like: the map, what it believes of the fog, and its way.
+
+Viewers cost the patrol nothing: a thread of its own sends, what is not sent in time is left out, and a large
+grid is thinned.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections import deque
+from collections.abc import Callable
+from dataclasses import replace
+from threading import Event, Thread
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agent.ports import Decision
+from patrol.exchange import Sensed
+from patrol.ground.fog import Fog
+from patrol.ground.terrain import Terrain
+from patrol.pose import Pose
+from ros2.robot.settings import DriveSettings
+from ros2.wire.messages import OccupancyGrid, Path
+from ros2.wire.names import LATCHED, EntityKind
+from ros2.wire.ports import Ros2Link
+
+EVERY_S = 2.0
+"""Wall time between two pictures of the fog, s."""
+MOST_CELLS = 250_000
+"""Cells of a grid of fog; of a finer one every second, third, ... row and column is sent."""
+MOST_POSES = 2000
+APART_M = 0.1
+"""Distance between the poses of a path, m."""
+GRAPH_S = 2.0
+OCCUPIED, UNKNOWN = 100, -1
+
+
+class Shown:
+    """Publishes what the robot believes (`agent.ports.Telemetry`)."""
+
+    def __init__(
+        self, link: Ros2Link, settings: DriveSettings, terrain: Terrain, fog: Fog, stamp_ns: Callable[[], int]
+    ) -> None:
+        self._terrain = terrain
+        self._fog = fog
+        self._settings = settings
+        self._stamp_ns = stamp_ns
+        self._way: deque[Pose] = deque(maxlen=MOST_POSES)
+        self._grids = link.publisher(settings.topic("fog"), OccupancyGrid, LATCHED)
+        self._paths = link.publisher(settings.topic("path"), Path, LATCHED)
+        self._due_s = 0.0
+        self._picture: tuple[NDArray[np.int8], tuple[Pose, ...]] | None = None
+        self._wake = Event()
+        self._thin = max(1, math.ceil(math.sqrt(terrain.height * terrain.width / MOST_CELLS)))
+        Thread(target=self._show, name="show", daemon=True).start()
+
+    def report(self, sensed: Sensed, decision: Decision, decision_ms: float) -> None:
+        """A decision has been taken."""
+        del decision, decision_ms
+        pose = sensed.pose
+        if not self._way or math.dist((pose.x, pose.y), (self._way[-1].x, self._way[-1].y)) >= APART_M:
+            self._way.append(pose)
+        now_s = time.monotonic()
+        if now_s >= self._due_s and not self._wake.is_set():
+            self._due_s = now_s + EVERY_S
+            self._picture = fog_cells(self._fog, sensed.k, self._thin), tuple(self._way)
+            self._wake.set()
+
+    def _show(self) -> None:
+        while self._wake.wait():
+            if self._picture is not None:
+                cells, way = self._picture
+                stamp_ns = self._stamp_ns()
+                settings, frame = self._settings, self._settings.map_frame
+                grid = grid_of(self._terrain, cells, self._thin, frame, stamp_ns)
+                self._grids.send(replace(grid, origin=settings.on_robots_map(grid.origin)))
+                self._paths.send(Path(stamp_ns, frame, tuple(map(settings.on_robots_map, way))))
+            self._wake.clear()
+
+
+def show_map(link: Ros2Link, settings: DriveSettings, terrain: Terrain, stamp_ns: int) -> bool:
+    """Publish the map, latched, unless another node already does; return True if it was published."""
+    topic = link.resolve(settings.topic("map"))
+    if any(one.kind is EntityKind.PUBLISHER and one.topic == topic for one in link.graph(GRAPH_S)):
+        return False
+    cells = np.where(terrain.free, 0, OCCUPIED).astype(np.int8)
+    link.publisher(topic, OccupancyGrid, LATCHED).send(grid_of(terrain, cells, 1, settings.map_frame, stamp_ns))
+    return True
+
+
+def fog_cells(fog: Fog, tick: int, thin: int) -> NDArray[np.int8]:
+    """Return a fog as cells: 0 where it was just seen, 100 where it is stalest, -1 off the patrolled ground.
+
+    The cells are every `thin`-th row and column: int8 (ceil(h / thin), ceil(w / thin)).
+    """
+    ages = tick - fog.last_seen[::thin, ::thin].astype(np.int64)
+    shares = np.clip(OCCUPIED * ages // max(1, fog.mfow(tick)), 0, OCCUPIED)
+    return np.where(fog.patrolled[::thin, ::thin] != 0, shares, UNKNOWN).astype(np.int8)
+
+
+def grid_of(terrain: Terrain, cells: NDArray[np.int8], thin: int, frame: str, stamp_ns: int) -> OccupancyGrid:
+    """Return a grid on a terrain.
+
+    `cells` is int8 (h, w), with row 0 at the lowest y; the side of a cell is `thin` points.
+    """
+    return OccupancyGrid(stamp_ns, frame, terrain.point * thin, Pose(*terrain.origin, 0.0), cells)

@@ -1,0 +1,207 @@
+"""The topics of a simulated robot: the topics of a ROS 2 robot with a localisation, and perhaps with Nav2."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from patrol.ground.terrain import Terrain
+from patrol.pose import Pose, wrap
+from ros2.sim.nav2 import THERE_M, Navigator
+from ros2.sim.robot import SimulatedRobot
+from ros2.wire.frames import composed, inverted
+from ros2.wire.goals import GoalServer, Status
+from ros2.wire.mailbox import RosMailbox
+from ros2.wire.messages import (
+    AckermannDriveStamped,
+    Clock,
+    OccupancyGrid,
+    Odometry,
+    PoseStamped,
+    PoseWithCovarianceStamped,
+    TFMessage,
+    Transform,
+    Twist,
+    TwistStamped,
+)
+from ros2.wire.names import LATCHED, SENSOR
+from ros2.wire.ports import Ros2Link
+
+MAP, ODOM, BASE = "map", "odom", "base_link"
+DRIVES = ("twist-stamped", "twist", "ackermann")
+
+THE_WORLD = Pose(0.0, 0.0, 0.0)
+"""The pose of a map that is the world's."""
+
+CLOCK_HZ = 50.0
+CORRECTION_HZ = 10.0
+ANOTHER_M, ANOTHER_RAD = 0.2, 0.2
+"""Motion between two poses of the localisation, as AMCL has it."""
+
+FOUND_M, FOUND_RAD = 1.0, 0.5
+"""Largest errors of a pose that it is told from which its localisation finds the true one."""
+
+_ROOM = 64
+_ROUNDING_S = 1e-3
+"""Rounding allowed in a time since the epoch, s: a double holds it to less than a microsecond, and steps add up."""
+
+
+@dataclass(frozen=True, slots=True)
+class Habits:
+    """The settings of a robot's topics."""
+
+    drive: str = "twist-stamped"  # what it is told: one of `DRIVES`
+    wheelbase: float = 0.3  # of a car, m
+    odometry_hz: float = 20.0
+    delay_s: float = 0.0  # of everything that it says
+    tells_time: bool = False  # its time is its own, so that it publishes it
+    has_map: bool = False  # it publishes the map, latched
+    has_nav2: bool = False
+    is_lost: bool = False  # its localisation waits to be told on `initialpose` where it is, as AMCL does
+    transform: Pose = THE_WORLD
+
+
+class Every:
+    """A clock for what happens at equal intervals."""
+
+    def __init__(self, period_s: float) -> None:
+        self._period_s = period_s
+        self._due_s = -math.inf
+
+    def is_so(self, now_s: float) -> bool:
+        """Return True if it is due, once in each interval."""
+        if now_s < self._due_s - _ROUNDING_S:
+            return False
+        self._due_s = max(self._due_s + self._period_s, now_s)
+        return True
+
+
+class RobotNode:
+    """A simulated robot's node.
+
+    `plugged` is False once its odometry has stopped; `said` counts the messages sent.
+    """
+
+    def __init__(self, link: Ros2Link, robot: SimulatedRobot, habits: Habits, terrain: Terrain) -> None:
+        self.robot = robot
+        self.plugged = True
+        self.said = 0
+        self._habits = habits
+        self._due: deque[tuple[float, Callable[[], None]]] = deque()
+        self._odometry = link.publisher("odom", Odometry, SENSOR)
+        self._tf = link.publisher("tf", TFMessage)
+        self._poses = link.publisher("amcl_pose", PoseWithCovarianceStamped, LATCHED)
+        self._clock = link.publisher("/clock", Clock, SENSOR) if habits.tells_time else None
+        self._odometry_due = Every(1.0 / habits.odometry_hz)
+        self._correction_due = Every(1.0 / CORRECTION_HZ)
+        self._clock_due = Every(1.0 / CLOCK_HZ)
+        self._localised: Pose | None = None
+        self._believed: Pose | None = None if habits.is_lost else habits.transform  # pose of its map
+        self._told: RosMailbox[PoseWithCovarianceStamped] = RosMailbox(_ROOM)
+        link.subscribe("initialpose", PoseWithCovarianceStamped, self._told)
+        self._goals = GoalServer(link) if habits.has_nav2 else None
+        self._navigator = Navigator(terrain, robot.build.spec) if habits.has_nav2 else None
+        self._going_since_s: float | None = None
+        self._stamped: RosMailbox[TwistStamped] = RosMailbox(_ROOM)
+        self._plain: RosMailbox[Twist] = RosMailbox(_ROOM)
+        self._cars: RosMailbox[AckermannDriveStamped] = RosMailbox(_ROOM)
+        if habits.drive == "twist-stamped":
+            link.subscribe("cmd_vel", TwistStamped, self._stamped)
+        elif habits.drive == "twist":
+            link.subscribe("cmd_vel", Twist, self._plain)
+        else:
+            link.subscribe("ackermann_cmd", AckermannDriveStamped, self._cars)
+        if habits.has_map:
+            cells = np.where(terrain.free, 0, 100).astype(np.int8)
+            corner = composed(inverted(habits.transform), Pose(*terrain.origin, 0.0))
+            grid = OccupancyGrid(0, MAP, terrain.point, corner, cells)
+            self._map = link.publisher("map", OccupancyGrid, LATCHED)
+            self._map.send(grid)
+
+    def hear(self, now_s: float) -> None:
+        """Take in what the robot was told; the time is s since the epoch."""
+        while (told := self._told.take()) is not None:
+            if told.message.frame == MAP:
+                self._localise(told.message.pose)
+        while (stamped := self._stamped.take()) is not None:
+            self.robot.obey(stamped.message.twist, now_s)
+        while (plain := self._plain.take()) is not None:
+            self.robot.obey(plain.message, now_s)
+        while (car := self._cars.take()) is not None:
+            drive = car.message
+            curvature = math.tan(max(-1.5, min(1.5, drive.steering_angle))) / self._habits.wheelbase
+            self.robot.obey(Twist(drive.speed, 0.0, drive.speed * curvature), now_s)
+        if self._goals is not None and self._navigator is not None:
+            self._navigate(self._goals, self._navigator, now_s)
+
+    def say(self, now_s: float) -> None:
+        """Send what is due; the time is s since the epoch."""
+        stamp_ns = round(now_s * 1e9)
+        if self._clock is not None and self._clock_due.is_so(now_s):
+            self._clock.send(Clock(stamp_ns))
+        odometry = self.robot.odometry
+        if self._odometry_due.is_so(now_s):
+            told = Odometry(stamp_ns, ODOM, BASE, odometry.say(), self.robot.velocity)
+            if self.plugged:
+                self._later(now_s, lambda: self._odometry.send(told))
+        if self._believed is not None:
+            if self._correction_due.is_so(now_s):
+                place = composed(inverted(self._believed), odometry.correction)
+                found = TFMessage((Transform(stamp_ns, MAP, ODOM, place),))
+                self._later(now_s, lambda: self._tf.send(found))
+            self._say_pose(self._believed, now_s, stamp_ns)
+        while self._due and self._due[0][0] <= now_s:
+            self._due.popleft()[1]()
+            self.said += 1
+
+    def _localise(self, told: Pose) -> None:
+        """Believe a pose on its map; from one that is nearly right its localisation finds the true one."""
+        true = composed(inverted(self._habits.transform), self.robot.pose)
+        near = math.dist((true.x, true.y), (told.x, told.y)) <= FOUND_M
+        if near and abs(wrap(told.heading - true.heading)) <= FOUND_RAD:
+            self._believed = self._habits.transform
+        else:
+            self._believed = composed(self.robot.pose, inverted(told))
+        self._localised = None
+
+    def _say_pose(self, own_map: Pose, now_s: float, stamp_ns: int) -> None:
+        pose, last = self.robot.pose, self._localised
+        if last is not None:
+            away = math.dist((pose.x, pose.y), (last.x, last.y))
+            if away < ANOTHER_M and abs(wrap(pose.heading - last.heading)) < ANOTHER_RAD:
+                return
+        self._localised = pose
+        self.robot.odometry.localise()
+        found = PoseWithCovarianceStamped(stamp_ns, MAP, composed(inverted(own_map), self.robot.odometry.found))
+        self._later(now_s, lambda: self._poses.send(found))
+
+    def _later(self, now_s: float, send: Callable[[], None]) -> None:
+        self._due.append((now_s + self._habits.delay_s, send))
+
+    def _navigate(self, goals: GoalServer, navigator: Navigator, now_s: float) -> None:
+        """Drive to the goal that the robot has, if it has one."""
+        stamp_ns = round(now_s * 1e9)
+        target = goals.step(stamp_ns)
+        own_map = self._believed
+        if target is None or own_map is None:
+            if self._going_since_s is not None:
+                self._going_since_s = None
+                self.robot.obey(Twist(0.0, 0.0, 0.0), now_s)
+            return
+        self._going_since_s = now_s if self._going_since_s is None else self._going_since_s
+        pose = self.robot.pose
+        goal = composed(own_map, target.pose)
+        left = math.dist((pose.x, pose.y), (goal.x, goal.y))
+        here = PoseStamped(stamp_ns, MAP, composed(inverted(own_map), pose))
+        goals.feedback(here, now_s - self._going_since_s, left)
+        velocity = navigator.velocity(pose, goal)
+        if left < THERE_M:
+            goals.finish(Status.SUCCEEDED)
+        elif velocity is None:
+            goals.finish(Status.ABORTED)
+        else:
+            self.robot.obey(velocity, now_s)

@@ -1,0 +1,97 @@
+"""``fogwatch reproduce``: the documentation's figures are listed with commands that make them again."""
+
+from __future__ import annotations
+
+import re
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import Image
+from typer.main import get_command
+
+from experiments.commands.reproduce import site_figures
+from fogwatch.cli.app import app
+from fogwatch.cli.ending import guarded
+
+DOCS = Path(__file__).parents[3] / "docs"
+PICTURE = re.compile(r"(?:!\[[^\]]*\]\(|\bsrc=\"|\bsrcset=\")([^)\"\s]+\.(?:png|svg|webp|gif))")
+
+MADE_BY = re.compile(r"Made by `([^`]*)`|^    (fogwatch [^#\n]*?) *(?:#.*)?$", re.MULTILINE)
+AS_MEASURED = " --set patrol.random_move_for=holonomic"
+"""What a page of faults says must be added today."""
+
+
+def reproduce(*words: str) -> int:
+    return guarded(lambda: app(["reproduce", *words], standalone_mode=False))
+
+
+def pictures_of_documents() -> set[Path]:
+    """Every picture that a page shows."""
+    shown = set()
+    for page in [DOCS.parent / "README.md", *DOCS.rglob("*.md")]:
+        shown |= {(page.parent / name).resolve() for name in PICTURE.findall(page.read_text(encoding="utf-8"))}
+    return shown
+
+
+def test_every_picture_of_the_documentation_has_its_command() -> None:
+    patterns = [pattern for figure in site_figures() for pattern in figure.files]
+    made = {pattern: set(DOCS.glob(pattern)) for pattern in patterns}
+    assert all(made.values()), "every pattern stands for a picture"
+    shown = pictures_of_documents()
+    assert len(shown) > 20
+    assert shown <= set().union(*made.values())
+
+
+def test_the_commands_are_those_that_the_pages_name() -> None:
+    pages = [page.read_text(encoding="utf-8") for page in DOCS.rglob("*.md")]
+    recorded = {line for page in pages for made_by in MADE_BY.findall(page) for line in made_by}
+    for figure in site_figures():
+        program, *words = shlex.split(figure.command)
+        if program == "python":
+            assert (DOCS.parent / words[0]).is_file()
+            continue
+        command: Any = get_command(app)
+        while hasattr(command, "commands"):
+            command = command.commands[words.pop(0)]
+        command.make_parser(command.context_class(command)).parse_args(words)
+        whole = re.sub(r"paper table \d", "paper all", figure.command).removesuffix(AS_MEASURED)
+        assert whole in recorded
+
+
+def test_the_list_has_times_and_commands(capsys: pytest.CaptureFixture[str]) -> None:
+    assert reproduce() == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert "paper: 4.2 h: fogwatch paper all --seeds 5" in lines
+    assert len(lines) == len(site_figures())
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (("paper-table-1",), "paper-table-1: no such figure; did you mean paper-table-"),
+        (("--out", "x"), "--out x: nothing is made without a FIGURE"),
+        (("page", "--out", "/dev/null/x"), "--out /dev/null/x: Not a directory; choose another folder"),
+    ],
+)
+def test_bad_input_is_one_line(words: tuple[str, ...], says: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert reproduce(*words) == 2
+    assert says in capsys.readouterr().err
+
+
+@pytest.mark.processes
+def test_the_pictures_of_the_rules_come_out_the_same(tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "fogwatch", "reproduce", "rules", "--out", str(tmp_path / "new")]
+    done = subprocess.run(command, cwd=DOCS.parent, capture_output=True, text=True, check=False, timeout=600)
+    assert done.returncode == 0, done.stderr
+    assert "takes about 1 min of computing" in done.stdout
+    ours = {path.name: path for path in (DOCS / "pictures/rules").glob("*.png")}
+    assert {path.name for path in (tmp_path / "new").iterdir()} == set(ours)
+    for name, path in ours.items():
+        with Image.open(path) as old, Image.open(tmp_path / "new" / name) as new:
+            differs = np.abs(np.asarray(old.convert("RGB"), dtype=np.int16) - np.asarray(new.convert("RGB"), np.int16))
+        assert differs.mean() < 1.0, f"{name} differs by more than fonts and smoothing"

@@ -1,0 +1,298 @@
+"""``fogwatch sweep`` as a command: killed, interrupted, started again; its output and exit codes."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import os
+import signal
+import subprocess
+import sys
+from collections import Counter
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+from rich.console import Console
+
+from experiments.commands.sweep import print_cases
+from experiments.sweeps.caserows import CaseRow
+from experiments.sweeps.casetable import SHOWN, told_apart
+from experiments.sweeps.plan import Run, read_plan
+from experiments.sweeps.progress import SweepProgress
+from experiments.sweeps.results import RunResult
+from experiments.sweeps.stats import Estimate
+from fogwatch.cli.app import main
+from fogwatch.cli.ending import guarded
+from patrol.errors import BadInput
+
+TWENTY_FOUR: dict[str, Any] = {
+    "base": {
+        "terrain": {"builtin": "yards"},
+        "point": 1,
+        "duration": 20,
+        "robots": {"count": 2, "model": "holonomic"},
+        "patrol": {"policy": "potential-field"},
+    },
+    "grid": {
+        "patrol.options.direction": ["mode", "vector"],
+        "robots.count": [1, 2, 3],
+        "patrol.options.dilatation": [0, 3],
+    },
+    "seeds": 2,
+}
+
+
+def write(folder: Path, says: dict[str, Any]) -> Path:
+    file = folder / "trial.yaml"
+    file.write_text(yaml.safe_dump(says, sort_keys=False))
+    return file
+
+
+@contextmanager
+def started(file: Path, out: Path, workers: int = 2) -> Iterator[subprocess.Popen[str]]:
+    """A sweep as a process whose lines can be read as they come."""
+    command = [sys.executable, "-P", "-m", "fogwatch", "sweep", str(file), "--out", str(out), "--workers", str(workers)]
+    pipe = subprocess.PIPE
+    with subprocess.Popen(command, stdout=pipe, stderr=pipe, text=True, process_group=0) as process:
+        try:
+            yield process
+        finally:
+            process.kill()
+
+
+def read_until(process: subprocess.Popen[str], done: int) -> list[str]:
+    """The lines up to the one that reports so many runs."""
+    assert process.stdout is not None
+    lines = []
+    for line in process.stdout:
+        lines.append(line)
+        if line.startswith(f"{done}/"):
+            return lines
+    assert process.stderr is not None
+    raise AssertionError(f"ended early: {lines} {process.stderr.read()}")
+
+
+def results(out: Path) -> list[dict[str, Any]]:
+    return [json.loads(line) for line in (out / "results.jsonl").read_text().splitlines()]
+
+
+def numbers(found: list[dict[str, Any]]) -> dict[str, Any]:
+    return {one["key"]: (one["case"], one["seed"], one["outcome"], one["metrics"], one["trace_hash"]) for one in found}
+
+
+def run(capsys: pytest.CaptureFixture[str], *words: str) -> tuple[int, str, str]:
+    """A command in this process: exit code, output, errors."""
+    sys.argv = ["fogwatch", *words]
+    code = main()
+    said = capsys.readouterr()
+    return code, said.out, said.err
+
+
+@pytest.fixture(autouse=True)
+def own_arguments(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sys, "argv", sys.argv)
+    monkeypatch.setenv("COLUMNS", "200")
+
+
+@pytest.mark.processes
+def test_a_sweep_killed_on_its_way_makes_only_the_runs_that_are_missing(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def lasting(*durations: int) -> dict[str, Any]:
+        directions, *others = TWENTY_FOUR["grid"].items()
+        return {**TWENTY_FOUR, "grid": dict([directions, ("duration", list(durations)), *others])}
+
+    file = write(tmp_path, lasting(20, 1_000_000))  # after twelve runs come some that last until the signal is there
+    with started(file, tmp_path / "killed") as process:
+        read_until(process, 4)
+        os.kill(process.pid, signal.SIGKILL)
+    file = write(tmp_path, lasting(20))
+    before = results(tmp_path / "killed")
+    assert 4 <= len(before) <= 12
+    code, said, _ = run(capsys, "sweep", str(file), "--out", str(tmp_path / "killed"), "--workers", "1")
+    assert code == 0
+    assert f"{24 - len(before)} runs to make, {len(before)} done already" in said
+    after = results(tmp_path / "killed")
+    assert after[: len(before)] == before
+    assert set(Counter(one["key"] for one in after).values()) == {1}
+    assert len(after) == 24
+    assert Counter(json.dumps(one["settings"]) for one in after) == {
+        json.dumps(
+            {
+                "patrol.options.direction": direction,
+                "duration": 20,
+                "robots.count": count,
+                "patrol.options.dilatation": dilatation,
+            }
+        ): 2
+        for direction in ("mode", "vector")
+        for count in (1, 2, 3)
+        for dilatation in (0, 3)
+    }
+    code, _, _ = run(capsys, "sweep", str(file), "--out", str(tmp_path / "whole"), "--workers", "2")
+    assert code == 0
+    assert numbers(after) == numbers(results(tmp_path / "whole"))
+    for name in ("summary.csv", "summary.json"):
+        assert (tmp_path / "killed" / name).read_text() == (tmp_path / "whole" / name).read_text()
+    assert len((tmp_path / "whole" / "summary.csv").read_text().splitlines()) == 13
+    with (tmp_path / "whole" / "runs.csv").open(encoding="utf-8") as table:
+        rows = list(csv.DictReader(table))
+    assert sorted(one["trace_hash"] for one in rows) == sorted(one["trace_hash"] for one in after)
+    assert {one["robots.count"] for one in rows} == {"1", "2", "3"}
+    figures = {figure.name for figure in (tmp_path / "whole" / "figures").iterdir()}
+    assert {"cases-mfow_mean_s.png", "cases-mfow_mean_s.svg", "curves-mfow_mean_s.png"} <= figures
+
+
+@pytest.mark.processes
+def test_ctrl_c_ends_the_workers_and_leaves_a_folder_to_go_on_with(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    endless = {**TWENTY_FOUR, "grid": {"duration": [20, 1_000_000]}, "seeds": 1}
+    file = write(tmp_path, endless)
+    with started(file, tmp_path / "out") as process:
+        read_until(process, 1)
+        process.send_signal(signal.SIGINT)
+        said, complained = process.communicate(timeout=300)
+    assert process.returncode == 130
+    assert "1 of 2 runs are done; start again to continue in" in said
+    assert "Traceback" not in complained
+    assert len(results(tmp_path / "out")) == 1
+    # Nobody holds the folder any more, and what was done is done.
+    file = write(tmp_path, {**endless, "grid": {"duration": [20]}})
+    code, again, _ = run(capsys, "sweep", str(file), "--out", str(tmp_path / "out"))
+    assert code == 0
+    assert "1 runs, 0 made now" in again
+
+
+@pytest.mark.processes
+def test_failed_runs_are_reported_and_the_others_kept(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    cases = [{"name": "good"}, {"name": "crash", "set": {"robots.starts": [[10, 10], [10.5, 10]]}}]
+    base = {**TWENTY_FOUR["base"], "terrain": {"builtin": "open"}, "duration": 10}
+    file = write(tmp_path, {"base": base, "cases": cases, "seeds": 2})
+    code, said, _ = run(capsys, "sweep", str(file), "--out", str(tmp_path / "out"), "--workers", "1")
+    assert code == 1
+    assert "failed runs" in said
+    assert [(one["case"], one["outcome"]) for one in results(tmp_path / "out")] == [
+        ("good", "ok"),
+        ("good", "ok"),
+        ("crash", "failed"),
+        ("crash", "failed"),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("says", "words", "problem"),
+    [
+        (
+            {"grid": {"patrol.dilation": [1]}},
+            [],
+            "override patrol.dilation: unknown key; did you mean",
+        ),
+        ({}, ["--workers", "0"], "workers = 0: expected 1 or more"),
+        ({}, ["--workers", "1", "--cluster", "tcp://127.0.0.1:9"], "--workers and --cluster"),
+        ({}, ["--cluster", "nowhere"], "cluster = nowhere: cannot be reached"),
+        ({}, ["--seeds", "0"], "seeds = 0: expected"),
+        ({}, ["--seeds", "many"], "--seeds many: expected a whole number"),
+    ],
+)
+def test_bad_input_is_one_line_and_exit_code_2(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], says: dict[str, Any], words: list[str], problem: str
+) -> None:
+    file = write(tmp_path, {**TWENTY_FOUR, **says})
+    code, said, complained = run(capsys, "sweep", str(file), "--out", str(tmp_path / "out"), *words)
+    assert (code, said) == (2, "")
+    assert problem in complained
+    assert complained.count("\n") == 1
+    out = tmp_path / "out" / "results.jsonl"
+    assert not out.exists() or out.read_text() == ""
+
+
+def test_a_damaged_result_file_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "results.jsonl").write_text("{}\n")
+    file = write(tmp_path, TWENTY_FOUR)
+    code, _, complained = run(capsys, "sweep", str(file), "--out", str(tmp_path / "out"))
+    assert code == 2
+    assert "results.jsonl line 1: is damaged (it reads {})" in complained
+
+
+def test_the_progress_tells_what_is_left(tmp_path: Path) -> None:
+    runs: list[Run] = list(read_plan(write(tmp_path, TWENTY_FOUR)).runs)
+    times = iter([0.0, 10.0, 30.0])
+    console = Console(record=True, width=200, force_terminal=False, file=io.StringIO())
+    with SweepProgress(console, clock=lambda: next(times)) as progress:
+        progress.begin(runs[:3], [], 2)
+        progress.result(RunResult("k", "one", 1, "ok", None, {"mfow_mean_s": 85.25}, None, 9.0, "1"))
+        progress.result(RunResult("l", "two", 2, "failed", "too bad", {}, None, 9.0, "1"))
+    assert console.export_text().splitlines() == [
+        "3 runs to make; 2 at a time",
+        "1/3 one seed 1: mean MFoW 85.2 s, 9.0 s; 20 s left",
+        "two seed 2 failed: too bad",
+    ]
+    assert (progress.done, progress.total) == (2, 3)
+
+
+def test_an_interruption_is_130_and_bad_input_2(capsys: pytest.CaptureFixture[str]) -> None:
+    def interrupted() -> None:
+        raise KeyboardInterrupt
+
+    def bad() -> None:
+        raise BadInput("no")
+
+    assert guarded(interrupted) == 130
+    assert guarded(bad) == 2
+    assert capsys.readouterr().err == "fogwatch: interrupted\nfogwatch: no\n"
+
+
+# --- the table of the cases ------------------------------------------------------------------------------------------
+
+
+def table_of(names: list[str], width: int, against: str | None = None) -> list[str]:
+    """The lines of a table of cases with large numbers."""
+    metrics = {name: Estimate(1234.5, 1114.2, 1354.8, 3) for name in SHOWN}
+    metrics["collisions"] = Estimate(12345.0, 11145.0, 13545.0, 3)
+    change = {"mfow_mean_s": Estimate(-12.3, -15.7, -8.9, 3)}
+    rows = [CaseRow(name, {}, 3, 0, 0, metrics, {}, None if name == against else against, change) for name in names]
+    text = io.StringIO()
+    print_cases(Console(file=text, width=width), rows)
+    return text.getvalue().splitlines()
+
+
+COMMON = "point=0.5 goal_distance=1.6 refine_side=0.6"
+LONG = [f"{COMMON} separation={one} dilatation={two}" for one in "xy" for two in "12"]
+
+
+@pytest.mark.parametrize("against", [None, LONG[0]])
+@pytest.mark.parametrize("width", [80, 100, 120, 200])
+def test_at_any_width_cases_can_be_told_apart_and_no_number_is_cut(width: int, against: str | None) -> None:
+    lines = table_of(LONG, width, against)
+    assert lines[0] == f"all cases: {COMMON}"
+    text = "\n".join(lines)
+    assert "…" not in text
+    for one in "xy":
+        for two in "12":
+            assert f"separation={one} dilatation={two}" in text
+    assert text.count("12345.0") == text.count("±1200.0") == 4
+    assert max(len(line) for line in lines[1:]) <= width
+
+
+def test_narrow_tables_have_numbers_for_names_that_do_not_fit() -> None:
+    lines = [line.rstrip() for line in table_of(LONG, 80, LONG[0])]
+    assert lines[1:5] == [
+        f"case {number}: {name.removeprefix(f'{COMMON} ')}" for number, name in enumerate(LONG, start=1)
+    ]
+    assert lines[6].split()[:3] == ["case", "runs", "MFoW"]
+    assert [line.split()[0] for line in lines[7::2]] == ["1", "2", "3", "4"]
+    assert [line.split()[-1] for line in lines[9::2]] == ["1", "1", "1"]
+
+
+def test_only_words_that_all_names_share_are_left_out() -> None:
+    assert told_apart({"open 3": ["open", "3"], "open 5": ["open", "5"]}) == ({"open 3": "3", "open 5": "5"}, "open")
+    assert told_apart({"base": ["base"]}) == ({"base": "base"}, "")
+    assert told_apart({"open": ["open"], "open 5": ["open", "5"]}) == ({"open": "open", "open 5": "open 5"}, "")
+    assert told_apart({"a b": ["a", "b"], "b a": ["b", "a"]}) == ({"a b": "a b", "b a": "b a"}, "")

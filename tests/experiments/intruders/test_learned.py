@@ -1,0 +1,120 @@
+"""The learned intruder on made-up patrols, for which the best success is known."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from experiments.intruders.learned import Learned, Trials, Watched, first_attack, learned_games
+from experiments.intruders.network import WINDOW
+from experiments.intruders.standing import Seen
+from patrol.errors import BadInput
+
+
+def blind(seen: Seen, step: float = 1.0) -> Watched:
+    """A patrol whose robots are not to be seen."""
+    return Watched(seen, np.zeros(seen.shape, np.float32), np.zeros(seen.shape, np.float32), step)
+
+
+def round_trip(ticks: int) -> Watched:
+    """One robot on a ring of twelve places, 6 m apart, at 1 m/s: each is seen every 72 s."""
+    places = 6.0 * np.arange(12)
+    off = (np.arange(ticks)[:, None] - places + 36.0) % 72.0 - 36.0
+    pixels = np.maximum(np.abs(off) / 0.075, 1.0)
+    towards = np.zeros(off.shape)
+    towards[1:] = pixels[:-1] - pixels[1:]
+    return Watched(off == 0.0, (1.0 / pixels).astype(np.float32), (towards / pixels).astype(np.float32), 1.0)
+
+
+def test_of_a_periodic_patrol_it_learns_where_nobody_comes() -> None:
+    """An attack of 30 s at any place and time succeeds in 42 / 72 of all cases; a good choice always does."""
+    (found,) = learned_games(round_trip(1500), [30.0], Trials((600.0,), 10))
+    assert found.attacked == 1.0
+    assert found.success is not None
+    assert found.success >= 0.9
+
+
+@pytest.mark.parametrize("chance", [0.01, 0.03])
+def test_of_a_patrol_without_memory_it_gets_what_anybody_gets(chance: float) -> None:
+    """Each place is seen in each second with the same probability: an attack of 30 s succeeds with (1 - p)^30."""
+    seen = np.random.default_rng(1).random((6000, 6)) < chance
+    (found,) = learned_games(blind(seen), [30.0], Trials((100.0,), 60))
+    possible = (1.0 - chance) ** 30
+    assert found.success is not None
+    assert found.success <= possible + 3.0 * np.sqrt(possible * (1.0 - possible) / 60)
+
+
+def test_a_place_that_nobody_comes_to_is_attacked_with_success() -> None:
+    seen = np.ones((400, 3), dtype=np.bool_)
+    seen[:, 1] = False
+    assert learned_games(blind(seen), [20.0], Trials((300.0,), 4)) == [Learned(300.0, 20.0, 1.0, 1.0)]
+
+
+def test_a_trial_without_an_attack_is_a_failure() -> None:
+    """Places that are always seen: after some training no output says that an attack would succeed."""
+    assert learned_games(blind(np.ones((500, 3), dtype=np.bool_)), [5.0], Trials((500.0,), 3)) == [
+        Learned(500.0, 5.0, 0.0, 0.0)
+    ]
+
+
+def test_an_attack_is_over_within_the_horizon_and_the_run() -> None:
+    """Of a run as long as the horizon: one of 59 s can begin at tick 60 alone, and covers the ticks 61 to 119."""
+    seen = np.zeros((120, 2), dtype=np.bool_)
+    trials = Trials((120.0,), 10)
+    unseen, longer = learned_games(blind(seen), [59.0, 60.0], trials)
+    assert unseen.success == unseen.attacked
+    assert (longer.success, longer.attacked) == (None, None)
+    seen[119] = True
+    (seen_last,) = learned_games(blind(seen), [59.0], trials)
+    assert (seen_last.success, seen_last.attacked) == (0.0, unseen.attacked)
+    assert unseen.attacked is not None
+    assert unseen.attacked > 0.0
+
+
+def test_two_ticks_a_second_are_played_every_second_tick() -> None:
+    """The same patrol in ticks of half a second, between whose seconds nothing happens, gives the same trials."""
+    slow = np.random.default_rng(2).random((400, 4)) < 0.02
+    fast = np.repeat(slow, 2, axis=0)
+    fast[1::2] = False
+    trials = Trials((200.0,), 2)
+    (seconds,) = learned_games(blind(slow), [9.0], trials)
+    (halves,) = learned_games(blind(fast, 0.5), [9.0], trials)
+    assert seconds == halves
+
+
+def test_it_is_the_same_again_and_reports_its_progress() -> None:
+    watched = round_trip(300)
+    shares: list[float] = []
+    trials = Trials((60.0, 80.0), 3)
+    found = learned_games(watched, [10.0, 20.0], trials, shares.append)
+    assert learned_games(watched, [10.0, 20.0], trials) == found
+    assert [(each.horizon_s, each.attack_s) for each in found] == [(60, 10), (60, 20), (80, 10), (80, 20)]
+    assert shares == sorted(shares)
+    assert shares[-1] == 1.0
+
+
+def test_a_run_shorter_than_a_horizon_is_refused() -> None:
+    with pytest.raises(BadInput, match=r"^horizon of 300 s: the run has only 200 s; choose a shorter horizon or make"):
+        learned_games(blind(np.zeros((400, 2), dtype=np.bool_), 0.5), [5.0], Trials((150.0, 300.0), 3))
+
+
+@given(st.lists(st.sampled_from([0.0, 0.2, 0.499, 0.5, 0.9]), min_size=WINDOW + 1, max_size=60), st.integers(-5, 50))
+def test_it_attacks_at_the_first_chance_for_which_it_is_armed(outputs: list[float], in_time: int) -> None:
+    seconds = len(outputs)
+    outputs[: WINDOW - 1] = [0.0] * (WINDOW - 1)
+    times = [seconds / 2 <= second < seconds - 3 for second in range(seconds)]
+    expected = -1
+    for second in range(WINDOW - 1, seconds):
+        past = outputs[WINDOW - 1 : second + 1]
+        share = sum(output >= 0.5 for output in past) / len(past)
+        left = in_time - second
+        armed = left <= 0 or 1.0 - (1.0 - share) ** left < 0.999
+        if outputs[second] >= 0.5 and armed and times[second]:
+            expected = second
+            break
+    found = first_attack(
+        np.array([outputs], dtype=np.float32), np.array(times), in_time - np.arange(seconds, dtype=np.float64)
+    )
+    assert found.tolist() == [expected]

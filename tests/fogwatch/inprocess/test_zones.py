@@ -1,0 +1,144 @@
+"""Whole fleets on ground with zones."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from fogwatch.inprocess import Outcome, run_in_process
+from patrol.measures.best_tour import best_tour
+from patrol.prepare import prepare
+from patrol.scenario import load_scenario
+
+EXAMPLES = Path(__file__).resolve().parents[3] / "examples"
+
+VAULT = {"name": "vault", "polygon": [[0, 0], [40, 0], [40, 30], [0, 30]], "weight": 10}
+STAIRS = {"name": "stairs", "polygon": [[44, 30], [56, 30], [56, 50], [44, 50]], "keep_out": True}
+
+
+def ran(*zones: dict[str, Any], faults: tuple[dict[str, Any], ...] = (), duration: float = 200.0) -> Outcome:
+    robots = {"count": 6, "model": "holonomic", "radius": 0.4, "speed": 4.0}
+    given = {"terrain": {"builtin": "yards"}, "point": 0.5, "duration": duration, "robots": robots}
+    return run_in_process(prepare(load_scenario(given | {"zones": list(zones), "faults": list(faults)})), keep=False)
+
+
+def test_a_vault_is_seen_more_often_and_as_often_as_its_tours_allow() -> None:
+    zoned = ran(VAULT)
+    assert zoned.verdict.valid
+    summary = zoned.summary
+    assert summary.best_weighted_s is not None
+    assert summary.mfow_weighted_late_mean_s is not None
+    assert summary.mfow_weighted_late_mean_s <= 1.3 * summary.best_weighted_s
+    assert summary.zones["vault"].mfow_late_mean_s < 0.3 * summary.zones["elsewhere"].mfow_late_mean_s
+
+
+@pytest.mark.parametrize(
+    ("corner", "age", "most_shared"),
+    [([16.2, 8.2], 60.0, 1.3), ([20.5, 12.0], 60.0, 1.3), ([20.5, 12.0], 5.0, 2.0)],
+    ids=["room", "nook", "guarded nook"],
+)
+def test_a_wanted_age_is_kept_and_no_better_than_wanted(corner: list[float], age: float, most_shared: float) -> None:
+    """The rest gets as old as two robots keep all of the office, unless the wish takes one robot for itself."""
+    (left, low), (right, high) = corner, (23.8, 13.8)
+    vault = {"name": "vault", "polygon": [[left, low], [right, low], [right, high], [left, high]], "age": age}
+    given = {"terrain": {"map": str(EXAMPLES / "maps/office.yaml")}, "point": 0.2, "duration": 600, "zones": [vault]}
+    robots = {"count": 2, "model": "holonomic", "radius": 0.3, "speed": 1.0}
+    prepared = prepare(load_scenario(given | {"robots": robots}))
+    outcome = run_in_process(prepared, keep=False)
+    both_s = best_tour(prepared).bound_of_fleet_s(prepared.scenario)
+    assert outcome.verdict.valid
+    assert both_s is not None
+    zones = outcome.summary.zones
+    assert (zones["vault"].kept_share or 0.0) >= 0.95
+    assert zones["elsewhere"].mfow_mean_s <= most_shared * both_s
+    assert not [line for line in outcome.verdict.warnings if "trapped" in line]
+
+
+@pytest.mark.parametrize(
+    "faults",
+    [
+        ({"kind": "loss", "rate": 0.9},),
+        ({"kind": "silence", "who": "all"},),
+        (
+            {"kind": "loss", "rate": 0.5},
+            {"kind": "kill", "who": ["r1"], "at": 60},
+            {"kind": "kill", "who": ["r4"], "at": 90},
+        ),
+    ],
+    ids=["loss", "silence", "deaths"],
+)
+def test_nobody_enters_a_keep_out_and_nobody_is_trapped_under_faults(faults: tuple[dict[str, Any], ...]) -> None:
+    """A robot that hears nobody would come back to a vault of weight 10 for most of the time."""
+    outcome = ran(VAULT | {"weight": 3}, STAIRS, faults=faults)
+    assert outcome.verdict.valid
+    (kept,) = (check for check in outcome.verdict.checks if check.name == "keep-outs")
+    assert kept.judged
+    assert outcome.summary.seen_share == 1.0
+    assert not [line for line in outcome.verdict.warnings if "trapped" in line]
+
+
+def test_few_grounds_are_kept_and_the_trace_is_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The vault's weight comes back after others, and one robot is paused meanwhile."""
+    turns = [[5.0 * n, weight] for n, weight in enumerate((2, 3, 4, 5, 2, 6, 7), start=1)]
+    robots = {"count": 4, "model": "holonomic", "radius": 0.4, "speed": 4.0}
+    given = {
+        "terrain": {"builtin": "open"},
+        "point": 2.0,
+        "duration": 60,
+        "robots": robots,
+        "zones": [VAULT | {"weight": 0.5, "weights": turns}],
+        "faults": [{"kind": "pause", "who": "r2", "at": 7, "for": 19}],
+    }
+    hashes, kept = [], []
+    for most in (32, 1):
+        monkeypatch.setattr("patrol.measures.zoned.MOST_PREPARED", most)
+        monkeypatch.setattr("patrol.measures.zoned.MOST_LATER", most)
+        prepared = prepare(load_scenario(given))
+        outcome = run_in_process(prepared)
+        assert outcome.verdict.valid, outcome.verdict.failed
+        assert outcome.journal.end is not None
+        hashes.append(outcome.journal.end.trace_hash)
+        kept.append(len(prepared.zoned))
+    assert kept == [7, 2]
+    assert hashes[0] == hashes[1]
+
+
+def test_spare_robots_change_nothing_until_they_join() -> None:
+    battery = {"capacity": 6.0, "idle": 10.0, "drive": 30.0, "charge": 130.0}
+    robot = {"model": "holonomic", "radius": 0.4, "speed": 2.0, "battery": battery}
+    given = {
+        "terrain": {"builtin": "yards"},
+        "point": 1.0,
+        "duration": 200.0,
+        "zones": [{**VAULT, "polygon": [[2, 2], [34, 2], [34, 22], [2, 22]]}],
+        "docks": [{"place": [10.5, 10.5]}, {"place": [12.5, 80.5]}],
+    }
+    fleets = [[robot] * 4, [robot] * 4 + [{**robot, "spare": True}] * 2]
+    few, more = (run_in_process(prepare(load_scenario({**given, "robots": fleet})), keep=False) for fleet in fleets)
+    assert few.summary.mfow_mean_s == more.summary.mfow_mean_s
+    driven = [outcome.summary.robots[name].distance_m for outcome in (few, more) for name in ("r1", "r2", "r3", "r4")]
+    assert driven[:4] == driven[4:]
+    figures = [robot.battery for robot in few.summary.robots.values()]
+    assert any(battery is not None and battery.charges > 0 for battery in figures)
+
+
+def test_robots_look_after_a_vault_while_it_weighs() -> None:
+    """Late means are those of the second half of the time in force, once the robots have changed their rounds."""
+    weighing, counted = (ran(VAULT | {"weight": weight, "times": [[80, 200]]}) for weight in (10, 1.0))
+    assert weighing.verdict.valid
+    assert weighing.summary.zones["vault"].mfow_late_mean_s < 0.7 * counted.summary.zones["vault"].mfow_late_mean_s
+    over = ran(VAULT | {"times": [[0, 50]]})
+    assert over.summary.zones["elsewhere"].mfow_late_mean_s < 0.6 * weighing.summary.zones["elsewhere"].mfow_late_mean_s
+
+
+@pytest.mark.parametrize("policy", ["stochastic", "committed", "potential-field", "greedy"])
+def test_bodies_are_slow_in_slow_zones_with_every_policy(policy: str) -> None:
+    ward = {"name": "ward", "polygon": [[40, 0], [60, 0], [60, 88], [40, 88]], "speed": 1.0, "times": [[20, 200]]}
+    robots = {"count": 4, "model": "holonomic", "radius": 0.4, "speed": 4.0}
+    given = {"terrain": {"builtin": "yards"}, "point": 1.0, "duration": 60.0, "robots": robots, "zones": [ward]}
+    outcome = run_in_process(prepare(load_scenario(given | {"patrol": {"policy": policy}})), keep=False)
+    assert outcome.verdict.valid, outcome.verdict.failed
+    (kept,) = (check for check in outcome.verdict.checks if check.name == "slow zones")
+    assert int(kept.detail.split()[0]) > 20

@@ -1,0 +1,65 @@
+"""The core works where the studies are not installed, and says which extra brings them."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from fogwatch.cli.studies import NAMES
+
+ROOT = Path(__file__).parents[2]
+CORE = ("agent", "fogwatch", "monitor", "patrol", "ros2", "worldsim")
+WITHOUT = """
+import sys
+sys.path = [sys.argv.pop(1), *(folder for folder in sys.path if folder != sys.argv[1])]
+del sys.argv[1]
+from fogwatch.cli.main import main
+sys.exit(main())
+"""
+
+EXTRA = "pip install 'fogwatch[experiments]'"
+
+
+def without_studies(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
+    core = folder / "core"
+    core.mkdir()
+    for package in CORE:
+        (core / package).symlink_to(ROOT / package)
+    command = [sys.executable, "-P", "-c", WITHOUT, str(core), str(ROOT), *words]
+    return subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+
+
+@pytest.mark.processes
+def test_a_run_needs_no_study_and_its_report_says_what_it_lacks(tmp_path: Path) -> None:
+    words = "run open --robots 2 --point 1 --duration 60 --in-process --no-picture --no-recording --out run"
+    done = without_studies(tmp_path, *words.split())
+    assert done.returncode == 0, done.stderr  # the verdict is valid
+    assert "fogwatch[experiments]" in (tmp_path / "run" / "report.html").read_text(encoding="utf-8")
+
+
+@pytest.mark.processes
+@pytest.mark.parametrize(
+    "words",
+    [
+        *NAMES,
+        "map random maps",
+        "sweep plan.yaml --seeds 5 --help",
+        "run open --preset paper",
+        "run open --set patrol.policy=gbs --point 1 --in-process",
+    ],
+)
+def test_what_needs_a_study_names_the_extra_that_brings_it(tmp_path: Path, words: str) -> None:
+    done = without_studies(tmp_path, *words.split())
+    assert done.returncode == 2, done.stderr
+    assert EXTRA in done.stderr.replace("\n", " ")
+    assert "Traceback" not in done.stderr
+
+
+@pytest.mark.processes
+def test_the_help_lists_them_all_the_same(tmp_path: Path) -> None:
+    done = without_studies(tmp_path, "--help")
+    assert done.returncode == 0, done.stderr
+    assert all(name in done.stdout for name in NAMES)

@@ -1,0 +1,83 @@
+"""A robot whose pose does not follow what it is told stands before it has gone far."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import pytest
+
+from patrol.ground.swept_path import advance
+from patrol.pose import Command, Drive, Pose, Twist, Velocity
+from ros2.robot.response import BLIND_M, BLIND_S, ENOUGH_M, ENOUGH_S, Response
+
+PERIOD_S = 0.05
+HERE = Pose(2.0, 5.0, 0.0)
+TRIES = [Twist(0.5, 0.0), Twist(0.0, 1.5), Twist(-0.5, 0.0), Twist(0.0, -1.5)]
+
+
+def told(response: Response, commands: list[Command], share: float, steps: int) -> Iterator[tuple[float, Pose]]:
+    """The way that a robot is told to go, and its pose, which follows by a share of each command."""
+    pose, way = HERE, 0.0
+    for number in range(steps):
+        if response.why:
+            return
+        command = commands[number // 20 % len(commands)]
+        pose = advance(pose, command, share * PERIOD_S)
+        response.told(command, pose, PERIOD_S)
+        way += abs(command.speed_mps) * PERIOD_S
+        yield way, pose
+
+
+@pytest.mark.parametrize("commands", [[Twist(0.5, 0.0)], [Drive(2.0, 0.2)], [Velocity(0.1, 0.1)], TRIES])
+def test_a_pose_that_stands_still_stops_the_robot_soon(commands: list[Command]) -> None:
+    response = Response(0.25, 0.1)
+    *_, (way, _) = told(response, commands, 0.0, 1000)
+    assert "its pose stays where it is" in response.why
+    assert way <= max(BLIND_M, BLIND_S * commands[0].speed_mps) + 2.0 * max(ENOUGH_M, ENOUGH_S * commands[0].speed_mps)
+
+
+@pytest.mark.parametrize("commands", [[Twist(0.5, 0.0)], [Drive(2.0, 0.2)], [Velocity(0.1, 0.1)], TRIES])
+@pytest.mark.parametrize("share", [1.0, 0.5])
+def test_a_robot_that_follows_or_follows_slowly_drives_on(commands: list[Command], share: float) -> None:
+    response = Response(0.25, 0.1)
+    assert len(list(told(response, commands, share, 1000))) == 1000
+
+
+@pytest.mark.parametrize("acceleration", [0.5, 1.0, 4.0])
+def test_one_with_weak_motors_that_turns_round_drives_on(acceleration: float) -> None:
+    """It is told 2 m/s forward and back in turns, and its speed follows as its motors can."""
+    response, pose, speed = Response(0.25, 2.0 / acceleration), HERE, 0.0
+    for number in range(4000):
+        wanted = 2.0 if number // 160 % 2 else -2.0
+        most = acceleration * PERIOD_S
+        speed += min(max(wanted - speed, -most), most)
+        pose = advance(pose, Twist(speed, 0.0), PERIOD_S)
+        response.told(Twist(wanted, 0.0), pose, PERIOD_S)
+        assert not response.why, number
+
+
+def test_one_that_is_blocked_ahead_and_gets_away_drives_on() -> None:
+    response = Response(0.25, 0.1)
+    for _ in range(20):
+        list(told(response, [Twist(0.5, 0.0)], 0.0, 14))  # 0.35 m
+        list(told(response, [Twist(0.0, 1.5)], 1.0, 20))
+    assert not response.why
+
+
+@pytest.mark.parametrize("moved", [Pose(2.3, 5.0, 0.0), Pose(2.0, 5.0, 0.4)])
+def test_it_goes_on_when_its_pose_moves(moved: Pose) -> None:
+    response = Response(0.25, 0.1)
+    list(told(response, [Twist(0.5, 0.0)], 0.0, 1000))
+    response.told(Twist(0.0, 0.0), Pose(2.05, 5.0, 0.01), PERIOD_S)
+    assert response.why
+    response.told(Twist(0.0, 0.0), moved, PERIOD_S)
+    assert not response.why
+
+
+def test_it_goes_on_when_somebody_releases_it_and_is_judged_anew() -> None:
+    response = Response(0.25, 0.1)
+    list(told(response, [Twist(0.5, 0.0)], 0.0, 1000))
+    response.release()
+    assert not response.why
+    list(told(response, [Twist(0.5, 0.0)], 0.0, 1000))
+    assert response.why

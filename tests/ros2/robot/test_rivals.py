@@ -1,0 +1,64 @@
+"""Who else drives a robot, by what the graph says."""
+
+from __future__ import annotations
+
+import threading
+
+from ros2.robot.rivals import Rivals, rivals
+from ros2.wire.messages import Twist
+from ros2.wire.names import Entity, EntityKind, NodeName
+from tests.ros2_hub import Hub
+
+TOPIC = "/robot1/cmd_vel"
+OURS = "0123"
+
+
+def entity(kind: EntityKind, name: str, session: str = "4567", topic: str = "", namespace: str = "robot1") -> Entity:
+    return Entity(0, session, 0, 1, kind, NodeName(name, namespace), topic)
+
+
+def found(*entities: Entity, topic: str | None = TOPIC) -> list[str]:
+    return rivals(entities, topic, lambda one: one.session == OURS, "/robot1/fogwatch")
+
+
+def test_whoever_publishes_commands_is_a_rival_but_we_ourselves() -> None:
+    joystick = entity(EntityKind.PUBLISHER, "teleop", topic=TOPIC)
+    assert found(joystick, entity(EntityKind.PUBLISHER, "fogwatch", OURS, TOPIC)) == [
+        "/robot1/teleop on /robot1/cmd_vel"
+    ]
+    assert found(entity(EntityKind.PUBLISHER, "", topic=TOPIC)) == ["somebody on /robot1/cmd_vel"]
+    assert found(joystick, topic=None) == []
+    assert (
+        found(entity(EntityKind.SUBSCRIPTION, "base", topic=TOPIC), entity(EntityKind.PUBLISHER, "x", topic="/cmd_vel"))
+        == []
+    )
+
+
+def test_another_agent_of_the_robot_is_a_rival_whatever_it_sends() -> None:
+    nodes = [entity(EntityKind.NODE, "fogwatch", namespace=namespace) for namespace in ("robot1", "/robot1")]
+    assert found(*nodes, topic=None) == ["another agent, /robot1/fogwatch"]
+    assert (
+        found(entity(EntityKind.NODE, "fogwatch", OURS), entity(EntityKind.NODE, "fogwatch", namespace="robot2")) == []
+    )
+
+
+def test_what_others_call_themselves_cannot_fill_a_line() -> None:
+    lines = found(*(entity(EntityKind.PUBLISHER, f"{number}\n" + 1000 * "x", topic=TOPIC) for number in range(100)))
+    assert len(lines) == 4
+    assert all(len(line) < 200 and "\n" not in line for line in lines)
+
+
+def test_one_that_goes_soon_is_waited_for() -> None:
+    hub = Hub()
+    hub.link("teleop", "robot1").publisher("cmd_vel", Twist)
+    ours = Rivals(hub.link("fogwatch", "robot1"), TOPIC)
+    assert ours.are_there(0.0) == ["/robot1/teleop on /robot1/cmd_vel"]
+    assert ours.why == "also driven by /robot1/teleop on /robot1/cmd_vel (end all but one)"
+    ours.release()
+    assert ours.why
+    going = threading.Thread(target=hub.entities.clear)
+    going.start()
+    assert ours.are_there(60.0) == []
+    assert ours.why == ""
+    going.join()
+    ours.close()

@@ -1,0 +1,208 @@
+from __future__ import annotations
+
+import os
+import stat
+import time
+from pathlib import Path
+
+import pytest
+
+from patrol.errors import BadInput
+from ros2.robot.hardware import Hardware, Refusals
+from ros2.robot.settings import DriveSettings
+from ros2.robot.stop_files import StopFiles, state_folder
+from ros2.robot.stop_topic import OLDER, TIMELESS, StopTopic
+from ros2.robot.stops import Stopper, Stops
+from ros2.wire.mailbox import Received, RosMailbox
+from ros2.wire.messages import Bool
+from ros2.wire.names import LATCHED
+from tests.ros2_hub import Hub
+
+PATIENCE_S = 300.0
+OPERATOR = "stopped by an operator (fogwatch control ... release)"
+TOPIC = "stopped by the topic /stop (publish false there to release it)"
+
+
+def said(stop: bool, sent_ns: int | None, sender: str = "", sequence: int | None = None) -> Received[Bool]:
+    return Received(Bool(stop), 0.0, sent_ns, sequence, sender.encode())
+
+
+def test_everybody_who_has_stopped_a_robot_must_release_it() -> None:
+    stops = Stops("/stop")
+    assert not stops
+    assert stops.hold(Stopper.TOPIC)
+    assert stops.hold(Stopper.OPERATOR)
+    assert not stops.hold(Stopper.OPERATOR)
+    assert stops.why == f"{TOPIC}; {OPERATOR}"
+    assert stops.release(Stopper.OPERATOR)
+    assert not stops.release(Stopper.OPERATOR)
+    assert stops.why == TOPIC
+    assert stops.release(Stopper.TOPIC)
+    assert (bool(stops), stops.why, stops.unsaved()) == (False, "", "")
+
+
+def test_a_stop_outlives_its_process_until_it_is_released(tmp_path: Path) -> None:
+    folder = tmp_path / "made" / "state"
+    files = StopFiles(folder, "r1")
+    stops = Stops("/stop", files)
+    stops.hold(Stopper.OPERATOR)
+    assert stops.unsaved(PATIENCE_S) == ""
+    (noted,) = folder.iterdir()
+    assert stat.S_IMODE(noted.stat().st_mode) == 0o600
+    assert noted.read_text(encoding="utf-8") == "r1: stopped by an operator\n"
+    again = Stops("/stop", StopFiles(folder, "r1"))
+    assert again.why == OPERATOR
+    assert not again.hold(Stopper.OPERATOR)
+    assert not Stops("/stop", StopFiles(folder, "r2"))
+    assert again.release(Stopper.OPERATOR)
+    assert again.unsaved(PATIENCE_S) == ""
+    assert not Stops("/stop", StopFiles(folder, "r1"))
+
+
+def test_whatever_is_in_the_place_of_a_note_holds_the_robot(tmp_path: Path) -> None:
+    files = StopFiles(tmp_path, "r1")
+    damaged, link = tmp_path / "r1.stopped-by-operator", tmp_path / "r1.stopped-by-topic"
+    damaged.write_bytes(bytes(10))
+    damaged.chmod(0)
+    link.symlink_to("nowhere")
+    stops = Stops("/stop", files)
+    assert stops.why == f"{OPERATOR}; {TOPIC}"
+    stops.release(Stopper.OPERATOR)
+    stops.release(Stopper.TOPIC)
+    assert stops.unsaved(PATIENCE_S) == ""
+    assert not os.path.lexists(damaged)
+    assert not os.path.lexists(link)
+
+
+def test_a_stop_that_cannot_be_noted_still_holds_and_says_so(tmp_path: Path) -> None:
+    folder = tmp_path / "state"
+    stops = Stops("/stop", StopFiles(folder, "r1"))
+    folder.rmdir()
+    stops.hold(Stopper.TOPIC)
+    assert stops.unsaved(PATIENCE_S) == f"{folder}/r1.stopped-by-topic: No such file or directory"
+    assert stops
+    folder.mkdir()
+    stops.hold(Stopper.TOPIC)  # said once more, so it is tried once more
+    assert stops.unsaved(PATIENCE_S) == ""
+
+
+def test_a_place_where_nothing_can_be_noted_is_refused_at_once(tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    with pytest.raises(BadInput, match=r"--state .*file: stops cannot be noted there .*; give a folder"):
+        StopFiles(tmp_path / "file", "r1")
+
+
+@pytest.mark.parametrize(
+    ("environment", "folder"),
+    [
+        ({"STATE_DIRECTORY": "/var/lib/a:/var/lib/b", "XDG_STATE_HOME": "/x", "HOME": "/h"}, "/var/lib/a"),
+        ({"XDG_STATE_HOME": "/x"}, "/x/fogwatch"),
+        ({"XDG_STATE_HOME": "not/absolute"}, "/h/.local/state/fogwatch"),
+        ({}, "/h/.local/state/fogwatch"),
+    ],
+)
+def test_where_stops_are_noted(environment: dict[str, str], folder: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("HOME", "/h")
+    assert state_folder(None, environment) == Path(folder)
+    assert state_folder(Path("mine"), environment) == Path("mine")
+
+
+def test_a_false_releases_only_what_was_sent_before_it() -> None:
+    topic = StopTopic(held=False, clock=lambda: 1000)
+    topic.put(said(False, 1, "a"))
+    assert topic.heed() == (False, False, "")
+    topic.put(said(True, 10, "b"))
+    assert topic.heed() == (True, True, "")
+    topic.put(said(False, 9, "a"))  # it was published first, and comes last
+    assert topic.heed() == (False, True, OLDER)
+    topic.put(said(False, None, "a"))
+    assert topic.heed() == (False, True, TIMELESS)
+    topic.put(said(False, 11, "c"))
+    assert topic.heed() == (False, False, "")
+
+
+def test_a_true_stops_whatever_its_senders_clock_says_and_however_many_false_follow() -> None:
+    topic = StopTopic(held=False, clock=lambda: 1000)
+    topic.put(said(False, 500, "a"))
+    topic.put(said(True, 10, "late clock"))
+    for _ in range(1000):
+        topic.put(said(False, 9, "flood"))
+    assert topic.heed() == (True, True, OLDER)
+    topic.put(said(True, 10**18, "early clock"))
+    topic.put(said(False, 1001, "a"))
+    assert topic.heed() == (True, False, "")
+
+
+def test_one_sender_is_followed_by_its_own_count_even_if_its_clock_is_put_back() -> None:
+    topic = StopTopic(held=False, clock=lambda: 1000)
+    topic.put(said(True, 900, "a", 5))
+    topic.put(said(False, 950, "a", 4))
+    assert topic.heed() == (True, True, OLDER)
+    topic.put(said(False, 10, "a", 6))
+    assert topic.heed() == (False, False, "")
+
+
+def test_a_stop_from_before_this_process_is_not_released_by_an_old_false() -> None:
+    now = [1000]
+    topic = StopTopic(held=True, clock=lambda: now[0])
+    topic.put(said(False, 999, "latched long ago"))
+    assert topic.heed() == (False, True, OLDER)
+    now[0] = 500  # our clock is put back
+    topic.put(said(False, 499, "a"))
+    assert topic.heed() == (False, True, OLDER)
+    topic.put(said(False, 501, "a"))
+    assert topic.heed() == (False, False, "")
+
+
+def test_what_cannot_be_read_stops() -> None:
+    topic = StopTopic(held=False, clock=time.time_ns)
+    topic.refuse("type", "/stop: is a std_msgs/msg/String, and should be a std_msgs/msg/Bool")
+    assert topic.heed() == (True, True, "")
+    topic.put(said(False, time.time_ns(), "a"))
+    assert topic.heed() == (False, False, "")
+
+
+def test_hardware_says_first_refusals_and_notes_the_topics_stop(tmp_path: Path) -> None:
+    hub = Hub()
+    publisher = hub.link("remote", "r1").publisher("stop", Bool, LATCHED)
+    lines: list[str] = []
+    hardware = Hardware(hub.link("f", "r1"), DriveSettings(), 1.0, lines.append, StopFiles(tmp_path, "r1"))
+    for _ in range(3):
+        (mailbox,) = (box for _, box in hub.listening["/r1/stop"])
+        mailbox.refuse("malformed", "/r1/stop: too short")
+        hardware.fix()
+    assert lines == ["refused: /r1/stop: too short", "stopped by the topic /r1/stop"]
+    assert hardware.stops.unsaved(PATIENCE_S) == ""
+    again = Hardware(hub.link("f", "r1"), DriveSettings(), 1.0, lines.append, StopFiles(tmp_path, "r1"))
+    again.fix()
+    assert again.stops
+    publisher.send(Bool(False))
+    again.fix()
+    assert not again.stops
+    assert again.stops.unsaved(PATIENCE_S) == ""
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_stop_that_cannot_be_noted_is_said_once(tmp_path: Path) -> None:
+    hub, folder = Hub(), tmp_path / "state"
+    lines: list[str] = []
+    hardware = Hardware(hub.link("f", "r1"), DriveSettings(), 1.0, lines.append, StopFiles(folder, "r1"))
+    folder.rmdir()
+    hub.link("remote", "r1").publisher("stop", Bool, LATCHED).send(Bool(True))
+    hardware.fix()
+    assert hardware.stops.unsaved(PATIENCE_S)
+    for _ in range(3):
+        hardware.fix()
+    assert lines[0] == "stopped by the topic /r1/stop"
+    assert lines[1:] == [f"stops are not noted: {folder}/r1.stopped-by-topic: No such file or directory"]
+
+
+def test_refusals_are_said_once_for_each_reason() -> None:
+    box: RosMailbox[int] = RosMailbox()
+    refusals = Refusals([RosMailbox(), box])
+    assert refusals.new() == []
+    box.refuse("hash", "a")
+    box.refuse("hash", "b")
+    box.refuse("type", "c")
+    assert refusals.new() == ["a", "c"]
+    assert refusals.new() == []

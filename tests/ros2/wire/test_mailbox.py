@@ -1,0 +1,82 @@
+from __future__ import annotations
+
+import threading
+
+from ros2.wire.ear import Ear
+from ros2.wire.formats import Attachment
+from ros2.wire.mailbox import Received, RosMailbox
+from tests.routers import PATIENCE_S
+
+
+def received(message: int, sender: bytes = b"") -> Received[int]:
+    return Received(message, float(message), sender=sender)
+
+
+def test_the_newest_stays_and_what_is_old_makes_room() -> None:
+    mailbox: RosMailbox[int] = RosMailbox(2)
+    assert mailbox.take() is None
+    assert mailbox.newest is None
+    for number in range(5):
+        mailbox.put(received(number))
+    assert (mailbox.received, mailbox.passed_over) == (5, 3)
+    taken = [mailbox.take(), mailbox.take(), mailbox.take(0.01)]
+    assert [one.message if one else None for one in taken] == [3, 4, None]
+    assert mailbox.newest is not None
+    assert mailbox.newest.message == 4
+
+
+def test_who_waits_is_woken() -> None:
+    mailbox: RosMailbox[int] = RosMailbox()
+    threading.Timer(0.05, lambda: mailbox.put(received(7))).start()
+    taken = mailbox.take(PATIENCE_S)
+    assert taken is not None
+    assert taken.message == 7
+
+
+def test_what_is_refused_is_counted_and_said_once() -> None:
+    mailbox: RosMailbox[int] = RosMailbox()
+    for number in range(100):
+        mailbox.refuse("hash", f"line {number}")
+        mailbox.refuse(f"reason {number}", "x")
+    assert mailbox.refused["hash"] == 100
+    assert mailbox.said["hash"] == "line 0"
+    assert len(mailbox.said) == 16
+
+
+def test_senders_are_told_apart_up_to_a_limit() -> None:
+    mailbox: RosMailbox[int] = RosMailbox()
+    for number in range(100):
+        mailbox.put(received(number, bytes([number % 3])))
+    assert mailbox.senders == 3
+    for number in range(100):
+        mailbox.put(received(number, bytes([number])))
+    assert mailbox.senders == 16
+
+
+class Payload(bytes):
+    def to_bytes(self) -> bytes:
+        return bytes(self)
+
+
+def test_what_is_overheard() -> None:
+    ear = Ear()
+    for number in range(11):
+        attached = Attachment(number, 1000 - number, bytes(16)).to_bytes()
+        ear.note("a", Payload(b"x" * number), attached, number * 0.1, 1000 + number)
+    heard = ear.heard["a"]
+    assert (heard.messages, heard.size, heard.age_ns, len(heard.senders)) == (11, 10, 0, 1)
+    assert abs(heard.rate - 10.0) < 1e-9
+    assert heard.newest == b"x" * 10
+
+
+def test_a_flood_of_keys_and_of_bytes_takes_no_memory() -> None:
+    ear = Ear()
+    for number in range(1000):
+        ear.note(f"{number}", Payload(b""), b"", 0.0, 0)
+    assert len(ear.heard) == 64
+    assert ear.more == 936
+    for _ in range(100):
+        ear.note("0", Payload(bytes(5_000_000)), b"?", 1.0, 1)
+    heard = ear.heard["0"]
+    assert (heard.newest, heard.size, heard.age_ns) == (None, 5_000_000, None)
+    assert len(heard.recent) <= 32
