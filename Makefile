@@ -106,7 +106,7 @@ chaos: develop ## hunt for faults with random scenarios (RUNS=30 SEED=1), about 
 KERNEL_TESTS := tests/patrol/ground tests/patrol/regions tests/agent tests/worldsim tests/monitor tests/experiments
 QUICK_KERNEL_TESTS := $(addprefix tests/patrol/ground/test_,footprint.py fog.py fields.py swept_path.py swept_path_kernels.py) \
 	tests/patrol/regions tests/agent/belief tests/agent/routes tests/agent/bodies/test_goal.py \
-	tests/agent/policies/potential_field/test_force.py tests/agent/policies/commitment/test_choice.py tests/worldsim/robots/test_motion.py \
+	tests/agent/policies/test_force.py tests/agent/policies/test_choice.py tests/worldsim/robots/test_motion.py \
 	tests/monitor/page/test_tiles.py tests/monitor/replay/test_visits.py
 BOUNDS := NUMBA_BOUNDSCHECK=1
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from agent.ports import Bearing, Intent, Place, PolicyFailed, Stay, Steer
-from patrol.net.messages.phases import MAX_STATE
+from patrol.messages.phases import MAX_STATE
 from patrol.pose import Command
 from patrol.process.deadline import Late
 

@@ -16,16 +16,15 @@ import numpy as np
 
 from agent.answers import PASSED_ON, failure_of, raised_at
 from agent.belief.believed import Area, Beliefs
-from agent.belief.blocked import Blocked
-from agent.belief.posts import Posts
-from agent.belief.silent import Silent
+from agent.belief.blocked import Blocked, Silent
+from agent.belief.dilated import Posts
 from agent.bodies import BODIES
 from agent.bodies.setup import BodySetup
 from agent.chance import Chance
 from agent.mind import Facts, MakeMind, Mind
 from agent.policies.charging import Charging
 from agent.policies.found import PolicyKind, policy_of
-from agent.policies.surround.surround import Surround
+from agent.policies.surround import Surround
 from agent.ports import Policy, PolicyFailed, PolicySetup
 from agent.psi import Psi, psi_of
 from agent.routes.ground import Ground
@@ -39,7 +38,7 @@ from patrol.measures.best_tour import followers_of, round_of
 from patrol.measures.zoned import zoned_ground
 from patrol.prepare import inboxes_of, sensor_footprint
 from patrol.radio.fleet_key import fleet_key
-from patrol.radio.prediction import Predictor
+from patrol.radio.peers import Predictor
 from patrol.random import Purpose
 from patrol.scenario.policies import LEARNED
 from patrol.scenario.zones import weighing_at
@@ -48,11 +47,11 @@ if TYPE_CHECKING:
     from agent.routes.path_window import PathWindow
     from patrol.ground.fields import StaticFields
     from patrol.ground.terrain import Terrain
-    from patrol.ground.tour.zoned import ZonedGround
     from patrol.prepare import Prepared
     from patrol.scenario import PatrolSpec, Scenario
     from patrol.scenario.lengths import BodyLengths
     from patrol.scenario.zones import Weighing
+    from patrol.tours.zoned import ZonedGround
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
-from patrol.net.messages.phases import PHASE_B_SHARE
+from patrol.messages.phases import PHASE_B_SHARE
 from patrol.radio.message import CONTACT, Rejected, decode
 
 

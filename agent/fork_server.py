@@ -1,7 +1,7 @@
 """``python -m agent.fork_server``: the agents of one run from one process that has loaded what all of them need.
 
-The launcher starts it (`fogwatch.launch.children.fork_server`) and asks it for each robot's process. Its limits are in
-`patrol.process.starting.forking`.
+The launcher starts it (`fogwatch.launch.fork_server`) and asks it for each robot's process. Its limits are in
+`patrol.starting.forking`.
 """
 
 from __future__ import annotations
@@ -14,19 +14,19 @@ from collections.abc import Sequence
 
 from patrol.process.lifeline import die_when_orphaned, run_process
 from patrol.process.memory import keep_freed_memory
-from patrol.process.starting.command_line import show_as
-from patrol.process.starting.forking import count_threads, serve_forks
-from patrol.process.starting.readiness import StartFailure, StartReport, report_start
+from patrol.starting.environment import show_as
+from patrol.starting.forking import count_threads, serve_forks
+from patrol.starting.readiness import StartFailure, StartReport, report_start
 
 NEEDED = (
     "numba.np.arraymath",  # numba itself loads it when the first array meets a kernel
     "agent.process",
     "agent.mind_loop",
-    "agent.policies.committed.policy",
-    "agent.policies.stochastic.policy",
-    "patrol.ground.kernels.room",
-    "patrol.ground.kernels.ways",
-    "patrol.net.messages.phases",
+    "agent.policies.committed",
+    "agent.policies.stochastic",
+    "patrol.kernels.room",
+    "patrol.kernels.ways",
+    "patrol.messages.phases",
 )
 """Modules without Zenoh that every agent loads and the kernels do not bring along."""
 

@@ -10,8 +10,7 @@ from dataclasses import dataclass
 
 from agent.answers import PASSED_ON, checked, failure_of
 from agent.belief.believed import Belief
-from agent.belief.blocked import Blocked
-from agent.belief.silent import Silent
+from agent.belief.blocked import Blocked, Silent
 from agent.chance import Draw
 from agent.ports import Body, Decision, Policy, PolicyFailed
 from agent.routes.ground import Ground

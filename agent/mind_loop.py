@@ -9,17 +9,17 @@ from typing import TYPE_CHECKING
 
 from agent.answers import policy_failure
 from agent.ports import PolicyFailed, Telemetry
-from patrol.net.messages.telemetry import Telemetry as TelemetryView
-from patrol.net.messages.telemetry import Traffic, pack_view
+from patrol.messages.telemetry import Telemetry as TelemetryView
+from patrol.messages.telemetry import Traffic, pack_view
 from patrol.process.deadline import Late, deadline
-from patrol.process.reporting.logs import Log
-from patrol.process.reporting.vitals import DECIDING, DECISION, MFOW, PEERS, REFUSED
+from patrol.reporting.logs import Log
+from patrol.reporting.vitals import DECIDING, DECISION, MFOW, PEERS, REFUSED
 
 if TYPE_CHECKING:
     from agent.mind import Mind
     from agent.ports import Decision, Radio, Robot
     from patrol.exchange import Sensed
-    from patrol.process.reporting.vitals import Figure, Value, Vitals
+    from patrol.reporting.vitals import Figure, Value, Vitals
 
 TELEMETRY_S = 0.2
 """Wall time between two reports to viewers, s."""

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from agent.ports import Telemetry
-from agent.radios.skew import APART
+from agent.robots.direct import APART
 from patrol.errors import BadInput, NotPrepared
 from patrol.process.context import ProcessContext, run_with
 from patrol.radio.message import MAX_TIME_MS
@@ -24,18 +24,18 @@ if TYPE_CHECKING:
     from agent.clock import KeptClock
     from agent.mind import Mind
     from agent.ports import FleetClock, Robot
-    from agent.radios.direct import DirectRadio
+    from agent.robots.direct import DirectRadio
     from patrol.ground.fog import Fog
     from patrol.ground.terrain import Terrain
-    from patrol.net.keys import FleetKeys
+    from patrol.messages.stop_orders import StopOrders
     from patrol.net.link import Link
     from patrol.net.mailbox import Air
-    from patrol.net.messages.stop_orders import StopOrders
     from patrol.pose import Pose
     from patrol.prepare import Prepared
     from patrol.process.lifeline import Ending
     from patrol.radio.peers import Peer
     from patrol.scenario import RobotSpec, Scenario
+    from patrol.security.keys import FleetKeys
 
 __all__ = ["Site", "drive"]
 
@@ -164,10 +164,10 @@ def patrol_with(
         NotPrepared: The same, where the scenario's file must be named.
         AskedToLeave: Before the patrol could begin.
     """
-    from patrol.net.keys import callers_of, check_radio
-    from patrol.net.security.roles import Kind
     from patrol.process.exit_codes import INTERRUPTED
     from patrol.process.options import robot_named
+    from patrol.security.keys import callers_of, check_radio
+    from patrol.security.roles import Kind
 
     if scenario.radio.via != "direct":
         raise NotPrepared("radio.via = ether: only a world carries frames so; set radio: {via: direct}")
@@ -265,8 +265,8 @@ class _Driver:
         from agent.clock import KeptClock
         from agent.mind_loop import Both, TelemetrySender, TickFigures, run_mind
         from agent.policies.found import policy_of
-        from agent.radios.direct import tune_in
-        from patrol.net.messages.stop_orders import StopOrders
+        from agent.robots.direct import tune_in
+        from patrol.messages.stop_orders import StopOrders
         from patrol.process.deadline import DECISION_LIMIT_S
 
         scenario, name, process = self.prepared.scenario, self.spec.name, self.process

@@ -22,21 +22,21 @@ from patrol.exchange import Sensed
 from patrol.pose import Command
 
 if TYPE_CHECKING:
-    from agent.belief.posts import Posts
+    from agent.belief.dilated import Posts
     from agent.routes.ground import Disc, Spot
     from agent.routes.path_window import PathWindow
     from agent.view import View
-    from patrol.graph.graph import Graph
+    from patrol.graph import Graph
     from patrol.ground.fields import StaticFields
     from patrol.ground.footprint import Footprint
     from patrol.ground.terrain import Terrain
-    from patrol.ground.tour.round import Round
-    from patrol.ground.tour.zoned import ZonedGround
     from patrol.pose import Pose
     from patrol.radio.peers import Peer
     from patrol.regions.split import RegionSplit
     from patrol.scenario import BodyLengths, DockSpec, PatrolSpec, RobotSpec, SensorSpec
     from patrol.scenario.zones import Weighing
+    from patrol.tours.round import Round
+    from patrol.tours.zoned import ZonedGround
 
 __all__ = [
     "Bearing",

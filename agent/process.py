@@ -63,9 +63,9 @@ def is_for_ros2(arguments: Sequence[str]) -> bool:
 def _run(process: ProcessContext) -> int:
     """Check the input and find out which robot this is, then patrol; return the exit code."""
     from agent.own_robot import mind_of, spec_of
-    from patrol.net.keys import check_radio
-    from patrol.net.security.roles import Kind
     from patrol.scenario import load_scenario, naming
+    from patrol.security.keys import check_radio
+    from patrol.security.roles import Kind
 
     options = process.options
     meeting = process.meet(Kind.ROBOT)
@@ -82,12 +82,12 @@ def _patrol(mind: Mind, scenario: Scenario, meeting: Meeting, on_air: str | None
     """Join the fleet and patrol with it until it is time to leave; return the exit code."""
     from agent.mind_loop import Both, TelemetrySender, TickFigures, run_mind
     from agent.policies.found import policy_of
-    from agent.radios.direct import DirectRadio, tune_in
+    from agent.robots.direct import DirectRadio, tune_in
     from agent.robots.sim import join
-    from patrol.net.keys import callers_of
-    from patrol.net.security.seats import own_instance
-    from patrol.net.session import Identity
+    from patrol.messages.session import Identity
     from patrol.scenario import scenario_hash
+    from patrol.security.keys import callers_of
+    from patrol.security.seats import own_instance
 
     options, ending, log = process.options, process.ending, process.log
     spec, keys = mind.spec, meeting.keys

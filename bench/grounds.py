@@ -10,8 +10,8 @@ from pathlib import Path
 
 import numpy as np
 
-from patrol.ground.maps.builtins import builtin_terrain
 from patrol.ground.terrain import BoolGrid
+from patrol.maps.builtins import builtin_terrain
 from patrol.prepare import prepare
 from patrol.random import draw
 from patrol.scenario import load_scenario

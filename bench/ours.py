@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from agent.belief.kernels.dilate import dilate
+from agent.kernels.dilate import dilate
 from agent.routes.ground import Ground
 from agent.routes.path_window import FAR
 from agent.routes.wave import Wave
-from patrol.ground.kernels.footprint import cast
 from patrol.ground.terrain import BoolGrid, Terrain
+from patrol.kernels.footprint import cast
 
 
 class WholeWave:

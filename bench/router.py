@@ -18,13 +18,13 @@ from typing import Self
 import psutil
 
 from bench.runner import Bench
-from fogwatch.launch.children.children import Children
-from fogwatch.launch.free_port import free_port
-from patrol.net.keys import fleet_keys
+from fogwatch.launch.children import Children
+from fogwatch.launch.limits import free_port
 from patrol.net.link import Link, open_link
 from patrol.net.mailbox import Mailbox
 from patrol.pose import Pose
 from patrol.radio.message import Position, encode
+from patrol.security.keys import fleet_keys
 
 MEMBERS = (10, 20, 40)
 BYTE_ROUNDS = 20

@@ -12,8 +12,8 @@ from pathlib import Path
 
 import pyperf
 
-from patrol.process.starting.seldom import SELDOM
-from patrol.process.starting.warmup import warm
+from patrol.starting.seldom import SELDOM
+from patrol.starting.warmup import warm
 
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGES = ("patrol", "agent", "worldsim")

@@ -30,7 +30,7 @@ import psutil
 
 from bench.links import await_router, begin, exchange, start_host
 from deploy.testbed import BODY, BODY_PORT, IMPOSSIBLE, Bed, Impossible, Relay, check_rights, ip
-from fogwatch.fleet_folder import FleetFolder, make_fleet
+from fogwatch.fleets.folder import FleetFolder, make_fleet
 from patrol.scenario import Scenario
 
 RING = "a ring of three routers"

@@ -45,7 +45,7 @@ from pathlib import Path
 from typing import Any
 
 from agent.ports import State
-from fogwatch.fleet_folder import FleetFolder, make_fleet
+from fogwatch.fleets.folder import FleetFolder, make_fleet
 from patrol.errors import BadInput
 from patrol.journal import Journal, read_journal
 from patrol.random import draw

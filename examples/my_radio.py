@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field
 
 from patrol.random import Purpose, draw
-from worldsim.radio.models.port import ModelSetup, OnAir
+from worldsim.radio.models import ModelSetup, OnAir
 
 
 class Halving:

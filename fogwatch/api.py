@@ -14,35 +14,34 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from fogwatch.launch.children.clerk_messages import JUDGING
-from fogwatch.launch.folder.runfolder import PolicyNotMade, RunFolder, fill, make_folder
+from fogwatch.launch.clerk_messages import JUDGING
 from fogwatch.launch.limits import check_limits
-from fogwatch.launch.terminal.live_table import CallbackDisplay, RunDisplay, SilentDisplay
-from fogwatch.notebook.arguments import checked_arguments
+from fogwatch.notebook.arguments import checked_arguments, scenario_of
 from fogwatch.notebook.policy import policy_name
 from fogwatch.notebook.run import Run
-from fogwatch.notebook.scenario import scenario_of
 from fogwatch.presets import preset_settings
+from fogwatch.run_folder.runfolder import PolicyNotMade, RunFolder, fill, make_folder
+from fogwatch.terminal.live_table import CallbackDisplay, RunDisplay, SilentDisplay
 from patrol.errors import BadInput
 from patrol.measures.best_tour import round_of
 from patrol.measures.zoned import prepare_zones
-from patrol.net.messages.telemetry import Metrics
+from patrol.messages.telemetry import Metrics
 from patrol.own_sensor import allow_sensor
 from patrol.process.lifeline import InterruptedBySignal
-from patrol.process.starting.seldom import seldom_kernels
-from patrol.process.starting.warmup import warm
 from patrol.radio.fleet_key import fleet_key
 from patrol.scenario import Scenario, naming
 from patrol.scenario.patrols import describe_patrol, patrol_settings
 from patrol.scenario.policies import BUILT_IN, STOCHASTIC
 from patrol.scenario.radio_spec import MODELS
+from patrol.starting.seldom import seldom_kernels
+from patrol.starting.warmup import warm
 
 if TYPE_CHECKING:
-    from fogwatch.launch.children.clerk_child import ClerkChild
+    from fogwatch.launch.clerk_child import ClerkChild
     from fogwatch.launch.launcher import Launch
     from patrol.journal import Event, TickRecord
     from patrol.prepare import Prepared
-    from patrol.process.starting.compiling import Compiled
+    from patrol.starting.compiling import Compiled
     from patrol.summary.model import Summary
     from worldsim.run_record import RunRecord
     from worldsim.verdict.judge import Verdict
@@ -189,7 +188,7 @@ def execute(scenario: Scenario, options: RunOptions) -> Run:
         policy_of(scenario)
     allow_sensor(scenario.sensor)
     if scenario.radio.model not in MODELS:
-        from worldsim.radio.models.found import model_class
+        from worldsim.radio.models import model_class
 
         model_class(scenario)
     folder = make_folder(scenario, options.out, datetime.now().astimezone())
@@ -276,11 +275,11 @@ def _in_this_process(scenario: Scenario, folder: RunFolder, options: RunOptions)
 
 
 def _as_processes(scenario: Scenario, folder: RunFolder, options: RunOptions) -> Run:
-    from fogwatch.launch.children.clerk_child import ClerkChild
-    from fogwatch.launch.folder.moved_folder import found_again
+    from fogwatch.launch.clerk_child import ClerkChild
     from fogwatch.launch.launcher import WORLD, Launch, LaunchFailed
+    from fogwatch.run_folder.reading import found_again
     from patrol.prepare import prepare
-    from worldsim.faults.timeline import Timeline
+    from worldsim.faults import Timeline
 
     names = [spec.name for spec in scenario.roster]
     check_limits(len(names), len(scenario.spares))
@@ -341,8 +340,8 @@ def _ended_as_processes(
     clerk: ClerkChild,
 ) -> Run:
     """Judge a run whose processes have ended, and write its files."""
-    from fogwatch.launch.folder.derived import load
     from fogwatch.launch.launcher import LaunchFailed
+    from fogwatch.run_folder.derived import load
     from patrol.journal import read_journal
     from worldsim.output.summary import summarise
     from worldsim.verdict.judge import judge
@@ -458,7 +457,7 @@ def _result(
     clerk: ClerkChild | None = None,
 ) -> Run:
     """Write the summary and the files that are made from the journal, the report by the clerk where there is one."""
-    from fogwatch.launch.folder.derived import Wanted, write_files
+    from fogwatch.run_folder.derived import Wanted, write_files
     from patrol.journal import Journal
     from worldsim.run_record import INTERRUPTED
 

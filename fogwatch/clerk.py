@@ -17,7 +17,7 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from fogwatch.launch.children.clerk_messages import (
+from fogwatch.launch.clerk_messages import (
     JUDGING,
     REPORT,
     Judged,
@@ -26,7 +26,7 @@ from fogwatch.launch.children.clerk_messages import (
     ReportWritten,
     VerdictAsked,
 )
-from fogwatch.launch.folder.runfolder import RunFolder
+from fogwatch.run_folder.runfolder import RunFolder
 from patrol.process.context import ProcessContext, run_with
 from patrol.process.lifeline import run_process
 from patrol.process.options import ProcessParser
@@ -104,7 +104,7 @@ def _work(process: ProcessContext) -> int:
 
 
 def _serve(process: ProcessContext, connection: Connection) -> None:
-    from fogwatch.launch.folder.derived import load
+    from fogwatch.run_folder.derived import load
     from patrol.measures.best_tour import best_tour
     from patrol.prepare import Prepared
     from worldsim.verdict.live import LiveJudge
@@ -136,7 +136,7 @@ def _judged(live: LiveJudge, question: VerdictAsked, news: News) -> Judged:
 
 def _report_written(live: LiveJudge, summary: Summary, question: ReportAsked, news: News) -> ReportWritten:
     """Write a run's report."""
-    from fogwatch.launch.folder.derived import derive
+    from fogwatch.run_folder.derived import derive
 
     problems: list[str] = []
     derive(live.journal, live.prepared, summary, None, question.out, problems.append, news)

@@ -28,7 +28,7 @@ def preset_settings(name: str | None) -> dict[str, object]:
         return {}
     if name not in PRESETS:
         raise BadInput(f"preset {name}: no such preset; choose from {', '.join(PRESETS)}")
-    from patrol.scenario.letter import TO_THE_LETTER
+    from patrol.scenario.policies import TO_THE_LETTER
 
     paper = study("paper.printed").paper
 

@@ -10,14 +10,14 @@ import json
 from collections.abc import Sequence
 from pathlib import Path
 
-from fogwatch.certificates import issue
-from fogwatch.fleet_folder import AUTHORITY_FOLDER, FleetFolder, changing
-from fogwatch.fleet_hosts import LOCAL, checked_hosts
+from fogwatch.fleets.certificates import issue
+from fogwatch.fleets.folder import AUTHORITY_FOLDER, FleetFolder, changing
+from fogwatch.fleets.hosts import LOCAL, checked_hosts
 from patrol.errors import BadInput
-from patrol.net.keys import check_locator
-from patrol.net.security.credentials import AUTHORITY, CERTIFICATE, KEY
-from patrol.net.security.private_files import replace_private
-from patrol.net.security.roles import VIEWER, Kind, robot_role
+from patrol.security.credentials import AUTHORITY, CERTIFICATE, KEY
+from patrol.security.keys import check_locator
+from patrol.security.private_files import replace_private
+from patrol.security.roles import VIEWER, Kind, robot_role
 from ros2.wire.access import COMMANDS, agent_rights, robot_router, viewer_rights
 from ros2.wire.formats import Format
 

@@ -17,9 +17,9 @@ from patrol.process.exit_codes import INTERRUPTED
 from patrol.process.lifeline import Ending
 from patrol.process.memory import keep_freed_memory
 from patrol.process.options import ProcessParser
-from patrol.process.reporting.logs import Log, is_json
-from patrol.process.reporting.notify import Notifier
-from patrol.process.reporting.vitals import Vitals
+from patrol.reporting.logs import Log, is_json
+from patrol.reporting.supervision import Notifier
+from patrol.reporting.vitals import Vitals
 
 if TYPE_CHECKING:
     from monitor.observation.source import Source
@@ -101,7 +101,7 @@ def serve(
     """
     _check_libraries()
     from monitor.page.authorisation import MIN_TOKEN_LENGTH, Authorisation
-    from patrol.net.keys import is_loopback
+    from patrol.security.keys import is_loopback
 
     local = is_loopback(host)
     if not local and not key:
@@ -193,7 +193,7 @@ def source_opener(options: argparse.Namespace, ending: Ending) -> Callable[[], S
     """
 
     def open_sources() -> Sequence[Source]:
-        from patrol.process.starting.warmup import warm
+        from patrol.starting.warmup import warm
 
         keep_freed_memory(KEPT)
         if options.replay is not None:

@@ -6,7 +6,7 @@ Unusable                what a user, a file or a wire gave
         WrongArguments  arguments that a function does not take (`fogwatch.notebook.arguments`)
     Malformed           bytes that are not the message or the record that belongs there
     Rejected            a frame that must not be used (`patrol.radio.message`)
-    RequestRefused      a request that does not control the run (`patrol.net.security.control_auth`)
+    RequestRefused      a request that does not control the run (`patrol.security.control_auth`)
     FileRefused         a file of a wrong kind or size (`patrol.files.untrusted`)
 """
 
@@ -47,7 +47,7 @@ class BadInput(Unusable):
 class NotPrepared(BadInput):
     """A scenario whose values are right, and that cannot run on its ground, or with robots that no world simulates.
 
-    The line names the field, or another file, such as the map. `patrol.scenario.file.explain.naming` adds the file that
+    The line names the field, or another file, such as the map. `patrol.scenario.explain.naming` adds the file that
     the scenario came from.
     """
 

@@ -24,16 +24,16 @@ from patrol.ground.footprint import REMEMBERED, Footprint
 from patrol.ground.left_out import LeftOut, left_out
 from patrol.ground.one_way import unit
 from patrol.ground.terrain import BoolGrid, Terrain, frozen_grid
-from patrol.ground.tour.round import Round
-from patrol.ground.tour.zoned import ZonedGround
 from patrol.ground.zones import points_of, steps_against
 from patrol.own_sensor import make_footprint
 from patrol.pose import Pose
 from patrol.radio.inbox import Inboxes, Rules
 from patrol.scenario.sections import JOULES, VERTICES
+from patrol.tours.round import Round
+from patrol.tours.zoned import ZonedGround
 
 if TYPE_CHECKING:
-    from patrol.graph.graph import Graph
+    from patrol.graph import Graph
     from patrol.journal.records import Event
     from patrol.regions.split import RegionSplit
     from patrol.scenario import ClosureSpec, IntruderSpec, Scenario
@@ -91,8 +91,10 @@ class Prepared:
     @cached_property
     def graph(self) -> Graph:
         """The terrain's graph: the scenario's, or one that is made from the ground of the smallest robots."""
-        from patrol.graph.from_ground import graph_from_ground  # here: few fleets need a graph
-        from patrol.graph.graph import graph_of
+        from patrol.graph import (
+            graph_from_ground,  # here: few fleets need a graph
+            graph_of,
+        )
 
         given = self.scenario.terrain.graph
         if given is not None:
@@ -172,7 +174,7 @@ def prepare(scenario: Scenario, terrain: Terrain | None = None) -> Prepared:
 
 
 def _prepared(scenario: Scenario, terrain: Terrain | None) -> Prepared:
-    from patrol.ground.maps.load import load_terrain  # here: loading a prepared scenario does not need it
+    from patrol.maps.load import load_terrain  # here: loading a prepared scenario does not need it
 
     if terrain is None:
         terrain = load_terrain(scenario.terrain, scenario.point, scenario.base, zones=scenario.zones)

@@ -16,17 +16,17 @@ from numpy.typing import NDArray
 
 from patrol.errors import BadInput
 from patrol.ground.cspace import TOLERANCE, cspace_of, parts_of, planning_radius
-from patrol.ground.doors.fitting import fits_no_door, fits_nowhere, no_room_for_all
 from patrol.ground.fields import anchor
-from patrol.ground.kernels.clearance import nearest
 from patrol.ground.one_way import ground_with_ways_back
 from patrol.ground.terrain import BoolGrid, Terrain
+from patrol.kernels.clearance import nearest
+from patrol.maps.fitting import fits_no_door, fits_nowhere, no_room_for_all
 from patrol.pose import TAU, Pose, wrap
 from patrol.random import Purpose, draw
 from patrol.scenario.sections import DEFAULT_RADIUS
 
 if TYPE_CHECKING:
-    from patrol.ground.doors.rooms import Door
+    from patrol.ground.doors import Door
     from patrol.scenario import RobotSpec
 
 ENCLOSED_SHARE = 0.1
@@ -267,8 +267,8 @@ def _shut_door(terrain: Terrain, radius: float, part: BoolGrid) -> Door | None:
     nearest(part.view(np.uint8), around.view(np.uint8), math.isqrt(int(away)), int(away), work, covered)
     if np.count_nonzero(covered >= 0) >= enough:
         return None
-    from patrol.ground.doors.rooms import Rooms  # here, as few starts need its kernels
-    from patrol.ground.kernels.doors import ROOM
+    from patrol.ground.doors import Rooms  # here, as few starts need its kernels
+    from patrol.kernels.doors import ROOM
 
     rooms = Rooms(terrain, radius, part)
     doors = rooms.doors()

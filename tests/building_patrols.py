@@ -13,12 +13,12 @@ import numpy as np
 from experiments.random_building import TEAM, random_building
 from fogwatch.inprocess import run_in_process
 from patrol.journal import Status, TickRecord
-from patrol.measures.own_ground import own_grounds
+from patrol.measures.best_tour import own_grounds
 from patrol.measures.progress import stalest_outside
 from patrol.measures.stays import SAMPLE_S, Stay
 from patrol.prepare import Prepared, prepare
 from patrol.scenario import Scenario, load_scenario
-from patrol.values.types import Kind
+from patrol.values import Kind
 from worldsim.world import World
 
 ROAMS = (4.0, 120.0)

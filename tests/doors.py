@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from patrol.ground.doors.rooms import Door, Rooms
+from patrol.ground.doors import Door, Rooms
 from patrol.ground.terrain import Terrain
 from patrol.prepare import Prepared
 

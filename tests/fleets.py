@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 import fogwatch
-from patrol.net.messages.feed import Ground, SoFar, so_far_bytes
+from patrol.messages.feed import Ground, SoFar, so_far_bytes
 from patrol.scenario import load_scenario
 from worldsim.run_record import RunRecord
 

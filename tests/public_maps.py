@@ -19,10 +19,10 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from patrol.errors import BadInput
-from patrol.ground.maps.cells import free_cells, occupied_levels, read_image, single_unknown_cells
-from patrol.ground.maps.doubts import doubts
-from patrol.ground.maps.load import read_terrain
-from patrol.ground.maps.map_file import read_map_file
+from patrol.maps.cells import free_cells, occupied_levels, read_image, single_unknown_cells
+from patrol.maps.doubts import doubts
+from patrol.maps.load import read_terrain
+from patrol.maps.map_file import read_map_file
 
 FREE, OCCUPIED, UNKNOWN = 0, 100, -1
 HEADINGS = (

@@ -13,8 +13,8 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
-from patrol.ground.maps.load import load_terrain
 from patrol.ground.sensors import footprint_of
+from patrol.maps.load import load_terrain
 from patrol.pose import Pose
 from patrol.scenario import RobotSpec
 from patrol.scenario.sections import TerrainSpec

@@ -8,10 +8,10 @@ from typing import Any, TypeVar
 
 import zenoh
 
-from fogwatch.fleet_folder import FleetFolder
+from fogwatch.fleets.folder import FleetFolder
 from fogwatch.robot_router import FILE, make_robot_router
-from patrol.net.security.credentials import Credentials, read_credentials
 from patrol.pose import Pose
+from patrol.security.credentials import Credentials, read_credentials
 from ros2.wire.formats import Format
 from ros2.wire.link import ZenohRos2Link, open_ros2
 from ros2.wire.mailbox import RosMailbox

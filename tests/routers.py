@@ -16,16 +16,16 @@ from typing import Any
 
 import pytest
 
-from fogwatch.fleet_folder import FleetFolder, make_fleet
+from fogwatch.fleets.folder import FleetFolder, make_fleet
 from fogwatch.launch.private import Secrets
-from patrol.net.keys import FleetKeys, fleet_keys
 from patrol.net.link import Link, open_router
 from patrol.net.mailbox import Mailbox
 from patrol.net.open_links import open_links
-from patrol.net.security.access import FILE
-from patrol.net.security.credentials import Credentials, read_credentials, read_router
-from patrol.net.security.private_files import write_private
-from patrol.net.security.roles import role_of
+from patrol.security.access import FILE
+from patrol.security.credentials import Credentials, read_credentials, read_router
+from patrol.security.keys import FleetKeys, fleet_keys
+from patrol.security.private_files import write_private
+from patrol.security.roles import role_of
 
 PATIENCE_S = 300.0
 

@@ -14,12 +14,12 @@ from typing import TYPE_CHECKING
 
 from patrol.errors import BadInput
 from patrol.files.whole_file import write_whole
-from patrol.net.security.roles import Kind
 from patrol.process.context import ProcessContext, run_with
 from patrol.process.deadline import ANSWER_S
 from patrol.process.exit_codes import INTERRUPTED, UNKNOWN
 from patrol.process.options import TOGETHER, Meeting, ProcessParser, fleet_parser
-from patrol.process.reporting.logs import Log
+from patrol.reporting.logs import Log
+from patrol.security.roles import Kind
 from worldsim.run_record import Unwritten
 
 if TYPE_CHECKING:
@@ -70,10 +70,10 @@ def _run(process: ProcessContext) -> int:
 
 def _run_and_judge(process: ProcessContext, meeting: Meeting) -> int:
     """Check the input, connect, record the run and, without a launcher, judge it; return the exit code."""
-    from patrol.net.keys import callers_of, check_radio
-    from patrol.net.security.access import read_access
     from patrol.own_sensor import allow_sensor
     from patrol.scenario import load_scenario, naming
+    from patrol.security.access import read_access
+    from patrol.security.keys import callers_of, check_radio
     from worldsim.output.folder import check
 
     options = process.options
@@ -122,7 +122,7 @@ def _remedy(meeting: Meeting) -> str:
 
 def _check_process_control(scenario: Scenario, options: Namespace) -> None:
     """Refuse faults that kill, pause or start processes without the launcher that has started these."""
-    from worldsim.faults.timeline import Timeline
+    from worldsim.faults import Timeline
     from worldsim.fleet.acts import NEEDS_LAUNCHER
 
     if options.process_control is None and Timeline(scenario).needs_process_control:

@@ -16,12 +16,10 @@ from typing import TYPE_CHECKING
 from patrol.errors import BadInput
 from patrol.journal import Event, Header, JournalWriter, Status, TickRecord
 from patrol.journal.records import standing_after
-from patrol.net.keys import WORLD, FleetKeys
-from patrol.net.link import Link
-from patrol.net.mailbox import Air, Mailbox, Presence, Question
-from patrol.net.messages.feed import FOG, TICKS
-from patrol.net.messages.phases import MAX_REPLY, ToWorld, decode_to_world
-from patrol.net.messages.telemetry import (
+from patrol.messages.feed import FOG, TICKS
+from patrol.messages.phases import MAX_REPLY, ToWorld, decode_to_world
+from patrol.messages.session import MESH_RETURN_S, RETURN_S, WorldRun
+from patrol.messages.telemetry import (
     EVENTS,
     MAX_TEXT,
     METRICS,
@@ -31,24 +29,24 @@ from patrol.net.messages.telemetry import (
     pack_view,
     read_traffic,
 )
-from patrol.net.security.control_auth import ASK, CHALLENGE, MAX_REQUEST, NONCE, ControlGate
-from patrol.net.security.seats import seat_of
-from patrol.net.security.tick_chain import TickChain
-from patrol.net.session import MESH_RETURN_S, RETURN_S, WorldRun
+from patrol.net.link import Link
+from patrol.net.mailbox import Air, Mailbox, Presence, Question
 from patrol.printable import printable
-from patrol.process.reporting.logs import Log
-from patrol.process.reporting.vitals import MFOW, ROBOTS, ROUTER_SILENT
 from patrol.radio.message import MAX_FRAME
+from patrol.reporting.logs import Log
+from patrol.reporting.vitals import MFOW, ROBOTS, ROUTER_SILENT
 from patrol.scenario import Scenario, scenario_hash
-from worldsim.controls.operator import Operator, RunState
-from worldsim.controls.requests import ControlMailbox, answer_challenge, keep_timeline
-from worldsim.faults.timeline import Timeline
-from worldsim.fleet.connection import FleetConnection
+from patrol.security.control_auth import ASK, CHALLENGE, MAX_REQUEST, NONCE, ControlGate
+from patrol.security.keys import WORLD, FleetKeys
+from patrol.security.seats import seat_of
+from patrol.security.tick_chain import TickChain
+from worldsim.controls import ControlMailbox, Operator, RunState, answer_challenge, keep_timeline
+from worldsim.faults import Timeline
 from worldsim.fleet.lockstep import LockstepFleet
 from worldsim.fleet.paced import PacedFleet
 from worldsim.fleet.process_control import ControlFailed, LauncherControl, has_ended
 from worldsim.fleet.router_watch import RouterWatch
-from worldsim.fleet.sessions import Interrupted, Sessions
+from worldsim.fleet.sessions import FleetConnection, Interrupted, Sessions
 from worldsim.output.feed_publisher import MOST_ASKING, Feed
 from worldsim.output.live_progress import LiveProgress
 from worldsim.radio.listener import MAX_TRAFFIC, ROOM, Listener

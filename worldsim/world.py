@@ -16,9 +16,9 @@ from patrol.pose import Pose, slowed
 from patrol.prepare import check_intruder, sensor_footprint
 from patrol.radio.message import MAX_FRAMES
 from patrol.scenario.zones import zones_in_force
-from worldsim.faults.timeline import Timeline
+from worldsim.faults import Timeline
 from worldsim.radio.ether import Delivery, ether_of
-from worldsim.radio.models.found import model_of
+from worldsim.radio.models import model_of
 from worldsim.robots.bodies import Body, overlap, standstill
 from worldsim.robots.closures import Closures
 from worldsim.robots.intruders import Intruders

@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agent.belief.contacts import Contacts
-from agent.belief.posts import Posts
+from agent.belief.dilated import Posts
 from patrol.ground.fog import Box, Fog, Looks
 from patrol.ground.footprint import Footprint
 from patrol.ground.footprint import View as SensorView
@@ -30,8 +30,7 @@ from patrol.ground.terrain import BoolGrid
 from patrol.pose import Pose
 from patrol.radio.inbox import Inboxes, Intake, Peers
 from patrol.radio.message import CONTACT, RejectReason
-from patrol.radio.peers import Peer
-from patrol.radio.prediction import Predictor
+from patrol.radio.peers import Peer, Predictor
 
 if TYPE_CHECKING:
     from agent.belief.dilated import Dilated

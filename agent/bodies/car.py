@@ -135,8 +135,8 @@ class Unstuck:
     each successful move makes the next one longer: between a wall and a wreck, which steering does not see, there may
     be room for a short step where a full one always bumps.
 
-    As printed (`patrol.scenario.letter`), the paper's steps are all there is; the first step back is taken in any case,
-    because the paper backs before it asks which way the robot faces.
+    As printed (`patrol.scenario.policies`), the paper's steps are all there is; the first step back is taken in any
+    case, because the paper backs before it asks which way the robot faces.
     """
 
     def __init__(

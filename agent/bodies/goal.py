@@ -1,6 +1,6 @@
 """The goal in a direction: ahead of the robot, clipped to the free ground, refined (paper, step 7).
 
-As printed, the goal may lie behind a wall, and so may the point that refinement chooses (`patrol.scenario.letter`).
+As printed, the goal may lie behind a wall, and so may the point that refinement chooses (`patrol.scenario.policies`).
 """
 
 from __future__ import annotations
@@ -11,11 +11,11 @@ from collections.abc import Collection
 import numpy as np
 from numpy.typing import NDArray
 
-from agent.bodies.kernels.goal import free_run, refine
+from agent.kernels.goal import free_run, refine
 from agent.ports import Goal
 from agent.routes.ground import Ground
 from patrol.scenario import BodyLengths
-from patrol.scenario.letter import PaperRule
+from patrol.scenario.policies import PaperRule
 
 
 class GoalFinder:

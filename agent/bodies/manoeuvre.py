@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from agent.bodies.kernels.manoeuvre import CLEARANCE, search
+from agent.kernels.manoeuvre import CLEARANCE, search
 from agent.routes.path_window import FAR
 from agent.routes.wave import LONGEST, BoxPaths, box_around, paths_in
 from patrol.ground.swept_path import advance

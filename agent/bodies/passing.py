@@ -33,7 +33,7 @@ from agent.bodies.giveway import Bumps, disc_round, nearest
 from agent.ports import Intent, Place
 from agent.routes.ground import Ground
 from agent.routes.routes import Routes
-from patrol.ground.kernels.components import label_parts
+from patrol.kernels.components import label_parts
 
 if TYPE_CHECKING:
     from agent.routes.ground import Disc, Spot

@@ -17,7 +17,7 @@ from patrol.classes.named_class import ClassSort, NamedClass, find, options_of
 from patrol.errors import BadInput
 from patrol.scenario.patrols import PAPER as PAPER_PATROL
 from patrol.scenario.policies import COMMITTED, LEARNED, PAPER, STOCHASTIC
-from patrol.values.section import Section
+from patrol.values import Section
 
 if TYPE_CHECKING:
     from patrol.scenario import Scenario
@@ -29,10 +29,10 @@ POLICIES = ClassSort(
     group="fogwatch.policies",
     built_in=MappingProxyType(
         {
-            COMMITTED: "agent.policies.committed.policy:Committed",
-            STOCHASTIC: "agent.policies.stochastic.policy:Stochastic",
-            PAPER: "agent.policies.potential_field.policy:PotentialField",
-            LEARNED: "agent.policies.learned.policy:Learned",
+            COMMITTED: "agent.policies.committed:Committed",
+            STOCHASTIC: "agent.policies.stochastic:Stochastic",
+            PAPER: "agent.policies.potential_field:PotentialField",
+            LEARNED: "agent.learned.policy:Learned",
             "random": "experiments.rivals.conscientious:RandomWalk",
             "cr": "experiments.rivals.conscientious:ConscientiousReactive",
             "hcr": "experiments.rivals.conscientious:HeuristicConscientiousReactive",

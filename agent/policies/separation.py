@@ -1,4 +1,4 @@
-"""Keeping robots apart beyond sharing positions (paper, "Artificial Obstacles", "Semaphores", and claims).
+"""Keeping robots apart beyond sharing positions, and random steps (paper, "Artificial Obstacles", "Semaphores").
 
 Obstacles and semaphores change where paths may lead. A claim says which robot a point is left to; what it weighs is up
 to the policy.
@@ -14,16 +14,30 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agent.routes.ground import Area, Disc
-from patrol.ground.doors.passages import narrow_passages
+from patrol.ground.passages import narrow_passages
 from patrol.ground.shapes import cover
 from patrol.ground.terrain import BoolGrid, Terrain
-from patrol.pose import Pose
+from patrol.pose import TAU, Pose
 from patrol.radio.peers import Peer, places_of
-from patrol.values.types import Polygons
+from patrol.random import Purpose
+from patrol.values import Polygons
 
 if TYPE_CHECKING:
     from agent.ports import PolicySetup
     from agent.view import View
+
+
+class RandomSteps:
+    """Draws the random steps of one robot, with the same probability in each tick."""
+
+    def __init__(self, probability: float) -> None:
+        self._probability = probability
+
+    def draw(self, view: View) -> float | None:
+        """Return the direction of a random step, rad, or None in most ticks."""
+        if self._probability > 0.0 and view.draw(0, Purpose.RANDOM_MOVE) < self._probability:
+            return TAU * view.draw(1, Purpose.RANDOM_MOVE)
+        return None
 
 
 NO_RIVALS: NDArray[np.float64] = np.zeros((0, 2), dtype=np.float64)

@@ -6,7 +6,7 @@ repeated message gets the same answer again, so that nothing is decided twice. A
 wait: a robot that is late continues with the newest tick, and decides on everything it has heard since its last
 decision.
 
-`patrol.net.session` holds the rules for messages: `SimRobot` waits for them, hands them to the robot's end of the
+`patrol.messages.session` holds the rules for messages: `SimRobot` waits for them, hands them to the robot's end of the
 session and carries out the effects.
 
 The robot reports to the world what it has sent and acted on, so that a verdict finds what others sent in their names.
@@ -23,10 +23,7 @@ from itertools import islice
 
 from agent.ports import Decision, State
 from patrol.exchange import Reply, Sensed
-from patrol.net.keys import WORLD, FleetKeys
-from patrol.net.link import TELL_S, Link
-from patrol.net.mailbox import Mailbox, Post, Presence
-from patrol.net.messages.phases import (
+from patrol.messages.phases import (
     UNLIKE,
     Failed,
     PhaseA,
@@ -39,8 +36,7 @@ from patrol.net.messages.phases import (
     encode,
     max_to_robot,
 )
-from patrol.net.security.transcripts import LAST, PHASE_A, PHASE_B, REPLY_A, REPLY_B, RobotTranscript, digest_of
-from patrol.net.session import (
+from patrol.messages.session import (
     Deliver,
     Effects,
     Halt,
@@ -53,9 +49,13 @@ from patrol.net.session import (
     Send,
     Unanswered,
 )
+from patrol.net.link import TELL_S, Link
+from patrol.net.mailbox import Mailbox, Post, Presence
 from patrol.pose import Command, halted
 from patrol.process.lifeline import Ending
-from patrol.process.reporting.vitals import Vitals
+from patrol.reporting.vitals import Vitals
+from patrol.security.keys import WORLD, FleetKeys
+from patrol.security.transcripts import LAST, PHASE_A, PHASE_B, REPLY_A, REPLY_B, RobotTranscript, digest_of
 
 _POLL_S = 0.2
 _BACKLOG = 256

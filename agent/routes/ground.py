@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from agent.routes.kernels.wave import BLOCKED, HEMMED, OPEN
+from agent.kernels.wave import BLOCKED, HEMMED, OPEN
 from patrol.ground.fields import anchor
 from patrol.ground.terrain import ALL_WAYS, Terrain
 

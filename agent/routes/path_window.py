@@ -8,8 +8,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from agent.kernels.wave import SETTLED, STATUS
 from agent.routes.ground import Ground
-from agent.routes.kernels.wave import SETTLED, STATUS
 
 FAR = 2**31 - 1
 """The length of an unknown path."""
@@ -31,7 +31,7 @@ class PathWindow(ABC):
     The window holds everything within ``span`` points of the start, and a blocked frame. Its arrays are reused from one
     start to the next, and minds that never think at the same time may share them.
 
-    Paths are known where the two low bits of `state` are `agent.routes.kernels.wave.SETTLED`. There `length` is in
+    Paths are known where the two low bits of `state` are `agent.kernels.wave.SETTLED`. There `length` is in
     hundredths of a point, and `bend` is a flat index into the window: of the path's first bend, or of the point itself
     where the path has none. `row0` and `col0` are the row and column of the terrain's point under element (0, 0).
     `aside` is rows and columns from the start to the robot, in points; straight paths are measured from the robot.

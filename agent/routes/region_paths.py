@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from agent.kernels.region_paths import last_legs, route
+from agent.kernels.wave import SETTLED, STATUS
 from agent.routes.ground import Ground
-from agent.routes.kernels.region_paths import last_legs, route
-from agent.routes.kernels.wave import SETTLED, STATUS
 from agent.routes.path_window import FAR, Lengths, PathWindow, Place
 
 if TYPE_CHECKING:
@@ -79,7 +79,7 @@ class Regions(PathWindow):
 
 
 class _Graph(NamedTuple):
-    """Connections and parts: see `agent.routes.kernels.region_paths.route`."""
+    """Connections and parts: see `agent.kernels.region_paths.route`."""
 
     places: Ints
     joined: Ints
@@ -101,7 +101,7 @@ class _Graph(NamedTuple):
 
 
 class _Sources(NamedTuple):
-    """The places where the last legs begin: see `agent.routes.kernels.region_paths.route`."""
+    """The places where the last legs begin: see `agent.kernels.region_paths.route`."""
 
     begin: Ints
     row: Ints

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from agent.kernels.straight import open_up, rays
+from agent.kernels.wave import OPEN
 from agent.routes.ground import Ground
-from agent.routes.kernels.straight import open_up, rays
-from agent.routes.kernels.wave import OPEN
 from agent.routes.path_window import PathWindow
 
 

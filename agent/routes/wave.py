@@ -8,13 +8,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from agent.kernels.lengths import read, spread
+from agent.kernels.wave import settle
 from agent.routes.ground import Ground
-from agent.routes.kernels.lengths import read, spread
-from agent.routes.kernels.wave import settle
 from agent.routes.path_window import FAR, Lengths, PathWindow, Place
-from patrol.ground.kernels.footprint import cast
 from patrol.ground.ways import lengths_along
-from patrol.scenario.letter import Ties
+from patrol.kernels.footprint import cast
+from patrol.scenario.policies import Ties
 
 LONGEST = 2**26
 """Longest path that fits an entry, in hundredths of a point."""
@@ -158,7 +158,7 @@ class Wave(PathWindow):
         while not settle(*grids, self._queues, self.start_row, self.start_col, limit, *box):
             self._queues = np.zeros((2, 4 * self._queues.shape[1]), dtype=np.uint64)
         if self._ties in ("straight", "drawn"):
-            from agent.routes.kernels.first_steps import begin_paths  # here: compiled where it is needed
+            from agent.kernels.first_steps import begin_paths  # here: compiled where it is needed
 
             place = (self.start_row, self.start_col, self.row0, self.col0)
             begin_paths(self.state, self.length, self.bend, *place, self._ties == "drawn", self.key, *box)

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from agent.kernels.wave import HEMMED, STATUS
 from agent.routes.ground import Ground
-from agent.routes.kernels.wave import HEMMED, STATUS
 from agent.routes.path_window import FAR
 from agent.routes.wave import BoxPaths, box_around, paths_in
 from patrol.ground.cspace import cspace_of

@@ -25,9 +25,8 @@ from numpy.typing import NDArray
 
 import fogwatch
 from agent.bodies.refine import psi_field
-from agent.policies.potential_field.direction import bisectors
-from agent.policies.potential_field.force import distance_force, fow_force
-from agent.policies.potential_field.policy import PotentialField
+from agent.policies.forces import bisectors, distance_force, fow_force
+from agent.policies.potential_field import PotentialField
 from agent.ports import Intent
 from agent.view import View
 from fogwatch.cli.ending import guarded

@@ -8,7 +8,7 @@ from typing import Any
 from typer.main import get_command
 
 from fogwatch.cli.app import app
-from fogwatch.cli.fleets.process_commands import PassedOn
+from fogwatch.commands.processes import PassedOn
 from worldsim.process import world_parser
 
 PROCESSES = {"python -m worldsim": world_parser}

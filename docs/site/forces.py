@@ -14,7 +14,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from agent.policies.potential_field.force import distance_force, fow_force
+from agent.policies.forces import distance_force, fow_force
 from patrol.scenario import PotentialFieldOptions
 
 OPTIONS = ("fow", "distance", "alpha", "beta", "length")

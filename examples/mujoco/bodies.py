@@ -17,9 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from patrol.errors import BadInput
-from patrol.ground.maps.load import read_terrain
-from patrol.ground.maps.map_file import read_map_file
 from patrol.ground.terrain import BoolGrid, Terrain
+from patrol.maps.load import read_terrain
+from patrol.maps.map_file import read_map_file
 from patrol.palette import ROBOTS, UNCOUNTED, rgb
 from patrol.pose import Pose, Twist, wrap
 from ros2.sim.bodies import Moved

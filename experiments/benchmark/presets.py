@@ -16,8 +16,7 @@ from pathlib import Path
 from experiments.benchmark.matrix import Matrix, NamedSettings, terrain_choice
 from experiments.benchmark.results import CellResult, ShownMetric, number_text
 from patrol.errors import BadInput
-from patrol.graph.graph import VISIT_M
-from patrol.graph.graph_file import read_graph
+from patrol.graph import VISIT_M, read_graph
 from patrol.scenario.sections import VERTICES
 
 VERTEX_COUNT = 40

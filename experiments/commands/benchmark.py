@@ -40,7 +40,7 @@ from experiments.sweeps.casetable import case_lines, csv_text, write_text
 from experiments.sweeps.classes import check_classes
 from experiments.sweeps.plan import count_of_seeds
 from experiments.sweeps.progress import command_line, print_failures
-from fogwatch.launch.terminal.live_table import duration_text
+from fogwatch.terminal.live_table import duration_text
 from patrol.errors import BadInput, did_you_mean
 from patrol.extras import check_matplotlib
 from patrol.pose import MODELS

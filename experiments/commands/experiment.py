@@ -36,7 +36,7 @@ from experiments.sweeps.plan import count_of_seeds
 from experiments.sweeps.progress import command_line, print_failures
 from experiments.sweeps.stats import with_interval
 from fogwatch.cli.command_help import command
-from fogwatch.launch.terminal.live_table import duration_text
+from fogwatch.terminal.live_table import duration_text
 from patrol.errors import BadInput
 from patrol.scenario import parse_overrides
 

@@ -13,7 +13,7 @@ import typer
 
 from experiments.intruders.infiltrator import KNOWLEDGE, Infiltrator
 from experiments.intruders.standing import ATTACKS_S
-from fogwatch.cli.runs.open_run import RUN, open_folder, print_state
+from fogwatch.commands.open_run import RUN, open_folder, print_state
 from patrol.errors import BadInput
 from patrol.printable import printable
 
@@ -218,7 +218,7 @@ def _bar() -> Progress:
     from rich.console import Console
     from rich.progress import TimeRemainingColumn
 
-    from fogwatch.launch.terminal.bars import bar_on
+    from fogwatch.terminal.bars import bar_on
 
     return bar_on(Console(stderr=True), TimeRemainingColumn())
 

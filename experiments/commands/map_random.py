@@ -10,8 +10,8 @@ import typer
 from experiments.random_limits import check_building
 from patrol.errors import BadInput
 from patrol.printable import printable
-from patrol.process.starting.seldom import SELDOM
-from patrol.process.starting.warmup import warm
+from patrol.starting.seldom import SELDOM
+from patrol.starting.warmup import warm
 
 MOST_BUILDINGS = 1000
 EXAMPLES = ["fogwatch map random maps --seed 101 --count 3"]

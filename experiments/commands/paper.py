@@ -42,12 +42,12 @@ from experiments.sweeps.plan import count_of_seeds
 from experiments.sweeps.progress import command_line, print_failures
 from experiments.sweeps.stats import Fit, with_interval
 from fogwatch.cli.command_help import command
-from fogwatch.launch.terminal.live_table import duration_text
+from fogwatch.terminal.live_table import duration_text
 from patrol.errors import BadInput
-from patrol.ground.maps.builtins import builtin_terrain
+from patrol.maps.builtins import builtin_terrain
 from patrol.scenario import parse_overrides
-from patrol.scenario.letter import FIELD as LETTER
-from patrol.scenario.letter import TO_THE_LETTER
+from patrol.scenario.policies import LETTER_FIELD as LETTER
+from patrol.scenario.policies import TO_THE_LETTER
 
 app = typer.Typer(
     help="Reproduce the paper's tables: our values beside the printed ones.",

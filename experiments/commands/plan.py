@@ -18,10 +18,10 @@ from patrol.extras import check_matplotlib
 from patrol.pose import MODELS
 from patrol.printable import printable
 from patrol.process.lifeline import heed
-from patrol.process.starting.seldom import SELDOM
-from patrol.process.starting.warmup import warm
 from patrol.scenario import BUILTINS, as_mapping, load_scenario, naming, open_scenario, parse_overrides
 from patrol.scenario.patrols import patrol_settings
+from patrol.starting.seldom import SELDOM
+from patrol.starting.warmup import warm
 
 if TYPE_CHECKING:
     from experiments.plan.plan import FleetPlan

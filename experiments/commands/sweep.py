@@ -21,7 +21,7 @@ from experiments.sweeps.pool import LocalWorkers, WorkerPool
 from experiments.sweeps.progress import SweepProgress, print_failures
 from experiments.sweeps.runner import SweepOutcome, run_sweep
 from fogwatch.cli.columns import fits
-from fogwatch.launch.terminal.live_table import duration_text
+from fogwatch.terminal.live_table import duration_text
 from patrol.errors import BadInput
 from patrol.extras import check_matplotlib
 

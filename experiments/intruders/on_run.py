@@ -5,19 +5,57 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
+import numpy as np
+from numpy.typing import NDArray
+
 from experiments.intruders.game import Game, Infiltration, infiltration
 from experiments.intruders.infiltrator import Infiltrator
 from experiments.intruders.learned import Advance, Learned, Trials, Watched, learned_games
-from experiments.intruders.robot_distances import nearness_and_approach
 from experiments.intruders.sightings import Sightings
 from experiments.intruders.standing import Successes, intruder_games
 from monitor.replay.replay import play
 from monitor.replay.run import Run
 from patrol.errors import BadInput
-from patrol.graph.graph import Graph
+from patrol.graph import Graph
 from patrol.ground.fog import Fog
 from patrol.ground.footprint import Footprint, View
+from patrol.ground.terrain import ALL_WAYS
+from patrol.ground.ways import lengths_along
+from patrol.journal.records import Status
+from patrol.kernels.ways import FAR
 from patrol.prepare import sensor_footprint
+
+Features = NDArray[np.float32]
+
+
+def nearness_and_approach(run: Run, places: Sequence[tuple[int, int]], pixel: float) -> tuple[Features, Features]:
+    """Return the robots' nearness and approach to places, float32 (ticks, places) each.
+
+    Distances are ways over free ground in units of `pixel` (m), and at least 1. Nearness is the sum over robots of 1 /
+    distance, in 1 / px. Approach is that of the speed towards the place over the last second / distance, in 1 / s. For
+    example, with pixels of 0.075 m, a robot 1.5 m (20 px) from a place that drives there at 1 m/s (13.3 px/s) has
+    nearness 0.05 and approach 0.67.
+
+    Places are row and column. Without a way to a place, or off the terrain, both features are 0.
+    """
+    terrain = run.prepared.terrain
+    cells = np.floor((run.poses[:, :, :2] - terrain.origin) / terrain.point)
+    cells = np.clip(np.nan_to_num(cells), -1, [terrain.width, terrain.height]).astype(np.int64) + 1
+    alive = run.status == Status.ALIVE
+    stride = max(round(1.0 / run.step), 1)
+    nearness, approach = (np.zeros((run.ticks, len(places)), dtype=np.float32) for _ in range(2))
+    for place, (row, col) in enumerate(places):
+        if not (terrain.inside(row, col) and terrain.free[row, col]):
+            continue
+        ways = lengths_along(terrain.free, ALL_WAYS, [(row, col)], FAR // 2)[cells[:, :, 1], cells[:, :, 0]]
+        known = alive & (ways < FAR)
+        pixels = np.maximum(ways * (terrain.point / 100.0 / pixel), 1.0)
+        nearness[:, place] = (known / pixels).sum(axis=1)
+        towards = (pixels[:-stride] - pixels[stride:]) / (stride * run.step)
+        both = known[:-stride] & known[stride:]
+        approach[stride:, place] = (both * towards / pixels[stride:]).sum(axis=1)
+    return nearness, approach
+
 
 MOST_LEARNED = 100
 """Of the points, those on which the learned intruder plays: its networks grow with the square of their number."""
@@ -32,7 +70,7 @@ class Games:
     learned_points: int  # how many of these the learned intruder played on
     learned_ground: list[Learned]
     vertices: int  # of the scenario's graph, or of the one that is made from the ground
-    nodes: list[Successes]  # on these; visited when a robot comes close (`patrol.graph.graph.Graph.visit_reach`)
+    nodes: list[Successes]  # on these; visited when a robot comes close (`patrol.graph.Graph.visit_reach`)
     learned_nodes: list[Learned]
     moving: Infiltration | None = None
     no_moving: str = ""  # why it was not played; empty where it was, or was not asked for

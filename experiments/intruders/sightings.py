@@ -20,7 +20,7 @@ from patrol.radio.message import as_received
 from patrol.scenario.sections import VERTICES
 
 if TYPE_CHECKING:
-    from patrol.graph.graph import Graph
+    from patrol.graph import Graph
     from patrol.ground.terrain import BoolGrid
     from patrol.prepare import Prepared
 
@@ -124,7 +124,7 @@ def _enters(prepared: Prepared, infiltrator: Infiltrator) -> BoolGrid | None:
         return None
     if entries != "doors":
         return cover(entries, terrain.shape, terrain.point, terrain.origin)
-    from patrol.ground.doors.rooms import Rooms  # here: it loads kernels that few runs need
+    from patrol.ground.doors import Rooms  # here: it loads kernels that few runs need
 
     narrowest = min(prepared.scenario.roster, key=lambda spec: (spec.radius, spec.number))
     enters = np.zeros(terrain.shape, dtype=np.bool_)

@@ -3,11 +3,11 @@
 The time between two visits of a robot that has ground of its own is the time of its tour, so the longest tour is to be
 short. It is found in three steps:
 
-1. *On a graph* (`patrol.graph.from_ground`), whose vertices together see all of the ground. The common tour through
+1. *On a graph* (`patrol.graph`), whose vertices together see all of the ground. The common tour through
    them is cut into stretches of equal lengths. Then single vertices move to other robots as long as that lowers the sum
    of `POWER`-th powers of the tours' lengths, which the longest tour dominates.
 2. *On the ground.* A point goes to a robot that has a vertex from which it is seen, and of several to the one with the
-   shortest tour. The tour of each robot's ground is searched for as the common one is (`patrol.ground.tour.search`).
+   shortest tour. The tour of each robot's ground is searched for as the common one is (`patrol.tours.search`).
 3. *Relief.* The robot with the longest tour gives away what others see on their tours anyway, and its tour is searched
    for anew, until that no longer shortens it.
 
@@ -26,20 +26,19 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from patrol.graph.from_ground import graph_from_ground
-from patrol.graph.tour import closed_tour, tour_length
-from patrol.ground.tour.cover import Looks
-from patrol.ground.tour.search import SAMPLES, find_tour
-from patrol.ground.tour.tour import Tour
-from patrol.measures.own_ground import own_grounds
+from patrol.graph import closed_tour, graph_from_ground, tour_length
+from patrol.measures.best_tour import own_grounds
 from patrol.prepare import sensor_footprint
+from patrol.tours.cover import Looks
+from patrol.tours.round import Tour
+from patrol.tours.search import SAMPLES, find_tour
 
 if TYPE_CHECKING:
-    from patrol.graph.graph import Graph
+    from patrol.graph import Graph
     from patrol.ground.fields import StaticFields
     from patrol.ground.footprint import Footprint
     from patrol.ground.terrain import BoolGrid, Terrain
-    from patrol.measures.own_ground import OwnGround
+    from patrol.measures.best_tour import OwnGround
     from patrol.prepare import Prepared
 
 POWER = 8.0

@@ -17,11 +17,11 @@ from pathlib import Path
 
 from experiments.plan.pictures import curve_picture, territories_picture, tour_picture
 from experiments.plan.plan import FleetPlan, plan_facts
-from fogwatch.launch.folder.runfolder import RUNS, untaken
+from fogwatch.run_folder.runfolder import RUNS, untaken
 from patrol.classes.class_file import class_file
 from patrol.errors import BadInput
 from patrol.scenario import Scenario, as_mapping, dump_scenario, load_scenario
-from patrol.scenario.file.copying import with_copies
+from patrol.scenario.copying import with_copies
 from patrol.scenario.patrols import patrol_name
 
 

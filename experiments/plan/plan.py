@@ -24,9 +24,9 @@ from experiments.plan.division import Divider, Territory
 from fogwatch.inprocess import run_in_process
 from patrol.errors import BadInput, NotPrepared
 from patrol.ground.left_out import LeftOut
-from patrol.ground.maps.load import load_terrain
 from patrol.ground.speed_limits import SpeedLimits
 from patrol.journal.records import CLOSED
+from patrol.maps.load import load_terrain
 from patrol.measures.best_tour import MOST_ROBOTS, BestTour, best_tour
 from patrol.prepare import Prepared, prepare
 from patrol.scenario import RobotGroup, as_mapping, load_scenario

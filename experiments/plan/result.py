@@ -9,14 +9,13 @@ from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from fogwatch.notebook.arguments import checked_arguments
+from fogwatch.notebook.arguments import checked_arguments, scenario_of
 from fogwatch.notebook.arrow import table_of
 from fogwatch.notebook.html import lines_html, table_html
-from fogwatch.notebook.scenario import scenario_of
 from patrol.errors import BadInput
-from patrol.process.starting.seldom import SELDOM
-from patrol.process.starting.warmup import warm
 from patrol.scenario import Scenario, naming
+from patrol.starting.seldom import SELDOM
+from patrol.starting.warmup import warm
 
 if TYPE_CHECKING:
     import pyarrow as pa

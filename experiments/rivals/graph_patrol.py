@@ -10,8 +10,8 @@ from pydantic import Field
 
 from agent.ports import Bearing, Intent, Place, Stay
 from experiments.rivals.known import Known
-from patrol.graph.from_ground import on_reach
-from patrol.values.section import Section
+from patrol.graph import on_reach
+from patrol.values import Section
 
 if TYPE_CHECKING:
     from agent.ports import PolicySetup

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from patrol.graph.graph import Graph
+from patrol.graph import Graph
 
 if TYPE_CHECKING:
     from agent.view import View

@@ -29,7 +29,7 @@ def check_classes(plan: Plan) -> None:
     scenarios = (run.scenario for run in plan.runs if run.scenario.radio.model not in MODELS)
     models = {repr((scenario.radio.model, scenario.radio.options)): scenario for scenario in scenarios}
     if models:
-        from worldsim.radio.models.found import model_class
+        from worldsim.radio.models import model_class
 
         for scenario in models.values():
             model_class(scenario)

@@ -31,7 +31,7 @@ from patrol.errors import BadInput, did_you_mean, quoted
 from patrol.files.untrusted import SWEEP
 from patrol.files.yaml_text import line_of, parse_yaml, read_text
 from patrol.scenario import Scenario, load_scenario, scenario_hash
-from patrol.scenario.file.load import check_map
+from patrol.scenario.load import check_map
 
 MAX_RUNS = 100_000
 """Limit of the runs in a sweep."""

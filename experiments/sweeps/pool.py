@@ -17,7 +17,7 @@ from typing import IO, Protocol, Self
 
 from experiments.sweeps.worker import Answer, Task, answer
 from patrol.errors import BadInput, quoted
-from patrol.process.starting.environment import own_environment
+from patrol.starting.environment import own_environment
 
 LOOK_UP_S = 0.5
 """Interval of looking up while no worker answers, s: a signal that comes just before the wait does not end it."""

@@ -17,8 +17,8 @@ from experiments.sweeps.plan import Run
 from experiments.sweeps.probe import seconds_per_run
 from experiments.sweeps.results import RunResult
 from experiments.sweeps.runner import SweepOutcome
-from fogwatch.launch.terminal.bars import bar_on
-from fogwatch.launch.terminal.live_table import duration_text
+from fogwatch.terminal.bars import bar_on
+from fogwatch.terminal.live_table import duration_text
 
 RESULT_OPTIONS = ("--out", "--workers", "--cluster", "--json", "--markdown")
 """Options that say where results are made and written, and change none."""

@@ -105,8 +105,8 @@ def _make(
     observer: SweepObserver | None,
     say: Callable[[str], None],
 ) -> None:
-    from patrol.process.starting.seldom import SELDOM
-    from patrol.process.starting.warmup import warm
+    from patrol.starting.seldom import SELDOM
+    from patrol.starting.warmup import warm
 
     warm(PACKAGES, say, SELDOM)
     settings = {run.key: dict(run.settings) for run in todo}

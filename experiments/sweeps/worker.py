@@ -49,8 +49,8 @@ def software() -> str:
 
 def prepare_worker() -> str:
     """Compile the kernels, so that this machine can run tasks, and return the version of fogwatch."""
-    from patrol.process.starting.seldom import SELDOM
-    from patrol.process.starting.warmup import warm
+    from patrol.starting.seldom import SELDOM
+    from patrol.starting.warmup import warm
 
     warm(PACKAGES, lambda _: None, SELDOM)
     return software()

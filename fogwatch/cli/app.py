@@ -15,11 +15,18 @@ import typer
 
 from fogwatch.cli.command_help import FINISHED, OTHER, RUNNING, START, OrderedGroup, command
 from fogwatch.cli.ending import complain, run_app
-from fogwatch.cli.fleets import control, doctor_command, fleet, key, process_commands, status_command
-from fogwatch.cli.grounds import map_commands, scenario
 from fogwatch.cli.patrol_option import patrol_option
-from fogwatch.cli.runs import animate_command, export_command, judge_command, page, recording_commands, report_commands
 from fogwatch.cli.studies import add_studies
+from fogwatch.commands import animate as animate_command
+from fogwatch.commands import control, fleet, key, page, scenario
+from fogwatch.commands import doctor as doctor_command
+from fogwatch.commands import judge as judge_command
+from fogwatch.commands import map as map_commands
+from fogwatch.commands import processes as process_commands
+from fogwatch.commands import recording as export_command
+from fogwatch.commands import recording as recording_commands
+from fogwatch.commands import report as report_commands
+from fogwatch.commands import status as status_command
 from fogwatch.presets import PRESETS, preset_settings
 from patrol.errors import BadInput
 from patrol.pose import MODELS
@@ -258,9 +265,9 @@ def run(
 
     from fogwatch.api import RunOptions, execute
     from fogwatch.launch.launcher import LaunchFailed
-    from fogwatch.launch.terminal.bars import kernel_bar
-    from fogwatch.launch.terminal.live_table import make_display
-    from fogwatch.launch.terminal.summary_text import print_summary
+    from fogwatch.terminal.bars import kernel_bar
+    from fogwatch.terminal.live_table import make_display
+    from fogwatch.terminal.summary_text import print_summary
     from patrol.summary.model import Summary
 
     def begin() -> None:

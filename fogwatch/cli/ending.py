@@ -14,7 +14,7 @@ from patrol.errors import BadInput
 from patrol.printable import printable_lines
 from patrol.process import exhausted
 from patrol.process.exit_codes import BAD_INPUT, INTERRUPTED, UNKNOWN
-from patrol.process.reporting.logs import crashed
+from patrol.reporting.logs import crashed
 
 
 def run_app(app: typer.Typer) -> int:

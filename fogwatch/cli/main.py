@@ -24,7 +24,7 @@ if _HEEDS_CTRL_C:
     signal.signal(signal.SIGINT, _leave)
 
 PROCESSES = ("agent", "robot-sim", "router")
-"""The commands of `fogwatch.cli.fleets.process_commands`, which stand on nothing that the other commands load."""
+"""The commands of `fogwatch.commands.processes`, which stand on nothing that the other commands load."""
 
 
 def main() -> int:
@@ -35,7 +35,7 @@ def main() -> int:
     from fogwatch.cli.ending import run_app
 
     if len(sys.argv) > 1 and sys.argv[1] in PROCESSES:
-        from fogwatch.cli.fleets.process_commands import only_these
+        from fogwatch.commands.processes import only_these
 
         app = only_these()
     else:

@@ -21,9 +21,10 @@ from numpy.typing import NDArray
 
 from patrol.errors import BadInput
 from patrol.ground.cspace import grown
-from patrol.ground.maps.cells import marked_cells, touched_points
-from patrol.ground.maps.map_file import read_map_file
+from patrol.ground.shapes import touched_points
 from patrol.ground.terrain import BoolGrid, Terrain
+from patrol.maps.cells import marked_cells
+from patrol.maps.map_file import read_map_file
 from patrol.pose import Pose
 from ros2.wire.frames import composed, inverted
 

@@ -12,12 +12,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from patrol.ground.doors.rooms import LISTED_AREA, Door, Rooms
+from patrol.ground.doors import LISTED_AREA, Door, Rooms
 from patrol.ground.fields import StaticFields, compute_fields
-from patrol.ground.kernels.doors import FIRST, SADDLE, SECOND
 from patrol.ground.left_out import joined_ground, middle_of, why_out_of_reach
-from patrol.ground.maps.doubts import perhaps_unknown
 from patrol.ground.terrain import BoolGrid, Terrain
+from patrol.kernels.doors import FIRST, SADDLE, SECOND
+from patrol.maps.doubts import perhaps_unknown
 from patrol.pose import Pose
 from patrol.starts import starting_part
 

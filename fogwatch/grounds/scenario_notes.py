@@ -1,14 +1,126 @@
-"""Notes on a scenario that everyone must read before they believe what is computed of it."""
+"""Notes on a scenario that a reader must know before believing what is computed of it; zones and closures measured."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
 
-from patrol.ground.maps.doubts import doubts
-from patrol.measures.best_tour import most_planned, why_no_rounds
+import numpy as np
+
+from patrol.closures import ClosedPoints
+from patrol.ground.closed import ChangingTerrain
+from patrol.ground.cspace import cspace_of, parts_of
+from patrol.ground.zones import points_of
+from patrol.journal.records import CLOSED, Event
+from patrol.maps.doubts import doubts
+from patrol.measures.best_tour import MOST_ROBOTS, most_planned, why_no_rounds
+from patrol.measures.open_ground import OpenGround
+from patrol.measures.zoned import zone_weights, zoned_ground
 from patrol.prepare import Prepared
 from patrol.scenario.patrols import FIELD, PATROLS, STOCHASTIC, TOUR
 from patrol.scenario.policies import StochasticPatrol
+
+if TYPE_CHECKING:
+    from fogwatch.grounds.map_check import MapReport
+    from patrol.ground.terrain import Terrain
+    from patrol.scenario import ZoneSpec
+    from patrol.tours.zoned import ZonedGround
+
+
+def zone_lines(prepared: Prepared, before: MapReport, after: MapReport) -> Iterator[str]:
+    """Yield the result of a check of zones as lines of text.
+
+    `before` is the map check without keep-outs of zones, `after` the one with them.
+    """
+    zones = prepared.scenario.zones
+    yield f"zones: {len(zones)}"
+    weights, zoned = zone_weights(prepared), zoned_ground(prepared)
+    robots = len(prepared.scenario.roster)
+    area = prepared.terrain.point_area
+    for zone in zones:
+        points = points_of(zone, prepared.terrain)
+        if zone.keep_out:
+            closed = np.count_nonzero(points & before.fields.reach) * area
+            yield f"  {zone.name}: keep-out, {closed:.1f} m² of reachable ground"
+            continue
+        if zone.one_way is not None:
+            directed = np.count_nonzero(points & after.fields.reach) * area
+            niches = np.count_nonzero(points & after.fields.cspace & ~after.fields.reach) * area
+            left_out = f"; {niches:.1f} m² in niches left out, as no way leads there and back" if niches else ""
+            yield f"  {zone.label}: one way at {zone.one_way} degrees, {directed:.1f} m² of reachable ground{left_out}"
+            continue
+        times = f"; in force {zone.when}" if zone.times else ""
+        if zone.times == ():
+            times = "; in force only once it is switched on"
+        if zone.speed is not None:
+            slow = np.count_nonzero(points & before.fields.reach) * area
+            yield f"  {zone.name}: at most {zone.speed:g} m/s on {slow:.1f} m² of reachable ground{times}"
+            continue
+        seen = np.count_nonzero(points & prepared.patrolled) * area
+        wish = "" if zoned is None or zone.age is None else f"; {_wish(zone, zoned, prepared, robots)}"
+        yield f"  {zone.name}: weight {weights[zone.name]:g}, {seen:.1f} m² to patrol{wish}{times}"
+    inside = [points_of(zone, prepared.terrain) for zone in zones if zone.keep_out]
+    if inside:
+        cut = before.fields.reach & ~after.fields.reach & ~np.logical_or.reduce(inside)
+        cut_m2 = np.count_nonzero(cut) * area
+        lost_m2 = np.count_nonzero(before.fields.patrolled & ~after.fields.patrolled) * area
+        lost = f"{lost_m2:.1f} m² is no longer seen"
+        yield f"  beside and behind keep-outs: {cut_m2:.1f} m² more cannot be reached, {lost}"
+
+
+def _wish(zone: ZoneSpec, zoned: ZonedGround, prepared: Prepared, robots: int) -> str:
+    """Say whether robots can keep a zone's wanted age on the rounds of the best division, or else how many could."""
+    at = f"wanted age {zone.age:g} s"
+    if not zoned.rounds:
+        return f"{at}: not judged, as there are no rounds over these zones"
+    points = points_of(zone, prepared.terrain) & prepared.patrolled
+    number = zoned.classes.index(float(zoned.weights[points].min()))
+    if zoned.wish_kept(zoned.divide(robots), number):
+        return f"{at}: {robots} robots can keep it"
+    enough = [n for n in range(robots + 1, MOST_ROBOTS + 1) if zoned.wish_kept(zoned.divide(n), number)]
+    remedy = f"{enough[0]} robots could" if enough else f"nor could {MOST_ROBOTS}"
+    return f"{at}: cannot be kept by {robots} robots; {remedy}"
+
+
+def closure_lines(prepared: Prepared) -> Iterator[str]:
+    """Yield the result of a check of closures as lines of text."""
+    scenario, area = prepared.scenario, prepared.terrain.point_area
+    yield f"closures: {len(scenario.closures)}"
+    starts = {spec.number: start for spec, start in zip(scenario.roster, prepared.starts, strict=True)}
+    places = {number: (start.x, start.y) for number, start in starts.items()}
+    for closure in scenario.closures:
+        closed = ClosedPoints(scenario.closures, prepared.terrain)
+        closed.take(Event(0, CLOSED, None, closure.name))
+        ground = ChangingTerrain(prepared.terrain)
+        ground.close(closed.grid)
+        open_ground = OpenGround(prepared)
+        open_ground.tick(0, ground, closed.names, places)
+        out = np.count_nonzero(open_ground.closed_out) * area
+        from_one_side = OpenGround(prepared)
+        from_one_side.tick(0, ground, closed.names, _largest_side(prepared, ground))
+        behind = np.count_nonzero(from_one_side.closed_out) * area
+        alone = [scenario.roster[number - 1].name for number in open_ground.shut_in()]
+        shut_in = f"; shuts in {', '.join(alone)} at the start" if alone else ""
+        points = len(closed.points[closure.name])
+        sides = ", as robots start on both sides" if out < behind else ""
+        yield (
+            f"  {closure.name}: {points * area:.1f} m², {behind:.1f} m² behind it; closes out {out:.1f} m² from the "
+            f"starts{sides}{shut_in}"
+        )
+
+
+def _largest_side(prepared: Prepared, ground: Terrain) -> dict[int, tuple[float, float]]:
+    """Return a place for robot 1 in the largest part of the ground that is left; nothing if it fits nowhere."""
+    spec = prepared.scenario.roster[0]
+    labels = parts_of(cspace_of(ground, spec.radius) & prepared.fields[spec.number].reach)[0]
+    sizes = np.bincount(labels.reshape(-1))
+    sizes[0] = 0
+    if not sizes.any():
+        return {}
+    row, col = divmod(int(np.argmax(labels.reshape(-1) == sizes.argmax())), ground.width)
+    return {spec.number: ground.centre(row, col)}
+
 
 MEASURED = "docs/results/intruders.md#where-nothing-is-drawn"
 

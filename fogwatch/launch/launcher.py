@@ -14,29 +14,29 @@ from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 
-from fogwatch.launch.children.child_control import GOODBYE_S, ProcessControlServer
-from fogwatch.launch.children.children import Child, Children
-from fogwatch.launch.children.clerk_child import ClerkChild
-from fogwatch.launch.children.fork_server import FORK_SERVER, OF_MINDS, ForkServer
-from fogwatch.launch.children.page_child import PAGE, PageChild
-from fogwatch.launch.folder.runfolder import PolicyNotMade, RunFolder
-from fogwatch.launch.free_port import free_port
+from fogwatch.launch.child_control import GOODBYE_S, ProcessControlServer
+from fogwatch.launch.children import Child, Children
+from fogwatch.launch.clerk_child import ClerkChild
+from fogwatch.launch.fork_server import FORK_SERVER, OF_MINDS, ForkServer
+from fogwatch.launch.limits import free_port
+from fogwatch.launch.page_child import PAGE, PageChild
 from fogwatch.launch.private import Secrets
-from fogwatch.launch.terminal.live_table import RunDisplay
+from fogwatch.run_folder.runfolder import PolicyNotMade, RunFolder
+from fogwatch.terminal.live_table import RunDisplay
 from patrol.errors import BadInput
 from patrol.exchange import FIRST_INCARNATION
-from patrol.net.keys import fleet_keys
+from patrol.messages.telemetry import EVENTS, MAX_NOTICE, METRICS, Metrics, Notice, longest_metrics
 from patrol.net.link import Link, LinkDown, open_link
 from patrol.net.mailbox import Mailbox
-from patrol.net.messages.telemetry import EVENTS, MAX_NOTICE, METRICS, Metrics, Notice, longest_metrics
-from patrol.net.security.access import write_pointer
-from patrol.net.security.credentials import read_credentials
-from patrol.net.security.seats import SEAT, seat_of
 from patrol.process.exit_codes import BAD_INPUT
-from patrol.process.starting.forking import can_fork
-from patrol.process.starting.readiness import StartFailure
+from patrol.security.access import write_pointer
+from patrol.security.credentials import read_credentials
+from patrol.security.keys import fleet_keys
+from patrol.security.seats import SEAT, seat_of
+from patrol.starting.forking import can_fork
+from patrol.starting.readiness import StartFailure
 from patrol.wire import read
-from worldsim.faults.lifecycle import process_name
+from worldsim.faults import process_name
 
 ROUTER, WORLD = "the router", "the world"
 """Names that no robot can have."""
@@ -146,7 +146,7 @@ class Launch:
     def finish(self) -> Mapping[str, int | None]:
         """End what is left, in order, and return the exit codes, negative for signals.
 
-        They are by name, as `worldsim.faults.lifecycle.process_name` makes it.
+        They are by name, as `worldsim.faults.process_name` makes it.
         """
         children = self.children
         if self.interrupted:

@@ -1,11 +1,20 @@
-"""The needs of a fleet of processes: memory, and files that are open at once."""
+"""The limits of this machine: memory and open files for a fleet of processes, and a free port."""
 
 from __future__ import annotations
 
 import os
+import socket
 
 from patrol.errors import BadInput
 from patrol.process.exhausted import LEAST, allow_files
+
+
+def free_port() -> int:
+    """Find a TCP port of 127.0.0.1 at which no process listens now; one may before it is used."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
 
 PROCESS_GB = 0.15
 """Memory of one agent's process, GB."""

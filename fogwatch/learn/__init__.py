@@ -12,7 +12,7 @@ was trained in them runs as the policy ``learned`` (`Layers.save`). See docs/env
 
 from __future__ import annotations
 
-from agent.policies.learned.network import Layers, action_of, flattened
+from agent.learned.network import Layers, action_of, flattened
 from fogwatch.learn.episode import Episode
 from fogwatch.learn.one import OneRobotEnv, one_env
 from fogwatch.learn.parallel import PatrolEnv, parallel_env

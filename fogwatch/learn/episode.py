@@ -12,8 +12,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
+from agent.learned.network import Action, Decisions
 from agent.policies.found import PolicyKind
-from agent.policies.learned.decisions import Action, Decisions
 from fogwatch.inprocess import fleet_of
 from patrol.prepare import sensor_footprint
 from patrol.scenario.policies import LEARNED

@@ -13,13 +13,12 @@ from gymnasium.error import ResetNeeded
 from numpy.typing import NDArray
 from pettingzoo.utils.env import ParallelEnv
 
-from agent.policies.learned.decisions import MASK, STAY
-from agent.policies.learned.observation import Observer
+from agent.learned.network import MASK, STAY
+from agent.learned.observation import Observer
 from fogwatch.inprocess import check_in_process
 from fogwatch.learn.episode import Episode
 from fogwatch.learn.rewards import Reward, reward_of
-from fogwatch.notebook.arguments import WrongArguments, checked_arguments
-from fogwatch.notebook.scenario import scenario_of
+from fogwatch.notebook.arguments import WrongArguments, checked_arguments, scenario_of
 from patrol.errors import BadInput, quoted
 from patrol.journal import TickRecord
 from patrol.prepare import Prepared, prepare
@@ -95,7 +94,7 @@ class PatrolEnv(ParallelEnv[str, Parts, Any]):  # type: ignore[misc] # PettingZo
         return self.prepared.scenario
 
     def observation_space(self, agent: str) -> spaces.Space[Any]:
-        """Return an agent's observations (`agent.policies.learned.observation`), with a mask of discrete actions.
+        """Return an agent's observations (`agent.learned.observation`), with a mask of discrete actions.
 
         Args:
             agent: Its name.
@@ -103,7 +102,7 @@ class PatrolEnv(ParallelEnv[str, Parts, Any]):  # type: ignore[misc] # PettingZo
         return self._observation_spaces[agent]
 
     def action_space(self, agent: str) -> spaces.Space[Any]:
-        """Return an agent's actions (`agent.policies.learned.decisions`).
+        """Return an agent's actions (`agent.learned.network`).
 
         Args:
             agent: Its name.

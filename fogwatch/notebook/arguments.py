@@ -6,10 +6,27 @@ import inspect
 import os
 from collections.abc import Callable, Mapping
 from functools import wraps
-from typing import ParamSpec, TypeVar
+from pathlib import Path
+from typing import Any, ParamSpec, TypeVar
 
 from patrol.errors import BadInput, did_you_mean, quoted
-from patrol.scenario import Scenario
+from patrol.scenario import Scenario, as_mapping, load_scenario, open_scenario
+
+
+def scenario_of(
+    scenario: Scenario | Mapping[str, Any] | str | Path, overrides: Mapping[str, object] | None = None
+) -> Scenario:
+    """Load a scenario, with overrides by dotted field.
+
+    It may be a scenario file, a map's YAML file, the name of a built-in terrain, a mapping shaped like a scenario file,
+    or a loaded scenario.
+    """
+    if isinstance(scenario, Scenario):
+        return load_scenario(as_mapping(scenario), overrides)
+    if isinstance(scenario, Mapping):
+        return load_scenario(scenario, overrides)
+    return open_scenario(str(scenario), overrides)
+
 
 P = ParamSpec("P")
 T = TypeVar("T")

@@ -19,13 +19,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fogwatch.launch.folder.reading import read_folder
 from fogwatch.notebook.arguments import checked_arguments
+from fogwatch.run_folder.reading import read_folder
 from monitor.replay.run_files import SUMMARY, journal_in
 from monitor.replay.summary_file import read_summary
 from patrol.errors import BadInput, did_you_mean
 from patrol.extras import study
-from patrol.process.starting.warmup import warm
+from patrol.starting.warmup import warm
 from patrol.summary.model import Summary
 
 if TYPE_CHECKING:

@@ -27,7 +27,7 @@ from fogwatch.pictures.drawing import (
 from patrol.closures import Closings, closure_points
 from patrol.errors import BadInput
 from patrol.ground.closed import ChangingFootprint
-from patrol.ground.doors.rooms import Door
+from patrol.ground.doors import Door
 from patrol.ground.fog import NEVER, Fog
 from patrol.ground.zones import middle, outline, points_of
 from patrol.journal import Journal, read_journal

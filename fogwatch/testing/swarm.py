@@ -20,14 +20,14 @@ import numpy as np
 from agent.policies.found import POLICIES
 from patrol.errors import NotPrepared
 from patrol.extras import study
-from patrol.ground.doors.rooms import Rooms
-from patrol.ground.maps.load import load_terrain
+from patrol.faults.kinds import PROCESS_KINDS
+from patrol.faults.nemesis import DRAWN
+from patrol.ground.doors import Rooms
+from patrol.maps.load import load_terrain
 from patrol.pose import MODELS
 from patrol.prepare import Prepared, prepare
 from patrol.random import Draws, Purpose
 from patrol.scenario import Scenario, load_scenario
-from patrol.scenario.faults.kinds import PROCESS_KINDS
-from patrol.scenario.faults.nemesis_draws import DRAWN
 from patrol.scenario.policies import BUILT_IN, DEFAULT, LEARNED, PAPER, STOCHASTIC
 from patrol.starts import starting_part
 

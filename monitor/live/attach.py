@@ -10,14 +10,14 @@ from typing import TYPE_CHECKING
 from monitor.live.feed_client import ZenohFeedClient, first_answer
 from patrol.errors import BadInput
 from patrol.files.untrusted import leads_out
-from patrol.net.keys import callers_of, check_radio, fleet_keys
 from patrol.net.link import Link
 from patrol.net.open_links import open_links
-from patrol.net.security.access import FILE, read_access
-from patrol.net.security.credentials import MEMBER
-from patrol.net.security.roles import Kind
 from patrol.process.options import Meeting, meeting
-from patrol.process.reporting.logs import Log
+from patrol.reporting.logs import Log
+from patrol.security.access import FILE, read_access
+from patrol.security.credentials import MEMBER
+from patrol.security.keys import callers_of, check_radio, fleet_keys
+from patrol.security.roles import Kind
 
 if TYPE_CHECKING:
     from monitor.observation.source import Source

@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 from monitor.observation.source import Answer
 from patrol.errors import BadInput, Malformed
-from patrol.net.keys import WORLD, FleetKeys
+from patrol.messages.feed import FOG, MAX_ANSWER, MAX_BATCH, TICKS, Batch, SoFar, read_so_far
 from patrol.net.mailbox import Mailbox, Presence
-from patrol.net.messages.feed import FOG, MAX_ANSWER, MAX_BATCH, TICKS, Batch, SoFar, read_so_far
-from patrol.net.security.control_auth import ControlClient, Unanswered
+from patrol.security.control_auth import ControlClient, Unanswered
+from patrol.security.keys import WORLD, FleetKeys
 from patrol.wire import read_sparingly
 
 if TYPE_CHECKING:

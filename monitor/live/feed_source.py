@@ -1,6 +1,6 @@
 """The source for a running fleet with a world: its feed gives the true fog, and from it follow the robots' beliefs.
 
-The journal's records arrive in batches (`patrol.net.messages.feed`). At the start, and whenever a batch is missing, the
+The journal's records arrive in batches (`patrol.messages.feed`). At the start, and whenever a batch is missing, the
 source requests the fog so far from the world. Only the true fog is always up to date. The fogs that follow from heard
 positions are computed on demand from the ticks kept in memory.
 """
@@ -34,11 +34,19 @@ from patrol.ground.fog import Fog
 from patrol.ground.terrain import Terrain
 from patrol.ground.zones import steps_against
 from patrol.journal.records import End, Event, Header, Status, TickRecord
-from patrol.net.messages.feed import Batch, SoFar, read_so_far
+from patrol.messages.feed import Batch, SoFar, read_so_far
 from patrol.pose import Pose
 from patrol.prepare import prepare, sensor_footprint
-from patrol.scenario.control_words import worded
-from patrol.scenario.controls import CONTROLS, OPERATOR, amended, control_in, in_force, intruders_there, read_control
+from patrol.scenario.controls import (
+    CONTROLS,
+    OPERATOR,
+    amended,
+    control_in,
+    in_force,
+    intruders_there,
+    read_control,
+    worded,
+)
 from patrol.scenario.zones import zones_at
 
 if TYPE_CHECKING:

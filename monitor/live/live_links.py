@@ -8,7 +8,7 @@ import numpy as np
 
 from monitor.observation.source import LinkCounts
 from patrol.journal.records import FORGED, TickRecord
-from patrol.summary.links import count_frames
+from patrol.summary.totals import count_frames
 
 
 class LiveLinks:

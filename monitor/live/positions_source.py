@@ -20,25 +20,24 @@ from monitor.observation.source import Answer, Layer, RobotShape, RobotState, Se
 from monitor.observation.traps import TrapWatch
 from patrol.errors import BadInput
 from patrol.journal.records import Event, RobotTick, Status, TickRecord
-from patrol.net.frames import FrameMailbox
-from patrol.net.keys import robot_of
-from patrol.net.mailbox import Mailbox, Presence
-from patrol.net.messages.stop_orders import Order, ask_robots, robots_to_ask
-from patrol.net.messages.telemetry import Telemetry
+from patrol.messages.stop_orders import Order, ask_robots, robots_to_ask
+from patrol.messages.telemetry import Telemetry
+from patrol.net.mailbox import FrameMailbox, Mailbox, Presence
 from patrol.prepare import inboxes_of, sensor_footprint
 from patrol.radio.fleet_key import fleet_key
 from patrol.scenario import as_mapping
 from patrol.scenario.zones import zones_at
+from patrol.security.keys import robot_of
 from patrol.wire import read
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from patrol.net.keys import FleetKeys
     from patrol.net.link import Link
     from patrol.net.mailbox import Air
     from patrol.pose import Pose
     from patrol.prepare import Prepared
+    from patrol.security.keys import FleetKeys
 
 MAX_TELEMETRY = 1 << 16
 ROBOTS_S = 5.0

@@ -14,7 +14,7 @@ from patrol.journal.records import Event, Status
 from patrol.measures.open_ground import OpenGround
 from patrol.measures.progress import Trap, Traps
 from patrol.measures.stays import SAMPLE_S
-from patrol.net.messages.telemetry import FREE, TRAPPED
+from patrol.messages.telemetry import FREE, TRAPPED
 
 if TYPE_CHECKING:
     import numpy as np

@@ -26,7 +26,7 @@ from monitor.page.messages import (
 from monitor.page.survey import survey_of
 from monitor.page.thinning import thinned
 from monitor.page.tiles import TiledMap, layer_number, terrain_packet
-from patrol.process.reporting.vitals import MFOW, PAGES, TICK, Vitals
+from patrol.reporting.vitals import MFOW, PAGES, TICK, Vitals
 
 FRAME_S, LIVE_FRAME_S = 1.0 / 30.0, 1.0 / 10.0
 """Wall time between two frames of a replay, and of a live fleet, with which the page shares the processors."""

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from monitor.page.kernels.survey import stalest
+from monitor.kernels.survey import stalest
 from patrol.ground.fog import NEVER
 
 

@@ -13,8 +13,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from monitor.kernels.tiles import KEEP, pack, take_over
 from monitor.observation.source import Layer
-from monitor.page.kernels.tiles import KEEP, pack, take_over
 
 SIDE = 128
 """Points along a tile's side."""

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from monitor.observation.source import LinkCounts
 from monitor.replay.run import Run
-from patrol.summary.links import count_frames
+from patrol.summary.totals import count_frames
 
 BUDGET_S = 0.02
 """Wall time for reading the journal in one call, s."""
@@ -26,7 +26,7 @@ _Counts = tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]
 
 
 class LinkLog:
-    """Frame counts at any tick, from `patrol.summary.links`; forged frames do not count."""
+    """Frame counts at any tick, from `patrol.summary.totals`; forged frames do not count."""
 
     def __init__(self, run: Run, now: Callable[[], float] = time.monotonic) -> None:
         """Start with nothing read."""

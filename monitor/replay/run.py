@@ -18,17 +18,16 @@ from monitor.replay.run_files import SCENARIO, SUMMARY, journal_in
 from monitor.replay.summary_file import read_summary
 from patrol.closures import Closings
 from patrol.errors import BadInput
-from patrol.ground.maps.load import load_terrain
 from patrol.journal import Journal, TraceHash
 from patrol.journal.records import FORGED, Event, RobotFacts, Status, TickRecord, sent_at
+from patrol.maps.load import load_terrain
 from patrol.pose import Pose
 from patrol.prepare import Prepared, prepare
 from patrol.radio.fleet_key import fleet_key
 from patrol.scenario import load_scenario
-from patrol.scenario.control_words import worded
-from patrol.summary.links import count_frames
+from patrol.scenario.controls import worded
 from patrol.summary.model import RobotFigures, Summary
-from patrol.summary.totals import RunTotals
+from patrol.summary.totals import RunTotals, count_frames
 
 CAME = ("alive", "lost")
 """Events by which a robot joins."""
@@ -44,7 +43,7 @@ MOST_CAUSES = 64
 
 @dataclass(frozen=True, eq=False)
 class LinkTotals:
-    """Frames by directed link, over the whole run; see `patrol.summary.links`.
+    """Frames by directed link, over the whole run; see `patrol.summary.totals`.
 
     Rows are senders and columns receivers: first the forger, then the roster. With a direct radio `sent` is what the
     world overheard, and all other counts are 0.

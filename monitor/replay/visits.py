@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from monitor.replay.kernels.visits import settle, visit
+from monitor.kernels.visits import settle, visit
 from patrol.ground.fog import Fog
 from patrol.ground.footprint import View
 

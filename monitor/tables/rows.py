@@ -17,7 +17,7 @@ from patrol.journal.links import drops_of
 from patrol.journal.records import FORGED, Status
 from patrol.measures.nodes import node_totals
 from patrol.pose import Drive, Twist, Velocity, command_of
-from patrol.summary.links import count_frames
+from patrol.summary.totals import count_frames
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

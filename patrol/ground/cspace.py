@@ -38,7 +38,7 @@ def clearance_levels(free: BoolGrid, cap: int) -> IntGrid:
     The grid's edge counts as blocked. The result is int32 (h, w), 0 on blocked points and at most (2 cap - 1)^2:
     distances beyond `cap` whole points are not told apart, and the cost grows with it.
     """
-    from patrol.ground.kernels.clearance import square_clearance
+    from patrol.kernels.clearance import square_clearance
 
     cap = min(cap, min(free.shape) // 2 + 2)  # the edge is never further
     along = np.empty(free.shape, dtype=np.int32)
@@ -62,7 +62,7 @@ def parts_of(mask: BoolGrid) -> tuple[IntGrid, int]:
 
     The parts are int32 (h, w), labels from 1, and 0 outside the mask.
     """
-    from patrol.ground.kernels.components import label_parts
+    from patrol.kernels.components import label_parts
 
     labels = np.empty(mask.shape, dtype=np.int32)
     work = np.empty(mask.size, dtype=np.int32)

@@ -133,8 +133,8 @@ def proxies_of(terrain: Terrain, reach: BoolGrid, sensor_range: float, line_of_s
 
     The result is int32 (h, w), -1 in `reach` and where there is no such point.
     """
-    from patrol.ground.kernels.clearance import nearest
-    from patrol.ground.kernels.coverage import see_back, see_from_reach
+    from patrol.kernels.clearance import nearest
+    from patrol.kernels.coverage import see_back, see_from_reach
 
     # No sensor reaches further than across the terrain, and squares must fit into 32 bits.
     radius = min(sensor_range / terrain.point, math.hypot(*terrain.shape), 32_000.0)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from patrol.ground.footprint import View
-from patrol.ground.kernels.fog import observe, observe_each, stalest_row
+from patrol.kernels.fog import observe, observe_each, stalest_row
 
 NEVER = -1
 """``last_seen`` of a point that nobody has seen yet; its age counts from tick 0."""

@@ -103,6 +103,6 @@ def _with_ways_back(terrain: Terrain, reach: BoolGrid, radius: float) -> BoolGri
 
 
 def _reached(terrain: Terrain, reach: BoolGrid, start: list[tuple[int, int]], *, back: bool) -> BoolGrid:
-    from patrol.ground.kernels.ways import FAR
+    from patrol.kernels.ways import FAR
 
     return np.asarray(lengths_along(reach, terrain.against, start, FAR, back=back)[1:-1, 1:-1] < FAR)

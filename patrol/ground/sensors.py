@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from patrol.ground.footprint import REMEMBERED, Footprint, SensorSetup, View
-from patrol.ground.kernels.footprint import cast, disc, keep_sector
 from patrol.ground.terrain import Terrain
+from patrol.kernels.footprint import cast, disc, keep_sector
 from patrol.pose import Pose
 
 __all__ = ["Disc", "Quality", "Sector", "SeeThrough", "footprint_of"]

@@ -16,6 +16,9 @@ Polygon = Sequence[tuple[float, float]]
 TOLERANCE = 1e-6
 """Overlaps thinner than this (in points) are rounding and do not count."""
 
+TOLERANCE = 1e-6
+"""Overlaps thinner than this (in cells) are rounding and do not count."""
+
 
 def cover(polygon: Polygon, shape: tuple[int, int], point: float, origin: tuple[float, float]) -> BoolGrid:
     """Return the points that share some area with a polygon, whose inside is by the even-odd rule."""
@@ -101,3 +104,30 @@ def _crossing(a0: float, a1: float, index: NDArray[np.int64]) -> tuple[NDArray[n
     with np.errstate(over="ignore"):
         first, second = (low - a0) / (a1 - a0), (high - a0) / (a1 - a0)
     return np.minimum(first, second), np.maximum(first, second)
+
+
+def touched_points(
+    cells: BoolGrid, resolution: float, point: float, shape: tuple[int, int], start: tuple[float, float] = (0.0, 0.0)
+) -> BoolGrid:
+    """Return the points of a grid of some shape that share some area with a marked cell.
+
+    `resolution` is the side of a cell and `point` that of a point, m; either may be the larger one. `start` is x and y
+    in m of the corner of point (0, 0) from the corner of cell (0, 0).
+    """
+    # count[r, c] counts the marked cells below row r and left of column c.
+    count = np.zeros((cells.shape[0] + 1, cells.shape[1] + 1), dtype=np.int32)
+    np.cumsum(cells, axis=0, dtype=np.int32, out=count[1:, 1:])
+    np.cumsum(count[1:, 1:], axis=1, out=count[1:, 1:])
+    low_row, high_row = _overlaps(shape[0], cells.shape[0], point / resolution, start[1] / resolution)
+    low_col, high_col = _overlaps(shape[1], cells.shape[1], point / resolution, start[0] / resolution)
+    touched = count[np.ix_(high_row, high_col)] - count[np.ix_(low_row, high_col)]
+    touched += count[np.ix_(low_row, low_col)] - count[np.ix_(high_row, low_col)]
+    return np.asarray(touched > 0)
+
+
+def _overlaps(count: int, cells: int, point: float, start: float) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """First cell, and the one after the last, that each point along one side shares some area with; both in cells."""
+    index = np.arange(count, dtype=np.float64)
+    first = np.floor(index * point + start + TOLERANCE).astype(np.int64)
+    after = np.ceil((index + 1.0) * point + start - TOLERANCE).astype(np.int64)
+    return np.clip(first, 0, cells), np.clip(after, 0, cells)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, assert_never
 import numpy as np
 from numpy.typing import NDArray
 
-from patrol.ground.kernels import swept_path as kernels
+from patrol.kernels import swept_path as kernels
 from patrol.pose import Command, Drive, Pose, Twist, Velocity
 
 if TYPE_CHECKING:

@@ -28,7 +28,7 @@ def lengths_along(
     The result is int32 (height + 2, width + 2), framed by one point on every side, in hundredths of a point as is
     `limit`, the longest way; `FAR` where no way leads. The starts are rows and columns without the frame.
     """
-    from patrol.ground.kernels.ways import FAR, wave
+    from patrol.kernels.ways import FAR, wave
 
     is_open, steps = framed(reach, against)
     width = is_open.shape[1]
@@ -46,7 +46,7 @@ def first_bend(
     It is `last` where the way does not bend. The straight line there leads against no zone. `length` has the lengths of
     the ways to `last`, framed as by `lengths_along`; rows and columns are without the frame.
     """
-    from patrol.ground.kernels.ways import corners
+    from patrol.kernels.ways import corners
 
     width = length.shape[1]
     begin, end = ((row + 1) * width + col + 1 for row, col in (first, last))

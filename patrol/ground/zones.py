@@ -9,9 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from patrol.errors import NotPrepared
-from patrol.ground.maps.cells import touched_points
 from patrol.ground.one_way import with_direction
-from patrol.ground.shapes import Polygon, cover
+from patrol.ground.shapes import Polygon, cover, touched_points
 from patrol.ground.terrain import ALL_WAYS, BoolGrid, Steps, Terrain
 
 

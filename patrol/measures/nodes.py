@@ -1,7 +1,7 @@
 """Measures of the literature on the vertices of a graph: idleness in both families, interference, entropy.
 
 A vertex is visited when a robot is within a tolerance of it, or passes by so close from one tick to the next
-(`patrol.graph.graph.Graph.visit_reach`). Its *idleness* is the time since its last visit, and since tick 0 before the
+(`patrol.graph.Graph.visit_reach`). Its *idleness* is the time since its last visit, and since tick 0 before the
 first.
 
 - *Over time* (M2Bench, MAEPS): the mean and the greatest idleness over vertices, averaged over all ticks, or the
@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from patrol.graph.graph import VISIT_M, graph_of
+from patrol.graph import VISIT_M, graph_of
 from patrol.journal.records import Status
 
 if TYPE_CHECKING:
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from patrol.graph.graph import Graph
+    from patrol.graph import Graph
     from patrol.journal.records import Header, TickRecord
 
 CLOSE_M = 2.0

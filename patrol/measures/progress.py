@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from patrol.ground.terrain import BoolGrid, Terrain
 from patrol.journal.records import CHARGING, DOCKING, SURROUNDING, Status, TickRecord
-from patrol.measures.own_ground import OwnGround, own_grounds
+from patrol.measures.best_tour import OwnGround, own_grounds
 from patrol.measures.stays import TRAPPED_S, Place, Stay, Stays, roaming_radius, ticks_of
 from patrol.measures.zoned import zoned_ground
 from patrol.scenario.policies import CommittedPatrol

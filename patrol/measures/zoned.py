@@ -19,19 +19,17 @@ from numpy.typing import NDArray
 
 from patrol.errors import BadInput
 from patrol.exchange import LEAST_WEIGHT, MOST_WEIGHT
-from patrol.ground.tour.zoned import MOST_CLASSES, Classes, ZonedGround
 from patrol.ground.ways import lengths_along
 from patrol.ground.zones import points_of
-from patrol.measures.best_tour import best_tour, round_over, tour_over
-from patrol.measures.own_ground import own_grounds
+from patrol.measures.best_tour import best_tour, own_grounds, round_over, tour_over
 from patrol.scenario.zones import Weighing, weighing_at
+from patrol.tours.zoned import MOST_CLASSES, Classes, ZonedGround
 
 if TYPE_CHECKING:
     from patrol.ground.terrain import BoolGrid
-    from patrol.ground.tour.round import Round
-    from patrol.ground.tour.tour import Tour
     from patrol.prepare import Prepared
     from patrol.scenario import Scenario
+    from patrol.tours.round import Round, Tour
 
 
 MOST_COMBINED = 3
@@ -153,7 +151,7 @@ def _zoned_ground(prepared: Prepared, weighing: Weighing) -> ZonedGround:
 
 def _ways_m(prepared: Prepared, laid_out: Round) -> NDArray[np.float32]:
     """Return the length of the way from each point to the nearest place of a round, float32 (height, width), m."""
-    from patrol.ground.kernels.ways import FAR  # here: few processes need it
+    from patrol.kernels.ways import FAR  # here: few processes need it
 
     terrain, own = prepared.terrain, next(iter(own_grounds(prepared).values()))
     starts = [divmod(place, terrain.width) for place in laid_out.places.tolist()]

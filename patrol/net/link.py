@@ -8,6 +8,7 @@ from __future__ import annotations
 import atexit
 import errno
 import json
+import re
 import socket
 import threading
 import time
@@ -19,19 +20,31 @@ from typing import TYPE_CHECKING, Any
 
 import zenoh
 
-from patrol.net.keys import address_of
 from patrol.net.mailbox import Mailbox, Post, Presence, Question
 from patrol.net.neighbours import Neighbours
 from patrol.net.queries import all_answers, answers_until
-from patrol.net.security.mesh import everywhere
-from patrol.net.security.roles import Kind
 from patrol.net.settings import client_settings, router_settings
-from patrol.net.zenoh_errors import first_line as _first_line
-from patrol.net.zenoh_errors import system_error as _system_error
+from patrol.security.keys import address_of
+from patrol.security.mesh import everywhere
+from patrol.security.roles import Kind
 
 if TYPE_CHECKING:
-    from patrol.net.security.credentials import Credentials, RouterSecurity
-    from patrol.net.security.mesh import Mesh
+    from patrol.security.credentials import Credentials, RouterSecurity
+    from patrol.security.mesh import Mesh
+
+
+def system_error(error: Exception) -> int | None:
+    """Return the number of the system's error in the text of a Zenoh error; None without one."""
+    match = re.search(r"\(os error (\d+)\)", str(error))
+    return None if match is None else int(match[1])
+
+
+def first_line(error: Exception) -> str:
+    """Give Zenoh's text without the place in its sources."""
+    text = str(error).partition(" at /")[0].partition("\n")[0]
+    system = re.search(r": ([^:\[\]]+) \(os error \d+\)", text)
+    return system[1] if system else text
+
 
 LEASE_S = 600.0
 """A client that is silent for so long is gone for the router; longer than a paused robot may take to answer, and than a
@@ -358,7 +371,7 @@ def open_session(
         raise LinkDown(f"no router answers at {router}")
     opened = box[0]
     if isinstance(opened, Exception):
-        raise LinkDown(f"cannot reach a router at {router} ({_first_line(opened)})")
+        raise LinkDown(f"cannot reach a router at {router} ({first_line(opened)})")
     return opened
 
 
@@ -403,12 +416,12 @@ def _open_listening(settings: Mapping[str, object], listen: str, mesh: Mesh | No
     try:
         return Link(zenoh.open(_config({**settings, "listen/endpoints": [listen]})), mesh)
     except zenoh.ZError as error:
-        if mesh is not None and _system_error(error) == errno.EADDRNOTAVAIL and everywhere(listen) != listen:
+        if mesh is not None and system_error(error) == errno.EADDRNOTAVAIL and everywhere(listen) != listen:
             return _open_listening(settings, everywhere(listen), mesh)
-        if _system_error(error) == errno.EADDRINUSE:
+        if system_error(error) == errno.EADDRINUSE:
             remedy = "choose another" if mesh is None else "another process is this member already; end that one"
             raise PortBusy(f"{listen}: the port is busy; {remedy}") from None
-        raise LinkDown(f"{listen}: cannot listen there ({_first_line(error)})") from None
+        raise LinkDown(f"{listen}: cannot listen there ({first_line(error)})") from None
 
 
 def _config(values: Mapping[str, object]) -> zenoh.Config:

@@ -4,16 +4,18 @@ The receiving thread decodes each message and puts it into a `Mailbox`; the mail
 time limit. A message that is too long, malformed, under an unknown key or one too many is dropped and counted on
 arrival, so that it never wakes the owner. Room is per key, so that a flood on one key takes no room from the others.
 
-Nothing here depends on Zenoh: `patrol.net.link` and `patrol.net.carriers.multicast` fill mailboxes.
+Nothing here depends on Zenoh: `patrol.net.link` and `patrol.net.multicast` fill mailboxes.
 """
 
 from __future__ import annotations
 
 import threading
 from collections import Counter, deque
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from typing import Any, Generic, Protocol, TypeVar
+
+from patrol.radio.message import CONTACT, MAX_FRAME, Rejected, decode
 
 _ROOM = 256
 
@@ -142,3 +144,28 @@ class Air(Protocol):
     def close(self) -> bool:
         """Close it; False when that takes too long."""
         ...
+
+
+class FrameMailbox(Mailbox[bytes]):
+    """Frames that wait, without positions of another robot than the key's: certificates guard keys alone.
+
+    `numbers` are the senders' numbers by key. When more than `room` frames of a sender wait, the oldest is dropped.
+    """
+
+    def __init__(self, numbers: Mapping[str, int], room: int = 256) -> None:
+        super().__init__(numbers, bytes, MAX_FRAME, room)
+        self._numbers = numbers
+
+    def put(self, key: str, message: bytes, size: int = 0) -> None:
+        """Put one frame in; called from any thread.
+
+        Bytes that are no frame are put in too, for the reader to refuse.
+        """
+        try:
+            claimed = decode(message).robot
+        except Rejected:
+            claimed = CONTACT
+        if claimed not in (CONTACT, self._numbers.get(key, claimed)):
+            self.refused["forged"] += 1
+            return
+        super().put(key, message, size)

@@ -8,12 +8,12 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 from patrol.errors import BadInput
-from patrol.net.carriers.multicast import GroupDown, open_group
-from patrol.net.carriers.serial_line import SerialDown, is_serial, open_serial
-from patrol.net.keys import is_group, is_local
 from patrol.net.link import Link, LinkDown, NotAdmitted, PortBusy, listens, open_link, open_session
-from patrol.net.security.credentials import Credentials, read_credentials
+from patrol.net.multicast import GroupDown, open_group
+from patrol.net.serial_line import SerialDown, open_serial
 from patrol.net.settings import client_settings
+from patrol.security.credentials import Credentials, read_credentials
+from patrol.security.keys import is_group, is_local, is_serial
 
 if TYPE_CHECKING:
     from patrol.net.mailbox import Air

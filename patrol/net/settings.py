@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from patrol.net.security.credentials import Credentials, RouterSecurity
+    from patrol.security.credentials import Credentials, RouterSecurity
 
 _RETRY = {"period_init_ms": 100, "period_max_ms": 500, "period_increase_factor": 1.5}
 _SOCKET = 65536

@@ -31,21 +31,20 @@ from patrol.errors import BadInput
 from patrol.process.exit_codes import BAD_INPUT, INTERRUPTED
 from patrol.process.lifeline import Ending, InterruptedBySignal, heed
 from patrol.process.options import Meeting, meeting
-from patrol.process.reporting.health import HealthLines
-from patrol.process.reporting.logs import Log, begin_log
-from patrol.process.reporting.metrics import MetricsServer, listen_at
-from patrol.process.reporting.notify import Notifier
-from patrol.process.reporting.supervision import Supervision, take_supervision
-from patrol.process.reporting.vitals import CONNECTIONS, Vitals
-from patrol.process.starting.readiness import StartFailure, StartReport, report_start
+from patrol.reporting.health import HealthLines
+from patrol.reporting.logs import Log, begin_log
+from patrol.reporting.metrics import MetricsServer, listen_at
+from patrol.reporting.supervision import Notifier, Supervision, take_supervision
+from patrol.reporting.vitals import CONNECTIONS, Vitals
+from patrol.starting.readiness import StartFailure, StartReport, report_start
 
 if TYPE_CHECKING:
     from patrol.net.link import Link
     from patrol.net.mailbox import Air
-    from patrol.net.security.mesh import Mesh
-    from patrol.net.security.roles import Kind, Role
     from patrol.prepare import Prepared
     from patrol.scenario import Scenario
+    from patrol.security.mesh import Mesh
+    from patrol.security.roles import Kind, Role
 
 WARN_AGAIN_S = 10.0
 """Least time between two warnings of the same certificate, s: its holder may connect as often as it likes."""
@@ -164,8 +163,8 @@ class ProcessContext:
 
         Kernels that few runs need are left out, but for those that the scenario needs.
         """
-        from patrol.process.starting.seldom import seldom_kernels
-        from patrol.process.starting.warmup import warm
+        from patrol.starting.seldom import seldom_kernels
+        from patrol.starting.warmup import warm
 
         warm(packages, self.log.info, () if scenario is None else seldom_kernels(scenario))
 

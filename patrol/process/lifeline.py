@@ -23,7 +23,7 @@ from typing import NoReturn
 from patrol.errors import BadInput
 from patrol.process.exhausted import LEAST, allow_files, told
 from patrol.process.exit_codes import BAD_INPUT, CRASHED, INTERRUPTED
-from patrol.process.reporting.logs import Log, crashed
+from patrol.reporting.logs import Log, crashed
 
 GRACE_S = 1.5
 LOADING_S = 5.0

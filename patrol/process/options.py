@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, NoReturn
 
 from patrol.errors import BadInput
 from patrol.process.exit_codes import BAD_INPUT
-from patrol.process.reporting.supervision import add_supervision
+from patrol.reporting.supervision import add_supervision
 
 if TYPE_CHECKING:
-    from patrol.net.keys import FleetKeys
-    from patrol.net.security.credentials import Credentials
-    from patrol.net.security.roles import Kind
+    from patrol.security.credentials import Credentials
+    from patrol.security.keys import FleetKeys
+    from patrol.security.roles import Kind
 
 TOGETHER = """All processes are given the same scenario file. Who they
 are, and where they meet, they know from a folder of their own:
@@ -124,9 +124,9 @@ def meeting(credentials: Path | None, router: str | None, fleet: str | None, *ki
     Credentials of any of the `kinds` fit; in a run of this machine, those of the first kind are taken. What is None
     comes from the credentials.
     """
-    from patrol.net.keys import check_locators, fleet_keys
-    from patrol.net.security.access import credentials_at
-    from patrol.net.security.roles import Role
+    from patrol.security.access import credentials_at
+    from patrol.security.keys import check_locators, fleet_keys
+    from patrol.security.roles import Role
 
     if credentials is None:
         if router is None or fleet is None:

@@ -21,7 +21,7 @@ Theory of operation
     robot's last accepted frame.
 
     Here each frame is decoded once, however many hear it, and refused for all where it cannot be true for any listener.
-    The rest is judged by a kernel (`patrol.radio.kernels.hear`), which has the whole rule for what depends on what a
+    The rest is judged by a kernel (`patrol.kernels.hear`), which has the whole rule for what depends on what a
     listener has heard before.
 """
 
@@ -36,9 +36,7 @@ from operator import itemgetter
 import numpy as np
 from numpy.typing import NDArray
 
-from patrol.pose import Pose
-from patrol.radio.heard import Heard
-from patrol.radio.kernels.hear import (
+from patrol.kernels.hear import (
     ACCEPTED,
     AHEAD,
     CELL,
@@ -57,6 +55,8 @@ from patrol.radio.kernels.hear import (
     hear,
     places_heard,
 )
+from patrol.pose import Pose
+from patrol.radio.heard import Heard
 from patrol.radio.message import CONTACT, Position, Rejected, RejectReason, decode
 from patrol.radio.peers import SPAN, Peer
 from patrol.radio.units import CM_PER_M, cm_to_m, m_to_cm

@@ -15,8 +15,8 @@ from itertools import combinations, pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from patrol.kernels.regions import partners, shorten
 from patrol.regions.convex import FLAT, Floats, area, cross
-from patrol.regions.kernels.cuts import partners, shorten
 from patrol.regions.outline import Ring
 
 Ints = NDArray[np.int64]
@@ -57,7 +57,7 @@ class Plan:
         return float(x), float(y)
 
     def shorten(self, concave: Ints, begin: Floats, end: Floats, first: int, ways: Floats) -> None:
-        """Call `patrol.regions.kernels.cuts.shorten` with the plan's corners; it changes `ways` in place."""
+        """Call `patrol.kernels.regions.shorten` with the plan's corners; it changes `ways` in place."""
         shorten(self.corners, self.before, self.after, concave, begin, end, first, ways)
 
     def no_ways(self) -> Floats:

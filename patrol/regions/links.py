@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from patrol.ground.terrain import BoolGrid, Terrain
-from patrol.regions.kernels.pieces import split_parts
+from patrol.kernels.regions import split_parts
 
 Ints = NDArray[np.int32]
 

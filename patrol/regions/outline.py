@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from patrol.ground.terrain import BoolGrid
+from patrol.kernels.regions import fewest_corners, trace
 from patrol.regions.convex import FLAT, Floats, area, cross
-from patrol.regions.kernels.outline import fewest_corners, trace
 
 Ints = NDArray[np.int64]
 

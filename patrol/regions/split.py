@@ -25,9 +25,9 @@ from patrol.errors import BadInput
 from patrol.ground.cspace import parts_of
 from patrol.ground.fields import load_grid
 from patrol.ground.terrain import BoolGrid, Terrain
+from patrol.kernels.regions import fill, spread
 from patrol.regions.convex import Floats, area, circumference, depths, hull, overlap
 from patrol.regions.cuts import convex_pieces
-from patrol.regions.kernels.pieces import fill, spread
 from patrol.regions.links import Connection, connect
 from patrol.regions.outline import loops_of, simplified
 from patrol.regions.patchwork import made_convex, merged, stretched

@@ -1,8 +1,9 @@
 """The scenario: one file that says everything a run depends on, its faults, and what an operator may change."""
 
 from patrol.scenario.closures import ClosureSpec
-from patrol.scenario.file.explain import naming
-from patrol.scenario.file.load import (
+from patrol.scenario.explain import naming
+from patrol.scenario.lengths import BodyLengths
+from patrol.scenario.load import (
     as_mapping,
     dump_scenario,
     load_scenario,
@@ -14,7 +15,6 @@ from patrol.scenario.file.load import (
     scenario_schema,
     with_spares,
 )
-from patrol.scenario.lengths import BodyLengths
 from patrol.scenario.model import Scenario
 from patrol.scenario.policies import (
     CommitmentOptions,
@@ -25,18 +25,18 @@ from patrol.scenario.policies import (
     StochasticOptions,
 )
 from patrol.scenario.radio_spec import RadioSpec
-from patrol.scenario.robots import RobotSpec
 from patrol.scenario.sections import (
     BatterySpec,
     DockSpec,
     IntruderSpec,
     RobotEntry,
     RobotGroup,
+    RobotSpec,
     SensorSpec,
     TerrainSpec,
 )
 from patrol.scenario.zones import ZoneSpec
-from patrol.values.types import BUILTINS, MAX_ROBOTS
+from patrol.values import BUILTINS, MAX_ROBOTS
 
 __all__ = [
     "BUILTINS",

@@ -16,8 +16,7 @@ from typing import Annotated, Any, Self
 from pydantic import Field, ValidationInfo, model_validator
 
 from patrol.scenario.zones import MOST_TIMES, Span, check_spans, has_area, listed_in_file
-from patrol.values.section import Section, wrong
-from patrol.values.types import Name, Polygon, Positive, at_least, at_most
+from patrol.values import Name, Polygon, Positive, Section, at_least, at_most, wrong
 
 MOST_CLOSURES = 256
 

@@ -24,20 +24,56 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated, Any, Literal, Self
 
 from pydantic import ConfigDict, Discriminator, Field, TypeAdapter, ValidationError, model_validator
 
-from patrol.errors import BadInput, did_you_mean, quoted
+from patrol.errors import BadInput, did_you_mean, in_flow, quoted
+from patrol.faults.kinds import Clock, Lasting, OnClosure, nothing
+from patrol.faults.roster import tick_of, ticks_of
 from patrol.files.half_characters import refuse_half_characters
 from patrol.journal.records import Event
 from patrol.scenario import Scenario, ZoneSpec, load_scenario
-from patrol.scenario.faults.kinds import Clock, Lasting, OnClosure, nothing
-from patrol.scenario.faults.roster import tick_of, ticks_of
 from patrol.scenario.zones import Span, Weight, holds_tick
-from patrol.values.section import Section, wrong
-from patrol.values.types import LARGEST, Corner, Flag, Name, Positive, expecting
+from patrol.values import LARGEST, Corner, Flag, Name, Positive, Section, expecting, wrong
+
+
+def worded(event: Event) -> Event:
+    """Word an event's detail for people."""
+    return replace(event, detail=described(event)) if event.kind == OPERATOR else event
+
+
+def described(event: Event) -> str:
+    """Describe an event's detail in one line, such as "loss: rate 0.5, who r1" or "ends op1"."""
+    if event.kind != OPERATOR:
+        return event.detail
+    try:
+        control = control_in(event)
+    except BadInput:
+        return event.detail
+    match control:
+        case AddFault():
+            fault = dict(control.fault)
+            values = [f"{name} {in_flow(value)}" for name, value in fault.items() if name != "kind"]
+            values += [f"instead of {control.instead}"] if control.instead else []
+            text = f"{fault.get('kind')}{': ' if values else ''}{', '.join(values)}"
+        case Heal():
+            text = f"ends {control.id}"
+        case AddIntruder():
+            text = f"places an intruder at ({control.place[0]:g}, {control.place[1]:g})"
+            text += "" if control.stay is None else f" for {control.stay:g} s"
+        case SwitchZone():
+            how = f"switches {control.name} {'on' if control.on else 'off'}"
+            text = how if control.weight is None else f"lets {control.name} count {control.weight:g} times"
+        case Pace():
+            text = "as fast as it goes" if control.factor is None else f"pace {control.factor:g}"
+        case Step():
+            text = f"step {control.ticks}"
+        case _:
+            text = control.do
+    return text
+
 
 OPERATOR = "operator"
 """The kind of the journal's events that tell of controls; their detail is JSON, as `as_detail` makes it."""

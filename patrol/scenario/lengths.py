@@ -13,9 +13,8 @@ from dataclasses import dataclass, fields, replace
 from patrol.errors import BadInput
 from patrol.pose import TAU
 from patrol.scenario.policies import OPTION_LENGTHS, PatrolOptions, PatrolSpec
-from patrol.scenario.robots import RobotSpec
-from patrol.values.section import wrong
-from patrol.values.types import AUTO, LARGEST, Auto
+from patrol.scenario.sections import RobotSpec
+from patrol.values import AUTO, LARGEST, Auto, wrong
 
 STANDING_GAP = 1.0
 """Gap between two bodies that stand around an intruder, m."""

@@ -1,6 +1,6 @@
 """The scenario: its sections put together, and what they must agree on.
 
-Frozen pydantic models that refuse unknown keys. `patrol.scenario.file.load` reads and writes scenario files and is what
+Frozen pydantic models that refuse unknown keys. `patrol.scenario.load` reads and writes scenario files and is what
 other modules import.
 """
 
@@ -14,14 +14,14 @@ from typing import Any, Self
 
 from pydantic import BaseModel, Field, ValidationInfo, field_validator, model_validator
 
+from patrol.faults.kinds import Faults
+from patrol.faults.nemesis import NemesisSpec, room_for
+from patrol.faults.roster import check_faults, tick_of
 from patrol.journal.records import MAX_TICKS
 from patrol.radio.allowance import Share
 from patrol.radio.message import MAX_TIME_MS
 from patrol.radio.units import ms_to_s, s_to_ms
 from patrol.scenario.closures import Closures, ClosureSpec, closures_in_file
-from patrol.scenario.faults.kinds import Faults
-from patrol.scenario.faults.nemesis_spec import NemesisSpec, room_for
-from patrol.scenario.faults.roster import check_faults, tick_of
 from patrol.scenario.lengths import BodyLengths, check_refinement, resolve_lengths
 from patrol.scenario.policies import (
     PAPER,
@@ -32,11 +32,18 @@ from patrol.scenario.policies import (
     check_random_steps,
 )
 from patrol.scenario.radio_spec import IdealRadio, Radio, check_radio_spec
-from patrol.scenario.robots import RobotSpec, roster_of
-from patrol.scenario.sections import DockSpec, IntruderSpec, RobotGroup, Robots, SensorSpec, TerrainSpec
+from patrol.scenario.sections import (
+    DockSpec,
+    IntruderSpec,
+    RobotGroup,
+    Robots,
+    RobotSpec,
+    SensorSpec,
+    TerrainSpec,
+    roster_of,
+)
 from patrol.scenario.zones import Span, Zones, ZoneSpec, holds_tick, zones_in_file
-from patrol.values.section import Section, wrong
-from patrol.values.types import AUTO, BUILTINS, Name, Pace, Positive, Seed
+from patrol.values import AUTO, BUILTINS, Name, Pace, Positive, Section, Seed, wrong
 
 
 class Scenario(Section):

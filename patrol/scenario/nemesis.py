@@ -10,10 +10,9 @@ from __future__ import annotations
 import math
 from typing import Any
 
+from patrol.faults.kinds import Join, Leave
+from patrol.faults.nemesis import DRAWN, RobotsHit, When, draw_fault, room_for
 from patrol.random import Draws, Purpose
-from patrol.scenario.faults.kinds import Join, Leave
-from patrol.scenario.faults.nemesis_draws import DRAWN, RobotsHit, When, draw_fault
-from patrol.scenario.faults.nemesis_spec import room_for
 from patrol.scenario.model import Scenario
 
 SHORTEST, LONGEST = 0.3, 2.0

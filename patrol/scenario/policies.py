@@ -8,24 +8,44 @@
 
 The section is one of five models, chosen by `policy`. The settings of a built-in policy are checked with the rest of
 the scenario; those of any other when a run finds its class (`agent.policies.found`).
+
+The paper to the letter: which rules of ours a patrol replaces by the paper's (`patrol.options.letter`).
+
+    letter: true                       the paper: every rule below, no giving way, no manoeuvres
+    letter: [first-step, no-stop]      two of the paper's rules, and ours otherwise
+
+| rule | the paper's robot |
+|---|---|
+| first-step | takes for the direction of a force the first of eight steps of the wave's path, not its first bend |
+| one-direction | tries the strongest direction only, although a wall may be right there |
+| no-stop | does not stop at a stale place close by (cars never do) |
+| far-goal | has its goal at the goal distance, although a wall may be in between |
+| whole-square | may refine its goal to any point of the square, also to the side or behind a wall |
+| square-window | spreads staleness over a square, through walls |
+| plain-unstuck | gets out of dead ends by the five printed steps alone, without draws (cars) |
+| surround-forces | surrounds an intruder by attraction and repulsion, not by places on a ring |
+
+The paper does not say with which of the equally long paths to a point `first-step` goes (`patrol.options.ties`): the
+one that begins diagonally, the one that begins straight, or one that is drawn. On open ground nearly all points have a
+path that begins diagonally and one that does not, so a fixed choice puts nearly all forces into four of the eight
+directions. Only `drawn` favours none.
+
+A rule that is named has to have an effect in the scenario (`patrol.scenario.policies.check_letter`). `letter: true`
+takes those that have one.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Final, Literal, Self
+from typing import Annotated, Any, ClassVar, Final, Literal, Self, get_args
 
 from pydantic import Discriminator, Field, Tag, ValidationInfo, field_validator, model_validator
 
-from patrol.classes.class_file import beside, class_file
-from patrol.classes.weights_file import FIELD as WEIGHTS_FIELD
-from patrol.classes.weights_file import weights_content
+from patrol.classes.class_file import FIELD as WEIGHTS_FIELD
+from patrol.classes.class_file import beside, class_file, weights_content
 from patrol.errors import BadInput
-from patrol.scenario.letter import FIELD as LETTER_FIELD
-from patrol.scenario.letter import LETTER, Letter, PaperRule, Ties, rules_of
-from patrol.values.section import Section, absolute, wrong
-from patrol.values.types import (
+from patrol.values import (
     AUTO,
     SEPARATIONS,
     AutoNotNegative,
@@ -38,15 +58,68 @@ from patrol.values.types import (
     Polygons,
     Positive,
     Probability,
+    Section,
     Sectors,
     Separation,
     Tolerance,
+    absolute,
+    at_least,
+    by_shape,
+    expecting,
+    wrong,
 )
+
+LATER_OPTIONS: Mapping[str, object] = {"letter": False, "ties": "diagonal", "origin": "point"}
+"""Settings of `potential-field` that came later, and the values that change nothing."""
+
+TO_THE_LETTER: Mapping[str, object] = {
+    "patrol.options.letter": True,
+    "patrol.options.ties": "drawn",
+    "patrol.options.random_move_for": "all",
+}
+"""The paper to the letter, by dotted field of the scenario; of random steps it says "each robot", so cars make them."""
+
+PaperRule = Literal[
+    "first-step",
+    "one-direction",
+    "no-stop",
+    "far-goal",
+    "whole-square",
+    "square-window",
+    "plain-unstuck",
+    "surround-forces",
+]
+Ties = Literal["diagonal", "straight", "drawn"]
+"""Which of equally long paths of the wave gives its first step, with the rule `first-step`."""
+
+PAPER_RULES: tuple[PaperRule, ...] = get_args(PaperRule)
+
+LETTER = f"true (all) | false (none) | {' | '.join(PAPER_RULES)}, or a list"
+Letter = Annotated[
+    Annotated[Flag | PaperRule, expecting(LETTER), Tag("=single")]
+    | Annotated[
+        tuple[Annotated[PaperRule, expecting(LETTER)], ...],
+        at_least(1, "rules"),
+        Tag("=list"),
+    ],
+    by_shape(LETTER),
+]
+
+LETTER_FIELD = "patrol.options.letter"
+"""The option's place in a scenario."""
+
+
+def rules_of(letter: Letter) -> frozenset[PaperRule]:
+    """Return the rules of the paper that replace ours."""
+    if isinstance(letter, bool):
+        return frozenset(PAPER_RULES if letter else ())
+    return frozenset((letter,) if isinstance(letter, str) else letter)
+
 
 LearnedInput = Literal["fog", "pose", "heard", "sectors"]
 
 LEARNED_INPUTS: tuple[LearnedInput, ...] = ("fog", "pose", "heard", "sectors")
-"""What a learned policy can see (`agent.policies.learned.observation`)."""
+"""What a learned policy can see (`agent.learned.observation`)."""
 
 STOCHASTIC: Final = "stochastic"
 """The policy that draws the next station from good plans."""

@@ -21,10 +21,8 @@ from patrol.radio.allowance import BITS, Share
 from patrol.radio.message import MAX_STEP_CM, longest_frame
 from patrol.radio.peers import SPAN
 from patrol.radio.units import cm_to_m, m_to_cm
-from patrol.scenario.robots import RobotSpec
-from patrol.scenario.sections import BUILT_IN_SENSORS, SensorSpec
-from patrol.values.section import Section, absolute, wrong
-from patrol.values.types import (
+from patrol.scenario.sections import BUILT_IN_SENSORS, RobotSpec, SensorSpec
+from patrol.values import (
     CLASS_NAME,
     Decibels,
     Digest,
@@ -35,9 +33,12 @@ from patrol.values.types import (
     PathText,
     Positive,
     Power,
+    Section,
     Trail,
     TrailEvery,
+    absolute,
     expecting,
+    wrong,
 )
 
 IDEAL: Final = "ideal"
@@ -47,7 +48,7 @@ PATH_LOSS: Final = "path-loss"
 """The model of distance, walls and interference."""
 
 MODELS: Mapping[str, str] = MappingProxyType(
-    {IDEAL: "worldsim.radio.models.found:Ideal", PATH_LOSS: "worldsim.radio.models.path_loss:PathLoss"}
+    {IDEAL: "worldsim.radio.models:Ideal", PATH_LOSS: "worldsim.radio.path_loss:PathLoss"}
 )
 """The classes of the models that come with fogwatch, by name."""
 

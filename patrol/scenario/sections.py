@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any, Final, Self
 
@@ -10,12 +11,10 @@ from pydantic import ConfigDict, Field, Tag, ValidationInfo, field_validator, mo
 
 from patrol.classes.class_file import beside, class_file
 from patrol.errors import BadInput
-from patrol.graph.graph import PIXEL, VISIT_M
-from patrol.graph.graph_file import read_graph
-from patrol.ground.maps.map_file import read_map_file
-from patrol.pose import MODELS
-from patrol.values.section import Section, absolute, wrong
-from patrol.values.types import (
+from patrol.graph import PIXEL, VISIT_M, read_graph
+from patrol.maps.map_file import read_map_file
+from patrol.pose import MODELS, Limits, Pose, wrap
+from patrol.values import (
     MAX_ROBOTS,
     Builtin,
     Corner,
@@ -31,14 +30,17 @@ from patrol.values.types import (
     Positive,
     Quality,
     RobotName,
+    Section,
     SensorText,
     Share,
     Spares,
     Start,
     Starts,
     Tolerance,
+    absolute,
     at_least,
     by_shape,
+    wrong,
 )
 
 GROUND: Final = "ground"
@@ -72,7 +74,7 @@ def _image_of(map_file: str | None) -> tuple[int, int] | None:
     """Return the width and height of a map's image; None without a map, and where it cannot be read."""
     if map_file is None:
         return None
-    from patrol.ground.maps.cells import image_size  # here: few scenarios have graphs
+    from patrol.maps.cells import image_size  # here: few scenarios have graphs
 
     try:
         rows, columns = image_size(read_map_file(Path(map_file)))
@@ -316,3 +318,57 @@ class IntruderSpec(Section):
     def is_there(self, time_s: float) -> bool:
         """Return True if it is on the terrain."""
         return self.at <= time_s and (self.stay is None or time_s < self.at + self.stay)
+
+
+@dataclass(frozen=True, slots=True)
+class RobotSpec:
+    """One robot of the roster."""
+
+    number: int  # 1..N
+    name: str  # unique
+    model: Kind
+    speed: float  # m/s, top speed
+    radius: float  # m
+    turning_radius: float  # m
+    start: Pose | None  # None for a random one
+    spare: bool = False  # absent until it joins
+    battery: BatterySpec | None = None  # None for one that never gets empty
+    # dotted field of the scenario that describes it: ``robots`` of a group, ``robots.0`` of a list
+    section: str = field(default="robots", compare=False)
+
+    @property
+    def limits(self) -> Limits:
+        """The bounds of the body's commands."""
+        return Limits(self.speed, self.radius, self.turning_radius)
+
+
+def roster_of(robots: RobotGroup | tuple[RobotEntry, ...]) -> list[RobotSpec]:
+    """List the robots of a scenario in the order of their numbers, 1..N."""
+    if not isinstance(robots, tuple):
+        starts = () if robots.starts == "random" else robots.starts
+        poses = [*map(_pose, starts), *[None] * (robots.whole - len(starts))]
+        return [_spec(number, robots, pose, number > robots.count) for number, pose in enumerate(poses, start=1)]
+    return [
+        _spec(
+            number,
+            entry,
+            None if entry.start == "random" else _pose(entry.start),
+            bool(entry.spare),
+            name=entry.name,
+            section=f"robots.{number - 1}",
+        )
+        for number, entry in enumerate(robots, start=1)
+    ]
+
+
+def _spec(
+    number: int, body: Body, start: Pose | None, spare: bool, name: str | None = None, section: str = "robots"
+) -> RobotSpec:
+    name = name or f"r{number}"
+    shape = body.model, body.speed, body.radius, body.turning_radius
+    return RobotSpec(number, name, *shape, start, spare, body.battery, section)
+
+
+def _pose(place: tuple[float, ...]) -> Pose:
+    x, y, heading = (*place, 0.0)[:3]
+    return Pose(x, y, wrap(heading))

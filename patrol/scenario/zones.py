@@ -29,11 +29,22 @@ from pydantic import Field, ValidationInfo, field_validator, model_validator
 from patrol.errors import BadInput
 from patrol.exchange import LEAST_WEIGHT, MOST_WEIGHT, MOST_ZONES
 from patrol.files.yaml_text import parse_yaml, read_text
-from patrol.ground.maps.map_file import read_map_file
 from patrol.ground.one_way import ARROWS, TURN
 from patrol.ground.terrain import BoolGrid
-from patrol.values.section import Section, absolute, wrong
-from patrol.values.types import Corner, Flag, Name, NotNegative, Polygon, Positive, at_most, expecting
+from patrol.maps.map_file import read_map_file
+from patrol.values import (
+    Corner,
+    Flag,
+    Name,
+    NotNegative,
+    Polygon,
+    Positive,
+    Section,
+    absolute,
+    at_most,
+    expecting,
+    wrong,
+)
 
 MOST_CELLS = 25_000_000
 """Cells of the largest mask."""
@@ -95,7 +106,7 @@ class MaskSpec(Section):
     @classmethod
     def of(cls, file: Path) -> Self:
         """Read a mask in the format of Nav2's costmap filters."""
-        from patrol.ground.maps.cells import marked_cells  # here: loads the image library
+        from patrol.maps.cells import marked_cells  # here: loads the image library
 
         says = read_map_file(file)
         marked = marked_cells(says)

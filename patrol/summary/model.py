@@ -109,7 +109,7 @@ class HeardCounts(_Part):
 
 
 class DirectFacts(_Part):
-    """Frames as robots with a direct radio reported them; see `worldsim.output.direct_radio`."""
+    """Frames as robots with a direct radio reported them; see `worldsim.output.traffic`."""
 
     links: dict[str, HeardCounts] = {}
     heard_share: float | None = None

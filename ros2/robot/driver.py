@@ -15,16 +15,15 @@ from typing import Protocol
 
 from agent.ports import Decision, FleetClock, Telemetry
 from patrol.exchange import Sensed
-from patrol.net.messages.phases import PHASE_B_SHARE
-from patrol.net.messages.stop_orders import Order, Outcome, StopOrders
+from patrol.messages.phases import PHASE_B_SHARE
+from patrol.messages.stop_orders import Order, Outcome, StopOrders
 from patrol.pose import Command
-from patrol.process.reporting.logs import Log
-from patrol.process.reporting.vitals import ODOMETRY_AGE, STOPPED, UNUSABLE, Vitals
+from patrol.reporting.logs import Log
+from patrol.reporting.vitals import ODOMETRY_AGE, STOPPED, UNUSABLE, Vitals
 from ros2.robot.hardware import Hardware
 from ros2.robot.localisation import Fix
-from ros2.robot.standing import Standing
 from ros2.robot.steering import Place, Steering
-from ros2.robot.stops import Stopper
+from ros2.robot.stops import Standing, Stopper
 
 SAY_AFTER_S = 1.0
 """Time that a robot stands before the reason is reported, s."""

@@ -1,14 +1,104 @@
-"""The next velocity of the robot, many times a tick: zero in any case of doubt."""
+"""The next velocity of the robot, many times a tick: zero in any case of doubt.
+
+The check that a robot's pose follows its commands: a robot whose pose stands still under commands drives blind.
+
+Its odometry may hang, or its wheels may be blocked: the two look the same. The mind tries other directions, as after
+any bump. When nothing moves the pose for `BLIND_M` and `BLIND_S`, and for as long as weak motors take to turn the body
+round, the robot stands until its pose moves, or an operator who has looked at it releases it.
+"""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from patrol.pose import Command, Limits, Pose, halted, is_halt
-from ros2.robot.commands import nearer
-from ros2.robot.fence import Fence
-from ros2.robot.others import Other
+from patrol.ground.swept_path import advance
+from patrol.pose import Command, Limits, Pose, halted, is_halt, wrap
+from ros2.robot.commands import nearer, velocity_of
+from ros2.robot.fence import Fence, Other
+
+ENOUGH_M, ENOUGH_RAD = 0.3, 1.0
+"""Commanded motion after which a robot is judged: well beyond the errors of its pose."""
+
+ENOUGH_S = 0.5
+"""For how long, s."""
+
+MOVES_SHARE = 0.25
+"""A robot moves that has come this share of what it was told, wherever to: one with weak motors goes on for a while."""
+
+BLIND_M, BLIND_S = 1.0, 1.0
+"""Largest commanded way and time without any motion, m and s."""
+
+MOVED_M, MOVED_RAD = 0.2, 0.3
+"""Motion of the pose that shows that a standing robot moves again: well beyond its noise."""
+
+
+class Response:
+    """Judges one robot (`ros2.robot.driver.Objection`).
+
+    `radius` (m) is that of the body, which is the way that a turn by 1 rad counts for. `slow_s` is the time that its
+    motors take from its top speed to a stand.
+    """
+
+    def __init__(self, radius: float, slow_s: float) -> None:
+        self.why = ""
+        self._radius = radius
+        self._blind_for_s = BLIND_S + 2.0 * MOVES_SHARE * slow_s  # who turns round is slow for so long
+        self._begin: Pose | None = None
+        self._meant: Pose | None = None
+        self._turn = 0.0
+        self._lasted_s = 0.0
+        self._blind_m = 0.0
+        self._blind_s = 0.0
+
+    def told(self, command: Command, pose: Pose | None, time_s: float) -> None:
+        """Take in what the robot was told for `time_s`, and its pose now; None if that is unknown."""
+        if pose is None or self._begin is None or self._meant is None:
+            self._start(pose)
+            return
+        if self.why:
+            if _apart(self._begin, pose) >= MOVED_M or abs(wrap(pose.heading - self._begin.heading)) >= MOVED_RAD:
+                self.release()
+            return
+        self._meant = advance(self._meant, command, time_s)
+        self._turn += velocity_of(command, pose.heading).turn_rate * time_s
+        self._lasted_s += time_s
+        way = _apart(self._begin, self._meant)
+        if self._lasted_s < ENOUGH_S or (way < ENOUGH_M and abs(self._turn) < ENOUGH_RAD):
+            return
+        if self._moved(self._begin, way, pose):
+            self._blind_m = self._blind_s = 0.0
+        else:
+            self._blind_m += way + self._radius * abs(self._turn)
+            self._blind_s += self._lasted_s
+        if self._blind_m >= BLIND_M and self._blind_s >= self._blind_for_s:
+            self.why = (
+                f"its pose stays where it is, though it was told to go {self._blind_m:.1f} m: its odometry hangs, "
+                "or its wheels are blocked (look at it; then fogwatch control ... release, or move it)"
+            )
+        self._start(pose)
+
+    def release(self) -> None:
+        """Judge the robot anew: an operator has looked at it, or it moves."""
+        self.why = ""
+        self._blind_m = self._blind_s = 0.0
+        self._start(None)
+
+    def _start(self, pose: Pose | None) -> None:
+        self._begin = self._meant = pose
+        self._turn = self._lasted_s = 0.0
+
+    def _moved(self, begin: Pose, way: float, pose: Pose) -> bool:
+        turned = abs(wrap(pose.heading - begin.heading))
+        return (way >= ENOUGH_M and _apart(begin, pose) >= MOVES_SHARE * way) or (
+            abs(self._turn) >= ENOUGH_RAD and turned >= MOVES_SHARE * ENOUGH_RAD
+        )
+
+
+def _apart(one: Pose, other: Pose) -> float:
+    return math.hypot(other.x - one.x, other.y - one.y)
+
 
 OFF_GROUND = (
     "it is off the map's ground: in a wall, in a keep-out area or beyond the map; move it, or correct its localisation"

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 from patrol.errors import BadInput, NotPrepared
 from patrol.process.context import AskedToLeave, ProcessContext, run_with
 from patrol.process.lifeline import rest_before_pause
-from patrol.process.reporting.logs import Log
+from patrol.reporting.logs import Log
 from ros2.robot.options import FORMATS, SCENARIO_START, domain_of, drive_settings, options_of
 
 if TYPE_CHECKING:
@@ -26,10 +26,9 @@ if TYPE_CHECKING:
     from patrol.scenario import RobotSpec, Scenario
     from ros2.robot.diagnostics import Diagnostics
     from ros2.robot.driver import Ros2Robot
-    from ros2.robot.hardware import Hardware
+    from ros2.robot.hardware import Hardware, Rivals
     from ros2.robot.initial import InitialPose
-    from ros2.robot.rivals import Rivals
-    from ros2.robot.settings import DriveSettings
+    from ros2.robot.options import DriveSettings
     from ros2.robot.shown import Shown
     from ros2.wire.ports import Ros2Link
 
@@ -77,7 +76,7 @@ def main(arguments: Sequence[str]) -> int:
 
 def _name(options: argparse.Namespace) -> str:
     """Return the robot's name in its fleet."""
-    from patrol.net.security.credentials import read_credentials
+    from patrol.security.credentials import read_credentials
 
     if options.name is not None:
         return str(options.name)
@@ -118,9 +117,9 @@ def _run(process: ProcessContext) -> int:
 def _find_and_patrol(process: ProcessContext, overrides: dict[str, object]) -> int:
     """Check all input, then find the robot, and patrol with it; return the exit code."""
     from agent.own_robot import check_epoch
-    from patrol.net.keys import check_locator, check_radio
-    from patrol.net.security.roles import robot_role
     from patrol.scenario import load_scenario
+    from patrol.security.keys import check_locator, check_radio
+    from patrol.security.roles import robot_role
     from ros2.robot.hardware import Hardware
     from ros2.robot.stop_files import StopFiles, state_folder
 
@@ -204,7 +203,7 @@ def _patrol(process: ProcessContext, scenario: Scenario, hardware: Hardware, sho
 
 def _alone(hardware: Hardware, process: ProcessContext) -> Rivals:
     """Make sure that no other process drives the robot, from now on. Raises BadInput if one does."""
-    from ros2.robot.rivals import Rivals
+    from ros2.robot.hardware import Rivals
 
     settings, link = hardware.settings, hardware.link
     usual = None if settings.is_shared else settings.commands
@@ -221,7 +220,7 @@ def _check_ground(
     options: argparse.Namespace, name: str, scenario: Scenario | None, overrides: dict[str, object]
 ) -> Terrain | None:
     """Check options, map and bodies before anything waits for the robot; return the map, if it is given."""
-    from patrol.ground.maps.load import load_terrain
+    from patrol.maps.load import load_terrain
     from patrol.starts import place_starts
 
     if scenario is None and options.map is None:
@@ -256,9 +255,9 @@ def _check_start(settings: DriveSettings, terrain: Terrain | None) -> None:
 
 def _link(process: ProcessContext) -> Ros2Link:
     """Join the robot's router, or its ROS. Raises AskedToLeave, or BadInput when there is none."""
-    from patrol.net.keys import check_locator
     from patrol.net.link import LinkDown
-    from patrol.net.security.credentials import read_credentials
+    from patrol.security.credentials import read_credentials
+    from patrol.security.keys import check_locator
     from ros2.wire.formats import format_named
     from ros2.wire.link import open_ros2
     from ros2.wire.names import NodeName, check_name
@@ -404,7 +403,7 @@ def _write(scenario: Scenario, path: Path) -> None:
 
 def _choose_router(process: ProcessContext) -> None:
     """Let the fleet meet at the robot's own router, unless an option names another place, and check that place."""
-    from patrol.net.security.roles import Kind
+    from patrol.security.roles import Kind
 
     options = process.options
     if options.credentials is None:
@@ -435,10 +434,8 @@ def _diagnostics(site: Site, hardware: Hardware, scenario: Scenario) -> Diagnost
 
 def _robot(site: Site, hardware: Hardware, onlooker: Telemetry, log: Log, rivals: Rivals) -> Ros2Robot:
     from ros2.robot.driver import Objection, Pace, Ros2Robot
-    from ros2.robot.fence import Fence
-    from ros2.robot.governor import Governor, Rule
-    from ros2.robot.others import Others
-    from ros2.robot.response import Response
+    from ros2.robot.fence import Fence, Others
+    from ros2.robot.governor import Governor, Response, Rule
     from ros2.robot.steering import GoalSteering, Steering, VelocitySteering
 
     settings, spec = hardware.settings, site.spec

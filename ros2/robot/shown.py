@@ -21,7 +21,7 @@ from patrol.exchange import Sensed
 from patrol.ground.fog import Fog
 from patrol.ground.terrain import Terrain
 from patrol.pose import Pose
-from ros2.robot.settings import DriveSettings
+from ros2.robot.options import DriveSettings
 from ros2.wire.messages import OccupancyGrid, Path
 from ros2.wire.names import LATCHED, EntityKind
 from ros2.wire.ports import Ros2Link

@@ -10,12 +10,11 @@ from typing import Protocol
 from patrol.ground.swept_path import advance
 from patrol.pose import Command, Drive, Pose
 from ros2.robot.commands import steering_of, velocity_of
-from ros2.robot.governor import Governor
+from ros2.robot.fence import Others
+from ros2.robot.governor import Governor, Response
 from ros2.robot.hardware import Hardware
 from ros2.robot.localisation import Fix
-from ros2.robot.others import Others
-from ros2.robot.response import Response
-from ros2.robot.standing import moves
+from ros2.robot.stops import moves
 from ros2.wire.frames import travelled
 from ros2.wire.goals import GoalClient, Going
 from ros2.wire.messages import AckermannDriveStamped, PoseStamped, Twist, TwistStamped

@@ -2,10 +2,86 @@
 
 from __future__ import annotations
 
+import math
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from threading import Condition, Thread
 
+from ros2.robot.localisation import LONGEST_S, Fix
 from ros2.robot.stop_files import StopFiles
+from ros2.wire.mailbox import Received, RosMailbox
+from ros2.wire.messages import Bool
+
+MOVES = 0.05
+"""A robot moves whose speed and turn rate add up to more than this, in m/s and rad/s: odometry is noisy."""
+
+STANDS_S = LONGEST_S + 0.1
+"""For how long odometry must say that a robot stands, s: what it says may be so old, and from before the stop."""
+
+LIMIT_S = 3.0
+"""Time for a robot to come to rest before its operator is told that it has not, s."""
+
+LOOK_S = 1.0
+"""Longest wait of a later request, s: long enough to see a robot stand that has come to rest since."""
+
+_JUST = "it has not come to rest yet"
+
+
+def moves(fix: Fix) -> bool:
+    """Return True if a robot moves, as its odometry says."""
+    return speed_of(fix) > MOVES
+
+
+def speed_of(fix: Fix) -> float:
+    """Return the sum of a robot's speed, m/s, and its turn rate, rad/s."""
+    return math.hypot(fix.twist.vx, fix.twist.vy) + abs(fix.twist.turn_rate)
+
+
+class Standing:
+    """Follows a robot that was told to stand; one thread looks, others wait.
+
+    `factor` is the seconds of the robot's time in one of ours.
+    """
+
+    def __init__(self, factor: float) -> None:
+        self._stands_s = STANDS_S / factor
+        self._changed = Condition()
+        self._told_s = time.monotonic()
+        self._still_s: float | None = None
+        self._doubt = _JUST
+
+    def told(self) -> None:
+        """The robot is told to stand from now on; what was seen before does not count."""
+        with self._changed:
+            self._told_s = time.monotonic()
+            self._still_s, self._doubt = None, _JUST
+
+    def look(self, fix: Fix | None, unconfirmed: str, moment_s: float) -> None:
+        """Take in the state of a robot that was told to stand, at a moment of `time.monotonic`.
+
+        `fix` is None if its pose is unknown. `unconfirmed` is the part of the stop that is not confirmed, empty if
+        there is none.
+        """
+        with self._changed:
+            if fix is None:
+                self._still_s, self._doubt = None, "its odometry does not come"
+            elif moves(fix):
+                self._still_s, self._doubt = None, f"its odometry says {speed_of(fix):.2f} m/s"
+            elif self._still_s is None:
+                self._still_s, self._doubt = moment_s, _JUST
+            elif moment_s - self._still_s >= self._stands_s:
+                self._doubt = unconfirmed
+            self._changed.notify_all()
+
+    def doubt(self) -> str:
+        """Wait until the robot is sure to stand, but not for ever; return why it is not sure, empty if it is."""
+        with self._changed:
+            left_s = self._told_s + LIMIT_S - time.monotonic()
+            self._changed.wait_for(lambda: not self._doubt, max(LOOK_S, left_s))
+            return self._doubt
+
 
 SAVE_S = 1.0
 """Longest time to write a stop to disk before its source is told that it is not written, s."""
@@ -104,3 +180,76 @@ class Stops:
                 if not error:
                     (self._noted.add if holds else self._noted.discard)(wrong)
                 self._changed.notify_all()
+
+
+OLDER = "a false on it was sent before the stop, by its sender's clock, and releases nothing; publish it again"
+TIMELESS = "a false on it does not say when it was sent, and releases nothing"
+
+
+@dataclass(frozen=True, slots=True)
+class _Stop:
+    sent_ns: int
+    sender: bytes = b""
+    sequence: int | None = None
+
+
+class StopTopic(RosMailbox[Bool]):
+    """Takes in the topic as its messages come, so that a flood pushes nothing out.
+
+    Several nodes may publish there, and a late subscriber gets the last message of each, in any order. So a true always
+    stops, and a false releases only what was sent before it. What one sender says is ordered by its own count;
+    otherwise the senders' clocks decide, and in doubt the robot stays where it is.
+
+    If `held`, the topic has stopped the robot before this process began; what was sent before then releases nothing.
+    `clock` returns the time, ns since the epoch.
+    """
+
+    def __init__(self, held: bool, clock: Callable[[], int]) -> None:
+        super().__init__()
+        self._clock = clock
+        self._stop = _Stop(clock()) if held else None
+        self._stopped = False
+        self._ignored = ""
+
+    def put(self, received: Received[Bool]) -> None:
+        """Take in a message; called from any thread."""
+        with self._changed:
+            if received.message.data:
+                # A clock that is ahead must not make a stop that nothing releases.
+                now_ns = self._clock()
+                sent_ns = now_ns if received.sent_ns is None else min(received.sent_ns, now_ns)
+                if self._stop is None or sent_ns >= self._stop.sent_ns:
+                    self._stop = _Stop(sent_ns, received.sender, received.sequence)
+                self._stopped, self._ignored = True, ""
+            elif self._stop is not None:
+                self._ignored = self._objection(self._stop, received)
+                # Our own clock may have been put back since; then the next false releases.
+                kept = replace(self._stop, sent_ns=min(self._stop.sent_ns, self._clock()))
+                self._stop = kept if self._ignored else None
+        super().put(received)
+
+    def refuse(self, reason: str, line: str) -> None:
+        """Take a message that cannot be used for a stop; called from any thread."""
+        with self._changed:
+            self._stop = _Stop(self._clock())
+            self._stopped, self._ignored = True, ""
+        super().refuse(reason, line)
+
+    def heed(self) -> tuple[bool, bool, str]:
+        """Take the requests that have come since the last call.
+
+        Returns whether the topic stopped the robot in the meantime, whether it holds it now, and why a false has not
+        released it, empty if none was ignored.
+        """
+        with self._changed:
+            found = self._stopped, self._stop is not None, self._ignored
+            self._stopped, self._ignored = False, ""
+            return found
+
+    def _objection(self, stop: _Stop, received: Received[Bool]) -> str:
+        """Return why a false does not release the robot; empty if it does."""
+        if received.sequence is not None and stop.sequence is not None and received.sender == stop.sender:
+            return "" if received.sequence > stop.sequence else OLDER
+        if received.sent_ns is None:
+            return TIMELESS
+        return "" if received.sent_ns > stop.sent_ns else OLDER

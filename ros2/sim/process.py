@@ -20,7 +20,7 @@ from ros2.sim.options import check, errors_of, parser, robots_of, starts_of, tra
 if TYPE_CHECKING:
     from patrol.pose import Pose
     from patrol.prepare import Prepared
-    from patrol.process.reporting.vitals import Vitals
+    from patrol.reporting.vitals import Vitals
     from patrol.scenario import Scenario
     from ros2.sim.node import Habits
     from ros2.sim.robot import Build
@@ -102,9 +102,9 @@ def _noting(process: ProcessContext) -> Note | None:
 
 def _simulation(process: ProcessContext, prepared: Prepared, pace: float, note: Note | None) -> Simulation:
     """Return the robots, each with a connection of its own."""
-    from patrol.net.keys import check_locator
     from patrol.net.link import LinkDown
     from patrol.prepare import sensor_footprint
+    from patrol.security.keys import check_locator
     from ros2.sim.bodies import bodies_named
     from ros2.sim.node import RobotNode
     from ros2.sim.robot import SimulatedRobot
@@ -176,7 +176,7 @@ def _habits(options: argparse.Namespace, pace: float) -> Habits:
 
 def show(simulation: Simulation, vitals: Vitals) -> None:
     """Let the process's vitals show the figures of the simulated robots."""
-    from patrol.process.reporting.vitals import COMMANDS, MFOW, TICK
+    from patrol.reporting.vitals import COMMANDS, MFOW, TICK
 
     vitals.probe(TICK, lambda: simulation.ticks or None)
     vitals.probe(MFOW, lambda: simulation.mfow_s)

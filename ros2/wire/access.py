@@ -14,7 +14,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from patrol.net.security.roles import COMMON_NAMES, Rights, rules_of
+from patrol.security.roles import COMMON_NAMES, Rights, rules_of
 from ros2.wire.formats import Bridge, Format
 from ros2.wire.goals import NAME
 from ros2.wire.names import ADMIN_SPACE, EntityKind, full_name, mangled

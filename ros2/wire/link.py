@@ -25,14 +25,13 @@ from patrol.net.settings import client_settings
 from patrol.printable import printable
 from ros2.wire.codec import CODINGS, decode, encode
 from ros2.wire.definitions import NO_HASH, store
-from ros2.wire.ear import Ear
 from ros2.wire.formats import Attachment, Format, Origin, attachment_of, gid_of, other_format
-from ros2.wire.mailbox import Received, RosMailbox
+from ros2.wire.mailbox import Ear, Received, RosMailbox
 from ros2.wire.names import SERVICE, USUAL, Entity, EntityKind, NodeName, Qos, full_name
 from ros2.wire.ports import Asked, Sender, Service
 
 if TYPE_CHECKING:
-    from patrol.net.security.credentials import Credentials
+    from patrol.security.credentials import Credentials
 
 LEASE_S = 2.0
 """A node that is silent for so long is gone for the router, and finds none of what was meant for it when it returns: a

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from functools import partial
 
-from agent.belief.posts import Posts
+from agent.belief.dilated import Posts
 from agent.build import zoned_of
 from agent.chance import Chance
 from agent.policies.found import policy_of

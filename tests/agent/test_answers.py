@@ -19,7 +19,7 @@ from agent.ports import (
     Stay,
     Steer,
 )
-from patrol.net.messages.phases import MAX_STATE
+from patrol.messages.phases import MAX_STATE
 from patrol.pose import Drive, Velocity
 
 VALID: list[Intent] = [

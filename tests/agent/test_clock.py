@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from agent.clock import KeptClock, epoch_of
-from patrol.net.messages.phases import PHASE_B_SHARE
+from patrol.messages.phases import PHASE_B_SHARE
 from patrol.pose import Pose
 from patrol.radio.message import Position, encode
 

@@ -33,6 +33,6 @@ def test_an_agent_that_patrols_loads_no_kernels(model: str) -> None:
     command = [sys.executable, "-P", "-c", PROGRAM, model]
     ran = subprocess.run(command, capture_output=True, text=True, check=True, timeout=PATIENCE_S)
     kernels, later = (line.split()[1:] for line in ran.stdout.splitlines() if line.startswith(("kernels:", "later:")))
-    assert "agent.routes.kernels.wave" in kernels
+    assert "agent.kernels.wave" in kernels
     assert "BLAS: False" in ran.stdout
     assert [name for name in later if name.startswith(("agent.", "patrol."))] == []

@@ -9,7 +9,7 @@ import pytest
 
 from bench.grounds import GAP, GROUNDS, KILOMETRE, square, tiled, write_map
 from patrol.ground.cspace import parts_of
-from patrol.ground.maps.builtins import builtin_terrain
+from patrol.maps.builtins import builtin_terrain
 from patrol.prepare import prepare
 from patrol.scenario import load_scenario
 

@@ -23,6 +23,7 @@ from agent.ports import PolicyFailed
 from fogwatch.inprocess import InProcessFleet
 from patrol.closures import WAITING
 from patrol.energy import Batteries
+from patrol.faults.kinds import Clock
 from patrol.ground.fog import Fog
 from patrol.ground.terrain import Terrain
 from patrol.journal import Event, Status
@@ -30,15 +31,13 @@ from patrol.journal.records import IN_FORCE, OUT_OF_FORCE
 from patrol.pose import Command, Drive, Twist, Velocity
 from patrol.radio import inbox
 from patrol.radio.allowance import Allowance
-from patrol.scenario.faults.kinds import Clock
 from tests.chaos.examine import TRACES_DIFFER
+from worldsim import faults as timeline
 from worldsim import world
-from worldsim.faults import timeline
-from worldsim.faults.lifecycle import SKIPPED
+from worldsim.faults import SKIPPED
 from worldsim.fleet.acts import Acts
 from worldsim.output import record
-from worldsim.radio import ether, forging, rules
-from worldsim.radio.models import path_loss
+from worldsim.radio import ether, forging, path_loss, rules
 from worldsim.robots import motion, noise
 from worldsim.robots.bodies import Body, standstill
 from worldsim.robots.closures import Closures

@@ -18,9 +18,9 @@ from typing import Any
 from fogwatch.api import RunOptions, execute
 from fogwatch.inprocess import Outcome, run_in_process
 from patrol.errors import BadInput
+from patrol.faults.kinds import KINDS, nothing
 from patrol.prepare import Prepared
 from patrol.scenario import Scenario, as_mapping, dump_scenario, load_scenario
-from patrol.scenario.faults.kinds import KINDS, nothing
 from tests.chaos.coverage import Watch
 from worldsim.run_record import COMPLETED, DESERTED
 from worldsim.verdict.judge import Verdict

@@ -11,9 +11,9 @@ import tests.chaos.examine
 from fogwatch.inprocess import InProcessFleet
 from fogwatch.testing.swarm import random_fleet
 from patrol.errors import BadInput
+from patrol.faults.kinds import KINDS
 from patrol.pose import MODELS
 from patrol.scenario import load_scenario
-from patrol.scenario.faults.kinds import KINDS
 from tests.chaos.__main__ import hunt
 from tests.chaos.bugs import BUGS
 from tests.chaos.coverage import SINGLES

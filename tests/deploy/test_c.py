@@ -15,10 +15,9 @@ from typing import Any
 
 import pytest
 
-from patrol.net.carriers.multicast import Group, open_group
-from patrol.net.carriers.serial_frames import END, Unpacker, packet
-from patrol.net.carriers.serial_line import open_serial
 from patrol.net.mailbox import Mailbox
+from patrol.net.multicast import Group, open_group
+from patrol.net.serial_line import END, Unpacker, open_serial, packet
 from patrol.pose import Pose
 from patrol.radio.message import MAX_FRAME, Position, Rejected, decode, encode
 from patrol.random import mix

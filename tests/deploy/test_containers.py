@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 import yaml
 
-from fogwatch.fleet_folder import member_role
+from fogwatch.fleets.folder import member_role
 from patrol.scenario import load_scenario
 from tests.deploy.command_lines import DEPLOY, options_in
 

@@ -22,7 +22,7 @@ from patrol.ground.terrain import Terrain
 from patrol.pose import Pose
 from ros2.robot.diagnostics import Diagnostics, Patrolling
 from ros2.robot.hardware import Hardware
-from ros2.robot.settings import DriveSettings
+from ros2.robot.options import DriveSettings
 from ros2.robot.shown import Shown, show_map
 from ros2.wire.codec import CODINGS
 from ros2.wire.definitions import store

@@ -10,9 +10,9 @@ from pathlib import Path
 
 import pytest
 
-from fogwatch.fleet_folder import make_fleet
-from patrol.net.security.credentials import AUTHORITY, CERTIFICATE, KEY, MEMBER, ROUTER, read_credentials
-from patrol.net.security.mesh import MESH
+from fogwatch.fleets.folder import make_fleet
+from patrol.security.credentials import AUTHORITY, CERTIFICATE, KEY, MEMBER, ROUTER, read_credentials
+from patrol.security.mesh import MESH
 from tests.deploy.command_lines import DEPLOY, options_in
 from tests.routers import needs_openssl
 

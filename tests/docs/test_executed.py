@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from agent.policies.learned.network import Layers
+from agent.learned.network import Layers
 from fogwatch.cli.app import app
 from tests.docs.test_commands import DOCUMENTS, ROOT, command_lines
 from tests.fleets import Processes

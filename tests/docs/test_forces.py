@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from agent.policies.potential_field.force import distance_force, fow_force
+from agent.policies.forces import distance_force, fow_force
 from docs.site.forces import forces
 from fogwatch.presets import preset_settings
 from patrol.scenario import PotentialFieldOptions, open_scenario

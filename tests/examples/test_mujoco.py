@@ -16,9 +16,9 @@ import pytest
 from PIL import Image
 
 from patrol.errors import BadInput
-from patrol.ground.maps.load import read_terrain
 from patrol.ground.sensors import footprint_of
 from patrol.ground.terrain import Terrain
+from patrol.maps.load import read_terrain
 from patrol.pose import Pose
 from patrol.scenario import RobotSpec
 from ros2.sim.bodies import bodies_named

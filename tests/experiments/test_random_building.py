@@ -12,10 +12,10 @@ from hypothesis import strategies as st
 from typer.testing import CliRunner
 
 from experiments.random_building import LEAST_AREA, LEAST_PART, random_building
-from fogwatch.cli.grounds.map_commands import app
+from fogwatch.commands.map import app
 from patrol.errors import BadInput
 from patrol.ground.cspace import cspace_of
-from patrol.ground.maps.load import load_terrain, read_terrain
+from patrol.maps.load import load_terrain, read_terrain
 from patrol.scenario import load_scenario
 from patrol.starts import starting_part
 

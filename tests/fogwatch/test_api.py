@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 import fogwatch
-from fogwatch.launch.folder import runfolder
+from fogwatch.run_folder import runfolder
 from patrol.errors import BadInput
 from patrol.journal import read_journal
-from patrol.net.messages.telemetry import Metrics
+from patrol.messages.telemetry import Metrics
 from patrol.scenario import Scenario, load_scenario
-from patrol.scenario.file.copying import keep_scenario
+from patrol.scenario.copying import keep_scenario
 
 SMALL = {
     "name": "small",

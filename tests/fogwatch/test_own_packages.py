@@ -11,7 +11,7 @@ import pytest
 import patrol
 from fogwatch.notebook.policy import policy_name
 from fogwatch.own_packages import NAMES
-from patrol.process.starting import environment
+from patrol.starting import environment
 
 HOME = Path(patrol.__file__).parents[1]
 

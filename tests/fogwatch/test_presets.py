@@ -9,7 +9,7 @@ from experiments.paper.printed import paper
 from fogwatch.presets import PRESETS, preset_settings
 from patrol.errors import BadInput
 from patrol.scenario import open_scenario, scenario_hash
-from patrol.scenario.letter import TO_THE_LETTER
+from patrol.scenario.policies import TO_THE_LETTER
 
 if TYPE_CHECKING:
     from collections.abc import Callable

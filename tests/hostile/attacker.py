@@ -17,13 +17,13 @@ from typing import Any, TypeVar
 import pytest
 import zenoh
 
-from patrol.net.keys import FleetKeys, fleet_keys
+from patrol.messages.phases import Hello, PhaseA, PhaseB, ReplyB, decode_to_robot, decode_to_world
 from patrol.net.link import LEASE_S
-from patrol.net.messages.phases import Hello, PhaseA, PhaseB, ReplyB, decode_to_robot, decode_to_world
-from patrol.net.security.access import credentials_at
-from patrol.net.security.roles import OPERATOR, WORLD_ROLE, Rights, Role, rights_of, robot_role
 from patrol.net.settings import client_settings
 from patrol.scenario import load_scenario
+from patrol.security.access import credentials_at
+from patrol.security.keys import FleetKeys, fleet_keys
+from patrol.security.roles import OPERATOR, WORLD_ROLE, Rights, Role, rights_of, robot_role
 
 PATIENCE_S = 300.0
 _KEPT = 10_000

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from patrol.net.security.control_auth import ASK, CHALLENGE, NONCE
+from patrol.security.control_auth import ASK, CHALLENGE, NONCE
 
 if TYPE_CHECKING:
     from tests.hostile.conftest import Target

@@ -23,16 +23,15 @@ from hypothesis import strategies as st
 from patrol.errors import BadInput, Malformed
 from patrol.exchange import Reply, Sensed
 from patrol.journal import Event, Status, pack, unpack
-from patrol.net.keys import fleet_keys
-from patrol.net.messages.feed import MAX_ANSWER as MAX_SO_FAR
-from patrol.net.messages.feed import (
+from patrol.messages.feed import MAX_ANSWER as MAX_SO_FAR
+from patrol.messages.feed import (
     MAX_BATCH,
     Batch,
     batch_bytes,
     longest_record,
     read_so_far,
 )
-from patrol.net.messages.phases import (
+from patrol.messages.phases import (
     MAX_REPLY,
     Failed,
     Hello,
@@ -48,7 +47,7 @@ from patrol.net.messages.phases import (
     encode,
     max_to_robot,
 )
-from patrol.net.messages.telemetry import (
+from patrol.messages.telemetry import (
     MAX_NOTICE,
     Metrics,
     Notice,
@@ -59,7 +58,13 @@ from patrol.net.messages.telemetry import (
     pack_view,
     read_traffic,
 )
-from patrol.net.security.control_auth import (
+from patrol.pose import Pose, Velocity
+from patrol.radio.message import CONTACT, MAX_FRAME, Position, Rejected
+from patrol.radio.message import decode as decode_frame
+from patrol.radio.message import encode as encode_frame
+from patrol.random import Draws, Purpose
+from patrol.scenario.controls import read_control
+from patrol.security.control_auth import (
     MAX_ANSWER,
     MAX_REQUEST,
     ControlClient,
@@ -67,13 +72,8 @@ from patrol.net.security.control_auth import (
     RequestRefused,
     Unanswered,
 )
-from patrol.net.security.transcripts import DIGEST, PLACES, Line
-from patrol.pose import Pose, Velocity
-from patrol.radio.message import CONTACT, MAX_FRAME, Position, Rejected
-from patrol.radio.message import decode as decode_frame
-from patrol.radio.message import encode as encode_frame
-from patrol.random import Draws, Purpose
-from patrol.scenario.controls import read_control
+from patrol.security.keys import fleet_keys
+from patrol.security.transcripts import DIGEST, PLACES, Line
 from patrol.wire import read, read_sparingly
 from tests.fleets import answer_so_far
 from tests.hostile.strangers.payloads import changed, noise

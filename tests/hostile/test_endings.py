@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 import pytest
 
-from patrol.net.messages.feed import FOG
+from patrol.messages.feed import FOG
 from tests.hostile.conftest import Target
 
 pytestmark = pytest.mark.processes

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 from patrol.journal import Status, read_journal
-from patrol.net.messages.phases import (
+from patrol.messages.phases import (
     ANYONE,
     HelloReply,
     PhaseA,

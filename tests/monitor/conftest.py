@@ -21,8 +21,8 @@ from patrol.exchange import FIRST_INCARNATION
 from patrol.journal import JournalWriter, TickRecord, read_journal
 from patrol.prepare import prepare, sensor_footprint
 from patrol.scenario import dump_scenario, load_scenario
-from tests.worldsim.controls.test_operator import Hour, Rests, Script
-from worldsim.controls.operator import Operator
+from tests.worldsim.test_operator import Hour, Rests, Script
+from worldsim.controls import Operator
 from worldsim.fleet.loop import run_ticks
 from worldsim.output.record import Recorder, header_of
 from worldsim.output.summary import summarise

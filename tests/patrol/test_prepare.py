@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from patrol.errors import BadInput
-from patrol.measures.best_tour import best_tour
-from patrol.measures.own_ground import own_grounds
+from patrol.measures.best_tour import best_tour, own_grounds
 from patrol.prepare import Prepared, prepare
 from patrol.scenario import Scenario, load_scenario, scenario_hash
 

@@ -12,10 +12,10 @@ from PIL import Image
 
 from patrol.errors import BadInput
 from patrol.ground.cspace import cspace_of
-from patrol.ground.maps.builtins import builtin_terrain
-from patrol.ground.maps.load import read_terrain
 from patrol.ground.swept_path import free_fraction
 from patrol.ground.terrain import BoolGrid, Terrain
+from patrol.maps.builtins import builtin_terrain
+from patrol.maps.load import read_terrain
 from patrol.pose import Pose
 from patrol.scenario import RobotSpec
 from patrol.scenario.sections import DEFAULT_RADIUS

@@ -20,8 +20,8 @@ from patrol.errors import Malformed
 from patrol.exchange import Reply, Sensed
 from patrol.journal import End, Event, Header, RobotFacts, RobotTick, Status, TerrainFacts, TickRecord, pack, unpack
 from patrol.journal.links import Drops, Links
-from patrol.net.messages.feed import Batch, batch_bytes, read_so_far
-from patrol.net.messages.phases import (
+from patrol.messages.feed import Batch, batch_bytes, read_so_far
+from patrol.messages.phases import (
     Failed,
     Hello,
     HelloReply,
@@ -35,8 +35,8 @@ from patrol.net.messages.phases import (
     decode_to_world,
     encode,
 )
-from patrol.net.messages.stop_orders import Order, Outcome, outcome_of
-from patrol.net.messages.telemetry import (
+from patrol.messages.stop_orders import Order, Outcome, outcome_of
+from patrol.messages.telemetry import (
     Metrics,
     Notice,
     RobotView,
@@ -45,8 +45,8 @@ from patrol.net.messages.telemetry import (
     pack_view,
     read_traffic,
 )
-from patrol.net.security.transcripts import Line
 from patrol.pose import Drive, Pose, Twist, Velocity
+from patrol.security.transcripts import Line
 from patrol.wire import PRINTABLE, Finite, Row, Text, read, read_sparingly
 from tests.fleets import answer_so_far
 

@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from patrol.ground.maps.load import load_terrain
+from patrol.maps.load import load_terrain
 from patrol.scenario.sections import TerrainSpec
 from tests.ros import base
 from tests.routers import PATIENCE_S, routed

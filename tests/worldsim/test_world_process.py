@@ -9,11 +9,11 @@ from typing import Any
 
 import pytest
 
-from patrol.net.keys import fleet_keys
-from patrol.net.security.credentials import Credentials
-from patrol.net.security.roles import WORLD_ROLE
 from patrol.process.lifeline import Ending
 from patrol.process.options import Meeting
+from patrol.security.credentials import Credentials
+from patrol.security.keys import fleet_keys
+from patrol.security.roles import WORLD_ROLE
 from worldsim.process import _remedy, main
 
 

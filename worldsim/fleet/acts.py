@@ -13,11 +13,11 @@ from typing import TYPE_CHECKING
 
 from patrol.errors import BadInput
 from patrol.journal import Event, Status
-from worldsim.faults.lifecycle import APPLIES, AS_IT_IS, BECOMES, BEING_STARTED, LOOKED_AT, SKIPPED, WAITING
+from worldsim.faults import APPLIES, AS_IT_IS, BECOMES, BEING_STARTED, LOOKED_AT, SKIPPED, WAITING
 from worldsim.fleet.process_control import NotStarted, ProcessControl
 
 if TYPE_CHECKING:
-    from worldsim.faults.timeline import Act
+    from worldsim.faults import Act
     from worldsim.world import World
 
 NEEDS_LAUNCHER = (

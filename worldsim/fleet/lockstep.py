@@ -7,7 +7,7 @@ from typing import Any, TypeVar
 
 from patrol.exchange import Reply, Sensed
 from patrol.journal import Status
-from patrol.net.messages.phases import ReplyA, ReplyB
+from patrol.messages.phases import ReplyA, ReplyB
 from patrol.process.deadline import ANSWER_S
 from worldsim.fleet.router_watch import RouterWatch
 from worldsim.fleet.sessions import POLL_S, Sessions

@@ -12,7 +12,7 @@ from worldsim.run_record import COMPLETED, DESERTED, INTERRUPTED
 
 if TYPE_CHECKING:
     from patrol.exchange import Reply, Sensed
-    from worldsim.controls.operator import Operator
+    from worldsim.controls import Operator
     from worldsim.fleet.process_control import ProcessControl
     from worldsim.world import World
 

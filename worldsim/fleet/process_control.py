@@ -2,7 +2,7 @@
 
 The world decides when a robot is killed or paused, and what becomes of its body; process control acts on its process.
 In a fleet in one process, it drops minds and makes them again (`fogwatch.inprocess`). In a fleet of processes, only
-the launcher, their parent, can act on them (`fogwatch.launch.children.child_control`): the world asks it, one JSON line
+the launcher, their parent, can act on them (`fogwatch.launch.child_control`): the world asks it, one JSON line
 for each request and answer, over a socket of their own, so that nothing depends on the router.
 """
 
@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import asdict, dataclass
 from typing import Protocol
 
-from worldsim.faults.lifecycle import STOPPED, UNSEEN
+from worldsim.faults import STOPPED, UNSEEN
 from worldsim.fleet.sessions import Interrupted, Sessions
 
 START_S = 600.0
@@ -33,7 +33,7 @@ class ProcessControl(Protocol):
     def pause(self, number: int) -> str:
         """Stop a robot's process where it is, and return what was seen of it then; empty where there is none.
 
-        For example `worldsim.faults.lifecycle.STOPPED`.
+        For example `worldsim.faults.STOPPED`.
         """
         ...
 

@@ -1,7 +1,7 @@
 """The world's sessions with the robots' processes: which process speaks for which robot, and which are gone.
 
-`patrol.net.session` holds the rules for seats and messages. `Sessions` waits for messages, hands them to the world's
-end of that robot's session and carries out the effects.
+`patrol.messages.session` holds the rules for seats and messages. `Sessions` waits for messages, hands them to the
+world's end of that robot's session and carries out the effects.
 
 A robot's liveliness token goes when its process ends, when its connection does, and with all others when the router
 does. So a token that has gone is only a reason to look closer, and counts only while the router answers, and after an
@@ -14,16 +14,33 @@ The clock and the mailbox are passed in, so that all of this can be tested witho
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Collection, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import NoReturn
 
 from patrol.errors import BadInput
 from patrol.exchange import Sensed
+from patrol.messages.phases import PhaseA, PhaseB, ReplyA, ReplyB, Report, ToWorld, encode
+from patrol.messages.session import Deliver, Effects, Refuse, SeatStage, Send, Unlike, WorldEnd, WorldRun
 from patrol.net.mailbox import Presence
-from patrol.net.messages.phases import PhaseA, PhaseB, ReplyA, ReplyB, Report, encode
-from patrol.net.security.transcripts import PHASE_A, PHASE_B, REPLY_A, REPLY_B, as_notes, digest_of
-from patrol.net.session import Deliver, Effects, Refuse, SeatStage, Send, Unlike, WorldEnd, WorldRun
-from worldsim.fleet.connection import FleetConnection
+from patrol.security.keys import FleetKeys
+from patrol.security.transcripts import PHASE_A, PHASE_B, REPLY_A, REPLY_B, as_notes, digest_of
+from worldsim.mailbox import AnswersMailbox
+
+
+@dataclass(frozen=True, slots=True)
+class FleetConnection:
+    """The connection of the world with its robots."""
+
+    keys: FleetKeys
+    names: Mapping[int, str]
+    posts: Mapping[int, Callable[[bytes], None]]  # by number; each sends to a robot
+    mailbox: AnswersMailbox[ToWorld | Presence]
+    connected: Callable[[], bool]  # True if the router answers now
+    now: Callable[[], float]  # seconds of a clock that never goes back
+    ending: Callable[[], bool]  # True if the world should end
+    has_ended: Callable[[int], bool] | None = None  # asks the launcher about a robot's process; None without a launcher
+
 
 POLL_S = 0.1
 HELLO_S = 1.0

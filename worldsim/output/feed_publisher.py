@@ -15,15 +15,14 @@ from typing import TYPE_CHECKING
 from patrol.closures import closure_of
 from patrol.journal import pack
 from patrol.journal.records import Event, TickRecord
-from patrol.net.messages.feed import Batch, Ground, SoFar, batch_bytes, so_far_bytes, thinned
+from patrol.messages.feed import Batch, Ground, SoFar, batch_bytes, so_far_bytes, thinned
 from patrol.scenario.controls import OPERATOR
 
 if TYPE_CHECKING:
     from patrol.journal import JournalWriter
     from patrol.journal.records import Header, Record
     from patrol.prepare import Prepared
-    from worldsim.controls.operator import RunState
-    from worldsim.controls.requests import Question
+    from worldsim.controls import Question, RunState
     from worldsim.mailbox import Mailbox
     from worldsim.world import World
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from patrol.errors import BadInput
 from patrol.scenario import Scenario
-from patrol.scenario.file.copying import FILE, MAP, keep_scenario
+from patrol.scenario.copying import FILE, MAP, keep_scenario
 
 
 def check(scenario: Path, out: Path) -> None:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from patrol.journal import Status
 from patrol.measures.open_ground import OpenGround
 from patrol.measures.progress import Trap, Traps
-from patrol.net.messages.telemetry import FREE, TRAPPED, Metrics, Notice, Watcher
+from patrol.messages.telemetry import FREE, TRAPPED, Metrics, Notice, Watcher
 
 if TYPE_CHECKING:
     from patrol.journal import Event, TickRecord

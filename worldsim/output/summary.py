@@ -13,9 +13,8 @@ from patrol.summary.model import Summary
 from patrol.summary.totals import RunTotals
 from worldsim.output.battery_facts import BatteryTotals
 from worldsim.output.closure_facts import closure_figures
-from worldsim.output.direct_radio import as_measured
 from worldsim.output.intruder_facts import IntruderTotals
-from worldsim.output.traffic import Traffic
+from worldsim.output.traffic import Traffic, as_measured
 
 if TYPE_CHECKING:
     from patrol.prepare import Prepared

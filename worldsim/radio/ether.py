@@ -11,22 +11,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from patrol.errors import BadInput
+from patrol.faults.kinds import Spoof
 from patrol.journal.links import NO_DROPS, Drops, Links, WholeLinks, to_others
 from patrol.journal.records import Status
 from patrol.radio.fleet_key import fleet_key
 from patrol.radio.heard import Heard
-from patrol.scenario.faults.kinds import Spoof
 from worldsim.radio.fates import STRANGER, Fates, Forged, Sent
 from worldsim.radio.forging import MEMORY, Forger
-from worldsim.radio.models.port import OnAir, cause_of
+from worldsim.radio.models import OnAir, cause_of
 from worldsim.radio.rules import RadioRules, arrival
 
 if TYPE_CHECKING:
     from patrol.ground.terrain import Terrain
     from patrol.pose import Pose
     from patrol.scenario import Scenario
-    from worldsim.faults.timeline import Timeline
-    from worldsim.radio.models.port import RadioModel
+    from worldsim.faults import Timeline
+    from worldsim.radio.models import RadioModel
     from worldsim.robots.senses import Senses
 
 OVERSIZED = "oversized"

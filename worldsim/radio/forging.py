@@ -13,18 +13,18 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from patrol.errors import BadInput
+from patrol.faults.kinds import Forgery, Spoof
 from patrol.journal.records import Status
 from patrol.pose import Pose
 from patrol.radio.fleet_key import fleet_key
 from patrol.radio.message import MAX_ROBOT, Position, encode
 from patrol.random import Purpose, draw, mix
-from patrol.scenario.faults.kinds import Forgery, Spoof
 from worldsim.radio.fates import STRANGER, Forged
 
 if TYPE_CHECKING:
     from patrol.ground.terrain import Terrain
     from patrol.scenario import Scenario
-    from worldsim.faults.timeline import Entry, Timeline
+    from worldsim.faults import Entry, Timeline
     from worldsim.robots.senses import Senses
 
 _WRONG_KEY = -1

@@ -20,10 +20,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from patrol.net.messages.phases import PHASE_B_SHARE
-from patrol.pose import Pose
-from patrol.random import Purpose, draw, gauss, mix
-from patrol.scenario.faults.kinds import (
+from patrol.faults.kinds import (
     Bandwidth,
     Delay,
     Duplicate,
@@ -36,6 +33,9 @@ from patrol.scenario.faults.kinds import (
     Silence,
     Wait,
 )
+from patrol.messages.phases import PHASE_B_SHARE
+from patrol.pose import Pose
+from patrol.random import Purpose, draw, gauss, mix
 from worldsim.kernels.draws import below
 from worldsim.kernels.walls import walls_on_line
 from worldsim.radio.fates import STRANGER
@@ -43,7 +43,7 @@ from worldsim.radio.fates import STRANGER
 if TYPE_CHECKING:
     from patrol.ground.terrain import Terrain
     from patrol.scenario import Scenario
-    from worldsim.faults.timeline import Entry, Timeline
+    from worldsim.faults import Entry, Timeline
     from worldsim.radio.fates import Fates, Sent
 
 LEAST_BUCKET = 64.0

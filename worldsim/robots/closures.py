@@ -16,12 +16,12 @@ import numpy as np
 
 from patrol.closures import IN_IT, WAITING, WAITS, ClosedPoints
 from patrol.exchange import MOST_BLOCKED
+from patrol.faults.kinds import Close, OnClosure
 from patrol.ground.closed import ChangingFootprint, faces
 from patrol.journal import Event
 from patrol.journal.records import CLOSED, OPENED, STAYS_OPEN
 from patrol.radio.message import as_received
 from patrol.random import Purpose, draw
-from patrol.scenario.faults.kinds import Close, OnClosure
 from patrol.scenario.zones import is_in_one_of
 
 if TYPE_CHECKING:
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
     from patrol.ground.terrain import Terrain
     from patrol.scenario import ClosureSpec, Scenario
-    from worldsim.faults.timeline import Timeline
+    from worldsim.faults import Timeline
     from worldsim.robots.bodies import Body
 
 

@@ -12,13 +12,13 @@ import math
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, assert_never
 
+from patrol.faults.kinds import Motion
 from patrol.pose import Command, Drive, Twist, Velocity, halted, is_halt
 from patrol.random import Purpose, draw, gauss
-from patrol.scenario.faults.kinds import Motion
 
 if TYPE_CHECKING:
     from patrol.scenario import Scenario
-    from worldsim.faults.timeline import Entry, Timeline
+    from worldsim.faults import Entry, Timeline
 
 SLOWEST, FASTEST = 0.05, 1.95
 """The least and the largest share of a command that one fault lets a body do, unless it slips.

@@ -8,16 +8,16 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
+from patrol.faults.kinds import Clock, Drift
 from patrol.pose import TAU, Pose
 from patrol.radio.message import MAX_TIME_MS
 from patrol.radio.units import ms_to_s
 from patrol.random import Purpose, draw, gauss
-from patrol.scenario.faults.kinds import Clock, Drift
 
 if TYPE_CHECKING:
     from patrol.ground.terrain import Terrain
     from patrol.scenario import Scenario
-    from worldsim.faults.timeline import Entry, Timeline
+    from worldsim.faults import Entry, Timeline
 
 _NOISE, _JUMP = 0, 1
 

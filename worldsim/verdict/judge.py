@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
 from patrol.process.exit_codes import UNKNOWN
-from worldsim.faults.timeline import Timeline
+from worldsim.faults import Timeline
 from worldsim.verdict.common.check import Check, CheckResult, JudgedRun, Readings
 from worldsim.verdict.common.robots_there import RobotsThere
 from worldsim.verdict.frames.budget import WithinBudget
@@ -211,7 +211,7 @@ def judge(
 ) -> Verdict:
     """Judge a run; without a journal (None) the verdict is ``unknown``.
 
-    Exit codes are by name of process (`worldsim.faults.lifecycle.process_name`): None for a process that was never seen
+    Exit codes are by name of process (`worldsim.faults.process_name`): None for a process that was never seen
     to end, and no codes at all for a run in one process. Poses and fog are recomputed from `prepared`; what operators
     added is read from the journal. `baseline_s` is the mean MFoW of the same scenario without its faults, for the check
     of recovery; None if unknown.

@@ -11,9 +11,8 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from agent.belief.believed import Area, Belief, Beliefs
-from agent.belief.dilated import AGELESS
-from agent.belief.kernels.dilate import dilate
-from agent.belief.posts import Posts
+from agent.belief.dilated import AGELESS, Posts
+from agent.kernels.dilate import dilate
 from patrol.ground.fields import StaticFields
 from patrol.ground.fog import Fog
 from patrol.ground.footprint import Footprint

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from agent.belief.blocked import Blocked
-from agent.belief.posts import Posts
+from agent.belief.dilated import Posts
 from patrol.exchange import Sensed
 from patrol.ground.closed import ChangingFootprint
 from patrol.ground.fields import compute_fields

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from agent.belief.kernels.dilate import dilate
+from agent.kernels.dilate import dilate
 
 NOTHING = 2**31 - 1
 NO_SCRATCH = np.zeros(0, dtype=np.uint16)

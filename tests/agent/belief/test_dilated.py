@@ -8,9 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from agent.belief.dilated import AGELESS, Dilated
-from agent.belief.kernels.dilate import dilate
-from agent.belief.posts import Posts
+from agent.belief.dilated import AGELESS, Dilated, Posts
+from agent.kernels.dilate import dilate
 from patrol.ground.fog import Box, Fog
 
 SHAPE = (70, 90)

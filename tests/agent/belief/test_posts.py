@@ -6,8 +6,8 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from agent.belief.kernels.changes import NOTHING, SIDE, carry
-from agent.belief.posts import Posts
+from agent.belief.dilated import Posts
+from agent.kernels.changes import NOTHING, SIDE, carry
 
 
 @settings(max_examples=60)

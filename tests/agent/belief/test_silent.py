@@ -7,8 +7,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from agent.belief.believed import Area, Beliefs
-from agent.belief.posts import Posts
-from agent.belief.silent import Silent
+from agent.belief.blocked import Silent
+from agent.belief.dilated import Posts
 from patrol.ground.sensors import footprint_of
 from patrol.ground.terrain import Terrain
 from patrol.pose import Pose

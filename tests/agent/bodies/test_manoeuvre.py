@@ -11,8 +11,8 @@ import pytest
 from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
-from agent.bodies.kernels.manoeuvre import CLEARANCE, _fits, _is_free, search
 from agent.bodies.manoeuvre import MOST_ARCS, wheel_moves
+from agent.kernels.manoeuvre import CLEARANCE, _fits, _is_free, search
 from agent.ports import Place, State
 from agent.routes.ground import Spot
 from agent.routes.path_window import FAR

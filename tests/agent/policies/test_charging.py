@@ -10,7 +10,7 @@ import pytest
 
 from agent.build import build_mind
 from agent.policies.charging import Charging
-from agent.policies.surround.surround import Surround
+from agent.policies.surround import Surround
 from agent.ports import Intent, Place, State, Stay
 from fogwatch.inprocess import run_in_process
 from patrol.exchange import Sensed

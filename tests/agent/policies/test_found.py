@@ -13,10 +13,10 @@ import pytest
 import yaml
 
 from agent.build import build_mind
-from agent.policies.committed.policy import Committed
+from agent.policies.committed import Committed
 from agent.policies.found import POLICIES, policy_of
-from agent.policies.potential_field.policy import PotentialField
-from agent.policies.stochastic.policy import Stochastic
+from agent.policies.potential_field import PotentialField
+from agent.policies.stochastic import Stochastic
 from agent.ports import PolicyFailed, State
 from patrol.classes.class_file import file_digest
 from patrol.errors import BadInput
@@ -31,7 +31,7 @@ from patrol.scenario import (
     load_scenario,
     scenario_hash,
 )
-from patrol.scenario.file.copying import keep_scenario
+from patrol.scenario.copying import keep_scenario
 from tests.agent.minds import at
 
 STILL = '''
@@ -131,7 +131,7 @@ def test_the_built_in_policies(scenario: Scenario, name: str, made: type, option
 
 def test_a_policy_that_builds_on_a_built_in_one_has_its_options_and_lengths(write: Write) -> None:
     source = """
-    from agent.policies.potential_field.policy import PotentialField
+    from agent.policies.potential_field import PotentialField
 
     class Mine(PotentialField):
         pass

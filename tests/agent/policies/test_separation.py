@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from agent.belief.posts import Posts
-from agent.policies.potential_field.direction import FuzzySectors, repel
-from agent.policies.potential_field.field import Field, share_table
+from agent.belief.dilated import Posts
+from agent.policies.forces import FuzzySectors, repel
+from agent.policies.potential_field import Field, share_table
 from agent.policies.separation import (
     artificial_obstacles,
     critical_areas,
@@ -22,8 +22,8 @@ from agent.routes.ground import Area, Ground
 from agent.routes.path_window import FAR, PathWindow
 from agent.routes.straight import Straight
 from agent.routes.wave import Wave
-from patrol.ground.doors.passages import narrow_passages
 from patrol.ground.fields import StaticFields
+from patrol.ground.passages import narrow_passages
 from patrol.ground.terrain import Terrain
 from patrol.pose import Pose
 from patrol.radio.peers import Peer

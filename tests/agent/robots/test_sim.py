@@ -9,9 +9,7 @@ import pytest
 from agent.ports import Decision, State
 from agent.robots.sim import SimRobot
 from patrol.exchange import Reply, Sensed
-from patrol.net.keys import WORLD, FleetKeys
-from patrol.net.mailbox import Mailbox, Presence
-from patrol.net.messages.phases import (
+from patrol.messages.phases import (
     ANYONE,
     NO_RUN,
     Failed,
@@ -29,11 +27,13 @@ from patrol.net.messages.phases import (
     decode_to_world,
     encode,
 )
-from patrol.net.security.tick_chain import TickChain
-from patrol.net.security.transcripts import LAST
-from patrol.net.session import SILENCE_S, Identity, RobotEnd, Send
+from patrol.messages.session import SILENCE_S, Identity, RobotEnd, Send
+from patrol.net.mailbox import Mailbox, Presence
 from patrol.pose import Drive, Pose, Velocity
 from patrol.process.lifeline import Ending
+from patrol.security.keys import WORLD, FleetKeys
+from patrol.security.tick_chain import TickChain
+from patrol.security.transcripts import LAST
 
 ME = Identity("r1", 1, 77, "a" * 64)
 RUN = 5

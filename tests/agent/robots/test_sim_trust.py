@@ -10,8 +10,7 @@ import pytest
 
 from agent.robots.sim import join
 from patrol.exchange import Sensed
-from patrol.net.mailbox import Mailbox, Payload, Post, Presence
-from patrol.net.messages.phases import (
+from patrol.messages.phases import (
     ANYONE,
     NO_RUN,
     PhaseA,
@@ -23,10 +22,11 @@ from patrol.net.messages.phases import (
     ToRobot,
     encode,
 )
-from patrol.net.security.tick_chain import TickChain
-from patrol.net.security.transcripts import LAST, LINES, Line, digest_of
+from patrol.net.mailbox import Mailbox, Payload, Post, Presence
 from patrol.pose import Velocity
 from patrol.process.lifeline import Ending
+from patrol.security.tick_chain import TickChain
+from patrol.security.transcripts import LAST, LINES, Line, digest_of
 from tests.agent.robots.test_sim import CHAIN, KEYS, ME, POSE, RUN, Scene, a, b, hello
 from tests.patrol.net.test_mailbox import Bytes
 

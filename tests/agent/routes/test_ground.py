@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from agent.kernels.wave import HEMMED, OPEN, STATUS
 from agent.routes.ground import Area, Disc, Ground
-from agent.routes.kernels.wave import HEMMED, OPEN, STATUS
 from patrol.ground.terrain import Terrain
 
 

@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from agent.kernels.wave import SETTLED, STATUS
 from agent.routes.ground import Ground
-from agent.routes.kernels.wave import SETTLED, STATUS
 from agent.routes.routes import Routes, Way
 from agent.routes.wave import LONGEST, Wave
 from patrol.ground.terrain import Terrain

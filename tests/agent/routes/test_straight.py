@@ -7,8 +7,8 @@ import math
 import numpy as np
 import pytest
 
+from agent.kernels.wave import SETTLED, STATUS
 from agent.routes.ground import Ground
-from agent.routes.kernels.wave import SETTLED, STATUS
 from agent.routes.straight import Straight
 from patrol.ground.terrain import Terrain
 

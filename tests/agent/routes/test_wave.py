@@ -13,14 +13,14 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 
+from agent.kernels import wave as kernel
+from agent.kernels.wave import HEMMED, SETTLED, STATUS
 from agent.routes.ground import Ground
-from agent.routes.kernels import wave as kernel
-from agent.routes.kernels.wave import HEMMED, SETTLED, STATUS
 from agent.routes.path_window import FAR
 from agent.routes.wave import ROOM, Wave, box_around, box_between, paths_in
-from patrol.ground.kernels.footprint import cast
 from patrol.ground.terrain import Terrain
-from patrol.scenario.letter import Ties
+from patrol.kernels.footprint import cast
+from patrol.scenario.policies import Ties
 from tests.agent.plans import cluttered
 
 Bools = NDArray[np.bool_]

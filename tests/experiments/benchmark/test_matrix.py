@@ -17,7 +17,7 @@ from experiments.benchmark.matrix import (
     read_terrains,
 )
 from patrol.errors import BadInput
-from worldsim.faults.timeline import Timeline
+from worldsim.faults import Timeline
 
 
 def matrix(**more: object) -> Matrix:

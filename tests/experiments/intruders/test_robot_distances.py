@@ -8,7 +8,7 @@ import math
 import numpy as np
 import pytest
 
-from experiments.intruders.robot_distances import nearness_and_approach
+from experiments.intruders.on_run import nearness_and_approach
 from patrol.ground.terrain import BoolGrid
 
 

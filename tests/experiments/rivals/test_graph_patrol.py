@@ -10,7 +10,7 @@ import pytest
 from agent.policies.found import POLICIES
 from experiments.rivals.known import Known
 from fogwatch.inprocess import run_in_process
-from patrol.graph.graph import graph_of
+from patrol.graph import graph_of
 from patrol.pose import Pose
 from patrol.radio.peers import Peer
 from patrol.scenario import load_scenario

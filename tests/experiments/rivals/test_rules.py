@@ -19,7 +19,7 @@ from experiments.rivals.assignment import bids
 from experiments.rivals.conscientious import stale_way
 from experiments.rivals.known import Known, Other
 from patrol.classes.named_class import NamedClass, find
-from patrol.graph.graph import graph_of
+from patrol.graph import graph_of
 from patrol.pose import Pose
 from patrol.prepare import prepare
 from patrol.radio.peers import Peer

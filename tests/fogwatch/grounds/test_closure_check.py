@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from fogwatch.grounds.closure_check import closure_lines
+from fogwatch.grounds.scenario_notes import closure_lines
 from patrol.prepare import prepare
 from patrol.scenario import load_scenario
 

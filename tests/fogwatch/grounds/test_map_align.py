@@ -17,8 +17,8 @@ from fogwatch.grounds.map_align import (
     wall_map,
 )
 from patrol.errors import BadInput
-from patrol.ground.maps.builtins import builtin_terrain
 from patrol.ground.terrain import Terrain
+from patrol.maps.builtins import builtin_terrain
 from patrol.pose import Pose
 from ros2.wire.frames import composed, inverted
 

@@ -5,7 +5,7 @@ import pytest
 
 from fogwatch.grounds.map_check import check_map
 from patrol.ground.cspace import cspace_of, parts_of
-from patrol.ground.doors.rooms import Rooms
+from patrol.ground.doors import Rooms
 from patrol.ground.left_out import left_out
 from patrol.ground.terrain import BoolGrid, Terrain
 from patrol.pose import Pose

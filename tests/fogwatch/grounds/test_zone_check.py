@@ -10,7 +10,7 @@ import pytest
 import yaml
 from typer.testing import CliRunner
 
-from fogwatch.cli.grounds.map_commands import app
+from fogwatch.commands.map import app
 from patrol.errors import BadInput
 from tests.ring import LOWER, UPPER, write_cells, write_ring, zone
 

@@ -8,13 +8,13 @@ from typing import Any
 
 import pytest
 
-from fogwatch.launch.children.children import Child, Children
-from fogwatch.launch.folder.runfolder import RunFolder
+from fogwatch.launch.children import Child, Children
 from fogwatch.launch.launcher import ROUTER, WORLD, Launch
-from fogwatch.launch.terminal.live_table import SilentDisplay
+from fogwatch.run_folder.runfolder import RunFolder
+from fogwatch.terminal.live_table import SilentDisplay
 from patrol.net.link import LinkDown
-from patrol.net.security.seats import SEAT
-from patrol.process.starting.readiness import StartPipe, StartReport
+from patrol.security.seats import SEAT
+from patrol.starting.readiness import StartPipe, StartReport
 
 
 class Fleet:

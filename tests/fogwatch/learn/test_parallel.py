@@ -326,7 +326,7 @@ def test_an_error_of_a_robots_own_is_raised_and_not_a_robot_that_stands(monkeypa
     def fails(*_: object) -> None:
         raise ZeroDivisionError("none")
 
-    monkeypatch.setattr("agent.policies.learned.decisions.Decisions.intent", fails)
+    monkeypatch.setattr("agent.learned.network.Decisions.intent", fails)
     with pytest.raises(RuntimeError, match="r1: ") as raised:
         env.step({"r1": 2})
     assert isinstance(raised.value.__cause__, ZeroDivisionError)

@@ -14,12 +14,12 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 from monitor.live.attach import open_fleet
-from patrol.net.keys import WORLD, fleet_keys
 from patrol.net.link import NotAdmitted, open_link
-from patrol.net.security.access import FILE, credentials_at, private_roots, read_access
-from patrol.net.security.credentials import read_credentials
-from patrol.net.security.roles import VIEWER
 from patrol.process.lifeline import Ending
+from patrol.security.access import FILE, credentials_at, private_roots, read_access
+from patrol.security.credentials import read_credentials
+from patrol.security.keys import WORLD, fleet_keys
+from patrol.security.roles import VIEWER
 from tests.fleets import COARSE, Processes
 from tests.routers import PATIENCE_S, free_endpoint, needs_openssl
 

@@ -12,13 +12,13 @@ from typing import Any
 
 import pytest
 
-import fogwatch.launch.children.clerk_child
+import fogwatch.launch.clerk_child
 from fogwatch.api import RunOptions, execute
-from fogwatch.launch.children.children import Child, Children
-from fogwatch.launch.children.clerk_child import CLERK, ClerkChild
+from fogwatch.launch.children import Child, Children
+from fogwatch.launch.clerk_child import CLERK, ClerkChild
 from fogwatch.launch.launcher import WORLD
-from fogwatch.launch.terminal.live_table import SilentDisplay
 from fogwatch.notebook.run import Run
+from fogwatch.terminal.live_table import SilentDisplay
 from patrol.journal import read_journal
 from patrol.prepare import Prepared, prepare
 from patrol.scenario import load_scenario
@@ -83,9 +83,9 @@ class Stage:
 def stage(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Stage:
     """The run's clerk starts at once and as fast as anything, and is known to the test."""
     staged = Stage(tmp_path / "run")
-    monkeypatch.setattr(fogwatch.launch.children.clerk_child, "AFTER_S", 0.0)
-    monkeypatch.setattr(fogwatch.launch.children.clerk_child, "NICE", 0)
-    monkeypatch.setattr(fogwatch.launch.children.clerk_child, "SILENT_S", PATIENCE_S)
+    monkeypatch.setattr(fogwatch.launch.clerk_child, "AFTER_S", 0.0)
+    monkeypatch.setattr(fogwatch.launch.clerk_child, "NICE", 0)
+    monkeypatch.setattr(fogwatch.launch.clerk_child, "SILENT_S", PATIENCE_S)
     begun, spawn = ClerkChild.__init__, Children.spawn
 
     def begin(self: ClerkChild, *arguments: Any, **options: Any) -> None:
@@ -151,7 +151,7 @@ def test_a_clerk_that_is_killed_before_the_report_is_not_missed(stage: Stage, mo
 
 
 def test_a_clerk_that_says_nothing_is_given_up(stage: Stage, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(fogwatch.launch.children.clerk_child, "SILENT_S", 0.0)
+    monkeypatch.setattr(fogwatch.launch.clerk_child, "SILENT_S", 0.0)
 
     def stop() -> bool:
         if not stage.loaded():

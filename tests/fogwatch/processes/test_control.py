@@ -16,11 +16,11 @@ import pytest
 import fogwatch
 from monitor.process import READY
 from patrol.journal import Status, read_journal
-from patrol.net.keys import fleet_keys
 from patrol.net.link import Link, open_link
-from patrol.net.security.access import FILE, read_access
-from patrol.net.security.control_auth import ASK, ControlClient, Unanswered
 from patrol.scenario.controls import OPERATOR, Answer
+from patrol.security.access import FILE, read_access
+from patrol.security.control_auth import ASK, ControlClient, Unanswered
+from patrol.security.keys import fleet_keys
 from tests.fleets import COARSE
 
 if TYPE_CHECKING:

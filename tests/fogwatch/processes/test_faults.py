@@ -13,12 +13,12 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 import fogwatch
-from fogwatch.launch.children import child_control
+from fogwatch.launch import child_control
 from patrol.journal import RobotTick, Status, TickRecord, read_journal
-from patrol.process.starting.forking import can_fork
+from patrol.starting.forking import can_fork
 from tests.fleets import COARSE, one_and_many
 from tests.fogwatch.processes.test_feed import attached
-from worldsim.faults.lifecycle import LOOKED_AT, STOPPED
+from worldsim.faults import LOOKED_AT, STOPPED
 
 if TYPE_CHECKING:
     from tests.fogwatch.conftest import Run

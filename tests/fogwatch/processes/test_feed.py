@@ -22,15 +22,15 @@ from monitor.replay.replay import Replay
 from monitor.replay.run import open_run
 from patrol.errors import BadInput
 from patrol.journal.records import Status
-from patrol.net.keys import fleet_keys
+from patrol.messages.telemetry import Telemetry, pack_view
 from patrol.net.link import Link, open_link, open_router
-from patrol.net.messages.telemetry import Telemetry, pack_view
 from patrol.pose import Pose
 from patrol.prepare import prepare
 from patrol.process.lifeline import Ending
 from patrol.radio.fleet_key import new_key
 from patrol.radio.message import Position, encode
 from patrol.scenario import load_scenario
+from patrol.security.keys import fleet_keys
 from tests.fleets import COARSE
 from tests.routers import reach_patiently
 

@@ -17,10 +17,10 @@ from monitor.replay.replay import play
 from monitor.replay.run import open_run
 from patrol.exchange import Sensed
 from patrol.journal import Status, TickRecord, read_journal
-from patrol.net.messages.phases import PhaseA, encode
-from patrol.net.security.tick_chain import PROOF
+from patrol.messages.phases import PhaseA, encode
 from patrol.pose import Pose
 from patrol.radio.fleet_key import new_key
+from patrol.security.tick_chain import PROOF
 
 if TYPE_CHECKING:
     from tests.fogwatch.conftest import Run

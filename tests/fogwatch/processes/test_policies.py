@@ -13,10 +13,10 @@ from typing import Any
 import pytest
 
 import fogwatch
-from agent.policies.learned.network import read_network
+from agent.learned.network import read_network
 from fogwatch.learn import action_of, flattened, parallel_env
 from patrol.journal import Status, read_journal
-from tests.agent.policies.learned.test_network import as_onnx, layers
+from tests.agent.learned.test_network import as_onnx, layers
 from tests.fleets import one_and_many
 
 HERE = Path(__file__).parent

@@ -10,12 +10,12 @@ from typing import Any
 import pytest
 
 from patrol.errors import Malformed
-from patrol.net.keys import ROOT
+from patrol.messages.phases import ReplyA, decode_to_world
 from patrol.net.link import open_link
 from patrol.net.mailbox import Payload
-from patrol.net.messages.phases import ReplyA, decode_to_world
 from patrol.radio.fleet_key import new_key
 from patrol.radio.message import MAX_FRAME
+from patrol.security.keys import ROOT
 from tests.fleets import one_and_many
 from tests.worldsim.test_fleet_by_hand import PATIENCE_S, Hand
 

@@ -18,7 +18,7 @@ from mcap_ros2.decoder import DecoderFactory
 from monitor.recording.mcap_file import inspect_recording
 from patrol.errors import BadInput
 from patrol.journal import read_journal
-from patrol.net.security.access import FILE
+from patrol.security.access import FILE
 
 if TYPE_CHECKING:
     from tests.fogwatch.conftest import Run

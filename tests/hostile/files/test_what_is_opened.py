@@ -21,10 +21,10 @@ from experiments.sweeps.results import FILE, open_results
 from monitor.recording.mcap_file import inspect_recording
 from monitor.replay.run import open_run
 from patrol.errors import BadInput
-from patrol.ground.maps.load import load_terrain, read_terrain
-from patrol.net.security.access import read_access
+from patrol.maps.load import load_terrain, read_terrain
 from patrol.radio.fleet_key import fleet_key
 from patrol.scenario import load_scenario, open_scenario
+from patrol.security.access import read_access
 from tests.hostile.files.looks import MAP, looked_at, one_line
 from tests.hostile.files.strange_files import (
     journal_of,
@@ -63,7 +63,7 @@ def map_of(image: Path) -> Path:
 
 
 def digest_of(image: Path) -> str:
-    from patrol.scenario.file.load import map_digest
+    from patrol.scenario.load import map_digest
 
     return map_digest(map_of(image))
 

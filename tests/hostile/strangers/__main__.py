@@ -20,7 +20,7 @@ from pathlib import Path
 from rich.console import Console
 
 from fogwatch.cli.ending import guarded
-from fogwatch.launch.folder.runfolder import RUNS, untaken
+from fogwatch.run_folder.runfolder import RUNS, untaken
 from patrol.process.lifeline import heed
 from tests.hostile.strangers.session import HostileSession
 

@@ -11,12 +11,12 @@ import msgpack
 
 from patrol.exchange import Reply, Sensed
 from patrol.journal import Status
-from patrol.net.keys import FleetKeys
-from patrol.net.messages.feed import TICKS, Batch, batch_bytes
-from patrol.net.messages.phases import ANYONE, Failed, HelloReply, PhaseA, PhaseB, ReplyA, ReplyB, Stop, encode
-from patrol.net.messages.telemetry import EVENTS, METRICS, Metrics, Notice, RobotView, pack_view
+from patrol.messages.feed import TICKS, Batch, batch_bytes
+from patrol.messages.phases import ANYONE, Failed, HelloReply, PhaseA, PhaseB, ReplyA, ReplyB, Stop, encode
+from patrol.messages.telemetry import EVENTS, METRICS, Metrics, Notice, RobotView, pack_view
 from patrol.pose import Pose, Velocity
 from patrol.random import Draws
+from patrol.security.keys import FleetKeys
 
 _EXTREMES = (
     b"\x00" * 8,

@@ -14,9 +14,9 @@ from pathlib import Path
 
 from fogwatch.api import RunOptions, execute
 from fogwatch.inprocess import run_in_process
-from fogwatch.launch.folder.runfolder import RunFolder
 from fogwatch.launch.launcher import LaunchFailed
 from fogwatch.notebook.run import Run
+from fogwatch.run_folder.runfolder import RunFolder
 from patrol.errors import BadInput
 from patrol.printable import printable
 from tests.hostile.strangers.judge import BEGUN, Seen

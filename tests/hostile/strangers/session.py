@@ -17,9 +17,9 @@ from typing import Self
 
 from rich.console import Console
 
-from fogwatch.launch.terminal.live_table import duration_text
+from fogwatch.terminal.live_table import duration_text
 from patrol.errors import BadInput
-from patrol.values.types import MAX_SEED
+from patrol.values import MAX_SEED
 from tests.hostile.strangers.judge import BEGUN, Seen, problems
 from tests.hostile.strangers.run import run_spell
 from tests.hostile.strangers.spell import Spell, draw_spell

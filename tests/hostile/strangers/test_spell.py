@@ -6,8 +6,7 @@ from collections import Counter
 from collections.abc import Callable
 
 from patrol.exchange import Sensed
-from patrol.net.keys import fleet_keys
-from patrol.net.messages.phases import (
+from patrol.messages.phases import (
     Failed,
     HelloReply,
     PhaseA,
@@ -19,10 +18,11 @@ from patrol.net.messages.phases import (
     decode_to_world,
     encode,
 )
-from patrol.net.security.roles import VIEWER
 from patrol.pose import Pose
 from patrol.random import Draws, Purpose
 from patrol.scenario import as_mapping
+from patrol.security.keys import fleet_keys
+from patrol.security.roles import VIEWER
 from tests.hostile.strangers.payloads import all_keys, changed, forged, forged_farewell, noise
 from tests.hostile.strangers.spell import Holds, draw_spell, role_of_stranger
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from patrol.net.messages.telemetry import Metrics
+from patrol.messages.telemetry import Metrics
 from tests.hostile.strangers.run import read_log
 from tests.hostile.strangers.watch import HUNG_S, SAMPLE_S, SETTLED_S, START_S, Memory, Progress
 

@@ -6,8 +6,8 @@ import os
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-from fogwatch.launch.terminal.live_table import SilentDisplay
-from patrol.net.messages.telemetry import Metrics
+from fogwatch.terminal.live_table import SilentDisplay
+from patrol.messages.telemetry import Metrics
 
 HUNG_S = 60.0
 """Wall time without a tick after which a run hangs; a busy machine takes seconds."""

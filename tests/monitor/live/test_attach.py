@@ -7,9 +7,9 @@ import pytest
 
 from monitor.live.attach import open_fleet
 from patrol.errors import BadInput
-from patrol.net.security.access import FILE
 from patrol.process.lifeline import Ending
 from patrol.radio.fleet_key import new_key
+from patrol.security.access import FILE
 from tests.routers import reach_patiently, write_access
 
 

@@ -24,10 +24,10 @@ from patrol.ground.fog import NEVER
 from patrol.journal import JournalWriter, pack, unpack
 from patrol.journal.file import MAGIC
 from patrol.journal.records import Event, Status, TickRecord
-from patrol.net.messages.feed import Batch, SoFar, batch_bytes, read_so_far, so_far_bytes
+from patrol.messages.feed import Batch, SoFar, batch_bytes, read_so_far, so_far_bytes
 from patrol.scenario.controls import OPERATOR
 from patrol.wire import read_sparingly
-from worldsim.controls.operator import RunState
+from worldsim.controls import RunState
 from worldsim.output.feed_publisher import Feed, ground_of
 from worldsim.output.record import header_of
 from worldsim.world import World

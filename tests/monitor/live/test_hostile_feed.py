@@ -18,7 +18,7 @@ from monitor.live.record_checks import RunChecks, is_run_of
 from patrol.errors import BadInput
 from patrol.journal import pack, unpack
 from patrol.journal.records import End, Event, Status, TickRecord
-from patrol.net.messages.feed import Batch, read_so_far, so_far_bytes
+from patrol.messages.feed import Batch, read_so_far, so_far_bytes
 from patrol.scenario import as_mapping, load_scenario
 from tests.monitor.conftest import QUIET
 from tests.monitor.live.test_feed_source import FakeFeed, watched
@@ -192,7 +192,7 @@ def test_no_file_is_opened_because_a_feed_names_it(
     quiet: Seen, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     (tmp_path / "policy.py").write_text("class Mine: ...\n", encoding="utf-8")
-    monkeypatch.setattr("patrol.scenario.file.load.file_digest", lambda path, _: pytest.fail(f"opened {path}"))
+    monkeypatch.setattr("patrol.scenario.load.file_digest", lambda path, _: pytest.fail(f"opened {path}"))
     answer = FakeFeed(quiet).answer()
     height, width = answer.last_seen.shape
     header: Any = unpack(answer.header)

@@ -7,13 +7,13 @@ from typing import Any
 
 from monitor.live.positions_source import PositionsSource
 from monitor.observation.source import Trapped
-from patrol.net.keys import WORLD, fleet_keys
+from patrol.messages.telemetry import TRAPPED, Telemetry, Traffic, pack_view
 from patrol.net.mailbox import Mailbox, Presence
-from patrol.net.messages.telemetry import TRAPPED, Telemetry, Traffic, pack_view
 from patrol.pose import Pose
 from patrol.prepare import prepare
 from patrol.radio.message import Position, encode
 from patrol.scenario import load_scenario
+from patrol.security.keys import WORLD, fleet_keys
 
 SCENARIO: dict[str, Any] = {
     "terrain": {"builtin": "yards"},

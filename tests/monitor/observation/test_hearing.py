@@ -1,7 +1,7 @@
 from __future__ import annotations
 
 from monitor.observation.hearing import ENOUGH, Hearing
-from patrol.net.messages.telemetry import Traffic
+from patrol.messages.telemetry import Traffic
 
 ALL = ("anna", "bert", "carl")
 

@@ -15,8 +15,8 @@ from monitor.page.hub import Viewer
 from monitor.page.server import FULL
 from monitor.process import main
 from monitor.replay.player import Player
-from patrol.net.keys import is_loopback
 from patrol.process.lifeline import Ending
+from patrol.security.keys import is_loopback
 from tests.monitor.pages import PATIENCE_S, ServedPage
 
 if TYPE_CHECKING:

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from monitor.page.kernels.tiles import KEEP
+from monitor.kernels.tiles import KEEP
 from monitor.page.tiles import SIDE, TiledMap, terrain_packet
 
 SHAPE = (SIDE + 9, 2 * SIDE + 5)

@@ -16,7 +16,7 @@ from tests.monitor.recording.test_run_recorder import decoded
 
 if TYPE_CHECKING:
     from monitor.observation.source import State
-    from patrol.net.messages.feed import Batch
+    from patrol.messages.feed import Batch
     from tests.monitor.conftest import Seen
 
 ENOUGH_S = 300.0

@@ -10,7 +10,7 @@ from monitor.observation.traps import TrapWatch
 from monitor.replay.player import Player
 from monitor.replay.trap_log import TrapLog
 from patrol.measures.stays import TRAPPED_S
-from patrol.net.messages.telemetry import FREE, TRAPPED
+from patrol.messages.telemetry import FREE, TRAPPED
 from tests.monitor.live.test_feed_source import FakeFeed, watched
 from tests.monitor.replay.test_player import Wall, at
 

@@ -23,8 +23,8 @@ from monitor.report.charts import gaps_chart, radio_chart, troubles_chart
 from monitor.report.document import report_html
 from monitor.report.html import escape
 from monitor.report.map_charts import paths_chart
+from patrol.faults.kinds import KINDS
 from patrol.journal.records import TickRecord
-from patrol.scenario.faults.kinds import KINDS
 from tests.monitor.conftest import DOORS, QUIET, run_of
 from tests.monitor.recording.test_run_recorder import decoded
 from tests.monitor.rewritten import rewritten

@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 
 from patrol.files.half_characters import refuse_half_characters
 from patrol.files.yaml_text import parse_yaml
-from patrol.net.security.private_files import read_object
 from patrol.scenario import load_scenario
+from patrol.security.private_files import read_object
 from tests.hostile.files.looks import MAP, one_line
 
 ANY_TEXT = st.text(st.characters(exclude_categories=()), max_size=4)

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from patrol.ground.kernels.room import MOST
 from patrol.ground.terrain import Terrain
+from patrol.kernels.room import MOST
 
 
 def counted(blocked: np.ndarray) -> np.ndarray:

@@ -10,9 +10,9 @@ import pytest
 from patrol.ground.fields import StaticFields, compute_fields
 from patrol.ground.sensors import footprint_of
 from patrol.ground.terrain import Terrain
-from patrol.ground.tour.round import ARRAYS, SLACK, Round, lay_out
-from patrol.ground.tour.search import find_tour
 from patrol.pose import Pose
+from patrol.tours.round import ARRAYS, SLACK, Round, lay_out
+from patrol.tours.search import find_tour
 from tests.patrol.ground.test_tour import building
 
 RANGE_M = 4.0

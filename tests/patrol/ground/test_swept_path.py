@@ -9,9 +9,9 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from patrol.ground.kernels.swept_path import SAGITTA
 from patrol.ground.swept_path import advance, chords, free_fraction, lay_path, path_is_free
 from patrol.ground.terrain import Terrain
+from patrol.kernels.swept_path import SAGITTA
 from patrol.pose import Drive, Limits, Pose, Twist, Velocity
 
 

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from patrol.ground.kernels import swept_path as sweep
+from patrol.kernels import swept_path as sweep
 
 POINT = 0.5
 SHAPE = (12, 14)

@@ -8,14 +8,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-import patrol.ground.tour.search
+import patrol.tours.search
 from patrol.ground.fields import StaticFields, compute_fields
-from patrol.ground.kernels.tour import shorten
 from patrol.ground.sensors import footprint_of
 from patrol.ground.terrain import BoolGrid, Terrain
-from patrol.ground.tour.search import find_tour
-from patrol.ground.tour.tour import Tour
+from patrol.kernels.tour import shorten
 from patrol.pose import Pose
+from patrol.tours.round import Tour
+from patrol.tours.search import find_tour
 
 
 def tour_of(terrain: Terrain, range_m: float, x: float, y: float) -> tuple[Tour, StaticFields]:
@@ -76,7 +76,7 @@ def test_a_corridor_is_driven_up_and_down() -> None:
 def test_ground_that_is_too_large_has_no_tour(limit: str, monkeypatch: pytest.MonkeyPatch) -> None:
     terrain = building(1)
     fields = compute_fields(terrain, 0.3, 2.0, True, [Pose(1.0, 1.0, 0.0)])
-    monkeypatch.setattr(patrol.ground.tour.search, limit, 2)
+    monkeypatch.setattr(patrol.tours.search, limit, 2)
     footprint = footprint_of(terrain, 2.0)
     assert find_tour(terrain, fields.reach, fields.patrolled, fields.proxy, footprint) is None
 

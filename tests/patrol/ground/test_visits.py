@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from patrol.ground.tour.round import Round
-from patrol.ground.tour.visits import Ground, Visit, longest_gaps_m, plan_visits, with_visits
 from patrol.ground.ways import lengths_along
+from patrol.tours.round import Round
+from patrol.tours.visits import Ground, Visit, longest_gaps_m, plan_visits, with_visits
 
 POINT = 1.0
 SIDE = 21

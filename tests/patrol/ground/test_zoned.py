@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from patrol.ground.tour.round import Round
-from patrol.ground.tour.zoned import Classes, Group, ZonedGround
+from patrol.tours.round import Round
+from patrol.tours.zoned import Classes, Group, ZonedGround
 
 
 def a_round(length_m: float) -> Round:

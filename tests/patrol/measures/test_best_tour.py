@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-import patrol.ground.tour.search
+import patrol.tours.search
 from patrol.ground.fields import compute_fields
 from patrol.ground.terrain import Terrain
 from patrol.measures import best_tour as module
@@ -139,7 +139,7 @@ def test_a_tour_is_found_once_and_read_afterwards(cache: Path, monkeypatch: pyte
     around = [*kept["way"][1:], kept["way"][0]]
     assert sum(map(math.dist, kept["way"], around)) == pytest.approx(tour.length_m)
     monkeypatch.setattr(module, "_known", {})
-    monkeypatch.setattr(patrol.ground.tour.search, "find_tour", None)
+    monkeypatch.setattr(patrol.tours.search, "find_tour", None)
     assert best_tour(prepared()) == tour
 
 
@@ -151,7 +151,7 @@ def test_the_tour_of_a_wheel_is_taken_and_nothing_is_stored(
     cache.rename(tmp_path / "wheel" / "tours")
     monkeypatch.setattr(module, "SHIPPED", tmp_path / "wheel")
     monkeypatch.setattr(module, "_known", {})
-    monkeypatch.setattr(patrol.ground.tour.search, "find_tour", None)
+    monkeypatch.setattr(patrol.tours.search, "find_tour", None)
     assert best_tour(prepared()) == tour
     assert not cache.exists()
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from patrol.graph.graph import graph_of
+from patrol.graph import graph_of
 from patrol.journal.records import Status
 from patrol.measures.nodes import NodeTotals
 from patrol.summary.metric import metrics_of

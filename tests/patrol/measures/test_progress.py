@@ -8,7 +8,7 @@ import pytest
 from patrol.ground.fields import compute_fields
 from patrol.ground.terrain import BoolGrid, Terrain
 from patrol.journal.records import RobotTick, Status, TickRecord
-from patrol.measures.own_ground import own_grounds
+from patrol.measures.best_tour import own_grounds
 from patrol.measures.progress import Traps, judged_places, stalest_outside
 from patrol.measures.stays import Place, Stay
 from patrol.pose import Pose

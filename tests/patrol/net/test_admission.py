@@ -11,15 +11,15 @@ from pathlib import Path
 
 import pytest
 
-from fogwatch.certificates import issue, make_authority
-from fogwatch.fleet_folder import FleetFolder, open_fleet_folder
+from fogwatch.fleets.certificates import issue, make_authority
+from fogwatch.fleets.folder import FleetFolder, open_fleet_folder
 from patrol.errors import BadInput
-from patrol.net.keys import WORLD, FleetKeys
 from patrol.net.link import Link, NotAdmitted, open_link
 from patrol.net.mailbox import Mailbox, Presence, Question
 from patrol.net.open_links import open_links
-from patrol.net.security.credentials import Credentials, read_credentials
-from patrol.net.security.roles import robot_role
+from patrol.security.credentials import Credentials, read_credentials
+from patrol.security.keys import WORLD, FleetKeys
+from patrol.security.roles import robot_role
 from tests.routers import (
     PATIENCE_S,
     Guarded,

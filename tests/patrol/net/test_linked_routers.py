@@ -12,14 +12,14 @@ from pathlib import Path
 import pytest
 
 import fogwatch.router
-from fogwatch.fleet_folder import FleetFolder
+from fogwatch.fleets.folder import FleetFolder
 from fogwatch.launch.private import Secrets
-from patrol.net.keys import WORLD, FleetKeys, fleet_keys
+from patrol.messages.stop_orders import Order, Outcome, StopOrders, ask_robots
 from patrol.net.link import Link, open_link, open_router
 from patrol.net.mailbox import Mailbox, Presence
-from patrol.net.messages.stop_orders import Order, Outcome, StopOrders, ask_robots
-from patrol.net.security.credentials import Credentials, read_credentials, read_router
-from patrol.net.security.roles import Kind, Role, robot_role
+from patrol.security.credentials import Credentials, read_credentials, read_router
+from patrol.security.keys import WORLD, FleetKeys, fleet_keys
+from patrol.security.roles import Kind, Role, robot_role
 from tests.routers import PATIENCE_S, free_endpoint, make_local_fleet, needs_openssl
 
 pytestmark = needs_openssl

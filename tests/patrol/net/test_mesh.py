@@ -16,17 +16,17 @@ from typing import Any, cast
 
 import pytest
 
-from fogwatch.fleet_folder import FleetFolder, fleet_to_change, make_fleet
+from fogwatch.fleets.folder import FleetFolder, fleet_to_change, make_fleet
 from patrol.errors import BadInput
-from patrol.net.keys import WORLD, address_of, fleet_keys
+from patrol.messages.stop_orders import Order, Outcome, StopOrders, ask_robots, robots_to_ask
 from patrol.net.link import Link, LinkDown, PortBusy, open_link, open_session
 from patrol.net.mailbox import Mailbox
-from patrol.net.messages.stop_orders import Order, Outcome, StopOrders, ask_robots, robots_to_ask
 from patrol.net.open_links import open_links
-from patrol.net.security.credentials import Credentials, read_credentials
-from patrol.net.security.mesh import MESH, everywhere, read_mesh
-from patrol.net.security.roles import robot_role
 from patrol.net.settings import client_settings
+from patrol.security.credentials import Credentials, read_credentials
+from patrol.security.keys import WORLD, address_of, fleet_keys
+from patrol.security.mesh import MESH, everywhere, read_mesh
+from patrol.security.roles import robot_role
 from tests.routers import PATIENCE_S, await_seen, free_port, needs_openssl
 
 pytestmark = needs_openssl

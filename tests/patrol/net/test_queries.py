@@ -9,12 +9,12 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
-from patrol.net.keys import FleetKeys, fleet_keys
+from patrol.messages.stop_orders import Order, Outcome, StopOrders, ask_robots
 from patrol.net.link import Link, open_link, open_router
 from patrol.net.mailbox import Mailbox, Question
-from patrol.net.messages.stop_orders import Order, Outcome, StopOrders, ask_robots
-from patrol.net.security.control_auth import ASK, CHALLENGE, ControlClient, ControlGate
 from patrol.scenario.controls import Answer
+from patrol.security.control_auth import ASK, CHALLENGE, ControlClient, ControlGate
+from patrol.security.keys import FleetKeys, fleet_keys
 from tests.routers import PATIENCE_S, free_endpoint
 
 KEYS: FleetKeys = fleet_keys("f")

@@ -11,16 +11,16 @@ from types import SimpleNamespace
 import pytest
 
 from patrol.errors import BadInput
-from patrol.net.keys import fleet_keys
-from patrol.net.security.credentials import Credentials
-from patrol.net.security.mesh import Mesh
-from patrol.net.security.roles import robot_role
 from patrol.process.context import AskedToLeave, PortTaken, ProcessContext, run_with
 from patrol.process.lifeline import Ending
 from patrol.process.options import Meeting, ProcessParser
-from patrol.process.reporting.logs import Log
-from patrol.process.starting.readiness import StartFailure, StartPipe, StartReport
+from patrol.reporting.logs import Log
 from patrol.scenario import load_scenario
+from patrol.security.credentials import Credentials
+from patrol.security.keys import fleet_keys
+from patrol.security.mesh import Mesh
+from patrol.security.roles import robot_role
+from patrol.starting.readiness import StartFailure, StartPipe, StartReport
 
 
 @pytest.fixture(autouse=True)

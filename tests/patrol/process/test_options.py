@@ -7,11 +7,11 @@ from pathlib import Path
 import pytest
 
 from patrol.errors import BadInput
-from patrol.net.keys import fleet_keys
-from patrol.net.security.credentials import Credentials, RouterSecurity, as_json
-from patrol.net.security.private_files import write_private
-from patrol.net.security.roles import VIEWER, WORLD_ROLE, Kind, Role, robot_role
 from patrol.process.options import meeting, robot_named
+from patrol.security.credentials import Credentials, RouterSecurity, as_json
+from patrol.security.keys import fleet_keys
+from patrol.security.private_files import write_private
+from patrol.security.roles import VIEWER, WORLD_ROLE, Kind, Role, robot_role
 
 ROUTER = "tcp/127.0.0.1:7447"
 

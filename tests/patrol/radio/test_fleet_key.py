@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from fogwatch.cli.fleets.key import app
+from fogwatch.commands.key import app
 from patrol.errors import BadInput
 from patrol.radio.fleet_key import LONGEST, fleet_key, new_key
 

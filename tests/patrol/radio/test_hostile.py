@@ -13,8 +13,7 @@ from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
 
 from patrol.exchange import Reply, Sensed
-from patrol.net.mailbox import Mailbox
-from patrol.net.messages.phases import (
+from patrol.messages.phases import (
     MAX_REPLY,
     Failed,
     Hello,
@@ -28,7 +27,8 @@ from patrol.net.messages.phases import (
     decode_to_world,
     max_to_robot,
 )
-from patrol.net.messages.phases import encode as encode_phase
+from patrol.messages.phases import encode as encode_phase
+from patrol.net.mailbox import Mailbox
 from patrol.pose import Drive, Pose
 from patrol.radio.inbox import Inboxes, Rules
 from patrol.radio.message import MAX_CM, MAX_FRAMES, MAX_ROBOT, MAX_SEQUENCE, MAX_TRAIL, Position, encode

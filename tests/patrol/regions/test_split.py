@@ -15,10 +15,10 @@ from scipy.ndimage import distance_transform_edt
 
 from patrol.errors import BadInput
 from patrol.ground.cspace import cspace_of, parts_of
-from patrol.ground.maps.builtins import builtin_terrain
-from patrol.ground.maps.load import read_terrain
 from patrol.ground.shapes import cover
 from patrol.ground.terrain import BoolGrid, Terrain
+from patrol.maps.builtins import builtin_terrain
+from patrol.maps.load import read_terrain
 from patrol.prepare import Prepared, prepare
 from patrol.regions.split import RegionSplit, regions_by_hand, split_regions
 from patrol.scenario import load_scenario

@@ -10,9 +10,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from patrol.errors import BadInput
+from patrol.faults.kinds import KINDS
 from patrol.scenario import dump_scenario, load_scenario
 from patrol.scenario.controls import CONTROLS, MOST_FAULTS, amended, read_control
-from patrol.scenario.faults.kinds import KINDS
 
 LITTLE: dict[str, Any] = {"terrain": {"builtin": "open"}, "robots": {"count": 2}}
 SCENARIO = load_scenario(LITTLE)

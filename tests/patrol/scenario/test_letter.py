@@ -8,7 +8,7 @@ import pytest
 
 from patrol.errors import BadInput
 from patrol.scenario import Scenario, as_mapping, load_scenario, scenario_hash
-from patrol.scenario.letter import PAPER_RULES, PaperRule
+from patrol.scenario.policies import PAPER_RULES, PaperRule
 
 INTRUDERS = [{"place": [20, 20]}]
 

@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from patrol.errors import BadInput
+from patrol.faults.nemesis import DRAWN
 from patrol.scenario import Scenario, as_mapping, dump_scenario, load_scenario, scenario_hash
-from patrol.scenario.faults.nemesis_draws import DRAWN
 
 OPEN: dict[str, Any] = {"terrain": {"builtin": "open"}}
 

@@ -14,7 +14,7 @@ from patrol.pose import Pose, Twist
 from patrol.radio.peers import Peer
 from ros2.robot.diagnostics import DecisionReading, Diagnostics, Patrolling, Reading, statuses
 from ros2.robot.hardware import Hardware
-from ros2.robot.settings import DriveSettings
+from ros2.robot.options import DriveSettings
 from ros2.wire.messages import DiagnosticArray, DiagnosticLevel, Odometry, TFMessage, Transform
 from ros2.wire.messages import Twist as RosTwist
 from tests.ros2_hub import Hub

@@ -13,19 +13,18 @@ import numpy as np
 import pytest
 
 from patrol.ground.terrain import Terrain
-from patrol.net.messages.stop_orders import Order, Outcome
+from patrol.messages.stop_orders import Order, Outcome
 from patrol.pose import Drive, Pose, Twist, Velocity
-from patrol.process.reporting.logs import Log
+from patrol.reporting.logs import Log
 from patrol.scenario import RobotSpec
-from ros2.robot import localisation, standing, steering
+from ros2.robot import localisation, steering
+from ros2.robot import stops as standing
 from ros2.robot.driver import DriverFailed, Objection, Pace, Ros2Robot
-from ros2.robot.fence import Fence
-from ros2.robot.governor import Governor, Rule
+from ros2.robot.fence import Fence, Others
+from ros2.robot.governor import Governor, Response, Rule
 from ros2.robot.hardware import Hardware
 from ros2.robot.localisation import LocalisationSettings
-from ros2.robot.others import Others
-from ros2.robot.response import Response
-from ros2.robot.settings import DriveSettings
+from ros2.robot.options import DriveSettings
 from ros2.robot.steering import ENOUGH_M, GoalSteering, MotionCheck, Steering, VelocitySteering
 from ros2.wire import messages
 from ros2.wire.goals import GoalServer, Status

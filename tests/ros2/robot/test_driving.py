@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fogwatch.cli.fleets.control import control
+from fogwatch.commands.control import control
 from patrol.net.link import open_router
 from patrol.pose import Pose
 from ros2.sim.node import Habits

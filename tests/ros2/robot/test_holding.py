@@ -6,10 +6,10 @@ import re
 
 import pytest
 
-from patrol.net.messages.stop_orders import Order, Outcome
+from patrol.messages.stop_orders import Order, Outcome
 from patrol.pose import Pose, Twist
-from patrol.process.reporting.health import HealthReading, health_line
-from patrol.process.reporting.vitals import ODOMETRY_AGE, STOPPED, UNUSABLE, Vitals
+from patrol.reporting.health import HealthReading, health_line
+from patrol.reporting.vitals import ODOMETRY_AGE, STOPPED, UNUSABLE, Vitals
 from ros2.robot.driver import HELD_AFTER_S, Sayer
 from ros2.robot.governor import OFF_GROUND, TOO_NEAR
 from ros2.wire.messages import Bool

@@ -16,7 +16,7 @@ from ros2.robot.localisation import (
     Source,
 )
 from ros2.robot.odometer import SETTLED_S
-from ros2.robot.settings import DriveSettings
+from ros2.robot.options import DriveSettings
 from ros2.wire.frames import composed
 from ros2.wire.messages import Odometry, PoseWithCovarianceStamped, TFMessage, Transform, Twist
 

@@ -10,13 +10,11 @@ import pytest
 
 from patrol.ground.terrain import Terrain
 from patrol.pose import Limits, Pose, Twist
-from ros2.robot.fence import Fence
-from ros2.robot.governor import Governor, Rule
+from ros2.robot.fence import Fence, Others
+from ros2.robot.governor import Governor, Response, Rule
 from ros2.robot.hardware import Hardware
 from ros2.robot.localisation import Fix
-from ros2.robot.others import Others
-from ros2.robot.response import Response
-from ros2.robot.settings import DriveSettings
+from ros2.robot.options import DriveSettings
 from ros2.robot.steering import VelocitySteering
 from ros2.wire import messages
 from ros2.wire.definitions import type_hash

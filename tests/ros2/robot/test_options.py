@@ -14,16 +14,15 @@ from agent.process import is_for_ros2, main
 from patrol.errors import BadInput
 from patrol.exchange import Sensed
 from patrol.ground.fog import Fog
-from patrol.ground.maps.load import load_terrain
 from patrol.ground.sensors import footprint_of
 from patrol.ground.terrain import Terrain
+from patrol.maps.load import load_terrain
 from patrol.pose import Pose
 from patrol.scenario import load_scenario
 from patrol.scenario.sections import TerrainSpec
 from ros2.robot.localisation import LocalisationSettings, Source
-from ros2.robot.options import FORMATS, domain_of, drive_settings, options_of
+from ros2.robot.options import FORMATS, DriveSettings, domain_of, drive_settings, options_of
 from ros2.robot.robot_map import write_map
-from ros2.robot.settings import DriveSettings
 from ros2.robot.shown import Shown, fog_cells, grid_of, show_map
 from ros2.wire.formats import FORMATS as KNOWN
 from ros2.wire.messages import OccupancyGrid

@@ -15,8 +15,7 @@ from patrol.pose import Command, Drive, Pose, Twist, Velocity, is_halt
 from patrol.prepare import prepare
 from patrol.radio.peers import Peer
 from patrol.scenario import load_scenario
-from ros2.robot.fence import Fence
-from ros2.robot.others import CARRIED_S, Other, Others
+from ros2.robot.fence import CARRIED_S, Fence, Other, Others
 
 RADIUS = 0.3
 STEP_S = 0.5

@@ -8,7 +8,7 @@ import pytest
 
 from patrol.ground.swept_path import advance
 from patrol.pose import Command, Drive, Pose, Twist, Velocity
-from ros2.robot.response import BLIND_M, BLIND_S, ENOUGH_M, ENOUGH_S, Response
+from ros2.robot.governor import BLIND_M, BLIND_S, ENOUGH_M, ENOUGH_S, Response
 
 PERIOD_S = 0.05
 HERE = Pose(2.0, 5.0, 0.0)

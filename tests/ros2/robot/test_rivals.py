@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 
-from ros2.robot.rivals import Rivals, rivals
+from ros2.robot.hardware import Rivals, rivals
 from ros2.wire.messages import Twist
 from ros2.wire.names import Entity, EntityKind, NodeName
 from tests.ros2_hub import Hub

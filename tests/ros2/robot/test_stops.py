@@ -9,10 +9,9 @@ import pytest
 
 from patrol.errors import BadInput
 from ros2.robot.hardware import Hardware, Refusals
-from ros2.robot.settings import DriveSettings
+from ros2.robot.options import DriveSettings
 from ros2.robot.stop_files import StopFiles, state_folder
-from ros2.robot.stop_topic import OLDER, TIMELESS, StopTopic
-from ros2.robot.stops import Stopper, Stops
+from ros2.robot.stops import OLDER, TIMELESS, Stopper, Stops, StopTopic
 from ros2.wire.mailbox import Received, RosMailbox
 from ros2.wire.messages import Bool
 from ros2.wire.names import LATCHED

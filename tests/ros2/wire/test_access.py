@@ -14,13 +14,12 @@ import numpy as np
 import pytest
 import zenoh
 
-from fogwatch.fleet_folder import FleetFolder
+from fogwatch.fleets.folder import FleetFolder
 from fogwatch.robot_router import FILE, make_robot_router
 from patrol.errors import BadInput
 from patrol.net.link import LinkDown
 from patrol.pose import Pose
-from ros2.doctor.examine import examine
-from ros2.doctor.survey import Wanted, survey
+from ros2.doctor import Wanted, examine, survey
 from ros2.robot.localisation import Source
 from ros2.wire.access import COMMAND_HZ, agent_rights, robot_router, viewer_rights
 from ros2.wire.formats import Bridge, Format, RmwZenoh

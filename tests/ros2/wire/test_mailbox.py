@@ -2,9 +2,8 @@ from __future__ import annotations
 
 import threading
 
-from ros2.wire.ear import Ear
 from ros2.wire.formats import Attachment
-from ros2.wire.mailbox import Received, RosMailbox
+from ros2.wire.mailbox import Ear, Received, RosMailbox
 from tests.routers import PATIENCE_S
 
 

@@ -11,9 +11,9 @@ from patrol.errors import BadInput
 from patrol.prepare import prepare
 from patrol.scenario import load_scenario
 from patrol.scenario.controls import Answer, Pause, read_control
-from tests.worldsim.controls.test_operator import SMALL, Rests
 from tests.worldsim.fleet.net import NAMES, Net, heard, sensed
-from worldsim.controls.operator import MOST_DEFERRED, MOST_DURING, ControlRequest, Operator
+from tests.worldsim.test_operator import SMALL, Rests
+from worldsim.controls import MOST_DEFERRED, MOST_DURING, ControlRequest, Operator
 from worldsim.fleet.lockstep import LockstepFleet
 from worldsim.fleet.paced import PacedFleet
 from worldsim.world import World

@@ -7,9 +7,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from patrol.exchange import Reply, Sensed
-from patrol.net.keys import FleetKeys
-from patrol.net.mailbox import Presence
-from patrol.net.messages.phases import (
+from patrol.messages.phases import (
     Hello,
     HelloReply,
     PhaseA,
@@ -20,12 +18,13 @@ from patrol.net.messages.phases import (
     ToWorld,
     decode_to_robot,
 )
-from patrol.net.security.tick_chain import TickChain
-from patrol.net.session import WorldRun
+from patrol.messages.session import WorldRun
+from patrol.net.mailbox import Presence
 from patrol.pose import Pose, Velocity
-from worldsim.fleet.connection import FleetConnection
+from patrol.security.keys import FleetKeys
+from patrol.security.tick_chain import TickChain
 from worldsim.fleet.lockstep import LockstepFleet
-from worldsim.fleet.sessions import Sessions
+from worldsim.fleet.sessions import FleetConnection, Sessions
 
 KEYS = FleetKeys("f")
 NAMES = {1: "r1", 2: "r2", 3: "r3"}

@@ -9,7 +9,7 @@ import numpy as np
 
 from patrol.exchange import Reply
 from patrol.journal import Event, Status, TickRecord
-from patrol.net.messages.phases import PhaseA, PhaseB
+from patrol.messages.phases import PhaseA, PhaseB
 from tests.worldsim.conftest import Lab, RandomFleet
 from tests.worldsim.fleet.net import NAMES, Net, fleet_of, heard, sensed
 from worldsim.fleet.loop import run_ticks

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from patrol.journal import Status
-from patrol.net.messages.phases import (
+from patrol.messages.phases import (
     Failed,
     Stop,
 )

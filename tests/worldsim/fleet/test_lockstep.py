@@ -10,7 +10,7 @@ import pytest
 from patrol.errors import BadInput
 from patrol.exchange import Reply, Sensed
 from patrol.journal import Status
-from patrol.net.messages.phases import (
+from patrol.messages.phases import (
     ANYONE,
     NO_RUN,
     PROTOCOL,
@@ -24,10 +24,10 @@ from patrol.net.messages.phases import (
     Report,
     Stop,
 )
-from patrol.net.security.transcripts import LAST
-from patrol.net.session import GRACE_S, RETURN_S
+from patrol.messages.session import GRACE_S, RETURN_S
 from patrol.pose import Pose, Velocity
 from patrol.process.deadline import ANSWER_S
+from patrol.security.transcripts import LAST
 from tests.worldsim.fleet.net import CHAIN, HASH, NAMES, RUN, Net, fleet_of, heard, sensed
 from worldsim.fleet.paced import PacedFleet
 from worldsim.fleet.sessions import DISMISSAL_S, RECOVERY_S, Interrupted, Missing

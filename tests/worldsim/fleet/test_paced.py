@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from patrol.exchange import Reply
-from patrol.net.messages.phases import ReplyA, ReplyB
+from patrol.messages.phases import ReplyA, ReplyB
 from patrol.pose import Velocity
 from tests.worldsim.fleet.net import NAMES, RUN, Net, heard, sensed
 from worldsim.fleet.paced import COMMAND_SHARE, LOOK_S, WAKING_S, PacedFleet

@@ -11,9 +11,7 @@ from typing import Any
 import pytest
 
 from patrol.exchange import Sensed
-from patrol.net.keys import FleetKeys
-from patrol.net.mailbox import Presence
-from patrol.net.messages.phases import (
+from patrol.messages.phases import (
     NO_RUN,
     Hello,
     HelloReply,
@@ -22,11 +20,12 @@ from patrol.net.messages.phases import (
     ToRobot,
     decode_to_robot,
 )
-from patrol.net.security.tick_chain import TickChain
-from patrol.net.session import WorldRun
+from patrol.messages.session import WorldRun
+from patrol.net.mailbox import Presence
 from patrol.pose import Pose
-from worldsim.faults.lifecycle import STOPPED, UNSEEN, process_name
-from worldsim.fleet.connection import FleetConnection
+from patrol.security.keys import FleetKeys
+from patrol.security.tick_chain import TickChain
+from worldsim.faults import STOPPED, UNSEEN, process_name
 from worldsim.fleet.process_control import (
     ENDED,
     START_S,
@@ -37,7 +36,7 @@ from worldsim.fleet.process_control import (
     answer_line,
     has_ended,
 )
-from worldsim.fleet.sessions import Interrupted, Sessions
+from worldsim.fleet.sessions import FleetConnection, Interrupted, Sessions
 
 KEYS = FleetKeys("f")
 NAMES = {1: "r1", 2: "r2"}

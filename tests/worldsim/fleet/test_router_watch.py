@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from patrol.journal import Status
-from patrol.net.messages.phases import ReplyA
-from patrol.net.session import RETURN_S
+from patrol.messages.phases import ReplyA
+from patrol.messages.session import RETURN_S
 from tests.worldsim.fleet.net import NAMES, RUN, Net, heard, sensed
 from worldsim.fleet.lockstep import LockstepFleet
 from worldsim.fleet.paced import PacedFleet

@@ -7,9 +7,9 @@ from typing import Any
 import pytest
 
 from patrol.exchange import Reply
-from patrol.net.messages.phases import ANYONE, PROTOCOL, UNLIKE, HelloReply, ReplyA, ReplyB, Report, Stop, encode
-from patrol.net.security.transcripts import LAST, MAX_TICKS, Line, digest_of
+from patrol.messages.phases import ANYONE, PROTOCOL, UNLIKE, HelloReply, ReplyA, ReplyB, Report, Stop, encode
 from patrol.pose import Velocity
+from patrol.security.transcripts import LAST, MAX_TICKS, Line, digest_of
 from tests.worldsim.fleet.net import HASH, NAMES, RUN, Net, fleet_of, heard, sensed
 from worldsim.fleet.paced import PacedFleet
 from worldsim.fleet.sessions import REPORT_S, Missing

@@ -14,7 +14,7 @@ from patrol.journal.records import MAX_TICKS, Status, frame_sequence, sent_at
 from patrol.pose import Pose
 from patrol.radio.message import MAX_FRAMES
 from patrol.scenario import Scenario, load_scenario
-from worldsim.faults.timeline import Timeline
+from worldsim.faults import Timeline
 from worldsim.radio.ether import (
     OVERSIZED,
     RECEIVER_ABSENT,

@@ -13,7 +13,7 @@ from patrol.journal.records import FORGED, Status, frame_sequence
 from patrol.pose import Pose
 from patrol.radio.message import MAX_FRAME, Position, Rejected, RejectReason, decode, encode
 from patrol.scenario import load_scenario
-from worldsim.faults.timeline import Timeline
+from worldsim.faults import Timeline
 from worldsim.radio.ether import Delivery, Ether, ether_of
 from worldsim.robots.senses import Senses
 

@@ -10,16 +10,16 @@ import pytest
 
 from patrol.errors import BadInput
 from patrol.journal import End, Header
-from patrol.net.keys import FleetKeys
+from patrol.messages.telemetry import Traffic
 from patrol.net.mailbox import Mailbox
-from patrol.net.messages.telemetry import Traffic
 from patrol.pose import Pose
 from patrol.prepare import prepare
 from patrol.radio.message import Position, encode
 from patrol.scenario import load_scenario
+from patrol.security.keys import FleetKeys
 from tests.worldsim.verdict.judged import result_of
-from worldsim.output.direct_radio import as_measured
 from worldsim.output.record import header_of
+from worldsim.output.traffic import as_measured
 from worldsim.radio.listener import LAST_REPORTS_S, Listener
 from worldsim.run_record import COMPLETED, MemoryJournal
 from worldsim.verdict.common.check import CheckResult

@@ -14,11 +14,10 @@ import pytest
 from patrol.classes.static_check import check_without_running
 from patrol.errors import BadInput
 from patrol.scenario import Scenario, dump_scenario, load_scenario, scenario_hash
-from patrol.scenario.file.copying import keep_scenario
+from patrol.scenario.copying import keep_scenario
 from patrol.scenario.radio_spec import PathLossOptions
 from tests.worldsim.verdict.judged import change, failures
-from worldsim.radio.models.found import Ideal, model_class, model_named, model_of
-from worldsim.radio.models.port import ModelSetup
+from worldsim.radio.models import Ideal, ModelSetup, model_class, model_named, model_of
 from worldsim.verdict.judge import judge
 
 if TYPE_CHECKING:
@@ -93,7 +92,7 @@ def test_a_model_of_ones_own_decides_and_is_not_run_by_the_verdict(lab: Lab, mon
     journal = lab.run(world)
     lost = sum(why == "model" for record in journal.ticks for *_, why in record.dropped)
     assert lost > 100
-    monkeypatch.setattr("worldsim.radio.models.found.find", lambda _: pytest.fail("a verdict loads no code"))
+    monkeypatch.setattr("worldsim.radio.models.find", lambda _: pytest.fail("a verdict loads no code"))
     said = {check.name: check.detail for check in judge(journal, {}, world.prepared).checks}
     assert failures((world, journal)) == {}
     assert said["radio"].endswith("but for what the radio model has lost, which is code of one's own")

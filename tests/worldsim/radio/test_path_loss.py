@@ -20,8 +20,8 @@ from patrol.pose import Pose
 from patrol.random import Purpose, gauss, mix
 from patrol.scenario.radio_spec import PathLossOptions
 from worldsim.kernels.draws import normals
-from worldsim.radio.models.path_loss import PathLoss
-from worldsim.radio.models.port import ModelSetup, OnAir
+from worldsim.radio.models import ModelSetup, OnAir
+from worldsim.radio.path_loss import PathLoss
 
 TICKS = 3000
 SURE = 4.5

@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from shapely import LineString, box
 
-from patrol.ground.kernels.swept_path import free_fraction_line
 from patrol.ground.terrain import Terrain
+from patrol.kernels.swept_path import free_fraction_line
 from worldsim.kernels.walls import walls_between, walls_on_line
 from worldsim.radio.rules import BEAM
 from worldsim.verdict.frames.reach import GRAZING_M, Sightlines

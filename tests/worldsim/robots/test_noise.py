@@ -11,7 +11,7 @@ import pytest
 
 from patrol.pose import Command, Drive, Twist, Velocity
 from patrol.scenario import load_scenario
-from worldsim.faults.timeline import Timeline
+from worldsim.faults import Timeline
 from worldsim.robots.noise import FASTEST, SLOWEST, MotionNoise
 
 ROBOTS = [{"model": model} for model in ("car", "differential", "holonomic")]

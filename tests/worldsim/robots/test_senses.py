@@ -11,7 +11,7 @@ import pytest
 from patrol.pose import Pose
 from patrol.radio.message import MAX_TIME_MS, decode
 from patrol.scenario import load_scenario
-from worldsim.faults.timeline import Timeline
+from worldsim.faults import Timeline
 from worldsim.robots.senses import Senses
 from worldsim.verdict.judge import judge
 

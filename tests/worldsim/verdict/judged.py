@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from patrol.journal import trace_hash
 from patrol.journal.records import sent_at
-from worldsim.faults.timeline import Timeline
+from worldsim.faults import Timeline
 from worldsim.radio.fates import Fates, Sent
 from worldsim.radio.rules import RadioRules, cause
 from worldsim.verdict.common.check import Check, CheckResult, JudgedRun, Readings

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from patrol.ground.fog import Fog
     from patrol.journal import TickRecord
     from patrol.prepare import Prepared
-    from worldsim.faults.timeline import Timeline
+    from worldsim.faults import Timeline
     from worldsim.run_record import RunRecord
 
 

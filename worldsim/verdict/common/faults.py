@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, ClassVar
 
-from patrol.scenario.faults.kinds import Fault, Spoof
+from patrol.faults.kinds import Fault, Spoof
 from worldsim.verdict.common.check import Check
 from worldsim.verdict.common.robots_there import RobotsThere
 
 if TYPE_CHECKING:
     from patrol.journal import TickRecord
-    from worldsim.faults.timeline import Entry, Timeline
+    from worldsim.faults import Entry, Timeline
     from worldsim.verdict.common.check import JudgedRun, Readings
 
 NO_ROBOT = 0

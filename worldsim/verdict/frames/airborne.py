@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING, get_args
 
 import numpy as np
 
+from patrol.faults.kinds import Fault, Loss
 from patrol.journal.links import Links, Pairs, WholeLinks, drops_of, joined, links_of, pairs_of
 from patrol.journal.records import FORGED, frame_sequence
-from patrol.scenario.faults.kinds import Fault, Loss
 from worldsim.radio.ether import OVERSIZED, OWN, RECEIVER_ABSENT, RECEIVER_DEAD, RECEIVER_PAUSED, Link
 from worldsim.radio.rules import DROPS
 from worldsim.verdict.common.faults import NO_ROBOT

@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from patrol.faults.kinds import Bandwidth, Loss, Partition, Range, Silence
 from patrol.journal import Status, TickRecord
 from patrol.journal.links import drops_of
 from patrol.journal.records import FORGED, MAX_TICKS, sent_at
 from patrol.radio.message import MAX_FRAME
-from patrol.scenario.faults.kinds import Bandwidth, Loss, Partition, Range, Silence
 from patrol.scenario.radio_spec import IDEAL
 from worldsim.radio.ether import OVERSIZED, OWN, RECEIVER_ABSENT, RECEIVER_DEAD, RECEIVER_PAUSED
-from worldsim.radio.models.port import cause_of
+from worldsim.radio.models import cause_of
 from worldsim.verdict.common.check import Check
 from worldsim.verdict.common.faults import NO_ROBOT, FrameFaultCheck, active, forgers_of, on_link
 from worldsim.verdict.common.robots_there import RobotsThere
@@ -25,7 +25,7 @@ from worldsim.verdict.frames.airborne import fates, fault_of, kind_of, name_of, 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from worldsim.faults.timeline import Entry
+    from worldsim.faults import Entry
     from worldsim.radio.ether import Link
     from worldsim.verdict.common.check import JudgedRun, Readings
 

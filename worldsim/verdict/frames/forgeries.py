@@ -8,16 +8,16 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from patrol.faults.kinds import Drift, Forgery, Spoof
 from patrol.journal import Status, TickRecord
 from patrol.journal.records import FORGED
 from patrol.radio.message import MAX_ROBOT, Position, Rejected, decode
 from patrol.radio.units import m_to_cm, s_to_ms
-from patrol.scenario.faults.kinds import Drift, Forgery, Spoof
 from worldsim.verdict.common.faults import NO_ROBOT, FrameFaultCheck, active
 
 if TYPE_CHECKING:
     from patrol.journal.records import RobotTick
-    from worldsim.faults.timeline import Entry
+    from worldsim.faults import Entry
     from worldsim.verdict.common.check import JudgedRun, Readings
 
 _HALF_CM = 0.5 + 1e-6

@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from patrol.errors import BadInput
+from patrol.faults.kinds import Forgery, Spoof
 from patrol.journal import Status, TickRecord
 from patrol.journal.records import FORGED, frame_sequence
 from patrol.prepare import inboxes_of
 from patrol.radio.fleet_key import fleet_key
 from patrol.radio.heard import heard_by
 from patrol.radio.message import CONTACT, Position
-from patrol.scenario.faults.kinds import Forgery, Spoof
 from worldsim.radio.fates import STRANGER
 from worldsim.verdict.common.check import Check, CheckResult
 from worldsim.verdict.common.robots_there import RobotsThere

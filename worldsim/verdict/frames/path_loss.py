@@ -1,6 +1,6 @@
 """The verdict's check of the radio model `path-loss`, by true places and draws of its own.
 
-The formulas are those of `worldsim/radio/models/path_loss.py`, computed a second time link by link, without its code
+The formulas are those of `worldsim/radio/path_loss.py`, computed a second time link by link, without its code
 and kernels. Where a line grazes a wall the number of walls is not sure, and so the powers are not: everything is
 computed as the least and the greatest that it can be, and a frame is judged where both lead to the same.
 """

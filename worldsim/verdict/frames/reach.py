@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from patrol.scenario.faults.kinds import Range
+from patrol.faults.kinds import Range
 from worldsim.kernels.sightlines import crossings, touched
 from worldsim.verdict.common.faults import NO_ROBOT, FrameFaultCheck
 from worldsim.verdict.frames.airborne import causes_before, fates, fault_of, kind_of
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from patrol.ground.terrain import Terrain
     from patrol.journal.records import TickRecord
-    from worldsim.faults.timeline import Entry
+    from worldsim.faults import Entry
     from worldsim.radio.ether import Link
     from worldsim.verdict.common.check import JudgedRun, Readings
 

@@ -11,14 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from patrol.errors import BadInput
+from patrol.faults.kinds import Bandwidth
 from patrol.journal import Status, TickRecord
 from patrol.journal.records import FORGED
 from patrol.pose import Pose
-from patrol.scenario.faults.kinds import Bandwidth
 from patrol.scenario.radio_spec import MODELS
 from worldsim.radio.ether import RECEIVER_DEAD, Delivery, Ether, Link, ether_of
-from worldsim.radio.models.found import model_of
-from worldsim.radio.models.port import OWN_MODEL, OnAir, RadioModel
+from worldsim.radio.models import OWN_MODEL, OnAir, RadioModel, model_of
 from worldsim.radio.rules import LEAST_BUCKET
 from worldsim.robots.senses import Senses
 from worldsim.verdict.common.check import Check, CheckResult
@@ -28,7 +27,7 @@ from worldsim.verdict.frames.airborne import BEFORE_THE_AIR, fates, fault_of, ki
 
 if TYPE_CHECKING:
     from patrol.prepare import Prepared
-    from worldsim.faults.timeline import Entry
+    from worldsim.faults import Entry
     from worldsim.verdict.common.check import JudgedRun, Readings
 
 ROUNDING_BYTES = 1e-6

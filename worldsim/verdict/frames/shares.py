@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from patrol.faults.kinds import Delay, Duplicate, Loss, Reorder, Wait
 from patrol.journal.links import drops_of
 from patrol.journal.records import FORGED, MAX_TICKS, frame_sequence
-from patrol.scenario.faults.kinds import Delay, Duplicate, Loss, Reorder, Wait
 from worldsim.radio.rules import chain_of
 from worldsim.verdict.common.chance import FAMILY, enough, unexplained
 from worldsim.verdict.common.check import CheckResult
@@ -23,7 +23,7 @@ from worldsim.verdict.frames.timing import SOON
 
 if TYPE_CHECKING:
     from patrol.journal.records import TickRecord
-    from worldsim.faults.timeline import Entry, Timeline
+    from worldsim.faults import Entry, Timeline
     from worldsim.radio.ether import Link
     from worldsim.verdict.common.check import JudgedRun, Readings
 

@@ -9,16 +9,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from patrol.faults.kinds import FRAME_KINDS, Delay, Duplicate, Reorder, Wait
 from patrol.journal.links import places_of
 from patrol.journal.records import sent_at
-from patrol.scenario.faults.kinds import FRAME_KINDS, Delay, Duplicate, Reorder, Wait
 from worldsim.verdict.common.faults import FrameFaultCheck, active, on_link
 from worldsim.verdict.frames.airborne import airborne, arrived
 
 if TYPE_CHECKING:
     from patrol.journal.links import Links
     from patrol.journal.records import TickRecord
-    from worldsim.faults.timeline import Entry
+    from worldsim.faults import Entry
     from worldsim.radio.ether import Link
     from worldsim.verdict.common.check import JudgedRun, Readings
 

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from patrol.faults.kinds import Motion
 from patrol.ground.swept_path import advance, free_fraction, path_is_free
 from patrol.journal import RobotTick, Status, TickRecord
 from patrol.pose import Command, Pose, command_of, is_halt
-from patrol.scenario.faults.kinds import Motion
 from worldsim.kernels.apart import first_overlap
 from worldsim.robots.motion import length
 from worldsim.robots.noise import MotionNoise

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from patrol.closures import IN_IT, WAITING, WAITS, closure_of
+from patrol.faults.kinds import Close, OnClosure
 from patrol.journal.records import CLOSED, OPENED, STAYS_OPEN
 from patrol.random import Purpose, draw
-from patrol.scenario.faults.kinds import Close, OnClosure
 from worldsim.verdict.common.check import Check
 from worldsim.verdict.common.closed_ground import ClosedGround
 from worldsim.verdict.common.robots_there import RobotsThere

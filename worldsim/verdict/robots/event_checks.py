@@ -10,7 +10,7 @@ from patrol.closures import WAITING, closure_of
 from patrol.journal import Event, Status
 from patrol.journal.records import CLOSED, IN_FORCE, OPENED, OUT_OF_FORCE, STAYS_OPEN
 from patrol.scenario.controls import OPERATOR
-from worldsim.faults.lifecycle import LOOKED_AT
+from worldsim.faults import LOOKED_AT
 from worldsim.verdict.common.check import Check, CheckResult
 from worldsim.verdict.common.robots_there import RobotsThere
 from worldsim.verdict.robots.expected_statuses import ExpectedStatuses

@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING
 from patrol.exchange import FIRST_INCARNATION
 from patrol.journal import Event, RobotTick, Status, TickRecord
 from patrol.pose import Pose
-from worldsim.faults.lifecycle import APPLIES, AS_IT_IS, BECOMES, BEING_STARTED, SKIPPED, WAITING
+from worldsim.faults import APPLIES, AS_IT_IS, BECOMES, BEING_STARTED, SKIPPED, WAITING
 from worldsim.robots.bodies import overlap
 from worldsim.verdict.common.check import JournalReading
 from worldsim.verdict.common.robots_there import RobotsThere
 
 if TYPE_CHECKING:
-    from worldsim.faults.timeline import Act
+    from worldsim.faults import Act
     from worldsim.verdict.common.check import JudgedRun, Readings
 
 

@@ -14,10 +14,10 @@ from collections import Counter
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from patrol.faults.kinds import Motion
 from patrol.ground.swept_path import free_fraction
 from patrol.journal import RobotTick, Status, TickRecord
 from patrol.pose import TAU, Command, Drive, Pose, Twist, command_of, is_halt
-from patrol.scenario.faults.kinds import Motion
 from worldsim.verdict.common.chance import FAMILY, enough, unexplained
 from worldsim.verdict.common.check import Check, CheckResult
 from worldsim.verdict.common.faults import active
@@ -25,7 +25,7 @@ from worldsim.verdict.common.robots_there import RobotsThere
 from worldsim.verdict.robots.expected_statuses import ExpectedStatuses
 
 if TYPE_CHECKING:
-    from worldsim.faults.timeline import Entry
+    from worldsim.faults import Entry
     from worldsim.verdict.common.check import JudgedRun, Readings
 
 FASTEST = 2.0

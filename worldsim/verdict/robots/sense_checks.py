@@ -11,19 +11,19 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from patrol.faults.kinds import Clock, Drift
 from patrol.journal import RobotTick, TickRecord
 from patrol.journal.records import FORGED
 from patrol.pose import TAU
 from patrol.radio.message import CONTACT, MAX_TIME_MS, Position, Rejected, decode
 from patrol.radio.units import cm_to_m, mrad_to_rad, ms_to_s
-from patrol.scenario.faults.kinds import Clock, Drift
 from worldsim.verdict.common.chance import FAMILY, enough, unexplained
 from worldsim.verdict.common.check import Check, CheckResult
 from worldsim.verdict.common.faults import active
 from worldsim.verdict.common.robots_there import RobotsThere
 
 if TYPE_CHECKING:
-    from worldsim.faults.timeline import Entry
+    from worldsim.faults import Entry
     from worldsim.verdict.common.check import JudgedRun, Readings
 
 ROUNDED_M = 0.00501

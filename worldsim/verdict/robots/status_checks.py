@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from patrol.faults.kinds import Pause
 from patrol.journal import Status, TickRecord
 from patrol.journal.links import links_of
 from patrol.journal.records import FORGED
-from patrol.scenario.faults.kinds import Pause
-from worldsim.faults.lifecycle import LOOKED_AT, STOPPED, UNSEEN
+from worldsim.faults import LOOKED_AT, STOPPED, UNSEEN
 from worldsim.verdict.common.check import Check, CheckResult
 from worldsim.verdict.common.robots_there import RobotsThere
 from worldsim.verdict.robots.expected_statuses import ExpectedStatuses

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
 import numpy as np
 
+from patrol.faults.kinds import Drift, Motion
 from patrol.journal import RobotTick, Status, TickRecord
 from patrol.pose import command_of
-from patrol.scenario.faults.kinds import Drift, Motion
 from worldsim.verdict.common.check import Check, CheckResult
 from worldsim.verdict.common.faults import active
 from worldsim.verdict.common.robots_there import RobotsThere

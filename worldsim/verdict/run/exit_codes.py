@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from patrol.exchange import FIRST_INCARNATION
-from worldsim.faults.lifecycle import process_name
+from worldsim.faults import process_name
 from worldsim.verdict.common.check import Check, CheckResult
 
 if TYPE_CHECKING:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from patrol.scenario.faults.kinds import Lasting
+from patrol.faults.kinds import Lasting
 from worldsim.verdict.common.check import Check
 
 if TYPE_CHECKING:
-    from worldsim.faults.timeline import Entry
+    from worldsim.faults import Entry
     from worldsim.verdict.common.check import JudgedRun, Readings
 
 _ROUNDING = 1e-9

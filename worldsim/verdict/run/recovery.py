@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from patrol.journal.records import RobotTick, Status, TickRecord
 from patrol.pose import Pose
-from worldsim.faults.timeline import FAULT_EVENT
+from worldsim.faults import FAULT_EVENT
 from worldsim.truth import Truth
 from worldsim.verdict.common.check import Check, CheckResult
 from worldsim.verdict.common.closed_ground import ClosedGround

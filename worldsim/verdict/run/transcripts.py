@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from worldsim.faults.lifecycle import process_name
+from worldsim.faults import process_name
 from worldsim.verdict.common.check import Check, CheckResult
 from worldsim.verdict.run.router_answers import SILENT
 
@@ -19,7 +19,7 @@ _NOTE = "transcripts"
 class TranscriptsAgree(Check):
     """Each robot has sent all replies that the world acted on, and the world all phases that the robot acted on.
 
-    Both have kept the hashes of what they sent and acted on (`patrol.net.security.transcripts`), and the journal's end
+    Both have kept the hashes of what they sent and acted on (`patrol.security.transcripts`), and the journal's end
     holds those of both. The last ticks of a process that was killed or lost are not compared, because it cannot report
     them. Where reports are missing although process and router were there, other traffic may have crowded them out: a
     warning.

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from agent.policies.learned.kernels.surroundings import count_free, fill_features, fill_heard, fill_window, sum_ages
+from agent.kernels.surroundings import count_free, fill_features, fill_heard, fill_window, sum_ages
 
 SHAPE = 19, 27
 

@@ -8,14 +8,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from agent.belief.dilated import AGELESS, Dilated
-from agent.belief.posts import Posts
+from agent.belief.dilated import AGELESS, Dilated, Posts
 from agent.bodies.car import AT_A_LOSS, HOPELESS_S, Unstuck
 from agent.bodies.goal import GoalFinder
 from agent.bodies.refine import psi_field
 from agent.bodies.steering import CarSteering
 from agent.build import build_mind
-from agent.policies.potential_field.field import Field, Pull
+from agent.policies.potential_field import Field, Pull
 from agent.ports import Bearing, Decision, Intent, Place, Policy, State, Stay
 from agent.routes.ground import Ground
 from agent.routes.path_window import CENTRE, Aside
@@ -28,7 +27,7 @@ from patrol.ground.swept_path import advance
 from patrol.ground.terrain import BoolGrid, Terrain
 from patrol.pose import Pose
 from patrol.scenario import BodyLengths, PotentialFieldOptions, RobotSpec, load_scenario, open_scenario
-from patrol.scenario.letter import PaperRule
+from patrol.scenario.policies import PaperRule
 from tests.agent.minds import at, prepared_on
 
 CAR = RobotSpec(1, "r1", "car", 4.4, 1.0, 3.5, None)

@@ -11,8 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from agent.policies.stochastic.joint_plan import Inputs
-from agent.policies.stochastic.kernels.plan import compare, improve
+from agent.kernels.plan import compare, improve
+from agent.policies.joint_plan import Inputs
 
 Whole = NDArray[np.int64]
 NOT_PINNED = np.zeros(8, dtype=np.bool_)

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from fogwatch.cli.fleets.control import control_of
+from fogwatch.commands.control import control_of
 from patrol.errors import BadInput
 
 ZONE = "control zone: give its name, and whether it is on or its weight, such as '{name: vault, on: false}'"

@@ -17,7 +17,7 @@ from patrol.ground.terrain import Terrain
 from patrol.journal import TickRecord
 from patrol.journal.records import sent_at
 from tests.worldsim.verdict.judged import Result, change, check_of, failures, result_of, runs, spares, stops
-from worldsim.faults.timeline import Timeline
+from worldsim.faults import Timeline
 from worldsim.output.record import header_of
 from worldsim.radio.rules import RadioRules, arrival
 from worldsim.run_record import MemoryJournal
@@ -81,7 +81,7 @@ def test_faults_happen_when_they_should(lab: Lab, at: float, lasts: float | None
 def test_a_timeline_with_other_times_fails(
     run: Callable[..., Result], name: str, ticks: Any, says: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(f"worldsim.faults.timeline.{name}", ticks)
+    monkeypatch.setattr(f"worldsim.faults.{name}", ticks)
     detail = f"f1 is scheduled {says}, which is not what its `at` and `for` say"
     assert failures(run({"kind": "silence", "who": "r1", "at": 2.0, "for": 5.0})) == {"fault times": detail}
 

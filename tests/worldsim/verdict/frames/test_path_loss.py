@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 from patrol.journal.links import drops_of
 from patrol.journal.records import MAX_TICKS
 from tests.worldsim.verdict.judged import Result, change, failures, runs
-from worldsim.radio.models import path_loss
-from worldsim.radio.models.path_loss import PathLoss
-from worldsim.radio.models.port import OnAir
+from worldsim.radio import path_loss
+from worldsim.radio.models import OnAir
+from worldsim.radio.path_loss import PathLoss
 from worldsim.verdict.judge import judge
 
 if TYPE_CHECKING:

@@ -11,9 +11,9 @@ import pytest
 
 from patrol.journal import TickRecord, trace_hash
 from patrol.journal.records import FORGED
+from patrol.kernels.hear import hear
 from patrol.pose import Pose
 from patrol.prepare import inboxes_of
-from patrol.radio.kernels.hear import hear
 from patrol.radio.message import Position, encode
 from tests.worldsim.verdict.judged import check_of, result_of
 from worldsim.kernels.draws import below

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
+from patrol.faults.kinds import Drift
 from patrol.pose import Pose
 from patrol.random import gauss
-from patrol.scenario.faults.kinds import Drift
-from worldsim.faults.timeline import Timeline
+from worldsim.faults import Timeline
 from worldsim.robots.senses import Senses
 from worldsim.verdict.judge import judge
 

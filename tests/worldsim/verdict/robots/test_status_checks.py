@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 from patrol.journal import Event, RobotTick, Status
-from worldsim.faults.lifecycle import LOOKED_AT, STOPPED, UNSEEN
+from worldsim.faults import LOOKED_AT, STOPPED, UNSEEN
 from worldsim.run_record import MemoryJournal
 from worldsim.verdict.judge import judge
 

@@ -1,0 +1,144 @@
+"""Kernels of the force: what the points of the terrain exert on a robot (paper, formula (1) and Table 1).
+
+The modulus of a point's force is ``pull[age] * decay[length]``: f of the fog of war and g of the path's length,
+tabulated for every age in ticks and every length in hundredths of a point. Its direction is the bearing of the path's
+first bend.
+"""
+
+from __future__ import annotations
+
+import math
+
+from numba import njit, types
+
+INTS = types.Array(types.int32, 1, "C", readonly=True)
+GRID = types.Array(types.int32, 2, "C", readonly=True)
+STATE = types.Array(types.uint8, 2, "C", readonly=True)
+SECTORS = types.Array(types.uint16, 2, "C", readonly=True)
+TABLE = types.Array(types.float64, 1, "C", readonly=True)
+SUMS = types.Array(types.float64, 1, "C")
+PLACES = types.Array(types.int64, 1, "C")
+ROWS = types.Array(types.int32, 2, "C", readonly=True)
+float64 = types.float64
+int64 = types.int64
+boolean = types.boolean
+index = types.uint64
+"""Unsigned, so that numba skips the negative-index check."""
+
+
+# fmt: off
+@njit(
+    [
+        types.void(
+            posts, STATE, GRID, GRID, int64, int64, int64, int64, int64, float64, float64, int64, int64,
+            GRID, GRID, int64, TABLE, TABLE, GRID, TABLE, SECTORS, boolean, SUMS, SUMS, PLACES,
+        )
+        for posts in (types.none, ROWS)
+    ],
+    cache=True,
+    nogil=True,
+)
+def gather(
+    posts, state, length, bend, first, last, span, start_row, start_col, aside_up, aside_across, row0, col0,
+    seen, looked, tick, pull, decay, rival, share, sector, as_vector, sums, strongest, source,
+):
+    """Add the forces of the points whose path is longer than ``first`` and at most ``last`` (paper, formula (1)).
+
+    Args:
+        posts: None for the points on which a body can stand, at most ``span`` rows and columns from the robot.
+            Otherwise int32 (n, 4) of `agent.belief.dilated.Posts`: patrolled points on which no body fits, row and
+            column of each and of its post, as far as they may be near. Such a point pulls from its post, the nearest
+            reachable point that sees it, because the robot only needs to go there.
+        state: uint8 (m, n), the wave's grid over its window; points that are not settled exert no force.
+        length: int32 (m, n), path lengths in hundredths of a point.
+        bend: int32 (m, n), flat index into the window of each path's first bend.
+        first: Exclusive lower bound of the path length, in hundredths of a point.
+        last: Inclusive upper bound of the path length, in hundredths of a point.
+        span: Largest distance from the robot, in rows and in columns.
+        start_row: The robot's row in the window; its own point exerts no force.
+        start_col: The robot's column in the window.
+        aside_up: Rows from the centre of that point to the place from which directions count.
+        aside_across: Columns from there.
+        row0: Row of the terrain's point under element (0, 0) of the window.
+        col0: Column of the same point.
+        seen: int32 (h, w), the (dilated) tick at which each point was last seen; -1 counts as 0, and a value above
+            ``tick`` means that the point has no age.
+        looked: int32 (h, w), the tick at which each point was last in view; ``seen`` where a look makes a point fresh.
+        tick: Now.
+        pull: float64 (mfow + 1,), f by age in ticks.
+        decay: float64 (limit + 1,), g by length in hundredths of a point.
+        rival: int32 (m, n), path lengths from the nearest rival, in hundredths of a point.
+        share: float64 (2 s + 1,), the share of a force that claims leave, by how much farther away the robot is than
+            its nearest rival, in hundredths of a point plus s; size 0 without claims.
+        sector: uint16 (2 r + 1, 2 r + 1), the sector of a bearing by its offset in rows and columns plus r.
+        as_vector: Whether to sum a vector instead of sectors.
+        sums: float64 (sectors,), the sum of moduli in each sector; with ``as_vector`` float64 (3,), the vector sum's x
+            and y and the sum of moduli. Added to in place.
+        strongest: float64 (1,), the largest single force so far of a point that is not in view now; updated in place.
+        source: int64 (1,), the window's flat index of the point to stand on for that force; updated in place.
+    """
+    rows, cols = state.shape
+    middle = sector.shape[0] // 2
+    half, widest = share.size // 2, share.size - 1
+    if posts is None:
+        top, bottom = max(0, start_row - span), min(rows, start_row + span + 1)
+        left, right = max(0, start_col - span), min(cols, start_col + span + 1)
+    else:
+        top, bottom, left, right = 0, posts.shape[0], 0, 1
+    most, most_at = strongest[0], source[0]
+    # Neighbours often share their bend, and mostly their sector, so its sum stays at hand until another one's turn.
+    up, across, turned = 0.0, 0.0, -1
+    is_aside = aside_up != 0.0 or aside_across != 0.0
+    place = index(0)
+    total, along, upwards = sums[0], 0.0, 0.0
+    if as_vector:
+        along, upwards, total = sums[0], sums[1], sums[2]
+    for i in range(top, bottom):
+        for j in range(left, right):
+            if posts is None:
+                row, col, seen_row, seen_col = i, j, row0 + i, col0 + j
+            else:
+                row, col, seen_row, seen_col = posts[i, 2] - row0, posts[i, 3] - col0, posts[i, 0], posts[i, 1]
+                if row < 0 or row >= rows or col < 0 or col >= cols:
+                    continue
+            far = int64(length[index(row), index(col)])
+            if far <= first or far > last or state[index(row), index(col)] & 3 != 3:
+                continue
+            when = int64(seen[index(seen_row), index(seen_col)])
+            if when > tick:
+                continue
+            force = pull[index(tick - max(when, 0))] * decay[index(far)]
+            if widest >= 0:
+                ahead = far - int64(rival[index(row), index(col)]) + half
+                force *= share[index(min(max(ahead, 0), widest))]
+            turn = int64(bend[index(row), index(col)])
+            if turn != turned:
+                turned = turn
+                rows_up, cols_across = row - start_row, col - start_col
+                if turn != row * cols + col:
+                    turn_row = int64(index(turn) // index(cols))
+                    rows_up, cols_across = turn_row - start_row, turn - turn_row * cols - start_col
+                up, across = rows_up - aside_up, cols_across - aside_across
+                if not as_vector:
+                    into = index(sector[index(middle + rows_up), index(middle + cols_across)])
+                    if is_aside:
+                        turns = math.floor(math.atan2(up, across) * sums.size / math.tau + 0.5)
+                        into = index(turns % sums.size)
+                    if into != place:
+                        sums[place] = total
+                        place, total = into, sums[into]
+            if as_vector:
+                scale = force / math.sqrt(up * up + across * across)
+                along += scale * across
+                upwards += scale * up
+            total += force
+            if force > most and looked[index(seen_row), index(seen_col)] < tick:
+                most, most_at = force, row * cols + col
+    if as_vector:
+        sums[0], sums[1], sums[2] = along, upwards, total
+    else:
+        sums[place] = total
+    strongest[0], source[0] = most, most_at
+
+
+# fmt: on

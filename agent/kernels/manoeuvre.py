@@ -1,0 +1,269 @@
+"""Kernel of manoeuvres: a search over the arcs that a body can drive, forward and in reverse (hybrid A*)."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit, types
+
+MASK = types.Array(types.uint8, 2, "C", readonly=True)
+LENGTHS = types.Array(types.int32, 2, "C", readonly=True)
+ARCS = types.Array(types.float64, 2, "C", readonly=True)
+FLAGS = types.Array(types.uint8, 1, "C", readonly=True)
+FOUND = types.Array(types.int64, 1, "C")
+float64 = types.float64
+int64 = types.int64
+uint64 = types.uint64
+
+HEADINGS = 32
+"""Number of headings that are told apart."""
+
+GREED = 1.3
+"""Weight of the way that is left in a node's rank; a node's cost is at most so many times the least."""
+
+CLEARANCE = 1e-3
+"""Gap kept between a body and walls at the samples of an arc, m. Samples are so close to each other that between two of
+them a body comes less than that nearer to a wall."""
+
+TOUCHING = 5e-10
+"""Rounding allowed in the distance of a disc that only touches a square, m."""
+
+
+@njit(types.boolean(MASK, float64, float64, float64, float64, float64, float64), cache=True, nogil=True)
+def _fits(blocked, point, ox, oy, x, y, radius):
+    """Return True if a disc at (x, y) overlaps no blocked square and stays on the grid; m."""
+    height, width = blocked.shape
+    inner = radius - TOUCHING
+    if x - inner < ox or y - inner < oy or x + inner > ox + width * point or y + inner > oy + height * point:
+        return False
+    first, last = math.floor((x - radius - ox) / point), math.floor((x + radius - ox) / point)
+    first, last = max(first, 0), min(last, width - 1)
+    for row in range(math.floor((y - radius - oy) / point), math.floor((y + radius - oy) / point) + 1):
+        if row < 0 or row >= height:
+            continue
+        low = oy + row * point
+        up = max(low - y, 0.0, y - low - point)
+        line = blocked[row, first : last + 1]
+        for k in range(line.size):
+            if line[k] == 0:
+                continue
+            left = ox + (first + k) * point
+            across = max(left - x, 0.0, x - left - point)
+            if math.sqrt(up * up + across * across) < inner:
+                return False
+    return True
+
+
+@njit(
+    types.boolean(
+        MASK, MASK, MASK, float64, float64, float64, float64, float64, float64, float64, float64, int64, float64
+    ),
+    cache=True,
+    nogil=True,
+)
+def _is_free(blocked, room, closed, point, ox, oy, x, y, heading, distance, curvature, samples, radius):
+    """Return True if a disc overlaps no blocked square and its centre no closed point at all samples of an arc.
+
+    Where there is room round a sample, the disc fits there and at the next samples too, as far as there is.
+    """
+    height, width = blocked.shape
+    spacing = abs(distance) / samples
+    sample = 1
+    while sample <= samples:
+        half = 0.5 * distance * sample / samples * curvature
+        chord = distance * sample / samples
+        chord *= math.sin(half) / half if abs(half) > 1e-5 else 1.0 - half * half / 6.0
+        nx = x + chord * math.cos(heading + half)
+        ny = y + chord * math.sin(heading + half)
+        row, col = math.floor((ny - oy) / point), math.floor((nx - ox) / point)
+        spare = -1.0
+        if 0 <= row < height and 0 <= col < width:
+            spare = (room[row, col] - 1) * point - radius
+        if spare < 0.0 and not _fits(blocked, point, ox, oy, nx, ny, radius):
+            return False
+        if closed.size > 0:
+            if closed[row, col] != 0:
+                return False
+            sample += 1
+        else:
+            sample += 1 + int(max(spare, 0.0) / spacing)
+    return True
+
+
+# fmt: off
+@njit(
+    int64(
+        MASK, MASK, MASK, LENGTHS, int64, int64, int64, float64, float64, float64, float64, float64, float64,
+        float64, ARCS, FLAGS, float64, float64, float64, float64, float64, float64, float64, float64, int64, FOUND,
+    ),
+    cache=True,
+    nogil=True,
+)
+def search(
+    blocked, room, closed, left, row0, col0, limit, point, ox, oy, x, y, heading, first_left, arcs, begins, gear_change,
+    cell, radius, clearance, turning, near, progress, units, most, found,
+):
+    """Find arcs that bring a body nearer to its goal.
+
+    Nodes are poses, told apart by a grid of ``cell`` and `HEADINGS`. The search ends at the first node from which the
+    way left is at most ``near`` or shorter by ``progress`` than at the start. When it ends without one, the arcs lead
+    to the node with the shortest way left.
+
+    Args:
+        blocked: uint8 (h, w), 1 where no body may be.
+        room: uint8 (h, w), see `patrol.kernels.room.measure_room`.
+        closed: uint8 (h, w), 1 where this body's centre may not be now; size 0 for nowhere.
+        left: int32 (m, n), the way left from each point of a window, in hundredths of a point.
+        row0: Row of the grid under the window's row 0.
+        col0: Column of the grid under the window's column 0.
+        limit: The longest way that counts, in hundredths of a point. Longer ones, and those from points outside of the
+            window, count as none.
+        point: Side of a point, m.
+        ox: x of the grid's origin, m.
+        oy: y of the grid's origin, m.
+        x: Of the body, m.
+        y: Of the body, m.
+        heading: Of the body, rad.
+        first_left: The way left from where the body is, m.
+        arcs: float64 (n, 4), the arcs to drive: length (m, negative in reverse), curvature (1/m), turn on the spot
+            (rad, of an arc without length) and cost.
+        begins: uint8 (n,), 1 where the body can begin the arc where it is: it may stand nearer to a wall than the gap
+            that is kept at the samples of an arc.
+        gear_change: Cost of a change between forward and reverse.
+        cell: Side of the grid that tells nodes apart, m.
+        radius: Of the body, m.
+        clearance: Gap to keep between the body and walls, m.
+        turning: Of the tightest turn, m.
+        near: How short the way left has to be for the search to end, m.
+        progress: How much shorter than at the start it has to be for the search to end, m.
+        units: To how many parts of a metre places are rounded before the way left is looked up: as others hear them.
+        most: Largest number of nodes to look at.
+        found: int64, filled in with the indices of the arcs in driving order, as far as there is room.
+
+    Returns:
+        The number of arcs in ``found``; 0 when no arc leads nearer.
+    """
+    count = 1
+    px, py, ph, pleft = np.empty(most), np.empty(most), np.empty(most), np.empty(most)
+    cost = np.empty(most)
+    parent, by = np.empty(most, dtype=np.int64), np.empty(most, dtype=np.int64)
+    px[0], py[0], ph[0], pleft[0], cost[0], parent[0], by[0] = x, y, heading, first_left, 0.0, -1, -1
+    # The last node of each cell that was come by, in a hash table, and each node's cell.
+    slots = 4
+    while slots < 4 * most:
+        slots *= 2
+    nodes = np.zeros(slots, dtype=np.int32)
+    cells = np.empty((most, 3), dtype=np.int64)
+    heap, rank = np.empty(most, dtype=np.int64), np.empty(most)
+    heap[0], rank[0] = 0, GREED * first_left
+    size = 1
+    best, goal = 0, -1
+    # Between two samples a wall's corner gets in by at most s**2 / 8 * (1 / radius + curvature).
+    spacing = min(0.5 * point, math.sqrt(8.0 * CLEARANCE / (1.0 / radius + 1.0 / turning)))
+    # What of an arc does not depend on where it begins: its samples, half its turn and its chord; and the first arc
+    # with the same turn, which ends in the same direction.
+    samples, like = np.empty(arcs.shape[0], dtype=np.int64), np.empty(arcs.shape[0], dtype=np.int64)
+    halves, chords = np.empty(arcs.shape[0]), np.empty(arcs.shape[0])
+    for index in range(arcs.shape[0]):
+        distance, curvature = arcs[index, 0], arcs[index, 1]
+        number = max(math.ceil(abs(distance) / spacing), 1)
+        half = 0.5 * distance * number / number * curvature + 0.5 * arcs[index, 2]
+        chord = distance * number / number
+        samples[index], halves[index] = number, half
+        chords[index] = chord * (math.sin(half) / half if abs(half) > 1e-5 else 1.0 - half * half / 6.0)
+        like[index] = index
+        for other in range(index - 1, -1, -1):
+            like[index] = other if halves[other] == half else like[index]
+    across, up = np.empty(arcs.shape[0]), np.empty(arcs.shape[0])
+    while size > 0:
+        node = heap[0]
+        size -= 1
+        # The last entry sinks from the root to its place.
+        last, last_rank = heap[size], rank[size]
+        hole = 0
+        while True:
+            child = 2 * hole + 1
+            if child >= size:
+                break
+            if child + 1 < size and rank[child + 1] < rank[child]:
+                child += 1
+            if rank[child] >= last_rank:
+                break
+            heap[hole], rank[hole] = heap[child], rank[child]
+            hole = child
+        heap[hole], rank[hole] = last, last_rank
+        if pleft[node] < pleft[best] - 1e-9:
+            best = node
+        if pleft[node] <= near or pleft[node] <= first_left - progress:
+            goal = node
+            break
+        for index in range(arcs.shape[0]):
+            distance, half = arcs[index, 0], halves[index]
+            if like[index] == index:
+                across[index], up[index] = math.cos(ph[node] + half), math.sin(ph[node] + half)
+            if node == 0 and begins[index] == 0:
+                continue
+            nx = px[node] + chords[index] * across[like[index]]
+            ny = py[node] + chords[index] * up[like[index]]
+            nh = ph[node] + 2.0 * half
+            price = arcs[index, 3]
+            if by[node] >= 0 and (arcs[by[node], 0] < 0.0) != (distance < 0.0):
+                price += gear_change
+            price += cost[node]
+            turn = int64(math.floor(nh * (HEADINGS / (2.0 * math.pi)) + 0.5)) % HEADINGS
+            cell_x, cell_y = int64(math.floor(nx / cell)), int64(math.floor(ny / cell))
+            cell_turn = turn * 2 + int64(distance < 0.0)
+            mixed = uint64(cell_x * 73856093 ^ cell_y * 19349663 ^ cell_turn * 83492791)
+            slot = int64((mixed ^ mixed >> uint64(17)) & uint64(slots - 1))
+            other = nodes[slot]
+            while other > 0:
+                if cells[other, 0] == cell_x and cells[other, 1] == cell_y and cells[other, 2] == cell_turn:
+                    break
+                slot = (slot + 1) & (slots - 1)
+                other = nodes[slot]
+            if other > 0 and cost[other] <= price:
+                continue
+            if distance != 0.0 and not _is_free(
+                blocked, room, closed, point, ox, oy, px[node], py[node], ph[node], distance, arcs[index, 1],
+                samples[index], radius + clearance,
+            ):
+                continue
+            # A turn on the spot leaves the way as long as it was, even between two points.
+            row = math.floor((math.floor(ny * units + 0.5) / units - oy) / point) - row0
+            col = math.floor((math.floor(nx * units + 0.5) / units - ox) / point) - col0
+            way = limit + 1
+            if 0 <= row < left.shape[0] and 0 <= col < left.shape[1]:
+                way = int64(left[row, col])
+            there = way * (point / 100.0) if way <= limit and distance != 0.0 else pleft[node] + abs(distance)
+            if count >= most:
+                size = 0
+                break
+            nodes[slot] = count
+            cells[count, 0], cells[count, 1], cells[count, 2] = cell_x, cell_y, cell_turn
+            px[count], py[count], ph[count], pleft[count], cost[count] = nx, ny, nh, there, price
+            parent[count], by[count] = node, index
+            # The new entry rises from the end to its place.
+            hole, new_rank = size, price + GREED * there
+            while hole > 0 and rank[(hole - 1) // 2] > new_rank:
+                heap[hole], rank[hole] = heap[(hole - 1) // 2], rank[(hole - 1) // 2]
+                hole = (hole - 1) // 2
+            heap[hole], rank[hole] = count, new_rank
+            size += 1
+            count += 1
+    if goal < 0:
+        goal = best
+    steps = 0
+    node = goal
+    while parent[node] >= 0:
+        steps += 1
+        node = parent[node]
+    node = goal
+    for place in range(steps - 1, -1, -1):
+        if place < found.shape[0]:
+            found[place] = by[node]
+        node = parent[node]
+    return min(steps, found.shape[0])
+
+
+# fmt: on

@@ -1,0 +1,250 @@
+"""Kernels of joint plans: ages of points, and routes of all robots through all stations, improved by small moves."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit, types
+
+int64 = types.int64
+float64 = types.float64
+POINTS = types.Array(types.int64, 1, "C", readonly=True)
+PATROLLED = types.Array(types.boolean, 2, "C", readonly=True)
+TICKS = types.Array(types.int32, 2, "C", readonly=True)
+WEIGHTS = types.Array(types.float64, 2, "C", readonly=True)
+AGES = types.Array(types.float64, 1, "C")
+
+
+@njit(types.void(POINTS, PATROLLED, TICKS, TICKS, WEIGHTS, int64, float64, AGES), cache=True, nogil=True)
+def weighted_ages(points, patrolled, last_seen, looked, weights, tick, step, ages):
+    """Find how long ago some points were last seen, times their weights.
+
+    Args:
+        points: int64 (n,), their flat indices.
+        patrolled: bool (h, w), the points that have an age.
+        last_seen: int32 (h, w), when each was last seen.
+        looked: int32 (h, w), when each was last in view; one that is in view now has no age.
+        weights: float64 (h, w); (0, 0) where all count the same.
+        tick: Now.
+        step: Length of a tick, s.
+        ages: float64 (n,), overwritten: s.
+    """
+    for i in range(points.size):
+        row, col = divmod(points[i], last_seen.shape[1])
+        ages[i] = 0.0
+        if patrolled[row, col] and looked[row, col] != tick:
+            ages[i] = (tick - max(np.int64(last_seen[row, col]), 0)) * step
+            if weights.size:
+                ages[i] *= weights[row, col]
+
+
+uint64 = types.uint64
+ROUTES = types.Array(types.int64, 2, "C")
+COUNTS = types.Array(types.int64, 1, "C")
+NUMBERS = types.Array(types.int64, 1, "C", readonly=True)
+NEAR = types.Array(types.int64, 2, "C", readonly=True)
+ROW = types.Array(types.float64, 1, "C", readonly=True)
+TIMES = types.Array(types.float64, 2, "C", readonly=True)
+INPUTS = (TIMES, TIMES, ROW, NEAR)
+PINNED = types.Array(types.boolean, 1, "C", readonly=True)
+PLANS = types.Array(types.int64, 3, "C")
+PLAN_COUNTS = types.Array(types.int64, 2, "C")
+COSTS = types.Array(types.float64, 1, "C")
+
+LONGEST_MOVE = 3
+"""Stations that one move puts elsewhere, at most."""
+
+
+@njit(cache=True, nogil=True)
+def _draw_below(state, limit):
+    """Draw an integer from 0 to limit - 1 (splitmix64)."""
+    state[0] += np.uint64(0x9E3779B97F4A7C15)
+    z = state[0]
+    z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+    z = (z ^ (z >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+    z ^= z >> np.uint64(31)
+    return np.int64(z >> np.uint64(32)) * limit >> 32
+
+
+@njit(cache=True, nogil=True)
+def _cost(route, count, lead, apart, ages):
+    """Return the cost of a route: the sum of the eighth powers of the stations' ages when it visits them."""
+    cost, at = 0.0, 0.0
+    for i in range(count):
+        here = route[i]
+        at = lead[here] if i == 0 else at + apart[route[i - 1], here]
+        age = ages[here] + at
+        square = age * age
+        fourth = square * square
+        cost += fourth * fourth  # the oldest stations count most, and do not count alone
+    return cost
+
+
+@njit(cache=True, nogil=True)
+def _improve(routes, counts, pinned, leads, apart, ages, near, moves, state):
+    """Change routes in place by random small moves, each of which is kept if the plan costs no more; return its cost.
+
+    A move puts up to three stations of a route beside a near one, reverses what lies between two stations of one route,
+    or swaps the ends of two routes. The first station of a pinned route stays.
+    """
+    robots, size = routes.shape[0], ages.size
+    cost = np.zeros(robots)
+    owner, place = np.zeros(size, np.int64), np.zeros(size, np.int64)
+    for r in range(robots):
+        cost[r] = _cost(routes[r], counts[r], leads[r], apart, ages)
+        for i in range(counts[r]):
+            owner[routes[r, i]], place[routes[r, i]] = r, i
+    first, second = np.zeros(size, np.int64), np.zeros(size, np.int64)
+    for _ in range(moves):
+        u = _draw_below(state, size)
+        v = near[u, _draw_below(state, near.shape[1])]
+        r, q, i, j = owner[u], owner[v], place[u], place[v]
+        kind = _draw_below(state, 4)
+        least, least_other = np.int64(pinned[r]), np.int64(pinned[q])  # the first places that may change
+        one = two = 0
+        if kind < 2:  # put stations from u on behind v
+            count = min(1 + _draw_below(state, LONGEST_MOVE), counts[r] - i)
+            if i < least or (r == q and i <= j < i + count):
+                continue
+            turned = _draw_below(state, 2) == 1
+            if r != q:
+                for k in range(counts[r]):
+                    if k < i or k >= i + count:
+                        first[one] = routes[r, k]
+                        one += 1
+            for k in range(counts[q]):
+                if r != q or k < i or k >= i + count:
+                    second[two] = routes[q, k]
+                    two += 1
+                if k == j:
+                    for m in range(count):
+                        second[two] = routes[r, i + (count - 1 - m if turned else m)]
+                        two += 1
+        elif r == q:  # reverse
+            low, high = min(i, j) + (kind == 2), max(i, j)
+            low = max(low, least)
+            if high <= low:
+                continue
+            for k in range(counts[r]):
+                second[k] = routes[r, low + high - k] if low <= k <= high else routes[r, k]
+            two = counts[r]
+        else:  # v follows u, and what followed u follows what came before v
+            j = max(j, least_other)
+            for k in range(i + 1):
+                first[one] = routes[r, k]
+                one += 1
+            for k in range(j, counts[q]):
+                first[one] = routes[q, k]
+                one += 1
+            for k in range(j):
+                second[two] = routes[q, k]
+                two += 1
+            for k in range(i + 1, counts[r]):
+                second[two] = routes[r, k]
+                two += 1
+        if two == 0 or (r != q and one == 0):
+            continue  # a robot without a route would get none again
+        new = _cost(second, two, leads[q], apart, ages)
+        old = cost[q]
+        other = 0.0
+        if r != q:
+            other = _cost(first, one, leads[r], apart, ages)
+            old += cost[r]
+        if new + other > old:
+            continue
+        cost[q], counts[q] = new, two
+        for k in range(two):
+            routes[q, k] = second[k]
+            owner[second[k]], place[second[k]] = q, k
+        if r != q:
+            cost[r], counts[r] = other, one
+            for k in range(one):
+                routes[r, k] = first[k]
+                owner[first[k]], place[first[k]] = r, k
+    total = 0.0
+    for r in range(robots):
+        total += cost[r]
+    return total
+
+
+@njit(
+    types.void(ROUTES, COUNTS, PINNED, *INPUTS, int64, uint64),
+    cache=True,
+    nogil=True,
+)
+def improve(routes, counts, pinned, leads, apart, ages, near, moves, seed):
+    """Improve a plan.
+
+    Args:
+        routes: int64 (robots, stations), the stations that each robot visits in order; changed in place.
+        counts: int64 (robots,), how many these are; each station is in one route. Changed in place.
+        pinned: bool (robots,), whether the first station of each route stays.
+        leads: float64 (robots, stations), time until each robot could be at each station, s.
+        apart: float64 (stations, stations), time that a robot takes from each station to each, s.
+        ages: float64 (stations,), weighted age of each station now, s.
+        near: int64 (stations, n), the nearest stations of each.
+        moves: How many moves are tried.
+        seed: Of the draws.
+    """
+    state = np.array([seed], dtype=np.uint64)
+    _improve(routes, counts, pinned, leads, apart, ages, near, moves, state)
+
+
+@njit(
+    types.void(ROUTES, COUNTS, PINNED, int64, NUMBERS, *INPUTS, int64, uint64, PLANS, PLAN_COUNTS, COSTS),
+    cache=True,
+    nogil=True,
+)
+def compare(
+    routes,
+    counts,
+    pinned,
+    robot,
+    choices,
+    leads,
+    apart,
+    ages,
+    near,
+    moves,
+    seed,
+    plans,
+    plan_counts,
+    costs,
+):
+    """Find for each of some stations the plan in which one robot visits it first.
+
+    Args:
+        routes: As for `improve`; not changed.
+        counts: Likewise.
+        pinned: As for `improve`; the robot's own first station stays as well.
+        robot: Row of the robot.
+        choices: int64 (n,), the stations.
+        leads: As for `improve`.
+        apart: As for `improve`.
+        ages: As for `improve`.
+        near: As for `improve`.
+        moves: How many moves are tried for each.
+        seed: Of the draws, which are the same for each.
+        plans: int64 (n, robots, stations), overwritten: the routes.
+        plan_counts: int64 (n, robots), overwritten.
+        costs: float64 (n,), overwritten: the plan's cost, the eighth root of the sum of powers of ages, s.
+    """
+    stays = pinned.copy()
+    stays[robot] = True
+    for c in range(choices.size):
+        for r in range(counts.size):
+            count = 0
+            for i in range(counts[r]):
+                if routes[r, i] != choices[c]:
+                    plans[c, r, count] = routes[r, i]
+                    count += 1
+            plan_counts[c, r] = count
+        own = plan_counts[c, robot]
+        for i in range(own, 0, -1):
+            plans[c, robot, i] = plans[c, robot, i - 1]
+        plans[c, robot, 0] = choices[c]
+        plan_counts[c, robot] = own + 1
+        state = np.array([seed], dtype=np.uint64)
+        cost = _improve(plans[c], plan_counts[c], stays, leads, apart, ages, near, moves, state)
+        costs[c] = math.sqrt(math.sqrt(math.sqrt(cost)))

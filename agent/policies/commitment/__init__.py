@@ -1,1 +1,0 @@
-"""Going to one place until a robot has seen it."""

@@ -1,1 +1,0 @@
-"""The tour: all robots follow one short round, evenly spaced."""

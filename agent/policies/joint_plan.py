@@ -1,0 +1,334 @@
+"""A plan for the whole fleet that every robot works out for itself, and in which each next station is drawn.
+
+No robot says where it is going. All believe nearly the same fog, hear where the others are, and draw the same numbers,
+so each can work out what *all* will do, and take its own part:
+
+- *Stations* (`patrol.tours.stations`) are to be visited, each by one robot.
+- A *plan* is a route for each robot; together they visit every station. It costs the sum of the eighth powers of the
+  stations' ages when they are visited. So old stations weigh most, and no station is put off for ever.
+- *The draw*: once a robot has seen its station, the plans are compared in which it goes to each of the near ones next.
+  Each is improved by small moves (`agent.kernels.plan`). One is drawn; the less it is behind the
+  best, the likelier.
+- *Agreeing again*: a lost position makes robots believe different things. So a draw stays the same for a while, and a
+  robot that is seen to go elsewhere than was worked out is worked out anew. Where many positions are lost, each robot
+  chooses freely. At the begin of a period, and whenever other robots are heard, all plan from where the robots are.
+
+For example, the best plan costs 40.0 s (the root of its cost) and begins with the first of three stations; with the
+second one first it would cost 0.2 s more, with the third one 2 s. With a spread of 0.4 s they are drawn with 62, 38 and
+0 %. So the ground stays fresh, and an intruder that has watched for long is left to guess where the robot turns.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agent.kernels.plan import compare, improve, weighted_ages
+from agent.policies.commitment import STILL_STALE, Loss, RoundStands, Target
+from patrol.measures.best_tour import most_planned
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from agent.policies.commitment import GivenUp
+    from agent.ports import PolicySetup
+    from agent.view import View
+    from patrol.tours.round import Round
+    from patrol.tours.stations import Stations
+
+SPREAD = 0.28
+"""Cost by which a plan may be behind the best one to be drawn 1/e times as often, as a share of the time between two
+robots on the tour, for each station that a robot visits in that time; times `unpredictability`."""
+
+CHOICES = 8
+"""Number of the nearest stations that are compared."""
+
+STALE = 0.35
+"""Share of the time between two robots on the tour, or of the stalest point's age, from which on a station is worth a
+visit."""
+
+MOVES_FIRST = 400
+"""Moves by which a new plan is improved, times the number of stations."""
+
+MOVES = 600
+"""Moves by which each of the compared plans is improved."""
+
+NEAR = 8
+"""Stations that moves put beside each other are at most so many nearest ones apart."""
+
+NO_WEIGHTS = np.zeros((0, 0))
+"""Given to the kernels where all points count the same."""
+
+NO_WAY_M = 1e6
+"""Length that stands for no way at all, m."""
+
+PERIOD_S = 300.0
+"""Time after which all robots begin anew, s."""
+
+SPELL = 0.1
+"""Time for which the draw of a robot and a station stays the same, as a share of the time between two robots on the
+tour. So robots that believe slightly different things still draw the same."""
+
+TURNED = 0.4
+"""A robot whose way to its station has become so much longer again, in ranges of the sensor, has drawn another one."""
+
+STUCK_S = 30.0
+"""Time for which a robot has to stand still to be left out of the plan, s."""
+
+LATE, LATE_S = 3.0, 15.0
+"""A station that is not seen after so many times the way there, and so many seconds, is taken as given up."""
+
+Routes = NDArray[np.int64]
+Ages = NDArray[np.float64]
+Inputs = tuple[NDArray[np.float64], NDArray[np.float64], Ages, Routes]
+"""What both kernels know: leads, ways, ages, near stations (`improve`)."""
+
+
+@dataclass(slots=True)
+class Part:
+    """The part of one robot in the plan."""
+
+    route: list[int]  # its stations in order; it is on the way to the first
+    age_s: float = 0.0  # weighted age of that one when it was drawn
+    until: int = 0  # tick from which on the station is taken as given up
+    oldest: int = 0  # number in the round of the station's oldest point, when all were looked at last
+    least_way_s: float = math.inf  # shortest way to the station that the robot has had since
+
+
+class JointPlan:
+    """The plan of one robot for all robots that share its ground."""
+
+    def __init__(
+        self, setup: PolicySetup, laid_out: Round, stations: Stations, weights: NDArray[np.float64] | None
+    ) -> None:
+        """Begin without a plan; ``weights`` (height, width) are None where all points count the same."""
+        # By robot number; empty before the first tick, and while each choice is free.
+        self.parts: dict[int, Part] = {}
+        self.robots: frozenset[int] = frozenset()  # numbers of those that share the stations
+        self.team = 1.0  # how many there are of them without spare ones
+        self._round, self._stations = laid_out, stations
+        self._number, self._step, self._width = setup.spec.number, setup.step, setup.terrain.width
+        self._pace = 1.0 / setup.spec.speed
+        self._chance = setup.fleet_chance
+        self._spread = SPREAD * setup.options.unpredictability
+        self._apart_m = np.minimum(stations.apart_m, NO_WAY_M)
+        self._apart_s = np.ascontiguousarray(self._apart_m * self._pace)
+        nearest = np.argsort(self._apart_m, axis=1, kind="stable")
+        self._near = np.ascontiguousarray(nearest[:, 1 : NEAR + 1] if len(nearest) > 1 else nearest)
+        self._spots = np.array([setup.terrain.centre(*divmod(spot, self._width)) for spot in stations.spots.tolist()])
+        self._stands = RoundStands(setup, laid_out)
+        self._weights = NO_WEIGHTS if weights is None else weights / weights.reshape(-1)[laid_out.points].min()
+        ground_m2 = len(laid_out.points) * setup.terrain.point_area
+        # Free choices are not bound to the ground of a zone.
+        self._most_robots = most_planned(ground_m2, setup.sight.range_m) if weights is None else math.inf
+        self._turned_s = TURNED * setup.sight.range_m * self._pace
+        self._period = -1
+        self._interval_s = math.inf
+        self._least_s = 0.0
+        self._stood: dict[int, tuple[float, float, int]] = {}
+        self._loss = Loss(setup.step)
+
+    @property
+    def station(self) -> int | None:
+        """Number of the robot's own next station; None without one."""
+        own = self.parts.get(self._number)
+        return own.route[0] if own is not None and own.route else None
+
+    def update(self, view: View) -> None:
+        """Go on with the plan: draw the next station of each robot that has seen its own."""
+        others = [number for number in view.peers if number in self.robots and not self._is_stuck(view, number)]
+        robots = sorted({self._number, *others})
+        period = int(view.tick * self._step / PERIOD_S)
+        self._loss.note(view, others)
+        if self._loss.is_lossy or len(robots) > self._most_robots:
+            # It would leave to others what they take as seen.
+            self.parts = {}
+            return
+        self._interval_s = self._round.length_m * self._pace / len(robots)
+        if robots != sorted(self.parts) or period != self._period:
+            self._period = period
+            self._begin(view, robots)
+            return
+        done = [number for number in robots if self._is_done(view, self.parts[number])]
+        leads = self._leads_s(view, robots)
+        ways = dict(zip(robots, leads, strict=True))
+        turned = [number for number in robots if number not in done and self._turned(self.parts[number], ways[number])]
+        if done or turned:
+            idle = [number for number in robots if not self.parts[number].route]
+            drawing = sorted([*done, *turned, *idle])
+            self._draw(view, drawing, done, self._oldest_s(view), leads)
+
+    def visit(self, view: View, given_up: GivenUp) -> Target | None:
+        """Return the oldest point of the robot's station that it has not given up; None where there is none."""
+        if self.station is None:
+            return None
+        span = self._points_of(self.station)
+        ages = self._ages_s(view, span)
+        stands, usable = self._stands.of(view, given_up, span)
+        ages[~usable] = -1.0
+        oldest = int(ages.argmax())
+        if ages[oldest] < 0.0:
+            return None
+        point, stand = int(self._round.points[span][oldest]), int(stands[oldest])
+        age = view.tick - max(int(view.fog.last_seen.flat[point]), 0)
+        return Target(divmod(point, self._width), divmod(stand, self._width), max(age, 1))
+
+    def _points_of(self, station: int) -> slice:
+        """Return where the points of a station are among those of the round."""
+        return slice(*self._stations.begins[station : station + 2].tolist())
+
+    def _ages_s(self, view: View, span: slice) -> Ages:
+        """Return the weighted ages of some of the round's points, s; 0 for what is in view or out of reach now."""
+        points, fog = self._round.points[span], view.fog
+        ages = np.empty(points.size)
+        weighted_ages(points, fog.patrolled, fog.last_seen, fog.looked, self._weights, view.tick, self._step, ages)
+        return ages
+
+    def _oldest_s(self, view: View) -> Ages:
+        """Return the weighted age of the oldest point of each station, s."""
+        return np.maximum.reduceat(self._ages_s(view, slice(None)), self._stations.begins[:-1])
+
+    def _is_done(self, view: View, part: Part) -> bool:
+        """Return True if a robot's station has been seen, or is taken as given up."""
+        if not part.route:
+            return False
+        if view.tick >= part.until:
+            return True
+        whole = self._points_of(part.route[0])
+        # Most often a look at one point shows that the station is not done.
+        looks = [slice(part.oldest, part.oldest + 1)] if whole.start <= part.oldest < whole.stop else []
+        for points in (*looks, whole):
+            ages = self._ages_s(view, points)
+            part.oldest = points.start + int(ages.argmax())
+            oldest_s = float(ages.max())
+            if oldest_s >= STILL_STALE * part.age_s and oldest_s > self._least_s:
+                return False
+        return True
+
+    def _is_stuck(self, view: View, number: int) -> bool:
+        """Return True if another robot has stood still for long: it will not see what is left to it."""
+        pose, (x, y, since) = view.peers[number].pose, self._stood.get(number, (math.inf, math.inf, 0))
+        if math.hypot(pose.x - x, pose.y - y) > view.stride:
+            self._stood[number] = pose.x, pose.y, view.tick
+            return False
+        return (view.tick - since) * self._step > STUCK_S
+
+    def _turned(self, part: Part, ways_s: NDArray[np.float64]) -> bool:
+        """Return True if a robot goes away from its station, as where its fog differs and it has drawn another one."""
+        if not part.route:
+            return False
+        way_s = float(ways_s[part.route[0]])
+        part.least_way_s = min(part.least_way_s, way_s)
+        return way_s > part.least_way_s + self._turned_s
+
+    def _begin(self, view: View, robots: Sequence[int]) -> None:
+        """Make a new plan: always the robot that is free first goes to the best station that is left."""
+        ages, leads = self._oldest_s(view), self._leads_s(view, robots)
+        rows: list[list[int]] = [[] for _ in robots]
+        free_at = np.zeros(len(robots))
+        left = np.ones(len(ages), dtype=np.bool_)
+        for _ in range(len(ages)):
+            row = int(free_at.argmin())
+            ways = leads[row] if not rows[row] else self._apart_s[rows[row][-1]]
+            best = int(np.where(left, ways - 0.1 * ages, np.inf).argmin())
+            left[best] = False
+            rows[row].append(best)
+            free_at[row] += ways[best]
+        self.parts = {number: Part(row) for number, row in zip(robots, rows, strict=True)}
+        self._draw(view, robots, (), ages, leads, MOVES_FIRST * len(ages))
+
+    def _leads_s(self, view: View, robots: Sequence[int]) -> NDArray[np.float64]:
+        """Return about how long each robot takes to each station, float64 (robots, stations), s."""
+        return np.array([self._ways_s(view, number) for number in robots])
+
+    def _ways_s(self, view: View, number: int) -> NDArray[np.float64]:
+        """Return about how long one robot takes to each station, s."""
+        pose = view.reported if number == self._number else view.peers[number].pose
+        away = np.sqrt((self._spots[:, 0] - pose.x) ** 2 + (self._spots[:, 1] - pose.y) ** 2)
+        here = int(self._stations.around[view.point_of((pose.x, pose.y))])
+        here = here if here >= 0 else int(away.argmin())
+        # The way by the station from which the place is seen, and the shortest that there could be.
+        longest = np.minimum(self._apart_m[here] + away[here], NO_WAY_M)
+        return np.asarray(0.5 * (longest + np.maximum(away, self._apart_m[here] - away[here])) * self._pace)
+
+    def _draw(
+        self,
+        view: View,
+        drawing: Sequence[int],
+        done: Sequence[int],  # those of them that have seen their station, or given it up
+        ages: Ages,  # of `_oldest_s`
+        leads: NDArray[np.float64],  # of `_leads_s`, for all robots
+        moves_first: int = 0,  # moves by which the plan is improved before
+    ) -> None:
+        """Draw the next station of some robots, one after the other."""
+        robots, size = sorted(self.parts), len(ages)
+        routes, counts = np.zeros((len(robots), size), dtype=np.int64), np.zeros(len(robots), dtype=np.int64)
+        self._least_s = STALE * min(self._interval_s, float(ages.max()))
+        for row, number in enumerate(robots):
+            route = self.parts[number].route
+            route = _gone_on(route, ages, self._least_s) if number in done else route
+            routes[row, : len(route)], counts[row] = route, len(route)
+        _fill(routes, counts)
+        pinned = np.array([number not in drawing for number in robots])
+        inputs = (leads, self._apart_s, ages, self._near)
+        if moves_first:
+            improve(routes, counts, pinned, *inputs, moves_first, self._seed(view, 0))
+        spread_s = self._spread * self._interval_s * len(robots) / len(self._spots)
+        for number in drawing:
+            row, seen = robots.index(number), self.parts[number].route[:1] if number in done else []
+            taken = [*routes[pinned, 0].tolist(), *seen]
+            choices = np.union1d(self._choices(ages, leads, row, taken), routes[row, : counts[row]][:1])
+            if not choices.size:
+                continue  # there are fewer stations than robots
+            plans = np.zeros((len(choices), *routes.shape), dtype=np.int64)
+            plan_counts, costs = np.zeros((len(choices), len(routes)), dtype=np.int64), np.zeros(len(choices))
+            seed = self._seed(view, number)
+            compare(routes, counts, pinned, row, choices, *inputs, MOVES, seed, plans, plan_counts, costs)
+            drawn = int((costs + spread_s * self._chances(view, number, choices)).argmin())
+            station, routes, counts = int(choices[drawn]), plans[drawn], plan_counts[drawn]
+            pinned[row] = True
+            late_s = LATE * float(leads[row, station]) + LATE_S
+            self.parts[number].age_s, self.parts[number].least_way_s = float(ages[station]), math.inf
+            self.parts[number].until = view.tick + math.ceil(late_s / self._step)
+        for row, number in enumerate(robots):
+            self.parts[number].route = routes[row, : counts[row]].tolist()
+
+    def _choices(self, ages: Ages, leads: NDArray[np.float64], row: int, taken: Sequence[int]) -> Routes:
+        """Return the nearest stations that are worth a visit and to which no other robot has a shorter way."""
+        worth = (ages > self._least_s) & (leads[row] <= leads.min(axis=0))
+        worth[list(taken)] = False
+        stations = np.flatnonzero(worth)
+        return stations[np.argsort(leads[row, stations], kind="stable")[:CHOICES]]
+
+    def _chances(self, view: View, number: int, choices: Routes) -> NDArray[np.float64]:
+        """Return the draws of one robot's choices: less their Gumbel-distributed worth, in spreads."""
+        drawn = [self._chance(self._spell(view), number, choice + 1) for choice in choices.tolist()]
+        return np.array([math.log(-math.log(0.5**54 + share)) for share in drawn])
+
+    def _seed(self, view: View, number: int) -> int:
+        return int(self._chance(self._spell(view), number, 0) * 2.0**53)
+
+    def _spell(self, view: View) -> int:
+        """Return the number of the time in which draws stay the same."""
+        return int(view.tick * self._step * self.team / (SPELL * self._round.length_m * self._pace))
+
+
+def _gone_on(route: list[int], ages: Ages, least_s: float) -> list[int]:
+    """Put the station at the head of a route to its end, and those after it that are not worth a visit."""
+    for first in range(1, len(route)):
+        if ages[route[first]] > least_s:
+            return route[first:] + route[:first]
+    return route[1:] + route[:1]
+
+
+def _fill(routes: Routes, counts: Routes) -> None:
+    """Give a robot without a station the last one of the robot that has most."""
+    for row in np.flatnonzero(counts == 0).tolist():
+        most = int(counts.argmax())
+        if counts[most] > 1:
+            counts[most] -= 1
+            routes[row, 0], counts[row] = routes[most, counts[most]], 1

@@ -1,1 +1,0 @@
-"""The paper's policy: a social potential field."""

@@ -1,1 +1,0 @@
-"""Surrounding an intruder."""

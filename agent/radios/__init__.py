@@ -1,1 +1,0 @@
-"""Radios: the means by which a robot sends and hears positions."""

@@ -1,1 +1,0 @@
-"""Commands for running fleets and their members."""

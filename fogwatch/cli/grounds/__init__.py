@@ -1,1 +1,0 @@
-"""Commands that look at maps and scenarios before anything runs."""

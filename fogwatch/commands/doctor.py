@@ -1,0 +1,112 @@
+"""``fogwatch doctor``: what there is of a ROS 2 robot on its Zenoh router. Raises BadInput; the caller prints it."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from fogwatch.cli.columns import aligned
+from patrol.errors import BadInput
+
+if TYPE_CHECKING:
+    from ros2.doctor import Examined
+
+EXAMPLES = [
+    "fogwatch doctor --connect tcp/192.168.1.20:7447 --namespace robot1",
+    "fogwatch doctor --connect tls/robot-1:7448 --credentials yards-1/r1 --namespace robot1 --json",
+]
+EXIT_CODES = "0 a patrol could start, 1 something that it needs is missing, 2 bad input or no router"
+UNFIT = 1
+WAIT_S = 10.0
+
+
+def doctor(
+    connect: Annotated[str, typer.Option(metavar="LOCATOR", help="The robot's Zenoh router, tcp/HOST:7447.")],
+    namespace: Annotated[str, typer.Option(metavar="NAME", help="The robot's namespace (default: none).")] = "",
+    domain: Annotated[
+        int | None, typer.Option(metavar="N", help="The robot's ROS_DOMAIN_ID (default: of the environment, or 0).")
+    ] = None,
+    credentials: Annotated[
+        Path | None, typer.Option(metavar="PATH", help="A robot's credentials, where its router asks for them.")
+    ] = None,
+    topic: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME=TOPIC", help="Another name of a topic, as for the agent: odom=odometry/filtered."),
+    ] = None,
+    localisation: Annotated[
+        str, typer.Option(metavar="tf|pose|odometry", help="What corrects the odometry, as for the agent.")
+    ] = "tf",
+    map_frame: Annotated[str, typer.Option(metavar="NAME", help="The map's frame.")] = "map",
+    use_sim_time: Annotated[
+        bool, typer.Option("--use-sim-time", help="The robot's time is on /clock: it is simulated.")
+    ] = False,
+    seconds: Annotated[float, typer.Option(metavar="S", help="How long to listen, in s.")] = 3.0,
+    wait: Annotated[float, typer.Option(metavar="S", help="How long to wait for the router, in s.")] = WAIT_S,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+) -> int:
+    """Say what there is of a ROS 2 robot on its Zenoh router, what is missing for a patrol, and what to do about it.
+
+    It needs no ROS, finds out whether the robot speaks rmw_zenoh or zenoh-bridge-ros2dds, and sends nothing to it.
+    """
+    from patrol.net.link import LinkDown
+    from patrol.security.credentials import read_credentials
+    from patrol.security.keys import check_locator
+    from ros2.doctor import Wanted, examine, survey
+    from ros2.robot.localisation import Source
+    from ros2.robot.options import topics_given
+    from ros2.wire.formats import RmwZenoh
+    from ros2.wire.link import open_ros2
+    from ros2.wire.names import NodeName, check_name, domain_given
+
+    check_locator(connect, "--connect")
+    check_name(namespace, "--namespace")
+    number = domain_given(domain)
+    if localisation not in (known := [one.value for one in Source]):
+        raise BadInput(f"--localisation {localisation}: unknown; give {', '.join(known)}")
+    wanted = Wanted(topics_given(topic or ()), Source(localisation), map_frame, use_sim_time)
+    if not 0.1 <= seconds <= 600.0:
+        raise BadInput(f"--seconds {seconds:g}: expected 0.1 to 600")
+    member = None if credentials is None else read_credentials(credentials, "--credentials")
+    node = NodeName("fogwatch_doctor", namespace)
+    try:
+        link = open_ros2(connect, RmwZenoh(number), node, wait, credentials=member)
+    except LinkDown as down:
+        raise BadInput(f"--connect: {down}; is the robot's router running?") from None
+    try:
+        found = examine(survey(link, number, namespace, wanted, seconds))
+    finally:
+        link.close()
+    typer.echo(json.dumps(_as_json(found), indent=2) if as_json else _as_text(found, connect))
+    return 0 if found.fit else UNFIT
+
+
+def _as_json(found: Examined) -> dict[str, Any]:
+    return {"fit": found.fit, **asdict(found)}
+
+
+def _as_text(found: Examined, connect: str) -> str:
+    lines = [f"{connect}: {found.speaks or 'no robot'}"]
+    if found.topics:
+        rows = [("topic", "type", "rate", "bytes", "publish", "obey", "frames")]
+        rows += [
+            (
+                topic.name,
+                topic.type_name or "?",
+                f"{topic.rate:.1f}/s" if topic.messages > 1 else str(topic.messages or "-"),
+                str(topic.size or "-"),
+                str(topic.publishers),
+                str(topic.subscribers),
+                ", ".join(topic.frames),
+            )
+            for topic in found.topics
+        ]
+        lines += aligned(rows)
+    for finding in found.findings:
+        remedy = f"; {finding.remedy}" if finding.remedy else ""
+        lines.append(f"{finding.level:8} {finding.says}{remedy}")
+    lines.append("a patrol could start" if found.fit else "a patrol cannot start")
+    return "\n".join(lines)

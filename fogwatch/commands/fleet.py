@@ -1,0 +1,325 @@
+"""``fogwatch fleet``: the members of a fleet of several machines. Commands raise BadInput; the caller prints it."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from fogwatch.cli.command_help import command
+from patrol.errors import BadInput
+from patrol.printable import printable
+
+if TYPE_CHECKING:
+    from fogwatch.fleets.folder import FleetFolder
+
+
+WAIT_S = 60.0
+LONGEST_WAIT_S = 86400.0
+
+CredentialsOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--credentials",
+        metavar="PATH",
+        help="A viewer's credentials, made by fogwatch fleet init, or the folder of a run of this machine.",
+    ),
+]
+Router = Annotated[str | None, typer.Option(metavar="LOCATOR", help="Router of a running fleet, tcp/HOST:PORT.")]
+Fleet = Annotated[str | None, typer.Option(metavar="NAME", help="Name of the running fleet.")]
+FleetScenario = Annotated[
+    Path | None,
+    typer.Option(metavar="FILE", help="Scenario of a fleet without a world, to follow its robots by their positions."),
+]
+Radio = Annotated[
+    str | None,
+    typer.Option(
+        metavar="LOCATOR|FOLDER",
+        help="Direct radio of a fleet without a world: group, line, router, or this member's folder in a mesh.",
+    ),
+]
+
+
+def _checked_wait(wait_s: float) -> float:
+    if not 0.0 <= wait_s <= LONGEST_WAIT_S:
+        raise BadInput(f"--wait {wait_s:g}: expected 0 to {LONGEST_WAIT_S:g} (a day)")
+    return wait_s
+
+
+Wait = Annotated[float, typer.Option(metavar="S", help="How long to wait for the fleet, in s.", callback=_checked_wait)]
+
+
+def check_one_fleet(
+    command: str, run: Path | None, credentials: Path | None, router: str | None, fleet: str | None
+) -> None:
+    """Check that a command is given one of the folder of a run, credentials, or both a router and a fleet's name."""
+    named = (router is not None) + (fleet is not None)
+    if (run is not None and (named or credentials is not None)) or (run is None and credentials is None and named != 2):
+        raise BadInput(f"{command}: name a run's folder, or --router and --fleet of a running fleet, or --credentials")
+
+
+def fleet_access(command: str, run: Path | None, scenario: Path | None) -> Path | None:
+    """Return what gives the right to control a running fleet, from a command's RUN; None without one.
+
+    RUN is as for `control_file`. A `scenario` is of robots without a world, which an operator may watch as well; with
+    the folder of a run, which has a scenario of its own, it is refused.
+    """
+    from patrol.security.credentials import MEMBER
+
+    if run is None:
+        return None
+    if scenario is not None and run.is_dir() and not (run / MEMBER).is_file():
+        raise BadInput(f"{command}: --scenario is for robots without a world, and {run} has one; leave the option out")
+    return control_file(command, run)
+
+
+def control_file(command: str, run: Path) -> Path:
+    """Return the file that says how to reach and control a running fleet.
+
+    `run` is the fleet's folder, its control file, or an operator's credentials.
+    """
+    from monitor.replay.run_files import JOURNAL
+    from patrol.security.access import FILE
+    from patrol.security.credentials import MEMBER
+
+    if (run.is_file() and run.name != JOURNAL) or (run / MEMBER).is_file():
+        return run
+    if not run.is_dir():
+        raise BadInput(f"{command} {run}: no such folder; name a running fleet's, such as runs/yards-20260101-120000")
+    if not (run / FILE).is_file():
+        raise BadInput(
+            f"{command} {run}: holds no {FILE}, so no fleet is running there, or not yet; for a finished run use: "
+            f"fogwatch replay {run}"
+        )
+    return run / FILE
+
+
+app = typer.Typer(help="Say who may join a fleet of several machines.", no_args_is_help=True)
+
+WRONG = 1
+DAYS = 365
+LONGEST_DAYS = 3650
+PORT = 7447
+ROBOT_PORT = 7448
+"""Beside the port of the robot's own programs."""
+
+Folder = Annotated[Path, typer.Argument(metavar="DIR", help="Folder of the fleet.")]
+Days = Annotated[int, typer.Option(metavar="N", help="How long certificates are valid, in days.")]
+Hosts = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--host",
+        metavar="HOST",
+        help="Name or address of the router's machine. Repeatable; members use the first. `add` keeps earlier ones. "
+        "In a fleet without a router `add` takes a robot's.",
+    ),
+]
+
+
+@command(
+    app,
+    examples=[
+        "fogwatch fleet init yards-1 --robots r1=192.168.1.11,r2=192.168.1.12,r3",
+        "fogwatch fleet init yards-1 --robots r1,r2,r3 --host 192.168.1.10",
+    ],
+)
+def init(
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder to make; it must not exist yet.")],
+    robots: Annotated[
+        str,
+        typer.Option(
+            metavar="NAME[=HOST],...",
+            help="The robots' names, as in the scenario. With the name or address of the machine of one or more, they "
+            "meet without a router.",
+        ),
+    ],
+    host: Hosts = None,
+    name: Annotated[str | None, typer.Option(metavar="NAME", help="The fleet's name (default: the folder's).")] = None,
+    port: Annotated[
+        int, typer.Option(metavar="N", help="TCP port of the router; without one, UDP port of the robots.")
+    ] = PORT,
+    days: Days = DAYS,
+) -> None:
+    """Make a fleet's certificates, and the rules by which its members let each other in: one folder for each member.
+
+    Robots with a HOST meet directly: each member connects to those addresses, and learns of all others there. Members
+    without one listen on any free UDP port: where firewalls stand between the robots, give each a HOST. With --host,
+    all meet at a router, which has a folder too. Without any address, the router can be reached from this machine only.
+
+    Copy each folder to its machine, readable by its user alone. The folder of the authority stays where it is: whoever
+    has it can make members.
+    """
+    from fogwatch.fleets.folder import make_fleet
+
+    _check_days(days)
+    names, places = _robots(robots)
+    if places and host:
+        raise BadInput(
+            f"--host {host[0]}: is a router's address, and robots with addresses meet without one; choose one"
+        )
+    made = make_fleet(folder, name or folder.name, names, host or [], port, days, places)
+    members = ", ".join(
+        sorted(entry.name for entry in folder.iterdir() if entry.is_dir() and entry.name != "authority")
+    )
+    where = f"without a router; {', '.join(made.places.values())}" if made.is_mesh else f"router at {made.router}"
+    typer.echo(printable(f"{folder}: fleet {made.fleet}, {where}; copy each folder to its machine: {members}"))
+
+
+@command(app, examples=["fogwatch fleet add yards-1 r4"])
+def add(
+    folder: Folder,
+    member: Annotated[str, typer.Argument(metavar="NAME", help="A robot, world, viewer, operator, or router.")],
+    host: Hosts = None,
+    days: Days = DAYS,
+) -> None:
+    """Add a member, or one that was revoked anew. For the router: a new certificate.
+
+    The router knows new members after it has got its folder again and has been restarted; without a router, the other
+    members know them after each has got the file mesh.json again and has been restarted.
+    """
+    from fogwatch.fleets.folder import THE_ROUTER, fleet_to_change, member_role
+
+    _check_days(days)
+    with fleet_to_change(folder) as fleet:
+        if member != THE_ROUTER and host and not fleet.is_mesh:
+            raise BadInput(f"--host {host[0]}: is for the router; leave the option out")
+        if member != THE_ROUTER and len(host or []) > 1:
+            raise BadInput(f"--host: {member} has one address, not {len(host or [])}; give one")
+        if member == THE_ROUTER:
+            before = fleet.router
+            fleet.renew_router(days, host or [])
+            typer.echo(printable(f"{folder / THE_ROUTER}: new certificate; {_RESTART.format(folder / THE_ROUTER)}"))
+            if fleet.router != before:
+                typer.echo(f"the fleet meets at {fleet.router} from now on: copy all folders to their machines again")
+                for name in fleet.absent:
+                    typer.echo(
+                        printable(
+                            f"{name}: its folder is not here; revoke and add it, for a folder with the new address"
+                        )
+                    )
+            return
+        role = member_role(member)
+        fleet.add(role, days, host[0] if host else None)
+    typer.echo(printable(f"{folder / role.name}: copy it to its machine; {_restart(fleet)}"))
+
+
+@command(app, examples=["fogwatch fleet revoke yards-1 r2"])
+def revoke(
+    folder: Folder,
+    member: Annotated[str, typer.Argument(metavar="NAME", help="A robot, world, viewer or operator.")],
+) -> None:
+    """Take a member's rights away, for example because its machine was lost.
+
+    Its certificate stays valid, but the router lets it do nothing any more after it has got its folder again and has
+    been restarted; without a router, each member after it has got the file mesh.json again and has been restarted.
+    """
+    from fogwatch.fleets.folder import THE_ROUTER, fleet_to_change, member_role
+    from patrol.security.roles import Kind
+
+    if member == THE_ROUTER:
+        raise BadInput(
+            f"{member}: cannot be revoked, because members believe every certificate of the fleet's authority; make a "
+            "new fleet: fogwatch fleet init"
+        )
+    role = member_role(member)
+    with fleet_to_change(folder) as fleet:
+        other = fleet.revoke(role, DAYS)
+    typer.echo(printable(f"{member}: revoked; {_restart(fleet)}"))
+    if other is not None:
+        restart = ", and restart the world" if other.kind is Kind.WORLD else ""
+        typer.echo(
+            printable(f"there is a new token for operators: copy {folder / other.name} to its machine again{restart}")
+        )
+
+
+@command(
+    app,
+    "robot-router",
+    examples=[
+        "fogwatch fleet robot-router yards-1 r1 --namespace robot1 --host 192.168.1.20 --place /etc/fogwatch/r1-router"
+    ],
+)
+def robot_router(
+    folder: Folder,
+    robot: Annotated[str, typer.Argument(metavar="NAME", help="The robot of the fleet whose agent drives it.")],
+    namespace: Annotated[str, typer.Option(metavar="NAME", help="The ROS 2 robot's namespace (default: none).")] = "",
+    domain: Annotated[int, typer.Option(metavar="N", help="Its ROS_DOMAIN_ID.")] = 0,
+    form: Annotated[
+        str, typer.Option("--format", metavar="NAME", help="What it speaks: rmw_zenoh, rmw_zenoh-humble or bridge.")
+    ] = "rmw_zenoh",
+    command_topic: Annotated[
+        list[str] | None,
+        typer.Option("--command", metavar="TOPIC", help="Topic that drives it (default: cmd_vel, ackermann_cmd)."),
+    ] = None,
+    host: Annotated[
+        list[str] | None, typer.Option(metavar="HOST", help="Name or address of the ROS 2 robot. Repeatable.")
+    ] = None,
+    port: Annotated[int, typer.Option(metavar="N", help="TCP port for the fleet's members.")] = ROBOT_PORT,
+    place: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Where the folder will lie on the robot (default: where it is).")
+    ] = None,
+    days: Days = DAYS,
+) -> None:
+    """Make the configuration of a ROS 2 robot's Zenoh router, so that only its agent can drive it over the network.
+
+    The robot's own programs connect as before, over loopback. Members of the fleet come over TLS with certificates: the
+    robot's agent may command it, a viewer may look. Nobody else is let in.
+    """
+    from fogwatch.fleets.folder import open_fleet_folder
+    from fogwatch.robot_router import FILE, make_robot_router
+    from ros2.wire.access import COMMANDS
+    from ros2.wire.formats import format_named
+    from ros2.wire.names import check_domain, check_name
+
+    _check_days(days)
+    check_name(namespace, "--namespace")
+    spoken = format_named(form, check_domain(domain, "--domain"), "--format")
+    topics = [check_name(topic, "--command") for topic in command_topic or COMMANDS]
+    fleet = open_fleet_folder(folder)
+    made = make_robot_router(fleet, robot, spoken, namespace, host or [], port, place, days, commands=topics)
+    lies = made if place is None else place
+    typer.echo(
+        f"{made}: copy it to the robot as {lies}, and start its router with ZENOH_ROUTER_CONFIG_URI={lies / FILE}; its "
+        f"agent then connects with --connect tls/{(host or ['127.0.0.1'])[0]}:{port} --credentials {folder / robot}"
+    )
+
+
+@command(app, examples=["fogwatch fleet check yards-1"], exit_codes="0 all is well, 1 something is wrong, 2 bad input")
+def check(folder: Folder) -> int:
+    """Check the certificates of a fleet: whose they are, who signed them, when they expire, and who can read them.
+
+    It reads the fleet's folder alone, not the copies on the members' machines.
+    """
+    from fogwatch.fleets.folder import open_fleet_folder
+
+    fine = True
+    for name, well, says in open_fleet_folder(folder).check(time.time()):
+        fine &= well
+        typer.echo(printable(f"{name}: {says}"))
+    return 0 if fine else WRONG
+
+
+_RESTART = "copy {} to the router's machine, and restart the router"
+
+
+def _restart(fleet: FleetFolder) -> str:
+    """Return how others learn of a change."""
+    from fogwatch.fleets.folder import THE_ROUTER
+    from patrol.security.mesh import MESH
+
+    if fleet.is_mesh:
+        return f"copy {fleet.path / MESH} into the folder of each other member, on its machine, and restart it"
+    return _RESTART.format(fleet.path / THE_ROUTER)
+
+
+def _robots(text: str) -> tuple[list[str], dict[str, str]]:
+    """Return the robots' names, and the hosts of those that have one."""
+    pairs = [one.strip().partition("=") for one in text.split(",")]
+    return [name for name, _, _ in pairs], {name: host for name, equals, host in pairs if equals}
+
+
+def _check_days(days: int) -> None:
+    if not 1 <= days <= LONGEST_DAYS:
+        raise BadInput(f"--days {days}: expected 1 to {LONGEST_DAYS}")

@@ -1,0 +1,167 @@
+"""``fogwatch judge``: a finished run judged again, on any machine. Raises BadInput; the caller prints it."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from fogwatch.commands.open_run import KEY, RUN
+from patrol.errors import quoted
+from patrol.printable import printable
+
+if TYPE_CHECKING:
+    from patrol.journal import Journal
+    from patrol.prepare import Prepared
+    from patrol.summary.model import Summary
+    from worldsim.verdict.agreement import Difference
+    from worldsim.verdict.judge import Verdict
+
+EXAMPLES = ["fogwatch judge runs/yards-20260101-120000"]
+EXIT_CODES = (
+    "0 verdict valid, 1 verdict invalid, or summary.json or scenario.yaml disagrees with the journal, 2 bad input, 3 "
+    "verdict unknown (the journal does not reach its end)"
+)
+DISAGREES = 1
+MOST_SHOWN = 20
+"""Differences printed at most."""
+NO_KEY = "(no --key)"
+"""In place of a key's file that a scenario names."""
+
+
+def judge(
+    run: Annotated[Path, RUN],
+    key: Annotated[Path | None, KEY] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+) -> int:
+    """Judge a run again, by its scenario and its journal, and say where its summary.json says something else.
+
+    It opens no file outside of the run's folder but the key, and runs nothing that is in the folder. The exit codes of
+    the processes are in no journal: those that summary.json states are taken as they are.
+    """
+    from monitor.replay.run import prepared_in
+    from monitor.replay.run_files import SUMMARY, journal_in
+    from monitor.replay.summary_file import read_summary
+    from patrol.journal import trace_hash
+    from patrol.starting.warmup import warm
+    from worldsim.verdict.agreement import differences, missing, not_repeated
+
+    journal = journal_in(run)
+    stated = read_summary(run / SUMMARY)
+    warm(("patrol", "worldsim"), lambda line: typer.echo(line, err=True))
+    loaded = _with_key(prepared_in(run, journal), key)
+    codes = {} if stated is None else stated.exit_codes
+    edited = not _same_scenario(loaded, journal)
+    verdict, summary = _judged(journal, loaded, codes)
+    recomputed = json.loads(json.dumps(summary.document()))
+    as_stated = {} if stated is None else stated.document()
+    differing = differences(as_stated, recomputed)
+    unstated = [] if stated is None else missing(as_stated, recomputed)
+    unrepeated = not_repeated(as_stated, recomputed)
+    trace = trace_hash(journal.ticks, loaded.scenario.spares)
+    if as_json:
+        facts = {
+            "verdict": recomputed["verdict"],
+            "ended": summary.ended,
+            "simulated_s": summary.simulated_s,
+            "duration_s": loaded.scenario.duration,
+            "trace_hash": trace,
+            "mfow_mean_s": recomputed["mfow_mean_s"],
+            "exit_codes": codes,
+            "scenario_agrees": not edited,
+            "summary_agrees": None if stated is None else not differing,
+            "differences": [asdict(difference) for difference in differing],
+            "not_in_summary": unstated,
+            "not_repeated": unrepeated,
+        }
+        typer.echo(json.dumps(facts, indent=2))
+    else:
+        _print(
+            summary, loaded.scenario.duration, trace, codes, stated is not None, differing, unstated, unrepeated, edited
+        )
+    return verdict.exit_code or (DISAGREES if differing or edited else 0)
+
+
+def _judged(journal: Journal, loaded: Prepared, codes: Mapping[str, int | None]) -> tuple[Verdict, Summary]:
+    """Return the verdict and the summary."""
+    from worldsim.output.summary import summarise
+    from worldsim.verdict.judge import judge as judged
+
+    verdict = judged(journal, codes, loaded)
+    operated = loaded.as_operated(journal.events)
+    return verdict, summarise(journal, verdict, operated)
+
+
+def _with_key(prepared: Prepared, key: Path | None) -> Prepared:
+    """Return the scenario with the key that was given: the file that it names may be a stranger's."""
+    radio = prepared.scenario.radio
+    if radio.key is None:
+        return prepared
+    given = radio.model_copy(update={"key": str(key or NO_KEY)})
+    return replace(prepared, scenario=prepared.scenario.model_copy(update={"radio": given}))
+
+
+def _same_scenario(loaded: Prepared, journal: Journal) -> bool:
+    """Return whether the folder's scenario is the one that the journal was written for."""
+    from patrol.scenario import load_scenario, same_but_for_files
+
+    journalled = load_scenario(
+        journal.header.scenario, base=loaded.scenario.base, called="journal", opens_classes=False
+    )
+    return same_but_for_files(loaded.scenario, journalled)
+
+
+def _end(summary: Summary, duration_s: float) -> str:
+    """Say how much of its time a run lasted: the verdict does not count an early end against it."""
+    time = f"after {summary.simulated_s:g} s of {duration_s:g} s"
+    return f"{time}: completed" if summary.ended == "completed" else f"early, {time}: {summary.ended or 'cut off'}"
+
+
+def _print(
+    summary: Summary,
+    duration_s: float,
+    trace: str,
+    codes: Mapping[str, int | None],
+    has_summary: bool,
+    differing: list[Difference],
+    unstated: list[str],
+    unrepeated: list[str],
+    edited: bool,
+) -> None:
+    from rich.console import Console
+
+    from fogwatch.terminal.summary_text import print_verdict
+
+    assert summary.verdict is not None
+    print_verdict(Console(), summary.verdict)
+    typer.echo(printable(f"ended       {_end(summary, duration_s)}"))
+    typer.echo(f"trace       {trace}")
+    if codes:
+        typer.echo(f"exit codes  of {len(codes)} processes, as summary.json states them: no journal holds any")
+    else:
+        typer.echo("exit codes  none are known: how processes ended was not judged")
+    if edited:
+        typer.echo("scenario    scenario.yaml is not the scenario that the journal was written for")
+    if not has_summary:
+        typer.echo("summary     there is no summary.json, or it is not complete")
+        return
+    if unrepeated:
+        typer.echo(printable(f"checks      not repeated: {', '.join(unrepeated)}"))
+    if unstated:
+        typer.echo(f"summary     does not state {', '.join(unstated)}")
+    if not differing:
+        typer.echo(f"summary     agrees with the journal in every {'other ' * bool(unstated)}field")
+        return
+    typer.echo(f"summary     disagrees with the journal in {len(differing)} field{'s' * (len(differing) > 1)}")
+    for difference in differing[:MOST_SHOWN]:
+        typer.echo(
+            printable(
+                f"  {difference.field}: {quoted(difference.stated)}, and by the journal {quoted(difference.found)}"
+            )
+        )
+    if len(differing) > MOST_SHOWN:
+        typer.echo(f"  and {len(differing) - MOST_SHOWN} more (--json lists them)")

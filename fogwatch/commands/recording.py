@@ -1,0 +1,209 @@
+"""``fogwatch record`` and ``recording``: MCAP files of runs. Commands raise BadInput; the caller prints it."""
+
+from __future__ import annotations
+
+from argparse import Namespace
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from fogwatch.commands.fleet import (
+    WAIT_S,
+    CredentialsOption,
+    Fleet,
+    FleetScenario,
+    Radio,
+    Router,
+    Wait,
+    check_one_fleet,
+)
+from fogwatch.commands.open_run import KEY, RUN, open_folder, print_state
+from patrol.errors import BadInput, did_you_mean
+from patrol.files.untrusted import leads_out
+from patrol.printable import printable
+from patrol.process.exit_codes import INTERRUPTED
+from patrol.process.lifeline import heed
+from patrol.starting.warmup import warm
+
+EXAMPLES = [
+    "fogwatch export runs/yards-20260101-120000 --format parquet",
+    "fogwatch export RUN --format csv --out tables",
+]
+EXIT_CODES = "0 done, 2 bad input, 130 interrupted"
+TABLES = "tables"
+
+
+def export(
+    run: Annotated[Path, RUN],
+    kind: Annotated[str, typer.Option("--format", metavar="parquet|csv", help="Format of the files.")] = "parquet",
+    out: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="Folder of the files (default: tables in the run's folder).")
+    ] = None,
+    key: Annotated[Path | None, KEY] = None,
+) -> None:
+    """Write a run's tables for pandas, polars or a spreadsheet, a file a table.
+
+    The tables are ticks, robots, links, events, visits (of a graph's vertices) and ground. Files of these names in the
+    folder are replaced, all of them or none.
+    """
+    from rich.console import Console
+    from rich.progress import TimeRemainingColumn
+
+    from fogwatch.terminal.bars import bar_on
+    from monitor.tables.arrow import check_pyarrow
+    from monitor.tables.files import FORMATS, write_tables
+
+    chosen = next((one for one in FORMATS if one == kind), None)
+    if chosen is None:
+        raise BadInput(f"--format {kind}: {did_you_mean(kind, FORMATS)}")
+    folder = run / TABLES if out is None else out
+    if folder.exists() and not folder.is_dir():
+        raise BadInput(f"--out {folder}: is a file; name a folder")
+    if out is None and leads_out(run, folder):
+        raise BadInput(f"{folder}: is a link that leads out of the run's folder; name a folder with --out")
+    check_pyarrow()
+    heed(None, patience=0)  # any signal raises KeyboardInterrupt, after which no half file stays
+    opened, going = open_folder(run, key)
+    with bar_on(Console(stderr=True), TimeRemainingColumn()) as bar:
+        task = bar.add_task("tables, %", total=100)
+        files = write_tables(opened, folder, chosen, share=lambda done: bar.update(task, completed=100.0 * done))
+    print_state(opened, going)
+    typer.echo(printable(f"tables: {folder}: {', '.join(file.name for file in files)}"))
+
+
+RECORD_EXAMPLES = [
+    "fogwatch record runs/yards-20260101-120000 --out yards.mcap",
+    "fogwatch record --credentials yards-1/viewer",
+    "fogwatch record --router tcp/192.168.1.10:7447 --fleet yards-1",
+]
+RECORDING_EXAMPLES = ["fogwatch recording yards.mcap --repair repaired.mcap"]
+
+BROKEN = 1
+
+
+def record(
+    run: Annotated[Path | None, typer.Argument(metavar="[RUN]", help="Folder of a run.")] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE", help="File to write (default: recording.mcap in the run's folder, or FLEET.mcap)."
+        ),
+    ] = None,
+    credentials: CredentialsOption = None,
+    router: Router = None,
+    fleet: Fleet = None,
+    scenario: FleetScenario = None,
+    radio: Radio = None,
+    wait: Wait = WAIT_S,
+) -> int:
+    """Write a recording: an MCAP file of ROS 2 messages for Foxglove, Lichtblick, Rerun or PlotJuggler.
+
+    Given the folder of a run, it holds the whole run so far. Given a running fleet (--credentials, or --router and
+    --fleet), it holds what happens from now on, until the run ends, its world is gone, or Ctrl-C is pressed.
+    """
+    check_one_fleet("record", run, credentials, router, fleet)
+    if run is not None:
+        if scenario is not None or radio is not None:
+            raise BadInput("record: --scenario and --radio are for robots without a world; leave the folder out")
+        _record_run(run, out)
+        return 0
+    from patrol.process.options import meeting
+    from patrol.security.roles import Kind
+
+    named = Namespace(credentials=credentials, router=router, fleet=fleet)
+    name = meeting(credentials, router, fleet, Kind.VIEWER, Kind.OPERATOR).keys.fleet
+    return _record_fleet(out or Path(f"{name}.mcap"), name, named, scenario, radio, wait)
+
+
+def _record_fleet(
+    out: Path, fleet: str, named: Namespace, scenario: Path | None, radio: str | None, wait_s: float
+) -> int:
+    """Record a fleet until its run ends or Ctrl-C is pressed, which is no failure; the exit code."""
+    from monitor.replay.run_files import check_out
+
+    check_out(out, f"{fleet}.mcap")
+    ending = heed(None, patience=1)
+    if out.exists():
+        raise BadInput(f"{out}: exists already; name a new file with --out")
+    warm(("patrol", "monitor"), lambda line: typer.echo(line, err=True))
+    from monitor.live.attach import open_fleet
+    from monitor.recording.live_recorder import record_live
+
+    source = open_fleet(ending, **vars(named), scenario=scenario, radio=radio, wait_s=wait_s)
+    if source is None:
+        return INTERRUPTED
+
+    def say(line: str) -> None:
+        typer.echo(f"record: {line}", err=True)
+
+    started = datetime.now(UTC).isoformat(timespec="seconds")
+    try:
+        say(f"recording fleet {fleet} into {out}; press Ctrl-C to end")
+        last = record_live(source, out, started, lambda: bool(ending), say)
+    finally:
+        source.close()
+    content = "nothing was received"
+    if last is not None:
+        content = f"up to {last.time_s:g} s, {last.ended or ('its world is gone' if last.gone else 'the run goes on')}"
+    typer.echo(printable(f"recording: {out}, {out.stat().st_size / 1e6:.1f} MB, {content}"))
+    return 0
+
+
+def _record_run(run: Path, out: Path | None) -> None:
+    from monitor.replay.run_files import RECORDING, check_out
+
+    file = run / RECORDING if out is None else out
+    if out is not None:
+        check_out(out, RECORDING)
+    opened, going = open_folder(run)
+    from monitor.recording.run_recorder import Recorder, key_frame_ticks
+    from monitor.replay.replay import play
+
+    recorder = Recorder(opened, file)
+    try:
+        wrong = play(opened, [recorder])
+        recorder.close()
+    except BaseException:
+        recorder.abandon()
+        raise
+    print_state(opened, going)
+    if wrong is not None:
+        since = wrong * opened.step
+        typer.echo(f"from {since:g} s on the replayed fog differs from the run's: scenario or map differ", err=True)
+    every = key_frame_ticks(opened) * opened.step
+    megabytes = file.stat().st_size / 1e6
+    typer.echo(
+        f"recording: {file}, {megabytes:.1f} MB, {opened.ticks * opened.step:g} s, a whole grid every {every:g} s"
+    )
+
+
+def recording(
+    file: Annotated[Path, typer.Argument(metavar="FILE.mcap", help="Recording to look at.")],
+    repair: Annotated[
+        Path | None, typer.Option(metavar="NEW.mcap", help="Write a complete file with all that can be read.")
+    ] = None,
+) -> int:
+    """Print what a recording holds and whether it is complete, and repair a damaged one."""
+    from monitor.recording.mcap_file import inspect_recording
+
+    contents = inspect_recording(file, repair)
+    facts = contents.facts
+    by = facts.get("software") or facts.get("told_by")
+
+    def say(line: str) -> None:
+        typer.echo(printable(line))
+
+    say(f"{facts.get('scenario', '?')}: {contents.begin_s:g} to {contents.end_s:g} s, by {by}")
+    scale = facts.get("fog_scale_s", "?")
+    unit = " s" if scale[:1].isdigit() else ""
+    say(f"  in /fog, 100 stands for {scale}{unit}; the run: {facts.get('ended')}")
+    for topic, count in sorted(contents.messages.items()):
+        say(f"  {count:8} {topic}")
+    if not contents.why_cut:
+        typer.echo("complete, checksums right")
+        return 0
+    saved = f"; repaired copy: {repair}" if repair else "; --repair NEW.mcap saves what can be read"
+    typer.echo(f"cut off: {contents.why_cut}{saved}")
+    return 0 if repair else BROKEN

@@ -1,0 +1,114 @@
+"""``fogwatch report`` and ``compare``: runs as HTML pages. Commands raise BadInput; the caller prints it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from fogwatch.commands.open_run import KEY, RUN, open_folder, print_state
+from patrol.errors import BadInput
+from patrol.printable import printable
+
+if TYPE_CHECKING:
+    from monitor.report.analysis import Analysis
+
+REPORT_EXAMPLES = [
+    "fogwatch report runs/yards-20260101-120000 --figures figures",
+    "fogwatch report RUN --csv tables",
+]
+COMPARE_EXAMPLES = ["fogwatch compare runs/yards-1 runs/yards-2 --out compare.html"]
+
+Figures = Annotated[
+    Path | None, typer.Option(metavar="DIR", help="Write each figure as PNG, SVG and PDF into this folder as well.")
+]
+
+
+def report(
+    run: Annotated[Path, RUN],
+    out: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="File to write (default: report.html in the run's folder).")
+    ] = None,
+    figures: Figures = None,
+    csv: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="DIR", help="Write the visits of terrain.graph's vertices as CSV files of patrolling_sim as well."
+        ),
+    ] = None,
+    key: Annotated[Path | None, KEY] = None,
+) -> None:
+    """Write a run's report: one HTML file, readable without a network, that shows what happened."""
+    from monitor.replay.run_files import REPORT, check_out
+
+    file = run / REPORT if out is None else out
+    if out is not None:
+        check_out(out, REPORT)
+    opened, going = open_folder(run, key)
+    from monitor.report.analysis import analyse
+    from monitor.report.document import write_report
+    from monitor.report.patrolling_csv import write_csv
+
+    tables = write_csv(opened, csv) if csv is not None else []
+    drawn = write_report(analyse(opened), file, going, figures)
+    print_state(opened, going)
+    typer.echo(printable(f"report: {file}"))
+    if figures is not None:
+        typer.echo(printable(f"figures: {figures}: {', '.join(drawing.name for drawing in drawn)}"))
+    if csv is not None:
+        typer.echo(printable(f"tables: {csv}: {', '.join(table.name for table in tables)}"))
+
+
+def compare(
+    runs: Annotated[list[Path], typer.Argument(metavar="RUN RUN...", help="Folders of two or more runs.")],
+    out: Annotated[Path, typer.Option(metavar="FILE", help="File to write.")] = Path("compare.html"),
+    figures: Figures = None,
+) -> None:
+    """Compare runs: print their measures and the settings that differ, and write an HTML file with their fogs too."""
+    if len(runs) < 2:
+        raise BadInput(f"compare {runs[0]}: one run cannot be compared; name two or more (or use fogwatch report)")
+    from rich.console import Console
+
+    from fogwatch.cli.columns import print_side_by_side
+    from monitor.replay.run_files import check_out
+
+    check_out(out, "compare.html")
+
+    analyses = [_analysed(folder) for folder in runs]
+    from monitor.report.compare import (
+        cautions,
+        compare_html,
+        contradictions,
+        differences,
+        drawings,
+        names_of,
+        rows_of,
+    )
+    from monitor.report.document import write_page
+
+    drawn = drawings(analyses)
+    write_page(compare_html(analyses, drawn), out)
+    for drawing in drawn if figures is not None else ():
+        drawing.save(figures or out.parent)
+    opened = [analysis.run for analysis in analyses]
+    differ = [tuple(map(printable, row)) for row in differences(opened)]
+    shown = contradictions(differ)
+    print_side_by_side(Console(), names_of(opened), [("", rows_of(opened)), ("settings that differ", shown)])
+    if not differ:
+        typer.echo("settings: all runs have the same scenario")
+    if len(shown) < len(differ):
+        typer.echo(
+            f"{len(differ) - len(shown)} more options, which only some of the policies have: {printable(str(out))}"
+        )
+    for line in cautions(differ):
+        typer.echo(line)
+    typer.echo(printable(f"comparison: {out}"))
+
+
+def _analysed(folder: Path) -> Analysis:
+    opened, going = open_folder(folder)
+    from monitor.report.analysis import analyse
+
+    print_state(opened, going)
+    return analyse(opened)

@@ -1,0 +1,191 @@
+"""``fogwatch scenario``: look at a scenario before it runs. Commands raise BadInput; the caller prints it."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from fogwatch.cli.command_help import command
+from fogwatch.cli.patrol_option import patrol_option
+from fogwatch.presets import PRESETS, preset_settings
+from patrol.errors import BadInput
+from patrol.printable import printable
+from patrol.radio.fleet_key import fleet_key
+from patrol.scenario import (
+    Scenario,
+    dump_scenario,
+    naming,
+    open_scenario,
+    parse_overrides,
+    scenario_hash,
+    scenario_schema,
+)
+from patrol.scenario.patrols import describe_patrol, patrol_settings
+from patrol.scenario.policies import BUILT_IN, LearnedPatrol
+from patrol.scenario.radio_spec import MODELS
+from patrol.scenario.sections import BUILT_IN_SENSORS, VERTICES
+
+if TYPE_CHECKING:
+    from worldsim.faults import Timeline
+
+app = typer.Typer(help="Print or check a scenario, or print the JSON schema of scenario files.", no_args_is_help=True)
+
+What = Annotated[str, typer.Argument(metavar="SCENARIO", help="Scenario file, map file or built-in terrain.")]
+Settings = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--set", metavar="FIELD=VALUE", help="Set a field, such as patrol.options.separation=none. Repeatable."
+    ),
+]
+PatrolOption = Annotated[str | None, patrol_option()]
+PresetOption = Annotated[
+    str | None,
+    typer.Option("--preset", metavar="|".join(PRESETS), help="As for fogwatch run; --set holds over it."),
+]
+
+
+@command(
+    app,
+    "show",
+    examples=["fogwatch scenario show yards > yards.yaml", "fogwatch scenario show yards --preset paper > paper.yaml"],
+)
+def print_scenario(
+    what: What, settings: Settings = None, patrol: PatrolOption = None, preset: PresetOption = None
+) -> None:
+    """Print a scenario as a scenario file, with every default filled in and the units beside the fields."""
+    overrides = {**preset_settings(preset), **parse_overrides(settings or [])}
+    overrides |= patrol_settings(patrol, overrides)
+    typer.echo(dump_scenario(open_scenario(what, overrides)), nl=False)
+
+
+@command(
+    app,
+    examples=["fogwatch scenario check examples/yards-five.yaml --set robots.count=8"],
+    exit_codes="0 the scenario can run, 2 it cannot",
+)
+def check(what: What, settings: Settings = None, patrol: PatrolOption = None) -> None:
+    """Check whether a scenario can run, and list its faults.
+
+    The check covers the values, the terrain, the fleet's key, and the room for all robots at the start. A policy,
+    sensor or radio model of one's own is looked for and not run, so its options are checked only when the scenario
+    runs.
+    """
+    overrides = parse_overrides(settings or [])
+    overrides |= patrol_settings(patrol, overrides)
+    scenario = open_scenario(what, overrides)
+    digest = scenario_hash(scenario)
+    fleet_key(scenario.radio.key)
+    from fogwatch.grounds.scenario_notes import scenario_notes
+    from patrol.classes.static_check import check_without_running
+    from patrol.own_sensor import sensor_named  # here: needs libraries that `fogwatch scenario show` does without
+    from patrol.prepare import prepare
+
+    with naming(what, overrides):
+        prepared = prepare(scenario)
+    if any(zone.age is not None for zone in scenario.zones):
+        from patrol.measures.zoned import zone_weights
+
+        zone_weights(prepared)
+    check_without_running(sensor_named(scenario.sensor))
+    if scenario.patrol.policy not in BUILT_IN:  # else it loads much and cannot fail
+        from agent.policies.found import policy_named
+
+        check_without_running(policy_named(scenario))
+    if isinstance(scenario.patrol, LearnedPatrol):
+        scenario.patrol.options.read_weights()
+    if scenario.radio.model not in MODELS:
+        from worldsim.radio.models import model_named
+
+        check_without_running(model_named(scenario))
+    given = sum(spec.start is not None for spec in scenario.roster)
+    typer.echo(printable(f"{what}: can run"))
+    typer.echo(f"  {_starts(len(scenario.roster), given)}")
+    unchecked = "" if scenario.patrol.policy in BUILT_IN else ", not run: a run checks its options"
+    typer.echo(printable(f"  patrol: {describe_patrol(scenario.patrol.policy)}{unchecked}"))
+    if scenario.sensor.kind not in BUILT_IN_SENSORS:
+        typer.echo(f"  sensor {printable(scenario.sensor.kind)}, not run: a run checks its options")
+    if scenario.radio.model not in MODELS:
+        typer.echo(f"  radio model {printable(scenario.radio.model)}, not run: a run checks its options")
+    ground = f"{float(prepared.patrolled.sum()) * scenario.point**2:.0f} m²"
+    if scenario.terrain.graph is not None and scenario.terrain.patrolled == VERTICES:
+        ground = f"{len(scenario.terrain.graph.vertices)} vertices"
+    typer.echo(f"  {ground} to patrol on {prepared.terrain.name}, points of {scenario.point:g} m")
+    ticks = "1 tick" if scenario.ticks == 1 else f"{scenario.ticks} ticks"
+    typer.echo(f"  {scenario.duration:g} s in {ticks} of {scenario.step:g} s")
+    for line in scenario_notes(prepared):
+        typer.echo(printable(f"  warning: {line}"))
+    if not scenario.docks and any(spec.battery is not None for spec in scenario.roster):
+        typer.echo("  no docks, so batteries are never charged")
+    for line in _faults(scenario):
+        typer.echo(f"  {line}")
+    typer.echo(f"  scenario hash {digest}")
+
+
+def _starts(robots: int, given: int) -> str:
+    """Describe the number of robots, and how many of them start at a given place."""
+    count = "1 robot" if robots == 1 else f"{robots} robots"
+    if given == 0:
+        return f"{count}, placed at random"
+    if given == robots:
+        return f"{count}, at {'a given start' if robots == 1 else 'given starts'}"
+    return (
+        f"{count}, {given} of them at {'a given start' if given == 1 else 'given starts'}, the others placed at random"
+    )
+
+
+def _faults(scenario: Scenario) -> Iterator[str]:
+    """The resolved faults: what happens, when and to whom."""
+    if not scenario.faults:
+        return
+    from worldsim.faults import Timeline
+
+    timeline, step = Timeline(scenario), scenario.step
+    count = "1 fault" if len(timeline.entries) == 1 else f"{len(timeline.entries)} faults"
+    remains = _remains(scenario, timeline)
+    if timeline.healed is None:
+        yield f"{count}, until the end{f'; {remains}' if remains else ''}"
+    elif remains:
+        yield f"{count}, over at {timeline.healed * step:g} s, but {remains}"
+    else:
+        yield f"{count}, healed at {timeline.healed * step:g} s"
+    for entry in timeline.entries:
+        begin = f"{entry.begin * step:g}"
+        to = "end" if entry.end is None else f"{entry.end * step:g} s"
+        when = f"{begin} s" if entry.end == entry.begin else f"{begin} to {to}"
+        yield f"  {entry.id:<10} {entry.fault.kind:<10} {when:<16} {timeline.describe(entry)}"
+
+
+def _remains(scenario: Scenario, timeline: Timeline) -> str:
+    """Which robots do not patrol at the end, and why; empty when all do."""
+    from patrol.journal.records import Status
+    from worldsim.faults import standing_at_the_end
+
+    names = {spec.number: spec.name for spec in scenario.roster}
+    standing = standing_at_the_end(timeline, names, scenario.ticks)
+    parts = []
+    for status, words in ((Status.DEAD, "dead"), (Status.PAUSED, "paused"), (Status.LEFT, "away")):
+        who = [names[number] for number, found in standing.items() if found is status]
+        if who:
+            all_of_many = len(who) == len(names) > 1
+            verb = "stay" if len(who) > 1 else "stays"
+            parts.append(f"{'all' if all_of_many else ' '.join(who)} {verb} {words}")
+    return ", ".join(parts)
+
+
+@command(app, examples=["fogwatch scenario schema --out scenario-schema.json"])
+def schema(
+    out: Annotated[Path | None, typer.Option(metavar="FILE", help="File to write (default: print the schema).")] = None,
+) -> None:
+    """Print the JSON schema of scenario files, with which an editor checks and completes them."""
+    text = f"{json.dumps(scenario_schema(), indent=2)}\n"
+    if out is None:
+        typer.echo(text, nl=False)
+        return
+    try:
+        out.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise BadInput(f"{out}: cannot be written ({error.strerror}); choose another file") from None

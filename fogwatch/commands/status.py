@@ -1,0 +1,174 @@
+"""``fogwatch status``: a running fleet at one look. Raises BadInput; the caller prints it."""
+
+from __future__ import annotations
+
+import json
+from argparse import Namespace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from fogwatch.commands.fleet import (
+    CredentialsOption,
+    Fleet,
+    FleetScenario,
+    Radio,
+    Router,
+    Wait,
+    check_one_fleet,
+    fleet_access,
+)
+from patrol.errors import BadInput
+from patrol.process.exit_codes import INTERRUPTED
+
+if TYPE_CHECKING:
+    from fogwatch.status import FleetStatus, FleetWatch
+    from patrol.process.lifeline import Ending
+    from patrol.process.options import Meeting
+
+EXAMPLES = [
+    "fogwatch status runs/yards-20260101-120000",
+    "fogwatch status --credentials yards-1/viewer --watch",
+    "fogwatch status --router tcp/192.168.1.20:7447 --fleet patrol",
+    "fogwatch status --router tcp/192.168.1.20:7447 --fleet patrol --scenario hall.yaml --json",
+]
+EXIT_CODES = "0 all well, 1 something is wrong, 2 bad input, or nothing of the fleet is there, 130 interrupted"
+WRONG = 1
+WAIT_S = 5.0
+LISTEN_S = 3.0
+PATIENCE_S = 30.0
+"""By how much a single look may take longer while a robot has not been heard, s."""
+EVERY_S = 1.0
+"""Time between two looks with --watch, s."""
+
+
+def status(
+    run: Annotated[
+        Path | None,
+        typer.Argument(metavar="[RUN]", help="Folder of a running fleet, or an operator's credentials."),
+    ] = None,
+    credentials: CredentialsOption = None,
+    router: Router = None,
+    fleet: Fleet = None,
+    scenario: FleetScenario = None,
+    radio: Radio = None,
+    watch: Annotated[
+        bool, typer.Option("--watch", help="Look again each second, until the run ends or Ctrl-C.")
+    ] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON, a line for each look.")] = False,
+    seconds: Annotated[float, typer.Option(metavar="S", help="How long to listen, in s.")] = LISTEN_S,
+    wait: Wait = WAIT_S,
+) -> int:
+    """Say how a running fleet does: its world, its robots, and what is wrong. It changes nothing.
+
+    Wrong are robots that are dead, paused, lost, trapped or silent, and what a page would warn of. With a world, a
+    robot is silent when no other robot has heard it for radio.forget_after. Without a world, --scenario says which
+    robots should be there; without it, in a mesh, all of its members, and at a router the look shows the processes
+    that are there and what they send. A robot is then silent that sends no position for --seconds. Wrong is also a
+    robot that reports not to hear another one.
+    """
+    from patrol.process.lifeline import heed
+    from patrol.scenario import load_scenario
+
+    check_one_fleet("status", run, credentials, router, fleet)
+    access = fleet_access("status", run, scenario)
+    if not 0.1 <= seconds <= 600.0:
+        raise BadInput(f"--seconds {seconds:g}: expected 0.1 to 600")
+    if scenario is not None:
+        load_scenario(scenario)
+    ending = heed(None, patience=1)
+    what = Namespace(
+        replay=None,
+        key=None,
+        access=access,
+        credentials=credentials,
+        router=router,
+        fleet=fleet,
+        scenario=scenario,
+        radio=radio,
+        wait=wait,
+    )
+    fleet_watch = _open(what, seconds, 0.0 if watch else PATIENCE_S, ending)
+    if fleet_watch is None:
+        return INTERRUPTED
+    try:
+        look = follow if watch else once
+        return look(fleet_watch, seconds, ending, as_json=as_json)
+    finally:
+        fleet_watch.close()
+
+
+def once(fleet_watch: FleetWatch, seconds: float, ending: Ending, *, as_json: bool) -> int:
+    """Listen for some seconds, print the state of a fleet, and return the exit code."""
+    seen = fleet_watch.look(seconds)
+    if ending or seen is None:
+        return INTERRUPTED
+    typer.echo(json.dumps(seen.as_json()) if as_json else seen.as_text())
+    return 0 if seen.well else WRONG
+
+
+def follow(fleet_watch: FleetWatch, seconds: float, ending: Ending, *, as_json: bool) -> int:
+    """Print the state of a fleet again and again, until its run is over, and return the exit code.
+
+    `seconds` is how long the first look listens; later ones take `EVERY_S`. JSON has a line for each look.
+    """
+    from rich.console import Console
+    from rich.live import Live
+    from rich.text import Text
+
+    console = Console()
+    live = Live(console=console, auto_refresh=False) if console.is_terminal and not as_json else None
+
+    def show(seen: FleetStatus) -> None:
+        if live is None:
+            typer.echo(json.dumps(seen.as_json()) if as_json else f"{seen.as_text()}\n")
+        else:
+            live.update(Text(seen.as_text()), refresh=True)
+
+    if live is not None:
+        live.start()
+    try:
+        while True:
+            seen = fleet_watch.look(seconds)
+            if ending or seen is None:
+                return INTERRUPTED
+            show(seen)
+            if seen.is_over:
+                return 0 if seen.well else WRONG
+            seconds = EVERY_S
+    finally:
+        if live is not None:
+            live.stop()
+
+
+def _open(what: Namespace, silent_s: float, patience_s: float, ending: Ending) -> FleetWatch | None:
+    """Connect to the fleet that the options name; None when asked to end meanwhile."""
+    from fogwatch.status import SourceWatch, TokenWatch
+    from monitor.live.attach import find_fleet
+    from monitor.process import source_opener
+    from patrol.messages.stop_orders import robots_there
+    from patrol.net.open_links import open_links
+    from patrol.reporting.logs import Log
+    from patrol.security.keys import WORLD, check_radio, is_serial
+
+    found = find_fleet(ending, what.access, what.credentials, what.router, what.fleet, what.wait, shown="status")
+    if found is None:
+        return None
+    met: Meeting = found[0]
+    on_air = None if what.scenario is not None else check_radio(what.radio, "--radio", "direct")
+    if on_air is not None and is_serial(on_air):
+        raise BadInput(f"--radio {on_air}: robots have no names on a serial line; give their --scenario FILE as well")
+    links = open_links(met.router, on_air, what.wait, Log("status").info, lambda: bool(ending), met.credentials)
+    if links is None:
+        return None
+    has_world, robots = links[0].sees(met.keys.alive(WORLD)), robots_there(links[0], met.keys)
+    if not has_world and what.scenario is None and robots:
+        return TokenWatch(*links, met.keys, met.meets_at, ending, silent_s)
+    for link in dict.fromkeys(links):
+        link.close()
+    if not has_world and not robots and what.scenario is None:
+        revoked = ", or these credentials were revoked" if met.revocable else ""
+        raise BadInput(f"--fleet {met.keys.fleet}: nothing of this fleet is at {met.meets_at}{revoked}; check both")
+    sources = source_opener(what, ending)()
+    return SourceWatch(sources[0], met.meets_at, ending, patience_s) if sources else None

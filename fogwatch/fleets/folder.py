@@ -1,0 +1,375 @@
+"""The folder of a fleet of several machines: its authority, its members' credentials, and what its router needs.
+
+    FOLDER/fleet.json     the members and former members, where they meet, and the operators' token
+    FOLDER/authority/     signs certificates; stays where it is
+    FOLDER/router/        for the router's machine (`patrol.security.credentials.RouterSecurity`)
+    FOLDER/mesh.json      in a fleet without a router, instead: a copy is in each member's folder
+    FOLDER/NAME/          for the machine of a member: a robot, world, viewer, operator (`Credentials`)
+
+A certificate's common name holds a number that counts how often the member got one. Zenoh has no list of revoked
+certificates, so the rules of the router, or of each member of a mesh, name the members whose certificates are valid.
+What a process without such a name sends is refused.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import json
+import os
+import shutil
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import MappingProxyType
+
+from fogwatch.fleets.certificates import facts, issue, make_authority, problem
+from fogwatch.fleets.hosts import LOCAL, checked_hosts, listening_locator, member_locator, mesh_locator
+from patrol.errors import BadInput
+from patrol.process import exhausted
+from patrol.security.credentials import (
+    AUTHORITY,
+    CERTIFICATE,
+    KEY,
+    MEMBER,
+    ROUTER,
+    Credentials,
+    as_json,
+    router_json,
+)
+from patrol.security.keys import fleet_keys
+from patrol.security.mesh import MESH, Mesh, mesh_json, read_mesh
+from patrol.security.private_files import check_private, read_object, replace_private, write_private
+from patrol.security.roles import (
+    OPERATOR,
+    RESERVED,
+    WORLD_ROLE,
+    Kind,
+    Role,
+    robot_role,
+    role_of,
+    roles_of,
+    router_name,
+)
+
+FILE = "fleet.json"
+THE_ROUTER = "router"
+AUTHORITY_FOLDER = "authority"
+_SOON_S = 30 * 86400
+_LAST_PORT = 65535
+LOCK_S = 10.0
+"""Longest wait for another command that changes the folder, s."""
+
+
+@dataclass(slots=True)
+class FleetFolder:
+    """A fleet's folder."""
+
+    path: Path
+    fleet: str
+    hosts: list[str]  # of the router's machine, the one that members use first; empty in a mesh
+    port: int  # TCP, of the router; in a mesh UDP, of each host's first member
+    token: str  # of the operators
+    members: dict[str, str] = field(default_factory=dict)  # common name of each one's certificate, by `Role.user`
+    issued: dict[str, int] = field(default_factory=dict)  # number of certificates each member has got, by `Role.user`
+    # in a mesh, known locators by `Role.user`; revoked members keep theirs
+    places: dict[str, str] = field(default_factory=dict)
+
+    @property
+    def is_mesh(self) -> bool:
+        """True if the members meet without a router."""
+        return not self.hosts
+
+    @property
+    def router(self) -> str:
+        """The router's locator, as members use it."""
+        return member_locator(self.hosts, self.port)
+
+    @property
+    def mesh(self) -> Mesh | None:
+        """The fleet as its members know it that meet without a router; None where there is one."""
+        if not self.is_mesh:
+            return None
+        roles = {common_name: role_of(user, FILE) for user, common_name in self.members.items()}
+        return Mesh(self.fleet, roles, {user: place for user, place in self.places.items() if user in self.members})
+
+    @property
+    def listen(self) -> str:
+        """The locator that the router listens on."""
+        return listening_locator(self.hosts, self.port)
+
+    @property
+    def absent(self) -> list[str]:
+        """The names of members whose folders are not here; they may have been moved to their machines."""
+        return [role.name for user in self.members if not (self.path / (role := role_of(user, FILE)).name).is_dir()]
+
+    def add(self, role: Role, days: int, host: str | None = None, called: str = "--host") -> None:
+        """Add a member with a certificate that is valid for `days`.
+
+        In a mesh, `host` is the name or address of its machine; None for the one that it had, if any. Errors name the
+        host by `called`.
+        """
+        if role.user in self.members:
+            raise BadInput(f"{role.name}: is a member already; to replace its certificate, revoke it first")
+        folder = self.path / role.name
+        if os.path.lexists(folder):  # also a link that leads nowhere
+            raise BadInput(f"{folder}: is there already, though {role.name} is no member; move it away")
+        number = self.issued.get(role.user, 0) + 1
+        common_name = f"{role.user}.{number}"
+        if host is not None:
+            taken = [place for user, place in self.places.items() if user != role.user]
+            self.places[role.user] = mesh_locator(checked_hosts([host], called)[0], self.port, taken)
+        with _made_whole(folder) as part:
+            issue(self.path / AUTHORITY_FOLDER, part, common_name, days, listens=self.is_mesh)
+            self._write_member(role, part)
+        self.issued[role.user], self.members[role.user] = number, common_name
+        self._save()
+
+    def revoke(self, role: Role, days: int) -> Role | None:
+        """Take a member's rights away, and return the member whose folder must be copied again, or None.
+
+        Operator and world share a token: when one is revoked, the other gets a new one into its folder. If that folder
+        is not here, it is made anew, with a certificate that is valid for `days`.
+        """
+        if role.user not in self.members:
+            names = ", ".join(sorted(role_of(user, FILE).name for user in self.members))
+            raise BadInput(f"{role.name}: is no member of {self.fleet}; members are {names}")
+        del self.members[role.user]
+        other = {WORLD_ROLE: OPERATOR, OPERATOR: WORLD_ROLE}.get(role)
+        if other is not None:
+            self.token = os.urandom(16).hex()
+        if other is None or other.user not in self.members:
+            other = None
+        elif (self.path / other.name).is_dir():
+            self._write_member(other, self.path / other.name)
+        else:  # its folder was moved away, so the token cannot be written into it
+            del self.members[other.user]
+            self.add(other, days)
+        self._save()
+        folder = self.path / role.name
+        if folder.is_symlink():  # the folder that it leads to is not ours to remove
+            folder.unlink()
+        shutil.rmtree(folder, ignore_errors=True)
+        return other
+
+    def renew_router(self, days: int, hosts: Sequence[str] = ()) -> None:
+        """Issue a new certificate for the router, valid for `days`.
+
+        `hosts` are added before the names and addresses that its machine has. Members use the first.
+        """
+        if self.is_mesh:
+            raise BadInput(f"{self.path}: fleet {self.fleet} meets without a router")
+        before = self.router
+        self.hosts = checked_hosts([*hosts, *self.hosts])
+        folder = self.path / THE_ROUTER
+        folder.mkdir(mode=0o700, exist_ok=True)
+        names = [*dict.fromkeys([*self.hosts, *LOCAL])]
+        issue(self.path / AUTHORITY_FOLDER, folder, router_name(self.fleet), days, names)
+        if self.router != before:
+            for role in (role_of(user, FILE) for user in self.members):
+                if (self.path / role.name).is_dir():
+                    self._write_member(role, self.path / role.name)
+        self._save()
+
+    def check(self, now_s: float) -> Iterator[tuple[str, bool, str]]:
+        """Check the credentials that lie in the folder; copies on other machines are not seen.
+
+        Yield the name that a line is about, whether all is well, and the line. `now_s` is Unix time.
+        """
+        try:
+            yield AUTHORITY_FOLDER, *_expiry(facts(self.path / AUTHORITY_FOLDER / CERTIFICATE).ends_s, now_s)
+        except BadInput as bad:
+            yield AUTHORITY_FOLDER, False, str(bad)
+        of_router = {} if self.is_mesh else {THE_ROUTER: ""}
+        for user, common_name in {**of_router, **self.members}.items():
+            name = user if user == THE_ROUTER else role_of(user, FILE).name
+            folder = self.path / name
+            if not folder.exists():
+                yield name, True, "its folder is not here (it may have been moved to its machine)"
+                continue
+            try:
+                if (mesh := self.mesh) is not None and read_mesh(folder / MESH, "fleet") != mesh:
+                    yield name, False, f"its {MESH} is an old one; copy {self.path / MESH} into it"
+                    continue
+                yield name, *_judge(folder, self.path / AUTHORITY_FOLDER / CERTIFICATE, common_name, now_s)
+            except BadInput as bad:
+                yield name, False, str(bad)
+
+    def _write_member(self, role: Role, folder: Path) -> None:
+        token = self.token if role in (WORLD_ROLE, OPERATOR) else None
+        router = "" if self.is_mesh else self.router
+        replace_private(folder / MEMBER, as_json(Credentials(self.fleet, router, role, token=token)))
+
+    def _save(self) -> None:
+        """Write fleet.json, and what follows from it: the router's rules, or the file of the mesh and its copies."""
+        fields = {
+            "fleet": self.fleet,
+            "hosts": self.hosts,
+            "port": self.port,
+            "token": self.token,
+            "members": self.members,
+            "issued": self.issued,
+            **({"places": self.places} if self.is_mesh else {}),
+        }
+        replace_private(self.path / FILE, f"{json.dumps(fields, indent=2)}\n")
+        if (mesh := self.mesh) is not None:
+            here = [role.name for role in mesh.members.values() if (self.path / role.name).is_dir()]
+            for folder in (self.path, *(self.path / name for name in here)):
+                replace_private(folder / MESH, mesh_json(mesh))
+            return
+        roles = {common_name: role_of(user, FILE) for user, common_name in self.members.items()}
+        folder = self.path / THE_ROUTER
+        folder.mkdir(mode=0o700, exist_ok=True)
+        replace_private(folder / ROUTER, router_json(fleet_keys(self.fleet), self.listen, roles))
+
+
+def make_fleet(
+    path: Path,
+    fleet: str,
+    robots: Sequence[str],
+    hosts: Sequence[str],
+    port: int,
+    days: int,
+    places: Mapping[str, str] = MappingProxyType({}),
+) -> FleetFolder:
+    """Make a fleet's folder, whole or not at all.
+
+    `hosts` are names and addresses of the router's machine, the one that members use first; none for this machine
+    alone. With `places`, the names or addresses of robots' machines by robot, the fleet is a mesh without a router.
+    `port` is the TCP port of the router; in a mesh, the UDP port of each host's first robot. Certificates are valid for
+    `days`.
+    """
+    if path.exists():
+        raise BadInput(f"{path}: exists already; to add a member, use: fogwatch fleet add {path} NAME")
+    keys = fleet_keys(fleet, "--name")
+    roles = [*map(_robot, robots), *(role for role in roles_of(robots) if role.kind is not Kind.ROBOT)]
+    if not _is_port(port):
+        raise BadInput(f"--port {port}: ports go from 1 to {_LAST_PORT}; choose one of them")
+    router_hosts = [] if places else checked_hosts(hosts) or [*LOCAL]
+    new_fleet = FleetFolder(path, keys.fleet, router_hosts, port, os.urandom(16).hex())
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with _made_whole(path) as part:
+            new_fleet.path = part
+            write_private(part / ".gitignore", "*\n")  # keys belong into no repository
+            make_authority(part / AUTHORITY_FOLDER, fleet)
+            if not new_fleet.is_mesh:
+                new_fleet.renew_router(days)
+            for role in roles:
+                new_fleet.add(role, days, places.get(role.name), f"--robots {role.name}=")
+    except OSError as error:
+        raise BadInput(f"{path}: cannot be made ({error.strerror}); choose another folder") from None
+    new_fleet.path = path
+    return new_fleet
+
+
+@contextmanager
+def fleet_to_change(path: Path) -> Iterator[FleetFolder]:
+    """Open a fleet's folder to change it; other commands that want to change it wait until this is done."""
+    open_fleet_folder(path)
+    descriptor = os.open(path, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
+    until = time.monotonic() + LOCK_S
+    try:
+        while True:
+            try:
+                fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                break
+            except BlockingIOError:
+                if time.monotonic() >= until:
+                    raise BadInput(f"{path}: another command is changing it; wait until that has ended") from None
+                time.sleep(0.05)
+        with changing(path):
+            yield open_fleet_folder(path)
+    finally:
+        os.close(descriptor)
+
+
+@contextmanager
+def changing(path: Path) -> Iterator[None]:
+    """Turn an OSError about a file into a BadInput that says that the folder cannot be changed."""
+    try:
+        yield
+    except OSError as error:
+        if error.filename is None or exhausted.told(error):  # such as an output without a reader, or a full disk
+            raise
+        file = error.filename2 or error.filename
+        raise BadInput(f"{file}: cannot be written ({error.strerror}); make {path} writable") from None
+
+
+def open_fleet_folder(path: Path) -> FleetFolder:
+    """Open a fleet's folder."""
+    if not (path / FILE).exists():
+        raise BadInput(f"{path}: no fleet's folder, because it holds no {FILE}; make one with: fogwatch fleet init")
+    fields = read_object(path / FILE, "fleet", secret=True)
+    members, issued, places, hosts = (
+        fields.get(name, empty) for name, empty in (("members", {}), ("issued", {}), ("places", {}), ("hosts", []))
+    )
+    fine = (
+        isinstance(fields.get("fleet"), str)
+        and isinstance(fields.get("token"), str)
+        and _is_port(fields.get("port"))
+        and isinstance(hosts, list)
+        and isinstance(members, dict)
+        and isinstance(issued, dict)
+        and isinstance(places, dict)
+        and all(isinstance(value, str) for value in (*hosts, *members.values(), *places.values()))
+        and all(isinstance(value, int) for value in issued.values())
+    )
+    if not fine or not (hosts or "places" in fields):
+        raise BadInput(f"fleet: {path / FILE}: is damaged; restore it, or make a new fleet: fogwatch fleet init")
+    for user in members:
+        role_of(user, f"fleet: {path / FILE}")
+    keys = fleet_keys(fields["fleet"])
+    own_hosts, port, token = checked_hosts(hosts), fields["port"], fields["token"]
+    return FleetFolder(path, keys.fleet, own_hosts, port, token, members, issued, places)
+
+
+def member_role(name: str) -> Role:
+    """Return the role of a member by its name in a fleet's folder: a robot's name, world, viewer or operator."""
+    return Role(Kind(name)) if name in RESERVED and name in list(Kind) else _robot(name)
+
+
+def _robot(name: str) -> Role:
+    if name in RESERVED:
+        raise BadInput(f"{name}: is a folder of every fleet, and cannot be a robot's name here; rename the robot")
+    return robot_role(name)
+
+
+def _judge(folder: Path, authority: Path, common_name: str, now_s: float) -> tuple[bool, str]:
+    for name in (KEY, ROUTER if not common_name else MEMBER):
+        check_private(folder / name, "fleet")
+    if not (folder / AUTHORITY).is_file():
+        return False, f"{AUTHORITY} is missing"
+    if wrong := problem(folder, authority):
+        return False, f"its certificate {wrong}"
+    certificate = facts(folder / CERTIFICATE)
+    if common_name and certificate.common_name != common_name:
+        return False, f"its certificate is for {certificate.common_name}, and the fleet's member is {common_name}"
+    return _expiry(certificate.ends_s, now_s)
+
+
+def _expiry(ends_s: int, now_s: float) -> tuple[bool, str]:
+    """Return whether a certificate is still valid, and until when."""
+    day = time.strftime("%Y-%m-%d", time.gmtime(ends_s))
+    if ends_s <= now_s:
+        return False, f"its certificate expired on {day}"
+    return True, f"valid until {day}{', which is soon' if ends_s - now_s < _SOON_S else ''}"
+
+
+def _is_port(value: object) -> bool:
+    return type(value) is int and 1 <= value <= _LAST_PORT
+
+
+@contextmanager
+def _made_whole(folder: Path) -> Iterator[Path]:
+    """Make a folder that gets its name when its files are complete; remove it if that fails."""
+    part = folder.with_name(f".{folder.name}.part")
+    shutil.rmtree(part, ignore_errors=True)
+    try:
+        part.mkdir(mode=0o700)
+        yield part
+        part.rename(folder)
+    except BaseException:
+        shutil.rmtree(part, ignore_errors=True)
+        raise

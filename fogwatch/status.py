@@ -1,0 +1,400 @@
+"""The state of a fleet: from what a page would show of it, or without a world from the processes that are there."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Collection, Iterator
+from dataclasses import asdict, dataclass
+from functools import partial
+from typing import Any, Protocol
+
+from fogwatch.cli.columns import aligned
+from fogwatch.terminal.live_table import duration_text
+from monitor.live.positions_source import MAX_TELEMETRY
+from monitor.observation.hearing import Hearing
+from monitor.observation.source import RobotShape, RobotState, Source, State, Static
+from patrol.errors import Malformed
+from patrol.journal.records import Status
+from patrol.messages.stop_orders import robots_there
+from patrol.messages.telemetry import Telemetry
+from patrol.net.link import Link
+from patrol.net.mailbox import Air, Mailbox
+from patrol.printable import printable
+from patrol.process.lifeline import Ending
+from patrol.radio.message import CONTACT, MAX_FRAME, Position, Rejected, decode
+from patrol.security.keys import FleetKeys
+from patrol.wire import read
+
+
+@dataclass(frozen=True, slots=True)
+class RobotStatus:
+    """The state of one robot."""
+
+    name: str
+    status: str  # of its process, such as "alive", "paused" or "dead"
+    doing: str = ""  # as its mind reports; empty without a report
+    # age of its last position, with a world as other robots heard it; None if none was heard
+    heard_s: float | None = None
+    place: tuple[float, float] | None = None  # x and y, m; None when unknown
+    tick: int | None = None  # last one that it has reported; None when unknown
+    wrong: str = ""  # what is wrong with it, and since when; empty if nothing is
+
+
+@dataclass(frozen=True, slots=True)
+class WorldStatus:
+    """The world that simulates the fleet."""
+
+    tick: int  # last one done
+    ticks: int | None  # of the whole run; None when unknown
+    time_s: float  # simulated
+    running: bool  # False while it is paused
+    ticks_per_s: float  # per second of wall time
+    ended: str | None = None  # why no more ticks follow; None while more may follow
+
+
+@dataclass(frozen=True, slots=True)
+class FleetStatus:
+    """The state of a fleet."""
+
+    fleet: str
+    router: str  # locator of its router, which answers
+    world: WorldStatus | None  # None where there is none
+    mfow_s: float | None  # the true one; without a world, by the positions heard since the look began
+    robots: tuple[RobotStatus, ...]  # in roster order or, without a roster, by name
+    faults: tuple[str, ...] = ()  # those in force that operators have requested, as in a scenario
+    warnings: tuple[str, ...] = ()  # what is wrong with the fleet as a whole
+    unknown: tuple[str, ...] = ()  # what this look cannot tell, and what would
+
+    @property
+    def well(self) -> bool:
+        """True if nothing is known to be wrong."""
+        return not self.warnings and not any(robot.wrong for robot in self.robots)
+
+    @property
+    def is_over(self) -> bool:
+        """True if its world has ended the run."""
+        return self.world is not None and self.world.ended is not None
+
+    def as_json(self) -> dict[str, Any]:
+        """Return the state as JSON has it."""
+        return {"well": self.well, **asdict(self)}
+
+    def as_text(self) -> str:
+        """Write the state for people, in lines."""
+        return "\n".join(map(printable, self._lines()))
+
+    def _lines(self) -> Iterator[str]:
+        yield f"fleet {self.fleet} at {self.router}"
+        yield f"world   {_world_text(self.world)}"
+        if self.mfow_s is not None:
+            yield f"MFoW    {self.mfow_s:.1f} s{'' if self.world is not None else ', as heard since this look began'}"
+        yield ""
+        rows = [("robot", "process", "doing", "position", "x m", "y m", "wrong")]
+        rows += [
+            (
+                robot.name,
+                robot.status,
+                robot.doing or "-",
+                "-" if robot.heard_s is None else f"{robot.heard_s:.1f} s ago",
+                *(("-", "-") if robot.place is None else (f"{robot.place[0]:.1f}", f"{robot.place[1]:.1f}")),
+                robot.wrong,
+            )
+            for robot in self.robots
+        ]
+        yield from aligned(rows)
+        yield ""
+        yield from (f"fault in force: {fault}" for fault in self.faults)
+        yield from (f"warning: {warning}" for warning in self.warnings)
+        yield from (f"unknown: {unknown}" for unknown in self.unknown)
+        yield "all well" if self.well else f"not well: {self._counts()}"
+
+    def _counts(self) -> str:
+        wrong, warnings = sum(bool(robot.wrong) for robot in self.robots), len(self.warnings)
+        robots = [f"{wrong} of {len(self.robots)} robots"] if wrong else []
+        return ", ".join([*robots, *([f"warnings: {warnings}"] if warnings else [])])
+
+
+class FleetWatch(Protocol):
+    """Looks at a fleet, again and again."""
+
+    def look(self, seconds: float) -> FleetStatus | None:
+        """Listen, then return the state; None when asked to end before there was one."""
+        ...
+
+    def close(self) -> None:
+        """Disconnect."""
+        ...
+
+
+def _world_text(world: WorldStatus | None) -> str:
+    if world is None:
+        return "none"
+    at = f"tick {world.tick}" + (f" of {world.ticks}" if world.ticks else "") + f", {duration_text(world.time_s)}"
+    if world.ended is not None:
+        return f"{at}; ended: {world.ended}"
+    return f"{at}; {f'{world.ticks_per_s:.1f} ticks/s' if world.running else 'paused'}"
+
+
+_PROCESS_WRONG = {
+    Status.PAUSED: "its process is paused",
+    Status.DEAD: "its process was killed",
+    Status.LOST: "its process has gone",
+}
+_NO_WORLD = "the true fog and the true positions: no world simulates these robots"
+POLL_S = 0.2
+
+
+@dataclass(frozen=True, slots=True)
+class Look:
+    """A fleet as a source shows it."""
+
+    static: Static
+    state: State
+    observed_s: float  # simulated time for which the source has been observed
+
+    @property
+    def forget_after_s(self) -> float:
+        """Silence after which robots forget each other, s."""
+        return float(self.static.scenario["radio"]["forget_after"])
+
+    @property
+    def undecided(self) -> list[str]:
+        """Names of the robots that may be silent: their processes are there, and this look was too short to tell."""
+        if self.observed_s > self.forget_after_s or self.state.ended is not None:
+            return []
+        maybe = Status.ALIVE if self.static.has_truth else Status.LOST
+        robots = zip(self.static.robots, self.state.robots, strict=True) if self.state.robots else ()
+        return [shape.name for shape, robot in robots if robot.status is maybe and robot.heard_s is None]
+
+
+class SourceWatch:
+    """Looks at a source."""
+
+    def __init__(
+        self,
+        source: Source,
+        router: str,
+        ending: Ending,
+        patience_s: float = 0.0,
+        now: Callable[[], float] = time.monotonic,
+    ) -> None:
+        """Take over a source, which `close` closes.
+
+        The first look may take `patience_s` longer while a robot has not been heard. `ending` ends a look early. `now`
+        gives the wall clock in s.
+        """
+        self._source, self._router, self._ending, self._now = source, router, ending, now
+        self._patience_s = patience_s
+        self._static = source.static()
+        self._look: Look | None = None
+        self._first_s: float | None = None
+
+    def look(self, seconds: float) -> FleetStatus | None:
+        """See `FleetWatch`."""
+        until = self._now() + seconds
+        longest = until + self._patience_s
+        self._patience_s = 0.0
+        while (now := self._now()) < until or self._is_undecided(now < longest):
+            state = self._source.wait(min(max(until - now, 0.01), POLL_S))
+            if state is not None:
+                if self._first_s is None:
+                    self._first_s = state.time_s
+                self._look = Look(self._static, state, state.time_s - self._first_s)
+            if self._ending:
+                break
+        return None if self._look is None else fleet_status(self._look, self._router)
+
+    def _is_undecided(self, may_wait: bool) -> bool:
+        """Return whether to look on: there is no state yet, or a robot may be silent in a fleet that goes on."""
+        look = self._look
+        return look is None or (may_wait and look.state.running and not look.state.gone and bool(look.undecided))
+
+    def close(self) -> None:
+        """See `FleetWatch`."""
+        self._source.close()
+
+
+def fleet_status(look: Look, router: str) -> FleetStatus:
+    """Judge a fleet as a source shows it."""
+    static, state = look.static, look.state
+    simulated = static.has_truth
+    robots = zip(static.robots, state.robots, strict=True) if state.robots else ()
+    return FleetStatus(
+        fleet=static.name,
+        router=router,
+        world=WorldStatus(state.k, static.ticks, state.time_s, state.running, state.ticks_per_s, state.ended)
+        if simulated
+        else None,
+        mfow_s=state.mfow_s,
+        robots=tuple(_robot(look, *robot) for robot in robots),
+        faults=tuple(" ".join(f"{field}={value}" for field, value in fault.items()) for fault in state.faults),
+        warnings=(state.note,) if state.note else (),
+        unknown=_unknown(look),
+    )
+
+
+def _unknown(look: Look) -> tuple[str, ...]:
+    """Say what the look cannot tell."""
+    silent = look.undecided
+    heard = f"whether {', '.join(silent)} can be heard: {look.observed_s:.1f} s of this run are too short to tell"
+    return (*((heard,) if silent else ()), *(() if look.static.has_truth else (_NO_WORLD,)))
+
+
+def _robot(look: Look, shape: RobotShape, robot: RobotState) -> RobotStatus:
+    return RobotStatus(
+        name=shape.name,
+        status="silent" if robot.status is Status.LOST and not look.static.has_truth else robot.status.name.lower(),
+        doing=robot.state,
+        heard_s=robot.heard_s,
+        place=None if robot.pose is None else (robot.pose.x, robot.pose.y),
+        wrong=_wrong(look, shape, robot),
+    )
+
+
+def _wrong(look: Look, shape: RobotShape, robot: RobotState) -> str:
+    """Say what is wrong with a robot; empty if nothing is."""
+    simulated = look.static.has_truth
+    if robot.status is Status.ABSENT:
+        return "" if shape.spare or simulated else "is not there"
+    if simulated and robot.status in _PROCESS_WRONG:
+        return _PROCESS_WRONG[robot.status]
+    if robot.status is Status.LEFT:
+        return ""
+    heard_s = look.observed_s if robot.heard_s is None else robot.heard_s
+    if heard_s > look.forget_after_s:
+        since = "" if robot.heard_s is not None else "more than "
+        what = "no other robot has heard it" if simulated else "no position"
+        return f"{what} for {since}{duration_text(heard_s)}"
+    if robot.trapped is not None:
+        before = "" if robot.trapped.exact else "before "
+        return f"trapped since {before}{duration_text(robot.trapped.since_s)}"
+    return robot.radio_wrong
+
+
+_UNKNOWN = "frames' tags, MFoW and trapped robots: give --scenario FILE"
+_UNKNOWN_AT_A_ROUTER = f"robots that should be here and are not, {_UNKNOWN}"
+
+_TAKE_S = 0.1
+
+
+class _Heard:
+    """The position and the reports that were heard of a robot."""
+
+    def __init__(self, link: Link, air: Air, keys: FleetKeys, name: str, now: float) -> None:
+        self.followed_since, self._name = now, name
+        position, telemetry = keys.position(name), keys.telemetry(name)
+        self._frames: Mailbox[Position] = Mailbox([position], _position, MAX_FRAME)
+        self._reports: Mailbox[Telemetry] = Mailbox([telemetry], partial(read, Telemetry), MAX_TELEMETRY)
+        self.position: Position | None = None
+        self.position_at = 0.0
+        self.report: Telemetry | None = None
+        air.subscribe(position, self._frames)
+        link.subscribe(telemetry, self._reports)
+
+    def take(self, now: float, hearing: Hearing) -> None:
+        """Take in what has arrived."""
+        while (frame := self._frames.get()) is not None:
+            hearing.sent(self._name)
+            if frame[1].robot != CONTACT:
+                self.position, self.position_at = frame[1], now
+        while (report := self._reports.get()) is not None:
+            self.report = report[1]
+            hearing.take(self._name, self.report.traffic)
+
+
+class TokenWatch:
+    """Looks at the processes of a fleet."""
+
+    def __init__(
+        self,
+        link: Link,
+        air: Air,
+        keys: FleetKeys,
+        router: str,
+        ending: Ending,
+        silent_s: float,
+        now: Callable[[], float] = time.monotonic,
+    ) -> None:
+        """Take over the connections, which `close` closes.
+
+        `link` leads to the fleet's router, `air` to where the robots send positions; they may be the same. A robot
+        without a position for `silent_s` is silent. `ending` ends a look early. `now` gives the wall clock in s.
+        """
+        self._link, self._air, self._keys, self._router = link, air, keys, router
+        self._ending, self._silent_s, self._now = ending, silent_s, now
+        self._robots: dict[str, _Heard] = {}
+        self._hearing = Hearing()
+
+    def look(self, seconds: float) -> FleetStatus:
+        """See `FleetWatch`."""
+        self._follow()
+        until = self._now() + seconds
+        while (left := until - self._now()) > 0.0 and not self._ending.wait(min(left, _TAKE_S)):
+            self._take()
+        self._take()
+        there, mesh = self._follow(), self._link.mesh
+        names = sorted({*self._robots, *(() if mesh is None else mesh.robots)})
+        robots = tuple(self._robot(name, there) for name in names)
+        new = [robot.name for robot in robots if robot.heard_s is None and not robot.wrong]
+        too_new = (
+            (f"whether {', '.join(new)} can be heard: followed for less than {self._silent_s:g} s",) if new else ()
+        )
+        unknown = (*too_new, _UNKNOWN_AT_A_ROUTER if mesh is None else _UNKNOWN)
+        return FleetStatus(self._keys.fleet, self._router, None, None, robots, unknown=unknown)
+
+    def close(self) -> None:
+        """See `FleetWatch`."""
+        self._link.close()
+        if self._air is not self._link:
+            self._air.close()
+
+    def _follow(self) -> list[str]:
+        """List the robots that are there, and listen to those that are new."""
+        there = robots_there(self._link, self._keys)
+        for name in there:
+            if name not in self._robots:
+                self._robots[name] = _Heard(self._link, self._air, self._keys, name, self._now())
+        return there
+
+    def _take(self) -> None:
+        for heard in self._robots.values():
+            heard.take(self._now(), self._hearing)
+
+    def _robot(self, name: str, there: Collection[str]) -> RobotStatus:
+        if name not in self._robots:
+            return RobotStatus(name, "absent", wrong="is not there")
+        heard = self._robots[name]
+        position, report = heard.position, heard.report
+        now = self._now()
+        heard_s = None if position is None else now - heard.position_at
+        is_new = position is None and now - heard.followed_since < self._silent_s
+        wrong = ""
+        if name not in there:
+            wrong = "its process has gone"
+        elif is_new:
+            pass
+        elif position is None and report is None:
+            wrong = f"has sent nothing for {self._silent_s:g} s"
+        elif heard_s is None or heard_s > self._silent_s:
+            wrong = f"no position for {self._silent_s:g} s"
+            if heard_s is None:
+                wrong += " here; if robots hear each other elsewhere, give --radio"
+        else:
+            wrong = self._hearing.wrong(name, there)
+        return RobotStatus(
+            name=name,
+            status="alive" if name in there else "gone",
+            doing="" if report is None else report.state,
+            heard_s=heard_s,
+            place=None if position is None else (position.pose.x, position.pose.y),
+            tick=None if report is None else report.k,
+            wrong=wrong,
+        )
+
+
+def _position(frame: bytes) -> Position:
+    """Decode a frame; its tag is not checked."""
+    try:
+        return decode(frame)
+    except Rejected as rejected:
+        raise Malformed(str(rejected)) from None

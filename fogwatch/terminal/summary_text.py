@@ -1,0 +1,220 @@
+"""The summary of a run as text on a terminal."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from fogwatch.terminal.live_table import STATUS_STYLES, duration_text
+from patrol.journal import Status
+from patrol.measures.best_tour import NO_BOUND
+from patrol.printable import printable
+from patrol.scenario.patrols import describe_patrol
+from patrol.scenario.zones import ELSEWHERE
+from patrol.summary.metric import metrics_of
+from patrol.summary.model import IntruderFacts, RobotFigures, Summary, VerdictFacts, ground_text, unsettled
+
+_VERDICTS = {"valid": "bold green", "invalid": "bold red", "unknown": "bold yellow"}
+MOST_ROBOTS = 40
+"""Robots listed at most."""
+MOST_WARNINGS = 20
+"""Warnings listed at most."""
+ABSENT = Status.ABSENT.name.lower()
+
+
+def print_summary(console: Console, summary: Summary, folder: Path) -> None:
+    """Print the summary of a run: the measures, the robots, the verdict, and the files of the run folder."""
+    for line in measures(summary):
+        console.print(line, markup=False, highlight=False, soft_wrap=True)
+    present = {name: robot for name, robot in summary.robots.items() if robot.status != ABSENT}
+    console.print(_robots(present))
+    if len(present) > MOST_ROBOTS:
+        console.print(f"and {len(present) - MOST_ROBOTS} more robots, which are in summary.json", highlight=False)
+    if summary.verdict is not None:
+        print_verdict(console, summary.verdict)
+    if summary.trace_hash:  # a run that was cut off has none
+        console.print(f"trace       {summary.trace_hash}", markup=False, highlight=False, soft_wrap=True)
+    files = ", ".join(sorted(path.name for path in folder.iterdir()))
+    console.print(printable(f"files       {folder}: {files}"), markup=False, highlight=False, soft_wrap=True)
+
+
+def print_verdict(console: Console, verdict: VerdictFacts) -> None:
+    """Print a verdict, its warnings, and the checks that failed or could not be judged."""
+    text = Text("verdict     ").append(verdict.outcome, _VERDICTS[verdict.outcome])
+    warnings = verdict.warnings
+    if warnings:
+        text.append(", ").append("with warnings", "bold yellow")
+    if verdict.valid:
+        text.append(f": {sum(check.judged for check in verdict.checks)} checks passed")
+    console.print(text, highlight=False)
+    for line in warnings[:MOST_WARNINGS]:
+        text = Text(printable(f"  warning: {line}"), "yellow")
+        console.print(text, highlight=False, soft_wrap=True)
+    if len(warnings) > MOST_WARNINGS:
+        console.print(f"  {len(warnings) - MOST_WARNINGS} more warnings are in summary.json", style="yellow")
+    for check in verdict.checks:
+        if not check.ok or not check.judged:
+            text = Text(printable(f"  {check.name}: {check.detail}"), "yellow" if check.ok else "red")
+            console.print(text, highlight=False, soft_wrap=True)
+
+
+def measures(summary: Summary) -> list[str]:
+    """List the measures of a run, one per line."""
+    lines = [f"{summary.name}: {summary.simulated_s:g} s in {summary.ticks} ticks"]
+    if summary.ended != "completed":
+        lines[0] += f", {summary.ended or 'cut off'}"
+    if summary.wall_s:
+        lines[0] += f"; {duration_text(summary.wall_s)} of wall time, {summary.realtime_factor:.1f} x real time"
+    if summary.policy:  # summaries of earlier versions have none
+        lines.append(printable(f"patrol      {describe_patrol(summary.policy)}"))
+    if not summary.ticks:
+        return lines
+    text = {key: metric.text(getattr(summary, key)) for key, metric in metrics_of(Summary) if metric.title}
+    lines.append(f"MFoW        mean {text.pop('mfow_mean_s')}, maximum {text.pop('mfow_max_s')}")
+    lines.append(_bounds(summary, text.pop("best_tour_s")))
+    lines += _zones(summary)
+    lines += _closures(summary)
+    lines += _stalest(summary)
+    coverage = f"coverage    {text.pop('seen_share')} of {ground_text(summary)} to patrol"
+    if summary.left_out is not None:
+        coverage += f"; left out: {summary.left_out.text}"
+    lines += [f"{metric.title:<11} {text[key]}" for key, metric in metrics_of(Summary) if key in text]
+    lines.append(coverage)
+    lines += _radio(summary)
+    if summary.intruders:
+        lines.append(f"intruders   {_intruders(summary.intruders)}")
+    lines += _batteries(summary.robots)
+    if deadlines := summary.deadlines:
+        frames, commands = sum(deadlines.late_frames.values()), sum(deadlines.late_commands.values())
+        late = sum(deadlines.too_late.values())
+        lines.append(f"deadlines   missed by {commands} commands and {frames} frames; {late} of them came too late")
+        if deadlines.held_up_s:
+            moved, longest = deadlines.held_up_s, deadlines.longest_held_up_s
+            lines.append(
+                f"            moved by {moved:.2f} s while the world was held up, {longest:.2f} s at most in one tick"
+            )
+    return lines
+
+
+def _radio(summary: Summary) -> list[str]:
+    """Describe the messages: how many were sent, and how many arrived.
+
+    One message counts once for each robot that is to get it. A robot sends whether or not there is another one to hear
+    it.
+    """
+    messages = summary.messages
+    lines = [f"messages    {messages.frames} sent, {messages.bytes_per_robot_s:.0f} bytes per robot per second"]
+    if not messages.sent:
+        lines[0] += "; no other robot was there to receive them"
+        return lines
+    received = f"{messages.delivered} of {messages.sent}"
+    if "direct" in summary.model_fields_set:
+        share = "" if summary.direct.heard_share is None else f" ({100.0 * summary.direct.heard_share:.1f} %)"
+        return [*lines, f"received    {received}{share} by direct radio, {messages.rejected} rejected"]
+    late = f", {messages.in_flight} under way at the end" if messages.in_flight else ""
+    return [*lines, f"received    {received}, {messages.dropped} dropped, {messages.rejected} rejected{late}"]
+
+
+def _intruders(intruders: Sequence[IntruderFacts]) -> str:
+    """Describe how many intruders were reported and how soon, and for how long they were surrounded."""
+    reported = [(facts.first_reported_s, facts) for facts in intruders if facts.first_reported_s is not None]
+    text = f"{len(reported)} of {len(intruders)} found"
+    if not reported:
+        return text
+    first_s, first = min(reported, key=lambda pair: pair[0])
+    text += f", the first at {first_s:g} s, {first_s - first.at_s:g} s after it came"
+    surrounded_s = sum(facts.surrounded_s for _, facts in reported)
+    if not surrounded_s:
+        return f"{text}; never surrounded"
+    robots = max(facts.most_robots for _, facts in reported)
+    return f"{text}; surrounded for {surrounded_s:g} s, by at most {robots} robots"
+
+
+def _batteries(robots: Mapping[str, RobotFigures]) -> list[str]:
+    """Describe how far batteries ran down, how often robots charged, and which got empty; nothing without batteries."""
+    batteries = {name: robot.battery for name, robot in robots.items() if robot.battery is not None}
+    if not batteries:
+        return []
+    name, least = min(batteries.items(), key=lambda item: item[1].least_share)
+    charges = sum(battery.charges for battery in batteries.values())
+    alive = {name: robots[name].decisions + robots[name].missed for name in batteries}  # ticks
+    patrol = sum((battery.patrol_share or 0.0) * alive[name] for name, battery in batteries.items())
+    line = f"batteries   least charge {100.0 * least.least_share:.0f} % ({name}), charged {charges} times"
+    empty = [name for name, battery in batteries.items() if battery.empty_s is not None]
+    line += f", {100.0 * patrol / max(sum(alive.values()), 1):.0f} % of the time on patrol"
+    return [f"{line}; empty: {', '.join(empty[:MOST_ROBOTS])}" if empty else line]
+
+
+def _bounds(summary: Summary, tour: str) -> str:
+    """Describe what the mean MFoW can be compared with; with the ratio, once that says something."""
+
+    def ratio(yardstick_s: float | None) -> str:
+        if not yardstick_s or summary.mfow_mean_s is None or unsettled(summary, yardstick_s):
+            return ""
+        return f", ratio {summary.mfow_mean_s / yardstick_s:.2f}"
+
+    bound, tour_s = summary.bound_s, summary.best_tour_s
+    lower = f"lower bound {bound:.1f} s{ratio(bound)}" if bound else f"lower bound 0: {NO_BOUND}"
+    best = "" if tour_s is None else f"best tour found {tour}{ratio(tour_s)}; "
+    return f"bounds      {best}{lower}"
+
+
+def _zones(summary: Summary) -> list[str]:
+    """Describe the weighted MFoW, and how old the ground of each zone got."""
+    mean_s = summary.mfow_weighted_mean_s
+    if mean_s is None:
+        return []
+    best_s = summary.best_weighted_s
+    tours = "" if best_s is None else f"; best weighted tours {best_s:.1f} s"
+    lines = [f"weighted    MFoW mean {mean_s:.1f} s, maximum {summary.mfow_weighted_max_s:.1f} s{tours}"]
+    for name, zone in summary.zones.items():
+        wish = ""
+        if zone.wanted_s is not None and zone.kept_share is not None:
+            wish = f"; wanted {zone.wanted_s:g} s, kept {100.0 * zone.kept_share:.1f} % of the time"
+        weight = f"{'' if name == ELSEWHERE else 'last '}weight {zone.weight:g}"
+        ages = f"stalest point {zone.mfow_mean_s:.1f} s in the mean, {zone.mfow_max_s:.1f} s at most"
+        lines.append(f"            {name} ({weight}): mean age {zone.fog_mean_s:.1f} s, {ages}{wish}")
+    return lines
+
+
+def _closures(summary: Summary) -> list[str]:
+    """Describe what was closed, how much ground was closed out, and how old the other ground got."""
+    mean_s = summary.mfow_open_mean_s
+    if mean_s is None:
+        return []
+    closings = sum(closure.closings for closure in summary.closures.values())
+    names = [name for name, closure in summary.closures.items() if closure.closings]
+    longest = max(names, key=lambda name: summary.closures[name].closed_s, default="")
+    most = f", {longest} longest, {summary.closures[longest].closed_s:g} s" if longest else ""
+    shut = f"closed out {100.0 * (summary.closed_out_share or 0.0):.1f} % of ground x time"
+    return [
+        f"open ground MFoW mean {mean_s:.1f} s, maximum {summary.mfow_open_max_s:.1f} s; {shut}",
+        f"closures    closed {closings} times{most}",
+    ]
+
+
+def _stalest(summary: Summary) -> list[str]:
+    """Describe the stalest place over the run and at its end, and the robot nearest to it."""
+    sentences = []
+    for head, place in (("over the run", summary.stalest.worst), ("at the end", summary.stalest.end)):
+        if place is not None:
+            unseen = "" if place.seen else ", never seen until then"
+            near = f", nearest robot {place.nearest} {place.nearest_m:.0f} m away" if place.nearest else ""
+            age = f"({place.x:.1f}, {place.y:.1f}), {place.age_s:g} s at {place.at_s:g} s"
+            sentences.append(f"{head} {age}{unseen}{near}")
+    return [f"stalest     {'; '.join(sentences)}"] if sentences else []
+
+
+def _robots(robots: Mapping[str, RobotFigures]) -> Table:
+    columns = [(key, metric) for key, metric in metrics_of(RobotFigures) if metric.title]
+    table = Table("robot", "status", box=None, padding=(0, 2, 0, 0), header_style="bold")
+    for _, metric in columns:
+        table.add_column(f"{metric.title} {metric.unit}".rstrip(), justify="right")
+    for name, robot in list(robots.items())[:MOST_ROBOTS]:
+        status = Text(robot.status, STATUS_STYLES[Status[robot.status.upper()]])
+        table.add_row(name, status, *(metric.number(getattr(robot, key)) for key, metric in columns))
+    return table

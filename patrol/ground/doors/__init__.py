@@ -1,1 +1,0 @@
-"""Narrow ground: rooms and doors, passages, and bodies that do not fit."""

@@ -1,0 +1,135 @@
+"""A map's YAML file, in ROS map_server's format.
+
+Its keys are image, resolution, origin, negate, occupied_thresh, free_thresh and, if wanted, mode.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+from patrol.errors import BadInput, did_you_mean, quoted
+from patrol.files.untrusted import MAP, leads_out
+from patrol.files.yaml_text import parse_yaml, read_text
+
+__all__ = ["MapFile", "read_map_file"]
+
+IMAGE_ENDINGS = (".pgm", ".png", ".bmp", ".jpg", ".jpeg")
+IS_IMAGE = "is an image; give the map's YAML file, which names the image and its resolution"
+
+Mode = Literal["trinary", "scale", "raw"]
+MODES: tuple[Mode, ...] = ("trinary", "scale", "raw")
+
+TURN_TOLERANCE = 1e-4
+"""Largest yaw of an origin that is read as none, rad: a centimetre on a map of 100 m."""
+
+
+@dataclass(frozen=True, slots=True)
+class MapFile:
+    """The content of a map's YAML file."""
+
+    path: Path
+    # the image that it names, or the file of that name beside it where there is no such image: maps are copied from
+    # other computers with absolute paths in them
+    image: Path
+    named_image: str
+    resolution: float  # m per cell
+    origin: tuple[float, float]  # x and y of the lower left corner, m
+    negate: bool  # whether dark pixels are free
+    occupied_thresh: float  # occupancy from which on a cell is occupied, 0 to 1
+    free_thresh: float  # occupancy up to which a cell is free, 0 to 1
+    mode: Mode  # the meaning of pixels; see `patrol.maps.cells`
+
+
+def read_map_file(path: Path, within: Path | None = None) -> MapFile:
+    """Read a map's YAML file; it and its image must lie in `within`, where None allows any place."""
+    if within is not None and leads_out(within, path):
+        raise BadInput(f"{path}: this map lies outside of {within} and is not read; copy its files into that folder")
+    if path.suffix.lower() in IMAGE_ENDINGS:
+        raise BadInput(f"{path}: {IS_IMAGE}")
+    says = parse_yaml(read_text(path, MAP), str(path))
+    if not isinstance(says, dict):
+        raise BadInput(f"{path}: is not a map; expected keys and values such as 'image: map.pgm'")
+    image = _value(path, says, "image", "the image's file name")
+    if not isinstance(image, str) or not image or "\0" in image:
+        raise BadInput(f"{path}: image = {quoted(image)}: expected the image's file name")
+    image_path = _existing_image(path, image)
+    if within is not None and leads_out(within, image_path):
+        raise BadInput(f"{path}: image = {quoted(image)}: lies outside of {within} and is not read; copy it there")
+    resolution = _number(path, says, "resolution", "a finite number above 0 (m per cell)")
+    if resolution <= 0.0:
+        raise BadInput(f"{path}: resolution = {resolution:g}: expected a finite number above 0 (m per cell)")
+    given_mode = says.get("mode", "trinary")
+    mode = next((mode for mode in MODES if mode == str(given_mode).lower()), None)
+    if mode is None:
+        raise BadInput(f"{path}: mode = {quoted(given_mode)}: unknown; {did_you_mean(str(given_mode), MODES)}")
+    occupied, free = (_number(path, says, f"{name}_thresh", "a number from 0 to 1") for name in ("occupied", "free"))
+    if not 0.0 <= free <= occupied <= 1.0:
+        raise BadInput(
+            f"{path}: free_thresh = {free:g}, occupied_thresh = {occupied:g}: expected 0 <= free_thresh <= "
+            "occupied_thresh <= 1"
+        )
+    return MapFile(
+        path=path,
+        image=image_path,
+        named_image=image,
+        resolution=resolution,
+        origin=_origin(path, says),
+        negate=_negate(path, says),
+        occupied_thresh=occupied,
+        free_thresh=free,
+        mode=mode,
+    )
+
+
+def _existing_image(path: Path, image: str) -> Path:
+    """Return the image that a YAML file names, or the one of that name beside it where there is none."""
+    named = path.parent / image
+    beside = path.parent / image.replace("\\", "/").rsplit("/", 1)[-1]
+    try:
+        return beside if not named.exists() and beside.is_file() else named
+    except OSError:  # such as a name that is too long
+        return named
+
+
+def _value(path: Path, says: Mapping[str, Any], key: str, what: str) -> Any:
+    if key not in says:
+        raise BadInput(f"{path}: {key}: missing; give {what}")
+    return says[key]
+
+
+def _number(path: Path, says: Mapping[str, Any], key: str, what: str) -> float:
+    return _finite(path, key, _value(path, says, key, what), what)
+
+
+def _finite(path: Path, key: str, value: Any, what: str) -> float:
+    try:
+        number = math.nan if isinstance(value, bool) else float(value)
+    except (TypeError, ValueError, OverflowError):
+        number = math.nan
+    if not math.isfinite(number):
+        raise BadInput(f"{path}: {key} = {quoted(value)}: expected {what}")
+    return number
+
+
+def _origin(path: Path, says: Mapping[str, Any]) -> tuple[float, float]:
+    what = "[x, y, yaw] in m and rad of the lower left corner"
+    value = _value(path, says, "origin", what)
+    if not isinstance(value, list) or len(value) != 3:
+        raise BadInput(f"{path}: origin = {quoted(value)}: expected {what}")
+    x, y, yaw = (_finite(path, "origin", part, what) for part in value)
+    if abs(math.remainder(yaw, math.tau)) > TURN_TOLERANCE:
+        raise BadInput(f"{path}: origin = {quoted(value)}: yaw must be 0; rotate the image instead")
+    return x, y
+
+
+def _negate(path: Path, says: Mapping[str, Any]) -> bool:
+    value = _value(path, says, "negate", "0 or 1")
+    words = {"0": False, "false": False, "no": False, "off": False, "1": True, "true": True, "yes": True, "on": True}
+    word = str(value).lower()
+    if word not in words:
+        raise BadInput(f"{path}: negate = {quoted(value)}: expected 0, 1, true or false")
+    return words[word]

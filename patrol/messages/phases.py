@@ -1,0 +1,278 @@
+"""The protocol between the world and a simulated robot, as bytes: two phases a tick, a greeting and a farewell.
+
+    world to robot     Hello      who is there?              robot to world   HelloReply
+                       PhaseA     your pose at tick k                         ReplyA    its frames: position, contacts
+                       PhaseB     what you hear at tick k                     ReplyB    the command
+                       Stop       leave, and why                              Failed    I cannot go on, and why
+                                                                              Report    what it has sent and acted on
+
+Every message is one msgpack array ``[kind, incarnation, instance, k, run, ...]``. The incarnation counts a robot's
+processes (1 for the first). The instance is a random number of one process, which distinguishes it from a second
+process under the same name. k is the tick, and run a random number of the world's process. Both phases carry a proof
+that their tick has begun (`patrol.security.tick_chain`). Decoding is strict and pure: all bytes either give a
+message or raise `patrol.errors.Malformed`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Annotated, Any, Self
+
+import msgpack
+from pydantic import AfterValidator, Field
+
+from patrol.errors import Malformed
+from patrol.exchange import LEAST_WEIGHT, MOST_BLOCKED, MOST_WEIGHT, MOST_ZONES, Reply, Sensed
+from patrol.pose import Pose, pack_command, unpack_command
+from patrol.radio.message import MAX_CONTACTS, MAX_FRAME, MAX_FRAMES
+from patrol.security.tick_chain import PROOF
+from patrol.security.transcripts import DIGEST, MAX_DIGESTS, MAX_LINES, Line, digest_of
+from patrol.wire import FAIL_FAST, PRINTABLE, Bytes, Finite, Flag, Real, Row, Text, check, unpack
+
+PROTOCOL = 7
+ANYONE = 0
+"""The instance in a hello, which is for all processes of a robot."""
+
+PHASE_B_SHARE = 0.2
+"""The share of a step after which phase B begins: a position that takes no longer is heard in its own tick."""
+
+NO_RUN = 0
+"""The run in the messages of a robot that no world has greeted yet; the robot thereby asks for a greeting."""
+
+UNLIKE = "this process was started with another "
+"""First words of the reason of a Stop for a process whose scenario or protocol is not the world's."""
+
+MAX_REPLY, MAX_STATE = 2048, 32
+"""Sizes of the longest message from a robot, bytes, and of its longest state word, characters."""
+_MAX_REASON = 400
+_LONGEST_INDEX = 5
+"""Bytes of a point's index."""
+
+
+def _paired(flat: tuple[float, ...]) -> tuple[tuple[float, float], ...]:
+    if len(flat) % 2:
+        raise ValueError("contacts are pairs")
+    return tuple(zip(flat[::2], flat[1::2], strict=True))
+
+
+_Count = Annotated[int, Field(strict=True, ge=0, le=2**31 - 1)]
+_Id = Annotated[int, Field(strict=True, ge=0, le=2**63 - 1)]
+_Proof = Annotated[Bytes, Field(min_length=PROOF, max_length=PROOF)]
+_Reason = Annotated[Text, Field(max_length=_MAX_REASON), PRINTABLE]
+_Contacts = Annotated[tuple[Finite, ...], Field(max_length=2 * MAX_CONTACTS, fail_fast=True), AfterValidator(_paired)]
+_Blocked = Annotated[tuple[_Count, ...], Field(max_length=MOST_BLOCKED, fail_fast=True)]
+_Weight = Annotated[Finite, Field(ge=LEAST_WEIGHT, le=MOST_WEIGHT)]
+_Weights = Annotated[tuple[tuple[_Count, _Weight], ...], Field(max_length=MOST_ZONES, fail_fast=True)]
+_Zones = Annotated[tuple[_Count, ...], Field(max_length=MOST_ZONES, fail_fast=True)] | None
+_Digests = Annotated[Bytes, Field(max_length=MAX_DIGESTS * DIGEST)]
+_Line = tuple[_Count, _Digests, _Digests, _Digests, _Digests]
+_Lines = Annotated[tuple[_Line, ...], Field(max_length=MAX_LINES, fail_fast=True)]
+
+
+@dataclass(frozen=True, slots=True)
+class Head(Row):
+    """The first fields of every message."""
+
+    incarnation: _Count  # counts the robot's processes, from 1
+    instance: _Id  # random number of one process, or `ANYONE`
+    k: _Count
+    run: _Id  # random number of the run, or `NO_RUN`
+
+
+@dataclass(frozen=True, slots=True)
+class Hello(Head):
+    """The world asks which robots are there.
+
+    Its k counts the ticks that have begun.
+    """
+
+    proof: _Proof  # that k ticks have begun, from which the robot goes on
+    stride: Annotated[_Count, Field(ge=1)]  # ticks that share a link of the chain
+
+
+@dataclass(frozen=True, slots=True)
+class PhaseA(Head):
+    """The robot's senses at tick k."""
+
+    sensed: Sensed
+    proof: _Proof  # that k + 1 ticks have begun
+    digest: bytes = field(default=b"", compare=False, repr=False)  # of the bytes that it was decoded from
+
+    @classmethod
+    def columns(cls) -> Mapping[str, Any]:  # noqa: D102 - of `Row`
+        pose = {"x": Finite, "y": Finite, "heading": Finite}
+        senses = {"bumped": Flag, "contacts": _Contacts, "clock_s": Finite, "charge": Finite | None}
+        ground = {"blocked": _Blocked, "zones": _Zones, "weights": _Weights}
+        return {**Head.columns(), **pose, **senses, **ground, "proof": _Proof, "digest": bytes}
+
+    @classmethod
+    def from_values(cls, *values: Any) -> Self:  # noqa: D102
+        incarnation, instance, k, run, x, y, heading, *senses, proof, digest = values
+        return cls(incarnation, instance, k, run, Sensed(k, Pose(x, y, heading), *senses), proof, digest)
+
+    def to_values(self) -> tuple[Any, ...]:  # noqa: D102
+        sensed, pose = self.sensed, self.sensed.pose
+        if sensed.k != self.k:
+            raise ValueError(f"a phase A of tick {self.k} cannot say what was sensed at tick {sensed.k}")
+        pose_values = float(pose.x), float(pose.y), float(pose.heading)
+        contacts = [float(value) for contact in sensed.contacts for value in contact]
+        charge = None if sensed.charge is None else float(sensed.charge)
+        zones = None if sensed.zones is None else list(sensed.zones)
+        weights = [(number, float(weight)) for number, weight in sensed.weights]
+        senses = bool(sensed.bumped), contacts, float(sensed.clock_s), charge, list(sensed.blocked), zones, weights
+        return self.incarnation, self.instance, self.k, self.run, *pose_values, *senses, self.proof, self.digest
+
+
+@dataclass(frozen=True, slots=True)
+class PhaseB(Head):
+    """The frames that reach the robot in tick k."""
+
+    frames: Annotated[tuple[Annotated[Bytes, Field(max_length=MAX_FRAME)], ...], FAIL_FAST]  # by sender and sequence
+    proof: _Proof  # that k + 1 ticks have begun
+    digest: bytes = field(default=b"", compare=False, repr=False)  # of the bytes that it was decoded from
+
+
+@dataclass(frozen=True, slots=True)
+class Stop(Head):
+    """The world asks the robot to leave."""
+
+    orderly: Flag  # the run is over; else this process is not, or no longer, part of it
+    reason: _Reason  # one line
+
+
+@dataclass(frozen=True, slots=True)
+class HelloReply(Head):
+    """The robot reports that it is there. Its run is the one that it answers, or `NO_RUN`."""
+
+    # hash, by which the world checks that both use the same one
+    scenario: Annotated[Text, Field(max_length=64), PRINTABLE]
+    protocol: _Count = PROTOCOL
+
+
+@dataclass(frozen=True, slots=True)
+class ReplyA(Head):
+    """The frames that the robot sends in tick k.
+
+    The ether drops and counts those that are too long, so that the result is the same without a wire.
+    """
+
+    # its position frame, then those of its contacts; none when silent
+    frames: Annotated[tuple[Bytes, ...], Field(max_length=MAX_FRAMES, fail_fast=True)]
+    digest: bytes = field(default=b"", compare=False, repr=False)  # of the bytes that it was decoded from
+
+
+@dataclass(frozen=True, slots=True)
+class ReplyB(Head):
+    """The reply of the robot's mind at tick k.
+
+    The world refuses commands that are not finite, so that the result is the same without a wire.
+    """
+
+    reply: Reply
+    digest: bytes = field(default=b"", compare=False, repr=False)  # of the bytes that it was decoded from
+
+    @classmethod
+    def columns(cls) -> Mapping[str, Any]:  # noqa: D102 - of `Row`
+        command = {"model": _Count, "first": Real, "second": Real}
+        state = {"state": Annotated[Text, Field(max_length=MAX_STATE), PRINTABLE], "goal": tuple[Finite, Finite] | None}
+        return {**Head.columns(), **command, **state, "decision_ms": Finite, "rejected": _Id, "digest": bytes}
+
+    @classmethod
+    def from_values(cls, *values: Any) -> Self:  # noqa: D102
+        incarnation, instance, k, run, model, first, second, state, goal, decision_ms, rejected, digest = values
+        reply = Reply(unpack_command(model, first, second), state, goal, decision_ms, rejected)
+        return cls(incarnation, instance, k, run, reply, digest)
+
+    def to_values(self) -> tuple[Any, ...]:  # noqa: D102
+        reply = self.reply
+        goal = None if reply.goal is None else (float(reply.goal[0]), float(reply.goal[1]))
+        notes = str(reply.state), goal, float(reply.decision_ms), int(reply.rejected)
+        return self.incarnation, self.instance, self.k, self.run, *pack_command(reply.command), *notes, self.digest
+
+
+@dataclass(frozen=True, slots=True)
+class Failed(Head):
+    """The robot's mind cannot go on after tick k."""
+
+    reason: _Reason
+
+
+@dataclass(frozen=True, slots=True)
+class Report(Head):
+    """The digests of all that the robot has sent and acted on since its last report, complete up to tick k."""
+
+    since: _Count  # the first tick for which it is complete
+    lines: tuple[Line, ...]  # by tick
+
+    @classmethod
+    def columns(cls) -> Mapping[str, Any]:  # noqa: D102 - of `Row`
+        return {**Head.columns(), "since": _Count, "lines": _Lines}
+
+    @classmethod
+    def from_values(cls, *values: Any) -> Self:  # noqa: D102
+        incarnation, instance, k, run, since, lines = values
+        return cls(incarnation, instance, k, run, since, tuple(Line(line[0], line[1:]) for line in lines))
+
+    def to_values(self) -> tuple[Any, ...]:  # noqa: D102
+        lines = [(line.k, *line.digests) for line in self.lines]
+        return self.incarnation, self.instance, self.k, self.run, self.since, lines
+
+
+ToRobot = Hello | PhaseA | PhaseB | Stop
+ToWorld = HelloReply | ReplyA | ReplyB | Failed | Report
+
+_TO_ROBOT: Mapping[int, type[ToRobot]] = {0: Hello, 1: PhaseA, 2: PhaseB, 3: Stop}
+_TO_WORLD: Mapping[int, type[ToWorld]] = {0: HelloReply, 1: ReplyA, 2: ReplyB, 3: Failed, 4: Report}
+_KINDS = {kind: number for kinds in (_TO_ROBOT, _TO_WORLD) for number, kind in kinds.items()}
+
+
+def max_to_robot(robots: int) -> int:
+    """Size of the longest message to a robot, in bytes, in a fleet of ``robots``."""
+    return MAX_REPLY + robots * MAX_FRAMES * (MAX_FRAME + 2) + MOST_BLOCKED * _LONGEST_INDEX
+
+
+def encode(message: ToRobot | ToWorld) -> bytes:
+    """Pack a message, a reason cut short where it is too long. Receivers check all other limits."""
+    values = message.to_values()
+    match message:
+        case PhaseA() | PhaseB() | ReplyA() | ReplyB():
+            values = values[:-1]  # the digest is the receiver's
+        case Stop() | Failed():
+            values = (*values[:-1], message.reason[:_MAX_REASON])
+    packed: bytes = msgpack.packb((_KINDS[type(message)], *values))
+    return packed
+
+
+def decode_to_robot(payload: bytes, zones: int = MOST_ZONES) -> ToRobot:
+    """Decode a message from the world to a robot of a scenario with `zones` zones.
+
+    Any other bytes raise `Malformed`, and no other exception.
+    """
+    message: ToRobot = _decode(payload, _TO_ROBOT)
+    if isinstance(message, PhaseA):
+        sensed = message.sensed
+        number = max((*(sensed.zones or ()), *(number for number, _ in sensed.weights)), default=-1)
+        if number >= zones:
+            raise Malformed(f"zone {number} is in force, and the scenario's {zones} are numbered from 0")
+    return message
+
+
+def decode_to_world(payload: bytes) -> ToWorld:
+    """Decode a message from a robot.
+
+    Any other bytes raise `Malformed`, and no other exception.
+    """
+    if len(payload) > MAX_REPLY:
+        raise Malformed(f"{len(payload)} bytes, at most {MAX_REPLY} are allowed")
+    message: ToWorld = _decode(payload, _TO_WORLD)
+    return message
+
+
+def _decode(payload: bytes, kinds: Mapping[int, type[Any]]) -> Any:
+    values = unpack(payload)
+    if type(values) is not tuple or not values or type(values[0]) is not int or values[0] not in kinds:
+        raise Malformed("no array that begins with a known kind")
+    kind = kinds[values[0]]
+    rest = (*values[1:], digest_of(payload)) if hasattr(kind, "digest") else values[1:]
+    return check(kind, rest)

@@ -1,1 +1,0 @@
-"""Positions without Zenoh: multicast, and serial lines."""

@@ -1,0 +1,132 @@
+"""Health lines: how a process does, in its log, every so many seconds.
+
+They come from a thread of their own, so they go on while the process's loop hangs, and then say for how long it has
+done no tick.
+"""
+
+from __future__ import annotations
+
+import math
+import threading
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+from patrol.reporting.logs import Log
+from patrol.reporting.vitals import (
+    COMMANDS,
+    CONNECTIONS,
+    DECISION,
+    DROPPED,
+    MEMORY,
+    MFOW,
+    ODOMETRY_AGE,
+    PAGES,
+    PEERS,
+    QUEUE,
+    REFUSED,
+    ROBOTS,
+    ROUTER_SILENT,
+    SINCE_TICK,
+    STOPPED,
+    TICK,
+    UNUSABLE,
+    Figure,
+    Value,
+    Vitals,
+)
+
+Figures = Mapping[Figure, Value]
+
+
+@dataclass(frozen=True, slots=True)
+class HealthReading:
+    """The figures at one time."""
+
+    at: float  # of a clock that never goes back, s
+    figures: Figures  # all that are known
+
+
+def health_line(now: HealthReading, before: HealthReading | None) -> str:
+    """Write a health line for people."""
+    figures = now.figures
+    parts = _ticks(now, before) + [told(figures[figure]) for figure, told in _TOLD.items() if figure in figures]
+    return f"health: {', '.join(parts)}"
+
+
+def _ticks(now: HealthReading, before: HealthReading | None) -> list[str]:
+    """Write the newest tick and the ticks per second; before the first tick, that there is none."""
+    if TICK not in now.figures:
+        return ["no tick yet"] if QUEUE in now.figures else []
+    tick = _sum(now.figures[TICK])
+    parts = [f"tick {tick:.0f}"]
+    if before is not None and TICK in before.figures and now.at > before.at:
+        parts.append(f"{(tick - _sum(before.figures[TICK])) / (now.at - before.at):.1f} ticks/s")
+    return parts
+
+
+def _sum(value: Value) -> float:
+    return sum(value.values()) if isinstance(value, Mapping) else value
+
+
+def _listed(value: Value) -> str:
+    counts = {label: number for label, number in value.items() if number} if isinstance(value, Mapping) else {}
+    return " and ".join(f"{number:.0f} {label}" for label, number in counts.items()) or "none"
+
+
+_TOLD: Mapping[Figure, Callable[[Value], str]] = {
+    SINCE_TICK: lambda value: f"last one {_sum(value):.1f} s ago",
+    MFOW: lambda value: f"MFoW {_sum(value):.0f} s",
+    ROBOTS: lambda value: f"robots: {_listed(value)}",
+    PEERS: lambda value: f"peers heard: {_sum(value):.0f}",
+    REFUSED: lambda value: f"frames refused: {_listed(value)}",
+    DROPPED: lambda value: f"messages dropped: {_listed(value)}",
+    QUEUE: lambda value: f"messages waiting: {_sum(value):.0f}",
+    DECISION: lambda value: f"decision {1000.0 * _sum(value):.1f} ms",
+    ROUTER_SILENT: lambda value: f"router silent for {_sum(value):.0f} s in all",
+    STOPPED: lambda value: "stopped" if _sum(value) else "may drive",
+    ODOMETRY_AGE: lambda value: f"odometry {_sum(value):.1f} s ago",
+    UNUSABLE: lambda value: f"robot's messages refused: {_listed(value)}",
+    COMMANDS: lambda value: f"commands received: {_listed(value)}",
+    CONNECTIONS: lambda value: f"connections: {_sum(value):.0f}",
+    PAGES: lambda value: f"pages open: {_sum(value):.0f}",
+    MEMORY: lambda value: f"{_sum(value) / 1e6:.0f} MB",
+}
+"""Text of each figure in a health line, in the line's order."""
+
+
+def facts_of(figures: Figures) -> dict[str, object]:
+    """Return all figures, for a JSON line, by the names that the metrics have."""
+    return {figure.name: _as_fact(value) for figure, value in figures.items()}
+
+
+def _as_fact(value: Value) -> object:
+    """Convert a number or numbers to JSON, which has only finite ones."""
+    if isinstance(value, Mapping):
+        return {label: _as_fact(number) for label, number in value.items()}
+    return value if math.isfinite(value) else None
+
+
+class HealthLines:
+    """Writes a health line every so often, from now until `close`."""
+
+    def __init__(self, vitals: Vitals, log: Log, every_s: float) -> None:
+        """Begin to write, on a thread of its own."""
+        self._vitals = vitals
+        self._log = log
+        self._every_s = every_s
+        self._ending = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="health", daemon=True)
+        self._thread.start()
+
+    def close(self) -> None:
+        """Write no more lines."""
+        self._ending.set()
+        self._thread.join()
+
+    def _run(self) -> None:
+        before: HealthReading | None = None
+        while not self._ending.wait(self._every_s):
+            now = HealthReading(time.monotonic(), self._vitals.read())
+            self._log.info(health_line(now, before), health=facts_of(now.figures))
+            before = now

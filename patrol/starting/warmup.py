@@ -1,0 +1,107 @@
+"""Compiling the kernels that a run needs before it begins, so that none of its processes has to.
+
+Importing a kernel module that is not in the cache compiles it (`patrol.kernel_cache`), in one process and when it is
+imported: in the middle of a tick, at worst. `warm` compiles modules beforehand, in several processes. Processes that
+start together wait for the first of them.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import time
+from collections.abc import Callable, Collection, Iterator, Sequence
+from contextlib import contextmanager
+from importlib.util import find_spec
+from pathlib import Path
+from typing import BinaryIO
+
+from patrol.kernel_cache import cache_home, is_stored, make_folder, storing
+from patrol.starting.compiling import Compiled, compile_modules
+from patrol.starting.seldom import SELDOM
+
+KERNELS = "kernels"
+COMPILING = "compiling the kernels, once on this machine ..."
+WAITING = "another process is compiling the kernels: waiting for it ..."
+LINE_S = 5.0
+"""Time between two lines that say how far compiling is."""
+
+
+def warm(
+    packages: Sequence[str],
+    say: Callable[[str], None],
+    also: Collection[str] = (),
+    show: Callable[[Compiled], None] | None = None,
+) -> None:
+    """Make sure that the kernels of some packages are compiled; returns at once when they are.
+
+    Modules listed in `SELDOM` are left out, but for those in `also`. `say` takes a line when compiling or waiting takes
+    time, and one with the progress every few seconds unless `show` shows it.
+    """
+    files = {
+        name: file
+        for package in packages
+        for name, file in kernel_files(package).items()
+        if name not in SELDOM or name in also
+    }
+
+    def missing() -> dict[str, Path]:
+        return {name: file for name, file in files.items() if not is_stored(name, file)}
+
+    if missing():
+        with _lock(cache_home(), say):
+            if todo := missing():
+                say(COMPILING)
+                compile_modules(todo, show or _lines(say))
+
+
+def kernel_files(package: str) -> dict[str, Path]:
+    """List a package's kernel modules by full name: every module in a folder called kernels."""
+    files = {}
+    spec = find_spec(package)
+    for folder in (spec.submodule_search_locations if spec else None) or ():
+        for path in sorted(Path(folder).rglob(f"{KERNELS}/*.py")):
+            parts = path.relative_to(folder).with_suffix("").parts
+            if parts[-1] != "__init__":
+                files[".".join((package, *parts))] = path
+    return files
+
+
+def progress_line(compiled: Compiled) -> str:
+    """Describe for people how far compiling is."""
+    time_left = "" if compiled.left_s is None else f", about {max(round(compiled.left_s), 1)} s to go"
+    return f"compiling the kernels: {compiled.kernels} of {compiled.of}{time_left}"
+
+
+def _lines(say: Callable[[str], None]) -> Callable[[Compiled], None]:
+    """Make a display that says how far compiling is every `LINE_S`."""
+    due = time.monotonic() + LINE_S
+
+    def show(compiled: Compiled) -> None:
+        nonlocal due
+        if time.monotonic() >= due and compiled.kernels < compiled.of:
+            due = time.monotonic() + LINE_S
+            say(progress_line(compiled))
+
+    return show
+
+
+@contextmanager
+def _lock(home: Path, say: Callable[[str], None]) -> Iterator[None]:
+    with storing():
+        make_folder(home)
+        file = (home / "lock").open("ab")
+    with file:
+        if not _locked(file, fcntl.LOCK_NB):
+            say(WAITING)
+            _locked(file)
+        yield
+
+
+def _locked(file: BinaryIO, flags: int = 0) -> bool:
+    """Lock a file; return whether that was possible without waiting, where the flags say not to wait."""
+    with storing():  # not every file system can lock
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | flags)
+        except BlockingIOError:
+            return False
+        return True

@@ -1,0 +1,165 @@
+"""A round: a closed tour laid out over the ground that it shows, so that a robot can follow it by what is left to see.
+
+Each patrolled point belongs to a place of the tour from which it is seen. Few places have points: the *stops*. They are
+chosen in the order of the tour. Each lies shortly before a point goes out of sight that is seen from no earlier stop.
+So a robot may cut the corner where it has seen all points of the next stops; one that has missed a point knows from
+where it would be seen.
+
+Bodies pass a little beside the places of a tour, cars most of all. So a point belongs to the first stop that sees it
+also from a little before and after, or to the nearest stop that sees it at all.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from patrol.ground.fields import load_grid
+from patrol.tours.cover import Looks
+from patrol.tours.stations import Stations, stations_of
+
+if TYPE_CHECKING:
+    from patrol.ground.footprint import Footprint
+    from patrol.ground.terrain import BoolGrid, Terrain
+
+
+@dataclass(frozen=True, slots=True)
+class Tour:
+    """A closed tour, straight from each corner to the next, and from the last to the first."""
+
+    length_m: float
+    way: tuple[tuple[float, float], ...]  # corners in order, x and y in m
+
+
+PLACES = 0.02
+"""Distance of the places of a round, as a share of the sensor's range; at least one point."""
+
+SLACK = 0.075
+"""How far before and after a place a point has to be seen as well, as a share of the sensor's range."""
+
+ARRAYS = ("places", "along", "points", "place_of", "stands")
+STATIONS = "stations"
+
+Flat = NDArray[np.int64]
+
+
+@dataclass(frozen=True, eq=False)
+class Round:
+    """A closed tour through places, and the points (flat indices) that are to be seen from each."""
+
+    length_m: float
+    places: Flat  # (n,), the point of each place, in the order of the tour
+    along: NDArray[np.float64]  # (n,), length of the tour up to each place, m; ascending from 0
+    points: Flat  # (p,), the patrolled points, by the place to which they belong
+    place_of: Flat  # (p,), the place of each of them, ascending
+    stands: Flat  # (p,), the point to stand on to see each: its place, or its own post where no place sees it
+    stations: Stations | None = None  # of a round over the whole ground; None where a patrol cannot plan with any
+
+    def save(self, folder: Path) -> None:
+        """Write the arrays as .npy files into a folder, which is made when missing."""
+        folder.mkdir(parents=True, exist_ok=True)
+        np.save(folder / "length_m.npy", np.float64(self.length_m))
+        for name in ARRAYS:
+            np.save(folder / f"{name}.npy", getattr(self, name))
+        if self.stations is not None:
+            self.stations.save(folder / STATIONS)
+
+    @staticmethod
+    def load(folder: Path) -> Round:
+        """Load what `save` wrote, memory-mapped and read-only."""
+        arrays = {name: load_grid(folder / f"{name}.npy") for name in ARRAYS}
+        return Round(float(load_grid(folder / "length_m.npy")), **arrays, stations=Stations.load(folder / STATIONS))
+
+
+def lay_out(
+    terrain: Terrain, reach: BoolGrid, ground: BoolGrid, proxy: NDArray[np.int32], footprint: Footprint, tour: Tour
+) -> Round:
+    """Lay a tour out over ground that is all seen from it, by a sensor that looks all around.
+
+    `reach` marks where the body's centre may be; `proxy` holds the flat index of the post of each point on which no
+    body fits.
+    """
+    width = terrain.width
+    places, along, length_m = _places(terrain, reach, tour, max(terrain.point, PLACES * footprint.range_m))
+    owner = _stops(terrain, ground, places, along, Looks(terrain, footprint), SLACK * footprint.range_m)
+    flat_owner = owner.reshape(-1)
+    stands = np.where(flat_owner >= 0, places[np.maximum(flat_owner, 0)], -1)
+    for point in np.flatnonzero(ground.reshape(-1) & (flat_owner < 0)).tolist():
+        stands[point] = point if reach.flat[point] else int(proxy.flat[point])
+        row, col = divmod(int(stands[point]), width)
+        flat_owner[point] = np.argmin((places // width - row) ** 2 + (places % width - col) ** 2)
+    points = np.flatnonzero(ground.reshape(-1) & (stands >= 0))
+    points = points[np.argsort(flat_owner[points], kind="stable")]
+    laid_out = Round(length_m, places, along, points, flat_owner[points], stands[points])
+    return replace(laid_out, stations=stations_of(laid_out, terrain, reach, footprint.range_m))
+
+
+def _stops(
+    terrain: Terrain, ground: BoolGrid, places: Flat, along: NDArray[np.float64], looks: Looks, slack_m: float
+) -> Flat:
+    """Return the place to which each patrolled point belongs, int64 (height, width); -1 where no place sees it."""
+    window = np.zeros(terrain.shape, dtype=np.bool_)
+
+    def sees(number: int, rows: slice, cols: slice) -> BoolGrid:
+        """Return which points of a window are seen from a place."""
+        own_rows, own_cols, seen = looks.window(int(places[number]), 1)
+        window[own_rows, own_cols] = seen
+        within = window[rows, cols].copy()
+        window[own_rows, own_cols] = False
+        return within
+
+    # The last places in a row from which each point is seen.
+    first = np.full(terrain.shape, -1, dtype=np.int64)
+    last = np.full(terrain.shape, -2, dtype=np.int64)
+    for number, place in enumerate(places.tolist()):
+        rows, cols, seen = looks.window(place, 1)
+        seen = seen & ground[rows, cols]
+        first[rows, cols][seen & (last[rows, cols] != number - 1)] = number
+        last[rows, cols][seen] = number
+    before = np.searchsorted(along, along - slack_m)
+    after = np.minimum(np.searchsorted(along, along + slack_m), len(places) - 1)
+    due = np.where(last >= 0, np.maximum(first, before[np.maximum(last, 0)]), -1)
+
+    owner = np.full(terrain.shape, -1, dtype=np.int64)
+    nearest = np.full(terrain.shape, np.iinfo(np.int64).max, dtype=np.int64)
+    is_sure = np.zeros(terrain.shape, dtype=np.bool_)
+    points = np.flatnonzero(due >= 0)
+    points = points[np.argsort(due.flat[points], kind="stable")]
+    numbers, begins = np.unique(due.flat[points], return_index=True)
+    for number, due_there in zip(numbers.tolist(), np.split(points, begins[1:]), strict=True):
+        if (owner.flat[due_there] >= 0).all():
+            continue
+        rows, cols, seen = looks.window(int(places[number]), 1)
+        row, col = divmod(int(places[number]), terrain.width)
+        up, across = np.arange(terrain.height)[rows] - row, np.arange(terrain.width)[cols] - col
+        off = up[:, None] ** 2 + across**2
+        free = seen & ground[rows, cols] & ~is_sure[rows, cols]
+        nearer = free & (off < nearest[rows, cols])
+        owner[rows, cols][nearer], nearest[rows, cols][nearer] = number, off[nearer]
+        sure = free & sees(before[number], rows, cols) & sees(after[number], rows, cols)
+        owner[rows, cols][sure], is_sure[rows, cols][sure] = number, True
+    return owner
+
+
+def _places(terrain: Terrain, reach: BoolGrid, tour: Tour, spacing: float) -> tuple[Flat, NDArray[np.float64], float]:
+    """Return the points of a tour at most a spacing (m) apart, how far along it they lie, and its length, m."""
+    places: list[int] = []
+    along: list[float] = []
+    passed = 0.0
+    for (x, y), (to_x, to_y) in zip(tour.way, [*tour.way[1:], tour.way[0]], strict=True):
+        length = math.dist((x, y), (to_x, to_y))
+        count = max(1, math.ceil(length / spacing))
+        for part in range(count):
+            share = part / count
+            row, col = terrain.point_at(x + share * (to_x - x), y + share * (to_y - y))
+            flat = row * terrain.width + col
+            if reach[row, col] and (not places or places[-1] != flat):
+                places.append(flat)
+                along.append(passed + share * length)
+        passed += length
+    return np.array(places, dtype=np.int64), np.array(along), passed

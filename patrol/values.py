@@ -1,0 +1,236 @@
+"""Sections of a scenario, the types of the values in them, and the errors for anything else.
+
+Numbers are strict and bounded: no boolean or text is taken for one, and neither NaN nor infinity passes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from itertools import pairwise
+from pathlib import Path
+from typing import Annotated, Any, Final, Literal, get_args
+
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Discriminator,
+    Field,
+    Strict,
+    Tag,
+    ValidationError,
+    ValidationInfo,
+    ValidatorFunctionWrapHandler,
+    WrapValidator,
+)
+from pydantic_core import PydanticCustomError
+
+from patrol.pose import Model
+from patrol.radio.message import MAX_FRAME, MAX_TRAIL
+
+
+class Section(BaseModel):
+    """A mapping of the scenario file: frozen, and strict about its keys."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+def wrong(field: str, problem: str, value: float | None = None) -> PydanticCustomError:
+    """Make the error of a check over several fields.
+
+    `field` is the one to change, dotted from the model that checks; empty for the model itself. `problem` also says
+    what to do instead. A `value` is shown in the message.
+    """
+    shown = "" if value is None else f" = {value:g}"
+    return PydanticCustomError("crossed", "{problem}", {"field": field, "value": shown, "problem": problem})
+
+
+def absolute(value: str | None, info: ValidationInfo) -> str | None:
+    """Resolve a path against the folder that the validation's context names; without one it stays the same."""
+    base = info.context.get("base") if isinstance(info.context, dict) else None
+    return value if value is None or base is None else str((Path(base) / value).absolute())
+
+
+MAX_ROBOTS = 65_000
+MAX_SEED = 2**63 - 1
+MAX_CORNERS = 5000
+MAX_POLYGONS = 1000
+# Larger numbers mean nothing in metres, seconds or points, and overflow the arithmetic of grids.
+LARGEST = 1e9
+
+Kind = Model
+Builtin = Literal["open", "yards", "clutter", "site"]
+BUILTINS: tuple[str, ...] = get_args(Builtin)
+Patrolled = Literal["ground", "vertices"]
+
+
+def expecting(what: str, bare: bool = False) -> WrapValidator:
+    """Replace whatever the inner checks say by one message: what was expected.
+
+    With `bare`, `what` says nothing about the field, so the message adds the field's description.
+    """
+
+    def check(value: Any, handler: ValidatorFunctionWrapHandler) -> Any:
+        try:
+            return handler(value)
+        except ValidationError:
+            raise _unexpected(what, bare) from None
+
+    return WrapValidator(check)
+
+
+def _bare(what: str) -> WrapValidator:
+    return expecting(what, bare=True)
+
+
+def _unexpected(what: str, bare: bool = False) -> PydanticCustomError:
+    return PydanticCustomError("expected", "{what}", {"what": what, "bare": bare})
+
+
+def at_least(count: int, what: str) -> AfterValidator:
+    """Make a check that a list has enough items.
+
+    It runs after the items' own checks, so that a wrong item is not counted as missing.
+    """
+
+    def check(items: tuple[Any, ...]) -> tuple[Any, ...]:
+        if len(items) < count:
+            raise _unexpected(f"{count} or more {what}")
+        return items
+
+    return AfterValidator(check)
+
+
+def at_most(count: int, what: str) -> BeforeValidator:
+    """Make a check that a list does not have too many items, before any of them is looked at."""
+
+    def check(items: Any) -> Any:
+        if isinstance(items, list | tuple) and len(items) > count:
+            raise _unexpected(f"at most {count} {what}")
+        return items
+
+    return BeforeValidator(check)
+
+
+Number = Annotated[float, Strict(), Field(ge=-LARGEST, le=LARGEST), _bare("a number from -1e9 to 1e9")]
+Positive = Annotated[float, Strict(), Field(gt=0, le=LARGEST), _bare("a number above 0 and at most 1e9")]
+NotNegative = Annotated[float, Strict(), Field(ge=0, le=LARGEST), _bare("a number from 0 to 1e9")]
+Exponent = Annotated[float, Strict(), Field(gt=0, le=600), _bare("a number above 0 and at most 600")]
+AUTO: Final = "auto"
+Auto = Literal["auto"]
+AutoPositive = Annotated[Auto | Positive, _bare("auto, or a number above 0 and at most 1e9")]
+AutoNotNegative = Annotated[Auto | NotNegative, _bare("auto, or a number from 0 to 1e9")]
+Probability = Annotated[float, Strict(), Field(ge=0, le=1), _bare("a number from 0 to 1")]
+Share = Annotated[float, Strict(), Field(gt=0, le=1), _bare("a number above 0 and at most 1")]
+Burst = Annotated[float, Strict(), Field(ge=1, le=LARGEST), _bare("a number from 1 to 1e9")]
+Growth = Annotated[float, Strict(), Field(gt=-1, le=1), _bare("a number above -1 and at most 1")]
+Degrees = Annotated[float, Strict(), Field(gt=0, le=360), _bare("a number above 0 and at most 360")]
+Power = Annotated[float, Strict(), Field(ge=-200, le=100), _bare("a number from -200 to 100")]
+Decibels = Annotated[float, Strict(), Field(ge=0, le=200), _bare("a number from 0 to 200")]
+PathLossExponent = Annotated[float, Strict(), Field(ge=1, le=10), _bare("a number from 1 to 10")]
+Tolerance = Annotated[float, Strict(), Field(ge=0, lt=1), _bare("a number from 0 to below 1")]
+Seed = Annotated[int, Strict(), Field(ge=0, le=MAX_SEED), _bare("a whole number from 0 to 2^63 - 1")]
+Count = Annotated[int, Strict(), Field(ge=1, le=MAX_ROBOTS), _bare(f"a whole number from 1 to {MAX_ROBOTS}")]
+Spares = Annotated[int, Strict(), Field(ge=0, le=MAX_ROBOTS), _bare(f"a whole number from 0 to {MAX_ROBOTS}")]
+Ticks = Annotated[int, Strict(), Field(ge=1, le=10**9), _bare("a whole number from 1 to 1e9")]
+Sectors = Annotated[int, Strict(), Field(ge=3, le=3600), _bare("a whole number from 3 to 3600")]
+Trail = Annotated[int, Strict(), Field(ge=0, le=MAX_TRAIL), _bare(f"a whole number from 0 to {MAX_TRAIL}")]
+TrailEvery = Annotated[int, Strict(), Field(ge=1, le=15), _bare("a whole number from 1 to 15")]
+Overhead = Annotated[int, Strict(), Field(ge=0, le=1000), _bare("a whole number from 0 to 1000")]
+FrameBytes = Annotated[int, Strict(), Field(ge=1, le=MAX_FRAME), _bare(f"a whole number from 1 to {MAX_FRAME}")]
+Flag = Annotated[bool, Strict(), _bare("true or false")]
+PathText = Annotated[str, Field(min_length=1, pattern=r"^[^\x00-\x1f]+$"), expecting("the path of a file")]
+CLASS_NAME = r"^([A-Za-z0-9][A-Za-z0-9._-]{0,63}|[^\x00-\x1f:][^\x00-\x1f]*:[A-Za-z_][A-Za-z0-9_]*)$"
+PolicyText = Annotated[
+    str,
+    Field(pattern=CLASS_NAME),
+    expecting("committed, potential-field, package.module:Class, ./file.py:Class or the name of an entry point"),
+]
+SensorText = Annotated[
+    str,
+    Field(pattern=CLASS_NAME),
+    expecting("sector, disc, package.module:Class, ./file.py:Class or the name of an entry point"),
+]
+Digest = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$"), expecting("64 hex digits")]
+Name = Annotated[
+    str,
+    Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]{0,63}$"),
+    expecting("text of at most 64 letters, digits, '.', '_' and '-' that begins with a letter or digit"),
+]
+RobotName = Annotated[
+    str,
+    Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_-]{0,31}$"),
+    expecting("text of at most 32 letters, digits, '_' and '-' that begins with a letter or digit"),
+]
+Corner = Annotated[tuple[Number, Number], expecting("[x, y] in m")]
+Polygon = Annotated[
+    tuple[Corner, ...],
+    Field(json_schema_extra={"minItems": 3, "maxItems": MAX_CORNERS}),
+    at_least(3, "corners"),
+    at_most(MAX_CORNERS, "corners"),
+]
+Polygons = Annotated[
+    tuple[Polygon, ...], Field(json_schema_extra={"maxItems": MAX_POLYGONS}), at_most(MAX_POLYGONS, "polygons")
+]
+Place = Annotated[
+    tuple[Number, Number] | tuple[Number, Number, Number], expecting("[x, y] in m or [x, y, heading] in m and rad")
+]
+Pace = Annotated[
+    Literal["lockstep", "realtime"] | Positive, expecting("lockstep, realtime or a factor of real time above 0")
+]
+
+
+def _shape(value: Any) -> str:
+    """Tell which of a field's alternatives a value is meant to be."""
+    if isinstance(value, list | tuple):
+        return "=list"
+    return "=mapping" if isinstance(value, Mapping | BaseModel) else "=single"
+
+
+def by_shape(what: str) -> Discriminator:
+    """Choose among alternatives tagged =list, =mapping and =single.
+
+    The equals sign sets the tags apart from field names where an error's location mentions them.
+    """
+    return Discriminator(_shape, "expected", "{what}", {"what": what, "bare": False})
+
+
+def _increasing(points: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float], ...]:
+    if any(later[0] <= earlier[0] for earlier, later in pairwise(points)):
+        raise _unexpected("distances that increase along the list")
+    return points
+
+
+_RANDOM_OR_PLACE = "random, [x, y] in m or [x, y, heading] in m and rad"
+Start = Annotated[
+    Annotated[Literal["random"], expecting(_RANDOM_OR_PLACE), Tag("=single")]
+    | Annotated[Place, expecting(_RANDOM_OR_PLACE), Tag("=list")],
+    by_shape(_RANDOM_OR_PLACE),
+]
+_RANDOM_OR_PLACES = "random or a list of [x, y] or [x, y, heading]"
+Starts = Annotated[
+    Annotated[Literal["random"], expecting(_RANDOM_OR_PLACES), Tag("=single")]
+    | Annotated[tuple[Place, ...], Tag("=list")],
+    by_shape(_RANDOM_OR_PLACES),
+]
+_SHARE_OR_LIST = "a number above 0 and at most 1, or a list of [distance in m, quality]"
+QualityPoint = Annotated[tuple[NotNegative, Share], expecting("[distance in m, quality above 0 and at most 1]")]
+Quality = Annotated[
+    Annotated[Share, expecting(_SHARE_OR_LIST), Tag("=single")]
+    | Annotated[
+        tuple[QualityPoint, ...],
+        Field(json_schema_extra={"minItems": 1}),
+        at_least(1, "points"),
+        AfterValidator(_increasing),
+        Tag("=list"),
+    ],
+    by_shape(_SHARE_OR_LIST),
+]
+Mechanism = Literal["claims", "artificial-obstacles", "semaphores", "repulsion"]
+SEPARATIONS = "none | claims | artificial-obstacles | semaphores | repulsion, or a list"
+Separation = Annotated[
+    Annotated[Literal["none"] | Mechanism, expecting(SEPARATIONS), Tag("=single")]
+    | Annotated[tuple[Annotated[Mechanism, expecting(SEPARATIONS)], ...], Tag("=list")],
+    by_shape(SEPARATIONS),
+]

@@ -1,1 +1,0 @@
-"""The parts of a scenario's sections: strict mappings, and the types of their values."""

@@ -1,0 +1,452 @@
+"""``fogwatch doctor``: listening on a robot's Zenoh router, and findings on whether a patrol could start."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from enum import StrEnum
+from typing import Any
+
+from patrol.errors import Malformed
+from patrol.printable import printable
+from ros2.robot.localisation import AHEAD_S, LONGEST_S, Source
+from ros2.wire import messages as ros
+from ros2.wire.codec import CODINGS, decode
+from ros2.wire.definitions import ACTION, NO_HASH, type_hash
+from ros2.wire.formats import Bridge, Format, Origin, RmwZenoh
+from ros2.wire.link import RouterSays, ZenohRos2Link
+from ros2.wire.mailbox import Ear, Overheard
+from ros2.wire.names import ADMIN_SPACE, Entity, EntityKind, entity_of, full_name
+
+ARROW = " -> "
+
+_KNOWN = {coding.type_name: kind for kind, coding in CODINGS.items() if coding.unpack is not None}
+
+
+@dataclass(frozen=True, slots=True)
+class Topic:
+    """The nodes and messages of a topic."""
+
+    name: str  # in full
+    type_name: str  # empty where no node says
+    type_hash: str  # empty where no node says
+    rate: float  # messages a second
+    messages: int  # number heard
+    size: int  # bytes of the longest message
+    frames: tuple[str, ...]  # that its messages name
+    publishers: int  # number, as far as tokens or attachments tell
+    subscribers: int  # number, as far as tokens tell
+    wrong: str  # why its messages cannot be used; empty where they can
+
+
+def topics_of(seen: Survey, form: Format, entities: Sequence[Entity]) -> Iterator[Topic]:
+    """Yield the topics that matter, as far as there are any."""
+    for name, _ in names_of(seen.namespace, seen.wanted):
+        if isinstance(form, Bridge):
+            keys = [key for key in seen.heard if key == form.heard(name)]
+        else:
+            keys = [key for key in seen.heard if key.startswith(f"{form.domain}/{name.strip('/')}/") and "::" in key]
+        about = [entity for entity in entities if entity.topic == name]
+        publishers = sum(entity.kind is EntityKind.PUBLISHER for entity in about)
+        subscribers = sum(entity.kind is EntityKind.SUBSCRIPTION for entity in about)
+        for key in keys or [""]:
+            origin = form.origin(key) if key else Origin()
+            publisher = next(
+                (entity for entity in about if entity.kind is EntityKind.PUBLISHER), about[0] if about else None
+            )
+            type_name = origin.type_name or (publisher.type_name if publisher else "")
+            hashed = origin.type_hash or (publisher.type_hash if publisher else "")
+            heard = seen.heard.get(key)
+            frames, wrong = _look(name, type_name, heard, seen.wanted)
+            if type_name in _KNOWN and hashed not in {"", NO_HASH, type_hash(type_name)}:
+                wrong = f"its hash is {hashed[:80]}, and so its fields are other than ours"
+            if heard is not None or about:
+                yield Topic(
+                    name,
+                    printable(type_name[:255]),
+                    printable(hashed[:80]),
+                    0.0 if heard is None else heard.rate,
+                    0 if heard is None else heard.messages,
+                    0 if heard is None else heard.size,
+                    frames,
+                    max(publishers, 0 if heard is None else len(heard.senders)),
+                    subscribers,
+                    printable(wrong),
+                )
+
+
+def _look(name: str, type_name: str, heard: Overheard | None, wanted: Wanted) -> tuple[tuple[str, ...], str]:
+    """Return the frames in a topic's messages, and why they cannot be used, if so."""
+    kind = _KNOWN.get(type_name) or _expected(name, wanted)
+    if heard is None or kind is None:
+        return (), ""
+    frames: dict[str, None] = {}
+    try:
+        for payload in [*(payload for _, payload in list(heard.recent)), heard.newest]:
+            if payload is not None:
+                frames |= dict.fromkeys(_frames(decode(kind, payload)))
+    except Malformed as bad:
+        return tuple(frames), str(bad)
+    return tuple(frames), ""
+
+
+def _expected(name: str, wanted: Wanted) -> Any:
+    """Return the class of a topic's messages, where its key does not say."""
+    kinds: dict[str, Any] = {
+        "tf": ros.TFMessage,
+        "tf_static": ros.TFMessage,
+        "odom": ros.Odometry,
+        "amcl_pose": ros.PoseWithCovarianceStamped,
+        "map": ros.OccupancyGrid,
+        "clock": ros.Clock,
+    }
+    return {wanted.topic(usual).rpartition("/")[2]: kind for usual, kind in kinds.items()}.get(name.rpartition("/")[2])
+
+
+def _frames(message: Any) -> Iterator[str]:
+    if isinstance(message, ros.TFMessage):
+        for transform in message.transforms:
+            yield f"{transform.frame}{ARROW}{transform.child_frame}"
+    elif isinstance(message, ros.Odometry):
+        yield f"{message.frame}{ARROW}{message.child_frame}"
+    elif getattr(message, "frame", ""):
+        yield message.frame
+
+
+_TOKENS_S = 3.0
+
+
+@dataclass(frozen=True, slots=True)
+class Wanted:
+    """The settings of a robot's agent, which say what a patrol needs of the robot."""
+
+    # names other than the usual, by those (`ros2.robot.options.TOPICS`)
+    topics: Mapping[str, str] = field(default_factory=dict)
+    localisation: Source = Source.TF  # what corrects the odometry
+    map_frame: str = "map"
+    sim_time: bool = False  # the robot's time comes from its clock topic
+
+    def topic(self, usual: str) -> str:
+        """Return the name of a topic by its usual name, relative to the robot's namespace.
+
+        The clock's usual topic, ``/clock``, is absolute.
+        """
+        return self.topics.get(usual, "/clock" if usual == "clock" else usual)
+
+
+@dataclass(slots=True)
+class Survey:
+    """All that was seen and overheard of a robot."""
+
+    domain: int  # ROS_DOMAIN_ID
+    namespace: str
+    wanted: Wanted
+    tokens: list[str] = field(default_factory=list)  # of both formats and every domain
+    heard: dict[str, Overheard] = field(default_factory=dict)  # by key
+    router: RouterSays | None = None  # what the router says of itself; None if it does not answer
+
+
+def survey(link: ZenohRos2Link, domain: int, namespace: str, wanted: Wanted, seconds: float) -> Survey:
+    """Look at a robot's router and listen there for some seconds; `domain` is the ROS_DOMAIN_ID."""
+    ear = Ear()
+    for form in (RmwZenoh(domain), Bridge()):
+        for name, latched in names_of(namespace, wanted):
+            link.overhear(form.heard(name), ear, latched)
+    threading.Event().wait(seconds)
+    # A router with access rules answers for our domain, and not for all of them.
+    graphs = (RmwZenoh(domain).graph, f"{ADMIN_SPACE}/**", Bridge.graph)
+    tokens = dict.fromkeys(token for graph in graphs for token in link.tokens(graph, _TOKENS_S))
+    return Survey(domain, namespace, wanted, list(tokens), ear.heard, link.router(_TOKENS_S))
+
+
+def names_of(namespace: str, wanted: Wanted) -> Iterator[tuple[str, bool]]:
+    """Yield the full names of all topics that matter, and whether they are latched."""
+    for usual, latched in (("odom", False), ("amcl_pose", True), ("cmd_vel", False)):
+        yield full_name(namespace, wanted.topic(usual)), latched
+    for usual, latched in (("tf", False), ("tf_static", True), ("map", True)):
+        name = wanted.topic(usual)
+        yield from dict.fromkeys([(full_name(namespace, name), latched), (full_name("", name), latched)])
+    if wanted.sim_time:
+        yield full_name(namespace, wanted.topic("clock")), False
+
+
+SLOW_HZ = 5.0
+"""Fewer poses a second than this are few for a robot that drives."""
+CLOCKS_S = 0.1
+"""Clocks that differ by more than this make poses look older or younger than they are."""
+_SIMULATED_S = 86400.0
+_COMMANDS = [CODINGS[kind].type_name for kind in (ros.TwistStamped, ros.Twist, ros.AckermannDriveStamped)]
+
+
+class Level(StrEnum):
+    """The severity of a finding. A patrol can start unless something is missing."""
+
+    OK = "ok"
+    WARNING = "warning"
+    MISSING = "missing"
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """One thing that was found."""
+
+    level: Level
+    says: str
+    remedy: str = ""  # empty where nothing has to be done
+
+
+@dataclass(frozen=True, slots=True)
+class Examined:
+    """The result of a survey."""
+
+    speaks: str  # a format; empty where nothing was seen
+    clock_s: float | None  # how far our clock is ahead of the robot's, messages' travel time included; None if unknown
+    topics: tuple[Topic, ...]  # only those that matter
+    findings: tuple[Finding, ...]  # the worst first
+
+    @property
+    def fit(self) -> bool:
+        """True if a patrol could start."""
+        return all(finding.level is not Level.MISSING for finding in self.findings)
+
+
+def examine(seen: Survey) -> Examined:
+    """Return the findings of a survey."""
+    bridge = Bridge()
+    ours = [entity for token in seen.tokens if (entity := entity_of(token)) is not None]
+    bridged = [entity for token in seen.tokens if (entity := bridge.entity(token)) is not None]
+    here = [entity for entity in ours if entity.domain == seen.domain and not entity.node.name.startswith("fogwatch")]
+    spoken = any(key.split("/")[0] == str(seen.domain) and "::dds_::" in key for key in seen.heard)
+    plain = any("::dds_::" not in key for key in seen.heard)
+    form: Format = RmwZenoh(seen.domain) if here or spoken or not (bridged or plain) else bridge
+    entities = bridged if isinstance(form, Bridge) else here
+    topics = tuple(topics_of(seen, form, entities))
+    findings = [*_of_format(seen, form, entities, ours)]
+    clock_s = _clock(seen, form)
+    if findings[-1].level is not Level.MISSING:
+        findings += [
+            *_of_topics(topics),
+            *_of_odometry(seen, topics, entities),
+            *_of_stamps(seen, form),
+            *_of_pose(seen, topics),
+            *_of_commands(seen, topics, entities),
+            *_of_map(seen, topics),
+            *_of_clock(seen, topics, clock_s),
+        ]
+    findings += _of_router(seen)
+    order = [Level.MISSING, Level.WARNING, Level.OK]
+    return Examined(
+        "" if not (entities or seen.heard) else form.name,
+        clock_s,
+        topics,
+        tuple(sorted(findings, key=lambda finding: order.index(finding.level))),
+    )
+
+
+def _of_format(seen: Survey, form: Format, here: Sequence[Entity], ours: Sequence[Entity]) -> Iterator[Finding]:
+    if not here and not seen.heard:
+        others = sorted({entity.domain for entity in ours} - {seen.domain})
+        remedy = "start rmw_zenohd there and the nodes with RMW_IMPLEMENTATION=rmw_zenoh_cpp, or zenoh-bridge-ros2dds"
+        if others:
+            remedy = f"there is a robot in domain {others[0]}: give --domain {others[0]}"
+        yield Finding(Level.MISSING, f"nothing of ROS 2 is on this router in domain {seen.domain}", remedy)
+        return
+    inside = full_name(seen.namespace, "").rstrip("/")
+    spaces = _namespaces(here, seen.wanted)
+    if spaces and inside.strip("/") not in spaces and not _speaks(seen, form):
+        shown = ", ".join(name or "''" for name in spaces[:8])
+        yield Finding(Level.MISSING, f"no robot is in the namespace {inside or '/'}", f"give --namespace {shown}")
+        return
+    humble = any(entity.type_hash == NO_HASH for entity in here) or any(key.endswith(NO_HASH) for key in seen.heard)
+    option = "bridge" if isinstance(form, Bridge) else "rmw_zenoh-humble" if humble else "rmw_zenoh"
+    yield Finding(Level.OK, f"the robot speaks {option}", "")
+
+
+def _of_router(seen: Survey) -> Iterator[Finding]:
+    if seen.router is None:
+        yield Finding(Level.OK, "the router does not answer about itself: no access, or it has no admin space")
+    elif seen.router.others:
+        yield Finding(Level.OK, f"the router has Zenoh {seen.router.version}; connected: {seen.router.others} more")
+    else:
+        problem = f"the router has Zenoh {seen.router.version}, and no other process is connected to it"
+        yield Finding(Level.WARNING, problem, "start the robot's nodes with the address of this router")
+
+
+def _speaks(seen: Survey, form: Format) -> bool:
+    """Return whether odometry came in the robot's namespace."""
+    where = form.heard(full_name(seen.namespace, seen.wanted.topic("odom"))).removesuffix("/*/*")
+    return any(key == where or key.startswith(f"{where}/") for key in seen.heard)
+
+
+def _elsewhere(entities: Iterable[Entity], usual: str) -> str:
+    """Return the remedy where a topic has another name, or no node has it."""
+    names = sorted({printable(entity.topic[:255]) for entity in entities})
+    if not names:
+        return "start the robot's base driver"
+    more = f" (there is {', '.join(names[1:4])}, too)" if names[1:] else ""
+    return f"give --topic {usual}={names[0]}{more}"
+
+
+def _namespaces(entities: Iterable[Entity], wanted: Wanted) -> list[str]:
+    """Return the namespaces in which there is odometry, or commands are wanted."""
+    names = (wanted.topic("odom"), wanted.topic("cmd_vel"))
+    namespaces = {entity.topic.rpartition("/")[0].strip("/") for entity in entities if entity.topic.endswith(names)}
+    return sorted(printable(name[:255]) for name in namespaces)
+
+
+def _of_topics(topics: Iterable[Topic]) -> Iterator[Finding]:
+    for topic in topics:
+        if topic.wrong:
+            remedy = "bring both to releases of ROS 2 that agree, or use another topic"
+            yield Finding(Level.WARNING, f"{topic.name}: messages cannot be used: {topic.wrong}", remedy)
+
+
+def _usable(topics: Iterable[Topic], names: Iterable[str]) -> list[Topic]:
+    return [topic for topic in topics if topic.name in set(names) and topic.messages and not topic.wrong]
+
+
+def _of_odometry(seen: Survey, topics: Sequence[Topic], entities: Sequence[Entity]) -> Iterator[Finding]:
+    name = full_name(seen.namespace, seen.wanted.topic("odom"))
+    odometry = _usable(topics, [name])
+    if not odometry:
+        kind = CODINGS[ros.Odometry].type_name
+        known = [entity for entity in entities if entity.type_name == kind and entity.topic != name]
+        yield Finding(Level.MISSING, f"no odometry comes on {name}", _elsewhere(known, "odom"))
+    for topic in odometry:
+        if topic.publishers > 1:
+            remedy = "only one may publish it; give each robot a namespace of its own"
+            yield Finding(Level.MISSING, f"{name}: {topic.publishers} publish it", remedy)
+        if topic.rate < SLOW_HZ:
+            problem = (
+                f"{name}: {topic.rate:.1f} messages a second; fewer than {SLOW_HZ:g} are few for a robot that drives"
+            )
+            yield Finding(Level.WARNING, problem, "raise its rate, or drive slowly")
+        else:
+            yield Finding(Level.OK, f"{name}: {topic.rate:.1f} messages a second, {', '.join(topic.frames)}")
+
+
+def _of_stamps(seen: Survey, form: Format) -> Iterator[Finding]:
+    """Find whether an agent would take the robot's odometry for new (`ros2.robot.localisation`)."""
+    age_s = _age_of_odometry(seen, form)
+    if age_s is None or seen.wanted.sim_time or -AHEAD_S <= age_s <= LONGEST_S:
+        return
+    if abs(age_s) > _SIMULATED_S:
+        remedy = "where the robot runs on simulated time, give --use-sim-time"
+        yield Finding(Level.MISSING, "the stamps of odometry are of another day", remedy)
+        return
+    way = "behind" if age_s > 0.0 else "ahead of"
+    problem = f"the stamps of odometry are {abs(age_s):.2f} s {way} our clock; an agent does not drive by these"
+    remedy = "run chrony or another NTP client on both machines; give the agent --delay S if only the stamps are wrong"
+    yield Finding(Level.MISSING, problem, remedy)
+
+
+def _of_pose(seen: Survey, topics: Sequence[Topic]) -> Iterator[Finding]:
+    """Find whether the robot's place on the map is known, by the source that the agent is to use."""
+    wanted = seen.wanted
+    spaces, kinds = (seen.namespace, ""), ("tf", "tf_static")
+    tf = _usable(topics, [full_name(space, wanted.topic(kind)) for space in spaces for kind in kinds])
+    links = [frame.partition(ARROW) for topic in tf for frame in topic.frames]
+    corrected = {child.lstrip("/") for parent, _, child in links if parent.lstrip("/") == wanted.map_frame.lstrip("/")}
+    odometry = _usable(topics, [full_name(seen.namespace, wanted.topic("odom"))])
+    frames = {frame.partition(ARROW)[0].lstrip("/") for topic in odometry for frame in topic.frames}
+    by_tf = bool(corrected & frames)
+    poses = _usable(topics, [full_name(seen.namespace, wanted.topic("amcl_pose"))])
+    posed = {frame.lstrip("/") for topic in poses for frame in topic.frames}
+    by_pose = wanted.map_frame.lstrip("/") in posed
+    if wanted.localisation is Source.ODOMETRY:
+        yield Finding(Level.OK, "nothing corrects the odometry, as asked; give the agent --start X,Y,HEADING")
+    elif by_tf if wanted.localisation is Source.TF else by_pose:
+        yield Finding(Level.OK, "the robot knows its place on the map")
+    elif by_tf or by_pose:
+        other = Source.TF if by_tf else Source.POSE
+        problem = f"the robot knows its place on the map, but not by --localisation {wanted.localisation.value}"
+        yield Finding(Level.MISSING, problem, f"give --localisation {other.value}")
+    else:
+        missing = " or ".join(f"{wanted.map_frame}{ARROW}{printable(frame)}" for frame in sorted(frames))
+        pose = f"poses in the frame {printable(', '.join(sorted(posed)))} alone" if posed else "no pose"
+        problem = (
+            f"nothing says where the robot is on the map: no {missing or 'transform from the map'} on tf, and {pose}"
+        )
+        remedy = (
+            "start its localisation (amcl, slam_toolbox); if it waits for a pose, give the agent a --start; if"
+            " there is none, give --localisation odometry and the agent a --start"
+        )
+        if posed:
+            remedy = f"have it give them in {wanted.map_frame}, or give --map-frame with the frame that is the map's"
+        yield Finding(Level.MISSING, problem, remedy)
+
+
+def _of_commands(seen: Survey, topics: Sequence[Topic], entities: Sequence[Entity]) -> Iterator[Finding]:
+    name = full_name(seen.namespace, seen.wanted.topic("cmd_vel"))
+    action = f"{full_name(seen.namespace, seen.wanted.topic('navigate_to_pose'))}/_action/send_goal"
+    obeys = [entity for entity in entities if entity.topic == name and entity.kind is EntityKind.SUBSCRIPTION]
+    types = sorted({entity.type_name for entity in obeys})
+    nav2 = any(entity.topic == action and entity.kind is EntityKind.SERVER for entity in entities)
+    if nav2:
+        yield Finding(Level.OK, f"Nav2 takes goals ({ACTION})")
+    known = [printable(kind) for kind in types if kind in _COMMANDS]
+    if known:
+        yield Finding(Level.OK, f"{name}: the robot obeys {', '.join(known)}")
+    elif types:
+        remedy = f"give it one of {', '.join(_COMMANDS)}"
+        wants = printable(types[0][:255])
+        yield Finding(Level.MISSING, f"{name}: the robot wants {wants}, which we do not send", remedy)
+    elif not entities:
+        remedy = f"allow {ADMIN_SPACE}/** to us on the router, to see who obeys"
+        yield Finding(Level.WARNING, f"nobody says whether the robot obeys commands on {name}", remedy)
+    elif not nav2:
+        wanting = [
+            entity for entity in entities if entity.type_name in _COMMANDS and entity.kind is EntityKind.SUBSCRIPTION
+        ]
+        yield Finding(Level.MISSING, f"nobody obeys commands on {name}", _elsewhere(wanting, "cmd_vel"))
+    rivals = sum(topic.messages for topic in topics if topic.name == name)
+    if rivals:
+        remedy = "stop the other program (a joystick, Nav2, another agent), or the robot gets both"
+        yield Finding(Level.WARNING, f"{name}: somebody else sends commands, {rivals} while we listened", remedy)
+
+
+def _of_map(seen: Survey, topics: Sequence[Topic]) -> Iterator[Finding]:
+    maps = _usable(topics, [full_name(space, seen.wanted.topic("map")) for space in (seen.namespace, "")])
+    if maps:
+        yield Finding(Level.OK, f"{maps[0].name}: a latched map of {maps[0].size} bytes")
+    else:
+        yield Finding(Level.WARNING, "there is no latched map", "give the agent a map's file with --map")
+
+
+def _clock(seen: Survey, form: Format) -> float | None:
+    """Return by how much our clock is ahead, s: by the attachments or, without any, by the stamps of odometry."""
+    ages = [heard.age_ns for heard in seen.heard.values() if heard.age_ns is not None]
+    return min(ages, key=abs) / 1e9 if ages else _age_of_odometry(seen, form)
+
+
+def _age_of_odometry(seen: Survey, form: Format) -> float | None:
+    """Return the least age by its stamp at which recent odometry arrived, s; None where there is none to be used."""
+    where = form.heard(full_name(seen.namespace, seen.wanted.topic("odom"))).removesuffix("/*/*")
+    for key, heard in seen.heard.items():
+        if (key == where or key.startswith(f"{where}/")) and heard.recent:
+            try:
+                recent = list(heard.recent)  # at once: messages go on coming
+                return min(at_ns - decode(ros.Odometry, payload).stamp_ns for at_ns, payload in recent) / 1e9
+            except Malformed:
+                continue
+    return None
+
+
+def _of_clock(seen: Survey, topics: Sequence[Topic], clock_s: float | None) -> Iterator[Finding]:
+    if seen.wanted.sim_time:
+        name = full_name(seen.namespace, seen.wanted.topic("clock"))
+        if _usable(topics, [name]):
+            yield Finding(Level.OK, f"{name}: the robot's time comes")
+        else:
+            yield Finding(
+                Level.MISSING, f"no time comes on {name}", "start the simulation, or leave out --use-sim-time"
+            )
+    elif clock_s is None or abs(clock_s) > _SIMULATED_S:
+        return
+    elif abs(clock_s) > CLOCKS_S:
+        way = "behind" if clock_s > 0.0 else "ahead of"
+        problem = f"the robot's clock is {abs(clock_s):.2f} s {way} ours, or its messages take so long"
+        yield Finding(Level.WARNING, problem, "run chrony or another NTP client on both machines")
+    else:
+        yield Finding(Level.OK, f"the robot's clock agrees with ours ({clock_s * 1e3:.0f} ms)")

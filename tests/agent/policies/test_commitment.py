@@ -1,0 +1,283 @@
+"""Commitment: a target is kept until it has been seen, and dropped where it cannot be."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pytest
+
+from agent.build import build_mind
+from agent.policies.commitment import AT_HAND_S, LEFT_OUT_S, NO_NEARER_S, Commitment, GivenUp, Target
+from agent.policies.surround import Surround
+from patrol.ground.terrain import Terrain
+from patrol.pose import MODELS, Pose
+from patrol.prepare import Prepared
+from tests.agent.minds import STEP, at
+from tests.agent.plans import POINT, Robots, plan, prepared_in, two_rooms
+
+BASE = {"radius": 0.3, "speed": 1.0}
+CORNER = Pose(2.0, 2.0, 0.0)
+FREE = "agent.policies.commitment:Commitment"
+
+
+@pytest.fixture(autouse=True)
+def _without_random_steps(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("agent.policies.commitment.RANDOM_MOVE", 0.0)
+
+
+def alone(
+    terrain: Terrain,
+    start: Pose = CORNER,
+    model: str = "holonomic",
+    *,
+    sensor: Mapping[str, Any] | None = None,
+) -> Prepared:
+    robots = {**BASE, "model": model, **({"turning_radius": 1.0} if model == "car" else {})}
+    sees = {"range": 3.0, **(sensor or {})}
+    return prepared_in(
+        terrain, [start], robots, patrol={"policy": FREE, "options": {"separation": "claims"}}, sensor=sees
+    )
+
+
+def policy_of(robots: Robots, robot: int = 0) -> Commitment:
+    """The policy of a robot."""
+    surround = robots.minds[robot].policy
+    assert isinstance(surround, Surround)
+    policy = surround.otherwise
+    assert isinstance(policy, Commitment)
+    return policy
+
+
+def target_of(robots: Robots, robot: int = 0) -> Target | None:
+    return policy_of(robots, robot).target
+
+
+def seen_share(robots: Robots) -> float:
+    fog = robots.minds[0].belief.fog
+    return fog.seen / fog.points
+
+
+@dataclass(frozen=True)
+class Change:
+    """A tick at which a robot took another target, the old one and how old that was."""
+
+    k: int
+    old: Target
+    age: int
+
+
+def changes(robots: Robots, ticks: int) -> list[Change]:
+    """The changes of the first robot's target."""
+    found = []
+    before = None
+    for _ in range(ticks):
+        robots.tick()
+        now = target_of(robots)
+        if before is not None and (now is None or now.point != before.point):
+            last = int(robots.minds[0].belief.fog.last_seen[before.point])
+            found.append(Change(robots.k - 1, before, robots.k - 1 - max(last, 0)))
+        before = now
+    return found
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_a_target_is_kept_until_it_has_been_seen(model: str) -> None:
+    robots = Robots(alone(two_rooms(), model=model))
+    changed = changes(robots, 700)
+    assert len(changed) >= 4
+    assert all(change.age < 0.5 * change.old.age for change in changed)
+    assert seen_share(robots) == 1.0
+
+
+def test_the_way_to_a_target_gets_shorter_at_each_step() -> None:
+    robots = Robots(alone(two_rooms()))
+    before = None
+    for _ in range(120):
+        (decision,) = robots.tick()
+        target = target_of(robots)
+        way = decision.figures.get("way_m", math.inf)
+        if before is not None and before[0] == target:
+            assert way < before[1]
+        before = target, way
+
+
+def test_without_an_age_nothing_pulls() -> None:
+    robots = Robots(alone(two_rooms()))
+    (decision,) = robots.tick()
+    assert (target_of(robots), decision.command.speed_mps) == (None, 0.0)
+    robots.tick()
+    assert target_of(robots) is not None
+
+
+# --- giving up -------------------------------------------------------------------------------------------------------
+
+
+class Held(Robots):
+    """Robots that the world does not move from some tick on, as if something that they cannot know of held them."""
+
+    held_from = 10
+
+    def tick(self) -> Any:
+        poses = [body.pose for body in self.bodies]
+        decisions = super().tick()
+        if self.k > self.held_from:
+            for body, pose in zip(self.bodies, poses, strict=True):
+                body.pose = pose
+        return decisions
+
+
+def test_who_comes_no_nearer_gives_up_and_leaves_the_place_out() -> None:
+    robots = Held(alone(two_rooms()))
+    changed = changes(robots, round(2.4 * (NO_NEARER_S + 2.0) / STEP) + robots.held_from)
+    stuck = [change for change in changed if change.k > robots.held_from + 1]
+    assert len(stuck) >= 2
+    waits = np.diff([robots.held_from, *(change.k for change in stuck)]) * STEP
+    assert (waits >= AT_HAND_S).all()
+    assert (waits <= AT_HAND_S + NO_NEARER_S + 2.5).all()
+    given_up = policy_of(robots).given_up.places
+    assert {place[:2] for place in given_up} == {change.old.stand for change in stuck}
+    spells = [(place[2] - change.k) * STEP for place, change in zip(given_up, stuck, strict=True)]
+    assert spells == [LEFT_OUT_S] * len(stuck)
+    # The next targets are not beside those that were given up.
+    for earlier, later in itertools.pairwise(stuck):
+        assert math.dist(earlier.old.point, later.old.point) * POINT > 0.6
+
+
+def test_what_was_given_up_is_tried_again_where_nothing_else_is_left() -> None:
+    robots = Robots(alone(two_rooms()))
+    for _ in range(3):
+        robots.tick()
+    policy, target = policy_of(robots), target_of(robots)
+    assert target is not None
+    policy.given_up = GivenUp(1000.0, POINT, STEP)
+    policy.given_up.add(robots.k, target.point)
+    policy.target = None
+    robots.tick()
+    assert target_of(robots) is not None
+    assert policy.given_up.places == []
+
+
+def test_a_target_to_which_no_way_leads_any_more_is_dropped_at_once() -> None:
+    robots = Robots(alone(two_rooms(), Pose(6.0, 4.0, 0.0)))
+    robots.tick()
+    robots.tick()
+    mind = robots.minds[0]
+    far = policy_of(robots)
+    target = target_of(robots)
+    assert target is not None
+    # A wreck in the corridor: the target in the other room cannot be reached.
+    far.target = Target((40, 200), (40, 200), 10)
+    discs = [(11.0, 4.0, 1.5)]
+    mind.body.obstacles = lambda *_: discs  # type: ignore[method-assign]
+    robots.tick()
+    now = target_of(robots)
+    assert now is not None
+    assert now.point[1] * POINT < 11.0
+
+
+# --- claims ----------------------------------------------------------------------------------------------------------
+
+
+def pair(separation: str) -> Robots:
+    """One robot in each room."""
+    starts = [Pose(4.0, 4.0, 0.0), Pose(18.0, 4.0, 0.0)]
+    patrol = {"policy": FREE, "options": {"separation": separation}}
+    robots = {**BASE, "model": "holonomic"}
+    return Robots(prepared_in(two_rooms(), starts, robots, patrol=patrol, sensor={"range": 3.0}))
+
+
+def test_with_claims_two_robots_side_by_side_go_different_ways() -> None:
+    """Without, they want the same places."""
+    together = {}
+    for separation in ("claims", "none"):
+        patrol = {"policy": FREE, "options": {"separation": separation}}
+        starts = [Pose(4.0, 4.0, 0.0), Pose(4.8, 4.0, 0.0)]
+        given = prepared_in(two_rooms(), starts, {**BASE, "model": "holonomic"}, patrol=patrol, sensor={"range": 3.0})
+        robots, near = Robots(given), 0
+        for _ in range(200):
+            robots.tick()
+            first, second = target_of(robots, 0), target_of(robots, 1)
+            near += first is not None and second is not None and math.dist(first.point, second.point) * POINT < 1.0
+        together[separation] = near
+    assert together["claims"] < 20
+    assert together["none"] > 2 * together["claims"] + 20
+
+
+def test_a_robot_whose_own_ground_is_fresh_takes_anothers() -> None:
+    robots = pair("claims")
+    for mind in robots.minds:
+        mind.belief.fog.last_seen[:, :110] = 10**6  # ages below 0: nothing there pulls
+    robots.k = 5
+    robots.tick()
+    target = target_of(robots, 0)
+    assert target is not None
+    assert target.point[1] >= 110
+
+
+def test_a_small_room_is_patrolled_without_a_stop() -> None:
+    room = plan((3.0, 3.0), (0.0, 0.0, 3.0, 3.0))
+    robots = Robots(alone(room, Pose(1.0, 1.0, 0.0), sensor={"range": 0.6}))
+    changed = changes(robots, 400)
+    late = [change for change in changed if change.k * STEP > 100.0]
+    assert all(change.age < 0.5 * change.old.age for change in changed)
+    assert len(late) >= 25
+    assert policy_of(robots).given_up.places == []
+
+
+# --- sensors and places ----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("model", MODELS)
+@pytest.mark.parametrize(
+    "sensor", [{"angle": 90}, {"quality": 0.3}, {"angle": 120, "quality": [[1, 0.9], [3, 0.1]]}], ids=str
+)
+def test_a_narrow_or_a_poor_sensor_sees_everything_too(model: str, sensor: dict[str, Any]) -> None:
+    robots = Robots(alone(plan((10.0, 6.0), (0.0, 0.0, 4.0, 6.0), (4.0, 2.0, 10.0, 4.0)), model=model, sensor=sensor))
+    for _ in range(500):
+        robots.tick()
+    assert seen_share(robots) == 1.0
+    assert robots.minds[0].belief.fog.mfow(robots.k) * STEP < 200.0
+
+
+def test_looks_that_leave_some_of_the_age_count_as_progress() -> None:
+    """A sensor that removes a tenth of the age needs more time than one that removes all of it."""
+    robots = Robots(alone(plan((14.0, 3.0), (0.0, 0.0, 14.0, 3.0)), Pose(1.0, 1.5, 0.0), sensor={"quality": 0.1}))
+    old = [change for change in changes(robots, 300) if change.old.age > 40]
+    assert len(old) >= 2
+    assert all(change.age < 0.5 * change.old.age for change in old)
+
+
+def test_in_a_long_corridor_the_far_end_is_within_reach() -> None:
+    corridor = plan((200.0, 2.0), (0.0, 0.0, 200.0, 2.0), point=0.5)
+    robots = Robots(alone(corridor, Pose(2.0, 1.0, 0.0), sensor={"range": 5.0}))
+    for _ in range(420):
+        robots.tick()
+    assert seen_share(robots) == 1.0
+    # Back at the beginning, it is the end that pulls: ages decide, not the way alone.
+    ends = [change.old.point[1] * 0.5 for change in changes(robots, 500)]
+    assert min(ends) < 20.0
+
+
+def test_who_is_off_the_ground_leaves_it_to_its_body() -> None:
+    mind = Robots(alone(two_rooms())).minds[0]
+    assert mind.step(at(3, Pose(11.0, 1.0, 0.0)), []).state == "holding"
+
+
+def test_minds_that_share_working_memory_decide_as_if_they_did_not() -> None:
+    together = pair("claims")
+    apart = pair("claims")
+    prepared = prepared_in(
+        two_rooms(),
+        [body.pose for body in apart.bodies],
+        {**BASE, "model": "holonomic"},
+        patrol={"policy": FREE, "options": {"separation": "claims"}},
+        sensor={"range": 3.0},
+    )
+    apart.minds = [build_mind(prepared, number) for number in (1, 2)]
+    for _ in range(60):
+        assert together.tick() == apart.tick()

@@ -1,0 +1,270 @@
+"""Spacing: robots are followed along the tour by where they are heard, spread over it, and wait for equal gaps."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+import pytest
+
+from agent.policies.spacing import Spacing
+from agent.routes.ground import Ground
+from patrol.ground.terrain import Terrain
+from patrol.ground.zones import with_zones
+from patrol.pose import Pose
+from patrol.scenario.zones import ZoneSpec
+from patrol.tours.round import Round
+
+STRIDE = 0.5
+
+RANGE = 2.0
+
+
+class Heard(NamedTuple):
+    """The part of a peer that a spacing reads."""
+
+    pose: Pose
+    tick: int
+
+
+@dataclass(frozen=True)
+class Spec:
+    """The part of the robot's own specification that it reads."""
+
+    number: int = 1
+    radius: float = 0.1
+    speed: float = 1.0
+    model: str = "holonomic"
+
+
+FIELD = Terrain("field", np.ones((20, 40), dtype=np.bool_), 1.0)
+
+GROUND = Ground(FIELD, FIELD.passable)
+
+
+@dataclass(frozen=True)
+class Seen:
+    """The part of a view that it reads."""
+
+    tick: int
+    reported: Pose
+    peers: Mapping[int, Heard]
+    bumped: bool = False
+    charging: frozenset[int] = frozenset()
+    spec: Spec = Spec()
+    stride: float = STRIDE
+    ground: Ground = GROUND
+
+    def point_of(self, place: tuple[float, float]) -> tuple[int, int]:
+        return self.ground.terrain.point_at(*place)
+
+    @property
+    def pose(self) -> Pose:
+        return self.reported
+
+
+def round_through(*corners: tuple[int, int]) -> tuple[Round, Terrain]:
+    """A closed tour through columns and rows of points of 1 m, with a place on each point of the way."""
+    places: list[int] = []
+    for (col, row), (to_col, to_row) in zip(corners, [*corners[1:], corners[0]], strict=True):
+        steps = max(abs(to_col - col), abs(to_row - row))
+        places += [
+            (row + (to_row - row) * step // steps) * 40 + col + (to_col - col) * step // steps for step in range(steps)
+        ]
+    flat = np.array(places, dtype=np.int64)
+    return Round(float(len(flat)), flat, np.arange(float(len(flat))), flat[:0], flat[:0], flat[:0]), FIELD
+
+
+RING = round_through((0, 0), (30, 0), (30, 10), (0, 10))
+"""A ring of 80 m."""
+
+DEAD_END = round_through((0, 0), (30, 0))
+"""There and back: 60 m."""
+
+
+def spacing_on(
+    laid_out: tuple[Round, Terrain],
+    number: int = 1,
+    robots: int = 8,
+    range_m: float = RANGE,
+    most_slack: float = math.inf,
+    spec: Spec = Spec(),
+) -> Spacing:
+    own, followers = replace(spec, number=number), frozenset(range(1, robots + 1))
+    return Spacing.on(laid_out[0], own, followers, robots, STRIDE, range_m, laid_out[1], most_slack)  # type: ignore[arg-type]
+
+
+def at(tick: int, places: Mapping[int, tuple[float, float]], own: int = 1) -> Seen:
+    poses = {number: Pose(x, y, 0.0) for number, (x, y) in places.items()}
+    return Seen(tick, poses[own], {number: Heard(pose, tick) for number, pose in poses.items() if number != own})
+
+
+def listen(spacing: Spacing, seen: Seen) -> None:
+    spacing.listen(seen)  # type: ignore[arg-type]
+
+
+def note(spacing: Spacing, seen: Seen) -> None:
+    listen(spacing, seen)
+    spacing.note(seen)  # type: ignore[arg-type]
+
+
+def begin(spacing: Spacing, seen: Seen) -> float:
+    """Begin the round; m along the tour."""
+    listen(spacing, seen)
+    return spacing.along_m(spacing.begin(seen))  # type: ignore[arg-type]
+
+
+def waits(spacing: Spacing, seen: Seen) -> bool:
+    note(spacing, seen)
+    return spacing.waits(seen)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(("first", "course", "expected"), [(0.5, 1.0, 15.0), (29.5, -1.0, 45.0)])
+def test_a_dead_end_is_told_from_the_way_back_by_where_a_robot_came_from(
+    first: float, course: float, expected: float
+) -> None:
+    spacing = spacing_on(DEAD_END)
+    for tick in range(30):
+        note(spacing, at(tick, {1: (first + course * STRIDE * tick, 0.5)}))
+    assert spacing.along_m(spacing.own_place) == pytest.approx(expected, abs=2.0)
+
+
+def test_frames_that_are_lost_do_not_lead_astray() -> None:
+    spacing = spacing_on(DEAD_END)
+    for tick in range(0, 100, 10):
+        x = STRIDE * tick if tick < 60 else 60.0 - STRIDE * tick
+        note(spacing, at(tick, {1: (x + 0.5, 0.5)}))
+    assert spacing.along_m(spacing.own_place) == pytest.approx(STRIDE * 90, abs=2.0)
+
+
+def test_all_robots_find_the_same_equally_spaced_places() -> None:
+    places = {1: (0.5, 0.5), 2: (1.5, 0.5), 3: (20.5, 0.5), 4: (25.5, 10.5)}
+    chosen = {}
+    for number in places:
+        spacing = spacing_on(RING, number)
+        chosen[number] = begin(spacing, at(0, places, number))
+    gaps = np.diff(sorted(chosen.values()))
+    assert gaps == pytest.approx([20.0] * 3, abs=1.0)
+    # The pair that stands together is parted, and the others stay near to where they are.
+    assert abs(chosen[1] - chosen[2]) > 15.0
+
+
+@pytest.mark.parametrize(("model", "is_closer"), [("holonomic", False), ("differential", True), ("car", True)])
+def test_places_of_bodies_with_wheels_are_closer_where_the_tour_turns(model: str, is_closer: bool) -> None:
+    turns = [(col, row) for col in range(18, 0, -2) for row in (14, 18)]
+    laid_out, terrain = round_through((0, 0), (39, 0), (39, 18), *turns)
+    spacing = spacing_on((laid_out, terrain), spec=Spec(radius=1.0, model=model))
+    # The tour is straight at first, so half of the places reach farther than half of its length.
+    assert (spacing.along_m(spacing.count // 2) > 0.55 * laid_out.length_m) is is_closer
+
+
+def test_who_is_nearer_to_the_one_ahead_waits_until_the_gaps_are_equal() -> None:
+    spacing = spacing_on(RING)
+    # 1 at 10 m, 2 at 20 m, 3 at 60 m: 10 m ahead, 30 m behind.
+    apart = {1: (10.5, 0.5), 2: (20.5, 0.5), 3: (20.5, 10.5)}
+    for tick in range(6):
+        note(spacing, at(tick, apart))
+    assert waits(spacing, at(6, apart))
+    assert not waits(spacing_at(2, apart), at(6, apart, 2))
+    equal = {1: (10.5, 0.5), 2: (30.5, 6.5), 3: (7.5, 10.5)}
+    assert not waits(spacing_at(1, equal), at(6, equal))
+
+
+def spacing_at(number: int, places: Mapping[int, tuple[float, float]]) -> Spacing:
+    """The spacing of a robot that has heard all of them at their places for a while."""
+    spacing = spacing_on(RING, number)
+    for tick in range(6):
+        note(spacing, at(tick, places, number))
+    return spacing
+
+
+def test_nobody_waits_while_robots_may_be_on_the_way_to_their_first_places() -> None:
+    apart = {1: (10.5, 0.5), 2: (20.5, 0.5), 3: (20.5, 10.5)}
+    spacing = spacing_on(RING)
+    first_m = begin(spacing, at(0, apart))
+    place = spacing.tour[round(first_m * spacing.count / spacing.round.length_m), :2]
+    own_way = round(math.dist(place, apart[1]) / STRIDE)
+    waited = [tick for tick in range(1, 200) if waits(spacing, at(tick, apart))]
+    assert own_way > 0
+    assert min(waited) >= 2 * own_way
+
+
+def test_two_at_the_same_place_do_not_both_wait() -> None:
+    together = {1: (10.5, 0.5), 2: (10.5, 0.5)}
+    both = [waits(spacing_at(number, together), at(6, together, number)) for number in together]
+    assert sorted(both) == [False, True]
+
+
+def test_nobody_waits_for_ever_for_one_that_does_not_come() -> None:
+    apart = {1: (10.5, 0.5), 2: (20.5, 0.5), 3: (20.5, 10.5)}
+    spacing = spacing_at(1, apart)
+    waited = [waits(spacing, at(tick, apart)) for tick in range(6, 400)]
+    assert any(waited)
+    assert not all(waited)
+
+
+def test_who_has_bumped_drives_on() -> None:
+    apart = {1: (10.5, 0.5), 2: (20.5, 0.5), 3: (20.5, 10.5)}
+    spacing = spacing_at(1, apart)
+    seen = at(6, apart)
+    bumped = Seen(6, seen.reported, seen.peers, bumped=True)
+    assert not waits(spacing, bumped)
+    assert not waits(spacing, at(8, apart))
+
+
+@pytest.mark.parametrize(
+    ("range_m", "most_slack", "waited"), [(2.0, math.inf, True), (50.0, math.inf, False), (50.0, 0.15, True)]
+)
+def test_gaps_that_differ_by_less_than_half_a_sensor_range_are_left_alone(
+    range_m: float, most_slack: float, waited: bool
+) -> None:
+    places = {1: (10.5, 0.5), 2: (20.5, 0.5), 3: (10.5, 10.5)}  # 10 m ahead of robot 1, 30 m behind
+    spacing = spacing_on(RING, robots=3, range_m=range_m, most_slack=most_slack)
+    for tick in range(6):
+        note(spacing, at(tick, places))
+    assert waits(spacing, at(6, places)) is waited
+
+
+def test_robots_in_other_parts_of_the_terrain_do_not_count() -> None:
+    spacing = spacing_on(RING, robots=2)
+    seen = at(0, {1: (0.5, 0.5), 2: (1.5, 0.5), 3: (35.5, 15.5)})
+    own_m = begin(spacing, seen)
+    note(spacing, seen)
+    assert sorted(spacing.robots) == [1, 2]
+    assert spacing.team == 2
+    assert abs(spacing.along_m(spacing.robots[2].place) - own_m) == pytest.approx(40.0, abs=1.0)
+
+
+def test_a_robot_that_is_not_heard_for_a_while_is_expected_to_go_on() -> None:
+    apart = {1: (10.5, 0.5), 2: (20.5, 0.5), 3: (10.5, 10.5)}
+    spacing = spacing_on(RING, robots=3)
+    for tick in range(6):
+        note(spacing, at(tick, apart))
+    assert waits(spacing, at(6, apart))
+    # 20 ticks later the others are 10 m farther on.
+    alone = {1: (10.5, 0.5)}
+    assert not waits(spacing, at(26, alone))
+    assert spacing.team == 3
+    note(spacing, at(60, alone))
+    assert spacing.team == 1
+
+
+def test_robots_that_hear_nobody_take_places_by_their_numbers() -> None:
+    begun = [begin(spacing_on(RING, number), at(0, {number: (0.5, 0.5)}, number)) for number in range(1, 9)]
+    assert begun == pytest.approx([10.0 * slot for slot in range(8)], abs=1.0)
+
+
+@pytest.mark.parametrize(("one_way", "place"), [(None, 76.0), (0, 6.0)])
+def test_robots_spread_by_ways_where_there_are_one_way_zones(one_way: int | None, place: float) -> None:
+    """As the crow flies places on both sides are 7 m away. Robot 1 cannot go back, so it stays."""
+    reach = np.zeros(FIELD.shape, dtype=np.bool_)
+    reach.reshape(-1)[RING[0].places] = True
+    terrain = FIELD
+    if one_way is not None:
+        zone = {"name": "aisle", "polygon": [[5, 0], [25, 0], [25, 1], [5, 1]], "one_way": one_way}
+        terrain = with_zones(FIELD, [ZoneSpec.model_validate(zone)])
+    seen = replace(at(0, {1: (6.5, 0.5), 2: (26.5, 0.5)}), ground=Ground(terrain, reach))
+    assert begin(spacing_on(RING), seen) == pytest.approx(place, abs=1.0)

@@ -1,0 +1,172 @@
+"""The patrol that draws: it sees everything, again and again, and somebody without its draws cannot tell where next."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from agent.policies.joint_plan import STUCK_S
+from agent.policies.stochastic import Stochastic
+from agent.policies.surround import Surround
+from patrol.ground.terrain import Terrain
+from patrol.pose import MODELS, Pose
+from patrol.prepare import Prepared
+from tests.agent.minds import STEP
+from tests.agent.plans import Robots, plan, prepared_in
+
+BASE = {"radius": 0.3, "speed": 1.0}
+STARTS = [Pose(2.0, 2.0, 0.0), Pose(20.0, 6.0, 3.0)]
+
+
+def rooms() -> Terrain:
+    """Four rooms of 8 x 8 m along a corridor."""
+    left = [(0.0, y, 8.0, y + 8.0) for y in (0.0, 12.0)]
+    right = [(14.0, y, 22.0, y + 8.0) for y in (0.0, 12.0)]
+    return plan((22.0, 20.0), *left, *right, (8.0, 3.0, 14.0, 5.0), (8.0, 15.0, 14.0, 17.0), (10.0, 3.0, 12.0, 17.0))
+
+
+def patrol(
+    starts: list[Pose] = STARTS,
+    model: str = "holonomic",
+    options: Mapping[str, Any] | None = None,
+    seed: int = 1,
+    **sections: Any,
+) -> Prepared:
+    robots = {**BASE, "model": model, **({"turning_radius": 0.6} if model == "car" else {})}
+    section = {"policy": "stochastic", "options": dict(options or {})}
+    prepared = prepared_in(rooms(), starts, robots, patrol=section, **{"sensor": {"range": 4.0}, **sections})
+    return replace(prepared, scenario=prepared.scenario.model_copy(update={"seed": seed}))
+
+
+def policy_of(robots: Robots, robot: int = 0) -> Stochastic:
+    surround = robots.minds[robot].policy
+    assert isinstance(surround, Surround)
+    policy = surround.otherwise
+    assert isinstance(policy, Stochastic)
+    return policy
+
+
+def stations(robots: Robots, ticks: int) -> list[int | None]:
+    """The first robot's stations in order."""
+    visited: list[int | None] = []
+    for _ in range(ticks):
+        robots.tick()
+        plan_ = policy_of(robots).plan
+        assert plan_ is not None
+        if not visited or visited[-1] != plan_.station:
+            visited.append(plan_.station)
+    return visited
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_all_of_the_ground_is_seen_again_and_again(model: str) -> None:
+    robots = Robots(patrol(model=model))
+    fog = robots.minds[0].belief.fog
+    robots.until(lambda: fog.seen == fog.points, 600)
+    begun = robots.k
+    patrolled = fog.last_seen >= 0
+    robots.until(lambda: int(fog.last_seen[patrolled].min()) >= begun, 600)
+
+
+def test_other_draws_give_another_order_and_the_same_ones_the_same() -> None:
+    orders = [stations(Robots(patrol(seed=seed)), 300) for seed in (1, 1, 2)]
+    assert orders[0] == orders[1]
+    assert orders[0] != orders[2]
+
+
+def mean_oldest(robots: Robots, ticks: int = 800) -> float:
+    """The mean age of the stalest point after half of the time, ticks."""
+    fog, stalest = robots.minds[0].belief.fog, []
+    for _ in range(ticks):
+        robots.tick()
+        stalest.append(fog.mfow(robots.k))
+    return float(np.mean(stalest[ticks // 2 :]))
+
+
+def test_ground_gets_older_the_less_predictable_robots_are() -> None:
+    steady, wild = (Robots(patrol(options={"unpredictability": value})) for value in (0.0, 20.0))
+    assert mean_oldest(steady) < 0.9 * mean_oldest(wild)
+
+
+def test_robots_that_hear_each_other_hold_the_same_plan() -> None:
+    robots = Robots(patrol())
+    for _ in range(300):
+        robots.tick()
+        plans = [policy_of(robots, number).plan for number in range(2)]
+        parts = [plan_.parts for plan_ in plans if plan_ is not None]
+        assert [part.route for part in parts[0].values()] == [part.route for part in parts[1].values()]
+
+
+@pytest.mark.parametrize(("share", "free"), [(0.02, False), (0.3, True)])
+def test_where_many_positions_are_lost_each_choice_is_free(share: float, free: bool) -> None:
+    whole, lossy = Robots(patrol()), Robots(patrol())
+    dice = np.random.default_rng(1)
+    lossy.is_lost = lambda _k, _sender, _hearer: bool(dice.random() < share)
+    assert mean_oldest(lossy) < 1.2 * mean_oldest(whole)
+    plans = [policy_of(lossy, number).plan for number in range(2)]
+    assert all(plan_ is None or plan_.station is None for plan_ in plans) == free
+
+
+def test_a_robot_that_stands_still_is_left_out_of_the_plan() -> None:
+    robots = Robots(patrol())
+    for tick in range(round(2 * STUCK_S / STEP)):
+        robots.tick()
+        robots.bodies[1].pose = STARTS[1]
+        plan_ = policy_of(robots).plan
+        assert plan_ is not None
+        assert (2 in plan_.parts) == (tick * STEP <= STUCK_S), tick
+
+
+def test_robots_share_the_stations_out() -> None:
+    one, two = Robots(patrol(STARTS[:1])), Robots(patrol())
+    assert mean_oldest(two) < 0.75 * mean_oldest(one)
+
+
+def test_where_there_is_no_tour_each_choice_is_free() -> None:
+    robots = Robots(patrol(sensor={"range": 4.0, "kind": "sector", "angle": 90.0}))
+    assert policy_of(robots).plan is None
+    fog = robots.minds[0].belief.fog
+    robots.until(lambda: fog.seen > 0.9 * fog.points, 900)
+
+
+def small(range_m: float, **settings: Any) -> Robots:
+    """Four robots in two rooms of 12 m^2 for each."""
+    rooms = plan((9.0, 6.0), (0.0, 0.0, 4.0, 6.0), (4.0, 2.0, 5.0, 4.0), (5.0, 0.0, 9.0, 6.0))
+    starts = [Pose(1.0 + 2.0 * i, 3.0, 0.0) for i in range(4)]
+    return Robots(
+        prepared_in(rooms, starts, BASE, patrol={"policy": "stochastic"}, sensor={"range": range_m}, **settings)
+    )
+
+
+def test_more_robots_than_stations_go_on() -> None:
+    """On ground with zones robots plan however crowded they are."""
+    room = {"name": "left", "polygon": [[0.0, 0.0], [4.0, 0.0], [4.0, 6.0], [0.0, 6.0]], "weight": 2.0}
+    robots = small(5.0, zones=[room])
+    robots.tick()
+    fewer = 0
+    for _ in range(200):
+        shared = policy_of(robots).plan
+        assert shared is not None
+        routes = [part.route for part in shared.parts.values()]
+        stations = sum(map(len, routes))
+        assert stations <= len(routes)
+        assert sum(map(bool, routes)) == stations, "a station is one robot's"
+        fewer += stations < len(routes)
+        robots.tick()
+    assert fewer > 0
+    fog = robots.minds[0].belief.fog
+    assert fog.seen == fog.points
+
+
+@pytest.mark.parametrize(("range_m", "crowded"), [(3.0, False), (5.0, True)])
+def test_where_robots_are_crowded_each_choice_is_free(range_m: float, crowded: bool) -> None:
+    """A quarter of what a sensor sees around it is 7 or 20 m^2."""
+    robots = small(range_m)
+    for _ in range(100):
+        robots.tick()
+    plans = [policy_of(robots, number).plan for number in range(4)]
+    assert all(plan_ is None or plan_.station is None for plan_ in plans) == crowded

@@ -1,0 +1,228 @@
+from __future__ import annotations
+
+import fcntl
+import os
+import re
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from urllib.parse import unquote
+
+import pytest
+
+import fogwatch
+from fogwatch.run_folder.derived import derive
+from patrol.journal import read_journal
+from patrol.prepare import prepare
+from patrol.process.lifeline import InterruptedBySignal
+from patrol.scenario import load_scenario
+from patrol.summary.model import Summary
+
+SMALL = {
+    "name": "small",
+    "terrain": {"builtin": "open"},
+    "point": 1.0,
+    "duration": 15,
+    "robots": {"count": 2, "model": "holonomic"},
+}
+
+
+@pytest.fixture(scope="module")
+def ran(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A run with a recording and a report; nobody changes it."""
+    return fogwatch.run(SMALL, out=tmp_path_factory.mktemp("run") / "small", recording=True, report=True).folder
+
+
+def half(ran: Path, folder: Path) -> Path:
+    """A run that was cut off in the middle, a moment ago."""
+    folder.mkdir()
+    (folder / "scenario.yaml").write_bytes((ran / "scenario.yaml").read_bytes())
+    whole = (ran / "journal").read_bytes()
+    (folder / "journal").write_bytes(whole[: 2 * len(whole) // 3])
+    return folder
+
+
+@contextmanager
+def written(folder: Path) -> Iterator[None]:
+    """The journal's writer lives."""
+    with (folder / "journal").open("rb") as journal:
+        fcntl.flock(journal, fcntl.LOCK_EX)
+        yield
+
+
+def test_a_run_leaves_a_recording_and_a_report(ran: Path) -> None:
+    assert (ran / "recording.mcap").read_bytes()[1:5] == b"MCAP"
+    page = (ran / "report.html").read_text(encoding="utf-8")
+    assert ">valid</span>" in page
+    assert 'href="recording.mcap"' in page
+    assert not list(ran.glob("*.part"))
+
+
+def test_record_and_recording(
+    ran: Path, command: Callable[..., int], capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    assert command("record", ran, "--out", "a.mcap") == 0
+    assert "15 s, a whole grid every 10 s" in capsys.readouterr().out
+    assert (tmp_path / "a.mcap").read_bytes() == (ran / "recording.mcap").read_bytes()
+    assert command("recording", "a.mcap") == 0
+    said = capsys.readouterr().out
+    assert "small: 0 to 14.5 s" in said
+    assert "complete, checksums right" in said
+    (tmp_path / "b.mcap").write_bytes((tmp_path / "a.mcap").read_bytes()[:-200])
+    assert command("recording", "b.mcap") == 1
+    assert "cut off" in capsys.readouterr().out
+    assert command("recording", "b.mcap", "--repair", "c.mcap") == 0
+    assert command("recording", "c.mcap") == 0
+
+
+def test_what_can_be_shown_of_a_run_without_an_end(
+    ran: Path, command: Callable[..., int], capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    """It goes on while its journal's writer lives, also where that was paused long ago, and no moment longer."""
+    folder = half(ran, tmp_path / "half")
+    os.utime(folder / "journal", (1.0e9, 1.0e9))
+    with written(folder):
+        assert command("record", folder) == 0
+        assert "is still going" in capsys.readouterr().err
+        assert command("report", folder) == 0
+        assert "The run is still going" in (folder / "report.html").read_text(encoding="utf-8")
+    assert command("record", folder) == 0
+    assert "was cut off" in capsys.readouterr().err
+    assert (folder / "recording.mcap").exists()
+
+
+def test_report_and_compare(
+    ran: Path, command: Callable[..., int], capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    folder = half(ran, tmp_path / "half")
+    assert command("report", folder, "--figures", "figures") == 0
+    shown = capsys.readouterr()
+    assert "was cut off" in shown.err
+    assert "figures: figures: mfow, states" in shown.out
+    assert (folder / "report.html").exists()
+    names = {path.stem for path in (tmp_path / "figures").iterdir()}
+    assert {"mfow", "fog-mean", "fog-worst", "gaps", "paths", "links", "decisions", "troubles"} <= names
+    assert command("compare", ran, folder, "--out", "both.html") == 0
+    shown = capsys.readouterr()
+    for line in ("small", "half", "mean MFoW", "not judged", "comparison: both.html"):
+        assert line in shown.out
+    assert "<svg" in (tmp_path / "both.html").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["report", "nowhere"], "no such folder"),
+        (["report", "."], "holds no file journal"),
+        (["record", "."], "holds no file journal"),
+        (["report", "RUN/recording.mcap"], "fogwatch recording"),
+        (["report", "RUN/journal"], "is a file"),
+        (["recording", "RUN/journal"], "is not an MCAP file"),
+        (["recording", "RUN"], "is a folder; name a file, such as"),
+        (["record"], "name a run's folder, or --router and --fleet"),
+        (["record", "RUN", "--fleet", "x", "--router", "tcp/127.0.0.1:1"], "name a run's folder, or --router"),
+        (["record", "RUN", "--router", "tcp/127.0.0.1:1"], "name a run's folder, or --router"),
+        (["record", "RUN", "--fleet", "x"], "name a run's folder, or --router"),
+        (["monitor", "RUN", "--router", "tcp/127.0.0.1:1"], "name a run's folder, or --router"),
+        (["monitor", "RUN", "--fleet", "x"], "name a run's folder, or --router"),
+        (["record", "RUN", "--scenario", "x.yaml"], "leave the folder out"),
+        (["compare", "RUN"], "one run cannot be compared"),
+        (["compare", "RUN", "nowhere"], "no such folder"),
+        (["record", "RUN", "--out", "none/a.mcap"], "cannot be written"),
+        (["record", "RUN", "--out", "."], "is a folder; name a file, such as recording.mcap"),
+        (["record", "RUN", "--out", "/"], "is a folder; name a file"),
+        (["record", "--router", "tcp/127.0.0.1:1", "--fleet", "x", "--out", "."], "is a folder; name a file"),
+        (["report", "RUN", "--out", "."], "is a folder; name a file, such as report.html"),
+        (["report", "RUN", "--out", "RUN"], "is a folder; name a file"),
+        (["report", "RUN", "--out", "none/a.html"], "cannot be written"),
+        (["compare", "RUN", "RUN", "--out", ".."], "is a folder; name a file, such as ../compare.html"),
+        (["monitor", "typo"], "monitor typo: no such folder"),
+        (["monitor", "RUN"], "fogwatch replay RUN"),
+        (["monitor", "RUN/journal"], "no such folder"),
+    ],
+)
+def test_bad_input_is_one_line(
+    ran: Path, command: Callable[..., int], capsys: pytest.CaptureFixture[str], arguments: list[str], words: str
+) -> None:
+    before = set(ran.parent.iterdir())
+    assert command(*(part.replace("RUN", str(ran)) for part in arguments)) == 2
+    shown = capsys.readouterr().err
+    assert words.replace("RUN", str(ran)) in shown
+    assert set(ran.parent.iterdir()) == before
+    assert shown.count("\n") == 1
+
+
+@pytest.mark.parametrize("what", ["report", "record", "replay"])
+def test_a_folder_is_looked_at_before_anything_is_compiled(
+    command: Callable[..., int], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], what: str
+) -> None:
+    def never(*_: object) -> None:
+        raise AssertionError
+
+    monkeypatch.setattr("fogwatch.run_folder.reading.warm", never)
+    monkeypatch.setattr("patrol.starting.warmup.warm", never)
+    assert command(what, "nowhere") == 2
+    assert "no such folder" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("arguments", [["report", "RUN"], ["record", "RUN"], ["compare", "RUN", "RUN"]])
+def test_where_to_write_is_looked_at_before_anything_is_compiled(
+    ran: Path, command: Callable[..., int], monkeypatch: pytest.MonkeyPatch, arguments: list[str]
+) -> None:
+    def never(*_: object) -> None:
+        raise AssertionError
+
+    monkeypatch.setattr("fogwatch.run_folder.reading.warm", never)
+    assert command(*(part.replace("RUN", str(ran)) for part in arguments), "--out", ".") == 2
+
+
+def test_the_files_of_a_report_are_found_from_where_it_lies(
+    ran: Path, command: Callable[..., int], tmp_path: Path
+) -> None:
+    place = tmp_path / "a b" / "deep"
+    place.mkdir(parents=True)
+    assert command("report", ran, "--out", place / "elsewhere.html") == 0
+    page = (place / "elsewhere.html").read_text(encoding="utf-8")
+    files = re.findall(r'<a href="([^"#]+)"', page)
+    assert len(files) >= 4
+    assert all((place / unquote(file)).resolve().parent == ran.resolve() for file in files)
+    assert all((place / unquote(file)).is_file() for file in files)
+
+
+@pytest.mark.parametrize("at", [3, 30])
+def test_an_interruption_leaves_neither_file_nor_parts_of_one(ran: Path, tmp_path: Path, at: int) -> None:
+    """Early in the replay, and after its last tick."""
+
+    def progress(k: int) -> None:
+        if k == at:
+            raise InterruptedBySignal
+
+    files = (tmp_path / "a.mcap", tmp_path / "report.html")
+    with pytest.raises(InterruptedBySignal):
+        derive(read_journal(ran / "journal"), prepare(load_scenario(SMALL)), Summary(), *files, print, progress)
+    assert not list(tmp_path.iterdir())
+
+
+def test_what_cannot_be_written_is_no_reason_to_doubt_the_run(ran: Path, tmp_path: Path) -> None:
+    said: list[str] = []
+    files = (tmp_path / "none" / "a.mcap", None)
+    derive(
+        read_journal(ran / "journal"),
+        prepare(load_scenario(SMALL)),
+        Summary(),
+        *files,
+        said.append,
+        lambda _: None,
+    )
+    assert "cannot be written" in said[-1]
+
+
+@pytest.mark.processes
+def test_the_command_starts_without_what_only_reports_need() -> None:
+    import subprocess
+
+    heavy = ["matplotlib", "mcap", "rosbags", "monitor"]
+    program = f"import sys, fogwatch.cli.app; print([name for name in {heavy!r} if name in sys.modules])"
+    done = subprocess.run([sys.executable, "-P", "-c", program], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"

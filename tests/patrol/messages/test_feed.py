@@ -1,0 +1,155 @@
+"""What watchers are sent."""
+
+from __future__ import annotations
+
+import tracemalloc
+import zlib
+from array import array
+from collections.abc import Iterator
+from functools import partial
+from typing import Any
+
+import msgpack
+import numpy as np
+import pytest
+
+from patrol.errors import Malformed
+from patrol.messages.feed import (
+    MAX_BATCH,
+    MAX_EVENTS,
+    MAX_RECORDS,
+    Batch,
+    batch_bytes,
+    longest_record,
+    read_so_far,
+    thinned,
+)
+from patrol.wire import read_sparingly
+from tests.fleets import answer_so_far
+
+MB = 1 << 20
+
+
+def test_what_is_thinned_lets_the_values_grow() -> None:
+    values = array("f", [1.0, 2.0, 3.0])
+    found = thinned(values, 2)
+    values.append(4.0)
+    assert found.tolist() == [1.0, 3.0]
+
+
+@pytest.fixture
+def answer() -> dict[str, Any]:
+    """The fields of an answer on a terrain of 4 x 5 points."""
+    says: dict[str, Any] = msgpack.unpackb(answer_so_far())
+    assert read_so_far(msgpack.packb(says)).asked == (b"asked",)
+    return says
+
+
+@pytest.fixture
+def frugal() -> Iterator[None]:
+    """Nothing makes many objects of a few bytes."""
+    tracemalloc.start()
+    yield
+    most = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert most < 150 * MB
+
+
+@pytest.mark.usefixtures("frugal")
+@pytest.mark.parametrize("filler", [b"\x80", b"\x90", b"\xc0", b"\xc4\x00"], ids=["maps", "arrays", "nils", "bytes"])
+def test_a_batch_of_small_objects_is_refused_before_they_are_made(filler: bytes) -> None:
+    many = MAX_BATCH // 2 // len(filler)
+    packed = b"\x94\x00\xdd" + many.to_bytes(4, "big") + many * filler + b"\xc3\xc0"
+    for payload in (packed, b"\xdd" + many.to_bytes(4, "big") + many * filler):
+        for read in (partial(read_sparingly, Batch), read_so_far):
+            with pytest.raises(Malformed):
+                read(payload)
+
+
+@pytest.mark.parametrize(
+    "says",
+    [
+        [1 << 62, [], True, None],
+        [-1, [], True, None],
+        [0, [[]], True, None],
+        [0, [b""] * (MAX_RECORDS + 1), True, None],
+        [0, [], True, float("inf")],
+        [0, [], True, float("nan")],
+        [0, [], True, 0.0],
+        [0, [], 1, None],
+        [0, [], True],
+        [0, [], True, None, None],
+    ],
+)
+def test_what_is_no_batch_is_garbled(says: list[object]) -> None:
+    assert read_sparingly(Batch, batch_bytes(Batch(0, (b"a",), running=True, pace=2.0))).records == (b"a",)
+    with pytest.raises(Malformed):
+        read_sparingly(Batch, msgpack.packb(says))
+
+
+@pytest.mark.usefixtures("frugal")
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [
+        ("every", 1 << 62),
+        ("every", 0),
+        ("every", 1 << 25),
+        ("number", -1),
+        ("number", 1),
+        ("shape", [1 << 20, 1 << 20]),
+        ("shape", [4, 9]),
+        ("shape", [-4, -5]),
+        ("shape", [5]),
+        ("shape", [4.0, 5.0]),
+        ("areas", []),
+        ("areas", [1]),
+        ("area_of", [[1, 1]]),
+        ("area_of", [[1]]),
+        ("area_of", {}),
+        ("passable", 7),
+        ("passable", zlib.compress(b"\xff")),
+        ("seen", zlib.compress(b"")),
+        ("seen", zlib.compress(np.full(20, 2**31 - 1, dtype="<i4").tobytes())),
+        ("seen", zlib.compress(np.full(20, -2, dtype="<i4").tobytes())),
+        ("mfow", bytes(4)),
+        ("mfow", np.full(3, np.nan, dtype="<f4").tobytes()),
+        ("mfow", bytes(1 << 20)),
+        ("events", [b""] * (MAX_EVENTS + 1)),
+        ("events", [[]]),
+        ("last", 7),
+        ("pace", float("inf")),
+        ("running", None),
+        ("news", [1]),
+    ],
+)
+def test_an_answer_that_cannot_be_is_garbled(field: str, value: object, answer: dict[str, Any]) -> None:
+    with pytest.raises(Malformed):
+        read_so_far(msgpack.packb({**answer, field: value}))
+
+
+@pytest.mark.usefixtures("frugal")
+def test_grids_that_are_small_only_while_packed_are_refused(answer: dict[str, Any]) -> None:
+    side = 5000
+    bits = zlib.compress(np.full(side * side // 8, 255, dtype=np.uint8).tobytes())
+    seen = zlib.compress(np.zeros(side * side, dtype=np.int32).tobytes())
+    large = {**answer, "shape": [side, side], "passable": bits, "keep_out": bits, "seen": seen}
+    payload = msgpack.packb({**large, "areas": 20 * [bits]})
+    assert len(payload) < MB
+    tracemalloc.reset_peak()
+    with pytest.raises(Malformed, match="too much memory"):
+        read_so_far(payload)
+
+
+def test_an_answer_must_fit_what_is_known(answer: dict[str, Any]) -> None:
+    payload = msgpack.packb(answer)
+    first = read_so_far(payload, fits=lambda header, height, width: (header, height, width) == (b"header", 4, 5))
+    again = read_so_far(payload, first)
+    assert again.ground is first.ground
+    with pytest.raises(Malformed, match="another run"):
+        read_so_far(msgpack.packb({**answer, "header": b"other"}), first)
+    with pytest.raises(Malformed, match="another size"):
+        read_so_far(payload, fits=lambda *_: False)
+
+
+def test_records_may_be_longer_in_larger_fleets() -> None:
+    assert longest_record(1) < longest_record(100) < longest_record(1000) <= MAX_BATCH

@@ -1,0 +1,275 @@
+from __future__ import annotations
+
+import math
+import struct
+from dataclasses import replace
+
+import msgpack
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from patrol.errors import Malformed
+from patrol.exchange import LEAST_WEIGHT, MOST_WEIGHT, MOST_ZONES, Reply, Sensed
+from patrol.messages.phases import (
+    MAX_REPLY,
+    MAX_STATE,
+    Failed,
+    Hello,
+    HelloReply,
+    PhaseA,
+    PhaseB,
+    ReplyA,
+    ReplyB,
+    Report,
+    Stop,
+    ToRobot,
+    ToWorld,
+    decode_to_robot,
+    decode_to_world,
+    encode,
+)
+from patrol.pose import Drive, Pose, Twist, Velocity
+from patrol.radio.message import MAX_CONTACTS, MAX_FRAMES
+from patrol.security.tick_chain import PROOF
+from patrol.security.transcripts import DIGEST, MAX_DIGESTS, MAX_LINES, Line, digest_of
+
+Contacts = tuple[tuple[float, float], ...]
+
+counts = st.integers(0, 2**31 - 1)
+ids = st.integers(0, 2**63 - 1)
+finite = st.floats(allow_nan=False, allow_infinity=False)
+anything = st.floats(allow_nan=False)
+words = st.text("abcdefghij -", max_size=32)
+heads = (counts, ids, counts, ids)
+proofs = st.binary(min_size=PROOF, max_size=PROOF)
+digests = st.sampled_from([b"", b"d" * DIGEST, b"e" * MAX_DIGESTS * DIGEST])
+lines = st.builds(Line, counts, st.tuples(digests, digests, digests, digests))
+poses = st.builds(Pose, finite, finite, finite)
+pairs = st.lists(st.tuples(finite, finite), max_size=MAX_CONTACTS).map(tuple)
+
+
+numbers = st.integers(0, MOST_ZONES - 1)
+zones = st.none() | st.lists(numbers, max_size=MOST_ZONES).map(tuple)
+weights = st.lists(st.tuples(numbers, st.floats(LEAST_WEIGHT, MOST_WEIGHT)), max_size=MOST_ZONES).map(tuple)
+
+
+def phase_a(
+    head: tuple[int, int, int, int],
+    pose: Pose,
+    bumped: bool,
+    contacts: Contacts,
+    clock_s: float,
+    in_force: tuple[int, ...] | None,
+    weights_now: tuple[tuple[int, float], ...],
+    proof: bytes,
+) -> PhaseA:
+    sensed = Sensed(head[2], pose, bumped, contacts, clock_s, zones=in_force, weights=weights_now)
+    return PhaseA(*head, sensed, proof)
+
+
+to_robot: st.SearchStrategy[ToRobot] = st.one_of(
+    st.builds(Hello, *heads, proofs, st.integers(1, 2**31 - 1)),
+    st.builds(phase_a, st.tuples(*heads), poses, st.booleans(), pairs, finite, zones, weights, proofs),
+    st.builds(PhaseB, *heads, st.lists(st.binary(max_size=64), max_size=8).map(tuple), proofs),
+    st.builds(Stop, *heads, st.booleans(), words),
+)
+to_world: st.SearchStrategy[ToWorld] = st.one_of(
+    st.builds(HelloReply, *heads, words, counts),
+    st.builds(ReplyA, *heads, st.lists(st.binary(max_size=100), max_size=MAX_FRAMES).map(tuple)),
+    st.builds(
+        ReplyB,
+        *heads,
+        st.builds(
+            Reply,
+            st.one_of(*(st.builds(command, anything, anything) for command in (Drive, Twist, Velocity))),
+            words,
+            st.none() | st.tuples(finite, finite),
+            finite,
+            ids,
+        ),
+    ),
+    st.builds(Failed, *heads, words),
+    st.builds(Report, *heads, counts, st.lists(lines, max_size=MAX_LINES).map(tuple)),
+)
+junk = st.recursive(
+    st.none() | st.booleans() | st.integers(-(2**63), 2**64 - 1) | st.floats() | st.binary(max_size=80) | st.text(),
+    lambda inner: st.lists(inner, max_size=10) | st.dictionaries(st.text(max_size=4), inner, max_size=3),
+    max_leaves=20,
+)
+
+
+@given(to_robot)
+def test_a_message_to_a_robot_comes_back_bit_for_bit(message: ToRobot) -> None:
+    assert decode_to_robot(encode(message)) == message
+
+
+@given(to_world)
+def test_a_message_to_the_world_comes_back_bit_for_bit(message: ToWorld) -> None:
+    assert decode_to_world(encode(message)) == message
+
+
+def test_negative_zero_survives() -> None:
+    answer = decode_to_world(encode(ReplyB(1, 2, 3, 4, Reply(Drive(-0.0, 0.0), "patrolling", None, 0.0, 0))))
+    assert isinstance(answer, ReplyB)
+    assert isinstance(answer.reply.command, Drive)
+    assert math.copysign(1.0, answer.reply.command.speed) == -1.0
+
+
+def test_a_command_that_is_not_finite_is_for_the_world_to_refuse() -> None:
+    answer = decode_to_world(encode(ReplyB(1, 2, 3, 4, Reply(Velocity(math.nan, math.inf), "x", None, 0.0, 0))))
+    assert isinstance(answer, ReplyB)
+    assert isinstance(answer.reply.command, Velocity)
+    assert math.isnan(answer.reply.command.vx)
+
+
+@given(st.binary(max_size=200))
+def test_any_bytes_give_a_message_or_malformed(payload: bytes) -> None:
+    for decode in (decode_to_robot, decode_to_world):
+        try:
+            decode(payload)
+        except Malformed:
+            continue
+
+
+@given(st.integers(0, 5), st.lists(junk, max_size=12))
+def test_any_array_gives_a_message_or_malformed(kind: int, rest: list[object]) -> None:
+    payload = msgpack.packb([kind, *rest])
+    for decode in (decode_to_robot, decode_to_world):
+        try:
+            decode(payload)
+        except Malformed:
+            continue
+
+
+@given(to_robot, st.data())
+def test_a_torn_or_bent_message_is_refused_or_whole(message: ToRobot, data: st.DataObject) -> None:
+    payload = bytearray(encode(message))
+    place = data.draw(st.integers(0, len(payload) - 1))
+    with pytest.raises(Malformed):
+        decode_to_robot(bytes(payload[:place]))
+    with pytest.raises(Malformed):
+        decode_to_robot(bytes(payload) + b"\x00")
+
+
+@pytest.mark.parametrize(
+    "payload",
+    [
+        b"",
+        b"\xc1",
+        b"\x91" * 5000,
+        b"\xdd\xff\xff\xff\xff",
+        b"\xc6\xff\xff\xff\xff",
+        b"\xd6\xff\x00\x00\x00\x00",
+        msgpack.packb({"kind": 1}),
+        msgpack.packb([True, 1, 1, 0, 9, bytes(16), 1]),
+        msgpack.packb([1, 1.0, 1, 0, 9, b""]),
+        msgpack.packb([2, 1, 1, 0, 9, [b"x" * 65], bytes(16)]),
+        msgpack.packb([2, 1, 1, 0, 9, ["text"], bytes(16)]),
+        msgpack.packb([1, 1, 1, 0, 9, [b"x"] * (MAX_FRAMES + 1)]),
+        msgpack.packb([1, 1, 1, 0, 9, b"frame"]),
+        msgpack.packb([1, 1, 1, 0, 9, 1.0, 2.0, 3.0, False, [1.0], 0.0, bytes(16)]),
+        msgpack.packb([1, 1, 1, 0, 9, 1.0, 2.0, 3.0, False, [1.0, math.nan], 0.0, bytes(16)]),
+        msgpack.packb([1, 1, 1, 0, 9, 1.0, 2.0, 3.0, False, [], math.inf, bytes(16)]),
+        msgpack.packb([1, 1, 1, 0, 9, 1.0, 2.0, 3.0, False, []]),
+        msgpack.packb([1, 1, 1, 0, 9, 1.0, 2.0, 3.0, False, [1.0, 2.0] * (MAX_CONTACTS + 1), 0.0, bytes(16)]),
+        msgpack.packb([1, 1, 1, 0, 9, 1.0, 2.0, 3.0, False, [], 0.0, bytes(15)]),
+        msgpack.packb([2, 1, 1, 0, 9, [b"x"], bytes(15)]),
+        msgpack.packb([0, 1, 1, 0, 9, bytes(17), 1]),
+        msgpack.packb([0, 1, 1, 0, 9, bytes(16), 0]),
+        msgpack.packb([0, 1, 1, 0, -9, bytes(16), 1]),
+        msgpack.packb([3, 1, 1, 0, 9, True, "\x1b[2J"]),
+        msgpack.packb([4, 1, 1, 0, 9, 0, [[0, b"", b"", b""]]]),
+        msgpack.packb([4, 1, 1, 0, 9, 0, [[-1, b"", b"", b"", b""]]]),
+        msgpack.packb([4, 1, 1, 0, 9, 0, [[0, b"", b"", b"", b"x" * (MAX_DIGESTS * DIGEST + 1)]]]),
+        msgpack.packb([4, 1, 1, 0, 9, 0, [[0, b"", b"", b"", b""]] * (MAX_LINES + 1)]),
+        msgpack.packb([4, 1, 1, 0, 9, 0, {"lines": []}]),
+    ],
+)
+def test_hostile_bytes_are_malformed(payload: bytes) -> None:
+    with pytest.raises(Malformed):
+        decode_to_robot(payload)
+    with pytest.raises(Malformed):
+        decode_to_world(payload)
+
+
+def test_an_oversized_reply_is_malformed() -> None:
+    with pytest.raises(Malformed, match="at most"):
+        decode_to_world(encode(ReplyA(1, 1, 0, 9, (bytes(MAX_REPLY),))))
+
+
+@pytest.mark.parametrize(("in_force", "zones", "known"), [((0, 1), 2, True), ((0, 2), 2, False), ((0,), 0, False)])
+def test_a_zone_that_the_scenario_does_not_have_is_malformed(
+    in_force: tuple[int, ...], zones: int, known: bool
+) -> None:
+    payload = encode(PhaseA(1, 1, 0, 9, Sensed(0, Pose(1.0, 2.0, 3.0), zones=in_force), bytes(PROOF)))
+    if known:
+        assert isinstance(decode_to_robot(payload, zones), PhaseA)
+        return
+    with pytest.raises(Malformed, match=rf"zone {in_force[-1]} is in force, and the scenario's {zones} "):
+        decode_to_robot(payload, zones)
+    sensed = Sensed(0, Pose(1.0, 2.0, 3.0), zones=(), weights=((in_force[-1], 2.0),))
+    with pytest.raises(Malformed):
+        decode_to_robot(encode(PhaseA(1, 1, 0, 9, sensed, bytes(PROOF))), zones)
+
+
+def test_a_pose_that_is_not_finite_is_malformed() -> None:
+    payload = encode(PhaseA(1, 1, 0, 9, Sensed(0, Pose(1.0, 2.0, 3.0)), bytes(PROOF)))
+    with pytest.raises(Malformed):
+        decode_to_robot(payload.replace(struct.pack(">d", 2.0), struct.pack(">d", math.nan)))
+
+
+def test_a_long_reason_is_cut_to_what_fits() -> None:
+    stop = Stop(1, 1, 0, 9, orderly=False, reason="x" * 5000)
+    assert decode_to_robot(encode(stop)) == replace(stop, reason="x" * 400)
+
+
+def test_a_long_account_of_a_failure_is_cut_to_what_fits() -> None:
+    failed = Failed(1, 1, 0, 9, "x" * 5000)
+    assert decode_to_world(encode(failed)) == replace(failed, reason="x" * 400)
+
+
+@pytest.mark.parametrize("reason", ["\x1b[2J", "two\nlines", "x" * 401, 7, None, b"bytes"])
+def test_a_hostile_account_of_a_failure_is_malformed(reason: object) -> None:
+    with pytest.raises(Malformed):
+        decode_to_world(msgpack.packb([3, 1, 1, 0, 9, reason]))
+
+
+def test_a_phase_a_says_one_tick_only() -> None:
+    with pytest.raises(ValueError, match="phase A of tick 4 cannot say what was sensed at tick 5"):
+        encode(PhaseA(1, 1, 4, 9, Sensed(5, Pose(1.0, 2.0, 3.0)), bytes(PROOF)))
+
+
+def test_a_state_that_is_too_long_is_for_the_receiver_to_refuse() -> None:
+    longest = ReplyB(1, 2, 3, 4, Reply(Velocity(0.0, 0.0), "x" * MAX_STATE, None, 0.0, 0))
+    assert decode_to_world(encode(longest)) == longest
+    longer = encode(replace(longest, reply=replace(longest.reply, state="x" * (MAX_STATE + 1))))
+    with pytest.raises(Malformed, match=f"at most {MAX_STATE} characters"):
+        decode_to_world(longer)
+
+
+def test_the_longest_report_fits_into_a_message() -> None:
+    digest = bytes(MAX_DIGESTS * DIGEST)
+    line = Line(2**31 - 1, (digest, digest, digest, digest))
+    report = Report(2**31 - 1, 2**63 - 1, 2**31 - 1, 2**63 - 1, 2**31 - 1, (line,) * MAX_LINES)
+    assert len(encode(report)) <= MAX_REPLY
+
+
+def test_what_is_decoded_has_the_digest_of_its_bytes_and_is_equal_without() -> None:
+    for message in (
+        PhaseA(1, 2, 3, 4, Sensed(3, Pose(1.0, 2.0, 3.0)), bytes(PROOF)),
+        PhaseB(1, 2, 3, 4, (b"frame",), bytes(PROOF)),
+        ReplyA(1, 2, 3, 4, (b"frame",)),
+        ReplyB(1, 2, 3, 4, Reply(Drive(1.0, 0.0), "patrolling", None, 0.0, 0)),
+    ):
+        payload = encode(message)
+        decoded = decode_to_robot(payload) if isinstance(message, PhaseA | PhaseB) else decode_to_world(payload)
+        assert decoded == message
+        assert not isinstance(decoded, Hello | HelloReply | Stop | Failed | Report)
+        assert decoded.digest == digest_of(payload)
+
+
+def test_an_agent_of_an_earlier_version_is_still_understood_when_it_says_which() -> None:
+    """Version 4 sent kind, incarnation, instance, k, run, scenario and protocol too, in this order."""
+    old = msgpack.packb([0, 1, 77, 5, 9, "a" * 64, 4])
+    assert decode_to_world(old) == HelloReply(1, 77, 5, 9, "a" * 64, 4)

@@ -1,0 +1,123 @@
+from __future__ import annotations
+
+from dataclasses import replace
+
+import msgpack
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from patrol.errors import Malformed
+from patrol.journal import Event, RobotTick, Status, TickRecord
+from patrol.messages.telemetry import (
+    SHOW_S,
+    Metrics,
+    Notice,
+    RobotView,
+    Telemetry,
+    Traffic,
+    Watcher,
+    pack_view,
+    read_traffic,
+)
+from patrol.wire import read
+
+METRICS = Metrics(3, 10, 1.5, 2.0, 1.0, 2.5, 0.5, 40.0, (RobotView("r1", 1, "patrolling", 1.0, 2.0, 0.5),))
+
+
+def record(k: int, mfow: int) -> TickRecord:
+    row = RobotTick(1, Status.ALIVE, 1.0, 2.0, 0.5, 0.0, 0.0, False, "holding", None, 1.0, 0)
+    return TickRecord(k, (row,), (), (), (), mfow, 0.5, 50)
+
+
+def test_views_come_back() -> None:
+    assert read(Metrics, pack_view(METRICS)) == METRICS
+    placed = replace(METRICS, stalest=(26.5, -9.5))
+    assert read(Metrics, pack_view(placed)) == placed
+    notice = Notice(3, "lost", "r1", "no answer")
+    assert read(Notice, pack_view(notice)) == notice
+    assert msgpack.unpackb(pack_view(Telemetry(1, "holding", None, (1.0, 2.0), None, 3, 4.0, 5)))["refined"] == [
+        1.0,
+        2.0,
+    ]
+
+
+def test_readers_skip_what_they_do_not_know() -> None:
+    says = {**msgpack.unpackb(pack_view(METRICS)), "news": [1, 2]}
+    assert read(Metrics, msgpack.packb(says)) == METRICS
+
+
+@given(st.binary(max_size=100) | st.builds(msgpack.packb, st.dictionaries(st.text(max_size=8), st.integers(0, 9))))
+def test_anything_else_is_unreadable(payload: bytes) -> None:
+    for kind in (Metrics, Notice):
+        with pytest.raises(Malformed):
+            read(kind, payload)
+
+
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [
+        ("k", -1),
+        ("k", 0),
+        ("k", 11),
+        ("k", 1.0),
+        ("ticks", 2**62),
+        ("time_s", -1.0),
+        ("mfow_s", float("nan")),
+        ("mfow_s", 1),
+        ("seen_share", 1.5),
+        ("ticks_per_s", float("inf")),
+        ("ticks_per_s", -1.0),
+        ("ticks_per_s", 1e300),
+        ("stalest", [1e300, 0.0]),
+        ("robots", None),
+        ("robots", [1]),
+    ],
+)
+def test_a_wrong_field_is_unreadable(field: str, value: object) -> None:
+    with pytest.raises(Malformed):
+        read(Metrics, msgpack.packb({**msgpack.unpackb(pack_view(METRICS)), field: value}))
+
+
+def test_a_watcher_adds_up_and_shows_now_and_then() -> None:
+    time = [100.0]
+    watcher = Watcher({1: "r1"}, points=100, step=0.5, ticks=4, now=lambda: time[0])
+    time[0] += 0.5
+    first = watcher.take(record(0, 2))
+    assert first == Metrics(1, 4, 0.5, 1.0, 1.0, 1.0, 0.5, 2.0, (RobotView("r1", 1, "holding", 1.0, 2.0, 0.5),))
+    assert watcher.take(record(1, 6)) is None
+    time[0] += SHOW_S
+    third = watcher.take(record(2, 4))
+    assert third is not None
+    assert (third.k, third.mfow_s, third.mfow_mean_s, third.mfow_max_s) == (3, 2.0, 2.0, 3.0)
+    last = watcher.take(record(3, 4))
+    assert last is not None
+    assert last.k == 4
+
+
+def test_events_are_told_by_name() -> None:
+    watcher = Watcher({1: "r1"}, 1, 0.5, 4, lambda: 0.0)
+    assert watcher.notice(Event(3, "lost", 1, "gone")) == Notice(3, "lost", "r1", "gone")
+    assert watcher.notice(Event(3, "note")) == Notice(3, "note", "", "")
+
+
+def test_traffic_comes_back_from_telemetry() -> None:
+    traffic = Traffic(2, 30, {"r2": 29, "r3": 0}, 1, final=True)
+    view = Telemetry(1, "holding", None, None, None, 3, 4.0, 5, traffic)
+    assert read_traffic(pack_view(view)) == traffic
+
+
+@pytest.mark.parametrize(
+    "traffic",
+    [
+        None,
+        [],
+        {},
+        {"incarnation": 1, "sent": 1, "heard": {"r2": -1}, "refused": 0, "final": True},
+        {"incarnation": 1, "sent": 1, "heard": {}, "refused": 0, "final": 1},
+        {"incarnation": 1, "sent": 1.5, "heard": {}, "refused": 0, "final": True},
+    ],
+)
+def test_other_traffic_is_unreadable(traffic: object) -> None:
+    with pytest.raises(Malformed):
+        read_traffic(msgpack.packb({"traffic": traffic}))

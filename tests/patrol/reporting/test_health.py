@@ -1,0 +1,95 @@
+from __future__ import annotations
+
+import json
+import math
+import threading
+
+from patrol.reporting.health import HealthLines, HealthReading, facts_of, health_line
+from patrol.reporting.logs import Log
+from patrol.reporting.vitals import (
+    CONNECTIONS,
+    DECISION,
+    DROPPED,
+    MEMORY,
+    MFOW,
+    PEERS,
+    QUEUE,
+    REFUSED,
+    ROBOTS,
+    SINCE_TICK,
+    TICK,
+    Figure,
+    Value,
+    Vitals,
+)
+
+
+def test_a_robots_line() -> None:
+    figures: dict[Figure, Value] = {
+        TICK: 120,
+        SINCE_TICK: 0.24,
+        MFOW: 61.0,
+        PEERS: 2,
+        REFUSED: {"old": 3, "tag": 0, "ahead": 1},
+        DROPPED: {},
+        QUEUE: 4,
+        DECISION: 0.0213,
+        MEMORY: 212_400_000,
+    }
+    before = HealthReading(10.0, {TICK: 100})
+    assert health_line(HealthReading(12.0, figures), before) == (
+        "health: tick 120, 10.0 ticks/s, last one 0.2 s ago, MFoW 61 s, peers heard: 2, frames refused: 3 old and "
+        "1 ahead, messages dropped: none, messages waiting: 4, decision 21.3 ms, 212 MB"
+    )
+
+
+def test_the_first_line_knows_no_rate_and_one_before_the_first_tick_says_so() -> None:
+    assert health_line(HealthReading(1.0, {TICK: 5}), None) == "health: tick 5"
+    assert health_line(HealthReading(1.0, {TICK: 5}), HealthReading(0.0, {})) == "health: tick 5"
+    assert health_line(HealthReading(1.0, {QUEUE: 0}), None) == "health: no tick yet, messages waiting: 0"
+
+
+def test_a_router_has_no_ticks() -> None:
+    assert health_line(HealthReading(1.0, {CONNECTIONS: 5, MEMORY: 33e6}), None) == "health: connections: 5, 33 MB"
+
+
+def test_only_robots_that_there_are_are_told() -> None:
+    line = health_line(HealthReading(1.0, {ROBOTS: {"alive": 4, "dead": 1, "lost": 0}}), None)
+    assert line == "health: robots: 4 alive and 1 dead"
+
+
+def test_facts_are_json() -> None:
+    facts = facts_of({MFOW: math.inf, ROBOTS: {"alive": 2, "lost": math.nan}, TICK: 3})
+    assert json.loads(json.dumps(facts, allow_nan=False)) == {
+        "fogwatch_mfow_seconds": None,
+        "fogwatch_robots": {"alive": 2, "lost": None},
+        "fogwatch_tick": 3,
+    }
+
+
+class Listening(Log):
+    """Keeps the lines, and says when there are enough."""
+
+    def __init__(self, enough: int) -> None:
+        super().__init__("r1")
+        self.lines: list[str] = []
+        self.there = threading.Event()
+        self._enough = enough
+
+    def info(self, line: str, **facts: object) -> None:
+        assert set(facts) == {"health"}
+        self.lines.append(line)
+        if len(self.lines) >= self._enough:
+            self.there.set()
+
+
+def test_lines_come_until_they_are_closed() -> None:
+    log, vitals = Listening(2), Vitals()
+    vitals.beat(4, {})
+    health = HealthLines(vitals, log, 0.01)
+    assert log.there.wait(300.0)
+    health.close()
+    assert all(line.startswith("health: tick 4") for line in log.lines)
+    told = len(log.lines)
+    assert not any(thread.name == "health" for thread in threading.enumerate())
+    assert len(log.lines) == told

@@ -1,0 +1,86 @@
+from __future__ import annotations
+
+from patrol.net.mailbox import Mailbox
+from patrol.reporting.vitals import (
+    DROPPED,
+    MEMORY,
+    MFOW,
+    PAGES,
+    PROCESSOR,
+    QUEUE,
+    SINCE_TICK,
+    TICK,
+    TICKS,
+    VERSION,
+    Vitals,
+)
+from tests.fresh_memory import fresh_memory
+
+
+class Arrived(bytes):
+    """A payload as it is received."""
+
+    def to_bytes(self) -> bytes:
+        return bytes(self)
+
+
+class Clock:
+    now_s = 100.0
+
+    def __call__(self) -> float:
+        return self.now_s
+
+
+def test_before_the_first_tick_only_the_process_is_known() -> None:
+    known = Vitals().read()
+    assert TICK not in known
+    assert SINCE_TICK not in known
+    assert known[MEMORY] > 1e6  # type: ignore[operator]
+    assert known[PROCESSOR] > 0.0  # type: ignore[operator]
+    assert len(known[VERSION]) == 1  # type: ignore[arg-type]
+
+
+def test_ticks_are_counted_and_their_age_grows() -> None:
+    clock = Clock()
+    vitals = Vitals(clock)
+    vitals.beat(7, {MFOW: 3.0})
+    vitals.beat(9, {MFOW: 4.0})
+    clock.now_s += 2.5
+    known = vitals.read()
+    assert (known[TICK], known[TICKS], known[MFOW], known[SINCE_TICK]) == (9, 2, 4.0, 2.5)
+
+
+def test_mailboxes_are_added_up() -> None:
+    vitals = Vitals()
+    boxes = [Mailbox(["a"], bytes, 4), Mailbox(["a"], bytes, 4)]
+    for box in boxes:
+        vitals.probe_mailbox(box)
+        box.deliver("a", Arrived(b"one"))
+    boxes[0].deliver("a", Arrived(b"too long"))
+    boxes[1].deliver("a", Arrived(b"too long"))
+    boxes[1].put("b", b"nobody's")
+    known = vitals.read()
+    assert known[QUEUE] == 2
+    assert known[DROPPED] == {"oversized": 2, "unknown": 1}
+    boxes[0].get()
+    assert vitals.read()[QUEUE] == 1
+
+
+def test_a_figure_that_cannot_be_read_hides_no_other() -> None:
+    def gone() -> float:
+        raise RuntimeError("session closed")
+
+    vitals = Vitals()
+    vitals.probe(PAGES, gone)
+    vitals.probe(MFOW, lambda: None)
+    vitals.probe(QUEUE, lambda: 3)
+    known = vitals.read()
+    assert PAGES not in known
+    assert MFOW not in known
+    assert known[QUEUE] == 3
+
+
+def test_the_memory_is_that_of_this_process() -> None:
+    before = Vitals().read()[MEMORY]
+    with fresh_memory(64 << 20):
+        assert Vitals().read()[MEMORY] > before + 0.5 * (64 << 20)  # type: ignore[operator]

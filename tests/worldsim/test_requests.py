@@ -1,0 +1,109 @@
+"""What comes to the world under the key for controls: requests of operators come through, of others none."""
+
+from __future__ import annotations
+
+import os
+from collections import Counter, deque
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+
+import pytest
+
+from patrol.errors import BadInput
+from patrol.scenario.controls import Answer, Pause
+from patrol.security.control_auth import ASK, CHALLENGE, ControlClient, ControlGate, Unanswered
+from patrol.security.keys import FleetKeys
+from worldsim.controls import MOST_AT_ONCE, ControlMailbox, answer_challenge
+
+KEYS = FleetKeys("f")
+TOKEN = "a token that is long enough"
+
+
+@dataclass
+class Asked:
+    payload: bytes
+    answer: Callable[[bytes], None]
+
+
+class Door:
+    """A world's mailbox for controls, and operators who ask it."""
+
+    def __init__(self) -> None:
+        self.refused: Counter[str] = Counter()
+        self.waiting: deque[Asked] = deque()
+        self.gate = ControlGate("f", TOKEN, 9, b"s" * 16, lambda: 5.0)
+        self.requests = ControlMailbox(self, self.gate)
+        self.strangers: list[bytes] = []
+
+    def get(self, timeout_s: float = 0.0) -> tuple[str, Asked] | None:
+        del timeout_s
+        return (KEYS.control(ASK), self.waiting.popleft()) if self.waiting else None
+
+    def answers_until(
+        self, keys: Sequence[str], payload: bytes, longest: int, wait_s: float
+    ) -> Iterator[tuple[str, bytes]]:
+        assert wait_s > 0.0
+        (key,) = keys
+        said: list[bytes] = []
+        if key == KEYS.control(CHALLENGE):
+            answer_challenge(self.gate, Asked(payload, said.append), self.refused)
+        else:
+            self.waiting += [Asked(stranger, self.strangers.append) for stranger in self.strangers]
+            self.waiting += [Asked(payload, said.append) for _ in range(2)]
+            for _ in range(5):
+                if (request := self.requests.get(0.1)) is not None:
+                    refusal = str(request.control) if isinstance(request.control, BadInput) else ""
+                    self.got = request.control
+                    request.answer(Answer(not refusal, refusal or "paused"))
+        assert all(len(one) <= longest for one in said)
+        yield from ((key, one) for one in said)
+
+    def ask(self, token: str = TOKEN, **control: object) -> Answer:
+        return ControlClient(self, KEYS, token, lambda: 1.0, os.urandom).ask(control, 1.0).answer
+
+
+def test_a_request_is_taken_once_and_answered_each_time() -> None:
+    door = Door()
+    assert door.ask(do="pause") == Answer(True, "paused")
+    assert isinstance(door.got, Pause)
+    assert not door.refused
+
+
+def test_what_cannot_be_done_is_refused_with_its_reason() -> None:
+    door = Door()
+    answer = door.ask(do="destroy")
+    assert not answer.done
+    assert "known are" in answer.text
+
+
+def test_text_that_is_no_text_is_refused_with_its_reason() -> None:
+    """Such text comes as JSON, which can spell it."""
+    answer = Door().ask(do="fault", fault={"kind": "\ud800"})
+    assert not answer.done
+    assert "holds half of a character" in answer.text
+
+
+def test_strangers_get_no_answer_and_are_counted() -> None:
+    door = Door()
+    with pytest.raises(Unanswered):
+        door.ask(token="another token", do="pause")
+    door.strangers = [b"", b"{", b'{"token": "x", "control": {"do": "go"}}', bytes(500)]
+    kept = list(door.strangers)
+    assert door.ask(do="pause").done
+    assert door.strangers == kept
+    assert door.refused == {"token": 4}
+
+
+def test_a_flood_of_strangers_is_read_a_part_at_a_time() -> None:
+    door = Door()
+    door.waiting += [Asked(b"junk", door.strangers.append) for _ in range(3 * MOST_AT_ONCE)]
+    assert door.requests.get(0.0) is None
+    assert door.refused == {"token": MOST_AT_ONCE}
+    assert len(door.waiting) == 2 * MOST_AT_ONCE
+
+
+def test_a_challenge_of_the_wrong_length_is_counted_and_not_answered() -> None:
+    door = Door()
+    said: list[bytes] = []
+    answer_challenge(door.gate, Asked(b"short", said.append), door.refused)
+    assert (said, door.refused) == ([], {"malformed": 1})

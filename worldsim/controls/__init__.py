@@ -1,1 +1,0 @@
-"""An operator's controls: taken from the network, carried out between ticks."""

@@ -1,1 +1,0 @@
-"""The times of faults, and their effects on the processes of robots."""

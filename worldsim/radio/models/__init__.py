@@ -1,1 +1,0 @@
-"""Radio models: which frames get from one radio to another."""
