@@ -5,9 +5,9 @@ the turn. On its way to a place it drives so on long straight stretches and on t
 arcs and turns on the spot (`agent.bodies.manoeuvre`), in reverse too unless its sensor looks ahead only. So it gets
 through a slanting slit, where the way bends at each point, without a stop at each bend.
 
-Its moves are hardly random, so two such robots that block each other in a corridor would do so for ever. A robot that
-keeps bumping therefore drives away from the nearest robot for a moment, forward or in reverse, whichever needs the
-smaller turn (`BackOff`).
+Its moves are hardly random, so two such robots that block each other would do so for ever. One that keeps bumping, or
+that no step leads on, therefore backs off (`agent.bodies.standoff`), forward or in reverse, whichever needs the smaller
+turn.
 """
 
 from __future__ import annotations
@@ -15,20 +15,18 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
-from functools import partial
 from itertools import chain
 
-from agent.bodies.giveway import Bumps, nearest
 from agent.bodies.manoeuvre import Manoeuvres, wheel_moves
 from agent.bodies.setup import BARELY, BLOCKED_SHARE, CLEAR_SHARE, BodyBase, BodySetup, way_of
+from agent.bodies.standoff import Moves
 from agent.bodies.steering import EASIER, Footing, HolonomicSteering
 from agent.ports import Bearing, Choice, Goal, Place, State
 from agent.routes.ground import Ground, Spot
 from agent.view import View
 from patrol.ground.swept_path import advance, line_is_free, path_is_free
 from patrol.ground.terrain import Terrain
-from patrol.pose import TAU, Command, Pose, Twist, halted, wrap
-from patrol.random import Purpose
+from patrol.pose import Command, Pose, Twist, halted, wrap
 from patrol.scenario import RobotSpec
 
 ASKEW = 0.8
@@ -45,19 +43,6 @@ STRAIGHT_RADII = 5.0
 
 WORTH_DRIVING = 0.05
 """The body turns on the spot where an arc would leave less than this share of its speed."""
-
-PATIENCE = 3
-"""Number of bumps after which a robot backs off."""
-
-CALM_S = 3.0
-"""Bumps further apart than this do not add up, s."""
-
-SHORTEST_S = 1.0
-LONGEST_S = 3.0
-"""Bounds of how long a robot backs off, s; the time is random, so that a pair does not get stuck in step."""
-
-TRIES = 8
-"""Number of directions drawn, of which the first with room for half a step is taken."""
 
 
 def smaller_turn(heading: float, direction: float) -> tuple[float, float]:
@@ -84,23 +69,10 @@ class WheelSteering:
         self._spec = spec
         self._terrain = terrain
         self._step = step
-        self._straight = HolonomicSteering(spec, terrain, step)
         self._footing = Footing(terrain, ground, spec.radius)
+        self.reach = HolonomicSteering(spec, terrain, step, self._footing).reach
         self._most = spec.speed / spec.radius * step
         self.stride = spec.speed * step
-
-    def reach(self, pose: Pose, target: Spot) -> float:
-        """Return the length of the longest straight step towards a target, m, whichever way the body faces.
-
-        It is 0 where no step is possible.
-        """
-        _, way = self._straight.towards(pose, target)
-        bearing = math.atan2(target[1] - pose.y, target[0] - pose.x)
-        for share in EASIER:
-            part = share * way
-            if self._footing.may_end(pose, pose.x + part * math.cos(bearing), pose.y + part * math.sin(bearing)):
-                return part
-        return 0.0
 
     def towards(self, pose: Pose, target: Spot) -> Twist:
         """Return a step towards a target: an arc, a turn on the spot or a straight drive.
@@ -177,86 +149,6 @@ class WheelSteering:
                     yield Twist(speed, turn)
 
 
-class BackOff:
-    """Drives in a random direction for a moment, away from a robot that is near.
-
-    `stuck` is True if the robot backs off because no way led on, not because it bumped.
-    """
-
-    def __init__(self, steering: WheelSteering, step: float, chance: Callable[[int, int], float]) -> None:
-        """Start without backing off; `step` is in s per tick.
-
-        `chance` returns a repeatable draw from [0, 1); it is called with a tick and 0, 1, ... for the purpose of the
-        draw.
-        """
-        self.stuck = False
-        self._steering = steering
-        self._step = step
-        self._chance = chance
-        self._bumps = Bumps(CALM_S / step)
-        self._direction: float | None = None
-        self._until = 0
-
-    @property
-    def active(self) -> bool:
-        """True if the robot is backing off."""
-        return self._direction is not None
-
-    def count(self, tick: int, bumped: bool) -> bool:
-        """Count a cancelled move, and return True if the robot has bumped often enough to back off."""
-        if bumped:
-            self._bumps.add(tick)
-        return bumped and self._bumps.count >= PATIENCE
-
-    def begin(self, tick: int, pose: Pose, near: Spot | None, *, stuck: bool) -> None:
-        """Choose a direction and a time; a robot with room nowhere stays where it is.
-
-        The direction leads away from a robot at `near`; if that is None, it may be any.
-        """
-        best = -1.0
-        for index in range(TRIES):
-            share = self._chance(tick, index)
-            if near is None:
-                direction = TAU * share
-            else:
-                away = math.atan2(pose.y - near[1], pose.x - near[0])
-                direction = away + (share - 0.5) * math.pi
-            room = self._room(pose, direction)
-            if room > best:
-                best, self._direction = room, direction
-            if room >= CLEAR_SHARE * self._steering.stride:
-                break
-        if best < BLOCKED_SHARE * self._steering.stride:
-            self._direction = None
-        spell_s = SHORTEST_S + (LONGEST_S - SHORTEST_S) * self._chance(tick, TRIES)
-        self._until = tick + max(1, round(spell_s / self._step))
-        self._bumps.clear()
-        self.stuck = stuck
-
-    def end(self) -> None:
-        """Stop backing off."""
-        self._direction = None
-
-    def next(self, tick: int, pose: Pose, bumped: bool) -> Twist | None:
-        """Return the next command while backing off; None when the robot has gone far enough or cannot go on."""
-        if self._direction is None:
-            return None
-        room = self._room(pose, self._direction)
-        if tick >= self._until or bumped or room <= 0.0:
-            self._direction = None
-            return None
-        askew, sense = smaller_turn(pose.heading, self._direction)
-        if abs(askew) > ALIGNED:
-            return self._steering.on_the_spot(askew)
-        return self._steering.straight(pose, sense * room)
-
-    def _room(self, pose: Pose, direction: float) -> float:
-        stride = self._steering.stride
-        return self._steering.reach(
-            pose, (pose.x + stride * math.cos(direction), pose.y + stride * math.sin(direction))
-        )
-
-
 @dataclass(frozen=True, slots=True)
 class _Option:
     """A target that a body may head for."""
@@ -276,24 +168,15 @@ class DifferentialBody(BodyBase):
     command = Twist
 
     def __init__(self, setup: BodySetup) -> None:
-        super().__init__(setup)
+        super().__init__(setup, Moves.ON_THE_SPOT)
         self._steering = WheelSteering(setup.spec, setup.ground.terrain, setup.ground, setup.step)
-        self._back_off = BackOff(self._steering, setup.step, partial(setup.chance, Purpose.UNSTUCK))
-        self._near = 2.0 * self.stride
         self._towards_places = self._either_way if setup.sees_all_round else self._steering.towards
         self._turns_to: float | None = None
-        self._manoeuvres: Manoeuvres | None = None
         if setup.patrol.manoeuvres:
             moves = wheel_moves(setup.spec, setup.step, reverses=setup.sees_all_round)
-            self._manoeuvres = Manoeuvres(moves, setup.spec, setup.ground.terrain, self._steering.is_free, setup.step)
-
-    def _stay(self, state: str, view: View) -> Choice:
-        self._back_off.end()
-        return super()._stay(state, view)
+            self.manoeuvres = Manoeuvres(moves, setup.spec, setup.ground.terrain, self._steering.is_free, setup.step)
 
     def _bear(self, intent: Bearing, view: View) -> Choice:
-        if (back := self._backing_off(intent.state, view)) is not None:
-            return back
         if intent.wander is not None:
             return Choice(self._steering.turning(view.pose, intent.wander), intent.state, intent.wander)
         start = view.start
@@ -329,14 +212,11 @@ class DifferentialBody(BodyBase):
         """Return a step towards a place, round others that are in the way."""
         pose, start, found = view.pose, view.start, way_of(place, view)
         if found is None or start is None:
-            return self._backing_off(place.state, view) or self._proceed(place.state, view) or self._come_back(view)
+            return self._proceed(place.state, view) or self._come_back(view)
         spot, bend = found
         bearing, goal = math.atan2(bend[1] - pose.y, bend[0] - pose.x), Goal(spot, bend)
         if math.dist((pose.x, pose.y), spot) < BARELY:
-            self._back_off.end()
             return Choice(halted(self.spec.model), place.state, bearing, goal)
-        if (back := self._backing_off(place.state, view)) is not None:
-            return Choice(back.command, back.state, bearing, goal)
         if place.wander is not None:
             return Choice(self._steering.turning(pose, place.wander), place.state, place.wander)
         if (command := self._manoeuvre(place, found, view)) is not None:
@@ -351,23 +231,16 @@ class DifferentialBody(BodyBase):
         )
         return self._take(options, place.state, view, self._towards_places)
 
-    def _proceed(self, state: str, view: View) -> Choice | None:
-        """Return the next step of a manoeuvre that leads over places from which no route leads on, to its end."""
-        if self._manoeuvres is None or view.bumped:
-            return None
-        command = self._manoeuvres.proceed(view.pose)
-        return None if command is None else Choice(command, state)
-
     def _manoeuvre(self, place: Place, way: tuple[Spot, Spot], view: View) -> Command | None:
         """Return the next step of arcs to near a place; None where there are none, or the policy leans aside."""
-        if self._manoeuvres is None or place.lean is not None:
+        if self.manoeuvres is None or place.lean is not None:
             return None
         spot, bend = way
-        is_near = bend == spot and math.dist((view.pose.x, view.pose.y), spot) < self._manoeuvres.parking
+        is_near = bend == spot and math.dist((view.pose.x, view.pose.y), spot) < self.manoeuvres.parking
         if view.bumped or is_near or self._leads_straight(bend, view):
-            self._manoeuvres.drop()
+            self.manoeuvres.drop()
             return None
-        return self._manoeuvres.next(view, spot)
+        return self.manoeuvres.next(view, spot)
 
     def _leads_straight(self, bend: Spot, view: View) -> bool:
         """Return True if the way is straight and free of walls for long, up to where it first bends."""
@@ -375,16 +248,6 @@ class DifferentialBody(BodyBase):
         return math.dist(here, bend) >= STRAIGHT_RADII * radius and line_is_free(
             view.ground.terrain, here, bend, radius
         )
-
-    def _come_back(self, view: View) -> Choice:
-        """A step of a robot that is off the reachable points, back to them; it holds where no way leads there."""
-        pose = view.pose
-        spot = self.way_back.spot(pose.x, pose.y) if self.way_back.is_needed(pose.x, pose.y) else None
-        if spot is None:
-            return self._stand(State.HOLDING)
-        bearing = math.atan2(spot[1] - pose.y, spot[0] - pose.x)
-        options = iter([self._option(spot, pose, bearing, Goal(spot, spot))])
-        return self._take(options, State.DEAD_END, view, self._steering.towards)
 
     def _take(
         self, options: Iterator[_Option], state: str, view: View, towards: Callable[[Pose, Spot], Twist]
@@ -404,9 +267,7 @@ class DifferentialBody(BodyBase):
                 break
         else:
             if farthest < BLOCKED_SHARE * self.stride:
-                self._back_off.begin(view.tick, pose, self._neighbour(view), stuck=True)
-                out = self._back_off.next(view.tick, pose, bumped=False)
-                return Choice(out or halted(self.spec.model), State.DEAD_END)
+                return self._leave(view) or self._stand(State.DEAD_END)
         assert best is not None
         twist = towards(pose, best.target)
         self._turns_to = best.bearing if twist.speed == 0.0 else None
@@ -420,30 +281,14 @@ class DifferentialBody(BodyBase):
         twist = self._steering.towards(Pose(pose.x, pose.y, wrap(pose.heading + math.pi)), target)
         return Twist(-twist.speed, twist.turn_rate)
 
-    def _backing_off(self, state: str, view: View) -> Choice | None:
-        """Return the next step of a robot that backs off or has to begin; None for any other."""
-        tick, pose = view.tick, view.pose
-        if self._back_off.count(tick, view.bumped):
-            self._back_off.begin(tick, pose, self._neighbour(view), stuck=False)
-            twist = self._back_off.next(tick, pose, bumped=False)
-        else:
-            twist = self._back_off.next(tick, pose, view.bumped)
-        if twist is None:
-            return None
-        self._turns_to = None
-        return Choice(twist, State.DEAD_END if self._back_off.stuck else state)
-
-    def _neighbour(self, view: View) -> Spot | None:
-        """Return x and y in m of the nearest other robot; None where no robot is close."""
-        pose = view.pose
-        gap, number = nearest(pose, view.peers, view.radii)
-        near = gap <= self.spec.radius + self._near
-        return (view.peers[number].pose.x, view.peers[number].pose.y) if near else None
-
     def _option(self, target: Spot, pose: Pose, bearing: float, goal: Goal) -> _Option:
         """Return a target that may lie within a step."""
         enough = CLEAR_SHARE * min(self.stride, math.dist((pose.x, pose.y), target))
         return _Option(target, enough, bearing, goal)
+
+    def _step_to(self, pose: Pose, spot: Spot) -> Twist:
+        self._turns_to = None
+        return self._either_way(pose, spot) if self._steering.reach(pose, spot) > 0.0 else Twist(0.0, 0.0)
 
     def _allowed(self, pose: Pose, wanted: Twist) -> Twist | None:
         return wanted if self._steering.is_free(pose, wanted) else None

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 from agent.bodies.setup import BARELY, BLOCKED_SHARE, CLEAR_SHARE, BodyBase, BodySetup, way_of
-from agent.bodies.steering import Footing, HolonomicSteering
+from agent.bodies.standoff import Moves
 from agent.ports import Bearing, Choice, Goal, Place, State
 from agent.routes.ground import Spot
 from agent.view import View
@@ -22,14 +23,12 @@ class HolonomicBody(BodyBase):
     command = Velocity
 
     def __init__(self, setup: BodySetup) -> None:
-        super().__init__(setup)
-        self._steering = HolonomicSteering(setup.spec, setup.ground.terrain, setup.step)
-        self._footing = Footing(setup.ground.terrain, setup.ground, setup.spec.radius, wanted=setup.patrol.manoeuvres)
+        super().__init__(setup, Moves.SIDEWAYS)
 
     def _bear(self, intent: Bearing, view: View) -> Choice:
         pose, start = view.pose, view.start
         if intent.wander is not None:
-            return Choice(self._steering.heading(pose, intent.wander)[0], intent.state, intent.wander)
+            return Choice(self.straight.heading(pose, intent.wander)[0], intent.state, intent.wander)
         if start is None:
             return self._come_back(view)
         if not intent.bearings:
@@ -39,7 +38,7 @@ class HolonomicBody(BodyBase):
         best: tuple[Velocity, float, float, Goal] | None = None
         for bearing in intent.bearings:
             goal = self.goals.along(bearing, *start)
-            velocity, way = self._steering.towards(pose, goal.refined)
+            velocity, way = self.straight.towards(pose, goal.refined)
             if best is None or way > best[1]:
                 best = velocity, way, bearing, goal
             if way >= CLEAR_SHARE * self.stride:
@@ -52,10 +51,10 @@ class HolonomicBody(BodyBase):
     def _stop_at(self, near: Spot, view: View, start: tuple[int, int]) -> Velocity | None:
         """Return the step towards a place close by; None when no such step is possible."""
         pose = view.pose
-        velocity, way = self._steering.towards(pose, near)
+        velocity, way = self.straight.towards(pose, near)
         if way < CLEAR_SHARE * min(self.stride, math.dist((pose.x, pose.y), near)):
             # The way is free from the centre of the robot's point, but not quite from where it stands on it.
-            velocity, way = self._steering.towards(pose, view.ground.centre(*start))
+            velocity, way = self.straight.towards(pose, view.ground.centre(*start))
         return velocity if way > BARELY else None
 
     def _approach(self, place: Place, view: View) -> Choice:
@@ -76,13 +75,13 @@ class HolonomicBody(BodyBase):
         if place.lean is not None:
             targets = [place.lean, *targets]
         enough = CLEAR_SHARE * min(self.stride, math.dist((pose.x, pose.y), bend))
-        velocity, way = self._steering.towards(pose, targets[0])
+        velocity, way = self.straight.towards(pose, targets[0])
         for target in targets[1:]:
             if way < enough:
-                velocity, way = self._steering.towards(pose, target)
+                velocity, way = self.straight.towards(pose, target)
         if way <= BARELY < enough and (out := self.way_back.spot(pose.x, pose.y)) is not None:
             # It stands between points, and no straight line leads to the one that it joins.
-            velocity, way = self._steering.towards(pose, out)
+            velocity, way = self.straight.towards(pose, out)
         return Choice(velocity, place.state, bearing, Goal(spot, bend))
 
     def _farthest(self, spot: Spot, bend: Spot, view: View) -> Spot:
@@ -99,7 +98,7 @@ class HolonomicBody(BodyBase):
                 break
             expected = round(100.0 * (2.0 * math.dist(at, spot) + self.stride) / self._point)
             at = view.routes.way((row + 1, col + 1), (target[0] + 1, target[1] + 1), expected).bend
-            gets_there = self._steering.towards(pose, at)[1] >= min(self.stride, math.dist(here, at)) - BARELY
+            gets_there = self.straight.towards(pose, at)[1] >= min(self.stride, math.dist(here, at)) - BARELY
             if gets_there and not self._is_closed_to(at, view):
                 farthest = at
         return farthest
@@ -117,21 +116,19 @@ class HolonomicBody(BodyBase):
 
     def _aside(self, pose: Pose, bearing: float) -> Velocity | None:
         """Return a step in a direction, in rad; None where no route would lead on from its end."""
-        velocity, way = self._steering.heading(pose, bearing)
+        velocity, way = self.straight.heading(pose, bearing)
         end = pose.x + way * math.cos(bearing), pose.y + way * math.sin(bearing)
-        return velocity if self._footing.may_end(pose, *end) else None
+        return velocity if self.footing.may_end(pose, *end) else None
 
     def _come_back(self, view: View) -> Choice:
-        """A step of a robot that is off the reachable points, back to them; it holds where no way leads there."""
-        pose = view.pose
-        spot = self.way_back.spot(pose.x, pose.y) if self.way_back.is_needed(pose.x, pose.y) else None
-        if spot is None:
-            return Choice(Velocity(0.0, 0.0), State.HOLDING)
-        bearing = math.atan2(spot[1] - pose.y, spot[0] - pose.x)
-        if view.bumped and view.draw(0, Purpose.RANDOM_MOVE) < AFTER_BUMP:
-            bearing = TAU * view.draw(1, Purpose.RANDOM_MOVE)
-            return Choice(self._steering.heading(pose, bearing)[0], State.DEAD_END, bearing, Goal(spot, spot))
-        return Choice(self._steering.towards(pose, spot)[0], State.DEAD_END, bearing, Goal(spot, spot))
+        choice = super()._come_back(view)
+        if choice.goal is None or not view.bumped or view.draw(0, Purpose.RANDOM_MOVE) >= AFTER_BUMP:
+            return choice
+        bearing = TAU * view.draw(1, Purpose.RANDOM_MOVE)
+        return replace(choice, command=self.straight.heading(view.pose, bearing)[0], bearing=bearing)
+
+    def _step_to(self, pose: Pose, spot: Spot) -> Velocity:
+        return self.straight.towards(pose, spot)[0]
 
     def _allowed(self, pose: Pose, wanted: Velocity) -> Velocity:
-        return self._steering.along(pose, wanted)
+        return self.straight.along(pose, wanted)

@@ -13,7 +13,7 @@ that, and would touch within a few steps, both keep right:
   two robots fit through a corridor of little more than two bodies.
 - A robot that stands still is gone round on either side.
 - Where no way leads past, or only a long one, the robots settle at once which of them goes back
-  (`agent.bodies.passing`).
+  (`agent.bodies.standoff`).
 
 Each step keeps to the robot's own side of a line between it and each other robot that is near. Both find the same line
 from the last movements of both, so two robots that do so never touch, whatever each does next:
@@ -28,7 +28,7 @@ a bump shows that the other robot is there, and it stops again.
 All this is as good as what is heard. In lockstep, on a channel without delay or loss, where all robots send in each
 tick, a robot decides on where the others are now. With delay or loss, and where the fleet saves on its radio
 (`radio.adaptive`, `radio.budget`), it decides on older places, or on predicted ones. So it may keep right late or not
-at all, and bump. Then the rules of `agent.bodies.giveway` and `agent.bodies.passing` are left.
+at all, and bump. Then the rules of `agent.bodies.standoff` are left.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from agent.bodies.giveway import disc_round
+from agent.bodies.standoff import STILL, disc_round
 from agent.routes.ground import Ground
 from agent.routes.routes import Routes
 from patrol.ground.swept_path import advance
@@ -56,9 +56,6 @@ drive the width of both bodies."""
 
 MARGIN = 0.5
 """Least gap between two bodies that pass, points: ways run over the centres of points."""
-
-STILL = 0.1
-"""A robot stands still if it moves by no more than this share of its own stride in a tick."""
 
 FASTEST = 2.0
 """A robot that has moved by more than so many of its own strides in a tick is one whose position was wrong."""

@@ -202,19 +202,6 @@ class Manoeuvres:
         """
         return self._take(pose) if self._goes_on(pose) else None
 
-    def back(self, view: View, paths: BoxPaths) -> Command | None:
-        """Return the next step of a body that is off the reachable points, back to one of them.
-
-        It is None where no arc brings the body nearer. `paths` is that of `agent.routes.way_back.WayBack.paths`.
-        """
-        pose = view.pose
-        if self._place is not None or not self._goes_on(pose):
-            self.drop()
-            terrain = self._terrain
-            first = paths.length_to(*terrain.point_at(pose.x, pose.y)) * (terrain.point / 100.0)
-            self._search(view, paths, first, LONGEST, near=0.0, progress=math.inf)
-        return self._take(pose)
-
     def _goes_on(self, pose: Pose) -> bool:
         """Return True if the body is where the last step should have brought it, and can take the next one."""
         expected = self._expected

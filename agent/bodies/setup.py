@@ -1,25 +1,25 @@
-"""The setup of every body, and what all bodies share: the goal along a bearing, and giving way."""
+"""The setup of every body, and what all bodies share: the goal along a bearing, and what they do in a stand-off."""
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from agent.bodies.giveway import GiveWay
 from agent.bodies.goal import GoalFinder
 from agent.bodies.keeping_right import KeepingRight
-from agent.bodies.passing import Passing
-from agent.ports import Bearing, Choice, Intent, Place, PolicyFailed, State, Stay, Steer
+from agent.bodies.manoeuvre import Manoeuvres
+from agent.bodies.standoff import Moves, StandOff
+from agent.bodies.steering import Footing, HolonomicSteering
+from agent.ports import Bearing, Choice, Goal, Intent, Place, PolicyFailed, State, Stay, Steer
 from agent.routes.ground import Disc, Ground
 from agent.routes.way_back import WayBack
 from patrol.pose import halted, is_halt, slowed
-from patrol.random import Purpose
 
 if TYPE_CHECKING:
     from agent.chance import Draw
@@ -59,7 +59,7 @@ class BodySetup:
 
 
 class BodyBase(ABC):
-    """The part that all bodies share: goals, the way back, giving way, and a policy's own commands.
+    """The part that all bodies share: goals, the way back, stand-offs, and a policy's own commands.
 
     `stride` is the longest way in one step, m.
     """
@@ -67,34 +67,25 @@ class BodyBase(ABC):
     command: ClassVar[type]
     """The class of the commands that the body obeys."""
 
-    def __init__(self, setup: BodySetup) -> None:
-        self.spec = setup.spec
-        self.stride = setup.spec.speed * setup.step
-        self.goals = GoalFinder(setup.lengths, setup.ground, setup.psi, setup.patrol.paper_rules)
-        self.way_back = WayBack(setup.ground, setup.spec.radius, wanted=setup.patrol.manoeuvres)
-        self._point = setup.ground.terrain.point
-        gives = setup.patrol.give_way
-        self._give_way: GiveWay | None = None
-        self._passing: Passing | None = None
+    def __init__(self, setup: BodySetup, moves: Moves) -> None:
+        spec, ground, step = setup.spec, setup.ground, setup.step
+        self.spec = spec
+        self.stride = spec.speed * step
+        self.goals = GoalFinder(setup.lengths, ground, setup.psi, setup.patrol.paper_rules)
+        self.way_back = WayBack(ground, spec.radius, wanted=setup.patrol.manoeuvres)
+        self.footing = Footing(ground.terrain, ground, spec.radius, wanted=setup.patrol.manoeuvres)
+        self.straight = HolonomicSteering(spec, ground.terrain, step, self.footing)
+        self.stand_off = StandOff(setup, moves, self.straight.reach)
+        self._point = ground.terrain.point
         self._keeping_right: KeepingRight | None = None
-        if gives:
-            number, radii, ground, step = setup.spec.number, setup.radii, setup.ground, setup.step
-            self._give_way = GiveWay(number, partial(setup.chance, Purpose.GIVE_WAY), radii, step)
-            self._passing = Passing(number, radii, ground, step, self.stride)
-            self._keeping_right = KeepingRight(number, radii, setup.strides, ground, step)
+        if setup.patrol.give_way:
+            self._keeping_right = KeepingRight(spec.number, setup.radii, setup.strides, ground, step)
+        self.manoeuvres: Manoeuvres | None = None
         self._stops = 0
 
     def obstacles(self, tick: int, pose: Pose, bumped: bool, peers: Mapping[int, Peer]) -> Sequence[Disc]:
         """Return the robots that this one gives way to (`agent.ports.Body.obstacles`)."""
-        if self._give_way is None or self._passing is None:
-            return ()
-        bumped = bumped or self._stops > 0
-        blocker = self._passing.blocker(pose, peers) if bumped else None
-        if blocker is None:
-            self._give_way.update(tick, pose, bumped, peers, 2.0 * self.stride)
-        else:
-            self._give_way.stop(blocker)
-        return self._give_way.discs(tick, pose, peers, self._point)
+        return self.stand_off.obstacles(tick, pose, bumped or self._stops > 0, peers)
 
     def obey(self, intent: Intent, view: View) -> Choice:
         """Return the command that best carries out an intent (`agent.ports.Body.obey`)."""
@@ -104,7 +95,8 @@ class BodyBase(ABC):
         self.way_back.note(view.pose.x, view.pose.y)
         if self._keeping_right is not None:
             self._keeping_right.note(view)
-        choice = self._choose(self._led(intent, view), view)
+        choice = self._back_off(view) if isinstance(intent, (Bearing, Place)) else None
+        choice = choice or self._carry_out(self._led(intent, view), view)
         right = self._keeping_right
         if right is None or is_halt(choice.command) or not (isinstance(intent, Place) and intent.gives_room):
             self._stops = 0
@@ -116,19 +108,47 @@ class BodyBase(ABC):
         self._stops = 1 if bumped else self._stops + 1
         return choice if self._stops > MOST_STOPS else replace(choice, command=halted(self.spec.model))
 
-    def _choose(self, intent: Intent, view: View) -> Choice:
-        """Return the command for an intent that has been led past others."""
-        return self._carry_out(intent, view)
-
     def _led(self, intent: Intent, view: View) -> Intent:
         """Return the intent, or another one for a robot that has another one before it on its way to a place."""
-        if self._passing is None or self._keeping_right is None:
-            return intent
-        led = self._passing.lead(intent, view)
-        if self._passing.role is not None or not isinstance(led, Place) or not led.gives_room:
+        led = self.stand_off.lead(intent, view)
+        if self._keeping_right is None or self.stand_off.is_settled or not isinstance(led, Place) or not led.gives_room:
             return led
         past = self._keeping_right.past(led, view)
-        return self._passing.meet(led, past, view) if isinstance(past, int) else past
+        return self.stand_off.meet(led, past, view) if isinstance(past, int) else past
+
+    def _back_off(self, view: View) -> Choice | None:
+        """Return the next step of a robot that backs off; None for any other, and where it can go no farther."""
+        spot = self.stand_off.backs_off_to(view.tick)
+        if spot is None:
+            return None
+        command = self._step_to(view.pose, spot)
+        if is_halt(command):
+            self.stand_off.end()
+            return None
+        return Choice(command, State.DEAD_END)
+
+    def _leave(self, view: View) -> Choice | None:
+        """Count a dead end, and return the first step away where that is the role in it."""
+        self.stand_off.meet_dead_end(view)
+        return self._back_off(view)
+
+    def _proceed(self, state: str, view: View) -> Choice | None:
+        """Return the next step of a manoeuvre that leads over places from which no route leads on, to its end."""
+        if self.manoeuvres is None or view.bumped:
+            return None
+        command = self.manoeuvres.proceed(view.pose)
+        return None if command is None else Choice(command, state)
+
+    def _come_back(self, view: View) -> Choice:
+        """A step of a robot that is off the reachable points, back to them; it holds where no way leads there."""
+        pose = view.pose
+        spot = self.way_back.spot(pose.x, pose.y) if self.way_back.is_needed(pose.x, pose.y) else None
+        if spot is None:
+            return self._stand(State.HOLDING)
+        bearing = math.atan2(spot[1] - pose.y, spot[0] - pose.x)
+        command = self._step_to(pose, spot)
+        out = self._leave(view) if is_halt(command) else None
+        return out or Choice(command, State.DEAD_END, bearing, Goal(spot, spot))
 
     def _carry_out(self, intent: Intent, view: View) -> Choice:
         match intent:
@@ -153,6 +173,10 @@ class BodyBase(ABC):
     @abstractmethod
     def _approach(self, place: Place, view: View) -> Choice:
         """Take a step towards a place."""
+
+    @abstractmethod
+    def _step_to(self, pose: Pose, spot: Spot) -> Command:
+        """Return the step, forward or in reverse, that leads nearest to a spot; a halt where none does."""
 
     @abstractmethod
     def _allowed(self, pose: Pose, wanted: Any) -> Command | None:

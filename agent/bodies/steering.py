@@ -60,11 +60,27 @@ class HolonomicSteering:
     `stride` is the longest way in one step, m.
     """
 
-    def __init__(self, spec: RobotSpec, terrain: Terrain, step: float) -> None:
+    def __init__(self, spec: RobotSpec, terrain: Terrain, step: float, footing: Footing | None = None) -> None:
+        """Keep where the body may stop, for `reach`; it may anywhere without `footing`."""
         self._spec = spec
         self._terrain = terrain
         self._step = step
+        self._footing = footing
         self.stride = spec.speed * step
+
+    def reach(self, pose: Pose, target: tuple[float, float]) -> float:
+        """Return the length of the longest straight step towards a target, m, whichever way the body faces.
+
+        It is 0 where no step is possible.
+        """
+        _, way = self.towards(pose, target)
+        bearing = math.atan2(target[1] - pose.y, target[0] - pose.x)
+        for share in EASIER:
+            part = share * way
+            end = pose.x + part * math.cos(bearing), pose.y + part * math.sin(bearing)
+            if self._footing is None or self._footing.may_end(pose, *end):
+                return part
+        return 0.0
 
     def towards(self, pose: Pose, target: tuple[float, float]) -> tuple[Velocity, float]:
         """Return a step straight towards a target, as far as the body is free, and the length of its way, m."""

@@ -29,6 +29,27 @@ CORNER = 0.25
 """More than a disc cuts off in a right-angled corner, in squares of its radius: 1 - pi / 4."""
 
 
+def parts_around(
+    is_open: NDArray[np.bool_], place: tuple[int, int], wide: float, half: int, standing: Iterable[tuple[int, int]] = ()
+) -> NDArray[np.int64]:
+    """Return the sizes of the parts into which a disc on a point parts the ground around it.
+
+    Only ground within `half` points (rows and columns) that hangs together with the point counts. The disc, and those
+    of others at `standing`, take the points nearer than `wide` points. Nothing is left where one of these takes it.
+    """
+    (row, col), top, left = place, max(place[0] - half, 0), max(place[1] - half, 0)
+    ground = is_open[top : row + half + 1, left : col + half + 1].copy()
+    rows, cols = np.ogrid[top : top + ground.shape[0], left : left + ground.shape[1]]
+    labels, work = np.empty(ground.shape, dtype=np.int32), np.empty(ground.size, dtype=np.int32)
+    for other in standing:
+        ground &= (rows - other[0]) ** 2 + (cols - other[1]) ** 2 >= wide**2
+    label_parts(ground.view(np.uint8), labels, work)
+    own = ground & (labels == labels[row - top, col - left])
+    own &= (rows - row) ** 2 + (cols - col) ** 2 >= wide**2
+    label_parts(own.view(np.uint8), labels, work)
+    return np.bincount(labels[own])[1:]
+
+
 class Waiting:
     """Tells where a robot of a fleet can wait.
 
@@ -47,30 +68,11 @@ class Waiting:
 
         What it cuts off counts only if it is larger than what a disc leaves in a corner.
         """
-        row, col = self._terrain.point_at(*spot)
-        half = math.ceil(AROUND * self._keep)
-        top, left = max(0, row - half), max(0, col - half)
-        before = self._reach[top : row + half + 1, left : col + half + 1].astype(np.uint8)
-        for other in standing:
-            there = self._terrain.point_at(*other)
-            if math.dist(there, (row, col)) <= self._keep:
-                return False
-            self._take(before, there[0] - top, there[1] - left)
-        if not before[row - top, col - left]:
+        place, others = self._terrain.point_at(*spot), [self._terrain.point_at(*other) for other in standing]
+        if not self._reach[place] or any(math.dist(other, place) < self._keep for other in others):
             return False
-        after = before.copy()
-        self._take(after, row - top, col - left)
-        parts, work = np.empty(before.shape, dtype=np.int32), np.empty(before.size, dtype=np.int32)
-        label_parts(before, parts, work)
-        here = parts == parts[row - top, col - left]
-        label_parts(after, parts, work)
-        sizes = np.bincount(parts[here & (after != 0)], minlength=1)
+        sizes = parts_around(self._reach, place, self._keep, math.ceil(AROUND * self._keep), others)
         return int((sizes > CORNER * self._keep**2).sum()) <= 1
-
-    def _take(self, ground: NDArray[np.uint8], row: int, col: int) -> None:
-        """Take the points off the ground on which no centre can be because of a robot on a point."""
-        rows, cols = np.ogrid[: ground.shape[0], : ground.shape[1]]
-        ground[(rows - row) ** 2 + (cols - col) ** 2 <= self._keep**2] = 0
 
     def nearest(self, ways: NDArray[np.float32], among: NDArray[np.bool_], standing: Iterable[Spot]) -> Spot | None:
         """Return the nearest place that lets others pass, x and y in m, or None.

@@ -47,7 +47,6 @@ class WayBack:
         self._loose: Ground | None = None
         self._trail: list[Spot] = []
         self._paths: tuple[tuple[int, int], BoxPaths | None] | None = None
-        self._spot: tuple[Spot, Spot | None] | None = None
 
     def note(self, x: float, y: float) -> None:
         """Remember where the body has been since it was last on the reachable points; call it once a tick."""
@@ -78,29 +77,7 @@ class WayBack:
         It is on the point nearest to the end of the way, else a place that the body came by, x and y in m. None where
         neither can be reached in a free straight line.
         """
-        if not self._wanted:
-            return None
-        if self._spot is None or self._spot[0] != (x, y):
-            self._spot = (x, y), self._spot_at(x, y)
-        return self._spot[1]
-
-    def _paths_at(self, row: int, col: int) -> BoxPaths | None:
-        terrain, static = self._ground.terrain, self._ground.static
-        if not terrain.inside(row, col):
-            return None
-        if self._loose is None:
-            loose = cspace_of(terrain, max(0.0, self._radius - OFF_CENTRE * terrain.point))
-            self._loose = Ground(terrain, loose, one_way=False)
-        top, bottom, left, right = box = box_around((row, col), math.ceil(REACH / terrain.point), terrain.shape)
-        inner = static.state[top + 1 : bottom + 1, left + 1 : right + 1]
-        rows, cols = np.nonzero((inner & STATUS != 0) & (inner & HEMMED != 0))
-        starts = list(zip((rows + top).tolist(), (cols + left).tolist(), strict=True))
-        paths = paths_in(self._loose, starts, box, round(100.0 * REACH / terrain.point))
-        paths.length[1:-1, 1:-1][inner & STATUS != 0] = 0
-        return paths if paths.length_to(row, col) < FAR else None
-
-    def _spot_at(self, x: float, y: float) -> Spot | None:
-        paths = self.paths(x, y)
+        paths = self.paths(x, y) if self._wanted else None
         if paths is not None:
             terrain = self._ground.terrain
             (ox, oy), point = terrain.origin, terrain.point
@@ -117,6 +94,21 @@ class WayBack:
                     if self._is_free(x, y, place):
                         return place
         return next((place for place in self._trail if place != (x, y) and self._is_free(x, y, place)), None)
+
+    def _paths_at(self, row: int, col: int) -> BoxPaths | None:
+        terrain, static = self._ground.terrain, self._ground.static
+        if not terrain.inside(row, col):
+            return None
+        if self._loose is None:
+            loose = cspace_of(terrain, max(0.0, self._radius - OFF_CENTRE * terrain.point))
+            self._loose = Ground(terrain, loose, one_way=False)
+        top, bottom, left, right = box = box_around((row, col), math.ceil(REACH / terrain.point), terrain.shape)
+        inner = static.state[top + 1 : bottom + 1, left + 1 : right + 1]
+        rows, cols = np.nonzero((inner & STATUS != 0) & (inner & HEMMED != 0))
+        starts = list(zip((rows + top).tolist(), (cols + left).tolist(), strict=True))
+        paths = paths_in(self._loose, starts, box, round(100.0 * REACH / terrain.point))
+        paths.length[1:-1, 1:-1][inner & STATUS != 0] = 0
+        return paths if paths.length_to(row, col) < FAR else None
 
     def _is_free(self, x: float, y: float, place: Spot) -> bool:
         return line_is_free(self._ground.terrain, (x, y), place, self._radius)

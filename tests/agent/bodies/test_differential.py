@@ -89,21 +89,6 @@ def test_it_ends_near_its_place_at_any_speed_and_never_beyond_it(speed: float, s
     assert alone.bodies[0].command == Twist(0.0, 0.0)
 
 
-def test_two_face_to_face_in_a_corridor_part() -> None:
-    terrain = plan((14.0, 1.0), (0.0, 0.1, 14.0, 0.9))
-    starts = [Pose(6.0, 0.5, 0.0), Pose(8.0, 0.5, math.pi)]
-    pair = Robots(prepared_for(terrain, starts), Bearing((0.0,)), Bearing((math.pi,)))
-    gaps = []
-    for _ in range(120):
-        pair.tick()
-        gaps.append(pair.bodies[1].pose.x - pair.bodies[0].pose.x - 2.0 * RADIUS)
-    assert min(gaps) < 0.5, "they never met"
-    met = next(k for k, gap in enumerate(gaps) if gap < 0.5)
-    assert max(gaps[met:]) > 1.5
-    for body in pair.bodies:
-        assert body.collisions < 60
-
-
 def test_a_policy_that_stays_is_obeyed_while_it_backs_off() -> None:
     terrain = plan((14.0, 1.0), (0.0, 0.1, 14.0, 0.9))
     starts = [Pose(6.0, 0.5, 0.0), Pose(8.0, 0.5, math.pi)]

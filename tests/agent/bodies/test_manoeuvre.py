@@ -110,7 +110,7 @@ def test_what_is_closed_is_gone_round() -> None:
     pytest.fail(f"it is at {robots.bodies[0].pose}")
 
 
-def test_bumped_again_and_again_it_waits_now_and_then_and_finally_gets_itself_unstuck() -> None:
+def test_bumped_again_and_again_it_backs_off() -> None:
     robots = car(plan((14.0, 8.0), (0.0, 0.0, 14.0, 8.0)), Pose(4.0, 4.0, 0.0), (12.0, 4.0))
     pose, commands, states = robots.bodies[0].pose, [], []
     for _ in range(40):
@@ -118,7 +118,6 @@ def test_bumped_again_and_again_it_waits_now_and_then_and_finally_gets_itself_un
         commands.append(decision.command)
         states.append(decision.state)
         robots.bodies[0].pose, robots.bodies[0].bumped = pose, True
-    assert Drive(0.0, 0.0) in commands
     assert states[0] == State.PATROLLING
     assert State.DEAD_END in states
     assert any(command.numbers[0] < 0.0 for command in commands)

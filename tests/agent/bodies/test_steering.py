@@ -9,12 +9,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from agent.bodies.car import AT_A_LOSS, HOPELESS_S, NEXT, ORIENTED, YIELDS, Event, Mode, Unstuck
+from agent.bodies.car import ORIENTED, Unstuck
 from agent.bodies.steering import CarSteering, HolonomicSteering
 from patrol.ground.swept_path import advance
 from patrol.ground.terrain import Terrain
 from patrol.pose import Drive, Pose, wrap
-from patrol.random import Purpose, draw
 from patrol.scenario import RobotSpec
 
 CAR = RobotSpec(1, "r1", "car", 4.4, 1.0, 3.5, None)
@@ -55,19 +54,13 @@ def test_a_holonomic_robot_stops_at_its_target_and_before_walls() -> None:
     assert steering.towards(Pose(18.0, 10.0, 0.0), (18.0, 10.0)) == (type(velocity)(0.0, 0.0), 0.0)
 
 
-def never(_tick: int, index: int) -> float:
-    """Chance as long as nothing is left to it."""
-    assert index == 1
-    return 0.999
-
-
 def escape(terrain: Terrain, pose: Pose, desired: float) -> tuple[int, Pose]:
     """Ticks until unstuck, and the pose then; fails when it takes more than a hundred."""
     steering = CarSteering(CAR, terrain, 0.5)
-    unstuck = Unstuck(steering, CAR.speed, 0.5, never)
-    unstuck.begin(0, desired)
+    unstuck = Unstuck(steering, CAR.speed)
+    unstuck.begin(desired)
     for tick in range(100):
-        drive = unstuck.step(tick, pose, bumped=False)
+        drive = unstuck.step(pose, bumped=False)
         if drive is None:
             return tick, pose
         assert steering.is_free(pose, drive) or drive == Drive(0.0, 0.0)
@@ -92,108 +85,13 @@ def test_a_car_gets_out_of_a_corner(desired: float) -> None:
     assert abs(wrap(desired - pose.heading)) <= ORIENTED
 
 
-def test_it_backs_further_each_time_it_gets_stuck_again_at_once() -> None:
-    unstuck = Unstuck(CarSteering(CAR, FIELD, 0.5), CAR.speed, 0.5, never)
-    backed = []
-    tick = 0
-    for _ in range(AT_A_LOSS - 1):
-        pose = Pose(30.0, 30.0, 0.0)
-        unstuck.begin(tick, 0.0)
-        steps = 0
-        while (drive := unstuck.step(tick, pose, bumped=False)) is not None:
-            assert drive.speed < 0.0
-            pose = advance(pose, drive, 0.5)
-            steps += 1
-            tick += 1
-        unstuck.end(tick)
-        backed.append(steps)
-        assert unstuck.keeps_happening(tick) == (len(backed) > 1)
-    assert backed == [1, 2, 3]
-    assert not unstuck.keeps_happening(tick + 100)
-
-
 def test_a_bump_while_backing_makes_it_drive_forward() -> None:
-    unstuck = Unstuck(CarSteering(CAR, FIELD, 0.5), CAR.speed, 0.5, never)
-    unstuck.begin(0, math.pi)
+    unstuck = Unstuck(CarSteering(CAR, FIELD, 0.5), CAR.speed)
+    unstuck.begin(math.pi)
     pose = Pose(30.0, 30.0, 0.0)
-    first = unstuck.step(0, pose, bumped=False)
+    first = unstuck.step(pose, bumped=False)
     assert first is not None
     assert first.speed < 0.0
-    second = unstuck.step(1, pose, bumped=True)
+    second = unstuck.step(pose, bumped=True)
     assert second is not None
     assert second.speed > 0.0
-
-
-def test_whoever_bumps_stands_still_now_and_then() -> None:
-    says = [0.999]
-    unstuck = Unstuck(CarSteering(CAR, FIELD, 0.5), CAR.speed, 0.5, lambda _tick, _index: says[0])
-    unstuck.begin(0, math.pi)
-    says[0] = YIELDS - 0.01
-    assert unstuck.step(1, Pose(30.0, 30.0, 0.0), bumped=True) == Drive(0.0, 0.0)
-
-
-def test_after_many_dead_ends_in_a_row_chance_says_where_to() -> None:
-    asked: list[int] = []
-
-    def chance(tick: int, _index: int) -> float:
-        asked.append(tick)
-        return 0.25  # of a turn
-
-    unstuck = Unstuck(CarSteering(CAR, FIELD, 0.5), CAR.speed, 0.5, chance)
-    tick = 0
-    pose = Pose(30.0, 30.0, 0.0)
-    for number in range(1, AT_A_LOSS + 1):
-        assert not asked
-        pose = Pose(30.0, 30.0, 0.0)
-        unstuck.begin(tick, 0.0)
-        while (drive := unstuck.step(tick, pose, bumped=False)) is not None:
-            pose = advance(pose, drive, 0.5)
-            tick += 1
-        unstuck.end(tick)
-        assert abs(wrap(pose.heading)) <= ORIENTED or number == AT_A_LOSS
-    assert asked
-    assert abs(wrap(math.pi / 2 - pose.heading)) <= ORIENTED
-
-
-def test_in_a_dead_end_without_hope_chance_says_where_to() -> None:
-    """Somebody else stands in the way of every move, so only another direction can be new."""
-    unstuck = Unstuck(CarSteering(CAR, FIELD, 0.5), CAR.speed, 0.5, lambda _tick, index: 0.25 if index == 0 else 0.999)
-    pose = Pose(30.0, 30.0, math.pi / 2)
-    unstuck.begin(0, 0.0)
-    last = round(HOPELESS_S / 0.5)
-    for tick in range(last):
-        assert unstuck.step(tick, pose, bumped=True) is not None
-    assert unstuck.step(last, pose, bumped=True) is None  # it faces where chance points
-
-
-def test_between_a_wall_and_a_wreck_short_steps_lead_out() -> None:
-    """A full step ahead always ends in the wreck, of which steering knows nothing, and behind there is the wall."""
-    unstuck = Unstuck(
-        CarSteering(CAR, FIELD, 0.5), CAR.speed, 0.5, lambda tick, index: draw(1, Purpose.UNSTUCK, tick, index)
-    )
-    start, wreck = Pose(30.0, 1.1, math.pi / 2), (30.5, 4.5)
-    pose, bumped = start, False
-    unstuck.begin(0, 0.0)
-    for tick in range(1000):
-        drive = unstuck.step(tick, pose, bumped)
-        if drive is None:
-            unstuck.end(tick)
-            unstuck.begin(tick, 0.0)
-            continue
-        ways = [advance(pose, drive, 0.5 * part / 8) for part in range(1, 9)]
-        bumped = any(math.dist(wreck, (way.x, way.y)) < 2.0 * CAR.radius for way in ways)
-        pose = pose if bumped else ways[-1]
-        if math.dist((start.x, start.y), (pose.x, pose.y)) > 4.0:
-            return
-    raise AssertionError("it stays there for ever")
-
-
-def test_from_each_mode_each_event_leads_to_one() -> None:
-    assert set(NEXT) == set(Mode)
-    assert all(set(row) == set(Event) for row in NEXT.values())
-    assert {row[Event.BLOCKED] for row in NEXT.values()} == {Mode.RETREATING}
-    assert {row[Event.OVER] for row in NEXT.values()} == {Mode.DRIVING}
-    # A car that escapes or retreats does so until it is over, or until it bumps while it retreats.
-    for mode in (Mode.ESCAPING, Mode.RETREATING):
-        assert all(NEXT[mode][event] is mode for event in (Event.NEAR, Event.ARCS, Event.STUCK))
-    assert NEXT[Mode.ESCAPING][Event.BUMPED] is Mode.ESCAPING
