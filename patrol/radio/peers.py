@@ -1,10 +1,8 @@
-"""The other robots, as they were heard.
+"""The other robots, as they were heard, and where they are predicted to be since.
 
-A robot's place some ticks after its last frame, as all robots with that frame predict it: its sender too.
-
-A frame with a trail shows how far its sender has come per tick, and the prediction goes on like that in a straight
-line, to the first wall; a frame without one leaves its sender where it was. After as many ticks as a robot may be
-silent the prediction stands still.
+All robots that hold a frame, its sender too, predict the same place some ticks after it. A frame with a trail shows how
+far its sender has come per tick, and the prediction goes on like that in a straight line, to the first wall; a frame
+without one leaves its sender where it was. After as many ticks as a robot may be silent the prediction stands still.
 """
 
 from __future__ import annotations
