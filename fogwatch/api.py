@@ -19,8 +19,9 @@ from fogwatch.launch.limits import check_limits
 from fogwatch.notebook.arguments import checked_arguments, scenario_of
 from fogwatch.notebook.policy import policy_name
 from fogwatch.notebook.run import Run
-from fogwatch.presets import preset_settings
+from fogwatch.presets import chosen_settings
 from fogwatch.run_folder.runfolder import PolicyNotMade, RunFolder, fill, make_folder
+from fogwatch.run_options import RunChoices
 from fogwatch.terminal.live_table import CallbackDisplay, RunDisplay, SilentDisplay
 from patrol.errors import BadInput
 from patrol.measures.best_tour import round_of
@@ -30,7 +31,7 @@ from patrol.own_sensor import allow_sensor
 from patrol.process.lifeline import InterruptedBySignal
 from patrol.radio.fleet_key import fleet_key
 from patrol.scenario import Scenario, naming
-from patrol.scenario.patrols import describe_patrol, patrol_settings
+from patrol.scenario.patrols import describe_patrol
 from patrol.scenario.policies import BUILT_IN, STOCHASTIC
 from patrol.scenario.radio_spec import MODELS
 from patrol.starting.seldom import seldom_kernels
@@ -57,42 +58,24 @@ EAGER = 16
 PACKAGES = ("patrol", "agent", "worldsim")
 
 
-@dataclass(frozen=True, slots=True)
-class RunOptions:
-    """Settings of a run, and where to show the progress.
+@dataclass(frozen=True)
+class RunOptions(RunChoices):
+    """How a run is made, and what follows it.
 
     Attributes:
-        out: The run folder, new or empty; None for ``runs/<name>-<time>``.
-        in_process: Whether to run in this process instead of one process per robot.
-        threads: Minds that think at once in this process; the trace is the same.
-        port: TCP port of the router; None for a free one.
         display: Shows the progress.
         begin: Called when the ticks are about to begin. Before that, KeyboardInterrupt ends everything.
         stop: Asked from then on whether to end early.
         urgent: Asked from then on whether to end by force.
         over: Called when the ticks are over. From then on KeyboardInterrupt ends the run's end.
-        picture: Whether to draw the final fog, fog.png, when the run has ended.
-        recording: Whether to write recording.mcap when the run has ended.
-        report: Whether to write report.html when the run has ended.
-        recovery: Whether to run the scenario without its faults too, in one process, to judge the recovery.
-        page: Whether to serve a live page while the processes run.
         show_kernels: Shows how far compiling the kernels is; None for a line every few seconds.
     """
 
-    out: Path | None = None
-    in_process: bool = False
-    threads: int = 1
-    port: int | None = None
     display: RunDisplay = field(default_factory=SilentDisplay)
     begin: Callable[[], None] = lambda: None
     stop: Callable[[], bool] = lambda: False
     urgent: Callable[[], bool] = lambda: False
     over: Callable[[], None] = lambda: None
-    picture: bool = True
-    recording: bool = False
-    report: bool = False
-    recovery: bool = False
-    page: bool = False
     show_kernels: Callable[[Compiled], None] | None = None
 
 
@@ -140,21 +123,19 @@ def run(
         fogwatch.launch.launcher.LaunchFailed: The processes could not be brought to run.
         KeyboardInterrupt: The run was interrupted before its first tick; its folder is gone again.
     """
-    overrides = {**preset_settings(preset), **(overrides or {})}
-    overrides |= patrol_settings(patrol, overrides)
+    overrides = chosen_settings(overrides or {}, patrol, preset)
     if policy is not None:
         overrides["patrol.policy"] = policy_name(policy, in_process=in_process)
     loaded = scenario_of(scenario, overrides)
-    display = SilentDisplay() if progress is None else CallbackDisplay(progress)
-    where = None if out is None else Path(out)
     options = RunOptions(
-        where,
-        in_process,
-        display=display,
+        in_process=in_process,
+        recovery=recovery,
+        out=None if out is None else Path(out),
+        page=False,
         picture=picture,
         recording=recording,
         report=report,
-        recovery=recovery,
+        display=SilentDisplay() if progress is None else CallbackDisplay(progress),
     )
     if isinstance(scenario, str | Path):
         with naming(scenario, overrides):
@@ -457,7 +438,7 @@ def _result(
     clerk: ClerkChild | None = None,
 ) -> Run:
     """Write the summary and the files that are made from the journal, the report by the clerk where there is one."""
-    from fogwatch.run_folder.derived import Wanted, write_files
+    from fogwatch.run_folder.derived import write_files
     from patrol.journal import Journal
     from worldsim.run_record import INTERRUPTED
 
@@ -467,7 +448,6 @@ def _result(
     except OSError as error:
         options.display.say(f"{folder.summary}: cannot be written ({error.strerror}); the summary is shown only")
     interrupted = journal.end is not None and journal.end.reason == INTERRUPTED
-    files = Wanted(options.picture, options.recording, options.report)
     if summary.ticks:
-        interrupted |= not write_files(folder, prepared, journal, summary, files, options.display, clerk)
+        interrupted |= not write_files(folder, prepared, journal, summary, options, options.display, clerk)
     return Run(folder.path, summary=summary, verdict=verdict, interrupted=interrupted)

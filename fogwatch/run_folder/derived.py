@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -19,6 +18,7 @@ from patrol.starting.warmup import warm
 if TYPE_CHECKING:
     from fogwatch.launch.clerk_child import ClerkChild
     from fogwatch.run_folder.runfolder import RunFolder
+    from fogwatch.run_options import RunChoices
     from fogwatch.terminal.live_table import RunDisplay
     from patrol.ground.fog import Fog
     from patrol.ground.footprint import View
@@ -45,21 +45,12 @@ class _Progress:
         self._progress(k + 1)
 
 
-@dataclass(frozen=True, slots=True)
-class Wanted:
-    """The files that a run is to have."""
-
-    picture: bool  # fog.png
-    recording: bool  # recording.mcap
-    report: bool  # report.html
-
-
 def write_files(
     folder: RunFolder,
     prepared: Prepared,
     journal: Journal,
     summary: Summary,
-    files: Wanted,
+    files: RunChoices,
     display: RunDisplay,
     clerk: ClerkChild | None,
 ) -> bool:

@@ -29,7 +29,8 @@ Codes = Mapping[str, int | None]
 
 
 def recorded(folder: Path, **more: Any) -> tuple[MemoryJournal, Codes, Prepared]:
-    run = execute(load_scenario({**FLEET, **more}), RunOptions(folder / "run", picture=False))
+    options = RunOptions(folder / "run", picture=False, recording=False, report=False, page=False)
+    run = execute(load_scenario({**FLEET, **more}), options)
     assert run.verdict.valid, run.verdict.failed
     journal = journal_in(folder / "run")
     record = MemoryJournal(journal.header)

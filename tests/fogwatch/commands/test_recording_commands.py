@@ -59,21 +59,21 @@ def test_a_run_leaves_a_recording_and_a_report(ran: Path) -> None:
     assert not list(ran.glob("*.part"))
 
 
-def test_record_and_recording(
+def test_a_recording_is_written_checked_and_repaired(
     ran: Path, command: Callable[..., int], capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     assert command("record", ran, "--out", "a.mcap") == 0
     assert "15 s, a whole grid every 10 s" in capsys.readouterr().out
     assert (tmp_path / "a.mcap").read_bytes() == (ran / "recording.mcap").read_bytes()
-    assert command("recording", "a.mcap") == 0
+    assert command("record", "--check", "a.mcap") == 0
     said = capsys.readouterr().out
     assert "small: 0 to 14.5 s" in said
     assert "complete, checksums right" in said
     (tmp_path / "b.mcap").write_bytes((tmp_path / "a.mcap").read_bytes()[:-200])
-    assert command("recording", "b.mcap") == 1
+    assert command("record", "--check", "b.mcap") == 1
     assert "cut off" in capsys.readouterr().out
-    assert command("recording", "b.mcap", "--repair", "c.mcap") == 0
-    assert command("recording", "c.mcap") == 0
+    assert command("record", "--check", "b.mcap", "--repair", "c.mcap") == 0
+    assert command("record", "--check", "c.mcap") == 0
 
 
 def test_what_can_be_shown_of_a_run_without_an_end(
@@ -116,10 +116,10 @@ def test_report_and_compare(
         (["report", "nowhere"], "no such folder"),
         (["report", "."], "holds no file journal"),
         (["record", "."], "holds no file journal"),
-        (["report", "RUN/recording.mcap"], "fogwatch recording"),
+        (["report", "RUN/recording.mcap"], "fogwatch record --check"),
         (["report", "RUN/journal"], "is a file"),
-        (["recording", "RUN/journal"], "is not an MCAP file"),
-        (["recording", "RUN"], "is a folder; name a file, such as"),
+        (["record", "--check", "RUN/journal"], "is not an MCAP file"),
+        (["record", "--check", "RUN"], "is a folder; name a file, such as"),
         (["record"], "name a run's folder, or --router and --fleet"),
         (["record", "RUN", "--fleet", "x", "--router", "tcp/127.0.0.1:1"], "name a run's folder, or --router"),
         (["record", "RUN", "--router", "tcp/127.0.0.1:1"], "name a run's folder, or --router"),

@@ -70,7 +70,8 @@ class Stage:
 
     def run(self, stop: Callable[[], bool], scenario: dict[str, Any] = PACED, **options: Any) -> Run:
         """Run a scenario until `stop` says so."""
-        given = {"picture": False, "display": self.display, "stop": stop, **options}
+        files = {"picture": False, "recording": False, "report": False, "page": False}
+        given = {**files, "display": self.display, "stop": stop, **options}
         return execute(load_scenario(scenario), RunOptions(self.folder, **given))
 
     def finished(self, result: Run) -> Verdict:

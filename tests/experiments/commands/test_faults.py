@@ -1,4 +1,4 @@
-"""``fogwatch experiment faults`` as a command: what it writes, that it goes on, and what it refuses."""
+"""``fogwatch reproduce faults`` as a command: what it writes, that it goes on, and what it refuses."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from fogwatch.cli.ending import guarded
 SMALL = ("--terrain", "open", "--point", "2", "--robots", "2", "--duration", "20", "--seeds", "2", "--workers", "1")
 
 
-def experiment(*words: str) -> int:
-    return guarded(lambda: app(["experiment", "faults", *words], standalone_mode=False))
+def reproduce(*words: str) -> int:
+    return guarded(lambda: app(["reproduce", "faults", *words], standalone_mode=False))
 
 
 @pytest.mark.processes
@@ -24,7 +24,7 @@ def test_the_page_tells_everything_and_a_second_start_makes_no_run(
 ) -> None:
     out = tmp_path / "faults"
     words = (*SMALL, "--only", "loss: 50 % lost,silence: total silence", "--out", str(out))
-    assert experiment(*words) == 0
+    assert reproduce(*words) == 0
     assert "12 runs made in " in capsys.readouterr().out
     page = (out / "faults.md").read_text(encoding="utf-8")
     for variant in VARIANTS:
@@ -40,7 +40,7 @@ def test_the_page_tells_everything_and_a_second_start_makes_no_run(
     for name in ("loss.png", "loss.svg", "costs.png", "costs.svg"):
         assert f"![{name}]({name})" in page or name.endswith(".svg")
         assert (out / name).stat().st_size > 1000
-    assert experiment(*words) == 0
+    assert reproduce(*words) == 0
     assert "0 runs made in " in capsys.readouterr().out
 
 
@@ -63,7 +63,7 @@ def test_the_page_tells_everything_and_a_second_start_makes_no_run(
 def test_what_makes_no_sense_is_refused_in_one_line(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], words: tuple[str, ...], says: str
 ) -> None:
-    assert experiment(*words, "--out", str(tmp_path / "faults")) == 2
+    assert reproduce(*words, "--out", str(tmp_path / "faults")) == 2
     err = capsys.readouterr().err
     assert says in err
     assert len(err.splitlines()) == 1

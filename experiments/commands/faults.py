@@ -1,4 +1,4 @@
-"""``fogwatch experiment``: whole experiments, from the runs to a page. Raises BadInput; the caller prints it."""
+"""``fogwatch reproduce faults``: what each kind of fault costs. Raises BadInput; the caller prints it."""
 
 from __future__ import annotations
 
@@ -6,18 +6,11 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
-import typer
 from rich.console import Console
 from rich.table import Table
 
-from experiments.commands.sweep import (
-    EXIT_CODES,
-    FAILED,
-    ClusterAddress,
-    Workers,
-    make_runs,
-    workers_of,
-)
+from experiments.commands.reproduce import app
+from experiments.commands.sweep import EXIT_CODES, Machines, finish, out_option
 from experiments.faults.cost import (
     GROUPS,
     VARIANTS,
@@ -33,10 +26,11 @@ from experiments.faults.cost_page import page
 from experiments.faults.figures import costs_picture, curves_picture
 from experiments.sweeps.casetable import json_text, write_tables, write_text
 from experiments.sweeps.plan import count_of_seeds
-from experiments.sweeps.progress import command_line, print_failures
+from experiments.sweeps.progress import command_line
 from experiments.sweeps.stats import with_interval
 from fogwatch.cli.command_help import command
-from fogwatch.terminal.live_table import duration_text
+from fogwatch.cli.options import option
+from fogwatch.run_options import settings_option
 from patrol.errors import BadInput
 from patrol.scenario import parse_overrides
 
@@ -47,42 +41,26 @@ TAKEN = ("faults", *VARIED, "terrain", "point", "duration", "robots.count", "see
 KEY = "the key of this experiment"
 """The content of the fleet's key, always the same, because robots draw from it."""
 
-app = typer.Typer(help="Run a whole experiment and write a page of its results.", no_args_is_help=True)
-
-
-@app.callback()
-def _group() -> None:
-    """Keep the name of the only command."""
-
 
 @command(
     app,
-    examples=["fogwatch experiment faults --seeds 1 --only loss,death", "fogwatch experiment faults --workers 4"],
+    examples=["fogwatch reproduce faults --seeds 1 --only loss,death", "fogwatch reproduce faults --workers 4"],
     exit_codes=EXIT_CODES,
 )
 def faults(
-    point: Annotated[float, typer.Option(metavar="M", help="Side of one grid point in m.")] = 1.0,
-    seeds: Annotated[int, typer.Option(metavar="K", help="Run each condition with seeds 1 to K.")] = 3,
-    duration: Annotated[float, typer.Option(metavar="S", help="Simulated time of each run in s.")] = 5000.0,
-    robots: Annotated[int, typer.Option(metavar="N", help="Number of robots.")] = 5,
-    terrain: Annotated[str, typer.Option(metavar="NAME", help="Built-in terrain.")] = "yards",
+    point: Annotated[float, option("M", "Side of one grid point in m.")] = 1.0,
+    seeds: Annotated[int, option("K", "Run each condition with seeds 1 to K.")] = 3,
+    duration: Annotated[float, option("S", "Simulated time of each run in s.")] = 5000.0,
+    robots: Annotated[int, option("N", "Number of robots.")] = 5,
+    terrain: Annotated[str, option("NAME", "Built-in terrain.")] = "yards",
     only: Annotated[
         str | None,
-        typer.Option(
-            metavar="NAME,...",
-            help=f"Run only these groups ({', '.join(GROUPS)}) or conditions, such as 'loss: 50 % lost'.",
-        ),
+        option("NAME,...", f"Run only these groups ({', '.join(GROUPS)}) or conditions, such as 'loss: 50 % lost'."),
     ] = None,
-    settings: Annotated[
-        list[str] | None,
-        typer.Option("--set", metavar="FIELD=VALUE", help="Set a field of every run. Repeatable."),
-    ] = None,
-    out: Annotated[
-        Path | None,
-        typer.Option(metavar="DIR", help="Folder of the results, new and earlier ones (default: runs/faults)."),
-    ] = None,
-    workers: Workers = None,
-    cluster: ClusterAddress = None,
+    settings: Annotated[list[str] | None, settings_option("Set a field of every run. Repeatable.")] = None,
+    out: Annotated[Path | None, out_option("runs/faults")] = None,
+    *,
+    machines: Machines,
 ) -> int:
     """Measure what each kind of fault costs the paper's final algorithm, without and with claims.
 
@@ -104,7 +82,7 @@ def faults(
     plan = plan_of(setup, tried)
     if not setup.key.exists():
         write_text(setup.key, KEY)
-    outcome = make_runs(plan, folder, workers_of(workers, cluster), console, estimate_time=True)
+    outcome = machines.make_runs(plan, folder, console)
     found, compared = findings(outcome, tried), comparisons(outcome, tried)
     _print_findings(console, found)
     write_tables(outcome, folder)
@@ -114,15 +92,12 @@ def faults(
         for name, draw in (("loss", curves_picture), ("costs", costs_picture))
         if draw(found, [folder / f"{name}.png", folder / f"{name}.svg"])
     ]
-    made_by = command_line("experiment", "faults")
+    made_by = command_line("reproduce", "faults")
     shown = [f"{name}.png" for name in pictures]
     spent, failed = outcome.computing_s, len(outcome.failed)
     text = page(setup, found, compared, command=made_by, computing_s=spent, failed=failed, pictures=shown)
     write_text(folder / "faults.md", text)
-    print_failures(console, outcome)
-    made = f"{outcome.made} runs made in {duration_text(outcome.wall_s)}"
-    console.print(f"{made}; {folder}: faults.md has all results", highlight=False, soft_wrap=True)
-    return FAILED if outcome.failed else 0
+    return finish(console, outcome, f"{folder}: faults.md has all results")
 
 
 def _print_findings(console: Console, found: Sequence[Finding]) -> None:
