@@ -31,7 +31,6 @@ from patrol.process.exit_codes import BAD_INPUT
 from patrol.security.access import write_pointer
 from patrol.security.credentials import read_credentials
 from patrol.security.keys import fleet_keys
-from patrol.security.seats import SEAT, seat_of
 from patrol.starting.forking import can_fork
 from patrol.starting.readiness import StartFailure
 from patrol.wire import read
@@ -219,9 +218,7 @@ class Launch:
                 self._spawn_agent(name, FIRST_INCARNATION)
 
     def _spawn_agent(self, name: str, incarnation: int) -> None:
-        environment = {SEAT: str(seat_of(self._of_run.token, self.fleet, name, incarnation))}
-        if self.alike:
-            environment |= OF_MINDS
+        environment = OF_MINDS if self.alike else {}
         agent = self.children.spawn(
             name, AGENT, self._agent_arguments(name, incarnation), self._log(name), environment=environment
         )
