@@ -14,12 +14,14 @@ from patrol.errors import BadInput
 from patrol.printable import printable_lines
 from patrol.process import exhausted
 from patrol.process.exit_codes import BAD_INPUT, INTERRUPTED, UNKNOWN
+from patrol.process.lifeline import forget_interrupt
 from patrol.reporting.logs import crashed
 
 
 def run_app(app: typer.Typer) -> int:
     """Run the command that this process's arguments name, and return the exit code."""
     code = guarded(lambda: app(standalone_mode=False))
+    forget_interrupt()
     for stream in (sys.stdout, sys.stderr):
         try:
             stream.flush()
