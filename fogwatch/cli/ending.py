@@ -14,6 +14,7 @@ from patrol.errors import BadInput
 from patrol.printable import printable_lines
 from patrol.process import exhausted
 from patrol.process.exit_codes import BAD_INPUT, INTERRUPTED, UNKNOWN
+from patrol.process.lifeline import forget_interrupt
 from patrol.reporting.logs import crashed
 
 OLD_WORDS = {
@@ -39,6 +40,7 @@ def run_app(app: typer.Typer) -> int:
         complain(f"`fogwatch {old}` is now `fogwatch {new}`; the old words go with fogwatch 2")
         sys.argv[1:] = [*new.split(), *sys.argv[1 + len(old.split()) :]]
     code = guarded(lambda: app(standalone_mode=False))
+    forget_interrupt()
     for stream in (sys.stdout, sys.stderr):
         try:
             stream.flush()

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import fcntl
+import io
 import os
 import re
 import sys
@@ -10,9 +11,11 @@ from pathlib import Path
 from urllib.parse import unquote
 
 import pytest
+from rich.console import Console
 
 import fogwatch
 from fogwatch.run_folder.derived import derive
+from fogwatch.terminal.live_table import PlainDisplay, SilentDisplay
 from patrol.journal import read_journal
 from patrol.prepare import prepare
 from patrol.process.lifeline import InterruptedBySignal
@@ -194,28 +197,26 @@ def test_the_files_of_a_report_are_found_from_where_it_lies(
 def test_an_interruption_leaves_neither_file_nor_parts_of_one(ran: Path, tmp_path: Path, at: int) -> None:
     """Early in the replay, and after its last tick."""
 
-    def progress(k: int) -> None:
-        if k == at:
-            raise InterruptedBySignal
+    class Interrupting(SilentDisplay):
+        calls = 0
+
+        def progress(self, *_: object) -> None:
+            if self.calls == at:
+                raise InterruptedBySignal
+            self.calls += 1
 
     files = (tmp_path / "a.mcap", tmp_path / "report.html")
     with pytest.raises(InterruptedBySignal):
-        derive(read_journal(ran / "journal"), prepare(load_scenario(SMALL)), Summary(), *files, print, progress)
+        derive(read_journal(ran / "journal"), prepare(load_scenario(SMALL)), Summary(), *files, Interrupting())
     assert not list(tmp_path.iterdir())
 
 
 def test_what_cannot_be_written_is_no_reason_to_doubt_the_run(ran: Path, tmp_path: Path) -> None:
-    said: list[str] = []
+    text = io.StringIO()
     files = (tmp_path / "none" / "a.mcap", None)
-    derive(
-        read_journal(ran / "journal"),
-        prepare(load_scenario(SMALL)),
-        Summary(),
-        *files,
-        said.append,
-        lambda _: None,
-    )
-    assert "cannot be written" in said[-1]
+    display = PlainDisplay(Console(file=text, width=80))
+    derive(read_journal(ran / "journal"), prepare(load_scenario(SMALL)), Summary(), *files, display)
+    assert "cannot be written" in text.getvalue()
 
 
 @pytest.mark.processes
