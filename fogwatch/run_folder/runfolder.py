@@ -30,8 +30,9 @@ from patrol.errors import BadInput
 from patrol.files.whole_file import write_whole
 from patrol.maps.load import load_terrain
 from patrol.scenario import Scenario, load_scenario
-from patrol.scenario.copying import FILE as SCENARIO
-from patrol.scenario.copying import MAP, keep_scenario
+from patrol.scenario.load import FILE as SCENARIO
+from patrol.scenario.load import keep_scenario
+from patrol.scenario.sections import MAP
 from patrol.security.access import FILE as ACCESS
 from patrol.summary.model import Summary
 

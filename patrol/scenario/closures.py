@@ -31,6 +31,8 @@ Times = Annotated[
 class ClosureSpec(Section):
     """A closure: where it is, and when it is closed."""
 
+    EXAMPLE = "{name: door, polygon: [[8, 2], [9, 2], [9, 3]], closed: [[60, 90]]}"
+
     name: Name = Field(description="the closure's name")
     polygon: Polygon = Field(description="m, [[x, y], ...]")
     closed: Times | None = Field(None, description="s, [[from, to], ...] in which it is closed")

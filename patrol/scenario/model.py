@@ -10,6 +10,7 @@ from collections.abc import Mapping, Sequence
 from functools import cached_property
 from itertools import pairwise
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, Self
 
 from pydantic import BaseModel, Field, ValidationInfo, field_validator, model_validator
@@ -48,6 +49,8 @@ from patrol.values import AUTO, BUILTINS, Name, Pace, Positive, Section, Seed, w
 
 class Scenario(Section):
     """Everything that decides how a run goes."""
+
+    LATER = MappingProxyType({"docks": (), "zones": (), "closures": ()})
 
     name: Name = Field("scenario", description="default: the file's or the terrain's name")
     terrain: TerrainSpec = Field(description=f"{{builtin: {' | '.join(BUILTINS)}}} or {{map: FILE.yaml}}")
@@ -98,6 +101,17 @@ class Scenario(Section):
     def translated(self) -> tuple[str, ...]:
         """Settings of earlier versions that loading has replaced, one line each. It is no field, like `roster`."""
         return ()
+
+    def meaning(self, files: bool = True) -> dict[str, Any]:
+        """Return what it means, in plain values: no names, robots one by one, and files by their content.
+
+        Without `files` none is read, and they enter by their presence.
+        """
+        says = self.model_dump(mode="json", exclude={"name", "robots", "nemesis"})
+        self.reduce(says, files)
+        if self.closures:
+            says["patrol"]["blocked_memory"] = self.patrol.blocked_memory
+        return {**says, "robots": [spec.meaning for spec in self.roster]}
 
     @property
     def radio_share(self) -> Share | None:

@@ -5,15 +5,16 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 from pathlib import Path
+from types import MappingProxyType
 from typing import Annotated, Any, Final, Self
 
-from pydantic import ConfigDict, Field, Tag, ValidationInfo, field_validator, model_validator
+from pydantic import AfterValidator, ConfigDict, Field, Tag, ValidationInfo, field_validator, model_validator
 
-from patrol.classes.class_file import beside, class_file
+from patrol.classes.class_file import ClassSection, beside
 from patrol.errors import BadInput
 from patrol.graph import PIXEL, VISIT_M, read_graph
-from patrol.maps.map_file import read_map_file
-from patrol.pose import MODELS, Limits, Pose, wrap
+from patrol.maps.map_file import map_digest, read_map_file
+from patrol.pose import MODELS, TURNS_IN_ARCS, Limits, Pose, wrap
 from patrol.values import (
     MAX_ROBOTS,
     Builtin,
@@ -47,6 +48,9 @@ GROUND: Final = "ground"
 VERTICES: Final = "vertices"
 """Values of `terrain.patrolled`: all ground that robots can see, or the vertices of the terrain's graph."""
 
+MAP = "map"
+"""The folder of a run's folder that keeps the map."""
+
 JOULES = 3600.0
 """J in a Wh."""
 
@@ -56,6 +60,8 @@ DEFAULT_RADIUS = 1.0
 
 class GraphSpec(Section):
     """A graph of the terrain: places, and the ways between neighbours."""
+
+    LATER = MappingProxyType({"visit": VISIT_M})
 
     vertices: tuple[Corner, ...] = Field(min_length=1, description="m, [x, y] of each vertex")
     edges: tuple[tuple[int, int, Positive], ...] = Field((), description="[vertex, vertex, m], each edge once")
@@ -85,6 +91,8 @@ def _image_of(map_file: str | None) -> tuple[int, int] | None:
 
 class TerrainSpec(Section):
     """The terrain of the patrol: a built-in one by name, or a map_server YAML file."""
+
+    LATER = MappingProxyType({"graph": None, "patrolled": GROUND})
 
     builtin: Builtin | None = Field(None, description="a built-in terrain, instead of a map")
     map: PathText | None = Field(None, description="map_server YAML file, relative to this file")
@@ -127,6 +135,23 @@ class TerrainSpec(Section):
         if self.patrolled == VERTICES and self.graph is None:
             raise wrong("patrolled", "vertices: there is no graph; set terrain.graph, or drop patrolled")
         return self
+
+    def reduce(self, says: dict[str, Any], files: bool) -> None:
+        """Let a map enter by its content."""
+        super().reduce(says, files)
+        if not files:
+            says["map"] = self.map is not None
+        elif self.map is not None:
+            says["map"] = map_digest(Path(self.map))
+
+    def with_copies(self, folder: Path) -> Self:
+        """Copy the map."""
+        if self.map is None:
+            return self
+        source = read_map_file(Path(self.map))
+        (folder / MAP).mkdir()
+        source.copy_to(folder / MAP)
+        return self.model_copy(update={"map": f"{MAP}/{source.path.name}"})
 
 
 class BatterySpec(Section):
@@ -176,6 +201,8 @@ MOST_DOCK_RADIUS_M = 5.0
 
 class DockSpec(Section):
     """A place where one robot at a time charges its battery."""
+
+    EXAMPLE = "{place: [10, 10]}"
 
     place: Corner = Field(description="m, [x, y]")
     radius: Positive = Field(1.0, description="m, within which a robot's centre has to stand; at most 5")
@@ -256,7 +283,7 @@ BUILT_IN_SENSORS = (SECTOR, DISC)
 """Kinds of sensors that come with fogwatch."""
 
 
-class SensorSpec(Section):
+class SensorSpec(ClassSection):
     """A robot's sensor.
 
         sensor: {range: 8, angle: 90}                                       a sector
@@ -265,7 +292,10 @@ class SensorSpec(Section):
     `range` and `line_of_sight` hold for every kind: they decide what the robots can ever see (`patrol.ground.fields`).
     """
 
-    kind: SensorText = Field(
+    NAMED = "sensor.kind"
+    SORT = "sensor"
+
+    kind: Annotated[SensorText, AfterValidator(beside)] = Field(
         SECTOR,
         description="sector (with angle: 360, a disc) | disc | package.module:Class | ./file.py:Class | entry point",
     )
@@ -284,11 +314,6 @@ class SensorSpec(Section):
                 raise wrong("angle", f"{problem}, or {round(self.angle, 1):g} for so narrow a view", self.angle)
         return self
 
-    @field_validator("kind")
-    @classmethod
-    def _from_the_files_folder(cls, value: str, info: ValidationInfo) -> str:
-        return beside(value, info)
-
     @model_validator(mode="after")
     def _settings_have_effect(self) -> Self:
         if self.kind in BUILT_IN_SENSORS:
@@ -301,13 +326,20 @@ class SensorSpec(Section):
                 if getattr(self, field) != type(self).model_fields[field].default:
                     remedy = f"drop it, or name it in sensor.options if {self.kind.rpartition(':')[2]} has such a one"
                     raise wrong(field, f"is a setting of the kinds {' and '.join(BUILT_IN_SENSORS)}; {remedy}")
-        if self.kind_sha256 is not None and class_file(self.kind) is None:
-            raise wrong("kind_sha256", "only a sensor that is a file has a hash; drop it")
+        self.check_digest()
         return self
+
+    def reduce(self, says: dict[str, Any], files: bool) -> None:
+        """Leave out what a built-in sensor does not need: its other settings say it all."""
+        super().reduce(says, files)
+        if self.kind in BUILT_IN_SENSORS:
+            del says["kind"], says["options"]
 
 
 class IntruderSpec(Section):
     """An intruder: it stands on the terrain for a while, is seen by sensors, and blocks no robot."""
+
+    EXAMPLE = "{place: [10, 10], at: 60}"
 
     model_config = ConfigDict(serialize_by_alias=True)
 
@@ -340,6 +372,18 @@ class RobotSpec:
     def limits(self) -> Limits:
         """The bounds of the body's commands."""
         return Limits(self.speed, self.radius, self.turning_radius)
+
+    @property
+    def meaning(self) -> list[Any]:
+        """What enters a scenario's hash."""
+        start = None if self.start is None else [self.start.x, self.start.y, self.start.heading]
+        turning = self.turning_radius if self.model in TURNS_IN_ARCS else None
+        meaning = [self.name, self.model, self.speed, self.radius, turning, start]
+        if self.spare:
+            meaning.append("spare")
+        if self.battery is not None:
+            meaning.append(self.battery.model_dump(mode="json"))
+        return meaning
 
 
 def roster_of(robots: RobotGroup | tuple[RobotEntry, ...]) -> list[RobotSpec]:

@@ -21,6 +21,7 @@ import zlib
 from bisect import bisect_right
 from collections.abc import Iterable, Sequence
 from pathlib import Path
+from types import MappingProxyType
 from typing import Annotated, Any, Literal, NamedTuple, Self
 
 import numpy as np
@@ -138,6 +139,9 @@ class MaskSpec(Section):
 
 class ZoneSpec(Section):
     """A zone: where it is, and what holds there."""
+
+    EXAMPLE = "{name: vault, polygon: [[2, 2], [8, 2], [8, 6]], weight: 10}"
+    LATER = MappingProxyType(dict.fromkeys(("speed", "one_way", "times", "weights")))
 
     name: Name = Field(description="the zone's name")
     polygon: Polygon | None = Field(None, description="m, [[x, y], ...]")

@@ -31,7 +31,7 @@ from patrol.scenario import (
     load_scenario,
     scenario_hash,
 )
-from patrol.scenario.copying import keep_scenario
+from patrol.scenario.load import keep_scenario
 from tests.agent.minds import at
 
 STILL = '''

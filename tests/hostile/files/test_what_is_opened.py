@@ -63,7 +63,7 @@ def map_of(image: Path) -> Path:
 
 
 def digest_of(image: Path) -> str:
-    from patrol.scenario.load import map_digest
+    from patrol.maps.map_file import map_digest
 
     return map_digest(map_of(image))
 
