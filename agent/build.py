@@ -31,14 +31,14 @@ from agent.routes.ground import Ground
 from agent.routes.routes import Routes
 from agent.sender import Sending
 from agent.view import FogView
-from patrol.ground.closed import ChangingFootprint
+from patrol.closures.ground import ChangingFootprint
 from patrol.ground.footprint import Footprint
-from patrol.ground.speed_limits import SpeedLimits
 from patrol.prepare import inboxes_of, sensor_footprint
 from patrol.radio.fleet_key import fleet_key
 from patrol.radio.peers import Predictor
 from patrol.random import Purpose
 from patrol.scenario.policies import LEARNED
+from patrol.zones.speed_limits import SpeedLimits
 
 if TYPE_CHECKING:
     from agent.routes.path_window import PathWindow

@@ -47,9 +47,9 @@ if TYPE_CHECKING:
     from agent.ports import Intent, Policy, PolicySetup
     from agent.routes.ground import Spot
     from agent.view import View
-    from patrol.ground.speed_limits import SpeedLimits
     from patrol.ground.terrain import Terrain
     from patrol.radio.peers import Peer
+    from patrol.zones.speed_limits import SpeedLimits
 
 DETOUR = 1.3
 """Charge that is kept for the way to a dock, in what the shortest way needs: others are in the way, and bodies turn."""

@@ -7,7 +7,7 @@ the zones that are in force.
 The division of robots between rounds, on ground whose points count differently, as one of them believes.
 
 Every robot divides the robots that it has heard lately, itself among them, between the rounds of the best division
-(`patrol.tours.zoned`): by number, the lowest numbers to the ground with the greatest weight. All that hear
+(`patrol.zones.division`): by number, the lowest numbers to the ground with the greatest weight. All that hear
 each other find the same. After a death, a newcomer or a long silence the division is made anew, and few robots change
 rounds. So it is over other rounds when a zone begins or ends.
 
@@ -22,14 +22,14 @@ from typing import TYPE_CHECKING, NamedTuple
 from agent.policies.commitment import Commitment
 from patrol.measures.best_tour import followers_of, round_of
 from patrol.measures.zoned import zoned_ground
-from patrol.scenario.zones import weighing_at
-from patrol.tours.zoned import Group
+from patrol.zones.division import Group
+from patrol.zones.spec import weighing_at
 
 if TYPE_CHECKING:
     from agent.ports import PolicySetup
     from agent.view import View
     from patrol.tours.round import Round
-    from patrol.tours.zoned import Classes, ZonedGround
+    from patrol.zones.division import Classes, ZonedGround
 
 
 MEMORY = 0.5

@@ -20,7 +20,7 @@ from agent.policies.joint_plan import JointPlan
 from agent.policies.shared_round import SharedRound
 from patrol.measures.zoned import zoned_ground
 from patrol.scenario import StochasticOptions
-from patrol.tours.zoned import KEPT
+from patrol.zones.division import KEPT
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from agent.routes.routes import Element, Way
     from agent.view import View
     from patrol.tours.round import Round
-    from patrol.tours.zoned import Group, ZonedGround
+    from patrol.zones.division import Group, ZonedGround
 
 
 class Stochastic(SharedRound):

@@ -17,7 +17,6 @@ import yaml
 from patrol.errors import BadInput, did_you_mean, quoted
 from patrol.files.untrusted import IMAGE, MAP, leads_out, read_untrusted
 from patrol.files.yaml_text import parse_yaml, read_text
-from patrol.values import digest_of
 
 __all__ = ["MapFile", "read_map_file"]
 
@@ -112,14 +111,14 @@ def read_map_file(path: Path, within: Path | None = None) -> MapFile:
     )
 
 
-def map_digest(path: Path) -> str:
-    """Return the SHA-256 (hex) of what a map's YAML file means and of its image; where they lie does not matter."""
+def map_meaning(path: Path) -> dict[str, Any]:
+    """Return what a map's YAML file means, with the SHA-256 (hex) of its image; where they lie does not matter."""
     says = read_map_file(path)
     try:
         image = read_untrusted(says.image, IMAGE)
     except OSError as error:
         raise BadInput(f"{path}: image = {says.image}: cannot be read ({error.strerror}); correct 'image'") from None
-    return digest_of({"image": hashlib.sha256(image).hexdigest(), **says.meaning})
+    return {"image": hashlib.sha256(image).hexdigest(), **says.meaning}
 
 
 def _existing_image(path: Path, image: str) -> Path:

@@ -413,6 +413,11 @@ class PatrolSpec(ClassSection):
         return self
 
     @property
+    def sums_forces(self) -> bool:
+        """True for the paper's policy, by which ways are as long there as back."""
+        return self.policy == PAPER
+
+    @property
     def needs_rounds(self) -> bool:
         """True if the policy follows tours, or draws from their stations."""
         return isinstance(self.options, CommitmentOptions)

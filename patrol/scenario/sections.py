@@ -6,14 +6,15 @@ import math
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
-from typing import Annotated, Any, Final, Self
+from typing import TYPE_CHECKING, Annotated, Any, Final, Self
 
 from pydantic import AfterValidator, ConfigDict, Field, Tag, ValidationInfo, field_validator, model_validator
 
 from patrol.classes.class_file import ClassSection, beside
+from patrol.energy.spec import BatterySpec
 from patrol.errors import BadInput
 from patrol.graph import PIXEL, VISIT_M, read_graph
-from patrol.maps.map_file import map_digest, read_map_file
+from patrol.maps.map_file import map_meaning, read_map_file
 from patrol.pose import MODELS, TURNS_IN_ARCS, Limits, Pose, wrap
 from patrol.values import (
     MAX_ROBOTS,
@@ -33,16 +34,18 @@ from patrol.values import (
     RobotName,
     Section,
     SensorText,
-    Share,
     Spares,
     Start,
     Starts,
-    Tolerance,
     absolute,
     at_least,
     by_shape,
+    digest_of,
     wrong,
 )
+
+if TYPE_CHECKING:
+    from patrol.ground.terrain import Terrain
 
 GROUND: Final = "ground"
 VERTICES: Final = "vertices"
@@ -50,9 +53,6 @@ VERTICES: Final = "vertices"
 
 MAP = "map"
 """The folder of a run's folder that keeps the map."""
-
-JOULES = 3600.0
-"""J in a Wh."""
 
 DEFAULT_RADIUS = 1.0
 """Radius of the paper's body, m."""
@@ -142,7 +142,7 @@ class TerrainSpec(Section):
         if not files:
             says["map"] = self.map is not None
         elif self.map is not None:
-            says["map"] = map_digest(Path(self.map))
+            says["map"] = digest_of(map_meaning(Path(self.map)))
 
     def with_copies(self, folder: Path) -> Self:
         """Copy the map."""
@@ -152,68 +152,6 @@ class TerrainSpec(Section):
         (folder / MAP).mkdir()
         source.copy_to(folder / MAP)
         return self.model_copy(update={"map": f"{MAP}/{source.path.name}"})
-
-
-class BatterySpec(Section):
-    """A robot's battery, and when the robot charges it."""
-
-    capacity: Positive = Field(description="Wh, of the full battery")
-    idle: NotNegative = Field(0.0, description="W, used at all times, driving or not")
-    drive: NotNegative = Field(0.0, description="J per m driven, used besides")
-    charge: Positive = Field(description="W, that a dock gives a robot that stands at it")
-    start: Share = Field(1.0, description="share of the capacity in it at first")
-    full: Share = Field(0.95, description="share up to which a robot charges before it goes on")
-    reserve: Tolerance = Field(0.1, description="share with which a robot wants to arrive at a dock")
-
-    @property
-    def capacity_j(self) -> float:
-        """The capacity, J."""
-        return JOULES * self.capacity
-
-    def patrol_share(self, speed: float) -> float:
-        """Return the share of the time for which a robot drives at a speed (m/s), if it charges for the rest."""
-        gain_w = self.charge - self.idle
-        return gain_w / (gain_w + self.idle + self.drive * speed)
-
-    def most_on_patrol(self, robots: int, speed: float) -> int:
-        """Return how many robots can patrol all the time while the others charge for them, at least 1.
-
-        All have this battery and drive at `speed` (m/s). For example, robots that drive for 40 minutes and charge for
-        18 patrol for 69 % of the time; of 6 robots 4 patrol.
-        """
-        return max(1, math.floor(self.patrol_share(speed) * robots))
-
-    @model_validator(mode="after")
-    def _can_be_used_and_charged(self) -> Self:
-        if self.idle == 0.0 == self.drive:
-            raise wrong("", "idle and drive are both 0, so nothing is ever used; give one of them, or drop battery")
-        if self.charge <= self.idle:
-            limit = f"no more than the {self.idle:g} W that the robot uses at rest, so it never charges; give more"
-            raise wrong("charge", limit, self.charge)
-        if self.reserve >= self.full:
-            raise wrong("reserve", f"not below full ({self.full:g}), so a robot never leaves; give less", self.reserve)
-        return self
-
-
-MOST_DOCK_RADIUS_M = 5.0
-"""Of a dock, m; farther away a robot stands beside something else."""
-
-
-class DockSpec(Section):
-    """A place where one robot at a time charges its battery."""
-
-    EXAMPLE = "{place: [10, 10]}"
-
-    place: Corner = Field(description="m, [x, y]")
-    radius: Positive = Field(1.0, description="m, within which a robot's centre has to stand; at most 5")
-
-    @model_validator(mode="after")
-    def _is_a_place(self) -> Self:
-        if self.radius > MOST_DOCK_RADIUS_M:
-            raise wrong(
-                "radius", f"robots charge at a place, not from afar; give at most {MOST_DOCK_RADIUS_M:g}", self.radius
-            )
-        return self
 
 
 class Body(Section):
@@ -350,6 +288,17 @@ class IntruderSpec(Section):
     def is_there(self, time_s: float) -> bool:
         """Return True if it is on the terrain."""
         return self.at <= time_s and (self.stay is None or time_s < self.at + self.stay)
+
+    def check_place(self, terrain: Terrain, field: str) -> None:
+        """Refuse an intruder that does not stand on passable ground."""
+        x, y = self.place
+        where = f"{field} = [{x:g}, {y:g}]"
+        if not terrain.contains(x, y):
+            xmin, ymin, xmax, ymax = terrain.bounds
+            span = f"spans x {xmin:g} to {xmax:g} m and y {ymin:g} to {ymax:g} m"
+            raise BadInput(f"{where}: not on {terrain.name}, which {span}; move it there")
+        if not terrain.passable[terrain.point_at(x, y)]:
+            raise BadInput(f"{where}: in an obstacle of {terrain.name}; move it to passable ground")
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,8 +15,8 @@ from typing import Annotated, Any, Self
 
 from pydantic import Field, ValidationInfo, model_validator
 
-from patrol.scenario.zones import MOST_TIMES, Span, check_spans, has_area, listed_in_file
 from patrol.values import Name, Polygon, Positive, Section, at_least, at_most, wrong
+from patrol.zones.spec import MOST_TIMES, Span, check_spans, has_area, listed_in_file
 
 MOST_CLOSURES = 256
 

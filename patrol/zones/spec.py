@@ -304,6 +304,21 @@ def check_spans(spans: Sequence[Span], field: str, name: str) -> None:
         before = end
 
 
+def check_ticks(spans: Sequence[Span], step: float, field: str, name: str) -> None:
+    """Refuse spans of time between two ticks."""
+    for first, end in spans:
+        if not holds_tick((first, end), step):
+            limit = f"{name}: {first:g} to {end:g} s holds no tick of {step:g} s; make it longer"
+            raise wrong(field, limit)
+
+
+def check_names(names: Sequence[str], what: str) -> None:
+    """Refuse two of one name."""
+    for number, name in enumerate(names):
+        if name in names[:number]:
+            raise wrong(f"{what}s.{number}.name", f"{name} is the name of another {what} too; rename one")
+
+
 def has_area(polygon: Sequence[tuple[float, float]]) -> bool:
     """Return True if the corners of a polygon do not all lie on one line."""
     (x, y), *others = polygon
