@@ -15,7 +15,7 @@ relative neighbourhood graph), which keeps the graph connected where the ground 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -35,6 +35,9 @@ from patrol.kernels.tour import shorten
 from patrol.kernels.ways import FAR, lengths_between
 from patrol.printable import printable
 from patrol.tours.cover import Looks, Views, choose, complete, lattice, needed
+
+Places = Sequence[tuple[float, float]]
+"""x and y of vertices, m."""
 
 VISIT_M = 0.4
 """Distance within which a robot visits a place unless told otherwise, m: the goal tolerance of patrolling_sim."""
@@ -275,6 +278,39 @@ NEAR = 4.0
 """Length of the ways that are searched for first, in sensor ranges."""
 
 Flat = NDArray[np.int64]
+
+
+def check_vertices(vertices: Places, terrain: Terrain) -> None:
+    """Refuse a graph of another terrain."""
+    for number, (x, y) in enumerate(vertices):
+        if not terrain.contains(x, y):
+            where = f"terrain.graph: vertex {number} at [{x:g}, {y:g}]"
+            raise BadInput(f"{where}: not on {terrain.name}; give the graph of this terrain")
+
+
+def watching_vertices(
+    vertices: Places, terrain: Terrain, by_radius: Mapping[float, StaticFields]
+) -> dict[float, StaticFields]:
+    """Leave nothing patrolled but the points that hold the graph's vertices."""
+    at = [terrain.point_at(*place) for place in vertices]
+    points = np.zeros(terrain.shape, dtype=np.bool_)
+    points[tuple(np.transpose(at))] = True
+    watching = {radius: fields.watching(points) for radius, fields in by_radius.items()}
+    for number, point in enumerate(at):
+        if not any(fields.patrolled[point] for fields in watching.values()):
+            x, y = terrain.centre(*point)
+            where = f"terrain.graph: vertex {number} near [{x:.4g}, {y:.4g}]"
+            raise BadInput(
+                f"{where}: no robot sees it from ground that it can reach; correct the vertex, start a robot in its "
+                "part of the terrain, or set terrain.patrolled to ground"
+            )
+    for radius, fields in watching.items():
+        if not fields.patrolled.any():
+            raise BadInput(
+                f"terrain.patrolled: robots of radius {radius:g} m see no vertex from ground that they can reach; "
+                "start them elsewhere or leave them out"
+            )
+    return watching
 
 
 def on_reach(graph: Graph, terrain: Terrain, reach: BoolGrid) -> Graph:

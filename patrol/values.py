@@ -5,10 +5,13 @@ Numbers are strict and bounded: no boolean or text is taken for one, and neither
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import hashlib
+import json
+from collections.abc import Callable, Iterator, Mapping
 from itertools import pairwise
 from pathlib import Path
-from typing import Annotated, Any, Final, Literal, get_args
+from types import MappingProxyType
+from typing import Annotated, Any, ClassVar, Final, Literal, Self, get_args
 
 from pydantic import (
     AfterValidator,
@@ -31,9 +34,62 @@ from patrol.radio.message import MAX_FRAME, MAX_TRAIL
 
 
 class Section(BaseModel):
-    """A mapping of the scenario file: frozen, and strict about its keys."""
+    """A mapping of the scenario file: frozen, and strict about its keys.
+
+    A section says itself what of it enters a scenario's hash, and which files it names.
+    """
+
+    LATER: ClassVar[Mapping[str, Any]] = MappingProxyType({})
+    """Fields that came later, and the values with which they do not enter the hash, so that older hashes stay."""
+
+    EXAMPLE: ClassVar[str] = ""
+    """An entry, for errors about an empty list of such sections."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
+
+    def reduce(self, says: dict[str, Any], files: bool) -> None:
+        """Reduce what was dumped of the section to what it means.
+
+        A file enters by its content, which may be read for that; without `files` only by its presence.
+        """
+        for name, field in type(self).model_fields.items():
+            key = name if name in says else field.alias or name
+            value = getattr(self, name)
+            if key not in says:
+                continue
+            if name in self.LATER and value == self.LATER[name]:
+                del says[key]
+            else:
+                for section, part in [(value, says[key])] if isinstance(value, Section) else _entries(value, says[key]):
+                    section.reduce(part, files)
+
+    def with_digests(self) -> Self:
+        """Add the SHA-256 of the files of classes and networks, where it does not have them yet."""
+        return self._with_sections(lambda section: section.with_digests())
+
+    def with_copies(self, folder: Path) -> Self:
+        """Copy the files that it names into a folder, and name the copies, relative to that folder."""
+        return self._with_sections(lambda section: section.with_copies(folder))
+
+    def _with_sections(self, change: Callable[[Section], Section]) -> Self:
+        """Change the sections in it, but for those in lists."""
+        sections = {
+            name: value for name in type(self).model_fields if isinstance(value := getattr(self, name), Section)
+        }
+        changed = {name: now for name, section in sections.items() if (now := change(section)) is not section}
+        return self.model_copy(update=changed) if changed else self
+
+
+def digest_of(meaning: Mapping[str, Any]) -> str:
+    """Return the SHA-256 (hex) of texts and numbers by name, in any order."""
+    text = json.dumps(meaning, sort_keys=True, separators=(",", ":"), allow_nan=False)
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def _entries(value: Any, says: Any) -> Iterator[tuple[Section, dict[str, Any]]]:
+    """Yield the sections of a list of sections, each with what was dumped of it."""
+    if isinstance(value, tuple):
+        yield from ((entry, part) for entry, part in zip(value, says, strict=True) if isinstance(entry, Section))
 
 
 def wrong(field: str, problem: str, value: float | None = None) -> PydanticCustomError:

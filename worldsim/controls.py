@@ -23,7 +23,7 @@ from patrol.journal.records import Event
 from patrol.reporting.logs import crashed
 from patrol.scenario import dump_scenario
 from patrol.scenario.controls import OPERATOR, Answer, Control, Go, Pace, Pause, Step, amended, as_detail, read_control
-from patrol.scenario.copying import MAP
+from patrol.scenario.sections import MAP
 from patrol.security.control_auth import Admitted, ControlGate, RequestRefused
 
 if TYPE_CHECKING:

@@ -21,7 +21,6 @@ from fogwatch.run_folder.runfolder import RUNS, untaken
 from patrol.classes.class_file import class_file
 from patrol.errors import BadInput
 from patrol.scenario import Scenario, as_mapping, dump_scenario, load_scenario
-from patrol.scenario.copying import with_copies
 from patrol.scenario.patrols import patrol_name
 
 
@@ -47,7 +46,7 @@ def write_plan(plan: FleetPlan, folder: Path) -> None:
     try:
         folder.mkdir(parents=True, exist_ok=True)
         (folder / "plan.json").write_text(f"{json.dumps(plan_facts(plan), indent=1)}\n", encoding="utf-8")
-        copied = with_copies(plan.scenario, folder)
+        copied = plan.scenario.with_copies(folder)
         for size in plan.sizes:
             name = f"robots-{size.robots}"
             alone = load_scenario(as_mapping(plan.scenario), {"robots.count": size.robots})

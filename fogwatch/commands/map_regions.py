@@ -60,11 +60,11 @@ def regions(
     widest = max(spec.radius for spec in scenario.roster)
     warm(("patrol",), lambda line: typer.echo(line, err=True), SELDOM)
     from patrol.ground.cspace import cspace_of  # here: these import kernels, which are compiled first
-    from patrol.maps.load import load_terrain
+    from patrol.prepare import terrain_of
     from patrol.regions.split import regions_by_hand, split_regions
 
     with naming(what, overrides):
-        terrain = load_terrain(scenario.terrain, scenario.point, scenario.base, zones=scenario.zones)
+        terrain = terrain_of(scenario)
     body = cspace_of(terrain, widest)
     given = scenario.patrol.regions
     begun = time.perf_counter()

@@ -19,14 +19,14 @@ from fogwatch.pictures.run_end import MOST_NAMES, RECENT_S
 from monitor.replay.replay import Moment, Replay, RobotMoment
 from monitor.replay.run import Run
 from monitor.report.map_charts import CLOSURE, ZONES
-from patrol.closures import closure_points
+from patrol.closures.points import closure_points
 from patrol.extras import check_matplotlib
 from patrol.ground.fog import NEVER
 from patrol.ground.terrain import BoolGrid
-from patrol.ground.zones import middle, outline, points_of
 from patrol.journal.records import Status
 from patrol.palette import LIGHT, NEVER_SEEN, ROBOTS, UNCOUNTED, WALL, WALL_EDGE, rgb, with_walls
-from patrol.scenario.zones import zones_at
+from patrol.zones.ground import middle, outline, points_of
+from patrol.zones.spec import zones_at
 
 Pixels = NDArray[np.uint8]
 Place = tuple[float, float]

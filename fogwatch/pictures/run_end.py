@@ -24,18 +24,18 @@ from fogwatch.pictures.drawing import (
     painted,
     save,
 )
-from patrol.closures import Closings, closure_points
+from patrol.closures.ground import ChangingFootprint
+from patrol.closures.points import Closings, closure_points
 from patrol.errors import BadInput
-from patrol.ground.closed import ChangingFootprint
 from patrol.ground.doors import Door
 from patrol.ground.fog import NEVER, Fog
-from patrol.ground.zones import middle, outline, points_of
 from patrol.journal import Journal, read_journal
 from patrol.journal.records import RobotFacts, RobotTick, Status
 from patrol.palette import LIGHT, NEVER_SEEN, ROBOTS, UNCOUNTED, WALL, rgb
 from patrol.pose import Pose
 from patrol.prepare import Prepared, prepare, sensor_footprint
 from patrol.scenario import load_scenario
+from patrol.zones.ground import middle, outline, points_of
 from worldsim.truth import Truth
 
 if TYPE_CHECKING:

@@ -28,11 +28,10 @@ from monitor.live.tick_rate import TickRate
 from monitor.observation.listener import as_sent
 from monitor.observation.source import Answer, Layer, RobotShape, RobotState, Series, State, Static
 from monitor.observation.traps import TrapWatch
-from patrol.closures import Closings
+from patrol.closures.points import Closings
 from patrol.errors import BadInput, Malformed
 from patrol.ground.fog import Fog
 from patrol.ground.terrain import Terrain
-from patrol.ground.zones import steps_against
 from patrol.journal.records import End, Event, Header, Status, TickRecord
 from patrol.messages.feed import Batch, SoFar, read_so_far
 from patrol.pose import Pose
@@ -47,7 +46,8 @@ from patrol.scenario.controls import (
     read_control,
     worded,
 )
-from patrol.scenario.zones import zones_at
+from patrol.zones.ground import steps_against
+from patrol.zones.spec import zones_at
 
 if TYPE_CHECKING:
     from monitor.live.feed_client import FeedClient

@@ -26,9 +26,9 @@ from patrol.net.mailbox import FrameMailbox, Mailbox, Presence
 from patrol.prepare import inboxes_of, sensor_footprint
 from patrol.radio.fleet_key import fleet_key
 from patrol.scenario import as_mapping
-from patrol.scenario.zones import zones_at
 from patrol.security.keys import robot_of
 from patrol.wire import read
+from patrol.zones.spec import zones_at
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     from patrol.journal.records import Event, Status
     from patrol.pose import Pose
-    from patrol.scenario.zones import ZoneNow
+    from patrol.zones.spec import ZoneNow
 
 Layer = Literal["truth", "heard"] | int
 """A fog: the true one, the one that follows from every position sent, or the one that a robot (by number) believes."""

@@ -14,12 +14,12 @@ from monitor.observation.fault_bands import Band
 from monitor.observation.source import Answer, LinkCounts, Series, State, Static
 from monitor.page.survey import Survey
 from monitor.page.tiles import SIDE, layer_number
-from patrol.closures import closure_points
+from patrol.closures.points import closure_points
 from patrol.ground.terrain import Terrain
-from patrol.ground.zones import middle, outline, points_of
 from patrol.journal.records import Event
 from patrol.scenario import ClosureSpec, ZoneSpec
 from patrol.scenario.patrols import describe_patrol
+from patrol.zones.ground import middle, outline, points_of
 
 
 def static_message(static: Static, may_control: bool) -> str:

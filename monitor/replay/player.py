@@ -21,7 +21,7 @@ from monitor.replay.trap_log import TrapLog
 from patrol.journal.records import Event, Status
 from patrol.pose import Pose
 from patrol.scenario.controls import in_force, intruders_there
-from patrol.scenario.zones import zones_at
+from patrol.zones.spec import zones_at
 
 SHOW_S = 1.0 / 30.0
 """Least wall time between two states, s."""

@@ -34,9 +34,9 @@ from patrol.files.yaml_text import read_text
 from patrol.measures.best_tour import best_tour
 from patrol.scenario.controls import intruder_name
 from patrol.scenario.patrols import describe_patrol
-from patrol.scenario.zones import ELSEWHERE
 from patrol.summary.metric import metrics_of
 from patrol.summary.model import FaultFacts, RobotFigures, ZoneFigures
+from patrol.zones.spec import ELSEWHERE
 
 MOST_EVENTS = 300
 MOST_ROBOTS = 100

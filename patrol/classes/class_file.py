@@ -1,15 +1,16 @@
-"""The file that a class comes from which a scenario names, without running it."""
+"""The file that a class comes from which a scenario names, without running it, and the sections that name one."""
 
 from __future__ import annotations
 
 import hashlib
 from pathlib import Path
+from typing import Any, ClassVar, Self
 
 from pydantic import ValidationInfo
 
 from patrol.errors import BadInput
 from patrol.files.untrusted import OWN_CLASS, WEIGHTS, read_untrusted
-from patrol.values import absolute
+from patrol.values import Section, absolute, wrong
 
 
 def class_file(text: str) -> Path | None:
@@ -35,6 +36,66 @@ def class_source(path: Path, field: str) -> bytes:
         return read_untrusted(path, OWN_CLASS)
     except OSError as error:
         raise BadInput(f"{field} = {path}: cannot be read ({error.strerror}); correct it") from None
+
+
+class ClassSection(Section):
+    """A section that may name a class of one's own.
+
+    `NAMED` is the field that does, such as ``sensor.kind``; the one after it has the SHA-256 of the class's file, if it
+    comes from one. `SORT` is what is named, such as ``sensor``. A run's folder keeps the file in a folder of that name.
+    """
+
+    NAMED: ClassVar[str]
+    SORT: ClassVar[str]
+
+    @property
+    def named(self) -> str:
+        """The name of the class."""
+        name: str = getattr(self, self._field)
+        return name
+
+    @property
+    def _field(self) -> str:
+        return self.NAMED.rpartition(".")[2]
+
+    @property
+    def _sha256(self) -> str | None:
+        digest: str | None = getattr(self, f"{self._field}_sha256")
+        return digest
+
+    def check_digest(self) -> None:
+        """Refuse a SHA-256 of a class that comes from no file."""
+        if self._sha256 is not None and class_file(self.named) is None:
+            raise wrong(f"{self._field}_sha256", f"only a {self.SORT} that is a file has a hash; drop it")
+
+    def reduce(self, says: dict[str, Any], files: bool) -> None:
+        """Let a class enter by its name, and by its file's content."""
+        super().reduce(says, files)
+        digest = says.pop(f"{self._field}_sha256")
+        class_name = self.named.rpartition(":")[2]
+        if not files:
+            says[self._field] = class_name
+        elif digest is not None:
+            says[self._field] = [digest, class_name]
+
+    def with_digests(self) -> Self:
+        """Add the SHA-256 of the class's file."""
+        section, path = super().with_digests(), class_file(self.named)
+        if path is None or self._sha256 is not None or not path.is_file():
+            return section
+        return section.model_copy(update={f"{self._field}_sha256": file_digest(path, self.NAMED)})
+
+    def with_copies(self, folder: Path) -> Self:
+        """Copy the class's file."""
+        section, source = super().with_copies(folder), class_file(self.named)
+        if source is None:
+            return section
+        if self._sha256 not in (None, file_digest(source, self.NAMED)):
+            raise BadInput(f"{source}: has changed since the scenario was loaded; start again")
+        own = folder / self.SORT
+        own.mkdir()
+        (own / source.name).write_bytes(class_source(source, self.NAMED))
+        return section.model_copy(update={self._field: f"./{self.SORT}/{source.name}:{self.named.rpartition(':')[2]}"})
 
 
 FIELD = "patrol.options.weights"

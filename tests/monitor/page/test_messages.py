@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from monitor.page.messages import static_message
 from monitor.replay.player import Player
-from patrol.closures import closure_points
+from patrol.closures.points import closure_points
 
 if TYPE_CHECKING:
     from tests.monitor.conftest import Seen

@@ -15,8 +15,8 @@ from typing import Annotated, Any, Self
 
 from pydantic import Field, ValidationInfo, model_validator
 
-from patrol.scenario.zones import MOST_TIMES, Span, check_spans, has_area, listed_in_file
 from patrol.values import Name, Polygon, Positive, Section, at_least, at_most, wrong
+from patrol.zones.spec import MOST_TIMES, Span, check_spans, has_area, listed_in_file
 
 MOST_CLOSURES = 256
 
@@ -30,6 +30,8 @@ Times = Annotated[
 
 class ClosureSpec(Section):
     """A closure: where it is, and when it is closed."""
+
+    EXAMPLE = "{name: door, polygon: [[8, 2], [9, 2], [9, 3]], closed: [[60, 90]]}"
 
     name: Name = Field(description="the closure's name")
     polygon: Polygon = Field(description="m, [[x, y], ...]")

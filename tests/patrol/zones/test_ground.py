@@ -10,7 +10,7 @@ import pytest
 
 from patrol.errors import BadInput
 from patrol.ground.terrain import BoolGrid, Terrain
-from patrol.ground.zones import middle, outline, points_of, with_zones
+from patrol.zones.ground import middle, outline, points_of, with_zones
 
 Corners = tuple[tuple[float, float], ...]
 ROOM = Terrain("room", np.ones((6, 8), dtype=np.bool_), 0.5, (1.0, 2.0))

@@ -8,17 +8,18 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from patrol.ground.closed import ChangingFootprint
+from patrol.closures.ground import ChangingFootprint
 from patrol.ground.shapes import cover
+from patrol.ground.terrain import Terrain
 from patrol.journal.records import CLOSED, OPENED, STAYS_OPEN
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
+    from patrol.closures.spec import ClosureSpec
     from patrol.ground.footprint import Footprint
-    from patrol.ground.terrain import BoolGrid, Terrain
+    from patrol.ground.terrain import BoolGrid
     from patrol.journal.records import Event
-    from patrol.scenario import ClosureSpec
 
 WAITING, WAITS, IN_IT = "waiting", " waits to close: ", " in it"
 """The kind of the event of a closure that waits until bodies are clear of it, and what stands before and after the
@@ -40,6 +41,14 @@ def closure_points(closure: ClosureSpec, terrain: Terrain) -> NDArray[np.int64]:
     """
     covered = cover(closure.polygon, terrain.shape, terrain.point, terrain.origin)
     return np.flatnonzero(covered & terrain.passable)
+
+
+def with_closed(terrain: Terrain, closures: Sequence[ClosureSpec]) -> Terrain:
+    """Return the ground with some closures closed."""
+    passable = terrain.passable.copy()
+    for closure in closures:
+        passable.reshape(-1)[closure_points(closure, terrain)] = False
+    return Terrain(terrain.name, passable, terrain.point, terrain.origin)
 
 
 class ClosedPoints:

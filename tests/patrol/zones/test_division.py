@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from patrol.tours.round import Round
-from patrol.tours.zoned import Classes, Group, ZonedGround
+from patrol.zones.division import Classes, Group, ZonedGround
 
 
 def a_round(length_m: float) -> Round:

@@ -21,6 +21,7 @@ import zlib
 from bisect import bisect_right
 from collections.abc import Iterable, Sequence
 from pathlib import Path
+from types import MappingProxyType
 from typing import Annotated, Any, Literal, NamedTuple, Self
 
 import numpy as np
@@ -138,6 +139,9 @@ class MaskSpec(Section):
 
 class ZoneSpec(Section):
     """A zone: where it is, and what holds there."""
+
+    EXAMPLE = "{name: vault, polygon: [[2, 2], [8, 2], [8, 6]], weight: 10}"
+    LATER = MappingProxyType(dict.fromkeys(("speed", "one_way", "times", "weights")))
 
     name: Name = Field(description="the zone's name")
     polygon: Polygon | None = Field(None, description="m, [[x, y], ...]")
@@ -298,6 +302,21 @@ def check_spans(spans: Sequence[Span], field: str, name: str) -> None:
         if number and first <= before:
             raise wrong(f"{field}.{number}", f"{name}: begins before the one before it is over; sort or join them")
         before = end
+
+
+def check_ticks(spans: Sequence[Span], step: float, field: str, name: str) -> None:
+    """Refuse spans of time between two ticks."""
+    for first, end in spans:
+        if not holds_tick((first, end), step):
+            limit = f"{name}: {first:g} to {end:g} s holds no tick of {step:g} s; make it longer"
+            raise wrong(field, limit)
+
+
+def check_names(names: Sequence[str], what: str) -> None:
+    """Refuse two of one name."""
+    for number, name in enumerate(names):
+        if name in names[:number]:
+            raise wrong(f"{what}s.{number}.name", f"{name} is the name of another {what} too; rename one")
 
 
 def has_area(polygon: Sequence[tuple[float, float]]) -> bool:

@@ -33,7 +33,7 @@ class Mask(Protocol):
 
 
 class Zone(Protocol):
-    """The place of a zone: a scenario's `patrol.scenario.zones.ZoneSpec`."""
+    """The place of a zone: a scenario's `patrol.zones.spec.ZoneSpec`."""
 
     @property
     def name(self) -> str:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from patrol.ground.zones import Zone, points_of
+from patrol.zones.ground import Zone, points_of
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 class SlowZone(Zone, Protocol):
-    """A zone that may have a top speed: a scenario's `patrol.scenario.zones.ZoneSpec`."""
+    """A zone that may have a top speed: a scenario's `patrol.zones.spec.ZoneSpec`."""
 
     @property
     def speed(self) -> float | None:

@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from patrol.closures import ClosedPoints, Closings
-from patrol.ground.closed import ChangingTerrain
+from patrol.closures.ground import ChangingTerrain
+from patrol.closures.open_ground import OpenAges, OpenGround
+from patrol.closures.points import ClosedPoints, Closings
 from patrol.ground.terrain import Terrain
 from patrol.journal import Event
-from patrol.measures.open_ground import OpenAges, OpenGround
 from patrol.prepare import Prepared, prepare, sensor_footprint
 from patrol.scenario import load_scenario
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from patrol.energy import Batteries
+from patrol.energy.batteries import Batteries
 from patrol.journal import RobotTick, Status
 from patrol.scenario import Scenario, load_scenario
 
