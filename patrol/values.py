@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator, Mapping
 from itertools import pairwise
 from pathlib import Path
 from types import MappingProxyType
-from typing import Annotated, Any, ClassVar, Final, Literal, Self, get_args
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final, Literal, Self, get_args
 
 from pydantic import (
     AfterValidator,
@@ -31,6 +31,10 @@ from pydantic_core import PydanticCustomError
 
 from patrol.pose import Model
 from patrol.radio.message import MAX_FRAME, MAX_TRAIL
+
+if TYPE_CHECKING:
+    from patrol.ground.marks import Mark
+    from patrol.ground.terrain import Terrain
 
 
 class Section(BaseModel):
@@ -62,6 +66,11 @@ class Section(BaseModel):
             else:
                 for section, part in [(value, says[key])] if isinstance(value, Section) else _entries(value, says[key]):
                     section.reduce(part, files)
+
+    def mark(self, terrain: Terrain, number: int) -> Mark | None:
+        """Return what maps show of the section, the `number`-th of a list; None for one that they do not show."""
+        del terrain, number
+        return None
 
     def with_digests(self) -> Self:
         """Add the SHA-256 of the files of classes and networks, where it does not have them yet."""
