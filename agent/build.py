@@ -38,7 +38,7 @@ from patrol.measures.best_tour import followers_of, round_of
 from patrol.measures.zoned import zoned_ground
 from patrol.prepare import inboxes_of, sensor_footprint
 from patrol.radio.fleet_key import fleet_key
-from patrol.radio.peers import Predictor
+from patrol.radio.prediction import Predictor
 from patrol.random import Purpose
 from patrol.scenario.policies import LEARNED
 from patrol.scenario.zones import weighing_at

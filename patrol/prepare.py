@@ -91,10 +91,8 @@ class Prepared:
     @cached_property
     def graph(self) -> Graph:
         """The terrain's graph: the scenario's, or one that is made from the ground of the smallest robots."""
-        from patrol.graph import (
-            graph_from_ground,  # here: few fleets need a graph
-            graph_of,
-        )
+        from patrol.graph import graph_of
+        from patrol.graph_from_ground import graph_from_ground  # here: few fleets need a graph
 
         given = self.scenario.terrain.graph
         if given is not None:
