@@ -3,8 +3,6 @@
 Ticks can be held, let go and paced. In lockstep a pace is a limit: the world still waits for every robot, so the trace
 does not depend on it. What is asked for while the ticks are held is done before the next one.
 
-Takes operators' requests from the network, and keeps the scenario that they have changed.
-
 Only requests of clients that know the fleet's token come through (`patrol.security.control_auth`). All others are
 counted and get no answer.
 """

@@ -1,4 +1,7 @@
-"""``fogwatch fleet``: the members of a fleet of several machines. Commands raise BadInput; the caller prints it."""
+"""``fogwatch fleet``: the members of a fleet of several machines, and the options that name a running fleet.
+
+Commands raise BadInput; the caller prints it.
+"""
 
 from __future__ import annotations
 

@@ -178,15 +178,23 @@ def _marks(static: Static) -> list[dict[str, Any]]:
     """
     terrain, shown = Terrain(static.name, static.passable, static.point, static.origin), []
     for mark in marks_of(static.scenario, terrain):
-        says = {"section": mark.section, "kind": mark.kind, "name": mark.name, "label": mark.label}
-        says |= {"at": [_short(value) for value in mark.at], "radius": mark.radius, "edges": [], "runs": []}
+        says: dict[str, Any] = {
+            "section": mark.section,
+            "kind": mark.kind,
+            "name": mark.name,
+            "label": mark.label,
+            "at": [_short(value) for value in mark.at],
+            "radius": mark.radius,
+            "edges": [],
+            "runs": [],
+        }
         if mark.points is not None:
             edges = outline(mark.points, terrain).tolist()
             says["edges"] = [[_short(value) for value in edge] for edge in edges]
-        if mark.closes:
-            indices = np.flatnonzero(mark.points)
-            begins = 1 + np.flatnonzero((np.diff(indices) != 1) | (indices[1:] % terrain.width == 0))
-            says["runs"] = [[int(run[0]), run.size] for run in np.split(indices, begins)]
+            if mark.closes:
+                indices = np.flatnonzero(mark.points)
+                begins = 1 + np.flatnonzero((np.diff(indices) != 1) | (indices[1:] % terrain.width == 0))
+                says["runs"] = [[int(run[0]), run.size] for run in np.split(indices, begins)]
         shown.append(says)
     return shown
 
