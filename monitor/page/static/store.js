@@ -44,7 +44,7 @@ export class Store {
         if (this.facts.live) this.#remember(message);
         this.#shorten(message.k);
         this.state = message;
-        this.#close(Object.values(message.looks).flatMap((looks) => Object.keys(looks).filter((name) => looks[name][2])));
+        this.#close(Object.values(message.looks ?? {}).flatMap((looks) => Object.keys(looks).filter((name) => looks[name][2])));
         for (const packet of this.held.splice(0)) this.#fill(packet);
         if (!message.linked) this.links = null;
         this.stalest = Math.max(this.stalest, message.mfow ?? 0);
