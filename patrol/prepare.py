@@ -18,7 +18,7 @@ from patrol.closures.checks import check_closures_on_ground
 from patrol.closures.ground import ChangingFootprint
 from patrol.energy.checks import check_docks_on_ground
 from patrol.errors import BadInput, NotPrepared
-from patrol.graph import check_vertices, graph_from_ground, graph_of, watching_vertices
+from patrol.graph import check_vertices, graph_of, watching_vertices
 from patrol.ground.fields import StaticFields, compute_fields, load_grid
 from patrol.ground.footprint import REMEMBERED, Footprint
 from patrol.ground.left_out import LeftOut, left_out
@@ -89,6 +89,8 @@ class Prepared:
     @cached_property
     def graph(self) -> Graph:
         """The terrain's graph: the scenario's, or one that is made from the ground of the smallest robots."""
+        from patrol.graph_from_ground import graph_from_ground  # here: few fleets need a graph
+
         given = self.scenario.terrain.graph
         if given is not None:
             return graph_of(given.vertices, given.edges, given.pixel, given.visit)

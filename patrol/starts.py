@@ -14,7 +14,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from patrol.closures.points import closure_points, with_closed
+from patrol.closures.points import with_closed
+from patrol.closures.spec import closure_points
 from patrol.errors import BadInput
 from patrol.ground.cspace import TOLERANCE, cspace_of, parts_of, planning_radius
 from patrol.ground.fields import anchor

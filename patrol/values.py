@@ -7,11 +7,11 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from itertools import pairwise
 from pathlib import Path
 from types import MappingProxyType
-from typing import Annotated, Any, ClassVar, Final, Literal, Self, get_args
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final, Literal, Self, get_args
 
 from pydantic import (
     AfterValidator,
@@ -31,6 +31,10 @@ from pydantic_core import PydanticCustomError
 
 from patrol.pose import Model
 from patrol.radio.message import MAX_FRAME, MAX_TRAIL
+
+if TYPE_CHECKING:
+    from patrol.ground.marks import Mark
+    from patrol.ground.terrain import Terrain
 
 
 class Section(BaseModel):
@@ -53,15 +57,21 @@ class Section(BaseModel):
         A file enters by its content, which may be read for that; without `files` only by its presence.
         """
         for name, field in type(self).model_fields.items():
-            key = name if name in says else field.alias or name
-            value = getattr(self, name)
+            key, value = name if name in says else field.alias, getattr(self, name)
             if key not in says:
                 continue
             if name in self.LATER and value == self.LATER[name]:
                 del says[key]
-            else:
-                for section, part in [(value, says[key])] if isinstance(value, Section) else _entries(value, says[key]):
-                    section.reduce(part, files)
+                continue
+            entries, parts = (value, says[key]) if isinstance(value, tuple) else ((value,), (says[key],))
+            for entry, part in zip(entries, parts, strict=True):
+                if isinstance(entry, Section):
+                    entry.reduce(part, files)
+
+    def mark(self, terrain: Terrain, number: int) -> Mark | None:
+        """Return what maps show of the section, the `number`-th of a list; None for one that they do not show."""
+        del terrain, number
+        return None
 
     def with_digests(self) -> Self:
         """Add the SHA-256 of the files of classes and networks, where it does not have them yet."""
@@ -73,10 +83,9 @@ class Section(BaseModel):
 
     def _with_sections(self, change: Callable[[Section], Section]) -> Self:
         """Change the sections in it, but for those in lists."""
-        sections = {
-            name: value for name in type(self).model_fields if isinstance(value := getattr(self, name), Section)
-        }
-        changed = {name: now for name, section in sections.items() if (now := change(section)) is not section}
+        values = ((name, getattr(self, name)) for name in type(self).model_fields)
+        sections = [(name, value) for name, value in values if isinstance(value, Section)]
+        changed = {name: now for name, section in sections if (now := change(section)) is not section}
         return self.model_copy(update=changed) if changed else self
 
 
@@ -84,12 +93,6 @@ def digest_of(meaning: Mapping[str, Any]) -> str:
     """Return the SHA-256 (hex) of texts and numbers by name, in any order."""
     text = json.dumps(meaning, sort_keys=True, separators=(",", ":"), allow_nan=False)
     return hashlib.sha256(text.encode()).hexdigest()
-
-
-def _entries(value: Any, says: Any) -> Iterator[tuple[Section, dict[str, Any]]]:
-    """Yield the sections of a list of sections, each with what was dumped of it."""
-    if isinstance(value, tuple):
-        yield from ((entry, part) for entry, part in zip(value, says, strict=True) if isinstance(entry, Section))
 
 
 def wrong(field: str, problem: str, value: float | None = None) -> PydanticCustomError:

@@ -19,14 +19,15 @@ from fogwatch.pictures.run_end import MOST_NAMES, RECENT_S
 from monitor.replay.replay import Moment, Replay, RobotMoment
 from monitor.replay.run import Run
 from monitor.report.map_charts import CLOSURE, ZONES
-from patrol.closures.points import closure_points
+from patrol.closures.spec import closure_points
 from patrol.extras import check_matplotlib
 from patrol.ground.fog import NEVER
+from patrol.ground.marks import middle, outline
 from patrol.ground.terrain import BoolGrid
 from patrol.journal.records import Status
 from patrol.palette import LIGHT, NEVER_SEEN, ROBOTS, UNCOUNTED, WALL, WALL_EDGE, rgb, with_walls
-from patrol.zones.ground import middle, outline, points_of
-from patrol.zones.spec import zones_at
+from patrol.scenario.marks import looks_at
+from patrol.zones.ground import points_of
 
 Pixels = NDArray[np.uint8]
 Place = tuple[float, float]
@@ -182,11 +183,11 @@ class FilmFrames:
         run, k = self._run, moment.k
         labels: list[tuple[Place, str]] = []
         terrain = run.prepared.terrain
-        for name, zone in zones_at(run.prepared.scenario.zones, moment.time_s).items():
+        for name, zone in looks_at(run.prepared.scenario, k)["zones"].items():
             self._outline(draw, name, self._kinds[name], strong=zone.holds)
             if zone.holds and self._zones[name].any():
-                labels.append((self._at(*middle(self._zones[name], terrain)), zone.label))
-        closed, waiting = run.closings.names(k), run.closings.waiting(k)
+                labels.append((self._at(*middle(self._zones[name], terrain)), zone.text))
+        closed, waiting = run.closings.at(k)
         for name, points in self._closures.items():
             self._outline(draw, name, CLOSURE, strong=name in closed or name in waiting)
             if name in closed or name in waiting:

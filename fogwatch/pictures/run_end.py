@@ -25,17 +25,19 @@ from fogwatch.pictures.drawing import (
     save,
 )
 from patrol.closures.ground import ChangingFootprint
-from patrol.closures.points import Closings, closure_points
+from patrol.closures.points import Closings
+from patrol.closures.spec import closure_points
 from patrol.errors import BadInput
 from patrol.ground.doors import Door
 from patrol.ground.fog import NEVER, Fog
+from patrol.ground.marks import middle, outline
 from patrol.journal import Journal, read_journal
 from patrol.journal.records import RobotFacts, RobotTick, Status
 from patrol.palette import LIGHT, NEVER_SEEN, ROBOTS, UNCOUNTED, WALL, rgb
 from patrol.pose import Pose
 from patrol.prepare import Prepared, prepare, sensor_footprint
 from patrol.scenario import load_scenario
-from patrol.zones.ground import middle, outline, points_of
+from patrol.zones.ground import points_of
 from worldsim.truth import Truth
 
 if TYPE_CHECKING:

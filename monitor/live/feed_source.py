@@ -46,8 +46,8 @@ from patrol.scenario.controls import (
     read_control,
     worded,
 )
+from patrol.scenario.marks import looks_at
 from patrol.zones.ground import steps_against
-from patrol.zones.spec import zones_at
 
 if TYPE_CHECKING:
     from monitor.live.feed_client import FeedClient
@@ -390,9 +390,7 @@ class FeedSource:
             links=None if self._direct else self._links.counts,
             ended=self._ended,
             intruders=intruders_there(self._scenario, k),
-            closed=tuple(sorted(self._closings.now.names)),
-            waiting=tuple(sorted(self._closings.now.waiting)),
-            zones=zones_at(self._scenario.zones, coming * self._step),
+            looks=looks_at(self._scenario, coming, self._closings),
             faults=in_force(self._scenario, coming, self._planned),
             note=self._note(),
             gone=self._ended is None and not self._client.present,

@@ -10,12 +10,13 @@ from numpy.typing import NDArray
 
 from monitor.replay.run import Run
 from monitor.report.style import INK, MUTED, UNCOUNTED, colour, figure, plain
-from patrol.closures.points import closure_points
+from patrol.closures.spec import closure_points
+from patrol.ground.marks import middle, outline
 from patrol.ground.terrain import BoolGrid, Terrain
 from patrol.journal.records import Status
 from patrol.palette import NEVER_SEEN, rgb, with_walls
 from patrol.scenario import ClosureSpec, ZoneSpec
-from patrol.zones.ground import middle, outline, points_of
+from patrol.zones.ground import points_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -48,54 +48,48 @@ class ClassSection(Section):
     NAMED: ClassVar[str]
     SORT: ClassVar[str]
 
-    @property
-    def named(self) -> str:
-        """The name of the class."""
-        name: str = getattr(self, self._field)
-        return name
-
-    @property
-    def _field(self) -> str:
-        return self.NAMED.rpartition(".")[2]
-
-    @property
-    def _sha256(self) -> str | None:
-        digest: str | None = getattr(self, f"{self._field}_sha256")
-        return digest
+    def _named(self) -> tuple[str, str, str | None]:
+        """Return the field, the name of the class, and the SHA-256 of its file."""
+        field = self.NAMED.rpartition(".")[2]
+        return field, getattr(self, field), getattr(self, f"{field}_sha256")
 
     def check_digest(self) -> None:
         """Refuse a SHA-256 of a class that comes from no file."""
-        if self._sha256 is not None and class_file(self.named) is None:
-            raise wrong(f"{self._field}_sha256", f"only a {self.SORT} that is a file has a hash; drop it")
+        field, name, digest = self._named()
+        if digest is not None and class_file(name) is None:
+            raise wrong(f"{field}_sha256", f"only a {self.SORT} that is a file has a hash; drop it")
 
     def reduce(self, says: dict[str, Any], files: bool) -> None:
         """Let a class enter by its name, and by its file's content."""
         super().reduce(says, files)
-        digest = says.pop(f"{self._field}_sha256")
-        class_name = self.named.rpartition(":")[2]
+        field, name, digest = self._named()
+        del says[f"{field}_sha256"]
+        class_name = name.rpartition(":")[2]
         if not files:
-            says[self._field] = class_name
+            says[field] = class_name
         elif digest is not None:
-            says[self._field] = [digest, class_name]
+            says[field] = [digest, class_name]
 
     def with_digests(self) -> Self:
         """Add the SHA-256 of the class's file."""
-        section, path = super().with_digests(), class_file(self.named)
-        if path is None or self._sha256 is not None or not path.is_file():
+        field, name, digest = self._named()
+        section, path = super().with_digests(), class_file(name)
+        if path is None or digest is not None or not path.is_file():
             return section
-        return section.model_copy(update={f"{self._field}_sha256": file_digest(path, self.NAMED)})
+        return section.model_copy(update={f"{field}_sha256": file_digest(path, self.NAMED)})
 
     def with_copies(self, folder: Path) -> Self:
         """Copy the class's file."""
-        section, source = super().with_copies(folder), class_file(self.named)
+        field, name, digest = self._named()
+        section, source = super().with_copies(folder), class_file(name)
         if source is None:
             return section
-        if self._sha256 not in (None, file_digest(source, self.NAMED)):
+        if digest not in (None, file_digest(source, self.NAMED)):
             raise BadInput(f"{source}: has changed since the scenario was loaded; start again")
         own = folder / self.SORT
         own.mkdir()
         (own / source.name).write_bytes(class_source(source, self.NAMED))
-        return section.model_copy(update={self._field: f"./{self.SORT}/{source.name}:{self.named.rpartition(':')[2]}"})
+        return section.model_copy(update={field: f"./{self.SORT}/{source.name}:{name.rpartition(':')[2]}"})
 
 
 FIELD = "patrol.options.weights"

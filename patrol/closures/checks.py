@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from patrol.closures.points import closure_points, with_closed
+from patrol.closures.points import with_closed
+from patrol.closures.spec import closure_points
 from patrol.errors import BadInput
 from patrol.pose import Pose
 from patrol.values import wrong

@@ -9,14 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from patrol.closures.ground import ChangingFootprint
-from patrol.ground.shapes import cover
+from patrol.closures.spec import ClosureSpec, closure_points
 from patrol.ground.terrain import Terrain
 from patrol.journal.records import CLOSED, OPENED, STAYS_OPEN
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
 
-    from patrol.closures.spec import ClosureSpec
     from patrol.ground.footprint import Footprint
     from patrol.ground.terrain import BoolGrid
     from patrol.journal.records import Event
@@ -32,15 +31,6 @@ def closure_of(event: Event) -> str:
         return event.detail
     name, waits, _ = event.detail.partition(WAITS)
     return name if waits and event.kind == WAITING else ""
-
-
-def closure_points(closure: ClosureSpec, terrain: Terrain) -> NDArray[np.int64]:
-    """Return the passable points that share some area with a closure, as ascending flat indices.
-
-    Nothing may be closed on the terrain.
-    """
-    covered = cover(closure.polygon, terrain.shape, terrain.point, terrain.origin)
-    return np.flatnonzero(covered & terrain.passable)
 
 
 def with_closed(terrain: Terrain, closures: Sequence[ClosureSpec]) -> Terrain:
@@ -112,13 +102,14 @@ class Closings:
             footprint.close(self.grid(k))
             self._shown = shown
 
+    def at(self, k: int) -> tuple[frozenset[str], frozenset[str]]:
+        """Return the closures that are closed in a tick, and those that wait until bodies are clear of them."""
+        place = bisect_right(self._ticks, k) - 1
+        return self._names[place], self._waiting[place]
+
     def names(self, k: int) -> frozenset[str]:
         """Return the closures that are closed in a tick."""
-        return self._names[bisect_right(self._ticks, k) - 1]
-
-    def waiting(self, k: int) -> frozenset[str]:
-        """Return the closures that wait in a tick until bodies are clear of them."""
-        return self._waiting[bisect_right(self._ticks, k) - 1]
+        return self.at(k)[0]
 
     def grid(self, k: int) -> BoolGrid:
         """Return the points that are closed in a tick, bool (height, width)."""

@@ -11,10 +11,16 @@ open unless a fault of kind `close` closes it, which operators give too.
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from typing import Annotated, Any, Self
 
+import numpy as np
+from numpy.typing import NDArray
 from pydantic import Field, ValidationInfo, model_validator
 
+from patrol.ground.marks import Look, Mark, mark_ground
+from patrol.ground.shapes import cover
+from patrol.ground.terrain import Terrain
 from patrol.values import Name, Polygon, Positive, Section, at_least, at_most, wrong
 from patrol.zones.spec import MOST_TIMES, Span, check_spans, has_area, listed_in_file
 
@@ -52,6 +58,18 @@ class ClosureSpec(Section):
         check_spans(self.closed or (), "closed", self.name)
         return self
 
+    def mark(self, terrain: Terrain, number: int) -> Mark | None:
+        """Return the closure's outline."""
+        del number
+        points = np.zeros(terrain.shape, dtype=np.bool_)
+        points.reshape(-1)[closure_points(self, terrain)] = True
+        return mark_ground("closure", self.name, self.name, points, terrain, closes=True)
+
+    def look(self, closed: Collection[str], waiting: Collection[str]) -> Look:
+        """Return what its mark looks like; `closed` and `waiting` are names of closures."""
+        filled, waits = self.name in closed, self.name in waiting
+        return Look(f"{self.name} waits" if waits else self.name, filled or waits, filled, waits)
+
 
 Closures = Annotated[
     tuple[ClosureSpec, ...],
@@ -64,3 +82,12 @@ def closures_in_file(value: Any, info: ValidationInfo) -> Any:
     """Read the list of closures that a field names by its file; leave any other value as it is."""
     example = "{name: door, polygon: ..., closed: [[60, 90]]}"
     return listed_in_file(value, info, "closures", example)
+
+
+def closure_points(closure: ClosureSpec, terrain: Terrain) -> NDArray[np.int64]:
+    """Return the passable points that share some area with a closure, as ascending flat indices.
+
+    Nothing may be closed on the terrain.
+    """
+    covered = cover(closure.polygon, terrain.shape, terrain.point, terrain.origin)
+    return np.flatnonzero(covered & terrain.passable)

@@ -7,6 +7,8 @@ from typing import Self
 
 from pydantic import Field, model_validator
 
+from patrol.ground.marks import Mark
+from patrol.ground.terrain import Terrain
 from patrol.values import Corner, NotNegative, Positive, Section, Share, Tolerance, wrong
 
 JOULES = 3600.0
@@ -73,3 +75,8 @@ class DockSpec(Section):
                 "radius", f"robots charge at a place, not from afar; give at most {MOST_DOCK_RADIUS_M:g}", self.radius
             )
         return self
+
+    def mark(self, terrain: Terrain, number: int) -> Mark:
+        """Return the dock's place."""
+        del terrain
+        return Mark("dock", f"dock {number}", f"dock {number}", self.place, radius=self.radius)

@@ -174,15 +174,11 @@ class RadioSpec(ClassSection):
 class IdealRadio(RadioSpec):
     """The section with the default model."""
 
+    LATER = MappingProxyType({"model": IDEAL, "options": None})
     model: Literal["ideal"] = Field(IDEAL, description=RADIO_MODEL)
     options: Annotated[None, expecting("none: the model ideal has no settings; set radio.model to path-loss")] = Field(
         None, description="ideal has none"
     )
-
-    def reduce(self, says: dict[str, Any], files: bool) -> None:
-        """Leave out the model, so that hashes stay as before there were others."""
-        super().reduce(says, files)
-        del says["model"], says["options"]
 
 
 class PathLossRadio(RadioSpec):

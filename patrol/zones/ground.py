@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from typing import Protocol
-
-import numpy as np
-from numpy.typing import NDArray
 
 from patrol.errors import NotPrepared
 from patrol.ground.one_way import with_direction
@@ -72,34 +69,6 @@ def points_of(zone: Zone, terrain: Terrain) -> BoolGrid:
     assert mask is not None
     start = terrain.origin[0] - mask.origin[0], terrain.origin[1] - mask.origin[1]
     return touched_points(mask.marked(), mask.resolution, terrain.point, terrain.shape, start)
-
-
-def outline(points: BoolGrid, terrain: Terrain) -> NDArray[np.float64]:
-    """Return the straight edges between some points and all others, float64 (n, 4): x and y in m of both ends."""
-    rims = np.pad(points, 1)
-    lines = [(row, *run) for row, runs in _runs(rims[1:] != rims[:-1]) for run in runs]
-    edges = [(first, row, end, row) for row, first, end in lines]
-    lines = [(col, *run) for col, runs in _runs((rims[:, 1:] != rims[:, :-1]).T) for run in runs]
-    edges += [(col, first, col, end) for col, first, end in lines]
-    place: NDArray[np.float64] = np.array(edges, dtype=np.float64).reshape(-1, 4)
-    # Edge 0 lies along the border, but runs begin in the padding, one point before it.
-    place[:, [0, 2]] -= np.where(place[:, [1]] == place[:, [3]], 1.0, 0.0)
-    place[:, [1, 3]] -= np.where(place[:, [0]] == place[:, [2]], 1.0, 0.0)
-    return np.asarray(place * terrain.point + np.tile(terrain.origin, 2))
-
-
-def _runs(marked: BoolGrid) -> Iterator[tuple[int, list[tuple[int, int]]]]:
-    """Yield each row of a grid that has marks, with the first column and the one after the last of each run of them."""
-    for row in np.flatnonzero(marked.any(axis=1)).tolist():
-        ends = np.flatnonzero(np.diff(np.pad(marked[row].view(np.int8), 1)))
-        yield row, [(int(first), int(end)) for first, end in ends.reshape(-1, 2)]
-
-
-def middle(points: BoolGrid, terrain: Terrain) -> tuple[float, float]:
-    """Return x and y in m of the point that is nearest to the middle of some points."""
-    rows, cols = np.nonzero(points)
-    nearest = int(((rows - rows.mean()) ** 2 + (cols - cols.mean()) ** 2).argmin())
-    return terrain.centre(int(rows[nearest]), int(cols[nearest]))
 
 
 def steps_against(zones: Iterable[Zone], terrain: Terrain) -> Steps:

@@ -22,7 +22,7 @@ from bisect import bisect_right
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from types import MappingProxyType
-from typing import Annotated, Any, Literal, NamedTuple, Self
+from typing import Annotated, Any, Literal, Self
 
 import numpy as np
 from pydantic import Field, ValidationInfo, field_validator, model_validator
@@ -30,8 +30,9 @@ from pydantic import Field, ValidationInfo, field_validator, model_validator
 from patrol.errors import BadInput
 from patrol.exchange import LEAST_WEIGHT, MOST_WEIGHT, MOST_ZONES
 from patrol.files.yaml_text import parse_yaml, read_text
+from patrol.ground.marks import Look, Mark, mark_ground
 from patrol.ground.one_way import ARROWS, TURN
-from patrol.ground.terrain import BoolGrid
+from patrol.ground.terrain import BoolGrid, Terrain
 from patrol.maps.map_file import read_map_file
 from patrol.values import (
     Corner,
@@ -46,6 +47,7 @@ from patrol.values import (
     expecting,
     wrong,
 )
+from patrol.zones.ground import points_of
 
 MOST_CELLS = 25_000_000
 """Cells of the largest mask."""
@@ -230,6 +232,15 @@ class ZoneSpec(Section):
         weight = self.weight_at(time_s)
         return self.label if weight is None else f"{self.name} x{weight:g}"
 
+    def mark(self, terrain: Terrain, number: int) -> Mark | None:
+        """Return the zone's outline."""
+        del number
+        return mark_ground(self.kind, self.name, self.label, points_of(self, terrain), terrain)
+
+    def look(self, time_s: float) -> Look:
+        """Return what its mark looks like at a time."""
+        return Look(self.label_at(time_s), self.holds(time_s), weight=self.weight_at(time_s))
+
     @property
     def labels(self) -> str:
         """The label, and the later weights, for people: ``vault x10, x5 from 60 s``."""
@@ -260,19 +271,6 @@ def zones_in_force(zones: Iterable[ZoneSpec], time_s: float) -> frozenset[str]:
 def weighing_at(zones: Iterable[ZoneSpec], time_s: float) -> Weighing:
     """Return the zones with weights or wanted ages that are in force at a time, with their weights then."""
     return frozenset((zone.name, zone.weight_at(time_s)) for zone in zones if zone.weighs and zone.holds(time_s))
-
-
-class ZoneNow(NamedTuple):
-    """A zone at a time, as pages show it."""
-
-    label: str  # its name, and what holds there, or would hold were it in force
-    holds: bool
-    weight: float | None  # as it is, or would be were it in force; None for a zone that has none
-
-
-def zones_at(zones: Iterable[ZoneSpec], time_s: float) -> dict[str, ZoneNow]:
-    """Return all zones as they are at a time, by name."""
-    return {zone.name: ZoneNow(zone.label_at(time_s), zone.holds(time_s), zone.weight_at(time_s)) for zone in zones}
 
 
 def is_in_one_of(spans: Sequence[Span], time_s: float) -> bool:

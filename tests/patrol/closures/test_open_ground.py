@@ -103,7 +103,7 @@ def test_closings_say_what_waits_and_show_a_sensor_the_ground_of_any_tick(halves
     closings = Closings(halves.scenario.closures, halves.terrain, [waits, Event(6, "closed", None, "wall")])
     more = [Event(8, "opened", None, "wall"), replace(waits, k=9), Event(12, "stays open", None, "wall")]
     closings.take(more)
-    assert [len(closings.waiting(k)) for k in (2, 3, 5, 6, 8, 9, 12)] == [0, 1, 1, 0, 0, 1, 0]
+    assert [len(closings.at(k)[1]) for k in (2, 3, 5, 6, 8, 9, 12)] == [0, 1, 1, 0, 0, 1, 0]
     assert (closings.now.names, closings.now.waiting) == (set(), set())
     sensor, other = (sensor_footprint(halves.scenario, halves.terrain) for _ in range(2))
     for k, footprint, closed in ((6, sensor, True), (8, other, False), (7, other, True), (0, sensor, False)):
