@@ -218,7 +218,7 @@ class Launch:
                 self._spawn_agent(name, FIRST_INCARNATION)
 
     def _spawn_agent(self, name: str, incarnation: int) -> None:
-        environment = OF_MINDS if self.alike else {}
+        environment = dict(OF_MINDS) if self.alike else {}
         agent = self.children.spawn(
             name, AGENT, self._agent_arguments(name, incarnation), self._log(name), environment=environment
         )
