@@ -68,6 +68,8 @@ def test_the_list_has_times_and_commands(capsys: pytest.CaptureFixture[str]) -> 
     lines = capsys.readouterr().out.splitlines()
     assert "paper: 4.2 h: fogwatch reproduce table --seeds 5" in lines
     assert len(lines) == len(site_figures())
+    root: Any = get_command(app)
+    assert not {figure.figure for figure in site_figures()} & set(root.commands["reproduce"].commands)
 
 
 @pytest.mark.parametrize(
