@@ -28,10 +28,11 @@ from experiments.benchmark.results import (
 )
 from experiments.intruders.standing import ATTACKS_S
 from experiments.sweeps.estimates import Curve, Dot, draw_curves, draw_dots, look, scale
-from experiments.sweeps.game_log import GAINED, game_metric
+from experiments.sweeps.run_metrics import GAINED, game_metric
 from monitor.report import html
 from monitor.report.charts import WIDTH
 from monitor.report.style import INK, MUTED, Drawing, draw, figure, plain
+from monitor.tables.table import Table
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -119,14 +120,11 @@ def page(
 def _published(preset: Preset | None, results: BenchmarkResults) -> str:
     if preset is None:
         return ""
-    heads, rows = beside_published(preset, results.cells)
     notes = [html.text(line.replace("`", ""), "note") for line in preset.differs]
-    return "\n".join([html.table(heads, rows, range(3, len(heads))), *notes])
+    return "\n".join([_table(beside_published(preset, results.cells)), *notes])
 
 
 def _cells(cells: Sequence[CellResult]) -> str:
-    heads, rows = policy_table(cells)
-    short = html.table(heads, rows, range(1, len(heads)))
     shown = [measure for measure in MEASURES if _measured(measure.metric, cells)]
     titles = ["policy", "terrain", "runs", "with warnings", *(measure.title for measure in shown)]
     every = [
@@ -142,11 +140,15 @@ def _cells(cells: Sequence[CellResult]) -> str:
     commands = "\n".join(f"# {cell.cell.name}\n{cell.command}" for cell in cells)
     return "\n".join(
         [
-            short,
+            _table(policy_table(cells)),
             html.details("all measures", html.table(titles, every, range(2, len(titles)))),
             html.details("commands that make the first run of each cell again", html.preformatted(commands)),
         ]
     )
+
+
+def _table(table: Table) -> str:
+    return html.table(table.heads, table.rows, table.numbers)
 
 
 def _facets(

@@ -31,7 +31,7 @@ from experiments.faults.cost import (
 )
 from experiments.faults.cost_page import page
 from experiments.faults.figures import costs_picture, curves_picture
-from experiments.sweeps.casetable import json_text, write_tables, write_text
+from experiments.sweeps.cases import json_text, write_tables, write_text
 from experiments.sweeps.plan import count_of_seeds
 from experiments.sweeps.progress import command_line, print_failures
 from experiments.sweeps.stats import with_interval

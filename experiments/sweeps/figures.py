@@ -10,8 +10,7 @@ import textwrap
 from collections.abc import Callable, Collection, Sequence
 from typing import TYPE_CHECKING
 
-from experiments.sweeps.caserows import CaseRow
-from experiments.sweeps.casetable import SHOWN, told_apart
+from experiments.sweeps.cases import SHOWN, CaseRow, told_apart
 from experiments.sweeps.estimates import Curve, Dot, draw_curves, draw_dots, scale
 from experiments.sweeps.paired import PAIRING, TEST, PairedTest, paired_tests
 from experiments.sweeps.plan import CASE

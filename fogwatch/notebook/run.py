@@ -245,7 +245,8 @@ class Run:
         return run_html(self._figures, self.folder)
 
     def _table(self, name: str) -> pa.Table:
-        from monitor.tables.arrow import arrow_table, check_pyarrow
+        from monitor.tables.arrow import arrow_table
+        from monitor.tables.table import check_pyarrow
 
         check_pyarrow()  # before a long run is read
         return arrow_table(self._replayed, name)

@@ -167,7 +167,7 @@ def compare_html(analyses: Sequence[Analysis], figures: Sequence[Drawing]) -> st
         html.section("fog", "Fog", html.figure(of["mfow"]), html.figure(of["fog"])),
         html.section("visits", "Time between visits", html.figure(of["gaps"])),
         html.section("maps", "Mean fog, on a common scale", html.side_by_side(*maps)),
-        html.section("faults", "Faults", html.table(heads, faults, (2, 3)) if faults else ""),
+        html.section("faults", "Faults", html.table(heads, faults, (2, 3))),
     ]
     return html.page("fogwatch: comparison of runs", (part for part in body if part))
 

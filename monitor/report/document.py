@@ -237,8 +237,8 @@ def _verdict(run: Run) -> str:
         counts.append(f"{warned} with warnings")
     if len(open_checks) > failed + warned:
         counts.append(f"{len(open_checks) - failed - warned} could not be judged")
-    shown = html.table(heads, open_checks) if open_checks else ""
-    return html.text(f"{', '.join(counts)}.") + shown + html.details("checks passed", html.table(heads, passed))
+    listed = html.details("checks passed", html.table(heads, passed))
+    return html.text(f"{', '.join(counts)}.") + html.table(heads, open_checks) + listed
 
 
 def _stalest(run: Run) -> str:
@@ -250,7 +250,7 @@ def _stalest(run: Run) -> str:
             since = f"{place.at_s - place.age_s:g} s" if place.seen else "never"
             rows.append((when, f"{place.x:.1f}, {place.y:.1f}", f"{place.at_s:g}", f"{place.age_s:g}", since, near))
     heads = ("stalest place", "x, y (m)", "at (s)", "age (s)", "last seen before at", "nearest robot then")
-    return html.table(heads, rows, numbers=(1, 2, 3)) if rows else ""
+    return html.table(heads, rows, numbers=(1, 2, 3))
 
 
 def _robots(run: Run) -> str:
@@ -302,7 +302,7 @@ def _faults(analysis: Analysis) -> str:
         facts = analysis.run.stated.faults.get(band.id)
         numbers = "" if facts is None else _fault_counts(band.kind, facts)
         rows.append((band.id, band.kind, f"{band.begin:g}", until, band.text, numbers))
-    return html.table(("id", "kind", "from (s)", "to (s)", "details", "frames"), rows, numbers=(2, 3)) if rows else ""
+    return html.table(("id", "kind", "from (s)", "to (s)", "details", "frames"), rows, numbers=(2, 3))
 
 
 def _intruders(analysis: Analysis) -> str:
@@ -318,7 +318,7 @@ def _intruders(analysis: Analysis) -> str:
         rows.append((band.id, band.text, f"{band.begin:g}", f"{band.end:g}", *numbers))
     heads = ("intruder", "place (m)", "from (s)", "to (s)", "first reported at (s)", "reported for (s)")
     more = ("surrounded for (s)", "robots around it at most")
-    return html.table((*heads, *more), rows, numbers=range(2, 8)) if rows else ""
+    return html.table((*heads, *more), rows, numbers=range(2, 8))
 
 
 def _moving(analysis: Analysis) -> str:
@@ -363,7 +363,7 @@ def _batteries(run: Run) -> str:
         if (battery := robot.battery) is not None
     ]
     heads = ("robot", "least charge (%)", "at the end (%)", "times charged", "charged for (s)", "on patrol (%)")
-    return html.table((*heads, "empty at (s)"), rows, numbers=range(1, 7)) if rows else ""
+    return html.table((*heads, "empty at (s)"), rows, numbers=range(1, 7))
 
 
 def _closures(run: Run) -> str:
