@@ -29,9 +29,9 @@ from experiments.benchmark.results import (
 from experiments.intruders.standing import ATTACKS_S
 from experiments.sweeps.estimates import Curve, Dot, draw_curves, draw_dots, look, scale
 from experiments.sweeps.run_metrics import GAINED, game_metric
+from monitor.figures.style import INK, MUTED, Drawing, figure, plain
 from monitor.report import html
 from monitor.report.charts import WIDTH
-from monitor.report.style import INK, MUTED, Drawing, draw, figure, plain
 from monitor.tables.table import Table
 
 if TYPE_CHECKING:
@@ -60,10 +60,10 @@ def drawings(matrix: Matrix, results: BenchmarkResults) -> list[Drawing]:
         if _measured(shown_metric.metric, first):
             caption = f"Each policy is a point; the lower left is better. Hollow: some ground was never seen. {where}."
             fill = partial(_plane, matrix=matrix, upward=shown_metric)
-            figures.append(draw(name, heading, caption, partial(_facets, first, fill)))
+            figures.append(Drawing(name, heading, caption, partial(_facets, first, fill)))
     if any(_measured(game_metric("worst", attack_s), first) for attack_s in ATTACKS_S):
         figures.append(
-            draw(
+            Drawing(
                 "attacks",
                 "Intruder success over the duration of the attack",
                 f"Share of attacks that succeed, of the intruder that does best. {where}.",
@@ -238,7 +238,7 @@ def _dots_drawing(matrix: Matrix, measure: ShownMetric, results: Sequence[CellRe
     height = 0.9 + 0.19 * len(policies)
     more = " Hollow: some ground was never seen." if hollow else ""
     more += " Dotted: the best tour found." if measure.metric == LATE else ""
-    return draw(
+    return Drawing(
         f"dots-{measure.metric}",
         measure.title[0].upper() + measure.title[1:],
         f"Means over seeds with their 95 % intervals, {robots_text(team)}.{more}",
@@ -256,7 +256,7 @@ def _teams_drawing(matrix: Matrix, measure: ShownMetric, results: Sequence[CellR
                 curves.append(Curve(policy.name, points, place))
         draw_curves(axes, curves, "robots", measure.title)
 
-    return draw(
+    return Drawing(
         f"teams-{measure.metric}",
         f"{measure.title[0].upper()}{measure.title[1:]} over the size of the team",
         f"Means over seeds with their 95 % intervals, {'no fault' if condition == 'none' else condition}.",

@@ -15,7 +15,7 @@ from experiments.sweeps.stats import Estimate, estimate, with_interval
 from experiments.sweeps.worker import software
 from monitor.tables.table import Table
 from patrol.errors import BadInput
-from patrol.files.whole_file import write_whole
+from patrol.files.whole_file import write_whole, writing
 
 SHOWN = {
     "mfow_mean_s": "mean MFoW (s)",
@@ -118,10 +118,8 @@ def write_text(path: Path, text: str) -> None:
         path.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise BadInput(f"{path.parent}: cannot be made ({error.strerror}); choose another --out") from None
-    try:
+    with writing(path, "choose another --out"):
         write_whole(path, text)
-    except OSError as error:
-        raise BadInput(f"{path}: cannot be written ({error.strerror}); choose another --out") from None
 
 
 def runs_table(outcome: SweepOutcome, labels: Callable[[Run], Mapping[str, object]] | None = None) -> Table:

@@ -14,12 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
-from fogwatch.pictures.drawing import fog_scale
 from fogwatch.pictures.run_end import MOST_NAMES, RECENT_S
+from monitor.figures.ground import CLOSURE, ZONES, closed_ground, fog_scale
 from monitor.replay.replay import Moment, Replay, RobotMoment
 from monitor.replay.run import Run
-from monitor.report.map_charts import CLOSURE, ZONES
-from patrol.closures import closure_points
 from patrol.extras import check_matplotlib
 from patrol.ground.fog import NEVER
 from patrol.ground.terrain import BoolGrid
@@ -86,8 +84,7 @@ class FilmFrames:
         self._kinds = {zone.name: ZONES[zone.kind] for zone in scenario.zones}
         self._closures: dict[str, BoolGrid] = {}
         for closure in scenario.closures:
-            points = np.zeros(terrain.shape, dtype=np.bool_)
-            points.reshape(-1)[closure_points(closure, terrain)] = True
+            points = closed_ground(closure, terrain)
             if points.any():
                 self._closures[closure.name] = points
         self._edges = {

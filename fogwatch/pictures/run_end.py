@@ -11,25 +11,29 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fogwatch.grounds.map_check import MapReport, Site
-from fogwatch.pictures.drawing import (
+from monitor.figures.ground import (
+    CLOSURE,
+    ZONES,
     Box,
     Key,
     Layer,
     canvas,
     cropped,
+    draw_outline,
     fog_scale,
     key_column,
     label,
     paint,
     painted,
     save,
+    site_shapes,
 )
-from patrol.closures import Closings, closure_points
+from patrol.closures import Closings
 from patrol.errors import BadInput
 from patrol.ground.closed import ChangingFootprint
 from patrol.ground.doors import Door
 from patrol.ground.fog import NEVER, Fog
-from patrol.ground.zones import middle, outline, points_of
+from patrol.ground.zones import middle
 from patrol.journal import Journal, read_journal
 from patrol.journal.records import RobotFacts, RobotTick, Status
 from patrol.palette import LIGHT, NEVER_SEEN, ROBOTS, UNCOUNTED, WALL, rgb
@@ -58,10 +62,8 @@ MOST_DOORS = 25
 MOST_NAMES = 24
 """Robots named in the legend at most."""
 
-ZONES = {"keepout": "#c1121f", "oneway": "#0b5cad", "slow": "#00796b", "weight": "#6a1b9a"}
 KINDS = {"keepout": "keep-out", "oneway": "one-way zone", "slow": "slow zone", "weight": "zone with a weight or an age"}
-CLOSURE, DOCK = "#e07b00", "#2e7d32"
-"""Colours of what a site has, the same as on the page (`monitor/page/static/marks.js`)."""
+DOCK = "#2e7d32"
 
 RECENT_S = 60.0
 """Length of the last part of a path, which is drawn stronger, s."""
@@ -106,26 +108,13 @@ def map_picture(report: MapReport, out: Path, site: Site | None = None) -> None:
 
 def _draw_site(axes: Axes, terrain: Terrain, site: Site) -> list[Key]:
     """Draw the outlines and names of zones and closures, and docks; return their lines of the legend."""
-    from matplotlib.collections import LineCollection
-
-    keys = []
-
-    def outlined(name: str, points: NDArray[np.bool_], colour: str, style: str) -> None:
-        if not points.any():
-            return
-        edges = list(outline(points, terrain).reshape(-1, 2, 2))
-        axes.add_collection(LineCollection(edges, colors=colour, linewidths=1.8, linestyles=style, zorder=5))
-        above = 12.0 if style == "dashed" else 0.0  # doors have their widths there
-        label(axes, *middle(points, terrain), name, colour=colour, size=8.0, above=above)
-
-    for zone in site.zones:
-        outlined(zone.label, points_of(zone, terrain), ZONES[zone.kind], "solid")
+    for name, colour, points in site_shapes(site.zones, site.closures, terrain):
+        if points.any():
+            style, above = ("dashed", 12.0) if colour == CLOSURE else ("solid", 0.0)  # doors have their widths there
+            draw_outline(axes, terrain, points, colors=colour, linewidths=1.8, linestyles=style, zorder=5)
+            label(axes, *middle(points, terrain), name, colour=colour, size=8.0, above=above)
     kinds = {zone.kind for zone in site.zones}
-    keys += [Key(colour, KINDS[kind], "-") for kind, colour in ZONES.items() if kind in kinds]
-    for closure in site.closures:
-        points = np.zeros(terrain.shape, dtype=np.bool_)
-        points.reshape(-1)[closure_points(closure, terrain)] = True
-        outlined(closure.name, points, CLOSURE, "dashed")
+    keys = [Key(colour, KINDS[kind], "-") for kind, colour in ZONES.items() if kind in kinds]
     keys += [Key(CLOSURE, "closure", "-")] * bool(site.closures)
     for number, dock in enumerate(site.docks, start=1):
         axes.plot(*dock.place, "P", color=DOCK, markersize=9, markeredgecolor="white", zorder=6)

@@ -6,7 +6,7 @@ import html
 from collections.abc import Collection, Iterable, Sequence
 from importlib.resources import files
 
-from monitor.report.style import Drawing
+from monitor.figures.style import Drawing
 from patrol import palette
 from patrol.printable import printable_lines
 
