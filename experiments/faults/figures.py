@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from experiments.faults.cost import VARIANTS, WITH_TRAIL, Finding
-from experiments.sweeps.estimates import Curve, Dot, draw_curves, draw_dots
+from experiments.sweeps.estimates import Curve, Dot, draw_curves, draw_dots, scale
 from monitor.figures.style import INK, drawn, figure, write_figure
 from patrol.palette import ROBOTS
 
@@ -50,6 +50,7 @@ def costs_picture(found: Sequence[Finding], files: Sequence[Path]) -> bool:
         axes = chart.subplots()
         draw_dots(axes, names, dots, list(VARIANTS), "mean MFoW, as a ratio to the same seed without faults")
         axes.axvline(1.0, color=INK, linewidth=0.8)
+        scale(axes, [dot.found.mean for dot in dots])
         chart.legend(loc="outside upper left", ncols=len(VARIANTS))
     write_figure(chart, files)
     return True

@@ -63,6 +63,7 @@ def _draw(axes: Axes, comparison: TableComparison, measure: Measure) -> None:
     width = GROUP / len(table.rows)
     marks: dict[bool, list[tuple[float, float]]] = {False: [], True: []}  # x and value; True: far off
     shown: list[float] = []
+    look: dict[str, Any]
     for index, row in enumerate(table.rows):
         bars = []
         for place, column in enumerate(table.columns):
@@ -86,8 +87,13 @@ def _draw(axes: Axes, comparison: TableComparison, measure: Measure) -> None:
         if placed:
             name, under = (f"the paper, > {FAR_OFF:g} × off", ALERT) if far_off else ("the paper", "white")
             xs, values = np.transpose(placed)
-            ends = (xs - width / 2.0, xs + width / 2.0)
-            axes.hlines(values, *ends, color="black", linewidth=1.8, zorder=5, label=name, path_effects=rim(4.5, under))
+            gaps = np.full(len(xs), np.nan)
+            across = (
+                np.column_stack([xs - width / 2.0, xs + width / 2.0, gaps]),
+                np.column_stack([values, values, gaps]),
+            )
+            look = {"color": "black", "linewidth": 1.8, "zorder": 5, "path_effects": rim(4.5, under)}
+            axes.plot(*map(np.ravel, across), label=name, **look)
             shown += values.tolist()
     axes.set_xticks(range(len(table.columns)), [column.name for column in table.columns])
     axes.set_xlabel(table.columns_are)
