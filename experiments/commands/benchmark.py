@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -15,11 +15,10 @@ from experiments.benchmark import markdown
 from experiments.benchmark.conditions import ALL, NONE
 from experiments.benchmark.matrix import Matrix, plan_of, read_conditions, read_policies, read_teams, read_terrains
 from experiments.benchmark.presets import PRESETS, Preset, beside_published, preset_matrix
-from experiments.benchmark.results import BenchmarkResults, cell_rows, describe, policy_table, results_of, run_lines
+from experiments.benchmark.results import BenchmarkResults, cell_rows, describe, policy_table, results_of, run_rows
 from experiments.commands.sweep import EXIT_CODES, Machines, finish, out_option
-from experiments.sweeps.casetable import case_lines, csv_text, write_text
-from experiments.sweeps.classes import check_classes
-from experiments.sweeps.plan import count_of_seeds
+from experiments.sweeps.cases import cases_table, write_text
+from experiments.sweeps.plan import check_classes, count_of_seeds
 from experiments.sweeps.progress import command_line
 from fogwatch.cli.command_help import command
 from fogwatch.cli.options import option
@@ -50,6 +49,8 @@ TAKEN = {
 """Fields that the benchmark sets, and the options for them."""
 
 T = TypeVar("T")
+Titled = tuple[str, Sequence[str], Sequence[Sequence[str]]]
+"""A table's title, headings and rows."""
 
 _varied, _of_run, _published = (
     partial(option, panel=panel) for panel in ("What is compared", "Each run", "Published numbers")
@@ -209,8 +210,8 @@ def _write(folder: Path, matrix: Matrix, results: BenchmarkResults, preset: str 
 
     chosen = None if preset is None else PRESETS[preset]
     command = command_line("benchmark")
-    write_text(folder / "runs.csv", csv_text(run_lines(results)))
-    write_text(folder / "cells.csv", csv_text(case_lines(cell_rows(results))))
+    write_text(folder / "runs.csv", run_rows(results).csv())
+    write_text(folder / "cells.csv", cases_table(cell_rows(results)).csv())
     text = markdown.page(matrix, results, command=command, computing_s=results.outcome.computing_s, preset=chosen)
     write_text(folder / "benchmark.md", text)
     drawn = drawings(matrix, results)
@@ -221,37 +222,35 @@ def _write(folder: Path, matrix: Matrix, results: BenchmarkResults, preset: str 
 
 def _print(console: Console, results: BenchmarkResults, preset: str | None) -> None:
     """Print the late MFoW of each policy by terrain, for each team and condition."""
-    tables = []
+    tables: list[Titled] = []
     for team, condition, cells in results.groups:
-        heads, rows = policy_table(cells)
+        table = policy_table(cells)
         shown = 1 + len({result.cell.terrain.name for result in cells})
         title = f"MFoW of the second half (s), {describe(team, condition)}"
-        tables.append((title, heads[:shown], [row[:shown] for row in rows]))
+        tables.append((title, table.heads[:shown], [row[:shown] for row in table.rows]))
     if preset is not None:
         tables += _published_tables(PRESETS[preset], results)
     for title, heads, rows in tables:
         console.print(title, highlight=False, markup=False, soft_wrap=True)
-        table = Table(*heads, box=None, pad_edge=False, header_style="cyan")
-        for column in table.columns:
+        grid = Table(*heads, box=None, pad_edge=False, header_style="cyan")
+        for column in grid.columns:
             column.overflow = "fold"
-        for column in table.columns[1:]:
+        for column in grid.columns[1:]:
             column.justify = "right"
         for row in rows:
-            table.add_row(*row)
-        console.print(table, highlight=False, markup=False)
+            grid.add_row(*row)
+        console.print(grid, highlight=False, markup=False)
 
 
-def _published_tables(preset: Preset, results: BenchmarkResults) -> list[tuple[str, list[str], list[list[str]]]]:
-    """Return a table for each measure, narrow enough for a terminal: its title, headings and rows."""
-    heads, rows = beside_published(preset, results.cells)
+def _published_tables(preset: Preset, results: BenchmarkResults) -> Iterator[Titled]:
+    """Yield a table for each measure, narrow enough for a terminal: its title, headings and rows."""
+    beside = beside_published(preset, results.cells)
     named = [0, 1, 2] if len(preset.conditions) > 1 else [0, 2]
-    tables = []
     for number, measure in enumerate(preset.measures):
         values = [3 + 2 * number, 4 + 2 * number]
-        shown = [[row[at] for at in named + values] for row in rows if any(row[at] != "-" for at in values)]
+        shown = [[row[at] for at in named + values] for row in beside.rows if any(row[at] != "-" for at in values)]
         title = f"{measure.title}, beside {preset.title}"
-        tables.append((title, [*(heads[at] for at in named), "theirs", "ours"], shown))
-    return tables
+        yield title, [*(beside.heads[at] for at in named), "theirs", "ours"], shown
 
 
 def _default(value: T | None, default: T) -> T:

@@ -24,7 +24,7 @@ from experiments.faults.cost import (
 )
 from experiments.faults.cost_page import page
 from experiments.faults.figures import costs_picture, curves_picture
-from experiments.sweeps.casetable import json_text, write_tables, write_text
+from experiments.sweeps.cases import json_text, write_tables, write_text
 from experiments.sweeps.plan import count_of_seeds
 from experiments.sweeps.progress import command_line
 from experiments.sweeps.stats import with_interval

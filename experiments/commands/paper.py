@@ -25,14 +25,14 @@ from experiments.paper.tables import (
     PaperSetup,
     TableComparison,
     as_json,
-    as_lines,
+    as_table,
     compare,
     fit_of,
     plan_of,
     to_mean_fog_text,
 )
 from experiments.paper.tables_page import page
-from experiments.sweeps.casetable import csv_text, json_text, write_text
+from experiments.sweeps.cases import json_text, write_text
 from experiments.sweeps.plan import count_of_seeds
 from experiments.sweeps.progress import command_line, print_failures
 from experiments.sweeps.stats import Fit, with_interval
@@ -118,7 +118,7 @@ def table(
         _print_comparison(console, comparison)
         name = f"table_{comparison.table.number}"
         write_text(folder / f"{name}.json", json_text(as_json(comparison)))
-        write_text(folder / f"{name}.csv", csv_text(as_lines(comparison)))
+        write_text(folder / f"{name}.csv", as_table(comparison).csv())
         table_picture(comparison, [folder / f"{name}.png", folder / f"{name}.svg"])
     judged = judge_orderings(paper().orderings, comparisons)
     _write_fit(console, comparisons, folder)

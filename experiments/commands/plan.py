@@ -130,11 +130,11 @@ def _notes(scenario: Scenario, most: int) -> list[str]:
 def _table(plan: FleetPlan) -> Table:
     from experiments.plan.answer import answer_table  # here: it imports kernels
 
-    heads, rows = answer_table(plan)
+    answer = answer_table(plan)
     table = Table(box=None, pad_edge=False, header_style="cyan")
-    for head in heads:
-        table.add_column(head, justify="left" if head.startswith("keeps") else "right")
-    for row in rows:
+    for place, head in enumerate(answer.heads):
+        table.add_column(head, justify="right" if place in answer.numbers else "left")
+    for row in answer.rows:
         table.add_row(*row)
     return table
 

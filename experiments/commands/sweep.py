@@ -12,15 +12,12 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from experiments.sweeps.caserows import CaseRow, case_rows
-from experiments.sweeps.casetable import shown_columns, told_apart, write_tables
-from experiments.sweeps.classes import check_classes
-from experiments.sweeps.cluster import ClusterWorkers
+from experiments.sweeps.cases import CaseRow, case_rows, shown_table, told_apart, write_tables
 from experiments.sweeps.paired import PAIRING, TEST
-from experiments.sweeps.plan import Plan, read_plan
-from experiments.sweeps.pool import LocalWorkers
+from experiments.sweeps.plan import Plan, check_classes, read_plan
 from experiments.sweeps.progress import SweepProgress, print_failures
 from experiments.sweeps.runner import SweepOutcome, run_sweep
+from experiments.sweeps.workers import ClusterWorkers, LocalWorkers
 from fogwatch.cli.columns import fits
 from fogwatch.cli.command_help import command
 from fogwatch.cli.options import option
@@ -179,15 +176,13 @@ def _cases_table(rows: list[CaseRow], names: Mapping[str, str], between: str) ->
     a space or a line break.
     """
     narrow = between == "\n"
-    table = Table("case", box=None, pad_edge=False, header_style="cyan", padding=(0, 1 if narrow else 2, 0, 0))
-    columns = shown_columns(rows, names)
-    for column in columns:
-        head, *unit = column.title.rsplit(" ", 2) if column.is_number else column.title.split()
-        title = between.join([head, " ".join(unit)]) if unit else head
-        table.add_column(title, justify="right" if column.is_number else "left")
-    for place, row in enumerate(rows):
-        cells = [
-            column.cells[place].replace(" ", between) if column.is_number else column.cells[place] for column in columns
-        ]
-        table.add_row(names[row.case], *cells)
+    table = Table(box=None, pad_edge=False, header_style="cyan", padding=(0, 1 if narrow else 2, 0, 0))
+    shown = shown_table(rows, names)
+    for place, title in enumerate(shown.heads):
+        head, *unit = title.rsplit(" ", 2) if place in shown.numbers else title.split()
+        name = between.join([head, " ".join(unit)]) if unit else head
+        table.add_column(name, justify="right" if place in shown.numbers else "left")
+    for row in shown.rows:
+        cells = [cell.replace(" ", between) if place in shown.numbers else cell for place, cell in enumerate(row)]
+        table.add_row(*cells)
     return table

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.console import Console
@@ -82,13 +81,13 @@ def check(
             raise BadInput(f"--{name} = {value:g}: expected a finite number above 0, in m")
     starts = [_start(text) for text in start or []]
     warm(("patrol",), lambda line: typer.echo(line, err=True), SELDOM)
-    from fogwatch.grounds.map_check import Site, check_map  # here: it imports kernels, which are compiled first
+    from fogwatch.grounds.map_check import check_map  # here: it imports kernels, which are compiled first
     from patrol.maps.doubts import doubts
 
     terrain = named_terrain(what, point)
     report = check_map(terrain, radius, sensor_range, line_of_sight, starts)
     about: list[str] = []
-    site = Site()
+    site: dict[str, Any] = {}
     body = {"count": robots, "model": "holonomic", "radius": radius, "speed": speed}
     placed = {"starts": [[start.x, start.y] for start in starts[:robots]]} if starts else {}
     sensor = {"range": sensor_range, "line_of_sight": line_of_sight}
@@ -96,20 +95,20 @@ def check(
     if docks is not None:
         if picture is None:
             raise BadInput(f"--docks {docks}: has an effect only with --picture; give it, or drop this one")
-        site = replace(site, docks=_docks(what, docks))
+        site["docks"] = _docks(what, docks)
     if zones is not None:
         from fogwatch.grounds.scenario_notes import zone_lines  # here, as most checks have no zones
 
         prepared = _fleet(fleet, "zones", zones)
         before, report = report, check_map(prepared.terrain, radius, sensor_range, line_of_sight, starts)
         about = list(zone_lines(prepared, before, report))
-        site = replace(site, zones=prepared.scenario.zones)
+        site["zones"] = prepared.scenario.zones
     if closures is not None:
         from fogwatch.grounds.scenario_notes import closure_lines  # here, as most checks have no closures
 
         closing = _fleet(fleet, "closures", closures)
         about += closure_lines(closing)
-        site = replace(site, closures=closing.scenario.closures)
+        site["closures"] = closing.scenario.closures
     for line in doubts(terrain):
         typer.echo(printable(f"warning: {line}"), err=True)
     console = Console()
@@ -122,8 +121,9 @@ def check(
         typer.echo(printable(line))
     if picture is not None:
         from fogwatch.pictures.run_end import map_picture  # here: its library is an extra
+        from patrol.scenario.marks import marks_of
 
-        map_picture(report, picture, site)
+        map_picture(report, picture, marks_of(site, report.terrain))
         typer.echo(printable(f"picture: {picture}"))
 
 

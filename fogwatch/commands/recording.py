@@ -45,8 +45,8 @@ def export(
     from rich.progress import TimeRemainingColumn
 
     from fogwatch.terminal.bars import bar_on
-    from monitor.tables.arrow import check_pyarrow
     from monitor.tables.files import FORMATS, write_tables
+    from monitor.tables.table import check_pyarrow
 
     chosen = next((one for one in FORMATS if one == kind), None)
     if chosen is None:

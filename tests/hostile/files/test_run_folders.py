@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 
-from experiments.sweeps.casetable import write_text
+from experiments.sweeps.cases import write_text
 from experiments.sweeps.results import FILE, open_results
 from monitor.replay.run import open_run
 from monitor.report.compare import names_of, rows_of

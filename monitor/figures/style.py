@@ -8,15 +8,16 @@ from __future__ import annotations
 
 import io
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 from xml.sax.saxutils import quoteattr
 
-from patrol.errors import BadInput
 from patrol.extras import check_matplotlib
+from patrol.files.whole_file import writing
 from patrol.palette import LIGHT, ROBOTS
 
 if TYPE_CHECKING:
@@ -45,16 +46,29 @@ UNDATED = {".svg": {"Date": None}, ".pdf": {"CreationDate": None}}
 
 _HASH_SALT = "fogwatch"
 
+SPREAD = 8.0
+"""A measure whose values differ by more than this factor is drawn on a logarithmic scale."""
+
 
 @dataclass(frozen=True, eq=False)
 class Drawing:
-    """A figure with its texts."""
+    """A figure with its texts, drawn when it is first needed."""
 
     name: str  # file name without extension
     heading: str
     caption: str
-    figure: Figure
+    make: Callable[[], Figure]
     is_exact: bool = False  # files keep the figure's own size; else white margins are cut off
+
+    @cached_property
+    def figure(self) -> Figure:
+        """The figure in this style."""
+        return self.draw()
+
+    def draw(self) -> Figure:
+        """Draw the figure anew."""
+        with drawn():
+            return self.make()
 
     def page_svg(self) -> str:
         """Return the figure as an <svg> element without a fixed size, whose colours follow the page's theme."""
@@ -87,22 +101,23 @@ class Drawing:
     def save(self, folder: Path) -> list[Path]:
         """Write the figure as PNG, as SVG and as PDF."""
         files = [folder / f"{self.name}.{ending}" for ending in ("png", "svg", "pdf")]
-        box = None if self.is_exact else "tight"
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-            for file in files:
-                with drawn():
-                    self.figure.savefig(
-                        file,
-                        dpi=DPI if file.suffix == ".png" else PAGE_DPI,
-                        facecolor="white",
-                        bbox_inches=box,
-                        pad_inches=PAD,
-                        metadata=UNDATED.get(file.suffix),
-                    )
-        except OSError as error:
-            raise BadInput(f"{folder}: cannot be written ({error.strerror}); choose another folder") from None
+        write_figure(self.figure, files, is_exact=self.is_exact)
         return files
+
+
+def write_figure(figure: Figure, files: Sequence[Path], *, is_exact: bool = False) -> None:
+    """Write a figure into files, whose names say how; white margins are cut off unless it `is_exact`."""
+    for file in files:
+        with writing(file, "choose another folder"), drawn():
+            file.parent.mkdir(parents=True, exist_ok=True)
+            figure.savefig(
+                file,
+                dpi=DPI if file.suffix == ".png" else PAGE_DPI,
+                facecolor="white",
+                bbox_inches=None if is_exact else "tight",
+                pad_inches=PAD,
+                metadata=UNDATED.get(file.suffix),
+            )
 
 
 @contextmanager
@@ -165,24 +180,15 @@ def plain(axes: Axes, *, grid: str = "y") -> None:
         axes.grid(visible=True, axis=grid)  # type: ignore[arg-type]
 
 
-@dataclass(frozen=True, eq=False)
-class Sketch:
-    """A figure that has not been drawn yet."""
+def logarithmic(axes: Axes, along: Literal["x", "y"]) -> None:
+    """Use a logarithmic scale along an axis, with plain numbers as labels."""
+    from matplotlib.ticker import LogLocator, NullLocator
 
-    name: str  # file name without extension
-    heading: str
-    caption: str
-    make: Callable[[], Figure]
-
-    def draw(self) -> Drawing:
-        """Draw the figure in this style."""
-        return draw(self.name, self.heading, self.caption, self.make)
-
-
-def draw(name: str, heading: str, caption: str, make: Callable[[], Figure], *, is_exact: bool = False) -> Drawing:
-    """Draw a figure at once; see `Sketch` and `Drawing`."""
-    with drawn():
-        return Drawing(name, heading, caption, make(), is_exact)
+    axes.set(**{f"{along}scale": "log"})
+    axis = axes.xaxis if along == "x" else axes.yaxis
+    axis.set_major_locator(LogLocator(10.0, subs=(1.0, 2.0, 5.0)))
+    axis.set_major_formatter("{x:g}")
+    axis.set_minor_locator(NullLocator())
 
 
 def _size(points: float) -> str:

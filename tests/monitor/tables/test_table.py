@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from experiments.sweeps.texttable import latex_table
+from monitor.tables.table import Table
 
 
 def test_a_latex_table_aligns_numbers_and_escapes_what_latex_would_read() -> None:
-    text = latex_table(["case_1", "change (%)"], [["a & b-2", "-3.5 ±0.1"]], [1], ["50 seeds"])
+    text = Table(["case_1", "change (%)"], [["a & b-2", "-3.5 ±0.1"]], [1]).latex(["50 seeds"])
     assert text.splitlines() == [
         "% 50 seeds",
         r"% \usepackage{booktabs}",

@@ -1,4 +1,4 @@
-"""Shared by all pictures: a canvas in metres, a legend beside it, a scale bar, readable labels.
+"""Maps in figures and pictures: a canvas in metres, fog, what a site has, a legend, a scale bar, readable labels.
 
 matplotlib is an optional dependency, so it is imported only when something is drawn.
 """
@@ -9,14 +9,14 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from patrol.errors import BadInput
 from patrol.extras import check_matplotlib
-from patrol.files.whole_file import replacing
+from patrol.files.whole_file import replacing, writing
+from patrol.ground.marks import outline
 from patrol.ground.terrain import BoolGrid, Terrain
 from patrol.palette import rgb, with_walls
 
@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from matplotlib.cm import ScalarMappable
     from matplotlib.figure import Figure
     from matplotlib.legend import Legend
+    from matplotlib.patheffects import AbstractPathEffect
 
 DPI = 150
 LONGEST = 11.0
@@ -114,9 +115,7 @@ def canvas(terrain: Terrain, title: str) -> tuple[Figure, Axes]:
     whole = (left + width + 0.2 + LEGEND, low + max(height, 4.5) + above)
     figure = Figure(figsize=whole, dpi=DPI, facecolor="white")
     axes = figure.add_axes((left / whole[0], low / whole[1], width / whole[0], height / whole[1]))
-    axes.set_xlim(xmin, xmax)
-    axes.set_ylim(ymin, ymax)
-    axes.set_aspect("equal")
+    frame(axes, terrain)
     axes.set_xlabel("x (m)")
     axes.set_ylabel("y (m)")
     axes.tick_params(labelsize=8)
@@ -124,13 +123,29 @@ def canvas(terrain: Terrain, title: str) -> tuple[Figure, Axes]:
     return figure, axes
 
 
-def paint(axes: Axes, terrain: Terrain, image: NDArray[np.uint8], walls: BoolGrid | None = None) -> None:
+def frame(axes: Axes, terrain: Terrain) -> None:
+    """Let axes show a whole terrain, in m."""
+    xmin, ymin, xmax, ymax = terrain.bounds
+    axes.set_xlim(xmin, xmax)
+    axes.set_ylim(ymin, ymax)
+    axes.set_aspect("equal")
+
+
+def paint(
+    axes: Axes,
+    terrain: Terrain,
+    image: NDArray[np.uint8],
+    walls: BoolGrid | None = None,
+    longest: int = round(LONGEST * DPI),
+    edge: int = WALL_EDGE,
+) -> None:
     """Draw an image over a terrain; where it is shrunk, colours mix.
 
-    The image is uint8 (h, w, 3), row 0 lowest. `walls`, (h, w), are drawn over it with their edges.
+    The image is uint8 (h, w, 3 or 4), row 0 lowest. `walls`, (h, w), are drawn over it with their edges of `edge`
+    pixels, on an image whose longer side has about `longest`.
     """
     if walls is not None:
-        image = with_walls(image, walls, round(LONGEST * DPI), WALL_EDGE)
+        image = with_walls(image, walls, longest, edge)
     xmin, ymin, xmax, ymax = terrain.bounds
     axes.imshow(image, origin="lower", extent=(xmin, xmax, ymin, ymax), interpolation="antialiased")
 
@@ -155,6 +170,20 @@ def fog_scale(stalest: float) -> ScalarMappable:
     return ScalarMappable(Normalize(0.0, stalest, clip=True), mpl.colormaps["cividis"].reversed())
 
 
+def draw_outline(axes: Axes, terrain: Terrain, points: BoolGrid, **look: Any) -> None:
+    """Draw the edges of some points; `look` is that of a LineCollection."""
+    from matplotlib.collections import LineCollection
+
+    axes.add_collection(LineCollection(list(outline(points, terrain).reshape(-1, 2, 2)), **look))
+
+
+def rim(width: float, colour: str = "white") -> list[AbstractPathEffect]:
+    """Return the effect of a rim, so wide in font points, which makes text and lines readable on any colour."""
+    from matplotlib.patheffects import withStroke
+
+    return [withStroke(linewidth=width, foreground=colour)]
+
+
 def label(
     axes: Axes,
     x: float,
@@ -171,8 +200,6 @@ def label(
     `size` and `above`, how far above the place it stands, are in font points. `taken` are the boxes of earlier labels,
     which this one joins. It stands below, right or left of the place instead where it would cover one of them.
     """
-    from matplotlib.patheffects import withStroke
-
     wide, high = 0.62 * size * len(text), 1.2 * size
     shift = (0.0, above)
     if taken is not None:
@@ -194,7 +221,7 @@ def label(
         va="center",
         fontsize=size,
         color=colour,
-        path_effects=[withStroke(linewidth=2.2, foreground="white")],
+        path_effects=rim(2.2),
         clip_on=True,
         zorder=6,
     )
@@ -286,8 +313,5 @@ def save(figure: Figure, out: Path) -> None:
     """Write a figure as a PNG file."""
     _lay_out(figure)
     shown = figure.get_tightbbox().padded(MARGIN)
-    try:
-        with replacing(out) as part:
-            figure.savefig(part, format="png", bbox_inches=shown)
-    except OSError as error:
-        raise BadInput(f"{out}: cannot be written ({error.strerror}); choose another file") from None
+    with writing(out), replacing(out) as part:
+        figure.savefig(part, format="png", bbox_inches=shown)
