@@ -38,7 +38,6 @@ from worldsim.verdict.run.open_ages import AgesOpen, OpenFacts
 from worldsim.verdict.run.progress import ProgressCheck, RunProgress
 from worldsim.verdict.run.recovery import Recovers
 from worldsim.verdict.run.router_answers import RouterAnswers
-from worldsim.verdict.run.transcripts import TranscriptsAgree
 from worldsim.verdict.run.zone_ages import ZoneAges, ZoneFacts
 from worldsim.verdict.run.zone_times import ZoneTimesTold
 
@@ -62,7 +61,6 @@ CHECKS: tuple[type[Check], ...] = (
     DownAreSilent,
     LinksAddUp,
     DirectLinks,
-    TranscriptsAgree,
     RouterAnswers,
     RobotsThere,
     FaultsOnTime,

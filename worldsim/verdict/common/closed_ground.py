@@ -5,8 +5,8 @@ from __future__ import annotations
 from functools import cached_property
 from typing import TYPE_CHECKING
 
-from patrol.closures import ClosedPoints
-from patrol.ground.closed import ChangingFootprint
+from patrol.closures.ground import ChangingFootprint
+from patrol.closures.points import ClosedPoints
 from patrol.prepare import sensor_footprint
 from worldsim.verdict.common.check import JournalReading
 

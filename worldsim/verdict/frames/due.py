@@ -6,7 +6,7 @@ from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from patrol.radio.peers import Predictor
+from patrol.radio.prediction import Predictor
 
 if TYPE_CHECKING:
     from patrol.ground.terrain import Terrain

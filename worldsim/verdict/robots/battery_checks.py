@@ -1,6 +1,6 @@
 """The verdict's check of batteries: the charge recomputed from commands and places, and batteries that got empty.
 
-It does not use `patrol.energy`, by which the world keeps the charge.
+It does not use `patrol.energy.batteries`, by which the world keeps the charge.
 """
 
 from __future__ import annotations

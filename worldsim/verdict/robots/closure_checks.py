@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from patrol.closures import IN_IT, WAITING, WAITS, closure_of
+from patrol.closures.points import IN_IT, WAITING, WAITS, closure_of
 from patrol.faults.kinds import Close, OnClosure
 from patrol.journal.records import CLOSED, OPENED, STAYS_OPEN
 from patrol.random import Purpose, draw

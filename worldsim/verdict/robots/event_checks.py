@@ -6,7 +6,7 @@ from dataclasses import replace
 from itertools import zip_longest
 from typing import TYPE_CHECKING
 
-from patrol.closures import WAITING, closure_of
+from patrol.closures.points import WAITING, closure_of
 from patrol.journal import Event, Status
 from patrol.journal.records import CLOSED, IN_FORCE, OPENED, OUT_OF_FORCE, STAYS_OPEN
 from patrol.scenario.controls import OPERATOR

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from patrol.scenario.zones import MaskSpec, ZoneSpec
+    from patrol.zones.spec import MaskSpec, ZoneSpec
     from worldsim.verdict.common.check import JudgedRun, Readings
 
 SLACK_M = 1e-6

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from patrol.ground.zones import points_of
+from patrol.closures.open_ground import OpenAges, OpenGround
 from patrol.journal import Status
-from patrol.measures.open_ground import OpenAges, OpenGround
-from patrol.scenario.zones import zones_in_force
+from patrol.zones.ground import points_of
+from patrol.zones.spec import zones_in_force
 from worldsim.verdict.common.check import JournalReading
 from worldsim.verdict.common.closed_ground import ClosedGround
 from worldsim.verdict.common.robots_there import RobotsThere

@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from patrol.ground.zones import points_of
 from patrol.measures.zoned import MOST_LATER, best_weighted_s, zone_weights, zoned_ground
-from patrol.scenario.zones import ELSEWHERE, Weighing, weighing_at
 from patrol.summary.model import ZoneFigures
+from patrol.zones.ground import points_of
+from patrol.zones.spec import ELSEWHERE, Weighing, weighing_at
 from worldsim.verdict.common.check import JournalReading
 from worldsim.verdict.common.robots_there import RobotsThere
 from worldsim.verdict.common.true_fog import TrueFog
