@@ -288,7 +288,10 @@ class DifferentialBody(BodyBase):
 
     def _step_to(self, pose: Pose, spot: Spot) -> Twist:
         self._turns_to = None
-        return self._either_way(pose, spot) if self._steering.reach(pose, spot) > 0.0 else Twist(0.0, 0.0)
+        reach = self._steering.reach(pose, spot)
+        turn, sense = smaller_turn(pose.heading, math.atan2(spot[1] - pose.y, spot[0] - pose.x))
+        is_turning = reach > 0.0 and abs(turn) > ALIGNED
+        return self._steering.on_the_spot(turn) if is_turning else self._steering.straight(pose, sense * reach)
 
     def _allowed(self, pose: Pose, wanted: Twist) -> Twist | None:
         return wanted if self._steering.is_free(pose, wanted) else None

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from agent.bodies.goal import GoalFinder
 from agent.bodies.keeping_right import KeepingRight
 from agent.bodies.manoeuvre import Manoeuvres
-from agent.bodies.standoff import Moves, StandOff
+from agent.bodies.standoff import OFTEN, Moves, StandOff
 from agent.bodies.steering import Footing, HolonomicSteering
 from agent.ports import Bearing, Choice, Goal, Intent, Place, PolicyFailed, State, Stay, Steer
 from agent.routes.ground import Disc, Ground
@@ -35,8 +35,9 @@ CLEAR_SHARE = 0.5
 BLOCKED_SHARE = 0.1
 """A robot that can make less than this share of a step in every direction is in a dead end."""
 
-MOST_STOPS = 4
-"""So many times in a row a body stops before it would touch another; the other's position may be wrong, or forged."""
+MOST_STOPS, MOST_STOPS_BACKING = 4, 2 * OFTEN
+"""So many times in a row a body that moves sideways stops before it would touch another, and one that has to back off,
+which by then has tried to twice; after that it drives, for the other's position may be wrong, or forged."""
 
 BARELY = 1e-3
 """A move shorter than this counts as none, m."""
@@ -75,13 +76,14 @@ class BodyBase(ABC):
         self.way_back = WayBack(ground, spec.radius, wanted=setup.patrol.manoeuvres)
         self.footing = Footing(ground.terrain, ground, spec.radius, wanted=setup.patrol.manoeuvres)
         self.straight = HolonomicSteering(spec, ground.terrain, step, self.footing)
-        self.stand_off = StandOff(setup, moves, self.straight.reach)
+        self.stand_off = StandOff(setup, moves)
         self._point = ground.terrain.point
         self._keeping_right: KeepingRight | None = None
         if setup.patrol.give_way:
             self._keeping_right = KeepingRight(spec.number, setup.radii, setup.strides, ground, step)
         self.manoeuvres: Manoeuvres | None = None
         self._stops = 0
+        self._most_stops = MOST_STOPS if moves is Moves.SIDEWAYS else MOST_STOPS_BACKING
 
     def obstacles(self, tick: int, pose: Pose, bumped: bool, peers: Mapping[int, Peer]) -> Sequence[Disc]:
         """Return the robots that this one gives way to (`agent.ports.Body.obstacles`)."""
@@ -106,7 +108,7 @@ class BodyBase(ABC):
             self._stops = 0
             return replace(choice, command=slowed(choice.command, room * choice.command.speed_mps))
         self._stops = 1 if bumped else self._stops + 1
-        return choice if self._stops > MOST_STOPS else replace(choice, command=halted(self.spec.model))
+        return choice if self._stops > self._most_stops else replace(choice, command=halted(self.spec.model))
 
     def _led(self, intent: Intent, view: View) -> Intent:
         """Return the intent, or another one for a robot that has another one before it on its way to a place."""
@@ -118,7 +120,7 @@ class BodyBase(ABC):
 
     def _back_off(self, view: View) -> Choice | None:
         """Return the next step of a robot that backs off; None for any other, and where it can go no farther."""
-        spot = self.stand_off.backs_off_to(view.tick)
+        spot = self.stand_off.backs_off_to(view, lambda spot: self._room_towards(spot, view))
         if spot is None:
             return None
         command = self._step_to(view.pose, spot)
@@ -129,8 +131,13 @@ class BodyBase(ABC):
 
     def _leave(self, view: View) -> Choice | None:
         """Count a dead end, and return the first step away where that is the role in it."""
-        self.stand_off.meet_dead_end(view)
+        self.stand_off.meet_dead_end(view.tick)
         return self._back_off(view)
+
+    def _room_towards(self, spot: Spot, view: View) -> float:
+        """Return how far a straight step towards a spot leads, m, as far as the body's own step touches no robot."""
+        share = 1.0 if self._keeping_right is None else self._keeping_right.room(self._step_to(view.pose, spot), view)
+        return share * self.straight.reach(view.pose, spot)
 
     def _proceed(self, state: str, view: View) -> Choice | None:
         """Return the next step of a manoeuvre that leads over places from which no route leads on, to its end."""

@@ -135,12 +135,9 @@ one that turns on the spot leaves a dead end as it likes; a car has to turn out 
 
 
 class StandOff:
-    """One robot's way out when it does not get on. Call `obstacles` first in each tick.
+    """One robot's way out when it does not get on. Call `obstacles` first in each tick."""
 
-    `reach` returns how far the body gets in a straight step, m, and is called with its pose and a target.
-    """
-
-    def __init__(self, setup: BodySetup, moves: Moves, reach: Callable[[Pose, Spot], float]) -> None:
+    def __init__(self, setup: BodySetup, moves: Moves) -> None:
         self.role = Role.GOES_ON
         self.count = 0  # of bumps and dead ends that follow each other
         self._number = setup.spec.number
@@ -152,7 +149,6 @@ class StandOff:
         self._chance = setup.chance
         self._considers_others = setup.patrol.give_way
         self._moves = moves
-        self._reach = reach
         self._counted_at = 0
         self._bumps_since = 0  # without a break
         self._gives_way_until: dict[int, int] = {}
@@ -160,7 +156,7 @@ class StandOff:
         self._place: Place | None = None
         self._other = 0
         self._away: Spot | None = None  # to where the robot backs off
-        self._left = 0  # the tick in which it began to
+        self._left = -1  # the tick in which it began to
         self._refuge: Spot = (0.0, 0.0)
         self._begun = 0
         self._seen: Spot = (0.0, 0.0)  # where the other robot was when it last moved
@@ -179,7 +175,7 @@ class StandOff:
                 self._give_way(tick, pose, peers)
             self._away = None
             if self.count % OFTEN == 0:
-                self._leave(Situation.OFTEN, tick, pose, peers)
+                self._leave(Situation.OFTEN, tick)
         giving_way = sorted(other for other, until in self._gives_way_until.items() if tick < until)
         return [self._disc(pose, peers[other].pose, other) for other in giving_way]
 
@@ -199,15 +195,19 @@ class StandOff:
         self._settle(place, view, other)
         return self._act(place, view)
 
-    def meet_dead_end(self, view: View) -> Role:
+    def meet_dead_end(self, tick: int) -> Role:
         """Count a dead end, and return the role in it."""
-        self._add(view.tick)
-        situation = Situation.OFTEN if self.count % OFTEN == 0 else Situation.DEAD_END
-        return self._leave(situation, view.tick, view.pose, view.peers)
+        self._add(tick)
+        return self._leave(Situation.OFTEN if self.count % OFTEN == 0 else Situation.DEAD_END, tick)
 
-    def backs_off_to(self, tick: int) -> Spot | None:
-        """Return where to a robot backs off that does so; None for any other."""
-        if self._away is not None and tick - self._left >= BACKS_OFF_S / self._step:
+    def backs_off_to(self, view: View, room: Callable[[Spot], float]) -> Spot | None:
+        """Return where to a robot backs off that does so; None for any other.
+
+        `room` returns how far the body gets in its next step towards a spot, m.
+        """
+        if self._away is None and self._left == view.tick:
+            self._away = self._draw_spot(view, room)
+        elif self._away is not None and view.tick - self._left >= BACKS_OFF_S / self._step:
             self._away = None
         return self._away
 
@@ -230,29 +230,32 @@ class StandOff:
         self.count = self.count + 1 if tick - self._counted_at <= CALM_S / self._step else 1
         self._counted_at = tick
 
-    def _leave(self, situation: Situation, tick: int, pose: Pose, peers: Mapping[int, Peer]) -> Role:
-        """Begin to back off where that is the role, away from a robot that is near; return the role."""
+    def _leave(self, situation: Situation, tick: int) -> Role:
+        """Begin to back off where that is the role; return the role."""
         role = ROLES[situation, self._moves]
-        if role is not Role.BACKS_OFF:
-            return role
-        other = self._in_reach(pose, peers)
+        if role is Role.BACKS_OFF:
+            self._away, self._left = None, tick
+        return role
+
+    def _draw_spot(self, view: View, room: Callable[[Spot], float]) -> Spot:
+        """Return where to back off to, away from a robot that is near."""
+        pose, tick = view.pose, view.tick
+        other = self._in_reach(pose, view.peers)
         best, heading = -1.0, 0.0
         for index in range(TRIES):
             share = self._chance(Purpose.UNSTUCK, tick, index)
             direction = TAU * share
             if other is not None:
-                there = peers[other].pose
+                there = view.peers[other].pose
                 direction = math.atan2(pose.y - there.y, pose.x - there.x) + (share - 0.5) * math.pi
             across, up = self._stride * math.cos(direction), self._stride * math.sin(direction)
-            room = self._reach(pose, (pose.x + across, pose.y + up))
-            if room > best:
-                best, heading = room, direction
-            if room >= 0.5 * self._stride:
+            free = room((pose.x + across, pose.y + up))
+            if free > best:
+                best, heading = free, direction
+            if free >= 0.5 * self._stride:
                 break
         way = BACKS_OFF_S * self._speed * self._chance(Purpose.UNSTUCK, tick, TRIES)
-        self._away = pose.x + way * math.cos(heading), pose.y + way * math.sin(heading)
-        self._left = tick
-        return role
+        return pose.x + way * math.cos(heading), pose.y + way * math.sin(heading)
 
     # --- other robots ------------------------------------------------------------------------------------------------
 

@@ -22,7 +22,7 @@ from agent.bodies.standoff import (
 )
 from agent.chance import Chance
 from agent.ports import Bearing, Place
-from agent.routes.ground import Disc, Ground
+from agent.routes.ground import Disc, Ground, Spot
 from patrol.ground.swept_path import advance
 from patrol.ground.terrain import Terrain
 from patrol.pose import MODELS, Pose
@@ -43,9 +43,9 @@ def peers(**places: tuple[float, float]) -> dict[int, Peer]:
 
 
 class Alone:
-    """Robot 2 in a hall, with its moves; `room` is how far it gets in every direction, m."""
+    """Robot 2 in a hall, with its moves."""
 
-    def __init__(self, moves: Moves = Moves.SIDEWAYS, *, room: float = 0.5) -> None:
+    def __init__(self, moves: Moves = Moves.SIDEWAYS) -> None:
         terrain = plan((10.0, 10.0), (0.0, 0.0, 10.0, 10.0))
         setup = SimpleNamespace(
             spec=SimpleNamespace(number=2, speed=1.0),
@@ -55,13 +55,14 @@ class Alone:
             chance=Chance(7).of_robot(2, 1),
             patrol=SimpleNamespace(give_way=True),
         )
-        self.rule = StandOff(setup, moves, lambda _pose, _direction: room)  # type: ignore[arg-type]
+        self.rule = StandOff(setup, moves)  # type: ignore[arg-type]
 
     def tick(self, k: int, others: dict[int, Peer], *, bumped: bool = True) -> list[Disc]:
         return self.rule.obstacles(k, HERE, bumped, others)
 
-    def meet_dead_end(self, k: int, others: dict[int, Peer]) -> Role:
-        return self.rule.meet_dead_end(SimpleNamespace(tick=k, pose=HERE, peers=others))  # type: ignore[arg-type]
+    def backs_off_to(self, k: int, others: dict[int, Peer]) -> Spot | None:
+        view = SimpleNamespace(tick=k, pose=HERE, peers=others)
+        return self.rule.backs_off_to(view, lambda _spot: 0.5)  # type: ignore[arg-type]
 
 
 # --- the table --------------------------------------------------------------------------------------------------------
@@ -165,13 +166,13 @@ def test_a_robot_gives_way_only_where_a_way_leads_round_the_other(width: float, 
 def test_a_robot_that_keeps_bumping_backs_off_away_from_the_nearest(moves: Moves) -> None:
     alone, others = Alone(moves), peers(r3=(5.7, 5.0))
     for k in range(OFTEN):
-        assert alone.rule.backs_off_to(k) is None
+        assert alone.backs_off_to(k, others) is None
         alone.tick(k, others)
-    spot = alone.rule.backs_off_to(OFTEN)
+    spot = alone.backs_off_to(OFTEN - 1, others)
     assert spot is not None
     assert spot[0] <= HERE.x
     assert math.dist(spot, (HERE.x, HERE.y)) <= BACKS_OFF_S
-    assert alone.rule.backs_off_to(OFTEN + round(BACKS_OFF_S / STEP)) is None
+    assert alone.backs_off_to(OFTEN + round(BACKS_OFF_S / STEP), others) is None
 
 
 @pytest.mark.parametrize("moves", [Moves.SIDEWAYS, Moves.AS_PRINTED])
@@ -179,27 +180,27 @@ def test_a_robot_that_steps_aside_by_itself_or_follows_the_letter_backs_off_neve
     alone, others = Alone(moves), peers(r3=(5.7, 5.0))
     for k in range(4 * OFTEN):
         alone.tick(k, others)
-        assert alone.meet_dead_end(k, others) is not Role.BACKS_OFF
-        assert alone.rule.backs_off_to(k) is None
+        assert alone.rule.meet_dead_end(k) is not Role.BACKS_OFF
+        assert alone.backs_off_to(k, {}) is None
 
 
 def test_bumps_and_dead_ends_far_apart_do_not_add_up() -> None:
     alone = Alone(Moves.ALONG_ARCS)
     for k in range(0, 100, 10):
         alone.tick(k, {})
-        assert alone.rule.backs_off_to(k) is None
+        assert alone.backs_off_to(k, {}) is None
 
 
 def test_a_car_turns_out_of_a_dead_end_until_it_is_in_one_again_and_again() -> None:
     alone = Alone(Moves.ALONG_ARCS)
-    assert [alone.meet_dead_end(k, {}) for k in range(OFTEN)] == [Role.TURNS_OUT] * (OFTEN - 1) + [Role.BACKS_OFF]
+    assert [alone.rule.meet_dead_end(k) for k in range(OFTEN)] == [Role.TURNS_OUT] * (OFTEN - 1) + [Role.BACKS_OFF]
 
 
 def test_a_bump_ends_backing_off() -> None:
     alone = Alone(Moves.ON_THE_SPOT)
-    assert alone.meet_dead_end(0, {}) is Role.BACKS_OFF
+    assert alone.rule.meet_dead_end(0) is Role.BACKS_OFF
     alone.tick(1, {})
-    assert alone.rule.backs_off_to(1) is None
+    assert alone.backs_off_to(1, {}) is None
 
 
 # --- robots that block each other -------------------------------------------------------------------------------------
