@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, ClassVar
 
-from patrol.faults.kinds import Fault, Spoof
+from patrol.faults.kinds import Fault, Join, Leave, Spoof
 from worldsim.verdict.common.check import Check
 from worldsim.verdict.common.robots_there import RobotsThere
 
@@ -26,6 +26,15 @@ def active(entry: Entry, k: int) -> bool:
 def on_link(entry: Entry, origin: int, to: int) -> bool:
     """Return True if a fault of links acts on what one robot's radio sends to another."""
     return origin in entry.sources and to in entry.targets
+
+
+def absent_at_first(timeline: Timeline) -> frozenset[int]:
+    """Return the robots that join before they leave."""
+    first: dict[int, Fault] = {}
+    for entry in sorted(timeline.entries, key=lambda entry: entry.begin):
+        for number in entry.who if isinstance(entry.fault, Join | Leave) else ():
+            first.setdefault(number, entry.fault)
+    return frozenset(number for number, fault in first.items() if isinstance(fault, Join))
 
 
 def forgers_of(timeline: Timeline) -> dict[str, int]:

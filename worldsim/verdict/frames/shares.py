@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from patrol.faults.kinds import Delay, Duplicate, Loss, Reorder, Wait
 from patrol.journal.links import drops_of
 from patrol.journal.records import FORGED, MAX_TICKS, frame_sequence
-from worldsim.radio.rules import chain_of
 from worldsim.verdict.common.chance import FAMILY, enough, unexplained
 from worldsim.verdict.common.check import CheckResult
 from worldsim.verdict.common.faults import FrameFaultCheck, active, on_link
@@ -310,9 +309,9 @@ def _judged(name: str, details: Sequence[str], counts: Sequence[tuple[str, _Coun
 def _counts(fault: Loss) -> list[_Count]:
     if fault.mean_burst is None:
         return [_Count("frames were lost", fault.rate)]
-    recovers, fails = chain_of(fault.rate, fault.mean_burst)
+    recovers = 1.0 / fault.mean_burst
     return [
-        _Count("good ticks turned bad", fails),
+        _Count("good ticks turned bad", min(fault.rate * recovers / (1.0 - fault.rate), 1.0)),
         _Count("bad ticks turned good", recovers),
         _Count("links were bad to begin with", fault.rate),
     ]

@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING
 
 from patrol.exchange import FIRST_INCARNATION
+from patrol.faults.kinds import Kill, OnProcesses, Pause
 from patrol.journal import Event, RobotTick, Status, TickRecord
 from patrol.pose import Pose
-from worldsim.faults import APPLIES, AS_IT_IS, BECOMES, BEING_STARTED, SKIPPED, WAITING
+from worldsim.faults import APPLIES, AS_IT_IS, BECOMES, BEING_STARTED, SKIPPED, WAITING, Act
 from worldsim.robots.bodies import overlap
 from worldsim.verdict.common.check import JournalReading
+from worldsim.verdict.common.faults import absent_at_first
 from worldsim.verdict.common.robots_there import RobotsThere
 
 if TYPE_CHECKING:
-    from worldsim.faults import Act
     from worldsim.verdict.common.check import JudgedRun, Readings
 
 
@@ -42,7 +43,7 @@ class ExpectedStatuses(JournalReading):
         self.events: list[Event] = []
         self.may_wait: list[Event] = []
         self._k = 0
-        self._timeline = run.timeline
+        self._entries = [entry for entry in run.timeline.entries if isinstance(entry.fault, OnProcesses)]
         self._waits = scenario.factor is None
         self._specs = {spec.number: spec for spec in scenario.roster}
         self._starts = {spec.number: pose for spec, pose in zip(scenario.roster, run.prepared.starts, strict=True)}
@@ -50,7 +51,7 @@ class ExpectedStatuses(JournalReading):
         self._incarnations = dict.fromkeys(self._specs, FIRST_INCARNATION)
         self._coming: dict[int, str] = {}
         self._waiting: set[int] = set()
-        for number in self._timeline.starts_absent:
+        for number in absent_at_first(run.timeline) | scenario.spares:
             self._status[number] = Status.ABSENT
             self._incarnations[number] -= 1
             self.away.add(number)
@@ -64,7 +65,7 @@ class ExpectedStatuses(JournalReading):
         for number, row in rows.items():
             if row.status is Status.LOST and number not in self._coming:
                 self._status[number] = Status.LOST
-        for act in self._timeline.acts(record.k):
+        for act in self._acts(record.k):
             self._act(act)
         for number in list(self._coming):
             self._bring_in(number, rows)
@@ -75,6 +76,15 @@ class ExpectedStatuses(JournalReading):
                     name, found = self._specs[number].name, row.status.name.lower()
                     self.problem = f"{name} is {found} at tick {record.k}, but should be {due.name.lower()}"
                 self._take_as_it_is(number, row.status)
+
+    def _acts(self, k: int) -> Iterator[Act]:
+        """Yield the acts on robots before a tick, by the ticks and robots of the faults."""
+        for entry in self._entries:
+            if entry.begin == k:
+                wreck = entry.fault.wreck if isinstance(entry.fault, Kill) else "stays"
+                yield from (Act(entry.fault.kind, number, entry.id, wreck) for number in entry.who)  # type: ignore[arg-type]
+            if isinstance(entry.fault, Pause) and entry.end == k:
+                yield from (Act("resume", number, entry.id) for number in entry.who)
 
     def _act(self, act: Act) -> None:
         number, reason = act.number, f"{act.fault} {act.kind}"

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from patrol.exchange import FIRST_INCARNATION
 from worldsim.faults import process_name
 from worldsim.verdict.common.check import Check, CheckResult
+from worldsim.verdict.common.faults import absent_at_first
 
 if TYPE_CHECKING:
     from worldsim.verdict.common.check import JudgedRun, Readings
@@ -57,8 +58,9 @@ class ExitCodes(Check):
     def _planned(self) -> dict[str, int | None]:
         """Return the exit codes due by process, None where any will do."""
         codes: dict[str, int | None] = {}
+        absent = absent_at_first(self._run.timeline) | self._run.prepared.scenario.spares
         for number, name in self._run.names.items():
-            there = number not in self._run.timeline.starts_absent
+            there = number not in absent
             incarnation = FIRST_INCARNATION if there else FIRST_INCARNATION - 1
             if there:
                 codes[process_name(name, incarnation)] = 0

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
 from patrol.faults.kinds import Lasting
+from patrol.faults.targets import WORDS
 from worldsim.verdict.common.check import Check
 
 if TYPE_CHECKING:
@@ -16,9 +18,10 @@ _ROUNDING = 1e-9
 
 
 class FaultsOnTime(Check):
-    """The ticks in which each fault begins and ends are those of its `at` and `for`.
+    """Each fault begins and ends in the ticks of its `at` and `for`, and acts on the robots that it names.
 
-    World and verdict take these ticks from the same timeline, so nothing that happens in a run could reveal an error.
+    World and verdict take these from the same timeline, so nothing that happens in a run could reveal an error. Robots
+    that are drawn are not drawn again.
     """
 
     name = "fault times"
@@ -32,6 +35,10 @@ class FaultsOnTime(Check):
             + ", which is not what its `at` and `for` say"
             for entry in wrong
         )
+        numbers = {name: number for number, name in run.names.items()}
+        for entry in run.timeline.entries:
+            if any(sorted(robots) != sorted(numbers[name] for name in names) for names, robots in _named(entry)):
+                self._fail(f"{entry.id} acts on other robots than it names")
 
     @classmethod
     def applies(cls, run: JudgedRun) -> bool:
@@ -46,6 +53,17 @@ def _begins(entry: Entry, step: float) -> bool:
     """Return True if a fault begins in the first tick that is not before its `at`."""
     at = entry.fault.at / step - _ROUNDING
     return entry.begin >= at and (entry.begin == 0 or entry.begin - 1 < at)
+
+
+def _named(entry: Entry) -> Iterator[tuple[Sequence[str], Sequence[int]]]:
+    """Yield the robots that a fault names, not those that it asks for by number, and those that it acts on."""
+    fields = {"who": entry.who, "victims": entry.who, "sources": entry.sources, "targets": entry.targets}
+    for field, robots in fields.items():
+        who = getattr(entry.fault, field, None)
+        if isinstance(who, tuple):
+            yield who, robots
+        elif isinstance(who, str) and who not in WORDS:
+            yield (who,), robots
 
 
 def _ends(entry: Entry, step: float) -> bool:
