@@ -7,6 +7,7 @@ from the code that it judges.
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import cache, partial
@@ -16,6 +17,7 @@ import pytest
 
 from fogwatch.inprocess import InProcessFleet, run_in_process
 from patrol.energy import Batteries
+from patrol.faults.kinds import KINDS
 from patrol.ground.fog import Fog
 from patrol.journal import Status
 from patrol.pose import Velocity
@@ -543,6 +545,15 @@ def _prepared(name: str) -> Prepared:
 def _failures(name: str) -> dict[str, str]:
     """Run a scenario; return the details of the checks that fail, by name."""
     return {check.name: check.detail for check in run_in_process(_prepared(name)).verdict.failed}
+
+
+def test_every_kind_of_fault_is_wrong_in_two_ways() -> None:
+    ways = Counter(
+        kind
+        for name, _, _ in MUTATIONS.values()
+        for kind in {fault["kind"] for fault in SCENARIOS[name].get("faults", ())}
+    )
+    assert {kind for kind in KINDS if ways[kind] < 2} == set()
 
 
 @pytest.mark.parametrize("name", SCENARIOS)
