@@ -109,7 +109,7 @@ def test_ctrl_c_while_files_are_written_ends_that_at_once(
 def test_ctrl_c_while_the_run_is_judged_says_how_to_judge_it(
     fogwatch: Callable[..., int], capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("worldsim.verdict.judge.judge", interrupt)
+    monkeypatch.setattr("worldsim.verdict.judge.Judge.verdict", interrupt)
     assert fogwatch("run", "open", "--robots", "1", "--no-page", "--out", "out", *COARSE) == 130
     assert f"`fogwatch judge {tmp_path / 'out'}` judges it" in capsys.readouterr().err
     monkeypatch.undo()
