@@ -187,6 +187,13 @@ $(VENV)/.documented: requirements-docs.lock | $(VENV)/.developed
 	$(LOCKED) -r requirements-docs.lock
 	@touch $@
 
+VERSIONED := pyproject.toml CITATION.cff deploy/Containerfile deploy/compose.yaml deploy/conda/recipe.yaml \
+	deploy/ros/fogwatch_agent/setup.py deploy/ros/fogwatch_agent/package.xml
+.PHONY: version
+version: ## write a new version number where it stands (VERSION=1.2.0; docs/releasing.md)
+	@[[ "$(VERSION)" =~ ^[0-9]+\.[0-9]+\.[0-9]+$$ ]] || { echo "VERSION=$(VERSION): write MAJOR.MINOR.PATCH" >&2; exit 2; }
+	old=$$(sed -n 's/^version = "\(.*\)"/\1/p' pyproject.toml); sed -i "s/\b$${old//./\\.}\b/$(VERSION)/" $(VERSIONED)
+
 .PHONY: wheels
 wheels: install ## build the wheels of a release into dist/: for all machines, and with compiled kernels for this one
 	PYTHONPATH=. $(BIN)/python -P deploy/wheels.py

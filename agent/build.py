@@ -6,8 +6,8 @@ Robots' processes, fleets in one process, tests and benchmarks all come here, so
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import partial
 from types import MappingProxyType
 from typing import TYPE_CHECKING
@@ -25,23 +25,20 @@ from agent.mind import Facts, MakeMind, Mind
 from agent.policies.charging import Charging
 from agent.policies.found import PolicyKind, policy_of
 from agent.policies.surround import Surround
-from agent.ports import Policy, PolicyFailed, PolicySetup
+from agent.ports import FleetSetup, GroundSetup, Policy, PolicyFailed, PolicySetup, RobotSetup
 from agent.psi import Psi, psi_of
 from agent.routes.ground import Ground
 from agent.routes.routes import Routes
 from agent.sender import Sending
 from agent.view import FogView
-from patrol.ground.closed import ChangingFootprint
+from patrol.closures.ground import ChangingFootprint
 from patrol.ground.footprint import Footprint
-from patrol.ground.speed_limits import SpeedLimits
-from patrol.measures.best_tour import followers_of, round_of
-from patrol.measures.zoned import zoned_ground
 from patrol.prepare import inboxes_of, sensor_footprint
 from patrol.radio.fleet_key import fleet_key
-from patrol.radio.peers import Predictor
+from patrol.radio.prediction import Predictor
 from patrol.random import Purpose
 from patrol.scenario.policies import LEARNED
-from patrol.scenario.zones import weighing_at
+from patrol.zones.speed_limits import SpeedLimits
 
 if TYPE_CHECKING:
     from agent.routes.path_window import PathWindow
@@ -50,14 +47,14 @@ if TYPE_CHECKING:
     from patrol.prepare import Prepared
     from patrol.scenario import PatrolSpec, Scenario
     from patrol.scenario.lengths import BodyLengths
-    from patrol.scenario.zones import Weighing
-    from patrol.tours.zoned import ZonedGround
 
 
 @dataclass(frozen=True, slots=True)
 class Shared:
     """Values that the minds of one process share, to save time and memory."""
 
+    known: Prepared  # see `known_to_robots`
+    fleet: FleetSetup
     footprint: Footprint
     psi: Psi
     radii: Mapping[int, float]  # by robot number, m
@@ -118,17 +115,32 @@ def shared_by(
     if believe and not sensor.changes:
         inboxes = inboxes_of(scenario, [spec.number for spec in scenario.roster], prepared.terrain.bounds, key)
         beliefs = Beliefs(inboxes, sensor, shares=True, at_once=groups > 1)
+    chance = Chance(scenario.seed, key)
     return Shared(
+        known=known_to_robots(prepared),
+        fleet=fleet_setup(scenario, chance),
         footprint=sensor,
         psi=psi_of(scenario, prepared.terrain) if psi is None else psi,
         radii=radii_of(scenario),
         strides=strides_of(scenario),
         speed_limits=SpeedLimits(scenario.zones, prepared.terrain),
         key=key,
-        chance=Chance(scenario.seed, key),
+        chance=chance,
         scratches=tuple({} for _ in range(groups)),
         beliefs=beliefs,
     )
+
+
+def known_to_robots(prepared: Prepared) -> Prepared:
+    """Leave out of a scenario what robots do not know: faults, intruders and closures."""
+    unknown = {"faults": (), "nemesis": None, "intruders": (), "closures": ()}
+    return replace(prepared, scenario=prepared.scenario.model_copy(update=unknown))
+
+
+def fleet_setup(scenario: Scenario, chance: Chance) -> FleetSetup:
+    """Return the part of policies' setups that is the same for the whole fleet."""
+    draw = partial(chance.draw, Purpose.PLAN)
+    return FleetSetup(scenario.step, scenario.roster, scenario.patrol, scenario.docks, draw)
 
 
 def radii_of(scenario: Scenario) -> Mapping[int, float]:
@@ -178,28 +190,10 @@ def build_mind(
     policy = _policy_of(
         kind,
         PolicySetup(
-            spec=spec,
-            radii=shared.radii,
-            step=scenario.step,
-            sensor=scenario.sensor,
-            sight=sight,
-            patrol=patrol,
-            lengths=lengths,
-            team=scenario.team,
-            options=kind.options,
-            terrain=terrain,
-            fields=fields,
-            posts=posts,
-            regions=prepared.regions_of(number),
-            scratch=scratch,
-            graph=lambda: prepared.graph,
-            round=lambda: round_of(prepared, number),
-            followers=lambda: followers_of(prepared, number),
-            zoned=zoned_of(prepared),
-            fleet_chance=partial(shared.chance.draw, Purpose.PLAN),
-            weighing=weighing_at(scenario.zones, 0.0),
-            docks=scenario.docks,
-            charged=frozenset(robot.number for robot in scenario.roster if robot.battery is not None),
+            RobotSetup(spec, lengths),
+            GroundSetup(terrain, fields, posts, sight, shared.known, scratch),
+            shared.fleet,
+            kind.options,
         ),
         shared.speed_limits,
     )
@@ -239,22 +233,6 @@ def build_mind(
     return Mind(facts, belief, fog, ground, Routes(ground), policy, body, chance, silent, blocked)
 
 
-def zoned_of(prepared: Prepared) -> Callable[[Weighing], ZonedGround] | None:
-    """Return `PolicySetup.zoned`: a function that returns the ground by the zones in force.
-
-    It is None where no zone ever has a weight or a wanted age.
-    """
-    if not any(zone.weighs for zone in prepared.scenario.zones):
-        return None
-
-    def ground(weighing: Weighing) -> ZonedGround:
-        zoned = zoned_ground(prepared, weighing)
-        assert zoned is not None
-        return zoned
-
-    return ground
-
-
 def _rounds(scenario: Scenario, terrain: Terrain, lengths: BodyLengths, kind: PolicyKind) -> int:
     """Return by how many points a mind dilates what it believes."""
     if scenario.patrol.needs_rounds or kind.name == LEARNED:
@@ -276,8 +254,8 @@ def _policy_of(kind: PolicyKind, setup: PolicySetup, speed_limits: SpeedLimits) 
         if kind.ours:
             raise
         why = f"{failure_of(error)}{raised_at(error)}"
-        raise PolicyFailed(f"policy {kind.name}: cannot be made for {setup.spec.name}: {why}") from error
-    return Charging(setup, policy, speed_limits) if setup.docks else policy
+        raise PolicyFailed(f"policy {kind.name}: cannot be made for {setup.robot.spec.name}: {why}") from error
+    return Charging(setup, policy, speed_limits) if setup.fleet.docks else policy
 
 
 def _sending(scenario: Scenario, terrain: Terrain) -> Sending:

@@ -19,11 +19,11 @@ from agent.routes.visits import Visits
 from agent.sender import Sender, Sending
 from agent.view import FogView, View
 from patrol.exchange import Sensed
-from patrol.ground.speed_limits import SpeedLimits
 from patrol.pose import Pose, halted, slowed
 from patrol.radio.message import MAX_CONTACTS, Position, as_received
 from patrol.scenario import RobotSpec, ZoneSpec
-from patrol.scenario.zones import Weighing, weighing_at, zones_in_force
+from patrol.zones.spec import Weighing, weighing_at, zones_in_force
+from patrol.zones.speed_limits import SpeedLimits
 
 
 @dataclass(frozen=True, slots=True)

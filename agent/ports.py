@@ -16,7 +16,9 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
+from warnings import warn
 
 from patrol.exchange import Sensed
 from patrol.pose import Command
@@ -24,19 +26,15 @@ from patrol.pose import Command
 if TYPE_CHECKING:
     from agent.belief.dilated import Posts
     from agent.routes.ground import Disc, Spot
-    from agent.routes.path_window import PathWindow
     from agent.view import View
     from patrol.graph import Graph
     from patrol.ground.fields import StaticFields
     from patrol.ground.footprint import Footprint
     from patrol.ground.terrain import Terrain
     from patrol.pose import Pose
+    from patrol.prepare import Prepared
     from patrol.radio.peers import Peer
-    from patrol.regions.split import RegionSplit
-    from patrol.scenario import BodyLengths, DockSpec, PatrolSpec, RobotSpec, SensorSpec
-    from patrol.scenario.zones import Weighing
-    from patrol.tours.round import Round
-    from patrol.tours.zoned import ZonedGround
+    from patrol.scenario import BodyLengths, DockSpec, PatrolSpec, RobotSpec
 
 __all__ = [
     "Bearing",
@@ -45,7 +43,9 @@ __all__ = [
     "Decision",
     "Figures",
     "FleetClock",
+    "FleetSetup",
     "Goal",
+    "GroundSetup",
     "Intent",
     "Place",
     "Policy",
@@ -53,6 +53,7 @@ __all__ = [
     "PolicySetup",
     "Radio",
     "Robot",
+    "RobotSetup",
     "State",
     "Stay",
     "Steer",
@@ -155,59 +156,109 @@ Intent = Bearing | Place | Stay | Steer
 
 
 @dataclass(frozen=True, slots=True)
-class PolicySetup:
-    """Values that a policy is made from: all that never changes while its robot runs.
+class RobotSetup:
+    """The robot that a policy decides for.
 
     Attributes:
-        spec: The robot's number, model, speed (m/s), radius (m) and turning radius (m).
-        radii: Of all robots of the fleet, by number, m.
-        step: s per tick.
-        sensor: The scenario's section `sensor`.
-        sight: The sensor on the terrain: what a robot sees from a pose, and how far.
-        patrol: The scenario's section `patrol`; its lengths that are ``auto`` are in `lengths`.
-        lengths: The lengths of this robot's patrol, m.
-        team: Number of robots that patrol from the start, the spare ones left out.
-        options: What `patrol.options` says, as the policy's own ``Options``; an empty mapping where it has none.
-        terrain: The ground, and what blocks the view.
-        fields: Where this robot's body fits and gets to, and what it can see from there.
-        posts: Where to stand to see what no body can reach.
-        regions: The ground split into regions, where `patrol.options.paths` leads through them.
-        scratch: Windows shared by policies of one process that never think at the same time.
-        graph: Gives the terrain's graph, which is made when somebody first asks for it.
-        round: Gives the tour that shows the robot all of its own ground, likewise; None where there is none.
-        followers: Gives the numbers of all robots on rounds in the same part of the terrain, this one among them.
-        zoned: Gives the ground by the zones in force and their weights (`View.weighing`), likewise; None where all
-            points always count the same.
-        fleet_chance: A random number in [0, 1) for a question of integers, the same for all robots. It comes
-            from the fleet's key, so that only the fleet can compute it; without a key from the scenario's seed, which
-            every copy of the scenario holds (`agent.chance`).
-        weighing: The zones that are in force at tick 0, as `View.weighing`.
-        docks: The scenario's section `docks`.
-        charged: Numbers of the robots that have a battery.
+        spec: Its number, model, speed (m/s), radius (m), turning radius (m) and battery.
+        lengths: The lengths of its patrol, m.
     """
 
     spec: RobotSpec
-    radii: Mapping[int, float]
-    step: float
-    sensor: SensorSpec
-    sight: Footprint
-    patrol: PatrolSpec
     lengths: BodyLengths
-    team: int
-    options: Any
+
+
+@dataclass(frozen=True, slots=True)
+class GroundSetup:
+    """The ground of a robot.
+
+    Attributes:
+        terrain: The ground, and what blocks the view.
+        fields: Where the robot's body fits and gets to, and what it can see from there.
+        posts: Where to stand to see what no body can reach.
+        sight: The sensor on the terrain: what the robot sees from a pose, and how far.
+        prepared: The ground of the whole fleet, from which rounds, regions and zoned ground are made. Its scenario is
+            without what no robot knows: faults, intruders and closures.
+        scratch: Working memory by name, shared by policies of one process that never think at the same time.
+    """
+
     terrain: Terrain
     fields: StaticFields
     posts: Posts
-    regions: RegionSplit | None
-    scratch: dict[str, PathWindow]
-    graph: Callable[[], Graph]
-    round: Callable[[], Round | None]
-    followers: Callable[[], frozenset[int]]
-    zoned: Callable[[Weighing], ZonedGround] | None
-    fleet_chance: Callable[..., float]
-    weighing: Weighing = frozenset()
-    docks: tuple[DockSpec, ...] = ()
-    charged: frozenset[int] = frozenset()
+    sight: Footprint
+    prepared: Prepared
+    scratch: dict[str, Any] = field(default_factory=dict)
+
+    def graph(self) -> Graph:
+        """Return the terrain's graph, which is made at the first call."""
+        return self.prepared.graph
+
+
+@dataclass(frozen=True, slots=True)
+class FleetSetup:
+    """The fleet, the same for all its robots.
+
+    Attributes:
+        step: s per tick.
+        roster: All robots in the order of their numbers, the spare ones included.
+        patrol: The scenario's section `patrol`; its lengths that are ``auto`` are in `RobotSetup.lengths`.
+        docks: The scenario's section `docks`.
+        chance: A random number in [0, 1) for a question of integers, the same for all robots. It comes from the fleet's
+            key, so that only the fleet can compute it; without a key from the scenario's seed, which every copy of the
+            scenario holds (`agent.chance`).
+    """
+
+    step: float
+    roster: tuple[RobotSpec, ...]
+    patrol: PatrolSpec
+    docks: tuple[DockSpec, ...]
+    chance: Callable[..., float]
+
+    @property
+    def team(self) -> int:
+        """Number of robots that patrol from the start, the spare ones left out."""
+        return sum(not spec.spare for spec in self.roster)
+
+    @property
+    def radii(self) -> Mapping[int, float]:
+        """The radii of all robots by number, m."""
+        return {spec.number: spec.radius for spec in self.roster}
+
+
+_MOVED: Mapping[str, str] = MappingProxyType(
+    dict.fromkeys(("spec", "lengths"), "robot")
+    | dict.fromkeys(("terrain", "fields", "posts", "sight", "graph"), "ground")
+    | dict.fromkeys(("step", "radii", "team", "patrol", "docks"), "fleet")
+)
+"""Attributes that `PolicySetup` had itself in 1.0, and where they are now."""
+
+
+@dataclass(frozen=True, slots=True)
+class PolicySetup:
+    """Values that a policy is made from: all that never changes while its robot runs.
+
+    The attributes of 1.0, such as ``setup.terrain`` and ``setup.step``, are deprecated: they warn, and go with 2.0.
+
+    Attributes:
+        robot: The robot itself.
+        ground: Its ground.
+        fleet: All robots.
+        options: What `patrol.options` says, as the policy's own ``Options``; an empty mapping where it has none.
+    """
+
+    robot: RobotSetup
+    ground: GroundSetup
+    fleet: FleetSetup
+    options: Any
+
+    if not TYPE_CHECKING:
+
+        def __getattr__(self, name: str) -> Any:
+            part = _MOVED.get(name)
+            if part is None:
+                raise AttributeError(f"PolicySetup has no attribute {name}")
+            warn(f"setup.{name} is setup.{part}.{name} since 1.1", DeprecationWarning, stacklevel=2)
+            return getattr(getattr(self, part), name)
 
 
 class Policy(Protocol):

@@ -87,13 +87,13 @@ def _patrol(mind: Mind, scenario: Scenario, meeting: Meeting, on_air: str | None
     from patrol.messages.session import Identity
     from patrol.scenario import scenario_hash
     from patrol.security.keys import callers_of
-    from patrol.security.seats import own_instance
 
     options, ending, log = process.options, process.ending, process.log
     spec, keys = mind.spec, meeting.keys
     numbers = {member.name: member.number for member in scenario.roster}
     link, air = process.open_links(meeting, on_air, callers_of(keys, numbers))
-    identity = Identity(spec.name, options.incarnation, own_instance(os.environ), scenario_hash(scenario))
+    instance = int.from_bytes(os.urandom(8), "big") >> 1 | 1
+    identity = Identity(spec.name, options.incarnation, instance, scenario_hash(scenario))
 
     def waiting(waited_s: float) -> None:
         if robot.world_present:

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from patrol.pose import Pose
     from patrol.radio.peers import Peer
     from patrol.scenario import RobotSpec
-    from patrol.scenario.zones import Weighing
+    from patrol.zones.spec import Weighing
 
 __all__ = ["FogView", "View"]
 

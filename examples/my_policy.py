@@ -23,7 +23,7 @@ class GreedyTarget:
 
     def __init__(self, setup: PolicySetup) -> None:
         self._near = setup.options.near
-        self._patience = setup.options.patience / setup.step
+        self._patience = setup.options.patience / setup.fleet.step
         self._target: tuple[int, int] | None = None
         self._chosen_at = 0
 

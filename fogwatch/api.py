@@ -14,13 +14,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from fogwatch.launch.clerk_messages import JUDGING
 from fogwatch.launch.limits import check_limits
 from fogwatch.notebook.arguments import checked_arguments, scenario_of
 from fogwatch.notebook.policy import policy_name
 from fogwatch.notebook.run import Run
-from fogwatch.presets import preset_settings
+from fogwatch.presets import chosen_settings
 from fogwatch.run_folder.runfolder import PolicyNotMade, RunFolder, fill, make_folder
+from fogwatch.run_options import RunChoices
 from fogwatch.terminal.live_table import CallbackDisplay, RunDisplay, SilentDisplay
 from patrol.errors import BadInput
 from patrol.measures.best_tour import round_of
@@ -30,14 +30,13 @@ from patrol.own_sensor import allow_sensor
 from patrol.process.lifeline import InterruptedBySignal
 from patrol.radio.fleet_key import fleet_key
 from patrol.scenario import Scenario, naming
-from patrol.scenario.patrols import describe_patrol, patrol_settings
+from patrol.scenario.patrols import describe_patrol
 from patrol.scenario.policies import BUILT_IN, STOCHASTIC
 from patrol.scenario.radio_spec import MODELS
 from patrol.starting.seldom import seldom_kernels
 from patrol.starting.warmup import warm
 
 if TYPE_CHECKING:
-    from fogwatch.launch.clerk_child import ClerkChild
     from fogwatch.launch.launcher import Launch
     from patrol.journal import Event, TickRecord
     from patrol.prepare import Prepared
@@ -57,42 +56,24 @@ EAGER = 16
 PACKAGES = ("patrol", "agent", "worldsim")
 
 
-@dataclass(frozen=True, slots=True)
-class RunOptions:
-    """Settings of a run, and where to show the progress.
+@dataclass(frozen=True)
+class RunOptions(RunChoices):
+    """How a run is made, and what follows it.
 
     Attributes:
-        out: The run folder, new or empty; None for ``runs/<name>-<time>``.
-        in_process: Whether to run in this process instead of one process per robot.
-        threads: Minds that think at once in this process; the trace is the same.
-        port: TCP port of the router; None for a free one.
         display: Shows the progress.
         begin: Called when the ticks are about to begin. Before that, KeyboardInterrupt ends everything.
         stop: Asked from then on whether to end early.
         urgent: Asked from then on whether to end by force.
         over: Called when the ticks are over. From then on KeyboardInterrupt ends the run's end.
-        picture: Whether to draw the final fog, fog.png, when the run has ended.
-        recording: Whether to write recording.mcap when the run has ended.
-        report: Whether to write report.html when the run has ended.
-        recovery: Whether to run the scenario without its faults too, in one process, to judge the recovery.
-        page: Whether to serve a live page while the processes run.
         show_kernels: Shows how far compiling the kernels is; None for a line every few seconds.
     """
 
-    out: Path | None = None
-    in_process: bool = False
-    threads: int = 1
-    port: int | None = None
     display: RunDisplay = field(default_factory=SilentDisplay)
     begin: Callable[[], None] = lambda: None
     stop: Callable[[], bool] = lambda: False
     urgent: Callable[[], bool] = lambda: False
     over: Callable[[], None] = lambda: None
-    picture: bool = True
-    recording: bool = False
-    report: bool = False
-    recovery: bool = False
-    page: bool = False
     show_kernels: Callable[[Compiled], None] | None = None
 
 
@@ -140,21 +121,19 @@ def run(
         fogwatch.launch.launcher.LaunchFailed: The processes could not be brought to run.
         KeyboardInterrupt: The run was interrupted before its first tick; its folder is gone again.
     """
-    overrides = {**preset_settings(preset), **(overrides or {})}
-    overrides |= patrol_settings(patrol, overrides)
+    overrides = chosen_settings(overrides or {}, patrol, preset)
     if policy is not None:
         overrides["patrol.policy"] = policy_name(policy, in_process=in_process)
     loaded = scenario_of(scenario, overrides)
-    display = SilentDisplay() if progress is None else CallbackDisplay(progress)
-    where = None if out is None else Path(out)
     options = RunOptions(
-        where,
-        in_process,
-        display=display,
+        in_process=in_process,
+        recovery=recovery,
+        out=None if out is None else Path(out),
+        page=False,
         picture=picture,
         recording=recording,
         report=report,
-        recovery=recovery,
+        display=SilentDisplay() if progress is None else CallbackDisplay(progress),
     )
     if isinstance(scenario, str | Path):
         with naming(scenario, overrides):
@@ -275,7 +254,6 @@ def _in_this_process(scenario: Scenario, folder: RunFolder, options: RunOptions)
 
 
 def _as_processes(scenario: Scenario, folder: RunFolder, options: RunOptions) -> Run:
-    from fogwatch.launch.clerk_child import ClerkChild
     from fogwatch.launch.launcher import WORLD, Launch, LaunchFailed
     from fogwatch.run_folder.reading import found_again
     from patrol.prepare import prepare
@@ -287,8 +265,6 @@ def _as_processes(scenario: Scenario, folder: RunFolder, options: RunOptions) ->
     fleet, alike = f"{scenario.name}-{os.urandom(4).hex()}", scenario.patrol.policy in BUILT_IN
     absent = [names[number - 1] for number in Timeline(scenario).starts_absent]
     handle = os.open(folder.path, os.O_RDONLY | os.O_DIRECTORY)
-    # A recovery is judged by a second run, of which a clerk does not know.
-    clerk = ClerkChild(folder, options.display, enabled=not _needs_second_run(scenario, options))
     launch = Launch(
         folder,
         fleet,
@@ -302,34 +278,30 @@ def _as_processes(scenario: Scenario, folder: RunFolder, options: RunOptions) ->
         scenario.radio.key,
         alike,
         seldom_kernels(scenario),
-        clerk,
     )
-    with closing(clerk):
-        try:
-            launch.start()
-            prepared = prepared or prepare(scenario)
-            _announce(prepared, folder, options)
-            _find_rounds(prepared, options.display)
-            _write_static(prepared, folder)
-            _begin(options)
-            _unfinished(folder.static).rename(folder.static)
-            launch.watch()
-        except BaseException:
-            launch.interrupted = True
-            raise
-        finally:
-            exit_codes = _finish(launch)
-            folder = found_again(folder, handle, options.display.say)
-            for static in (folder.static, _unfinished(folder.static)):
-                shutil.rmtree(static, ignore_errors=True)
-        options.over()
-        if not folder.journal.exists():
-            raise (
-                KeyboardInterrupt if launch.interrupted else LaunchFailed(launch.children.by_name[WORLD].describe_end())
-            )
-        if exit_codes[WORLD] != 0:
-            options.display.say(launch.children.by_name[WORLD].describe_end())
-        return _ended_as_processes(folder, prepared, exit_codes, options, clerk)
+    try:
+        launch.start()
+        prepared = prepared or prepare(scenario)
+        _announce(prepared, folder, options)
+        _find_rounds(prepared, options.display)
+        _write_static(prepared, folder)
+        _begin(options)
+        _unfinished(folder.static).rename(folder.static)
+        launch.watch()
+    except BaseException:
+        launch.interrupted = True
+        raise
+    finally:
+        exit_codes = _finish(launch)
+        folder = found_again(folder, handle, options.display.say)
+        for static in (folder.static, _unfinished(folder.static)):
+            shutil.rmtree(static, ignore_errors=True)
+    options.over()
+    if not folder.journal.exists():
+        raise KeyboardInterrupt if launch.interrupted else LaunchFailed(launch.children.by_name[WORLD].describe_end())
+    if exit_codes[WORLD] != 0:
+        options.display.say(launch.children.by_name[WORLD].describe_end())
+    return _ended_as_processes(folder, prepared, exit_codes, options)
 
 
 def _ended_as_processes(
@@ -337,40 +309,33 @@ def _ended_as_processes(
     prepared: Prepared,
     exit_codes: Mapping[str, int | None],
     options: RunOptions,
-    clerk: ClerkChild,
 ) -> Run:
     """Judge a run whose processes have ended, and write its files."""
     from fogwatch.launch.launcher import LaunchFailed
-    from fogwatch.run_folder.derived import load
+    from fogwatch.run_folder.derived import JUDGING, show_progress
     from patrol.journal import read_journal
     from worldsim.output.summary import summarise
-    from worldsim.verdict.judge import judge
+    from worldsim.verdict.judge import Judge
 
     try:
         journal = read_journal(folder.journal)
     except BadInput as bad:
         raise LaunchFailed(str(bad)) from None
     operated = prepared.as_operated(journal.events)
-    if _needs_second_run(operated.scenario, options):  # perhaps only since an operator has added a fault
-        clerk.close()
     try:
         options.display.progress(JUDGING)
-        clerk.begin_verdict(exit_codes)
-        if options.picture or options.recording or options.report:
-            load()
-        judged = clerk.judged()
-        if judged is not None:
-            verdict, summary = judged.verdict, judged.summary
-        else:
-            verdict = judge(journal, exit_codes, prepared, baseline_s=_baseline(operated, options))
-            summary = summarise(journal, verdict, operated)
+        judging = Judge(journal, exit_codes, operated, baseline_s=_baseline(operated, options))
+        for done, record in enumerate(journal.ticks, 1):
+            judging.tick(record)
+            show_progress(options.display, JUDGING, done, operated.scenario.ticks)
+        verdict = judging.verdict()
+        summary = summarise(journal, verdict, operated)
         options.display.progress(JUDGING, 1.0)
     except InterruptedBySignal:
         options.display.say(f"interrupted before the run was judged; `fogwatch judge {folder.path}` judges it")
         raise
     summary = summary.model_copy(update={"exit_codes": dict(exit_codes)})
-    # A clerk that has not judged the run does not expect to be asked for the report.
-    return _result(folder, operated, journal, verdict, summary, options, clerk if judged is not None else None)
+    return _result(folder, operated, journal, verdict, summary, options)
 
 
 def _announce(prepared: Prepared, folder: RunFolder, options: RunOptions) -> None:
@@ -454,10 +419,9 @@ def _result(
     verdict: Verdict,
     summary: Summary,
     options: RunOptions,
-    clerk: ClerkChild | None = None,
 ) -> Run:
-    """Write the summary and the files that are made from the journal, the report by the clerk where there is one."""
-    from fogwatch.run_folder.derived import Wanted, write_files
+    """Write the summary and the files that are made from the journal."""
+    from fogwatch.run_folder.derived import write_files
     from patrol.journal import Journal
     from worldsim.run_record import INTERRUPTED
 
@@ -467,7 +431,6 @@ def _result(
     except OSError as error:
         options.display.say(f"{folder.summary}: cannot be written ({error.strerror}); the summary is shown only")
     interrupted = journal.end is not None and journal.end.reason == INTERRUPTED
-    files = Wanted(options.picture, options.recording, options.report)
     if summary.ticks:
-        interrupted |= not write_files(folder, prepared, journal, summary, files, options.display, clerk)
+        interrupted |= not write_files(folder, prepared, journal, summary, options, options.display)
     return Run(folder.path, summary=summary, verdict=verdict, interrupted=interrupted)

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 
 from patrol.errors import BadInput
 from patrol.extras import study
+from patrol.scenario.patrols import patrol_settings
 
 POINT_M = 0.5
 """Side of a point with which the paper's tables are reproduced, and for which the sensor's range was calibrated, m."""
@@ -34,3 +35,9 @@ def preset_settings(name: str | None) -> dict[str, object]:
 
     settings = {**paper().settings, "point": POINT_M, "sensor.range": paper().sensor_range(POINT_M).range}
     return {**settings, **TO_THE_LETTER} if name == "letter" else settings
+
+
+def chosen_settings(overrides: Mapping[str, object], patrol: str | None, preset: str | None) -> dict[str, object]:
+    """Return overrides, by dotted field, with the settings of a preset, over which they hold, and of a named patrol."""
+    settings = {**preset_settings(preset), **overrides}
+    return settings | patrol_settings(patrol, settings)

@@ -25,6 +25,16 @@ NEVER_SEEN, NEVER_DOT = "#b0306a", "#e59bbf"
 UNCOUNTED = "#c9ccd1"
 """Ground that no robot can see, in pictures; pages follow their theme."""
 
+MARKS: Mapping[str, str] = {
+    "keepout": "#c1121f",
+    "oneway": "#0b5cad",
+    "slow": "#00796b",
+    "weight": "#6a1b9a",
+    "closure": "#e07b00",
+    "dock": "#2e7d32",
+}
+"""Colours of marks by kind (`patrol.ground.marks`)."""
+
 LIGHT: Mapping[str, str] = {
     "paper": "#f6f7f9",
     "card": "#ffffff",
@@ -66,14 +76,16 @@ def css() -> str:
     def variables(colours: Mapping[str, str]) -> str:
         return " ".join(f"--{name}: {value};" for name, value in colours.items())
 
-    fixed = f"--never: {NEVER_SEEN}; --never-dot: {NEVER_DOT};"
+    marks = variables({f"mark-{kind}": colour for kind, colour in MARKS.items()})
+    fixed = f"--never: {NEVER_SEEN}; --never-dot: {NEVER_DOT}; {marks}"
     dark = f"@media (prefers-color-scheme: dark) {{ :root {{ {variables(DARK)} }} }}"
     return f":root {{ {variables(LIGHT)} {fixed} color-scheme: light dark; }}\n{dark}\n"
 
 
 def script() -> str:
     """ES module with the colours that a page draws with, under the names that they have here."""
-    colours = {"ROBOTS": ROBOTS, "WALL": WALL, "WALL_EDGE": WALL_EDGE, "NEVER_SEEN": NEVER_SEEN, "NEVER_DOT": NEVER_DOT}
+    fog = {"WALL": WALL, "WALL_EDGE": WALL_EDGE, "NEVER_SEEN": NEVER_SEEN, "NEVER_DOT": NEVER_DOT}
+    colours = {"ROBOTS": ROBOTS, "MARKS": dict(MARKS), **fog}
     return "".join(f"export const {name} = {json.dumps(value)};\n" for name, value in colours.items())
 
 

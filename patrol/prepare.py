@@ -6,8 +6,7 @@ The launcher prepares once and saves; its children load the same arrays memory-m
 from __future__ import annotations
 
 import json
-import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -15,37 +14,37 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from patrol.closures import closure_points
+from patrol.closures.checks import check_closures_on_ground
+from patrol.closures.ground import ChangingFootprint
+from patrol.energy.checks import check_docks_on_ground
 from patrol.errors import BadInput, NotPrepared
-from patrol.ground.closed import ChangingFootprint
-from patrol.ground.cspace import grown, parts_of
+from patrol.graph import check_vertices, graph_of, watching_vertices
 from patrol.ground.fields import StaticFields, compute_fields, load_grid
 from patrol.ground.footprint import REMEMBERED, Footprint
 from patrol.ground.left_out import LeftOut, left_out
-from patrol.ground.one_way import unit
+from patrol.ground.passages import check_areas
 from patrol.ground.terrain import BoolGrid, Terrain, frozen_grid
-from patrol.ground.zones import points_of, steps_against
 from patrol.own_sensor import make_footprint
 from patrol.pose import Pose
 from patrol.radio.inbox import Inboxes, Rules
-from patrol.scenario.sections import JOULES, VERTICES
+from patrol.scenario.sections import VERTICES
 from patrol.tours.round import Round
-from patrol.tours.zoned import ZonedGround
+from patrol.zones.checks import check_zones_on_ground
+from patrol.zones.division import ZonedGround
+from patrol.zones.ground import steps_against, with_zones
 
 if TYPE_CHECKING:
     from patrol.graph import Graph
     from patrol.journal.records import Event
     from patrol.regions.split import RegionSplit
-    from patrol.scenario import ClosureSpec, IntruderSpec, Scenario
-    from patrol.scenario.zones import Weighing
+    from patrol.scenario import Scenario
+    from patrol.scenario.checked import CheckedGround
+    from patrol.zones.spec import Weighing
 
 __all__ = ["Prepared", "prepare", "sensor_footprint"]
 
 TICKS_APART = 4
 """Most ticks between two robots of a fleet where the world waits for none of them."""
-
-LEAST_LONG = 2.0
-"""Length of a one-way zone at least where a robot gets, in its diameters and steps, besides a point's diagonal."""
 
 FACTS = "prepared.json"
 GROUND = ("passable", "keep_out", "free", "blocked")
@@ -91,10 +90,7 @@ class Prepared:
     @cached_property
     def graph(self) -> Graph:
         """The terrain's graph: the scenario's, or one that is made from the ground of the smallest robots."""
-        from patrol.graph import (
-            graph_from_ground,  # here: few fleets need a graph
-            graph_of,
-        )
+        from patrol.graph_from_ground import graph_from_ground  # here: few fleets need a graph
 
         given = self.scenario.terrain.graph
         if given is not None:
@@ -156,7 +152,7 @@ class Prepared:
             terrain=terrain,
             starts=tuple(Pose(*start) for start in facts["starts"]),
             fields={int(number): bodies[part] for number, part in facts["fields"].items()},
-            regions=_load_regions(scenario, folder, {int(number): part for number, part in facts["fields"].items()}),
+            regions=_load_regions(scenario, folder, facts["fields"]),
             rounds={int(number): part and kept[part] for number, part in facts["rounds"].items()},
             zoned={
                 frozenset((name, weight) for name, weight in weighing): ZonedGround.load(folder / f"{ZONED}-{number}")
@@ -173,56 +169,49 @@ def prepare(scenario: Scenario, terrain: Terrain | None = None) -> Prepared:
         raise NotPrepared(str(error)) from None
 
 
-def _prepared(scenario: Scenario, terrain: Terrain | None) -> Prepared:
+def terrain_of(scenario: Scenario, within: Path | None = None) -> Terrain:
+    """Load a scenario's terrain; a map's files must lie in `within`, where None allows any place."""
     from patrol.maps.load import load_terrain  # here: loading a prepared scenario does not need it
 
+    return with_zones(load_terrain(scenario.terrain, scenario.point, scenario.base, within), scenario.zones)
+
+
+CHECKS: Sequence[Callable[[CheckedGround], None]] = (
+    check_docks_on_ground,
+    check_zones_on_ground,
+    check_closures_on_ground,
+)
+"""Refuse what a feature asks for and its ground does not have."""
+
+
+def _prepared(scenario: Scenario, terrain: Terrain | None) -> Prepared:
+    from patrol.starts import starts_of  # here: loading a prepared scenario does not need it
+
     if terrain is None:
-        terrain = load_terrain(scenario.terrain, scenario.point, scenario.base, zones=scenario.zones)
+        terrain = terrain_of(scenario)
     for number, intruder in enumerate(scenario.intruders):
-        check_intruder(intruder, terrain, f"intruders.{number}.place")
-    _check_critical_areas(scenario, terrain)
-    _check_graph(scenario, terrain)
-    starts = _starts(scenario, terrain)
+        intruder.check_place(terrain, f"intruders.{number}.place")
+    check_areas(scenario.patrol.critical_areas or (), terrain, "patrol.options.critical_areas")
+    vertices = () if scenario.terrain.graph is None else scenario.terrain.graph.vertices
+    check_vertices(vertices, terrain)
+    starts = starts_of(scenario, terrain)
     by_radius: dict[float, StaticFields] = {}
     for radius in sorted({spec.radius for spec in scenario.roster}):
         own = [start for spec, start in zip(scenario.roster, starts, strict=True) if spec.radius == radius]
         sensor = scenario.sensor
         by_radius[radius] = compute_fields(terrain, radius, sensor.range, sensor.line_of_sight, own)
     if scenario.terrain.patrolled == VERTICES:
-        by_radius = _watching_vertices(scenario, terrain, by_radius)
+        by_radius = watching_vertices(vertices, terrain, by_radius)
     fields = {spec.number: by_radius[spec.radius] for spec in scenario.roster}
-    _check_docks(scenario, terrain, fields, starts)
-    _check_zones(scenario, terrain, by_radius)
-    _check_closures(scenario, terrain, starts)
-    regions = None
-    if scenario.patrol.paths == "regions":
-        splits = _split(scenario, terrain, by_radius)
-        regions = {spec.number: splits[spec.radius] for spec in scenario.roster}
-    return Prepared(scenario, terrain, starts, fields, regions)
+    prepared = Prepared(scenario, terrain, starts, fields)
+    for check in CHECKS:
+        check(prepared)
+    if scenario.patrol.paths != "regions":
+        return prepared
+    from patrol.regions.split import split_for_bodies  # here: most robots need none
 
-
-def _starts(scenario: Scenario, terrain: Terrain) -> tuple[Pose, ...]:
-    """Place the robots, clear of all closures. Raises BadInput, which names the closures where they take the room."""
-    from patrol.starts import place_starts  # here: loading a prepared scenario does not need it
-
-    roster, seed, closures = scenario.roster, scenario.seed, scenario.closures
-    if not closures:
-        return tuple(place_starts(terrain, roster, seed))
-    try:
-        return tuple(place_starts(terrain, roster, seed, _with_closed(terrain, closures)))
-    except BadInput:
-        place_starts(terrain, roster, seed)  # raises the same where closures are not to blame
-    number, largest = max(enumerate(closures), key=lambda each: closure_points(each[1], terrain).size)
-    robots = sum(not spec.spare for spec in roster)
-    fleet = f"{robots} {'robot' if robots == 1 else 'robots'}"
-    room = f"no room on {terrain.name} for the starts of {fleet}, which are clear of closures"
-    try:
-        place_starts(terrain, roster, seed, _with_closed(terrain, [largest]))
-    except BadInput:
-        why = f"closures.{number}.polygon: {largest.name} leaves {room}; make it smaller, or start fewer robots"
-    else:
-        why = f"closures: together they leave {room}; make some smaller, or start fewer robots"
-    raise BadInput(why)
+    splits = split_for_bodies(terrain, scenario.patrol.regions, by_radius)
+    return replace(prepared, regions={spec.number: splits[spec.radius] for spec in scenario.roster})
 
 
 def sensor_footprint(scenario: Scenario, terrain: Terrain) -> Footprint:
@@ -252,195 +241,11 @@ def inboxes_of(
     return Inboxes(listeners, Rules(numbers, bounds, fastest, key, scenario.step, ahead, scenario.radio.trail_every))
 
 
-def check_intruder(intruder: IntruderSpec, terrain: Terrain, field: str) -> None:
-    """Refuse an intruder that does not stand on passable ground."""
-    x, y = intruder.place
-    where = f"{field} = [{x:g}, {y:g}]"
-    if not terrain.contains(x, y):
-        xmin, ymin, xmax, ymax = terrain.bounds
-        span = f"spans x {xmin:g} to {xmax:g} m and y {ymin:g} to {ymax:g} m"
-        raise BadInput(f"{where}: not on {terrain.name}, which {span}; move it there")
-    if not terrain.passable[terrain.point_at(x, y)]:
-        raise BadInput(f"{where}: in an obstacle of {terrain.name}; move it to passable ground")
-
-
-def _check_docks(
-    scenario: Scenario, terrain: Terrain, fields: Mapping[int, StaticFields], starts: Sequence[Pose]
-) -> None:
-    charged = [spec for spec in scenario.roster if spec.battery is not None]
-    served: set[int] = set()
-    for number, dock in enumerate(scenario.docks):
-        where = f"docks.{number}.place = [{dock.place[0]:g}, {dock.place[1]:g}]"
-        row, col = terrain.point_at(*dock.place)
-        serves = {spec.number for spec in charged if terrain.inside(row, col) and fields[spec.number].reach[row, col]}
-        if not serves:
-            raise BadInput(f"{where}: no robot with a battery gets there on {terrain.name}; move it to open ground")
-        if (away := math.dist(dock.place, terrain.centre(row, col))) > dock.radius:
-            raise BadInput(
-                f"docks.{number}.radius = {dock.radius:g}: robots stand at centres of points, and the nearest is "
-                f"{away:.2f} m away; give more, or move the dock to a centre"
-            )
-        for earlier, other in enumerate(scenario.docks[:number]):
-            if (apart := math.dist(dock.place, other.place)) < dock.radius + other.radius:
-                raise BadInput(
-                    f"{where}: {apart:g} m from docks.{earlier}, so one robot would stand at both; "
-                    "move it, or give both smaller radii"
-                )
-        served |= serves
-    for spec, start in zip(scenario.roster, starts, strict=True):
-        battery = spec.battery
-        if battery is None or not scenario.docks:
-            continue
-        if spec.number not in served:
-            raise BadInput(f"docks: {spec.name} gets to none of them; add one in its part of {terrain.name}")
-        away_m = min(max(0.0, math.dist(dock.place, (start.x, start.y)) - dock.radius) for dock in scenario.docks)
-        needed_wh = away_m * (battery.drive + battery.idle / spec.speed) / JOULES
-        if needed_wh > battery.start * battery.capacity:
-            raise BadInput(
-                f"robots.battery.capacity = {battery.capacity:g}: {spec.name} starts with "
-                f"{battery.start * battery.capacity:g} Wh, and the nearest dock is {away_m:.1f} m away, which needs "
-                f"{needed_wh:.2g} Wh; give it more, or add a dock"
-            )
-
-
-def _check_critical_areas(scenario: Scenario, terrain: Terrain) -> None:
-    from patrol.ground.shapes import cover
-
-    for number, polygon in enumerate(scenario.patrol.critical_areas or ()):
-        if not (terrain.free & cover(polygon, terrain.shape, terrain.point, terrain.origin)).any():
-            field = f"patrol.options.critical_areas.{number}"
-            raise BadInput(f"{field}: holds no free point of {terrain.name}; correct or drop it")
-
-
-def _check_zones(scenario: Scenario, terrain: Terrain, by_radius: Mapping[float, StaticFields]) -> None:
-    for number, zone in enumerate(scenario.zones):
-        if zone.keep_out is None:
-            points, bodies = points_of(zone, terrain), by_radius.values()
-            if zone.weighs and not any((fields.patrolled & points).any() for fields in bodies):
-                why = "no robot sees any of it from ground that it can reach; correct or drop it"
-                raise BadInput(f"zones.{number}: {zone.name}: {why}")
-            if zone.speed is not None and not any((fields.reach & points).any() for fields in bodies):
-                why = "no robot gets there, so it slows none; correct or drop it"
-                raise BadInput(f"zones.{number}: {zone.name}: {why}")
-            if zone.one_way is not None:
-                _check_one_way(f"zones.{number}: {zone.name}", zone.one_way, points, scenario, terrain, by_radius)
-
-
-def _check_one_way(
-    where: str,
-    degrees: int,
-    points: BoolGrid,
-    scenario: Scenario,
-    terrain: Terrain,
-    by_radius: Mapping[float, StaticFields],
-) -> None:
-    """Refuse a zone that bodies cross in a few steps, or none gets to: the verdict could not tell its direction.
-
-    Only its points that bodies reach count, and of several parts of these, as on both sides of a wall, the longest.
-    """
-    bodies = [(radius, fields.reach) for radius, fields in by_radius.items() if (fields.reach & points).any()]
-    if not bodies:
-        raise BadInput(f"{where}: no robot gets there, so it directs none; correct or drop it")
-    for radius, reach in bodies:
-        longest_m = max(2.0 * radius + spec.speed * scenario.step for spec in scenario.roster if spec.radius == radius)
-        least_m = LEAST_LONG * longest_m + math.sqrt(2.0) * terrain.point
-        length_m = _longest_part_m(degrees, points, reach, terrain)
-        if length_m < least_m:
-            long = f"is {length_m:.2f} m long in its direction where robots of radius {radius:g} m get"
-            remedy = "make it longer there"
-            raise BadInput(f"{where}: {long}, and they take at least {least_m:.2f} m to show theirs; {remedy}")
-
-
-def _longest_part_m(degrees: int, points: BoolGrid, reach: BoolGrid, terrain: Terrain) -> float:
-    """Return the length, in a direction, of the longest part of a zone in which a body can go on; m."""
-    # With the points around, a thin zone that goes up by corners stays in one part, as for the ways of bodies.
-    labels, count = parts_of(reach & grown(points))
-    rows, cols = np.nonzero(reach & points)
-    across, up = unit(degrees)
-    along = (cols * across + rows * up) * terrain.point
-    first, last = np.full(count + 1, np.inf), np.full(count + 1, -np.inf)
-    np.minimum.at(first, labels[rows, cols], along)
-    np.maximum.at(last, labels[rows, cols], along)
-    return float((last - first).max()) + terrain.point
-
-
-def _check_closures(scenario: Scenario, terrain: Terrain, starts: Sequence[Pose]) -> None:
-    from patrol.ground.swept_path import free_fraction  # here: it loads kernels, and few scenarios have closures
-
-    for number, closure in enumerate(scenario.closures):
-        where = f"closures.{number}.polygon: {closure.name}"
-        if not closure_points(closure, terrain).size:
-            xmin, ymin, xmax, ymax = terrain.bounds
-            span = f"spans x {xmin:g} to {xmax:g} m and y {ymin:g} to {ymax:g} m"
-            raise BadInput(f"{where} holds no passable ground of {terrain.name}, which {span}; move or drop it")
-        ground = _with_closed(terrain, [closure])
-        for spec, start in zip(scenario.roster, starts, strict=True):
-            if free_fraction(ground, start, start, spec.radius) < 1.0:
-                at = f"({start.x:g}, {start.y:g})"
-                raise BadInput(f"{where} lies on the start of {spec.name} at {at}; move it, or give robots.starts")
-        for place, dock in enumerate(scenario.docks):
-            pose = Pose(*dock.place, 0.0)
-            widest = max(spec.radius for spec in scenario.roster if spec.battery is not None)
-            if free_fraction(ground, pose, pose, widest) < 1.0:
-                raise BadInput(f"{where} lies on docks.{place}; move one of them")
-
-
-def _with_closed(terrain: Terrain, closures: Sequence[ClosureSpec]) -> Terrain:
-    """Return the ground with some closures closed."""
-    passable = terrain.passable.copy()
-    for closure in closures:
-        passable.reshape(-1)[closure_points(closure, terrain)] = False
-    return Terrain(terrain.name, passable, terrain.point, terrain.origin)
-
-
-def _check_graph(scenario: Scenario, terrain: Terrain) -> None:
-    for number, (x, y) in enumerate(scenario.terrain.graph.vertices if scenario.terrain.graph else ()):
-        if not terrain.contains(x, y):
-            where = f"terrain.graph: vertex {number} at [{x:g}, {y:g}]"
-            raise BadInput(f"{where}: not on {terrain.name}; give the graph of this terrain")
-
-
-def _watching_vertices(
-    scenario: Scenario, terrain: Terrain, by_radius: Mapping[float, StaticFields]
-) -> dict[float, StaticFields]:
-    """Leave nothing patrolled but the points that hold the graph's vertices."""
-    graph = scenario.terrain.graph
-    at = [terrain.point_at(*place) for place in (() if graph is None else graph.vertices)]
-    points = np.zeros(terrain.shape, dtype=np.bool_)
-    points[tuple(np.transpose(at))] = True
-    watching = {radius: fields.watching(points) for radius, fields in by_radius.items()}
-    for number, point in enumerate(at):
-        if not any(fields.patrolled[point] for fields in watching.values()):
-            x, y = terrain.centre(*point)
-            where = f"terrain.graph: vertex {number} near [{x:.4g}, {y:.4g}]"
-            raise BadInput(
-                f"{where}: no robot sees it from ground that it can reach; correct the vertex, start a robot in its "
-                "part of the terrain, or set terrain.patrolled to ground"
-            )
-    for radius, fields in watching.items():
-        if not fields.patrolled.any():
-            raise BadInput(
-                f"terrain.patrolled: robots of radius {radius:g} m see no vertex from ground that they can reach; "
-                "start them elsewhere or leave them out"
-            )
-    return watching
-
-
-def _split(scenario: Scenario, terrain: Terrain, by_radius: Mapping[float, StaticFields]) -> dict[float, RegionSplit]:
-    """Make the regions, those given or automatic ones, and their connections for each radius."""
-    from patrol.regions.split import regions_by_hand, split_regions  # here: most robots need none
-
-    everywhere = np.logical_or.reduce([fields.reach for fields in by_radius.values()])
-    polygons = scenario.patrol.regions
-    split = split_regions(terrain, everywhere) if polygons is None else regions_by_hand(terrain, polygons, everywhere)
-    return {radius: split.for_body(terrain, fields.reach) for radius, fields in by_radius.items()}
-
-
-def _load_regions(scenario: Scenario, folder: Path, places: Mapping[int, str]) -> dict[int, RegionSplit] | None:
-    """Load the saved splits by robot number; places: each robot's folder."""
+def _load_regions(scenario: Scenario, folder: Path, places: Mapping[str, str]) -> dict[int, RegionSplit] | None:
+    """Load the saved splits by robot number; `places` has each robot's folder, by number as text."""
     if scenario.patrol.paths != "regions":
         return None
     from patrol.regions.split import RegionSplit
 
     splits = {name: RegionSplit.load(folder / name / REGIONS) for name in sorted(set(places.values()))}
-    return {number: splits[name] for number, name in places.items()}
+    return {int(number): splits[name] for number, name in places.items()}

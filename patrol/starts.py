@@ -14,6 +14,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from patrol.closures.points import with_closed
+from patrol.closures.spec import closure_points
 from patrol.errors import BadInput
 from patrol.ground.cspace import TOLERANCE, cspace_of, parts_of, planning_radius
 from patrol.ground.fields import anchor
@@ -27,7 +29,7 @@ from patrol.scenario.sections import DEFAULT_RADIUS
 
 if TYPE_CHECKING:
     from patrol.ground.doors import Door
-    from patrol.scenario import RobotSpec
+    from patrol.scenario import RobotSpec, Scenario
 
 ENCLOSED_SHARE = 0.1
 """An enclosed part is preferred when it has at least this share of the largest part at the border."""
@@ -40,6 +42,28 @@ DRAWS = 200
 
 SPACING = 2.0
 """Points that bodies at random starts keep between them."""
+
+
+def starts_of(scenario: Scenario, terrain: Terrain) -> tuple[Pose, ...]:
+    """Place the robots, clear of all closures. Raises BadInput, which names the closures where they take the room."""
+    roster, seed, closures = scenario.roster, scenario.seed, scenario.closures
+    if not closures:
+        return tuple(place_starts(terrain, roster, seed))
+    try:
+        return tuple(place_starts(terrain, roster, seed, with_closed(terrain, closures)))
+    except BadInput:
+        place_starts(terrain, roster, seed)  # raises the same where closures are not to blame
+    number, largest = max(enumerate(closures), key=lambda each: closure_points(each[1], terrain).size)
+    robots = sum(not spec.spare for spec in roster)
+    fleet = f"{robots} {'robot' if robots == 1 else 'robots'}"
+    room = f"no room on {terrain.name} for the starts of {fleet}, which are clear of closures"
+    try:
+        place_starts(terrain, roster, seed, with_closed(terrain, [largest]))
+    except BadInput:
+        why = f"closures.{number}.polygon: {largest.name} leaves {room}; make it smaller, or start fewer robots"
+    else:
+        why = f"closures: together they leave {room}; make some smaller, or start fewer robots"
+    raise BadInput(why)
 
 
 def place_starts(

@@ -5,10 +5,13 @@ Numbers are strict and bounded: no boolean or text is taken for one, and neither
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import hashlib
+import json
+from collections.abc import Callable, Mapping
 from itertools import pairwise
 from pathlib import Path
-from typing import Annotated, Any, Final, Literal, get_args
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Final, Literal, Self, get_args
 
 from pydantic import (
     AfterValidator,
@@ -29,11 +32,67 @@ from pydantic_core import PydanticCustomError
 from patrol.pose import Model
 from patrol.radio.message import MAX_FRAME, MAX_TRAIL
 
+if TYPE_CHECKING:
+    from patrol.ground.marks import Mark
+    from patrol.ground.terrain import Terrain
+
 
 class Section(BaseModel):
-    """A mapping of the scenario file: frozen, and strict about its keys."""
+    """A mapping of the scenario file: frozen, and strict about its keys.
+
+    A section says itself what of it enters a scenario's hash, and which files it names.
+    """
+
+    LATER: ClassVar[Mapping[str, Any]] = MappingProxyType({})
+    """Fields that came later, and the values with which they do not enter the hash, so that older hashes stay."""
+
+    EXAMPLE: ClassVar[str] = ""
+    """An entry, for errors about an empty list of such sections."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
+
+    def reduce(self, says: dict[str, Any], files: bool) -> None:
+        """Reduce what was dumped of the section to what it means.
+
+        A file enters by its content, which may be read for that; without `files` only by its presence.
+        """
+        for name, field in type(self).model_fields.items():
+            key, value = name if name in says else field.alias, getattr(self, name)
+            if key not in says:
+                continue
+            if name in self.LATER and value == self.LATER[name]:
+                del says[key]
+                continue
+            entries, parts = (value, says[key]) if isinstance(value, tuple) else ((value,), (says[key],))
+            for entry, part in zip(entries, parts, strict=True):
+                if isinstance(entry, Section):
+                    entry.reduce(part, files)
+
+    def mark(self, terrain: Terrain, number: int) -> Mark | None:
+        """Return what maps show of the section, the `number`-th of a list; None for one that they do not show."""
+        del terrain, number
+        return None
+
+    def with_digests(self) -> Self:
+        """Add the SHA-256 of the files of classes and networks, where it does not have them yet."""
+        return self._with_sections(lambda section: section.with_digests())
+
+    def with_copies(self, folder: Path) -> Self:
+        """Copy the files that it names into a folder, and name the copies, relative to that folder."""
+        return self._with_sections(lambda section: section.with_copies(folder))
+
+    def _with_sections(self, change: Callable[[Section], Section]) -> Self:
+        """Change the sections in it, but for those in lists."""
+        values = ((name, getattr(self, name)) for name in type(self).model_fields)
+        sections = [(name, value) for name, value in values if isinstance(value, Section)]
+        changed = {name: now for name, section in sections if (now := change(section)) is not section}
+        return self.model_copy(update=changed) if changed else self
+
+
+def digest_of(meaning: Mapping[str, Any]) -> str:
+    """Return the SHA-256 (hex) of texts and numbers by name, in any order."""
+    text = json.dumps(meaning, sort_keys=True, separators=(",", ":"), allow_nan=False)
+    return hashlib.sha256(text.encode()).hexdigest()
 
 
 def wrong(field: str, problem: str, value: float | None = None) -> PydanticCustomError:

@@ -20,8 +20,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from patrol.ground.terrain import Terrain
-from patrol.ground.zones import with_zones
-from patrol.scenario.zones import ZoneSpec
+from patrol.zones.ground import with_zones
+from patrol.zones.spec import ZoneSpec
 
 POINT = 0.5
 LOWER: list[list[float]] = [[6, 1], [14, 1], [14, 3.5], [6, 3.5]]

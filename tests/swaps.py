@@ -92,15 +92,15 @@ class SwapPolicy:
 
     def __init__(self, setup: PolicySetup) -> None:
         """Find the places in the other room where the body fits."""
-        spec, terrain, reach = setup.spec, setup.terrain, setup.fields.reach
+        spec, terrain, reach = setup.robot.spec, setup.ground.terrain, setup.ground.fields.reach
         room = setup.options.rooms[2 - spec.number]
         self._places = [
             (row, col)
             for row, col in np.argwhere(reach).tolist()
             if is_in(room, *terrain.centre(row, col), margin=spec.radius)
         ]
-        self._given_up = GivenUp(spec.radius, terrain.point, setup.step)
-        self._patience = round(NO_NEARER_S / setup.step)
+        self._given_up = GivenUp(spec.radius, terrain.point, setup.fleet.step)
+        self._patience = round(NO_NEARER_S / setup.fleet.step)
         self._target: tuple[int, int] | None = None
         self._shortest = math.inf
         self._progress_at = 0

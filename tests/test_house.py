@@ -360,7 +360,7 @@ OWN_FILES = {
     "patrol/ground/fields.py": "fields that the launcher prepared",
     "patrol/kernel_cache.py": "the user's own cache, and kernels of the packages",
     "patrol/net/serial_line.py": "the line that its user names; what comes over it is judged like any frame",
-    "patrol/tours/zoned.py": "fields that the launcher prepared",
+    "patrol/zones/division.py": "fields that the launcher prepared",
     "patrol/prepare.py": "fields that the launcher prepared",
     "patrol/process/lifeline.py": "the kernel's facts about this process",
     "patrol/starting/environment.py": "the kernel's facts about this process",

@@ -3,8 +3,6 @@
 Ticks can be held, let go and paced. In lockstep a pace is a limit: the world still waits for every robot, so the trace
 does not depend on it. What is asked for while the ticks are held is done before the next one.
 
-Takes operators' requests from the network, and keeps the scenario that they have changed.
-
 Only requests of clients that know the fleet's token come through (`patrol.security.control_auth`). All others are
 counted and get no answer.
 """
@@ -25,7 +23,7 @@ from patrol.journal.records import Event
 from patrol.reporting.logs import crashed
 from patrol.scenario import dump_scenario
 from patrol.scenario.controls import OPERATOR, Answer, Control, Go, Pace, Pause, Step, amended, as_detail, read_control
-from patrol.scenario.copying import MAP
+from patrol.scenario.sections import MAP
 from patrol.security.control_auth import Admitted, ControlGate, RequestRefused
 
 if TYPE_CHECKING:

@@ -1,6 +1,6 @@
-"""The life of a robot's process: what faults do to it between ticks, and what a journal says of that.
+"""The times and targets of a scenario's faults, and what they do to a robot's process between ticks.
 
-The times and targets of a scenario's faults: entries resolved to ticks and robot numbers.
+Entries are resolved to ticks and robot numbers. A journal says what became of them.
 
 Which robots `one`, `half` and the like are is drawn from (seed, Purpose.FAULT, the fault's index, the field, robot):
 the robots with the lowest draws. So it depends on no other fault, and on nothing that happens in the run.

@@ -98,7 +98,7 @@ def _run_and_judge(process: ProcessContext, meeting: Meeting) -> int:
         wiring = Wiring(process, scenario, meeting.keys, link, outward, air)
         try:
             listener = wiring.listener()
-            _record(wiring, prepared, wiring.gather(token), listener, token)
+            _record(wiring, prepared, wiring.gather(), listener, token)
         except Interrupted:
             return INTERRUPTED
         except Missing as missing:
@@ -171,9 +171,8 @@ def _record(
             raise
         finally:
             wall_s, refused = time.monotonic() - began, dict(sessions.refused)
-            notes = {"wall_s": wall_s, "refused": refused, "transcripts": sessions.transcripts()}
             with recording(options.out):
-                recorder.end(reason, {**notes, **fleet.notes()})
+                recorder.end(reason, {"wall_s": wall_s, "refused": refused, **fleet.notes()})
             feed.flush()
 
 

@@ -7,7 +7,7 @@ import socket
 import threading
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from functools import cached_property, partial
@@ -38,8 +38,6 @@ from patrol.reporting.vitals import MFOW, ROBOTS, ROUTER_SILENT
 from patrol.scenario import Scenario, scenario_hash
 from patrol.security.control_auth import ASK, CHALLENGE, MAX_REQUEST, NONCE, ControlGate
 from patrol.security.keys import WORLD, FleetKeys
-from patrol.security.seats import seat_of
-from patrol.security.tick_chain import TickChain
 from worldsim.controls import ControlMailbox, Operator, RunState, answer_challenge, keep_timeline
 from worldsim.faults import Timeline
 from worldsim.fleet.lockstep import LockstepFleet
@@ -110,11 +108,10 @@ class Wiring:
         self.process.notifier.alive()
         return bool(self.process.ending)
 
-    def gather(self, token: str | None) -> Sessions:
+    def gather(self) -> Sessions:
         """Announce the world and wait until each robot's process has come.
 
-        `token` is the fleet's, by which the world knows the processes of its launcher. The method raises `Missing` if
-        robots have not come in time, and `Interrupted` if the process should end.
+        `Missing` is raised if robots have not come in time, and `Interrupted` if the process should end.
         """
         keys, link = self.keys, self.link
         names = {spec.number: spec.name for spec in self.scenario.roster}
@@ -131,7 +128,8 @@ class Wiring:
             keys, names, posts, mailbox, self.router.settled, time.monotonic, self.leaving, has_ended_for
         )
         absent = Timeline(self.scenario).starts_absent
-        sessions = Sessions(connection, self._identity(token, names), absent)
+        return_s = RETURN_S if link.mesh is None else MESH_RETURN_S
+        sessions = Sessions(connection, WorldRun(self.run, scenario_hash(self.scenario), return_s), absent)
         link.subscribe(keys.reply("*"), mailbox)
         link.watch(keys.alive("*"), mailbox)
         link.live(keys.alive(WORLD))
@@ -144,15 +142,6 @@ class Wiring:
         # A launcher notices when a robot's process ends; where it has started many at once, they take their time.
         sessions.gather(self.process.patience_s, waiting)
         return sessions
-
-    def _identity(self, token: str | None, names: Mapping[int, str]) -> WorldRun:
-        def seat(number: int, incarnation: int) -> int:
-            return seat_of(token or "", self.keys.fleet, names[number], incarnation)
-
-        chain = TickChain(os.urandom(32), self.scenario.ticks)
-        launched = token is not None and self.options.process_control is not None
-        return_s = RETURN_S if self.link.mesh is None else MESH_RETURN_S
-        return WorldRun(self.run, scenario_hash(self.scenario), chain, seat if launched else None, return_s)
 
     def listener(self) -> Listener | None:
         """Make the listener to a direct radio; None where the world carries the frames."""

@@ -5,17 +5,17 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
-from patrol.energy import Batteries
+from patrol.closures.ground import ChangingFootprint
+from patrol.energy.batteries import Batteries
 from patrol.errors import BadInput
 from patrol.exchange import FIRST_INCARNATION, Reply, Sensed
-from patrol.ground.closed import ChangingFootprint
-from patrol.ground.speed_limits import SpeedLimits
 from patrol.journal import Event, RobotTick, Status, TickRecord
 from patrol.journal.records import FORGED, IN_FORCE, OUT_OF_FORCE
 from patrol.pose import Pose, slowed
-from patrol.prepare import check_intruder, sensor_footprint
+from patrol.prepare import sensor_footprint
 from patrol.radio.message import MAX_FRAMES
-from patrol.scenario.zones import zones_in_force
+from patrol.zones.spec import zones_in_force
+from patrol.zones.speed_limits import SpeedLimits
 from worldsim.faults import Timeline
 from worldsim.radio.ether import Delivery, ether_of
 from worldsim.radio.models import model_of
@@ -206,7 +206,7 @@ class World:
         When `BadInput` is raised, nothing has changed.
         """
         for intruder in scenario.intruders[len(self.scenario.intruders) :]:
-            check_intruder(intruder, self.terrain, "control: place")
+            intruder.check_place(self.terrain, "control: place")
         timeline = Timeline(scenario)
         if absent := sorted(timeline.starts_absent ^ self.timeline.starts_absent):
             names = ", ".join(self.bodies[number].spec.name for number in absent)

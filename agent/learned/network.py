@@ -34,7 +34,7 @@ from agent.ports import Bearing, Intent, Place, Stay
 from patrol.classes.class_file import FIELD
 from patrol.errors import BadInput
 from patrol.files.untrusted import WEIGHTS
-from patrol.graph import on_reach
+from patrol.graph_from_ground import on_reach
 
 if TYPE_CHECKING:
     from agent.ports import PolicySetup
@@ -63,13 +63,13 @@ class Decisions:
     """The decisions of one robot, one after the other."""
 
     def __init__(self, setup: PolicySetup, options: LearnedOptions) -> None:
-        self.observer = Observer(setup.terrain, options, setup.step)
+        self.observer = Observer(setup.ground.terrain, options, setup.fleet.step)
         self._kind, self._lasts = options.actions, options.decide == "arrival"
-        self._patience = NO_NEARER_S / setup.step
+        self._patience = NO_NEARER_S / setup.fleet.step
         self._nodes: list[Spot] = []
         self.choices: int | None = None  # number of actions; None where an action is two numbers
         if options.actions == "node":
-            places = on_reach(setup.graph(), setup.terrain, setup.fields.reach).places
+            places = on_reach(setup.ground.graph(), setup.ground.terrain, setup.ground.fields.reach).places
             self._nodes = [(x, y) for x, y in places.tolist()]
             self.choices = len(self._nodes)
         elif options.actions == "bearing":

@@ -47,9 +47,9 @@ if TYPE_CHECKING:
     from agent.ports import Intent, Policy, PolicySetup
     from agent.routes.ground import Spot
     from agent.view import View
-    from patrol.ground.speed_limits import SpeedLimits
     from patrol.ground.terrain import Terrain
     from patrol.radio.peers import Peer
+    from patrol.zones.speed_limits import SpeedLimits
 
 DETOUR = 1.3
 """Charge that is kept for the way to a dock, in what the shortest way needs: others are in the way, and bodies turn."""
@@ -144,30 +144,30 @@ class Charging:
     """A policy that charges the robot's battery, and otherwise leaves the decision to another policy."""
 
     def __init__(self, setup: PolicySetup, otherwise: Policy, speed_limits: SpeedLimits) -> None:
-        spec, terrain = setup.spec, setup.terrain
+        spec, terrain = setup.robot.spec, setup.ground.terrain
         self.otherwise = otherwise
         self.goes = False  # on the way to a dock, waiting for one, or charging
         self._number = spec.number
         self._battery = spec.battery
         self._speed = spec.speed
         self._use_per_m = 0.0 if spec.battery is None else spec.battery.drive + spec.battery.idle / spec.speed
-        self._step = setup.step
+        self._step = setup.fleet.step
         self._clear_m = CLEAR_RADII * spec.radius
-        routes = Routes(Ground(terrain, setup.fields.reach))
+        routes = Routes(Ground(terrain, setup.ground.fields.reach))
         self._docks: list[_Dock] = []
-        for given in setup.docks:
+        for given in setup.fleet.docks:
             ways = routes.lengths(given.place, back=True).astype(np.float32)
             if np.isfinite(ways).any():
                 point = terrain.point_at(*given.place)
                 slow_ways = SlowWays(ways, terrain.point, spec.speed, speed_limits)
                 clear = np.isfinite(ways)
                 self._docks.append(_Dock(given.place, given.radius, ways, slow_ways, point, clear, given.place))
-        self._waiting = Waiting(terrain, setup.fields.reach, spec.radius)
+        self._waiting = Waiting(terrain, setup.ground.fields.reach, spec.radius)
         self._waits_at: Spot | None = None
         for dock in self._docks:
             self._clear_docks(dock, terrain)
         self._others: dict[int, _Heard] = {}
-        self._charged = setup.charged
+        self._charged = frozenset(robot.number for robot in setup.fleet.roster if robot.battery is not None)
         self._ready = False
         self._own = self._newcomer()
         self._patrolling: Set[int] = frozenset()

@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 
 from agent.kernels.best import any_nearer, best_of, farthest_of_own, oldest_that_may_win
 from agent.routes.wave import LONGEST, NO_PATHS, Box, BoxPaths, box_around, paths_in
+from patrol.measures.zoned import zoned_ground
 
 if TYPE_CHECKING:
     from agent.policies.commitment import GivenUp
@@ -77,12 +78,12 @@ class TargetChoice:
     """The search for a robot's targets."""
 
     def __init__(self, setup: PolicySetup) -> None:
-        point = setup.terrain.point
-        self.posts = setup.posts
+        point = setup.ground.terrain.point
+        self.posts = setup.ground.posts
         self._near = 100.0 * NEAR_M / point
-        self._least_reach = math.ceil(FIRST_REACH * setup.sight.range_m / point)
+        self._least_reach = math.ceil(FIRST_REACH * setup.ground.sight.range_m / point)
         self._reach = self._least_reach
-        self._zoned = setup.zoned
+        self._prepared = setup.ground.prepared
 
     def best(
         self,
@@ -107,11 +108,11 @@ class TargetChoice:
     def _ages(self, view: View) -> Ages:
         """Return the believed ages, times their weights on ground with zones."""
         fog = view.fog
-        if self._zoned is None:
+        zoned = zoned_ground(self._prepared, view.weighing)
+        if zoned is None:
             return Ages(fog.patrolled, fog.last_seen, fog.looked, view.tick, view.mfow)
         counts = fog.patrolled & (fog.looked != view.tick)
-        weights = self._zoned(view.weighing).weights
-        weighted = np.where(counts, weights * (view.tick - np.maximum(fog.last_seen, 0)), 0.0)
+        weighted = np.where(counts, zoned.weights * (view.tick - np.maximum(fog.last_seen, 0)), 0.0)
         oldest = float(weighted.max())
         if oldest > MOST_AGE:
             weighted *= MOST_AGE / oldest

@@ -136,10 +136,11 @@ class RoundStands:
     def __init__(self, setup: PolicySetup, laid_out: Round) -> None:
         """Find the point itself, or its post, for each point of the round."""
         points = laid_out.points
-        own = np.where(setup.fields.reach.reshape(-1)[points], points, setup.fields.proxy.reshape(-1)[points])
+        fields = setup.ground.fields
+        own = np.where(fields.reach.reshape(-1)[points], points, fields.proxy.reshape(-1)[points])
         self._round = laid_out
         self._own = np.where(own >= 0, own, laid_out.stands)
-        self._width = setup.terrain.width
+        self._width = setup.ground.terrain.width
 
     def of(self, view: View, given_up: GivenUp, span: slice) -> tuple[Flat, NDArray[np.bool_]]:
         """Return the flat indices from which to see some of `Round.points` now, and which of them are usable.
@@ -194,24 +195,25 @@ class Commitment:
     Options: type[CommitmentOptions] = CommitmentOptions
 
     def __init__(self, setup: PolicySetup) -> None:
-        spec, terrain = setup.spec, setup.terrain
+        spec, terrain, sight = setup.robot.spec, setup.ground.terrain, setup.ground.sight
+        step = setup.fleet.step
         self._setup = setup
-        self._step = setup.step
+        self._step = step
         self._point = terrain.point
         self._separation = Separation(setup)
         self._random_steps = RandomSteps(RANDOM_MOVE)
         self._choice = TargetChoice(setup)
-        self.given_up = GivenUp(spec.radius, terrain.point, setup.step)
-        self._nearer = NEARER * spec.speed * setup.step
-        self._at_hand_s = max(AT_HAND_S, AT_HAND_STEPS * setup.step)
-        self._sees_all_round = setup.sight.all_round and not setup.sight.leaves_age
+        self.given_up = GivenUp(spec.radius, terrain.point, step)
+        self._nearer = NEARER * spec.speed * step
+        self._at_hand_s = max(AT_HAND_S, AT_HAND_STEPS * step)
+        self._sees_all_round = sight.all_round and not sight.leaves_age
         self.target: Target | None = None
         self._expected = 0
         self._shortest = math.inf
         self._least_age = 0
         self._progress_at = 0
         self._was_at: tuple[float, float] | None = None
-        self._may_be_away = bool(setup.docks)
+        self._may_be_away = bool(setup.fleet.docks)
         self._decided_at = 0
 
     def decide(self, view: View) -> Intent:

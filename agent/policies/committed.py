@@ -137,12 +137,13 @@ class RoundAhead:
     """The part of a round that lies ahead of one robot."""
 
     def __init__(self, setup: PolicySetup, laid_out: Round) -> None:
+        speed, ground, step = setup.robot.spec.speed, setup.ground, setup.fleet.step
         self.round = laid_out
         self.cursor: int | None = None  # number of the place that the robot has come to; None before it has begun
-        self._width = setup.terrain.width
-        self._step = setup.step
-        self._speed = setup.spec.speed
-        self._ahead_m = max(AHEAD * setup.sight.range_m, AHEAD_STRIDES * setup.spec.speed * setup.step)
+        self._width = ground.terrain.width
+        self._step = step
+        self._speed = speed
+        self._ahead_m = max(AHEAD * ground.sight.range_m, AHEAD_STRIDES * speed * step)
         self._firsts = np.searchsorted(laid_out.place_of, np.arange(len(laid_out.places) + 1))
         self._stands = RoundStands(setup, laid_out)
         _, index, times = np.unique(laid_out.points, return_inverse=True, return_counts=True)
@@ -241,7 +242,7 @@ class Committed(SharedRound):
         self.spacing: Spacing | None = None  # likewise
         self._rounds_since = 0
         self._blocked_since: int | None = None
-        self._loss = Loss(setup.step)
+        self._loss = Loss(setup.fleet.step)
         self._comparison: Comparison | None = None  # None on ground with zones, where ages have several meanings
         super().__init__(setup)
 
@@ -250,19 +251,19 @@ class Committed(SharedRound):
             if robots != self.spacing.followers:
                 self.spacing.follow_with(robots)
             return
-        setup = self._setup
-        stride = max(setup.spec.speed * setup.step, setup.terrain.point)
+        spec, ground, fleet = self._setup.robot.spec, self._setup.ground, self._setup.fleet
+        stride = max(spec.speed * fleet.step, ground.terrain.point)
         whole, most_slack = len(robots), ZONE_SLACK
         if self.division is None:
-            whole, most_slack = max(1, round(len(robots) / len(setup.radii) * setup.team)), math.inf
+            whole, most_slack = max(1, round(len(robots) / len(fleet.roster) * fleet.team)), math.inf
         self.target = None
-        self.ahead = RoundAhead(setup, laid_out)
+        self.ahead = RoundAhead(self._setup, laid_out)
         self.spacing = Spacing.on(
-            laid_out, setup.spec, robots, whole, stride, setup.sight.range_m, setup.terrain, most_slack
+            laid_out, spec, robots, whole, stride, ground.sight.range_m, ground.terrain, most_slack
         )
         if self.division is None:
-            most = most_planned(len(laid_out.points) * setup.terrain.point_area, setup.sight.range_m)
-            self._comparison = Comparison(setup.step, laid_out.length_m / setup.spec.speed, whole, whole > most)
+            most = most_planned(len(laid_out.points) * ground.terrain.point_area, ground.sight.range_m)
+            self._comparison = Comparison(fleet.step, laid_out.length_m / spec.speed, whole, whole > most)
         if view is not None and self._round is not None:
             self.ahead.go_to(self.spacing.along_m(self.spacing.nearest((view.reported.x, view.reported.y))))
 

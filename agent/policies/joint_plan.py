@@ -111,26 +111,27 @@ class JointPlan:
         self.robots: frozenset[int] = frozenset()  # numbers of those that share the stations
         self.team = 1.0  # how many there are of them without spare ones
         self._round, self._stations = laid_out, stations
-        self._number, self._step, self._width = setup.spec.number, setup.step, setup.terrain.width
-        self._pace = 1.0 / setup.spec.speed
-        self._chance = setup.fleet_chance
+        spec, ground, fleet = setup.robot.spec, setup.ground, setup.fleet
+        self._number, self._step, self._width = spec.number, fleet.step, ground.terrain.width
+        self._pace = 1.0 / spec.speed
+        self._chance = fleet.chance
         self._spread = SPREAD * setup.options.unpredictability
         self._apart_m = np.minimum(stations.apart_m, NO_WAY_M)
         self._apart_s = np.ascontiguousarray(self._apart_m * self._pace)
         nearest = np.argsort(self._apart_m, axis=1, kind="stable")
         self._near = np.ascontiguousarray(nearest[:, 1 : NEAR + 1] if len(nearest) > 1 else nearest)
-        self._spots = np.array([setup.terrain.centre(*divmod(spot, self._width)) for spot in stations.spots.tolist()])
+        self._spots = np.array([ground.terrain.centre(*divmod(spot, self._width)) for spot in stations.spots.tolist()])
         self._stands = RoundStands(setup, laid_out)
         self._weights = NO_WEIGHTS if weights is None else weights / weights.reshape(-1)[laid_out.points].min()
-        ground_m2 = len(laid_out.points) * setup.terrain.point_area
+        ground_m2 = len(laid_out.points) * ground.terrain.point_area
         # Free choices are not bound to the ground of a zone.
-        self._most_robots = most_planned(ground_m2, setup.sight.range_m) if weights is None else math.inf
-        self._turned_s = TURNED * setup.sight.range_m * self._pace
+        self._most_robots = most_planned(ground_m2, ground.sight.range_m) if weights is None else math.inf
+        self._turned_s = TURNED * ground.sight.range_m * self._pace
         self._period = -1
         self._interval_s = math.inf
         self._least_s = 0.0
         self._stood: dict[int, tuple[float, float, int]] = {}
-        self._loss = Loss(setup.step)
+        self._loss = Loss(fleet.step)
 
     @property
     def station(self) -> int | None:

@@ -265,23 +265,23 @@ class PotentialField:
 
     def __init__(self, setup: PolicySetup) -> None:
         """Tabulate the law of attraction and find the critical areas."""
-        options, terrain = setup.options, setup.terrain
+        options, spec, ground, lengths = setup.options, setup.robot.spec, setup.ground, setup.robot.lengths
         self._options = options
         self._tries_others = "one-direction" not in options.paper_rules
         self._stops = "no-stop" not in options.paper_rules
         self._separation = Separation(setup)
-        makes_random_steps = options.random_move_for == "all" or setup.spec.model == "holonomic"
+        makes_random_steps = options.random_move_for == "all" or spec.model == "holonomic"
         self._random_steps = RandomSteps(options.random_move if makes_random_steps else 0.0)
-        self._fuzzy = FuzzySectors(terrain, options.sectors, setup.lengths.fuzzy_distance) if options.fuzzy else None
+        self._fuzzy = FuzzySectors(ground.terrain, options.sectors, lengths.fuzzy_distance) if options.fuzzy else None
         self._field = Field(
             options,
-            setup.fields,
-            setup.posts,
-            terrain.point,
-            setup.scratch,
-            setup.regions,
-            lengths=setup.lengths,
-            team=setup.team,
+            ground.fields,
+            ground.posts,
+            ground.terrain.point,
+            ground.scratch,
+            ground.prepared.regions_of(spec.number),
+            lengths=lengths,
+            team=setup.fleet.team,
         )
         sectors = tuple(f"sector {i}" for i in range(options.sectors))
         self._names = ("x", "y", "total") if options.direction == "vector" else sectors

@@ -47,14 +47,14 @@ class Separation:
     """The separation of one robot from the others, as the policy's `separations` and `critical_areas` say."""
 
     def __init__(self, setup: PolicySetup) -> None:
-        options, terrain, lengths = setup.options, setup.terrain, setup.lengths
+        options, terrain, lengths = setup.options, setup.ground.terrain, setup.robot.lengths
         self.claims = "claims" in options.separations  # points are left to the robot that has the shorter way to them
         self._obstacle_radius = lengths.obstacle_radius if "artificial-obstacles" in options.separations else None
         self._point = terrain.point
         self._areas: list[Area] = []
         self._numbered: NDArray[np.int32] | None = None
         if "semaphores" in options.separations:
-            areas = critical_areas(options.critical_areas, terrain, setup.fields.reach, lengths.critical_width)
+            areas = critical_areas(options.critical_areas, terrain, setup.ground.fields.reach, lengths.critical_width)
             self._areas = [Area(area) for area in areas]
             self._numbered = numbered(areas, terrain.shape) if areas else None
 

@@ -7,7 +7,7 @@ the zones that are in force.
 The division of robots between rounds, on ground whose points count differently, as one of them believes.
 
 Every robot divides the robots that it has heard lately, itself among them, between the rounds of the best division
-(`patrol.tours.zoned`): by number, the lowest numbers to the ground with the greatest weight. All that hear
+(`patrol.zones.division`): by number, the lowest numbers to the ground with the greatest weight. All that hear
 each other find the same. After a death, a newcomer or a long silence the division is made anew, and few robots change
 rounds. So it is over other rounds when a zone begins or ends.
 
@@ -20,13 +20,16 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, NamedTuple
 
 from agent.policies.commitment import Commitment
-from patrol.tours.zoned import Group
+from patrol.measures.best_tour import followers_of, round_of
+from patrol.measures.zoned import zoned_ground
+from patrol.zones.division import Group
+from patrol.zones.spec import weighing_at
 
 if TYPE_CHECKING:
     from agent.ports import PolicySetup
     from agent.view import View
     from patrol.tours.round import Round
-    from patrol.tours.zoned import Classes, ZonedGround
+    from patrol.zones.division import Classes, ZonedGround
 
 
 MEMORY = 0.5
@@ -95,12 +98,14 @@ class SharedRound(Commitment):
     def __init__(self, setup: PolicySetup) -> None:
         super().__init__(setup)
         self.division: Division | None = None  # None where there is at most one round
-        self._weighing = setup.weighing
+        prepared, number = setup.ground.prepared, setup.robot.spec.number
+        self._weighing = weighing_at(prepared.scenario.zones, 0.0)
         self._round: Round | None = None
-        if setup.zoned is not None:
-            self._take_zones(setup.zoned(setup.weighing))
-        elif (laid_out := setup.round()) is not None:
-            self._share(laid_out, setup.followers(), None)
+        zoned = zoned_ground(prepared, self._weighing)
+        if zoned is not None:
+            self._take_zones(zoned)
+        elif (laid_out := round_of(prepared, number)) is not None:
+            self._share(laid_out, followers_of(prepared, number), None)
 
     def _share(self, laid_out: Round, robots: frozenset[int], view: View | None) -> None:
         """Share a round with some robots, this one among them, from now on.
@@ -124,14 +129,18 @@ class SharedRound(Commitment):
             self.division = None
             self._leave_round()
         elif self.division is None:
-            self.division = Division(zoned, setup.spec.number, frozenset(setup.radii), setup.team, setup.step)
+            self.division = Division(
+                zoned, setup.robot.spec.number, frozenset(setup.fleet.radii), setup.fleet.team, setup.fleet.step
+            )
         else:
             self.division.divide(zoned)
 
     def _take_note(self, view: View, goes_on: bool) -> bool:
-        if self._setup.zoned is not None and view.weighing != self._weighing:
+        if view.weighing != self._weighing:
             self._weighing = view.weighing
-            self._take_zones(self._setup.zoned(view.weighing))
+            zoned = zoned_ground(self._setup.ground.prepared, view.weighing)
+            assert zoned is not None
+            self._take_zones(zoned)
         if self.division is not None:
             crew = self.division.crew(view)
             laid_out = self._round_of(self.division.zoned, crew.group)

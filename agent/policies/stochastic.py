@@ -18,8 +18,9 @@ import numpy as np
 
 from agent.policies.joint_plan import JointPlan
 from agent.policies.shared_round import SharedRound
+from patrol.measures.zoned import zoned_ground
 from patrol.scenario import StochasticOptions
-from patrol.tours.zoned import KEPT
+from patrol.zones.division import KEPT
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -28,7 +29,7 @@ if TYPE_CHECKING:
     from agent.routes.routes import Element, Way
     from agent.view import View
     from patrol.tours.round import Round
-    from patrol.tours.zoned import Group, ZonedGround
+    from patrol.zones.division import Group, ZonedGround
 
 
 class Stochastic(SharedRound):
@@ -45,12 +46,13 @@ class Stochastic(SharedRound):
         del view
         setup = self._setup
         if laid_out is not self._round:
-            weights = None if setup.zoned is None else _with_margin(setup.zoned(self._weighing))
+            zoned = zoned_ground(setup.ground.prepared, self._weighing)
+            weights = None if zoned is None else _with_margin(zoned)
             self._station = self.target = None
             self.plan = None if laid_out.stations is None else JointPlan(setup, laid_out, laid_out.stations, weights)
         if self.plan is not None:
             self.plan.robots = robots
-            spare_too = len(setup.radii) / setup.team if self.division is None else 1.0
+            spare_too = len(setup.fleet.roster) / setup.fleet.team if self.division is None else 1.0
             self.plan.team = len(robots) / spare_too
 
     def _round_of(self, zoned: ZonedGround, group: Group) -> Round:

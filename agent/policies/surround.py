@@ -185,15 +185,15 @@ class Surround:
 
     def __init__(self, setup: PolicySetup, otherwise: Policy) -> None:
         self.otherwise = otherwise
-        self._number = setup.spec.number
-        self._radius = setup.lengths.surround_distance
-        self._repulsion = setup.patrol.surround_repulsion
-        self._by_forces = "surround-forces" in setup.patrol.paper_rules
-        self._spacing = 2.0 * max(setup.radii.values()) + STANDING_GAP
-        self._reach = setup.fields.reach
-        self._terrain = setup.terrain
-        outer = min(FARTHEST * self._radius, setup.sight.range_m)
-        self._sight = footprint_of(setup.terrain, max(outer, setup.terrain.point))
+        self._number = setup.robot.spec.number
+        self._radius = setup.robot.lengths.surround_distance
+        self._repulsion = setup.fleet.patrol.surround_repulsion
+        self._by_forces = "surround-forces" in setup.fleet.patrol.paper_rules
+        self._spacing = 2.0 * max(setup.fleet.radii.values()) + STANDING_GAP
+        self._reach = setup.ground.fields.reach
+        self._terrain = setup.ground.terrain
+        outer = min(FARTHEST * self._radius, setup.ground.sight.range_m)
+        self._sight = footprint_of(setup.ground.terrain, max(outer, setup.ground.terrain.point))
         self._ring: _Ring | None = None
 
     def decide(self, view: View) -> Intent:

@@ -2,10 +2,8 @@
 
 Each robot sends under its own key. Frames that find a full queue are dropped, because a late position is worthless.
 Frames that arrive between two decisions are heard at the second of them; where a sender has sent more than fits, its
-oldest frames are dropped, and so are those that the network has held up for long (`agent.robots.direct`). The mind's
-inbox judges whether a frame is true.
-
-Differences between robots' counts of ticks, and late positions, as the positions that they send show them.
+oldest frames are dropped, and so are those that the network has held up for long. The mind's inbox judges whether a
+frame is true.
 
 Receivers judge a position's tick by their own count. A robot whose count is off rejects the others' positions, or is
 rejected by them; it is named. A robot's frames that come much later than most of its last ones are late, whatever it

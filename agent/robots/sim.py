@@ -8,8 +8,6 @@ decision.
 
 `patrol.messages.session` holds the rules for messages: `SimRobot` waits for them, hands them to the robot's end of the
 session and carries out the effects.
-
-The robot reports to the world what it has sent and acted on, so that a verdict finds what others sent in their names.
 """
 
 from __future__ import annotations
@@ -26,11 +24,11 @@ from patrol.exchange import Reply, Sensed
 from patrol.messages.phases import (
     UNLIKE,
     Failed,
+    Farewell,
     PhaseA,
     PhaseB,
     ReplyA,
     ReplyB,
-    Report,
     ToRobot,
     decode_to_robot,
     encode,
@@ -55,7 +53,6 @@ from patrol.pose import Command, halted
 from patrol.process.lifeline import Ending
 from patrol.reporting.vitals import Vitals
 from patrol.security.keys import WORLD, FleetKeys
-from patrol.security.transcripts import LAST, PHASE_A, PHASE_B, REPLY_A, REPLY_B, RobotTranscript, digest_of
 
 _POLL_S = 0.2
 _BACKLOG = 256
@@ -95,8 +92,6 @@ class SimRobot:
         self._now = now
         self._alive = alive
         self._tell_at = now() + TELL_S[0]
-        self._transcript = RobotTranscript()
-        self._answered = -1  # the tick before, whose line of the transcript is complete
         self._sensed: Sensed | None = None
         self._frames: list[bytes] = []
         self._answers = {PhaseA: (-1, b""), PhaseB: (-1, b"")}  # the last to each phase: tick and payload
@@ -116,11 +111,9 @@ class SimRobot:
             if not self._receive():
                 return None
         self._take_in_backlog()
-        before = self._session.k
         if (phase := self._session.take()) is None:
             return None
-        self._transcript.note(phase.k, PHASE_A, phase.digest)
-        self._answered, self._sensed = before, phase.sensed
+        self._sensed = phase.sensed
         return phase.k
 
     def sense(self) -> Sensed | None:
@@ -133,12 +126,10 @@ class SimRobot:
 
     def send(self, frames: tuple[bytes, ...]) -> None:
         """Answer phase A with this robot's position frame and its contacts."""
-        self._answers[PhaseA] = self._say(ReplyA(*self._session.head(self._session.k), frames), REPLY_A)
+        self._answers[PhaseA] = self._say(ReplyA(*self._session.head(self._session.k), frames))
 
     def hear(self) -> list[bytes] | None:
         """Wait for phase B, and return all frames since the last decision; None when there is nothing to decide."""
-        if self._transcript.due and self._answered >= 0:  # here, where the frames have left, by either radio
-            self._report(self._answered)
         while self._session.stage is RobotStage.AWAITS_B and self._receive():
             pass
         if self._session.stage is not RobotStage.AWAITS_A:
@@ -157,11 +148,10 @@ class SimRobot:
         reply = self._decision or Reply(command, State.PATROLLING.value, None, 0.0, self.refused)
         self._decision = None
         self._answer = ReplyB(*self._session.head(self._session.k), replace(reply, command=command))
-        self._answers[PhaseB] = self._say(self._answer, REPLY_B)
+        self._answers[PhaseB] = self._say(self._answer)
 
     def stop(self, reason: str) -> None:
         """Report to the world that the mind cannot go on."""
-        self._report(LAST)
         self._post(encode(Failed(*self._session.head(max(self._session.k, 0)), reason)))
 
     @property
@@ -213,8 +203,7 @@ class SimRobot:
                     self._mailbox.refused[reason] += 1
                 case Repeat(phase) if phase.k == self._answers[type(phase)][0]:
                     self._post(self._answers[type(phase)][1])
-                case Deliver(PhaseB(k=k, frames=frames, digest=digest)):
-                    self._transcript.note(k, PHASE_B, digest)
+                case Deliver(PhaseB(frames=frames)):
                     self._frames.extend(frames)
                 case Halt() if self._answer is not None:
                     self._halt(self._answer)
@@ -224,24 +213,18 @@ class SimRobot:
                 case Part(reason, orderly):
                     self.farewell, self.orderly = reason, orderly
                     if self._session.k >= 0:
-                        self._report(LAST)
+                        self._post(encode(Farewell(*self._session.head(self._session.k))))
 
     def _halt(self, answer: ReplyB) -> None:
         """Withdraw the last command, so that the world stops the body if it can hear."""
         halt = replace(answer.reply, command=halted(self._model), state=State.HOLDING.value, goal=None)
-        self._say(replace(answer, reply=halt), REPLY_B)
+        self._say(replace(answer, reply=halt))
         self._answer = None
 
-    def _say(self, answer: ReplyA | ReplyB, place: int) -> tuple[int, bytes]:
+    def _say(self, answer: ReplyA | ReplyB) -> tuple[int, bytes]:
         payload = encode(answer)
         self._post(payload)
-        self._transcript.note(answer.k, place, digest_of(payload))
         return answer.k, payload
-
-    def _report(self, until: int) -> None:
-        """Report to the world what was sent and acted on, complete up to a tick."""
-        for first, last, lines in self._transcript.report(until):
-            self._post(encode(Report(*self._session.head(last), first, lines)))
 
 
 def join(

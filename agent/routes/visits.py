@@ -25,14 +25,14 @@ from agent.routes.wave import LONGEST, paths_in
 from patrol.ground.one_way import unit
 from patrol.ground.swept_path import advance
 from patrol.ground.terrain import ALL_WAYS
-from patrol.ground.zones import points_of
+from patrol.zones.ground import points_of
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from agent.routes.ground import Ground
-    from patrol.ground.zones import Zone
     from patrol.pose import Command, Pose
+    from patrol.zones.ground import Zone
 
 
 @dataclass(frozen=True, slots=True)

@@ -17,7 +17,7 @@ from pathlib import Path
 
 from PIL import Image
 
-from fogwatch.pictures.drawing import fog_scale
+from monitor.figures.ground import fog_scale
 from patrol.errors import BadInput
 from patrol.pose import Pose
 from patrol.prepare import Prepared, prepare, sensor_footprint

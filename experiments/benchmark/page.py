@@ -28,10 +28,11 @@ from experiments.benchmark.results import (
 )
 from experiments.intruders.standing import ATTACKS_S
 from experiments.sweeps.estimates import Curve, Dot, draw_curves, draw_dots, look, scale
-from experiments.sweeps.game_log import GAINED, game_metric
+from experiments.sweeps.run_metrics import GAINED, game_metric
+from monitor.figures.style import INK, MUTED, Drawing, figure, plain
 from monitor.report import html
 from monitor.report.charts import WIDTH
-from monitor.report.style import INK, MUTED, Drawing, draw, figure, plain
+from monitor.tables.table import Table
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -59,10 +60,10 @@ def drawings(matrix: Matrix, results: BenchmarkResults) -> list[Drawing]:
         if _measured(shown_metric.metric, first):
             caption = f"Each policy is a point; the lower left is better. Hollow: some ground was never seen. {where}."
             fill = partial(_plane, matrix=matrix, upward=shown_metric)
-            figures.append(draw(name, heading, caption, partial(_facets, first, fill)))
+            figures.append(Drawing(name, heading, caption, partial(_facets, first, fill)))
     if any(_measured(game_metric("worst", attack_s), first) for attack_s in ATTACKS_S):
         figures.append(
-            draw(
+            Drawing(
                 "attacks",
                 "Intruder success over the duration of the attack",
                 f"Share of attacks that succeed, of the intruder that does best. {where}.",
@@ -119,14 +120,11 @@ def page(
 def _published(preset: Preset | None, results: BenchmarkResults) -> str:
     if preset is None:
         return ""
-    heads, rows = beside_published(preset, results.cells)
     notes = [html.text(line.replace("`", ""), "note") for line in preset.differs]
-    return "\n".join([html.table(heads, rows, range(3, len(heads))), *notes])
+    return "\n".join([_table(beside_published(preset, results.cells)), *notes])
 
 
 def _cells(cells: Sequence[CellResult]) -> str:
-    heads, rows = policy_table(cells)
-    short = html.table(heads, rows, range(1, len(heads)))
     shown = [measure for measure in MEASURES if _measured(measure.metric, cells)]
     titles = ["policy", "terrain", "runs", "with warnings", *(measure.title for measure in shown)]
     every = [
@@ -142,11 +140,15 @@ def _cells(cells: Sequence[CellResult]) -> str:
     commands = "\n".join(f"# {cell.cell.name}\n{cell.command}" for cell in cells)
     return "\n".join(
         [
-            short,
+            _table(policy_table(cells)),
             html.details("all measures", html.table(titles, every, range(2, len(titles)))),
             html.details("commands that make the first run of each cell again", html.preformatted(commands)),
         ]
     )
+
+
+def _table(table: Table) -> str:
+    return html.table(table.heads, table.rows, table.numbers)
 
 
 def _facets(
@@ -236,7 +238,7 @@ def _dots_drawing(matrix: Matrix, measure: ShownMetric, results: Sequence[CellRe
     height = 0.9 + 0.19 * len(policies)
     more = " Hollow: some ground was never seen." if hollow else ""
     more += " Dotted: the best tour found." if measure.metric == LATE else ""
-    return draw(
+    return Drawing(
         f"dots-{measure.metric}",
         measure.title[0].upper() + measure.title[1:],
         f"Means over seeds with their 95 % intervals, {robots_text(team)}.{more}",
@@ -254,7 +256,7 @@ def _teams_drawing(matrix: Matrix, measure: ShownMetric, results: Sequence[CellR
                 curves.append(Curve(policy.name, points, place))
         draw_curves(axes, curves, "robots", measure.title)
 
-    return draw(
+    return Drawing(
         f"teams-{measure.metric}",
         f"{measure.title[0].upper()}{measure.title[1:]} over the size of the team",
         f"Means over seeds with their 95 % intervals, {'no fault' if condition == 'none' else condition}.",

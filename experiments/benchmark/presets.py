@@ -14,7 +14,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from experiments.benchmark.matrix import Matrix, NamedSettings, terrain_choice
-from experiments.benchmark.results import CellResult, ShownMetric, number_text
+from experiments.benchmark.results import CellResult, ShownMetric
+from monitor.tables.table import Table
 from patrol.errors import BadInput
 from patrol.graph import VISIT_M, read_graph
 from patrol.scenario.sections import VERTICES
@@ -237,11 +238,8 @@ def _sight(preset: Preset, settings: Mapping[str, object]) -> dict[str, object]:
     return {"terrain.patrolled": VERTICES, "sensor.range": round(preset.visit_m - math.sqrt(2.0) * point_m, 6)}
 
 
-def beside_published(preset: Preset, cells: Sequence[CellResult]) -> tuple[list[str], list[list[str]]]:
-    """Return the headings and rows of the table of published numbers beside ours.
-
-    The rows of published numbers come first, then our other policies.
-    """
+def beside_published(preset: Preset, cells: Sequence[CellResult]) -> Table:
+    """Return the table of published numbers beside ours: first the rows that have published ones."""
     heads = ["theirs", "condition", "ours"]
     heads += [f"{measure.title} {whose}" for measure in preset.measures for whose in ("theirs", "ours")]
     by_place = {(result.cell.policy.name, result.cell.condition): result for result in cells}
@@ -255,13 +253,12 @@ def beside_published(preset: Preset, cells: Sequence[CellResult]) -> tuple[list[
     rows += [
         ["-", condition, name, *_beside(preset, result, nothing)] for (name, condition), result in by_place.items()
     ]
-    return heads, rows
+    return Table(heads, rows, range(3, len(heads)))
 
 
 def _beside(preset: Preset, result: CellResult | None, values: Sequence[str]) -> list[str]:
     """Return published numbers and ours, in turns."""
     row = []
     for measure, value in zip(preset.measures, values, strict=True):
-        ours = None if result is None else result.row.metrics.get(measure.metric)
-        row += [value, number_text(ours, measure.digits)]
+        row += [value, measure.text(None if result is None else result.row)]
     return row

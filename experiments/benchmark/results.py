@@ -7,13 +7,13 @@ from dataclasses import dataclass, replace
 from itertools import groupby
 
 from experiments.benchmark.matrix import BenchmarkCell, Matrix, robots_text
-from experiments.sweeps.caserows import CaseRow, case_rows
-from experiments.sweeps.game_log import GAINED, game_metric, moving_metric
+from experiments.sweeps.cases import CaseRow, case_rows, runs_table
 from experiments.sweeps.plan import Run
 from experiments.sweeps.results import RunResult
+from experiments.sweeps.run_metrics import GAINED, game_metric, moving_metric
 from experiments.sweeps.runner import SweepOutcome
-from experiments.sweeps.runtable import run_rows, table_lines
-from experiments.sweeps.stats import Estimate
+from experiments.sweeps.stats import with_interval
+from monitor.tables.table import Table
 
 LATE, TOUR, SEEN = "mfow_late_mean_s", "best_tour_s", "seen_share"
 OVER_TOUR = "mfow_late_over_tour"
@@ -35,6 +35,10 @@ class ShownMetric:
     metric: str  # its name in the results
     title: str  # its name on pages, with its unit
     digits: int = 0  # decimals that are printed
+
+    def text(self, row: CaseRow | None) -> str:
+        """Return its mean in a row with half the width of its 95 % interval, as in "12.3 ± 0.4", or "-"."""
+        return with_interval(None if row is None else row.metrics.get(self.metric), self.digits, " ± ")
 
 
 MEASURES = (
@@ -81,7 +85,7 @@ class CellResult:
         seen = self.mean(SEEN)
         if measure.metric in (LATE, OVER_TOUR) and seen is not None and not self.seen_all:
             return f"({100.0 * seen:.2f} % seen)"
-        return number_text(self.row.metrics.get(measure.metric), measure.digits)
+        return measure.text(self.row)
 
     def mean(self, metric: str) -> float | None:
         """Return the mean of a metric, or None."""
@@ -121,29 +125,19 @@ def cell_rows(results: BenchmarkResults) -> list[CaseRow]:
     return [replace(result.row, settings={**result.cell.labels, "command": result.command}) for result in results.cells]
 
 
-def run_lines(results: BenchmarkResults) -> Iterator[Sequence[object]]:
-    """Yield the lines of runs.csv: the headings, then a line for each run that has a result.
-
-    It has the coordinates of the run's cell, the command that makes it again, and its numbers.
-    """
+def run_rows(results: BenchmarkResults) -> Table:
+    """Return the table of runs.csv: for each run the coordinates of its cell, its command and its numbers."""
     cells = {result.cell.name: result.cell for result in results.cells}
 
     def labels(run: Run) -> Mapping[str, object]:
         cell = cells[run.case]
         return {**cell.labels, "command": cell.command(run.seed)}
 
-    return table_lines(run_rows(results.outcome, labels))
+    return runs_table(results.outcome, labels)
 
 
-def number_text(found: Estimate | None, digits: int = 0) -> str:
-    """Return a mean and half the width of its 95 % interval, as in "12.3 ± 0.4", or "-" for None."""
-    if found is None:
-        return "-"
-    return f"{found.mean:.{digits}f}" + ("" if found.half is None else f" ± {found.half:.{digits}f}")
-
-
-def policy_table(results: Sequence[CellResult]) -> tuple[list[str], list[list[str]]]:
-    """Return the headings and rows of the table of the policies of a team under a condition.
+def policy_table(results: Sequence[CellResult]) -> Table:
+    """Return the table of the policies of a team under a condition.
 
     Its columns are late MFoW by terrain, fog, collisions and intruders. The first row is the best tour found, where
     there is one. `results` are the cells of that team and condition.
@@ -166,7 +160,7 @@ def policy_table(results: Sequence[CellResult]) -> tuple[list[str], list[list[st
         cells = [by_place[policy, terrain] for terrain in terrains]
         late = [cell.text(MEASURES[0]) for cell in cells]
         rows.append([policy, *late, *(" / ".join(_whole(cell.mean(metric)) for cell in cells) for _, metric in beside)])
-    return heads, rows
+    return Table(heads, rows, range(1, len(heads)))
 
 
 def _first(values: Iterator[float | None]) -> float | None:

@@ -2,58 +2,32 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Annotated, TypeVar
 
-import typer
 from rich.console import Console
 from rich.table import Table
 
 from experiments.benchmark import markdown
 from experiments.benchmark.conditions import ALL, NONE
-from experiments.benchmark.matrix import (
-    Matrix,
-    plan_of,
-    read_conditions,
-    read_policies,
-    read_teams,
-    read_terrains,
-)
+from experiments.benchmark.matrix import Matrix, plan_of, read_conditions, read_policies, read_teams, read_terrains
 from experiments.benchmark.presets import PRESETS, Preset, beside_published, preset_matrix
-from experiments.benchmark.results import (
-    BenchmarkResults,
-    cell_rows,
-    describe,
-    policy_table,
-    results_of,
-    run_lines,
-)
-from experiments.commands.sweep import (
-    FAILED,
-    ClusterAddress,
-    Workers,
-    make_runs,
-    workers_of,
-)
-from experiments.sweeps.casetable import case_lines, csv_text, write_text
-from experiments.sweeps.classes import check_classes
-from experiments.sweeps.plan import count_of_seeds
-from experiments.sweeps.progress import command_line, print_failures
-from fogwatch.terminal.live_table import duration_text
+from experiments.benchmark.results import BenchmarkResults, cell_rows, describe, policy_table, results_of, run_rows
+from experiments.commands.sweep import EXIT_CODES, Machines, finish, out_option
+from experiments.sweeps.cases import cases_table, write_text
+from experiments.sweeps.plan import check_classes, count_of_seeds
+from experiments.sweeps.progress import command_line
+from fogwatch.cli.command_help import command
+from fogwatch.cli.options import option
+from fogwatch.run_options import settings_option
 from patrol.errors import BadInput, did_you_mean
 from patrol.extras import check_matplotlib
 from patrol.pose import MODELS
 from patrol.scenario import BUILTINS, Scenario, parse_overrides
 from patrol.scenario.policies import LEARNED
-
-EXAMPLES = [
-    "fogwatch benchmark --quick",
-    "fogwatch benchmark --policies stochastic,even-tour,sebs --terrains yards,site --conditions none,loss-90,deaths",
-    "fogwatch benchmark --policies stochastic,stochastic:unpredictability=2,./mine.py:Mine --teams 2,4,8",
-    "fogwatch benchmark --terrains plan.yaml --model differential --set robots.radius=0.3 --set robots.speed=1",
-    "fogwatch benchmark --preset m2bench --map cumberland.yaml --graph cumberland.graph",
-]
 
 SEEDS, DURATION_S, POINT_M, TEAM, MODEL = 5, 1200.0, 0.5, 4, "holonomic"
 QUICK_SEEDS, QUICK_DURATION_S, QUICK_POINT_M = 2, 300.0, 1.0
@@ -75,94 +49,112 @@ TAKEN = {
 """Fields that the benchmark sets, and the options for them."""
 
 T = TypeVar("T")
+Titled = tuple[str, Sequence[str], Sequence[Sequence[str]]]
+"""A table's title, headings and rows."""
 
-VARIED, RUN, PUBLISHED = "What is compared", "Each run", "Published numbers"
+_varied, _of_run, _published = (
+    partial(option, panel=panel) for panel in ("What is compared", "Each run", "Published numbers")
+)
 
 
-def benchmark(
+@dataclass(frozen=True)
+class Comparison:
+    """What is compared, and how each run is made."""
+
     policies: Annotated[
         str | None,
-        typer.Option(
-            metavar="NAME,...",
-            help="Policies, each NAME, NAME:OPTION=VALUE or ./file.py:Class (default: all built-in ones). Here "
-            "--patrol paper is potential-field, and --patrol tour is committed; tour is a cyclic strategy.",
-            rich_help_panel=VARIED,
+        _varied(
+            "NAME,...",
+            "Policies, each NAME, NAME:OPTION=VALUE or ./file.py:Class (default: all built-in ones). Here --patrol "
+            "paper is potential-field, and --patrol tour is committed; tour is a cyclic strategy.",
         ),
-    ] = None,
+    ] = None
     terrains: Annotated[
         str | None,
-        typer.Option(
-            metavar="NAME,...",
-            help=f"Built-in terrains, maps (MAP.yaml), or graphs with either (FILE.graph+MAP.yaml) (default: "
+        _varied(
+            "NAME,...",
+            "Built-in terrains, maps (MAP.yaml), or graphs with either (FILE.graph+MAP.yaml) (default: "
             f"{','.join(BUILTINS)}).",
-            rich_help_panel=VARIED,
         ),
-    ] = None,
-    teams: Annotated[
-        str | None,
-        typer.Option(metavar="N,...", help=f"Numbers of robots (default: {TEAM}).", rich_help_panel=VARIED),
-    ] = None,
+    ] = None
+    teams: Annotated[str | None, _varied("N,...", f"Numbers of robots (default: {TEAM}).")] = None
     conditions: Annotated[
         str | None,
-        typer.Option(
-            metavar="NAME,...",
-            help=f"Of {', '.join(ALL)}; loss-P and jitter-P for any percentage, A+B for both (default: {NONE}).",
-            rich_help_panel=VARIED,
+        _varied(
+            "NAME,...", f"Of {', '.join(ALL)}; loss-P and jitter-P for any percentage, A+B for both (default: {NONE})."
         ),
-    ] = None,
-    seeds: Annotated[
-        int | None,
-        typer.Option(metavar="K", help=f"Run each cell with seeds 1 to K (default: {SEEDS}).", rich_help_panel=RUN),
-    ] = None,
-    duration: Annotated[
-        float | None,
-        typer.Option(metavar="S", help=f"Simulated time in s (default: {DURATION_S:g}).", rich_help_panel=RUN),
-    ] = None,
-    point: Annotated[
-        float | None,
-        typer.Option(metavar="M", help=f"Side of one grid point in m (default: {POINT_M:g}).", rich_help_panel=RUN),
-    ] = None,
-    model: Annotated[
-        str | None,
-        typer.Option(metavar="|".join(MODELS), help=f"Body model (default: {MODEL}).", rich_help_panel=RUN),
-    ] = None,
+    ] = None
+    seeds: Annotated[int | None, _of_run("K", f"Run each cell with seeds 1 to K (default: {SEEDS}).")] = None
+    duration: Annotated[float | None, _of_run("S", f"Simulated time in s (default: {DURATION_S:g}).")] = None
+    point: Annotated[float | None, _of_run("M", f"Side of one grid point in m (default: {POINT_M:g}).")] = None
+    model: Annotated[str | None, _of_run("|".join(MODELS), f"Body model (default: {MODEL}).")] = None
     settings: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--set", metavar="FIELD=VALUE", help="Set another field of every run. Repeatable.", rich_help_panel=RUN
-        ),
-    ] = None,
+        list[str] | None, settings_option("Set another field of every run. Repeatable.", panel="Each run")
+    ] = None
     quick: Annotated[
         bool,
-        typer.Option(
+        _of_run(
+            "",
+            f"A first impression in minutes: {QUICK_SEEDS} seeds, {QUICK_DURATION_S:g} s, points of {QUICK_POINT_M:g} "
+            "m, unless given.",
             "--quick",
-            help=f"A first impression in minutes: {QUICK_SEEDS} seeds, {QUICK_DURATION_S:g} s, points of "
-            f"{QUICK_POINT_M:g} m, unless given.",
-            rich_help_panel=RUN,
         ),
-    ] = False,
+    ] = False
     preset: Annotated[
-        str | None,
-        typer.Option(
-            metavar="|".join(PRESETS),
-            help="The conditions of published numbers, which are shown beside ours.",
-            rich_help_panel=PUBLISHED,
-        ),
-    ] = None,
-    map_file: Annotated[
-        Path | None,
-        typer.Option("--map", metavar="FILE", help="With --preset: cumberland.yaml.", rich_help_panel=PUBLISHED),
-    ] = None,
-    graph_file: Annotated[
-        Path | None,
-        typer.Option("--graph", metavar="FILE", help="With --preset: cumberland.graph.", rich_help_panel=PUBLISHED),
-    ] = None,
-    out: Annotated[
-        Path | None,
-        typer.Option(metavar="DIR", help="Folder of the results, new and earlier ones (default: runs/benchmark)."),
-    ] = None,
-    workers: Workers = None,
-    cluster: ClusterAddress = None,
+        str | None, _published("|".join(PRESETS), "The conditions of published numbers, which are shown beside ours.")
+    ] = None
+    map: Annotated[Path | None, _published("FILE", "With --preset: cumberland.yaml.")] = None
+    graph: Annotated[Path | None, _published("FILE", "With --preset: cumberland.graph.")] = None
+
+    def matrix(self) -> Matrix:
+        """Return all cells."""
+        given = _overrides(self.settings or [])
+        policies = self.policies
+        if policies is None:
+            from agent.policies.found import POLICIES  # here: loads much
+
+            policies = ",".join(name for name in POLICIES.built_in if name != LEARNED)  # which needs a network
+        chosen = read_policies(policies)
+        numbers = count_of_seeds(_default(self.seeds, QUICK_SEEDS if self.quick else SEEDS))
+        if self.preset is not None:
+            self._check_preset(self.preset)
+            more = given if self.point is None else {"point": self.point, **given}
+            return preset_matrix(self.preset, chosen, numbers, self.map, self.graph, more)
+        for name, file in (("--map", self.map), ("--graph", self.graph)):
+            if file is not None:
+                raise BadInput(f"{name} {file}: goes with --preset; give --terrains FILE.graph+MAP.yaml instead")
+        point = _default(self.point, QUICK_POINT_M if self.quick else POINT_M)
+        return Matrix(
+            chosen,
+            read_terrains(",".join(BUILTINS) if self.terrains is None else self.terrains),
+            read_teams(str(TEAM) if self.teams is None else self.teams),
+            read_conditions(NONE if self.conditions is None else self.conditions),
+            numbers,
+            _default(self.duration, QUICK_DURATION_S if self.quick else DURATION_S),
+            {"point": point, "robots.model": self.model or MODEL, **given},
+        )
+
+    def _check_preset(self, preset: str) -> None:
+        """Refuse an unknown preset, and options that it decides."""
+        if preset not in PRESETS:
+            raise BadInput(f"--preset {preset}: no such preset; {did_you_mean(preset, list(PRESETS))}")
+        for name in ("terrains", "teams", "conditions", "duration", "model", "quick"):
+            if getattr(self, name) not in (None, False):
+                raise BadInput(f"--{name}: --preset {preset} says what is run; leave it out, or drop --preset")
+
+
+@command(
+    examples=[
+        "fogwatch benchmark --quick",
+        "fogwatch benchmark --terrains yards,site --policies stochastic,sebs --conditions none,loss-90,deaths",
+        "fogwatch benchmark --policies stochastic,stochastic:unpredictability=2,./mine.py:Mine --teams 2,4,8",
+        "fogwatch benchmark --terrains plan.yaml --model differential --set robots.radius=0.3 --set robots.speed=1",
+        "fogwatch benchmark --preset m2bench --map cumberland.yaml --graph cumberland.graph",
+    ],
+    exit_codes=EXIT_CODES,
+)
+def benchmark(
+    compared: Comparison, out: Annotated[Path | None, out_option("runs/benchmark")] = None, *, machines: Machines
 ) -> int:
     """Compare policies on terrains, in teams of several sizes, under faults, and write a page with curves.
 
@@ -176,65 +168,29 @@ def benchmark(
     are not repeated, so an interrupted benchmark continues when it is started again.
     """
     console = Console()
-    given = _overrides(settings or [])
-    if policies is None:
-        from agent.policies.found import POLICIES  # here: loads much
-
-        policies = ",".join(name for name in POLICIES.built_in if name != LEARNED)  # which needs a network
-    chosen = read_policies(policies)
-    numbers = count_of_seeds(_default(seeds, QUICK_SEEDS if quick else SEEDS))
-    if preset is not None:
-        own = {"--terrains": terrains, "--teams": teams, "--conditions": conditions, "--duration": duration}
-        _check_preset(preset, {**own, "--model": model, "--quick": quick or None})
-        more = given if point is None else {"point": point, **given}
-        matrix = preset_matrix(preset, chosen, numbers, map_file, graph_file, more)
-    else:
-        for option, file in (("--map", map_file), ("--graph", graph_file)):
-            if file is not None:
-                raise BadInput(f"{option} {file}: goes with --preset; give --terrains FILE.graph+MAP.yaml instead")
-        matrix = Matrix(
-            chosen,
-            read_terrains(",".join(BUILTINS) if terrains is None else terrains),
-            read_teams(str(TEAM) if teams is None else teams),
-            read_conditions(NONE if conditions is None else conditions),
-            numbers,
-            _default(duration, QUICK_DURATION_S if quick else DURATION_S),
-            {"point": _default(point, QUICK_POINT_M if quick else POINT_M), "robots.model": model or MODEL, **given},
-        )
+    matrix, preset = compared.matrix(), compared.preset
     plan = plan_of(matrix)
     check_classes(plan)
     if preset is not None:
-        _check_ground(plan.runs[0].scenario, point)
+        _check_ground(plan.runs[0].scenario, compared.point)
     check_matplotlib("experiments")  # before hours of runs, not after them
     folder = out or Path("runs") / "benchmark"
-    outcome = make_runs(plan, folder, workers_of(workers, cluster), console, estimate_time=True)
+    outcome = machines.make_runs(plan, folder, console)
     results = results_of(matrix, outcome)
     _print(console, results, preset)
-    print_failures(console, outcome)
     _write(folder, matrix, results, preset)
-    made = f"{outcome.made} runs made in {duration_text(outcome.wall_s)}"
     files = f"{folder}: benchmark.html has all results; also benchmark.md, cells.csv, runs.csv, figures"
-    console.print(f"{made}; {files}", highlight=False, soft_wrap=True)
-    return FAILED if outcome.failed else 0
+    return finish(console, outcome, files)
 
 
 def _overrides(settings: Sequence[str]) -> dict[str, object]:
     """Read what ``--set`` sets; refuse fields that the benchmark sets."""
     given = parse_overrides(settings)
     for name in given:
-        for field, option in TAKEN.items():
+        for field, taken_by in TAKEN.items():
             if name == field or name.startswith(f"{field}.") or field.startswith(f"{name}."):
-                raise BadInput(f"--set {name}: the benchmark sets this field; use {option}")
+                raise BadInput(f"--set {name}: the benchmark sets this field; use {taken_by}")
     return given
-
-
-def _check_preset(preset: str, options: Mapping[str, object]) -> None:
-    """Refuse an unknown preset, and options that it decides."""
-    if preset not in PRESETS:
-        raise BadInput(f"--preset {preset}: no such preset; {did_you_mean(preset, list(PRESETS))}")
-    for option, value in options.items():
-        if value is not None:
-            raise BadInput(f"{option}: --preset {preset} says what is run; leave it out, or drop --preset")
 
 
 def _check_ground(scenario: Scenario, point: float | None) -> None:
@@ -254,8 +210,8 @@ def _write(folder: Path, matrix: Matrix, results: BenchmarkResults, preset: str 
 
     chosen = None if preset is None else PRESETS[preset]
     command = command_line("benchmark")
-    write_text(folder / "runs.csv", csv_text(run_lines(results)))
-    write_text(folder / "cells.csv", csv_text(case_lines(cell_rows(results))))
+    write_text(folder / "runs.csv", run_rows(results).csv())
+    write_text(folder / "cells.csv", cases_table(cell_rows(results)).csv())
     text = markdown.page(matrix, results, command=command, computing_s=results.outcome.computing_s, preset=chosen)
     write_text(folder / "benchmark.md", text)
     drawn = drawings(matrix, results)
@@ -266,37 +222,35 @@ def _write(folder: Path, matrix: Matrix, results: BenchmarkResults, preset: str 
 
 def _print(console: Console, results: BenchmarkResults, preset: str | None) -> None:
     """Print the late MFoW of each policy by terrain, for each team and condition."""
-    tables = []
+    tables: list[Titled] = []
     for team, condition, cells in results.groups:
-        heads, rows = policy_table(cells)
+        table = policy_table(cells)
         shown = 1 + len({result.cell.terrain.name for result in cells})
         title = f"MFoW of the second half (s), {describe(team, condition)}"
-        tables.append((title, heads[:shown], [row[:shown] for row in rows]))
+        tables.append((title, table.heads[:shown], [row[:shown] for row in table.rows]))
     if preset is not None:
         tables += _published_tables(PRESETS[preset], results)
     for title, heads, rows in tables:
         console.print(title, highlight=False, markup=False, soft_wrap=True)
-        table = Table(*heads, box=None, pad_edge=False, header_style="cyan")
-        for column in table.columns:
+        grid = Table(*heads, box=None, pad_edge=False, header_style="cyan")
+        for column in grid.columns:
             column.overflow = "fold"
-        for column in table.columns[1:]:
+        for column in grid.columns[1:]:
             column.justify = "right"
         for row in rows:
-            table.add_row(*row)
-        console.print(table, highlight=False, markup=False)
+            grid.add_row(*row)
+        console.print(grid, highlight=False, markup=False)
 
 
-def _published_tables(preset: Preset, results: BenchmarkResults) -> list[tuple[str, list[str], list[list[str]]]]:
-    """Return a table for each measure, narrow enough for a terminal: its title, headings and rows."""
-    heads, rows = beside_published(preset, results.cells)
+def _published_tables(preset: Preset, results: BenchmarkResults) -> Iterator[Titled]:
+    """Yield a table for each measure, narrow enough for a terminal: its title, headings and rows."""
+    beside = beside_published(preset, results.cells)
     named = [0, 1, 2] if len(preset.conditions) > 1 else [0, 2]
-    tables = []
     for number, measure in enumerate(preset.measures):
         values = [3 + 2 * number, 4 + 2 * number]
-        shown = [[row[at] for at in named + values] for row in rows if any(row[at] != "-" for at in values)]
+        shown = [[row[at] for at in named + values] for row in beside.rows if any(row[at] != "-" for at in values)]
         title = f"{measure.title}, beside {preset.title}"
-        tables.append((title, [*(heads[at] for at in named), "theirs", "ours"], shown))
-    return tables
+        yield title, [*(beside.heads[at] for at in named), "theirs", "ours"], shown
 
 
 def _default(value: T | None, default: T) -> T:

@@ -112,7 +112,7 @@ def read_samples(clone: Path) -> Samples:
     """Read the samples of docs/results."""
     folder = clone / "docs" / "results"
     if not (folder / SAMPLES).is_file():
-        raise BadInput(f"--check: needs docs/results/{SAMPLES}, which only a clone has; run the command in a clone")
+        raise BadInput(f"check: needs docs/results/{SAMPLES}, which only a clone has; run the command in a clone")
     content = json.loads((folder / SAMPLES).read_text(encoding="utf-8"))
     samples = [Sample(page, **given) for page, listed in content["pages"].items() for given in listed]
     return Samples(folder, tuple(samples), content["unsampled"])

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import json
 import math
-import re
 from dataclasses import asdict
-from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from experiments.intruders.infiltrator import KNOWLEDGE, Infiltrator
+from experiments.intruders.infiltrator import KNOWLEDGE, PANEL, Infiltrator
 from experiments.intruders.standing import ATTACKS_S
-from fogwatch.commands.open_run import RUN, open_folder, print_state
+from fogwatch.cli.command_help import command
+from fogwatch.cli.options import option
+from fogwatch.commands.open_run import RunFolder, open_folder, print_state
 from patrol.errors import BadInput
 from patrol.printable import printable
 
@@ -26,103 +26,61 @@ if TYPE_CHECKING:
     from experiments.intruders.learned import Learned
     from experiments.intruders.standing import Successes
 
-EXAMPLES = [
-    "fogwatch intruder runs/yards-20260101-120000",
-    "fogwatch intruder RUN --speed 3 --entries doors --zone vault",
-    "fogwatch intruder RUN --again --attempts 50",
-    "fogwatch intruder RUN --code --attempts 50",
-    "fogwatch intruder RUN --attacks 30,90,180 --json",
-    "fogwatch intruder RUN --attacks 30,90,180 --learned --horizon 300,1200,3600",
-]
 ATTACKS = ",".join(f"{attack_s:g}" for attack_s in ATTACKS_S)
 HORIZONS = "300"
 TRIALS = 50
-MOVING = Infiltrator()
-PANEL = "Moving intruder"
 
 
+@command(
+    examples=[
+        "fogwatch intruder runs/yards-20260101-120000",
+        "fogwatch intruder RUN --speed 3 --entries doors --zone vault",
+        "fogwatch intruder RUN --again --attempts 50",
+        "fogwatch intruder RUN --code --attempts 50",
+        "fogwatch intruder RUN --attacks 30,90,180 --json",
+        "fogwatch intruder RUN --attacks 30,90,180 --learned --horizon 300,1200,3600",
+    ]
+)
 def intruder(
-    run: Annotated[Path, RUN],
-    attacks: Annotated[str, typer.Option(metavar="S,S,...", help="Durations of attacks, simulated seconds.")] = ATTACKS,
+    run: RunFolder,
+    attacks: Annotated[str, option("S,S,...", "Durations of attacks, simulated seconds.")] = ATTACKS,
     learned: Annotated[
-        bool,
-        typer.Option("--learned", help="Play the learned intruder too: 0.1 to 0.3 ms for each second of each trial."),
+        bool, option("", "Play the learned intruder too: 0.1 to 0.3 ms for each second of each trial.", "--learned")
     ] = False,
     horizon: Annotated[
         str | None,
-        typer.Option(
-            metavar="S,S,...",
-            help="How long the learned intruder watches and attacks, simulated seconds; the paper's are 300,1200,3600 "
+        option(
+            "S,S,...",
+            "How long the learned intruder watches and attacks, simulated seconds; the paper's are 300,1200,3600 "
             f"(default: {HORIZONS}).",
         ),
     ] = None,
     trials: Annotated[
         int | None,
-        typer.Option(
-            metavar="N",
-            min=1,
-            max=1000,
-            help=f"Trials of the learned intruder, spread over the run (default: {TRIALS}).",
-        ),
+        option("N", f"Trials of the learned intruder, spread over the run (default: {TRIALS}).", min=1, max=1000),
     ] = None,
-    speed: Annotated[float, typer.Option(metavar="M/S", help="Its speed, m/s.", rich_help_panel=PANEL)] = MOVING.speed,
-    stay: Annotated[
-        float, typer.Option(metavar="S", help="How long it must stay at its target, s.", rich_help_panel=PANEL)
-    ] = MOVING.stay_s,
-    within: Annotated[
-        float,
-        typer.Option(metavar="S", help="Time from its first plan to the end of its stay, s.", rich_help_panel=PANEL),
-    ] = MOVING.within_s,
-    depth: Annotated[
-        float,
-        typer.Option(
-            metavar="M",
-            help="Least length of the way from an entry to a target, m; at most half of the longest.",
-            rich_help_panel=PANEL,
-        ),
-    ] = MOVING.depth_m,
-    entries: Annotated[
-        str,
-        typer.Option(
-            metavar="WHERE",
-            help="Where it enters: edge (of the ground), doors (between rooms), or a polygon's corners, m, such as "
-            "'0,0 10,0 10,5'.",
-            rich_help_panel=PANEL,
-        ),
-    ] = "edge",
-    zone: Annotated[
-        str | None,
-        typer.Option(
-            metavar="NAME",
-            help="Zone in which its targets are, at any depth (default: all ground).",
-            rich_help_panel=PANEL,
-        ),
-    ] = None,
-    attempts: Annotated[int, typer.Option(metavar="N", help="Number of attempts.", rich_help_panel=PANEL)] = (
-        MOVING.attempts
-    ),
-    seed: Annotated[
-        int, typer.Option(metavar="N", help="Seed of its moments and targets.", rich_help_panel=PANEL)
-    ] = MOVING.seed,
+    *,
+    infiltrator: Infiltrator,
     again: Annotated[
         bool,
-        typer.Option(
+        option(
+            "",
+            "Also plan again every second from what is then seen: about a second for each attempt.",
             "--again",
-            help="Also plan again every second from what is then seen: about a second for each attempt.",
-            rich_help_panel=PANEL,
+            panel=PANEL,
         ),
     ] = False,
     code: Annotated[
         bool,
-        typer.Option(
+        option(
+            "",
+            "Also play one that has the scenario and the code, but not the secret of the draws. It runs the scenario "
+            "again, with its policy and its key, so only for runs that you trust; each attempt simulates 5 futures.",
             "--code",
-            help="Also play one that has the scenario and the code, but not the secret of the draws. It runs the "
-            "scenario again, with its policy and its key, so only for runs that you trust; each attempt simulates 5 "
-            "futures.",
-            rich_help_panel=PANEL,
+            panel=PANEL,
         ),
     ] = False,
-    as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+    as_json: Annotated[bool, option("", "Print JSON.", "--json")] = False,
 ) -> None:
     """Play intruder games on a run: how often could somebody stay at a place, or get in, unseen?
 
@@ -140,15 +98,10 @@ def intruder(
     watching does not help against. It needs a run of 600 s or more.
     """
     durations = _seconds("--attacks", attacks, ATTACKS)
-    for option, value in (("--horizon", horizon), ("--trials", trials)):
+    for name, value in (("--horizon", horizon), ("--trials", trials)):
         if value is not None and not learned:
-            raise BadInput(f"{option} {value}: only the learned intruder has it; add --learned")
+            raise BadInput(f"{name} {value}: only the learned intruder has it; add --learned")
     horizons = _seconds("--horizon", horizon or HORIZONS, HORIZONS)
-    try:
-        infiltrator = Infiltrator(speed, stay, within, depth, attempts, seed, _entries(entries), zone)
-    except BadInput as error:
-        # Fields have the names of their options, with a unit.
-        raise BadInput(re.sub(r"^([a-z]+)(_s|_m)? = ", r"--\1 ", str(error))) from None
     opened, going = open_folder(run)
     from experiments.intruders.learned import Trials
     from experiments.intruders.on_run import Moving, games_of
@@ -167,7 +120,7 @@ def intruder(
 
         moving = Moving(infiltrator, again, lambda share: bar.update(moves, completed=100.0 * share), prepare)
         games = games_of(opened, durations, played, lambda share: bar.update(task, completed=100.0 * share), moving)
-    if games.no_moving and (infiltrator != MOVING or again or code):
+    if games.no_moving and (infiltrator != Infiltrator() or again or code):
         raise BadInput(games.no_moving)
     if as_json:
         typer.echo(json.dumps(asdict(games), indent=2))
@@ -196,22 +149,6 @@ def _seconds(option: str, text: str, example: str) -> list[float]:
             raise BadInput(f"{option} {printable(text)}: expected seconds above 0, such as {example}")
         found.append(value)
     return found
-
-
-def _entries(text: str) -> Literal["edge", "doors"] | list[tuple[float, float]]:
-    match text:
-        case "edge" | "doors":
-            return text
-    corners = []
-    for word in text.split():
-        try:
-            x, y = map(float, word.split(","))
-        except ValueError:
-            x = y = math.nan
-        corners.append((x, y))
-    if len(corners) < 3 or not all(math.isfinite(x) and math.isfinite(y) for x, y in corners):
-        raise BadInput(f"--entries {printable(text)}: expected edge, doors, or three corners or more, '0,0 10,0 10,5'")
-    return corners
 
 
 def _bar() -> Progress:

@@ -8,23 +8,24 @@ from typing import Annotated
 import typer
 
 from experiments.random_limits import check_building
+from fogwatch.cli.command_help import command
+from fogwatch.cli.options import option
+from fogwatch.commands.map import app
 from patrol.errors import BadInput
 from patrol.printable import printable
 from patrol.starting.seldom import SELDOM
 from patrol.starting.warmup import warm
 
 MOST_BUILDINGS = 1000
-EXAMPLES = ["fogwatch map random maps --seed 101 --count 3"]
 
 
+@command(app, examples=["fogwatch map random maps --seed 101 --count 3"])
 def random(
     out: Annotated[Path, typer.Argument(metavar="OUT", help="Folder of the maps; made if it is missing.")],
-    seed: Annotated[int, typer.Option(metavar="N", help="Seed of the first building, from 0.")] = 1,
-    count: Annotated[int, typer.Option(metavar="K", help="Number of buildings, with seeds N to N + K - 1.")] = 1,
-    radius: Annotated[
-        float, typer.Option(metavar="M", help="Radius of the body that fits through the doors, m.")
-    ] = 0.3,
-    point: Annotated[float, typer.Option(metavar="M", help="Side of one grid point in m, for runs too.")] = 0.1,
+    seed: Annotated[int, option("N", "Seed of the first building, from 0.")] = 1,
+    count: Annotated[int, option("K", "Number of buildings, with seeds N to N + K - 1.")] = 1,
+    radius: Annotated[float, option("M", "Radius of the body that fits through the doors, m.")] = 0.3,
+    point: Annotated[float, option("M", "Side of one grid point in m, for runs too.")] = 0.1,
 ) -> None:
     """Write maps of random buildings whose openings are about as wide as a body, as randomN.yaml and randomN.pgm.
 

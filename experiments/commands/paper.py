@@ -1,8 +1,9 @@
-"""``fogwatch paper``: the paper's tables, our values beside the printed ones. Raises BadInput; the caller prints it."""
+"""``fogwatch reproduce table`` and ``calibrate``: the paper's tables. Raises BadInput; the caller prints it."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
@@ -11,146 +12,144 @@ from rich.console import Console
 from rich.table import Table as Grid
 from rich.text import Text
 
-from experiments.commands.sweep import (
-    EXIT_CODES,
-    FAILED,
-    ClusterAddress,
-    Workers,
-    make_runs,
-    workers_of,
-)
+from experiments.commands.reproduce import app
+from experiments.commands.sweep import EXIT_CODES, FAILED, Machines, finish, out_option
 from experiments.paper.calibrate import best_radius, calibration_plan, crossing, fit_as_json, fit_radii, fits_as_json
 from experiments.paper.calibrate import radius_setups as setups_of
 from experiments.paper.figures import table_picture, terrain_picture
 from experiments.paper.orderings import HELD, NOT_HELD, Judged, judge_orderings
 from experiments.paper.orderings import as_json as ordering_as_json
-from experiments.paper.printed import PaperTable, paper
+from experiments.paper.printed import paper
 from experiments.paper.tables import (
     Cell,
     PaperSetup,
     TableComparison,
     as_json,
-    as_lines,
+    as_table,
     compare,
     fit_of,
     plan_of,
     to_mean_fog_text,
 )
 from experiments.paper.tables_page import page
-from experiments.sweeps.casetable import csv_text, json_text, write_text
+from experiments.sweeps.cases import json_text, write_text
 from experiments.sweeps.plan import count_of_seeds
 from experiments.sweeps.progress import command_line, print_failures
 from experiments.sweeps.stats import Fit, with_interval
 from fogwatch.cli.command_help import command
-from fogwatch.terminal.live_table import duration_text
+from fogwatch.cli.options import option
+from fogwatch.run_options import settings_option
 from patrol.errors import BadInput
 from patrol.maps.builtins import builtin_terrain
 from patrol.scenario import parse_overrides
 from patrol.scenario.policies import LETTER_FIELD as LETTER
 from patrol.scenario.policies import TO_THE_LETTER
 
-app = typer.Typer(
-    help="Reproduce the paper's tables: our values beside the printed ones.",
-    no_args_is_help=True,
-)
-
 TERRAIN_POINT = 0.1
 """Side of one grid point of the drawn terrains, m."""
 
-Point = Annotated[float, typer.Option(metavar="M", help="Side of one grid point in m.")]
-Seeds = Annotated[int, typer.Option(metavar="K", help="Run each cell with seeds 1 to K.")]
-Out = Annotated[
-    Path | None,
-    typer.Option(
-        metavar="DIR",
-        help="Folder of the results, new and earlier ones (default: runs/paper-POINTm; runs/paper-letter-POINTm).",
-    ),
-]
-Duration = Annotated[
-    float | None, typer.Option("--duration", metavar="S", help="Simulated time in s (default: the paper's 5000).")
-]
-Settings = Annotated[
-    list[str] | None,
-    typer.Option("--set", metavar="FIELD=VALUE", help="Set a field of every cell, such as sensor.line_of_sight=false."),
-]
-Radius = Annotated[
-    float | None,
-    typer.Option(metavar="R", help="Sensor range in m (default: calibrated for the size of the points)."),
-]
-Letter = Annotated[
-    bool,
-    typer.Option(
-        "--letter",
-        help="Follow the paper to the letter: letter=true, ties=drawn, random_move_for=all in every cell.",
-    ),
-]
-Rows = Annotated[str | None, typer.Option(metavar="NAME,...", help="Run only these rows.")]
-Columns = Annotated[str | None, typer.Option(metavar="NAME,...", help="Run only these columns.")]
+Point = Annotated[float, option("M", "Side of one grid point in m.")]
+Seeds = Annotated[int, option("K", "Run each cell with seeds 1 to K.")]
 
 
-@command(app, examples=["fogwatch paper table 2 3 --seeds 1"], exit_codes=EXIT_CODES)
+@dataclass(frozen=True)
+class Cells:
+    """How the cells of tables are run."""
+
+    duration: Annotated[float | None, option("S", "Simulated time in s (default: the paper's 5000).")] = None
+    settings: Annotated[
+        list[str] | None, settings_option("Set a field of every cell, such as sensor.line_of_sight=false.")
+    ] = None
+    letter: Annotated[
+        bool,
+        option(
+            "",
+            "Follow the paper to the letter: letter=true, ties=drawn, random_move_for=all in every cell.",
+            "--letter",
+        ),
+    ] = False
+    out: Annotated[Path | None, out_option("runs/paper-POINTm; runs/paper-letter-POINTm")] = None
+
+    def setup(self, point: float, sensor_range: float | None, seeds: int) -> PaperSetup:
+        """Return the setup of all cells; the sensor's range is the calibrated one unless given."""
+        given = (dict(TO_THE_LETTER) if self.letter else {}) | parse_overrides(self.settings or [])
+        if self.duration is not None:
+            given["duration"] = self.duration
+        radius = paper().sensor_range(point).range if sensor_range is None else sensor_range
+        return PaperSetup(point, radius, count_of_seeds(seeds), given)
+
+    def folder(self, setup: PaperSetup) -> Path:
+        """Return the folder of the results."""
+        name = "paper-letter" if setup.settings.get(LETTER) is True else "paper"
+        return self.out or Path("runs") / f"{name}-{setup.point:g}m"
+
+
+@command(app, examples=["fogwatch reproduce table 2 3 --seeds 1", "fogwatch reproduce table"], exit_codes=EXIT_CODES)
 def table(
-    numbers: Annotated[list[int], typer.Argument(metavar="N...", help="Numbers of tables, 2 to 8.")],
+    numbers: Annotated[
+        list[int] | None, typer.Argument(metavar="N...", help="Numbers of tables, 2 to 8 (default: all).")
+    ] = None,
     seeds: Seeds = 3,
     point: Point = 0.5,
-    sensor_range: Radius = None,
-    rows: Rows = None,
-    columns: Columns = None,
-    duration: Duration = None,
-    settings: Settings = None,
-    letter: Letter = False,
-    out: Out = None,
-    workers: Workers = None,
-    cluster: ClusterAddress = None,
+    sensor_range: Annotated[
+        float | None, option("R", "Sensor range in m (default: calibrated for the size of the points).")
+    ] = None,
+    rows: Annotated[str | None, option("NAME,...", "Run only these rows.")] = None,
+    columns: Annotated[str | None, option("NAME,...", "Run only these columns.")] = None,
+    *,
+    cells: Cells,
+    machines: Machines,
 ) -> int:
-    """Run tables of the paper and print our values beside the printed ones.
+    """Run tables of the paper, print our values beside the printed ones, and test the paper's conclusions on them.
 
     The folder gets the tables as JSON, CSV and pictures, and paper.md with all of it. Runs that have a result there are
     not repeated.
     """
-    chosen = [paper().table(number).part(_names(rows), _names(columns)) for number in dict.fromkeys(numbers)]
-    setup = _setup(point, sensor_range, seeds, duration, settings, letter=letter)
-    return _reproduce(chosen, setup, out, workers, cluster)
+    given = dict.fromkeys(numbers or paper().tables)
+    tables = [paper().table(number).part(_names(rows), _names(columns)) for number in given]
+    setup = cells.setup(point, sensor_range, seeds)
+    console = Console()
+    folder = cells.folder(setup)
+    points = f"points of {setup.point:g} m (the paper's: 0.1 m)"
+    _say(console, f"{points}, sensor range {setup.sensor_range:g} m{_calibrated(setup)}")
+    outcome = machines.make_runs(plan_of(tables, {"": setup}), folder, console)
+    comparisons = [compare(table, setup, outcome) for table in tables]
+    for comparison in comparisons:
+        _print_comparison(console, comparison)
+        name = f"table_{comparison.table.number}"
+        write_text(folder / f"{name}.json", json_text(as_json(comparison)))
+        write_text(folder / f"{name}.csv", as_table(comparison).csv())
+        table_picture(comparison, [folder / f"{name}.png", folder / f"{name}.svg"])
+    judged = judge_orderings(paper().orderings, comparisons)
+    _write_fit(console, comparisons, folder)
+    _write_orderings(console, judged, folder)
+    pictures = _terrain_pictures(comparisons, folder) | {f"table {number}": f"table_{number}.png" for number in given}
+    made_by = command_line("reproduce", "table", *map(str, numbers or ()))
+    spent_s = outcome.computing_s
+    text = page(comparisons, judged, setup, command=made_by, computing_s=spent_s, pictures=pictures)
+    write_text(folder / "paper.md", text)
+    files = ", ".join(f"table_{number}" for number in given)
+    return finish(console, outcome, f"{folder}: {files} as json, csv, png, svg, and paper.md with all results")
 
 
-@command(app, "all", examples=["fogwatch paper all --point 0.5"], exit_codes=EXIT_CODES)
-def everything(
-    seeds: Seeds = 3,
-    point: Point = 0.5,
-    sensor_range: Radius = None,
-    duration: Duration = None,
-    settings: Settings = None,
-    letter: Letter = False,
-    out: Out = None,
-    workers: Workers = None,
-    cluster: ClusterAddress = None,
-) -> int:
-    """Run all tables of the paper, and test the paper's conclusions on our values."""
-    setup = _setup(point, sensor_range, seeds, duration, settings, letter=letter)
-    return _reproduce(list(paper().tables.values()), setup, out, workers, cluster)
-
-
-@command(app, examples=["fogwatch paper calibrate --point 1 --ranges 10,12,14"], exit_codes=EXIT_CODES)
+@command(app, examples=["fogwatch reproduce calibrate --point 1 --ranges 10,12,14"], exit_codes=EXIT_CODES)
 def calibrate(
     point: Point = 0.5,
-    ranges: Annotated[str, typer.Option(metavar="R,...", help="Sensor ranges to try in m.")] = "10,11,12,13,14",
+    ranges: Annotated[str, option("R,...", "Sensor ranges to try in m.")] = "10,11,12,13,14",
     seeds: Seeds = 1,
-    duration: Duration = None,
-    settings: Settings = None,
-    letter: Letter = False,
-    out: Out = None,
-    workers: Workers = None,
-    cluster: ClusterAddress = None,
+    *,
+    cells: Cells,
+    machines: Machines,
 ) -> int:
     """Find the sensor range that fits the paper's Tables 2 and 3 best, for one size of points.
 
     The paper does not give the sensor range.
     """
-    base = _setup(point, None, seeds, duration, settings, letter=letter)
+    base = cells.setup(point, None, seeds)
     setups = setups_of(point, _numbers(ranges), base.seeds, base.settings)
     console = Console()
-    folder = _folder(out, base)
-    outcome = make_runs(calibration_plan(setups), folder, workers_of(workers, cluster), console, estimate_time=True)
+    folder = cells.folder(base)
+    outcome = machines.make_runs(calibration_plan(setups), folder, console)
     fits = fit_radii(setups, outcome)
     write_text(folder / "calibration.json", json_text(fits_as_json(point, base.seeds, fits)))
     grid = Grid(title=f"Tables 2 and 3 on points of {point:g} m", box=None, pad_edge=False, header_style="cyan")
@@ -165,36 +164,9 @@ def calibrate(
     if best is not None:
         between = crossing(fits)
         hint = "" if between is None else f"; the median ratio passes 1 at {between:.2f} m"
-        _say(console, f"best: {best.radius:g} m{hint}. Use it with: fogwatch paper all --sensor-range {best.radius:g}")
+        use = f"fogwatch reproduce table --sensor-range {best.radius:g}"
+        _say(console, f"best: {best.radius:g} m{hint}. Use it with: {use}")
     print_failures(console, outcome)
-    return FAILED if outcome.failed else 0
-
-
-def _reproduce(
-    tables: Sequence[PaperTable], setup: PaperSetup, out: Path | None, workers: int | None, cluster: str | None
-) -> int:
-    console = Console()
-    folder = _folder(out, setup)
-    plan = plan_of(tables, {"": setup})
-    points = f"points of {setup.point:g} m (the paper's: 0.1 m)"
-    _say(console, f"{points}, sensor range {setup.sensor_range:g} m{_calibrated(setup)}")
-    outcome = make_runs(plan, folder, workers_of(workers, cluster), console, estimate_time=True)
-    comparisons = [compare(table, setup, outcome) for table in tables]
-    for comparison in comparisons:
-        _print_comparison(console, comparison)
-        name = f"table_{comparison.table.number}"
-        write_text(folder / f"{name}.json", json_text(as_json(comparison)))
-        write_text(folder / f"{name}.csv", csv_text(as_lines(comparison)))
-        table_picture(comparison, [folder / f"{name}.png", folder / f"{name}.svg"])
-    judged = judge_orderings(paper().orderings, comparisons)
-    _write_fit(console, comparisons, folder)
-    _write_orderings(console, judged, folder)
-    pictures = _terrain_pictures(comparisons, folder)
-    write_text(folder / "paper.md", _page(comparisons, judged, setup, outcome.computing_s, pictures))
-    print_failures(console, outcome)
-    files = ", ".join(f"table_{table.number}" for table in tables)
-    made = f"{outcome.made} runs made in {duration_text(outcome.wall_s)}"
-    _say(console, f"{made}; {folder}: {files} as json, csv, png, svg, and paper.md with all results")
     return FAILED if outcome.failed else 0
 
 
@@ -204,42 +176,6 @@ def _terrain_pictures(comparisons: Sequence[TableComparison], folder: Path) -> d
     for name in names:
         terrain_picture(builtin_terrain(name, TERRAIN_POINT), folder / f"terrain_{name}.png")
     return {f"terrain {name}": f"terrain_{name}.png" for name in names}
-
-
-def _page(
-    comparisons: Sequence[TableComparison],
-    judged: Sequence[Judged],
-    setup: PaperSetup,
-    computing_s: float,
-    pictures: dict[str, str],
-) -> str:
-    """paper.md."""
-    numbers = [comparison.table.number for comparison in comparisons]
-    which = ["all"] if numbers == list(paper().tables) else ["table", *map(str, numbers)]
-    made_by = command_line("paper", *which)
-    pictures |= {f"table {number}": f"table_{number}.png" for number in numbers}
-    return page(comparisons, judged, setup, command=made_by, computing_s=computing_s, pictures=pictures)
-
-
-def _setup(
-    point: float,
-    sensor_range: float | None,
-    seeds: int,
-    duration: float | None,
-    settings: list[str] | None,
-    *,
-    letter: bool,
-) -> PaperSetup:
-    given = (dict(TO_THE_LETTER) if letter else {}) | parse_overrides(settings or [])
-    if duration is not None:
-        given["duration"] = duration
-    radius = paper().sensor_range(point).range if sensor_range is None else sensor_range
-    return PaperSetup(point, radius, count_of_seeds(seeds), given)
-
-
-def _folder(out: Path | None, setup: PaperSetup) -> Path:
-    name = "paper-letter" if setup.settings.get(LETTER) is True else "paper"
-    return out or Path("runs") / f"{name}-{setup.point:g}m"
 
 
 def _calibrated(setup: PaperSetup) -> str:

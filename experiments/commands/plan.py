@@ -12,14 +12,14 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
-from fogwatch.cli.patrol_option import patrol_option
+from fogwatch.cli.command_help import command
+from fogwatch.cli.options import option
+from fogwatch.run_options import Body, overrides_of, patrol_option, settings_option
 from patrol.errors import BadInput
 from patrol.extras import check_matplotlib
-from patrol.pose import MODELS
 from patrol.printable import printable
 from patrol.process.lifeline import heed
-from patrol.scenario import BUILTINS, as_mapping, load_scenario, naming, open_scenario, parse_overrides
-from patrol.scenario.patrols import patrol_settings
+from patrol.scenario import BUILTINS, as_mapping, load_scenario, naming, open_scenario
 from patrol.starting.seldom import SELDOM
 from patrol.starting.warmup import warm
 
@@ -31,15 +31,15 @@ NOT_KEPT = 1
 """The exit code when no number of robots keeps the wanted age."""
 
 MOST_SEEDS = 100
-EXAMPLES = [
-    "fogwatch plan yards --age 60 --model holonomic --radius 0.3 --speed 1",
-    "fogwatch plan my-map.yaml --robots 1-8 --quick",
-]
-EXIT_CODES = "0 done, 1 no number of robots keeps the age, 2 bad input, 130 interrupted"
-BODY = "Robots"
-OUTPUT = "Output"
 
 
+@command(
+    examples=[
+        "fogwatch plan yards --age 60 --model holonomic --radius 0.3 --speed 1",
+        "fogwatch plan my-map.yaml --robots 1-8 --quick",
+    ],
+    exit_codes="0 done, 1 no number of robots keeps the age, 2 bad input, 130 interrupted",
+)
 def plan(
     what: Annotated[
         str,
@@ -48,46 +48,23 @@ def plan(
             help=f"Map file (map_server's YAML), built-in terrain ({', '.join(BUILTINS)}) or scenario file.",
         ),
     ],
-    age: Annotated[
-        float | None, typer.Option(metavar="S", help="Age that nothing is to exceed, in s: find the number of robots.")
-    ] = None,
-    robots: Annotated[
-        str | None, typer.Option(metavar="N|N-M", help="Numbers of robots to look at, at most 24: find their ages.")
-    ] = None,
-    model: Annotated[
-        str | None, typer.Option(metavar="|".join(MODELS), help="Body model.", rich_help_panel=BODY)
-    ] = None,
-    radius: Annotated[float | None, typer.Option(metavar="M", help="Body radius in m.", rich_help_panel=BODY)] = None,
-    speed: Annotated[float | None, typer.Option(metavar="M/S", help="Top speed in m/s.", rich_help_panel=BODY)] = None,
-    turning_radius: Annotated[
-        float | None, typer.Option(metavar="M", help="Tightest turn of a car, in m.", rich_help_panel=BODY)
-    ] = None,
-    sensor_range: Annotated[
-        float | None, typer.Option(metavar="M", help="Range of the sensor in m.", rich_help_panel=BODY)
-    ] = None,
-    point: Annotated[float | None, typer.Option(metavar="M", help="Side of one grid point in m.")] = None,
+    age: Annotated[float | None, option("S", "Age that nothing is to exceed, in s: find the number of robots.")] = None,
+    robots: Annotated[str | None, option("N|N-M", "Numbers of robots to look at, at most 24: find their ages.")] = None,
+    *,
+    body: Body,
+    point: Annotated[float | None, option("M", "Side of one grid point in m.")] = None,
     duration: Annotated[
         float | None,
-        typer.Option(
-            metavar="S",
-            help="Length of each simulated run in s (default: 12 times the age of the tours, at least 600 s).",
-        ),
+        option("S", "Length of each simulated run in s (default: 12 times the age of the tours, at least 600 s)."),
     ] = None,
     patrol: Annotated[str | None, patrol_option()] = None,
-    settings: Annotated[
-        list[str] | None,
-        typer.Option("--set", metavar="FIELD=VALUE", help="Set any field of the scenario. Repeatable."),
-    ] = None,
+    settings: Annotated[list[str] | None, settings_option("Set any field of the scenario. Repeatable.")] = None,
     seeds: Annotated[
-        int | None,
-        typer.Option(metavar="N", help="Simulated runs of each number, each with another seed (default: 3)."),
+        int | None, option("N", "Simulated runs of each number, each with another seed (default: 3).")
     ] = None,
-    quick: Annotated[bool, typer.Option("--quick", help="Compute bounds and tours, and simulate nothing.")] = False,
+    quick: Annotated[bool, option("", "Compute bounds and tours, and simulate nothing.", "--quick")] = False,
     out: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="DIR", help="Folder of the results, new or empty (default: runs/plan-NAME).", rich_help_panel=OUTPUT
-        ),
+        Path | None, option("DIR", "Folder of the results, new or empty (default: runs/plan-NAME).", panel="Output")
     ] = None,
 ) -> int:
     """Find out how many robots some ground needs so that nothing is older than an age, or what age robots keep.
@@ -114,17 +91,7 @@ def plan(
     if quick and seeds is not None:
         raise BadInput(f"--seeds {seeds}: has no effect with --quick, which simulates nothing; drop one of them")
     numbers = None if robots is None else _numbers(robots)
-    overrides: dict[str, object] = {
-        "robots.model": model,
-        "robots.radius": radius,
-        "robots.speed": speed,
-        "robots.turning_radius": turning_radius,
-        "sensor.range": sensor_range,
-        "point": point,
-    }
-    given = {field: value for field, value in overrides.items() if value is not None}
-    overridden = {**given, **parse_overrides(settings or [])}
-    overridden |= patrol_settings(patrol, overridden)
+    overridden = overrides_of(settings, patrol, point=point, **vars(body))
     scenario = open_scenario(what, overridden)
     check_matplotlib("sim")
     heed(None, patience=0)  # any signal raises KeyboardInterrupt
@@ -163,11 +130,11 @@ def _notes(scenario: Scenario, most: int) -> list[str]:
 def _table(plan: FleetPlan) -> Table:
     from experiments.plan.answer import answer_table  # here: it imports kernels
 
-    heads, rows = answer_table(plan)
+    answer = answer_table(plan)
     table = Table(box=None, pad_edge=False, header_style="cyan")
-    for head in heads:
-        table.add_column(head, justify="left" if head.startswith("keeps") else "right")
-    for row in rows:
+    for place, head in enumerate(answer.heads):
+        table.add_column(head, justify="right" if place in answer.numbers else "left")
+    for row in answer.rows:
         table.add_row(*row)
     return table
 

@@ -12,24 +12,20 @@ import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, NoReturn
+from typing import Annotated, Any, NoReturn
 
 import typer
 from rich.console import Console
 from rich.table import Table
+from typer.core import TyperGroup
 
 import fogwatch
 from experiments.commands.documented import read_samples
+from fogwatch.cli.command_help import command, group
+from fogwatch.cli.options import option
 from patrol.errors import BadInput, did_you_mean
 from patrol.printable import printable
 
-EXAMPLES = [
-    "fogwatch reproduce",
-    "fogwatch reproduce paper-table-2 --out table-2",
-    "fogwatch reproduce --check",
-    "fogwatch reproduce radio --check",
-]
-EXIT_CODES = "0 done, 1 some runs failed or some number differs, 2 bad input, 130 interrupted"
 DIFFERS = 1
 
 CLONE = Path(fogwatch.__file__).parents[1]
@@ -62,48 +58,68 @@ def site_figures() -> list[SiteFigure]:
     return [SiteFigure(row["figure"], tuple(row["files"]), row["command"], row["minutes"]) for row in listed]
 
 
-def reproduce(
-    name: Annotated[
-        str | None,
-        typer.Argument(
-            metavar="FIGURE", help="Its name, or with --check a page of docs/results; without one, all are listed."
-        ),
-    ] = None,
-    out: Annotated[
-        Path | None, typer.Option(metavar="FOLDER", help="Folder of the pictures (default: runs/FIGURE).")
-    ] = None,
-    check: Annotated[
-        bool,
-        typer.Option(
-            "--check",
-            help="Measure a sample of the numbers in docs/results again, and name those that have changed.",
-        ),
-    ] = False,
+class _Reproduce(TyperGroup):
+    """Commands that reproduce numbers and pictures; words that name none of them are those of ``figure``."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Add the word ``figure``, so that ``fogwatch reproduce rules`` makes that figure, and no word lists them."""
+        if not ctx.resilient_parsing and (not args or args[0] not in (*self.commands, "--help")):
+            args = ["figure", *args]
+        return super().parse_args(ctx, args)
+
+
+app = group(
+    "reproduce",
+    "Reproduce the figures and numbers of the documentation, the paper's tables, and what faults cost. `fogwatch "
+    "reproduce NAME` makes a figure, `fogwatch reproduce` lists them.",
+    _Reproduce,
+)
+
+
+@command(
+    app,
+    examples=[
+        "fogwatch reproduce figure paper-table-2 --out table-2",
+        "fogwatch reproduce rules",
+        "fogwatch reproduce",
+    ],
+    exit_codes="0 done, 1 some runs failed, 2 bad input, 130 interrupted",
+)
+def figure(
+    name: Annotated[str | None, typer.Argument(metavar="FIGURE", help="Its name; without one, all are listed.")] = None,
+    out: Annotated[Path | None, option("FOLDER", "Folder of the pictures (default: runs/FIGURE).")] = None,
 ) -> int:
     """Make a figure of the documentation again, from the command that made it; without a name, list the figures.
 
-    Long measurements go on where they were interrupted. Numbers that were measured with an earlier version can differ:
-    with --check, a sample of the numbers in docs/results is measured again. A number has changed if it differs by more
-    than its interval on the page, or by more than a tenth where the page gives none.
+    Long measurements go on where they were interrupted.
     """
-    if check:
-        if out is not None:
-            raise BadInput(f"--out {out}: --check makes no pictures; leave it out")
-        return _check(name)
     figures = site_figures()
     if name is None:
         if out is not None:
             raise BadInput(f"--out {out}: nothing is made without a FIGURE; name one")
         _list(figures)
         return 0
-    if name not in (names := [figure.figure for figure in figures]):
+    if name not in (names := [each.figure for each in figures]):
         raise BadInput(f"{name}: no such figure; {did_you_mean(name, names)}")
     _become(figures[names.index(name)], out or Path("runs") / name)
     return None
 
 
-def _check(page: str | None) -> int:
-    """Measure the samples of a page, or of all pages, again."""
+@command(
+    app,
+    examples=["fogwatch reproduce check", "fogwatch reproduce check radio"],
+    exit_codes="0 done, 1 some number differs, 2 bad input, 130 interrupted",
+)
+def check(
+    page: Annotated[
+        str | None, typer.Argument(metavar="PAGE", help="A page of docs/results; without one, all are checked.")
+    ] = None,
+) -> int:
+    """Measure a sample of the numbers in docs/results again, and name those that have changed.
+
+    Numbers that were measured with an earlier version can differ. A number has changed if it differs by more than its
+    interval on the page, or by more than a tenth where the page gives none.
+    """
     documented = read_samples(CLONE)
     pages = list(dict.fromkeys(sample.page for sample in documented.samples))
     if page is not None and page not in pages:

@@ -4,23 +4,23 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 from rich.console import Console
 from rich.table import Table
 
-from experiments.sweeps.caserows import CaseRow, case_rows
-from experiments.sweeps.casetable import shown_columns, told_apart, write_tables
-from experiments.sweeps.classes import check_classes
-from experiments.sweeps.cluster import ClusterWorkers
+from experiments.sweeps.cases import CaseRow, case_rows, shown_table, told_apart, write_tables
 from experiments.sweeps.paired import PAIRING, TEST
-from experiments.sweeps.plan import Plan, read_plan
-from experiments.sweeps.pool import LocalWorkers, WorkerPool
+from experiments.sweeps.plan import Plan, check_classes, read_plan
 from experiments.sweeps.progress import SweepProgress, print_failures
 from experiments.sweeps.runner import SweepOutcome, run_sweep
+from experiments.sweeps.workers import ClusterWorkers, LocalWorkers
 from fogwatch.cli.columns import fits
+from fogwatch.cli.command_help import command
+from fogwatch.cli.options import option
 from fogwatch.terminal.live_table import duration_text
 from patrol.errors import BadInput
 from patrol.extras import check_matplotlib
@@ -34,39 +34,65 @@ FIGURE = re.compile(r"(cases|change|curves)-[a-z_]+\.(png|svg|pdf)")
 MM_PER_INCH = 25.4
 LEAST_WIDTH_MM = 60.0
 
-Workers = Annotated[
-    int | None,
-    typer.Option(metavar="N", help="Runs at a time (default: one per core).", show_default=False),
-]
-ClusterAddress = Annotated[
-    str | None,
-    typer.Option("--cluster", metavar="ADDRESS", help="Run on the workers of this Dask scheduler, tcp://HOST:8786."),
-]
-
-EXAMPLES = ["fogwatch sweep examples/sweeps/dilatation.yaml --seeds 5"]
 EXIT_CODES = "0 every run has a result, 1 some runs failed, 2 bad input, 130 interrupted"
 
 
+def out_option(default: str) -> Any:
+    """Return the option ``--out`` of a command that makes runs."""
+    return option("DIR", f"Folder of the results, new and earlier ones (default: {default}).")
+
+
+@dataclass(frozen=True)
+class Machines:
+    """What makes the runs: processes of this machine, or those of a cluster."""
+
+    workers: Annotated[int | None, option("N", "Runs at a time (default: one per core).")] = None
+    cluster: Annotated[str | None, option("ADDRESS", "Run on the workers of this Dask scheduler, tcp://HOST:8786.")] = (
+        None
+    )
+
+    def __post_init__(self) -> None:
+        """Refuse a number of workers with a cluster, which has its own."""
+        if self.workers is not None and self.cluster is not None:
+            raise BadInput("--workers and --cluster: a cluster has its own workers; give only one of the two")
+
+    def make_runs(self, plan: Plan, folder: Path, console: Console, estimate_time: bool = True) -> SweepOutcome:
+        """Make a plan's runs with a progress bar.
+
+        Results are kept in `folder` and looked for there: after Ctrl-C, the next start continues. With `estimate_time`,
+        a few runs are tried first, to say how long all will take.
+        """
+        pool = LocalWorkers(self.workers) if self.cluster is None else ClusterWorkers(self.cluster)
+        with SweepProgress(console, estimate_time=estimate_time) as progress:
+            try:
+                return run_sweep(plan, folder, workers=pool, observer=progress, say=progress.say)
+            except KeyboardInterrupt:
+                if progress.total:
+                    done = f"{progress.done} of {progress.total} runs are done"
+                    progress.say(f"{done}; start again to continue in {folder}")
+                raise
+
+
+def finish(console: Console, outcome: SweepOutcome, files: str) -> int:
+    """Print how many runs were made, those that failed, and where all files are; return the exit code."""
+    print_failures(console, outcome)
+    made = f"{outcome.made} runs made in {duration_text(outcome.wall_s)}"
+    console.print(f"{made}; {files}", highlight=False, markup=False, soft_wrap=True)
+    return FAILED if outcome.failed else 0
+
+
+@command(examples=["fogwatch sweep examples/sweeps/dilatation.yaml --seeds 5"], exit_codes=EXIT_CODES)
 def sweep(
     file: Annotated[
         Path, typer.Argument(metavar="FILE", help="Sweep file, YAML with base, grid, cases, seeds, against.")
     ],
-    out: Annotated[
-        Path | None,
-        typer.Option(metavar="DIR", help="Folder of the results, new and earlier ones (default: runs/NAME)."),
-    ] = None,
-    workers: Workers = None,
-    cluster: ClusterAddress = None,
-    seeds: Annotated[
-        int | None, typer.Option(metavar="K", help="Use seeds 1 to K instead of the file's.", show_default=False)
-    ] = None,
+    out: Annotated[Path | None, out_option("runs/NAME")] = None,
+    *,
+    machines: Machines,
+    seeds: Annotated[int | None, option("K", "Use seeds 1 to K instead of the file's.")] = None,
     figure_width: Annotated[
         float | None,
-        typer.Option(
-            metavar="MM",
-            help="Draw figures exactly so wide, without captions, for a paper: 88 is a column of many journals.",
-            show_default=False,
-        ),
+        option("MM", "Draw figures exactly so wide, without captions, for a paper: 88 is a column of many journals."),
     ] = None,
 ) -> int:
     """Run a scenario with every combination of some settings and every seed, and tabulate and draw the results.
@@ -81,7 +107,7 @@ def sweep(
     check_classes(plan)
     folder = out or Path("runs") / file.stem
     console = Console()
-    outcome = make_runs(plan, folder, workers_of(workers, cluster), console)
+    outcome = machines.make_runs(plan, folder, console, estimate_time=False)
     write_tables(outcome, folder)
     rows = case_rows(outcome)
     _draw(rows, plan.name, folder / "figures", width)
@@ -123,36 +149,6 @@ def _draw(rows: list[CaseRow], name: str, folder: Path, width: float) -> None:
             file.unlink()
 
 
-def workers_of(workers: int | None, cluster: str | None) -> WorkerPool:
-    """Return the workers that make the runs: processes of this machine, or those of a cluster.
-
-    `workers` is their number, None for one per core. `cluster` is the address of a Dask scheduler; only one of the two
-    may be given.
-    """
-    if cluster is None:
-        return LocalWorkers(workers)
-    if workers is not None:
-        raise BadInput("--workers and --cluster: a cluster has its own workers; give only one of the two")
-    return ClusterWorkers(cluster)
-
-
-def make_runs(
-    plan: Plan, folder: Path, workers: WorkerPool, console: Console, estimate_time: bool = False
-) -> SweepOutcome:
-    """Make a plan's runs with a progress bar.
-
-    Results are kept in `folder` and looked for there: after Ctrl-C, the next start continues. With `estimate_time`, a
-    few runs are tried first, to say how long all will take.
-    """
-    with SweepProgress(console, estimate_time=estimate_time) as progress:
-        try:
-            return run_sweep(plan, folder, workers=workers, observer=progress, say=progress.say)
-        except KeyboardInterrupt:
-            if progress.total:
-                progress.say(f"{progress.done} of {progress.total} runs are done; start again to continue in {folder}")
-            raise
-
-
 def print_cases(console: Console, rows: list[CaseRow]) -> None:
     """Print the cases' means as a table.
 
@@ -180,15 +176,13 @@ def _cases_table(rows: list[CaseRow], names: Mapping[str, str], between: str) ->
     a space or a line break.
     """
     narrow = between == "\n"
-    table = Table("case", box=None, pad_edge=False, header_style="cyan", padding=(0, 1 if narrow else 2, 0, 0))
-    columns = shown_columns(rows, names)
-    for column in columns:
-        head, *unit = column.title.rsplit(" ", 2) if column.is_number else column.title.split()
-        title = between.join([head, " ".join(unit)]) if unit else head
-        table.add_column(title, justify="right" if column.is_number else "left")
-    for place, row in enumerate(rows):
-        cells = [
-            column.cells[place].replace(" ", between) if column.is_number else column.cells[place] for column in columns
-        ]
-        table.add_row(names[row.case], *cells)
+    table = Table(box=None, pad_edge=False, header_style="cyan", padding=(0, 1 if narrow else 2, 0, 0))
+    shown = shown_table(rows, names)
+    for place, title in enumerate(shown.heads):
+        head, *unit = title.rsplit(" ", 2) if place in shown.numbers else title.split()
+        name = between.join([head, " ".join(unit)]) if unit else head
+        table.add_column(name, justify="right" if place in shown.numbers else "left")
+    for row in shown.rows:
+        cells = [cell.replace(" ", between) if place in shown.numbers else cell for place, cell in enumerate(row)]
+        table.add_row(*cells)
     return table

@@ -2,11 +2,20 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
-from typing import Literal
+from functools import partial
+from typing import Annotated, Literal
 
+from fogwatch.cli.options import option
 from patrol.errors import BadInput, quoted
 from patrol.ground.shapes import Polygon
+from patrol.printable import printable
+
+PANEL = "Moving intruder"
+"""The panel of its settings in a command's help."""
+
+_option = partial(option, panel=PANEL)
 
 BEGIN_S = 100.0
 """The beginning of a run, which is like no later moment, s."""
@@ -37,20 +46,49 @@ LIMITS = {
 """Least and greatest value of settings of `Infiltrator`, so that a game ends and fits into memory."""
 
 
+def _read_entries(text: str) -> Literal["edge", "doors"] | list[tuple[float, float]]:
+    """Read where it enters: edge, doors, or the corners of a polygon."""
+    match text:
+        case "edge" | "doors":
+            return text
+    corners = []
+    for word in text.split():
+        try:
+            x, y = map(float, word.split(","))
+        except ValueError:
+            x = y = math.nan
+        corners.append((x, y))
+    if len(corners) < 3 or not all(math.isfinite(x) and math.isfinite(y) for x, y in corners):
+        raise BadInput(f"--entries {printable(text)}: expected edge, doors, or three corners or more, '0,0 10,0 10,5'")
+    return corners
+
+
 @dataclass(frozen=True, slots=True)
 class Infiltrator:
     """The moving intruder."""
 
-    speed: float = 2.0  # m/s
-    stay_s: float = 10.0  # how long it must stay at its target
-    within_s: float = 120.0  # from the moment at which it plans first, the time until its stay must be over
-    depth_m: float = 20.0  # least length of the way from an entry to a target; at most half the greatest there is
-    attempts: int = 150
-    seed: int = 1  # of the attempts' moments and targets
-    # where it may enter: at the edge of the ground (the terrain's, or where walls surround it the outermost points of
-    # rows and columns), at doors between rooms, or in a polygon, m
-    entries: Literal["edge", "doors"] | Polygon = "edge"
-    zone: str | None = None  # name of the zone in which its targets are, however deep; None for all ground
+    speed: Annotated[float, _option("M/S", "Its speed, m/s.")] = 2.0
+    stay_s: Annotated[float, _option("S", "How long it must stay at its target, s.", "--stay")] = 10.0
+    within_s: Annotated[float, _option("S", "Time from its first plan to the end of its stay, s.", "--within")] = 120.0
+    depth_m: Annotated[
+        float,
+        _option("M", "Least length of the way from an entry to a target, m; at most half of the longest.", "--depth"),
+    ] = 20.0
+    # at the edge of the terrain, or where walls surround the ground at the outermost points of rows and columns
+    entries: Annotated[
+        Literal["edge", "doors"] | Polygon,
+        _option(
+            "WHERE",
+            "Where it enters: edge (of the ground), doors (between rooms), or a polygon's corners, m, such as '0,0 "
+            "10,0 10,5'.",
+            parser=_read_entries,
+        ),
+    ] = "edge"
+    zone: Annotated[
+        str | None, _option("NAME", "Zone in which its targets are, at any depth (default: all ground).")
+    ] = None
+    attempts: Annotated[int, _option("N", "Number of attempts.")] = 150
+    seed: Annotated[int, _option("N", "Seed of its moments and targets.")] = 1
 
     def __post_init__(self) -> None:
         """Raise BadInput for a setting out of its limits, or a stay that does not fit into the time."""

@@ -1,4 +1,4 @@
-"""Intruder games on a finished run: on any point of its ground, and on the vertices of its graph."""
+"""Intruder games on a finished run: on points of its ground, and on the vertices of its graph."""
 
 from __future__ import annotations
 

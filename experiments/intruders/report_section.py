@@ -10,10 +10,10 @@ import numpy as np
 from experiments.intruders.game import Attempt, Game, Infiltration, Percent, infiltration
 from experiments.intruders.infiltrator import KNOWLEDGE, WATCHING, Infiltrator
 from experiments.intruders.on_run import Looks
+from monitor.figures.style import ALERT, INK, colour
 from monitor.replay.run import Run
 from monitor.report import html
 from monitor.report.map_charts import PANEL_WIDTH, ground_panels
-from monitor.report.style import ALERT, INK, colour
 from patrol.ground.footprint import Footprint
 from patrol.journal.records import Status
 

@@ -14,10 +14,10 @@ from experiments.intruders.watch import PointNumbers, Watch, WatchLog
 from patrol.errors import BadInput, did_you_mean
 from patrol.ground.footprint import Footprint
 from patrol.ground.shapes import cover
-from patrol.ground.zones import points_of
 from patrol.pose import Pose
 from patrol.radio.message import as_received
 from patrol.scenario.sections import VERTICES
+from patrol.zones.ground import points_of
 
 if TYPE_CHECKING:
     from patrol.graph import Graph

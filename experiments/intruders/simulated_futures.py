@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from experiments.intruders.game import CODE, Game
 from experiments.intruders.predictors import SIMILAR, code_predictor
 from experiments.intruders.sightings import Sightings
-from experiments.sweeps.game_log import GameLog
+from experiments.sweeps.run_metrics import GameLog
 from fogwatch.inprocess import check_in_process, fleet_of
 from patrol.errors import BadInput
 from patrol.prepare import Prepared, sensor_footprint

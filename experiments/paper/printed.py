@@ -11,7 +11,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from importlib.resources import files
-from typing import Any
+
+from pydantic import TypeAdapter
 
 from patrol.errors import BadInput, did_you_mean
 
@@ -33,7 +34,7 @@ class Measure:
     title: str
     unit: str
     # printed, by row and column; None where the paper prints words or nothing
-    values: tuple[tuple[float | None, ...], ...]
+    values: tuple[tuple[int | float | None, ...], ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,9 +111,9 @@ class Remark:
     """The reason why some cells differ from the printed ones."""
 
     table: int  # its number
-    rows: tuple[str, ...]  # their names; all where there are none
-    columns: tuple[str, ...]  # their names; all where there are none
-    says: str  # the reason
+    rows: tuple[str, ...] = ()  # their names; all where there are none
+    columns: tuple[str, ...] = ()  # their names; all where there are none
+    says: str = ""  # the reason
 
     def applies_to(self, table: int, row: str, column: str) -> bool:
         """Return whether the remark is about a cell."""
@@ -128,7 +129,7 @@ class Paper:
     settings: Mapping[str, object]  # of every cell, by dotted field of the scenario
     sensor_ranges: tuple[SensorRange, ...]  # the calibrated ones
     fit_tables: tuple[int, ...]  # numbers of the tables that a sensor range is fitted to
-    fit_below: float  # s; the fit uses their cells with a printed value below this
+    fit_below: int  # s; the fit uses their cells with a printed value below this
     tables: Mapping[int, PaperTable]  # by number
     orderings: tuple[Ordering, ...]
     remarks: tuple[Remark, ...]
@@ -149,45 +150,5 @@ class Paper:
 def paper() -> Paper:
     """Return the data of the paper, read once."""
     raw = json.loads(files("experiments.paper").joinpath("paper_data.json").read_text(encoding="utf-8"))
-    return Paper(
-        source=raw["source"],
-        settings=raw["set"],
-        sensor_ranges=tuple(SensorRange(**found) for found in raw["sensor_ranges"]),
-        fit_tables=tuple(raw["fit"]["tables"]),
-        fit_below=raw["fit"]["below"],
-        tables={table["number"]: _table(table) for table in raw["tables"]},
-        orderings=tuple(
-            Ordering(ordering["says"], _side(ordering["lower"]), _side(ordering["higher"]))
-            for ordering in raw["orderings"]
-        ),
-        remarks=tuple(
-            Remark(remark["table"], tuple(remark.get("rows", ())), tuple(remark.get("columns", ())), remark["says"])
-            for remark in raw["remarks"]
-        ),
-    )
-
-
-def _table(raw: Mapping[str, Any]) -> PaperTable:
-    return PaperTable(
-        number=raw["number"],
-        title=raw["title"],
-        columns_are=raw["columns_are"],
-        settings=raw["set"],
-        assumed=tuple(raw["assumed"]),
-        rows=tuple(Variant(row["name"], row["set"]) for row in raw["rows"]),
-        columns=tuple(Variant(column["name"], column["set"]) for column in raw["columns"]),
-        measures=tuple(
-            Measure(
-                measure["name"],
-                measure["metric"],
-                measure["title"],
-                measure["unit"],
-                tuple(tuple(row) for row in measure["values"]),
-            )
-            for measure in raw["measures"]
-        ),
-    )
-
-
-def _side(raw: Mapping[str, Any]) -> Side:
-    return Side(raw["table"], raw["row"], tuple(raw["columns"]))
+    raw["tables"] = {table["number"]: table for table in raw["tables"]}
+    return TypeAdapter(Paper).validate_python(raw)

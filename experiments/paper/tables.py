@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from statistics import fmean, median
@@ -12,6 +12,7 @@ from experiments.paper.printed import PaperTable, Variant, paper
 from experiments.sweeps.plan import Base, Case, Plan, make_plan
 from experiments.sweeps.runner import SweepOutcome
 from experiments.sweeps.stats import Estimate, Fit, estimate, fit
+from monitor.tables.table import Table
 
 CALLED = "the paper's tables"
 MFOW = "mfow_mean_s"
@@ -174,14 +175,16 @@ def as_json(comparison: TableComparison) -> dict[str, Any]:
     }
 
 
-def as_lines(comparison: TableComparison) -> Iterator[Sequence[object]]:
-    """Yield the content of table_N.csv."""
-    yield ["row", "column", "unit", "paper", "mean", "ci95_low", "ci95_high", "seeds", "ratio", "to_mean_fog"]
+def as_table(comparison: TableComparison) -> Table:
+    """Return the content of table_N.csv."""
+    heads = ["row", "column", "unit", "paper", "mean", "ci95_low", "ci95_high", "seeds", "ratio", "to_mean_fog"]
+    rows = []
     for cell in comparison.cells:
         found = cell.found
         numbers = [None, None, None] if found is None else [found.mean, found.low, found.high]
         ratios = (cell.ratio, cell.to_mean_fog)
-        yield [cell.row, cell.column, cell.unit, cell.paper, *numbers, len(cell.values), *ratios]
+        rows.append([cell.row, cell.column, cell.unit, cell.paper, *numbers, len(cell.values), *ratios])
+    return Table(heads, rows)
 
 
 def _settings(table: PaperTable, row: Variant, column: Variant, setup: PaperSetup) -> dict[str, object]:

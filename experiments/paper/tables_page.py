@@ -10,11 +10,18 @@ from collections.abc import Iterator, Mapping, Sequence
 from experiments.paper.orderings import Judged
 from experiments.paper.printed import Remark, paper
 from experiments.paper.tables import FAR_OFF, Cell, PaperSetup, TableComparison, fit_of, to_mean_fog_text
-from experiments.sweeps.stats import Estimate, Fit
-from experiments.sweeps.texttable import markdown_table
+from experiments.sweeps.stats import Estimate, Fit, with_interval
+from monitor.tables.table import Table
 from patrol.errors import quoted
 
 UNEXPLAINED = "not explained"
+
+CELLS = (
+    "MFoW is a maximum, so it depends on the size of the points: compare only runs with the same size. Each cell "
+    "shows our mean over the seeds ± half the width of its 95 % interval, the printed value in brackets, and the ratio "
+    "of the two. Where the paper leaves something open, the table lists what is assumed. Values that differ by more "
+    f"than a factor of {FAR_OFF:g} are bold, and listed below with the reason where it is known."
+)
 
 
 def page(
@@ -31,60 +38,50 @@ def page(
     `computing_s` is the processor time of all runs together; for results of older versions, which lack it, the wall
     time. `pictures` are the files of the pictures by title, those of terrains included.
     """
-    return "\n".join(
-        [
-            *_head(setup, command, computing_s),
-            *_terrains(pictures),
-            *_fits(comparisons),
-            *(line for comparison in comparisons for line in _table(comparison, pictures)),
-            *_far_off(comparisons),
-            *_orderings(judged),
-            "",
-        ]
-    )
+    parts = [
+        *_head(setup, command, computing_s),
+        *_terrains(pictures),
+        *_fits(comparisons),
+        *(part for comparison in comparisons for part in _table(comparison, pictures)),
+        *_far_off(comparisons),
+        *_orderings(judged),
+    ]
+    return "\n\n".join(parts) + "\n"
 
 
 def _head(setup: PaperSetup, command: str, computing_s: float) -> Iterator[str]:
     calibrated = paper().sensor_range(setup.point)
     yield "# The paper's tables, side by side"
-    yield ""
     yield f"Made by `{command}`: {_minutes(computing_s)} of computing time on one core."
-    yield ""
     radius = f"sensor range {setup.sensor_range:g} m"
     if (setup.sensor_range, setup.point) == (calibrated.range, calibrated.point):
         radius += f" ({calibrated.found})"
-    yield f"Points of {setup.point:g} m, {radius}, seeds {', '.join(map(str, setup.seeds))}."
     fixed = (f"`{field}: {quoted(value)}`" for field, value in paper().settings.items() if field not in setup.settings)
-    yield f"All cells share these settings of the paper: {', '.join(fixed)}."
-    for field, value in setup.settings.items():
-        yield f"Set in addition: `{field}: {quoted(value)}`."
-    yield (
-        "MFoW is a maximum, so it depends on the size of the points: compare only runs with the same size. Each cell "
-        "shows our mean over the seeds ± half the width of its 95 % interval, the printed value in brackets, and the "
-        "ratio of the two. Where the paper leaves something open, the table lists what is assumed. Values that differ "
-        f"by more than a factor of {FAR_OFF:g} are bold, and listed below with the reason where it is known."
+    yield "\n".join(
+        (
+            f"Points of {setup.point:g} m, {radius}, seeds {', '.join(map(str, setup.seeds))}.",
+            f"All cells share these settings of the paper: {', '.join(fixed)}.",
+            *(f"Set in addition: `{field}: {quoted(value)}`." for field, value in setup.settings.items()),
+            CELLS,
+        )
     )
 
 
 def _terrains(pictures: Mapping[str, str]) -> Iterator[str]:
-    drawn = {title: file for title, file in pictures.items() if title.startswith("terrain ")}
+    drawn = [f"![{title}]({file})" for title, file in pictures.items() if title.startswith("terrain ")]
     if drawn:
-        yield ""
         yield "## The terrains"
-        yield ""
         yield (
             "The paper's figures of the terrains are not available. These are reconstructions from the sizes and the "
             "short descriptions in the text. The length of the wedges of `yards` was fitted to the one-robot cell of "
             "Table 4 (wave, mode), with an earlier version of the algorithm. Nothing else is fitted, so all other "
             "cells are predictions."
         )
-        yield ""
-    for title, file in drawn.items():
-        yield f"![{title}]({file})"
+        yield "\n".join(drawn)
 
 
 def _fits(comparisons: Sequence[TableComparison]) -> Iterator[str]:
-    """Write a table that says how well each table fits."""
+    """Yield a table that says how well each table fits."""
     rows: list[tuple[str, Fit | None]] = [
         (f"Table {comparison.table.number}", fit_of([comparison])) for comparison in comparisons
     ]
@@ -93,11 +90,9 @@ def _fits(comparisons: Sequence[TableComparison]) -> Iterator[str]:
         names = " and ".join(str(number) for number in paper().fit_tables)
         rows.append((f"Tables {names}, printed below {paper().fit_below:g} s", fit_of(fitted, paper().fit_below)))
         rows.append((f"Tables {names}, all", fit_of(fitted)))
-    yield ""
-    yield "## Fit"
-    yield ""
     heads = ("MFoW of", "cells", "median ratio", "RMS log error", "correlation of logs")
-    yield from markdown_table(heads, [[name, *_fit_texts(fit)] for name, fit in rows if fit is not None])
+    yield "## Fit"
+    yield Table(heads, [[name, *_fit_texts(fit)] for name, fit in rows if fit is not None]).markdown()
 
 
 def _fit_texts(fit: Fit) -> list[str]:
@@ -107,28 +102,21 @@ def _fit_texts(fit: Fit) -> list[str]:
 
 def _table(comparison: TableComparison, pictures: Mapping[str, str]) -> Iterator[str]:
     table = comparison.table
-    yield ""
     yield f"## Table {table.number}: {table.title}"
-    yield ""
     yield f"Assumed: {'; '.join(table.assumed)}."
-    yield ""
     rows = [
         [f"{row} ({unit})", *(_beside(cell) for cell in comparison.cells if cell.row == row)]
         for row, unit in dict.fromkeys((cell.row, cell.unit) for cell in comparison.cells)
     ]
-    yield from markdown_table([table.columns_are, *(column.name for column in table.columns)], rows)
-    ratios = to_mean_fog_text(comparison)
-    if ratios is not None:
-        yield ""
+    yield Table([table.columns_are, *(column.name for column in table.columns)], rows).markdown()
+    if ratios := to_mean_fog_text(comparison):
         yield f"{ratios}."
-    picture = pictures.get(f"table {table.number}")
-    if picture is not None:
-        yield ""
+    if picture := pictures.get(f"table {table.number}"):
         yield f"![Table {table.number}]({picture})"
 
 
 def _beside(cell: Cell) -> str:
-    text = _with_interval(cell.found)
+    text = with_interval(cell.found, sign=" ± ", none="no run")
     if cell.paper is not None:
         text += f" ({cell.paper:g})"
     if cell.ratio is not None:
@@ -139,22 +127,17 @@ def _beside(cell: Cell) -> str:
 def _far_off(comparisons: Sequence[TableComparison]) -> Iterator[str]:
     """Yield every far-off cell under the remark about it."""
     by_remark: dict[str, list[str]] = {}
-    total = far = 0
     for comparison in comparisons:
         number = comparison.table.number
         for cell in comparison.cells:
-            total += cell.ratio is not None
             if cell.far_off:
-                far += 1
                 remark = remark_on(number, cell, paper().remarks)
                 name = f"Table {number} {cell.row}, {comparison.table.columns_are} {cell.column} (x {cell.ratio:.2f})"
                 by_remark.setdefault(remark.says if remark else UNEXPLAINED, []).append(name)
-    yield ""
+    total = sum(cell.ratio is not None for comparison in comparisons for cell in comparison.cells)
     yield f"## Cells that differ by more than a factor of {FAR_OFF:g}"
-    yield ""
-    yield f"{far} of {total} cells."
+    yield f"{sum(map(len, by_remark.values()))} of {total} cells."
     for reason, names in by_remark.items():
-        yield ""
         yield f"- {reason}: {'; '.join(names)}."
 
 
@@ -166,30 +149,19 @@ def remark_on(number: int, cell: Cell, remarks: Sequence[Remark]) -> Remark | No
 def _orderings(judged: Sequence[Judged]) -> Iterator[str]:
     if not judged:
         return
-    yield ""
     yield "## The paper's conclusions"
-    yield ""
     yield (
         "The ratio divides the side that should be lower by the other side; it is a geometric mean over the cells "
         "named and the seeds. Held: its 95 % interval lies below 1. Not held: it lies above 1."
     )
-    yield ""
     rows = [[judgement.ordering.says, judgement.verdict, _ratio(judgement.ratio)] for judgement in judged]
-    yield from markdown_table(("conclusion", "here", "ratio, 95 % interval"), rows)
+    yield Table(("conclusion", "here", "ratio, 95 % interval"), rows).markdown()
 
 
 def _ratio(ratio: Estimate | None) -> str:
     if ratio is None:
         return "-"
-    if ratio.low is None or ratio.high is None:
-        return f"{ratio.mean:.3f}"
-    return f"{ratio.mean:.3f} [{ratio.low:.3f}, {ratio.high:.3f}]"
-
-
-def _with_interval(found: Estimate | None) -> str:
-    if found is None:
-        return "no run"
-    return f"{found.mean:.1f}" if found.half is None else f"{found.mean:.1f} ± {found.half:.1f}"
+    return f"{ratio.mean:.3f}" + ("" if ratio.interval is None else f" [{ratio.low:.3f}, {ratio.high:.3f}]")
 
 
 def _minutes(seconds: float) -> str:

@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator
 
 from experiments.plan.plan import AgeKept, FleetPlan, FleetSize, robots_text
+from monitor.tables.table import Table
 from patrol.measures.best_tour import NO_BOUND
 from patrol.scenario.patrols import patrol_name
 from patrol.scenario.sections import BUILT_IN_SENSORS
@@ -171,8 +172,8 @@ def _kept(kept: AgeKept | None) -> str:
     return f"{ages}, from {kept.from_s:g} s to {end_s:g} s{invalid}"
 
 
-def answer_table(plan: FleetPlan) -> tuple[list[str], list[list[str]]]:
-    """Return the headings and rows of a plan's table: the ages that fleets of each size keep."""
+def answer_table(plan: FleetPlan) -> Table:
+    """Return a plan's table: the ages that fleets of each size keep."""
     wanted = plan.wanted_s
     heads = ["robots", "bound (s)", "one tour (s)", "own tours (s)", "simulated: mean (s)", "largest (s)"]
     rows = []
@@ -181,7 +182,7 @@ def answer_table(plan: FleetPlan) -> tuple[list[str], list[list[str]]]:
         cells = [age_text(size.bound_s or None), age_text(size.tour_s), age_text(size.own_tours_s)]
         cells += ["-", "-"] if simulated is None else [age_text(simulated.mean_s), age_text(simulated.max_s)]
         rows.append([str(size.robots), *cells, *([] if wanted is None else [_keeps(size, wanted)])])
-    return [*heads, *([] if wanted is None else [f"keeps {wanted:g} s"])], rows
+    return Table([*heads, *([] if wanted is None else [f"keeps {wanted:g} s"])], rows, range(len(heads)))
 
 
 def _keeps(size: FleetSize, wanted_s: float) -> str:

@@ -15,13 +15,14 @@ import json
 import tempfile
 from pathlib import Path
 
-from experiments.plan.pictures import curve_picture, territories_picture, tour_picture
+from experiments.plan.pictures import curve_figure, territories_picture, tour_picture
 from experiments.plan.plan import FleetPlan, plan_facts
 from fogwatch.run_folder.runfolder import RUNS, untaken
+from monitor.figures.style import write_figure
 from patrol.classes.class_file import class_file
 from patrol.errors import BadInput
+from patrol.files.whole_file import writing
 from patrol.scenario import Scenario, as_mapping, dump_scenario, load_scenario
-from patrol.scenario.copying import with_copies
 from patrol.scenario.patrols import patrol_name
 
 
@@ -31,23 +32,21 @@ def plan_folder(out: Path | None, name: str) -> Path:
     `out` is new or empty. Without it, the folder is `runs/plan-NAME`, with a number appended if that is taken.
     """
     folder = untaken(RUNS / f"plan-{name}") if out is None else out
-    try:
+    with writing(f"--out {folder}", "choose another folder"):
         if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
             raise BadInput(f"--out {folder}: is not an empty folder; choose one that is, or that does not exist yet")
         there = next(path for path in (folder, *folder.absolute().parents) if path.exists())
         with tempfile.TemporaryFile(dir=there):
             pass
-    except OSError as error:
-        raise BadInput(f"--out {folder}: cannot be written ({error.strerror}); choose another folder") from None
     return folder
 
 
 def write_plan(plan: FleetPlan, folder: Path) -> None:
     """Write all files of a plan."""
-    try:
+    with writing(folder, "choose another --out"):
         folder.mkdir(parents=True, exist_ok=True)
         (folder / "plan.json").write_text(f"{json.dumps(plan_facts(plan), indent=1)}\n", encoding="utf-8")
-        copied = with_copies(plan.scenario, folder)
+        copied = plan.scenario.with_copies(folder)
         for size in plan.sizes:
             name = f"robots-{size.robots}"
             alone = load_scenario(as_mapping(plan.scenario), {"robots.count": size.robots})
@@ -60,9 +59,7 @@ def write_plan(plan: FleetPlan, folder: Path) -> None:
             for file, scenario in runs.items():
                 if scenario is not None:
                     _write_scenario(folder / f"{file}.yaml", scenario, copied)
-    except OSError as error:
-        raise BadInput(f"{folder}: cannot be written ({error.strerror}); choose another --out") from None
-    curve_picture(plan, [folder / "curve.png", folder / "curve.svg"])
+    write_figure(curve_figure(plan), [folder / "curve.png", folder / "curve.svg"])
     drawn = plan.sizes[-1] if plan.chosen is None else plan.size(plan.chosen)
     if drawn.tour_s is not None:
         tour_picture(plan, drawn, folder / "tour.png")

@@ -8,13 +8,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from experiments.paper.figures import write_figure
 from experiments.plan.plan import FleetPlan, FleetSize, robots_text
-from fogwatch.pictures.drawing import DPI, Key, Layer, canvas, key_column, label, paint, painted, save
 from fogwatch.pictures.region_map import COLOURS
-from patrol.extras import check_matplotlib
+from monitor.figures.ground import Key, Layer, canvas, key_column, label, paint, painted, save
+from monitor.figures.style import ALERT, INK, MUTED, drawn, figure
 from patrol.ground.terrain import BoolGrid, Terrain
-from patrol.palette import LIGHT, ROBOTS, UNCOUNTED, WALL
+from patrol.palette import ROBOTS, UNCOUNTED, WALL
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -25,39 +24,34 @@ if TYPE_CHECKING:
 Way = Sequence[tuple[float, float]]
 
 
-def curve_picture(plan: FleetPlan, files: Sequence[Path]) -> None:
-    """Draw the ages that fleets keep, over their number of robots."""
-    write_figure(curve_figure(plan), files)
-
-
 def curve_figure(plan: FleetPlan) -> Figure:
     """Draw the ages that fleets keep, over their number of robots, as a matplotlib figure."""
-    check_matplotlib("sim")
-    from matplotlib.figure import Figure
-    from matplotlib.ticker import MaxNLocator
+    with drawn():
+        chart = figure(9.5, 4.8)
+        _draw_ages(chart, plan)
+    return chart
 
-    figure = Figure(figsize=(9.5, 4.8), dpi=DPI, facecolor="white", layout="constrained")
-    axes = figure.subplots()
+
+def _draw_ages(chart: Figure, plan: FleetPlan) -> None:
+    axes = chart.subplots()
     bounds = [(size.robots, size.bound_s) for size in plan.sizes if size.bound_s > 0.0]
-    _line(axes, bounds, "lower bound", "v:", LIGHT["muted"])
+    _line(axes, bounds, "lower bound", "v:", MUTED)
     _line(axes, [(size.robots, size.tour_s) for size in plan.sizes], "one tour for all", "o-", ROBOTS[0])
     _line(axes, [(size.robots, size.own_tours_s) for size in plan.sizes], "a tour for each", "s--", ROBOTS[1])
     for simulated, what, colour, shift in (
         ([(size.robots, size.simulated) for size in plan.sizes], "simulated", ROBOTS[2], 0.0),
-        ([(size.robots, size.one_dead) for size in plan.sizes], "simulated, one dead", LIGHT["alert"], 0.08),
+        ([(size.robots, size.one_dead) for size in plan.sizes], "simulated, one dead", ALERT, 0.08),
         ([(size.robots, size.other_patrol) for size in plan.sizes], "simulated, other patrol", ROBOTS[4], -0.08),
     ):
         _ranges(axes, [(robots, kept) for robots, kept in simulated if kept is not None], what, colour, shift)
     if plan.wanted_s is not None:
-        axes.axhline(plan.wanted_s, color=LIGHT["ink"], linewidth=1.0, linestyle="--", label="wanted")
+        axes.axhline(plan.wanted_s, color=INK, linewidth=1.0, linestyle="--", label="wanted")
     axes.set_ylim(bottom=0.0)
-    axes.xaxis.set_major_locator(MaxNLocator(integer=True))
+    axes.locator_params(axis="x", integer=True)
     axes.set_xlabel("robots")
     axes.set_ylabel("age of the stalest point (s)")
-    axes.grid(visible=True, color=LIGHT["grid"], linewidth=0.6)
-    figure.legend(loc="outside right upper", frameon=False, fontsize=9)
-    axes.set_title(f"{plan.scenario.name}: the age that robots keep", loc="left", fontsize=11)
-    return figure
+    chart.legend(loc="outside right upper")
+    axes.set_title(f"{plan.scenario.name}: the age that robots keep")
 
 
 def tour_picture(plan: FleetPlan, size: FleetSize, out: Path) -> None:

@@ -24,13 +24,12 @@ from experiments.plan.division import Divider, Territory
 from fogwatch.inprocess import run_in_process
 from patrol.errors import BadInput, NotPrepared
 from patrol.ground.left_out import LeftOut
-from patrol.ground.speed_limits import SpeedLimits
 from patrol.journal.records import CLOSED
-from patrol.maps.load import load_terrain
 from patrol.measures.best_tour import MOST_ROBOTS, BestTour, best_tour
-from patrol.prepare import Prepared, prepare
+from patrol.prepare import Prepared, prepare, terrain_of
 from patrol.scenario import RobotGroup, as_mapping, load_scenario
 from patrol.scenario.patrols import PATROLS, STOCHASTIC, TOUR, patrol_name
+from patrol.zones.speed_limits import SpeedLimits
 from worldsim.output.record import lower_bound
 
 if TYPE_CHECKING:
@@ -219,7 +218,7 @@ class _Planner:
     ) -> None:
         self.scenario = planned_scenario(scenario)
         try:
-            self.terrain = load_terrain(scenario.terrain, scenario.point, scenario.base, zones=scenario.zones)
+            self.terrain = terrain_of(scenario)
         except BadInput as error:
             raise NotPrepared(str(error)) from None
         self.sizes: dict[int, FleetSize] = {}

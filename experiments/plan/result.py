@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from fogwatch.notebook.arguments import checked_arguments, scenario_of
-from fogwatch.notebook.arrow import table_of
 from fogwatch.notebook.html import lines_html, table_html
+from monitor.tables.table import Table
 from patrol.errors import BadInput
 from patrol.scenario import Scenario, naming
 from patrol.starting.seldom import SELDOM
@@ -69,7 +69,7 @@ class PlanResult:
     @property
     def table(self) -> pa.Table:
         """Table with a row a number of robots: bounds, tours, and the ages that simulated fleets kept, s."""
-        rows = [
+        return Table.of(
             {
                 "robots": size.robots,
                 "patrolled_area_m2": size.area_m2,
@@ -81,8 +81,7 @@ class PlanResult:
                 **self._kept("other_patrol_", size.other_patrol),
             }
             for size in self.plan.sizes
-        ]
-        return table_of(rows)
+        ).arrow()
 
     def figure(self) -> Figure:
         """Draw the ages that fleets keep over their number of robots, as a matplotlib figure.
@@ -103,7 +102,7 @@ class PlanResult:
         """Show the plan in a notebook: its table, and what it comes to."""
         from experiments.plan.answer import answer_table
 
-        return table_html(*answer_table(self.plan)) + lines_html(self.answer)
+        return table_html(answer_table(self.plan)) + lines_html(self.answer)
 
     def _kept(self, prefix: str, kept: AgeKept | None) -> dict[str, object]:
         wanted_s = self.plan.wanted_s

@@ -10,7 +10,7 @@ from pydantic import Field
 
 from agent.ports import Bearing, Intent, Place, Stay
 from experiments.rivals.known import Known
-from patrol.graph import on_reach
+from patrol.graph_from_ground import on_reach
 from patrol.values import Section
 
 if TYPE_CHECKING:
@@ -49,12 +49,12 @@ class GraphPatrol:
         """Place the graph where the robot's body can go."""
         options = setup.options if isinstance(setup.options, GraphOptions) else self.Options()
         self.options = options
-        self.step = setup.step
-        self.speed = setup.spec.speed
-        self._beside = NEARER * self.speed * self.step if setup.spec.model == "car" else 0.0
-        graph = on_reach(setup.graph(), setup.terrain, setup.fields.reach)
-        tolerance = options.tolerance or graph.visit_reach(setup.spec.speed, setup.step)
-        self.known = Known(graph, tolerance, setup.step, setup.spec.number, setup.team)
+        self.step = setup.fleet.step
+        self.speed = setup.robot.spec.speed
+        self._beside = NEARER * self.speed * self.step if setup.robot.spec.model == "car" else 0.0
+        graph = on_reach(setup.ground.graph(), setup.ground.terrain, setup.ground.fields.reach)
+        tolerance = options.tolerance or graph.visit_reach(setup.robot.spec.speed, setup.fleet.step)
+        self.known = Known(graph, tolerance, setup.fleet.step, setup.robot.spec.number, setup.fleet.team)
         self._route: list[int] = []
         self._least = math.inf
         self._since = 0

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from experiments.sweeps.stats import Estimate
-from monitor.report.style import GRID, MUTED, colour, plain
+from monitor.figures.style import GRID, MUTED, SPREAD, colour, logarithmic, plain
 from patrol.palette import ROBOTS
 
 if TYPE_CHECKING:
@@ -22,9 +22,6 @@ LINES = ("-", "--", ":")
 
 MARKERS = "osD^vPX*"
 """Markers, one for each series; where a marker stands beside colours, one more each time these are used up."""
-
-LOGARITHMIC = 8.0
-"""A measure whose means differ by more than this factor is drawn on a logarithmic scale."""
 
 SERIES_SPAN = 0.6
 """Share of a row's height over which the dots of several series lie."""
@@ -134,12 +131,7 @@ def draw_curves(axes: Axes, curves: Sequence[Curve], over: str, title: str) -> N
 def scale(axes: Axes, means: Iterable[float | None]) -> None:
     """Begin the x axis at 0; use a logarithmic scale with plain numbers where the means differ much."""
     values = [value for value in means if value is not None]
-    if not values or min(values) <= 0.0 or max(values) < LOGARITHMIC * min(values):
+    if not values or min(values) <= 0.0 or max(values) < SPREAD * min(values):
         axes.set_xlim(left=0.0)
-        return
-    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
-
-    axes.set_xscale("log")
-    axes.xaxis.set_major_locator(LogLocator(10.0, subs=(1.0, 2.0, 5.0)))
-    axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-    axes.xaxis.set_minor_formatter(NullFormatter())
+    else:
+        logarithmic(axes, "x")

@@ -10,13 +10,12 @@ import textwrap
 from collections.abc import Callable, Collection, Sequence
 from typing import TYPE_CHECKING
 
-from experiments.sweeps.caserows import CaseRow
-from experiments.sweeps.casetable import SHOWN, told_apart
+from experiments.sweeps.cases import SHOWN, CaseRow, told_apart
 from experiments.sweeps.estimates import Curve, Dot, draw_curves, draw_dots, scale
 from experiments.sweeps.paired import PAIRING, TEST, PairedTest, paired_tests
 from experiments.sweeps.plan import CASE
+from monitor.figures.style import MUTED, Drawing, figure
 from monitor.report.charts import WIDTH
-from monitor.report.style import MUTED, Drawing, draw, figure
 from patrol.errors import quoted
 
 if TYPE_CHECKING:
@@ -179,7 +178,7 @@ class _Figures:
                 chart.supxlabel(textwrap.fill(caption, 170), x=0.0, ha="left", fontsize=7, color=MUTED)
             return chart
 
-        return draw(name, heading[0].upper() + heading[1:], caption, make, is_exact=not self._is_whole)
+        return Drawing(name, heading[0].upper() + heading[1:], caption, make, is_exact=not self._is_whole)
 
 
 def _series_axis(rows: Sequence[CaseRow]) -> str | None:

@@ -8,11 +8,15 @@ against one of 90, 99 and 97 s gives the differences -9, -4 and -9 s.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
-from experiments.sweeps.caserows import CaseRow
 from experiments.sweeps.stats import Estimate, estimate
+from monitor.tables.table import Table
+
+if TYPE_CHECKING:
+    from experiments.sweeps.cases import CaseRow
 
 TEST = "two-sided paired t-test"
 """The test whose p-values tables and figures show; it agrees with the intervals of the differences."""
@@ -76,11 +80,24 @@ def p_of_no_difference(differences: Sequence[float]) -> float | None:
     return 2.0 * float(stdtr(count - 1, -abs(mean) / math.sqrt(variance / count)))
 
 
-def paired_lines(tests: Sequence[PairedTest]) -> Iterator[Sequence[object]]:
-    """Yield the lines of comparisons.csv: the headings, then a line for each test."""
-    yield ["case", "against", "metric", "test", "pairing", "pairs", "difference", "low", "high", "change_percent", "p"]
+def comparisons_table(tests: Sequence[PairedTest]) -> Table:
+    """Return the table of comparisons.csv: a row for each test."""
+    heads = [
+        "case",
+        "against",
+        "metric",
+        "test",
+        "pairing",
+        "pairs",
+        "difference",
+        "low",
+        "high",
+        "change_percent",
+        "p",
+    ]
+    rows = []
     for test in tests:
-        found = test.difference
-        change = None if test.change is None else test.change.mean
-        named = [test.case, test.against, test.metric, TEST, PAIRING]
-        yield [*named, test.pairs, found.mean, found.low, found.high, change, test.p]
+        found, change = test.difference, None if test.change is None else test.change.mean
+        ends = (found.mean, found.low, found.high)
+        rows.append((test.case, test.against, test.metric, TEST, PAIRING, test.pairs, *ends, change, test.p))
+    return Table(heads, rows)

@@ -1,11 +1,14 @@
-"""The progress of a sweep: a bar with the time left on a terminal, one line per run elsewhere."""
+"""The progress of a sweep: a bar with the time left on a terminal, one line per run elsewhere.
+
+How long a sweep will take is estimated from the first ticks of a few of its runs.
+"""
 
 from __future__ import annotations
 
 import shlex
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from types import TracebackType
 from typing import Self
 
@@ -14,14 +17,28 @@ from rich.progress import TextColumn
 from rich.table import Table
 
 from experiments.sweeps.plan import Run
-from experiments.sweeps.probe import seconds_per_run
 from experiments.sweeps.results import RunResult
 from experiments.sweeps.runner import SweepOutcome
+from experiments.sweeps.worker import run_scenario
 from fogwatch.terminal.bars import bar_on
 from fogwatch.terminal.live_table import duration_text
+from patrol.errors import BadInput
+from patrol.scenario import Scenario
 
 RESULT_OPTIONS = ("--out", "--workers", "--cluster", "--json", "--markdown")
 """Options that say where results are made and written, and change none."""
+
+TRIED = 6
+"""Number of runs that are tried for an estimate of the time."""
+
+TICKS = 100
+"""Number of ticks of each."""
+
+LOADING_TICKS = 2
+"""Number of ticks of a run before the first, which is not timed: it loads what a worker loads once for all its runs."""
+
+ENOUGH_S = 15.0
+"""Wall time after which no further run is tried, s."""
 
 
 class SweepProgress:
@@ -106,6 +123,39 @@ class SweepProgress:
     def _left(self) -> str:
         spent = self._clock() - self._begun
         return f"{duration_text(spent / self._made * (self._todo - self._made))} left"
+
+
+def seconds_per_run(runs: Sequence[Run], clock: Callable[[], float] = time.perf_counter) -> float | None:
+    """Estimate the mean wall time of a run, s, by trying some of them, spread over the list.
+
+    None if none of the tried runs can be made. `clock` gives the time in s.
+    """
+    from patrol.prepare import prepare  # here: loads kernels
+
+    estimates_s: list[float] = []
+    begun = clock()
+    for index in range(min(TRIED, len(runs))):
+        run = runs[index * len(runs) // min(TRIED, len(runs))]
+        scenario = run.scenario
+        short = _cut(scenario, TICKS)
+        try:
+            if not estimates_s:
+                run_scenario(_cut(scenario, LOADING_TICKS), run.games)
+            first = clock()
+            prepared = prepare(short)
+            ready = clock()
+            run_scenario(prepared, run.games)
+        except BadInput:  # the sweep reports it
+            continue
+        estimates_s.append(ready - first + (clock() - ready) * scenario.ticks / short.ticks)
+        if clock() - begun > ENOUGH_S:
+            break
+    return sum(estimates_s) / len(estimates_s) if estimates_s else None
+
+
+def _cut(scenario: Scenario, ticks: int) -> Scenario:
+    """Return the first ticks of a scenario."""
+    return scenario.model_copy(update={"duration": scenario.step * min(ticks, scenario.ticks)})
 
 
 def print_failures(console: Console, outcome: SweepOutcome) -> None:

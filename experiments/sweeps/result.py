@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from fogwatch.notebook.arguments import checked_arguments
-from fogwatch.notebook.arrow import table_of
 from fogwatch.notebook.html import lines_html, table_html
 from fogwatch.notebook.policy import with_names
 from patrol.errors import BadInput
@@ -53,32 +52,29 @@ class SweepResult:
 
         The metrics are those of docs/sweeps.md; they are null for a run that failed.
         """
-        from experiments.sweeps.runtable import case_labels, run_rows
+        from experiments.sweeps.cases import runs_table
 
-        return table_of(run_rows(self.outcome, case_labels(self.outcome)))
+        return runs_table(self.outcome).arrow()
 
     @cached_property
     def cases(self) -> pa.Table:
         """Table with a row a case: means over seeds with 95 % intervals, as in summary.csv (docs/sweeps.md)."""
-        from experiments.sweeps.caserows import case_rows
-        from experiments.sweeps.casetable import case_lines
+        from experiments.sweeps.cases import case_rows, cases_table
 
-        heads, *lines = case_lines(case_rows(self.outcome))
-        return table_of([dict(zip(map(str, heads), line, strict=True)) for line in lines])
+        return cases_table(case_rows(self.outcome)).arrow()
 
     @cached_property
     def comparisons(self) -> pa.Table:
         """Table with a row for each paired test, as in comparisons.csv; empty without `against`."""
-        from experiments.sweeps.caserows import case_rows
-        from experiments.sweeps.paired import paired_lines, paired_tests
+        from experiments.sweeps.cases import case_rows
+        from experiments.sweeps.paired import comparisons_table, paired_tests
 
-        heads, *lines = paired_lines(paired_tests(case_rows(self.outcome)))
-        return table_of([dict(zip(map(str, heads), line, strict=True)) for line in lines])
+        return comparisons_table(paired_tests(case_rows(self.outcome))).arrow()
 
     @cached_property
     def figures(self) -> dict[str, Figure]:
         """The figures of the sweep by name, as the command `fogwatch sweep` writes them."""
-        from experiments.sweeps.caserows import case_rows
+        from experiments.sweeps.cases import case_rows
         from experiments.sweeps.figures import drawings
 
         return {drawing.name: drawing.figure for drawing in drawings(case_rows(self.outcome), self.outcome.plan.name)}
@@ -95,15 +91,10 @@ class SweepResult:
 
     def _repr_html_(self) -> str:
         """Show the sweep in a notebook: the means of each case."""
-        from experiments.sweeps.caserows import case_rows
-        from experiments.sweeps.casetable import shown_columns
+        from experiments.sweeps.cases import case_rows, shown_table
 
-        rows = case_rows(self.outcome)
-        columns = shown_columns(rows, {})
-        heads = ["case", *(column.title for column in columns)]
-        cells = [[row.case, *(column.cells[place] for column in columns)] for place, row in enumerate(rows)]
         errors = [f"{result.case} seed {result.seed} failed: {result.error}" for result in self.failed]
-        return table_html(heads, cells) + lines_html([*self.outcome.plan.notes, *errors])
+        return table_html(shown_table(case_rows(self.outcome), {})) + lines_html([*self.outcome.plan.notes, *errors])
 
 
 class _Shown:
@@ -169,12 +160,10 @@ def sweep(
     """
     if cluster is not None and workers is not None:
         raise BadInput("workers and cluster: a cluster has its own workers; give only one of the two")
-    from experiments.sweeps.casetable import write_tables
-    from experiments.sweeps.classes import check_classes
-    from experiments.sweeps.cluster import ClusterWorkers
-    from experiments.sweeps.plan import plan_of
-    from experiments.sweeps.pool import LocalWorkers
+    from experiments.sweeps.cases import write_tables
+    from experiments.sweeps.plan import check_classes, plan_of
     from experiments.sweeps.runner import run_sweep
+    from experiments.sweeps.workers import ClusterWorkers, LocalWorkers
 
     content, file = _content_of(base)
     count = seeds if isinstance(seeds, int) else None

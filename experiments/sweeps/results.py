@@ -22,6 +22,7 @@ from pydantic.dataclasses import dataclass
 
 from patrol.errors import BadInput
 from patrol.files.untrusted import RESULTS, check_regular
+from patrol.files.whole_file import writing
 from patrol.printable import printable
 
 FILE = "results.jsonl"
@@ -111,28 +112,22 @@ class Results:
         self._write(b"\n")
 
     def _write(self, data: bytes) -> None:
-        try:
+        with writing(self.path, "free some space, then start again"):
             while data:
                 data = data[self._file.write(data) :]
             os.fsync(self._file.fileno())
-        except OSError as error:
-            raise BadInput(
-                f"{self.path}: cannot be written ({error.strerror}); free some space, then start again"
-            ) from None
 
 
 @contextmanager
 def open_results(folder: Path) -> Iterator[Results]:
     """Open the results in a folder, which is made if it is missing, for this process alone."""
     path = folder / FILE
-    try:
+    with writing(path, "choose another --out"):
         folder.mkdir(parents=True, exist_ok=True)
         flags = os.O_RDWR | os.O_APPEND | os.O_CREAT | os.O_NONBLOCK | os.O_CLOEXEC | os.O_NOFOLLOW
         if path.is_symlink():  # it would be made, or its last line cut off, wherever the link leads
             raise BadInput(f"{path}: is a link; put the file itself there, or choose another --out")
         file = FileIO(os.open(path, flags, 0o666), "r+b")
-    except OSError as error:
-        raise BadInput(f"{path}: cannot be written ({error.strerror}); choose another --out") from None
     with file:
         try:
             check_regular(file.fileno(), path, RESULTS)

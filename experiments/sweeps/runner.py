@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import Protocol
 
 from experiments.sweeps.plan import Plan, Run
-from experiments.sweeps.pool import LocalWorkers, WorkerPool
 from experiments.sweeps.results import Results, RunResult, open_results
 from experiments.sweeps.stats import check_installed
 from experiments.sweeps.worker import PACKAGES, Task, software
+from experiments.sweeps.workers import LocalWorkers, WorkerPool
 from patrol.scenario import as_mapping
 
 

@@ -39,11 +39,11 @@ class Estimate:
         return None if self.low is None or self.high is None else [self.low, self.high]
 
 
-def with_interval(found: Estimate | None) -> str:
-    """Return a mean and half the width of its 95 % interval, as in "12.3 ±0.4", or "-" for None."""
+def with_interval(found: Estimate | None, digits: int = 1, sign: str = " ±", none: str = "-") -> str:
+    """Return a mean and half the width of its 95 % interval, as in "12.3 ±0.4", or `none` for None."""
     if found is None:
-        return "-"
-    return f"{found.mean:.1f}" if found.half is None else f"{found.mean:.1f} ±{found.half:.1f}"
+        return none
+    return f"{found.mean:.{digits}f}" + ("" if found.half is None else f"{sign}{found.half:.{digits}f}")
 
 
 def estimate(values: Sequence[float], confidence: float = 0.95) -> Estimate:

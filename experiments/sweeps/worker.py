@@ -87,9 +87,8 @@ def run_scenario(scenario: Scenario | Prepared, games: bool = False) -> tuple[Ou
 
     The metrics are those that the summary lacks: of what the robots believed and, with `games`, of intruder games.
     """
-    from experiments.sweeps.belief_error import BeliefError  # here: loads kernels that `prepare_worker` compiles
-    from experiments.sweeps.game_log import GameLog
-    from fogwatch.inprocess import run_in_process
+    from experiments.sweeps.run_metrics import BeliefError, GameLog
+    from fogwatch.inprocess import run_in_process  # here: it loads kernels that `prepare_worker` compiles
 
     # The world and the verdict are in one process, so the verdict need not compute the fog a second time.
     belief, log = BeliefError(), GameLog() if games else None

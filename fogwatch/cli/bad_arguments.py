@@ -11,6 +11,7 @@ from typing import Any
 
 from typer.core import TyperCommand
 
+from fogwatch.cli.options import FIELDS
 from patrol.errors import BadInput, quoted
 
 
@@ -41,23 +42,6 @@ _EXTRA = re.compile(r"Got unexpected extra arguments?(?:\(s\))? \((.*)\)")
 """The parser's error for arguments that no parameter takes."""
 
 _NUMBER = re.compile(r"\s*([-+]?[0-9]*[.,]?[0-9]+(?:[eE][-+]?[0-9]+)?)\s*([A-Za-z/]*)\s*")
-
-
-_FIELDS = {
-    "robots": "robots.count",
-    "spare": "robots.spare",
-    "model": "robots.model",
-    "radius": "robots.radius",
-    "speed": "robots.speed",
-    "start": "robots.starts",
-    "duration": "duration",
-    "seed": "seed",
-    "pace": "pace",
-    "point": "point",
-    "sensor_range": "sensor.range",
-    "terrain": "terrain.builtin",
-}
-"""The scenario's fields that options set, by the names of the options' parameters."""
 
 _FIELD = re.compile(r"(?:(?P<before>^|.*: )override |^)(?P<field>[a-z_]\w*(?:\.\w+)*)(?P<equals> = )?")
 """A field at the beginning of an error, or one that an override gave."""
@@ -91,9 +75,9 @@ class HelpfulCommand(TyperCommand):
         """Return the options that were given and set fields of a scenario, by field."""
         set_by_name = [text.partition("=")[0].strip() for text in ctx.params.get("settings") or ()]
         options = {
-            _FIELDS[param.name]: param.opts[0]
+            FIELDS[param.name]: param.opts[0]
             for param in self.params
-            if param.name in _FIELDS and ctx.get_parameter_source(param.name).name == "COMMANDLINE"
+            if param.name in FIELDS and ctx.get_parameter_source(param.name).name == "COMMANDLINE"
         }
         return options | {field: f"--set {field}" for field in set_by_name}
 

@@ -1,4 +1,4 @@
-"""The help texts of the commands: what a command does, an example, and its exit codes, the same way for all."""
+"""The commands: their order in the help, and what each one's help says, an example and exit codes, alike for all."""
 
 from __future__ import annotations
 
@@ -10,88 +10,79 @@ import typer
 from typer.core import TyperGroup
 
 from fogwatch.cli.bad_arguments import HelpfulCommand
+from fogwatch.cli.options import spread
 from patrol.errors import BadInput, did_you_mean
 
 F = TypeVar("F", bound=Callable[..., Any])
 
-ORDER = (
-    "demo",
-    "run",
-    "map",
-    "plan",
-    "scenario",
-    "key",
-    "fleet",
-    "doctor",
-    "router",
-    "agent",
-    "robot-sim",
-    "status",
-    "monitor",
-    "control",
-    "record",
-    "replay",
-    "report",
-    "animate",
-    "export",
-    "compare",
-    "intruder",
-    "judge",
-    "recording",
-    "sweep",
-    "benchmark",
-    "experiment",
-    "paper",
-    "reproduce",
-    "version",
-)
-"""The order in which the help lists the commands: as a newcomer meets them."""
+PANELS = {
+    "Run a fleet": "demo run map plan scenario fleet doctor router agent robot-sim",
+    "Running fleets": "status monitor control record",
+    "Finished runs": "replay report animate export compare intruder judge",
+    "Many runs": "sweep benchmark reproduce",
+    "Other": "version",
+}
+"""The commands in the order in which the help lists them, by panel: as a newcomer meets them."""
 
-START, RUNNING, FINISHED, MANY, OTHER = (
-    "Run a fleet",
-    "Running fleets",
-    "Finished runs",
-    "Many runs",
-    "Other",
-)
-"""The panels that the help groups the commands in."""
+PANEL_OF = {name: panel for panel, names in PANELS.items() for name in names.split()}
 
 
 class OrderedGroup(TyperGroup):
-    """A group of commands that lists them in the order of `ORDER`."""
+    """A group of commands that lists them in the order of `PANELS`."""
 
     def list_commands(self, ctx: Any) -> list[str]:
         """Return the names of the commands, in the order in which the help shows them."""
-        return sorted(super().list_commands(ctx), key=ORDER.index)
+        return sorted(super().list_commands(ctx), key=list(PANEL_OF).index)
 
     def resolve_command(self, ctx: Any, args: list[str]) -> tuple[str | None, Any, list[str]]:
         """Find the command that the arguments name."""
         if args[0] not in self.commands and not args[0].startswith("-"):
-            raise BadInput(f"{args[0]}: no such command; {did_you_mean(args[0], ORDER)}")
+            raise BadInput(f"{args[0]}: no such command; {did_you_mean(args[0], list(PANEL_OF))}")
         return super().resolve_command(ctx, args)
 
 
+app = typer.Typer(
+    cls=OrderedGroup,
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    help="Decentralised patrolling: robots that exchange nothing but their positions, and go where nobody has looked "
+    "for longest.",
+    epilog="Example:\n  fogwatch run yards --robots 5 --duration 600\n\n"
+    "Each command has its own help, with an example: fogwatch run --help",
+)
+"""The command `fogwatch`; `fogwatch.cli.app` imports the modules whose commands it has."""
+
+
+def group(name: str, text: str, kind: type[TyperGroup] = TyperGroup) -> typer.Typer:
+    """Add a group of commands, such as ``fogwatch map``, whose help is `text`."""
+    made = typer.Typer(cls=kind, help=text, no_args_is_help=True)
+    app.add_typer(made, name=name, rich_help_panel=PANEL_OF[name])
+    return made
+
+
 def command(
-    app: typer.Typer,
+    group: typer.Typer = app,
     name: str | None = None,
     *,
     examples: Sequence[str],
     exit_codes: str = "0 done, 2 bad input",
-    panel: str | None = None,
     kind: type[HelpfulCommand] = HelpfulCommand,
+    **more: Any,
 ) -> Callable[[F], F]:
     """Return a decorator that registers a function as a command, and returns it as it is.
 
     The function's docstring is the help text; `examples` are command lines, at least one. Without `name`, the command
-    has the function's. `kind` decides how its arguments are read.
+    has the function's. `kind` decides how its arguments are read, and has the attributes `more`.
     """
 
     def register(function: F) -> F:
         title = "Example" if len(examples) == 1 else "Examples"
         lines = [f"{title}:", *(f"  {example}" for example in examples), "", f"Exit codes: {exit_codes}."]
-        epilog = "\n".join(lines)
-        helpful = type("Command", (kind,), {"example": examples[0]})
-        app.command(name, cls=helpful, help=reflowed(function), epilog=epilog, rich_help_panel=panel)(function)
+        word = name or function.__name__.replace("_", "-")
+        panel = PANEL_OF[word] if group is app else None
+        helpful = type("Command", (kind,), {"example": examples[0], **more})
+        add = group.command(word, cls=helpful, help=reflowed(function), epilog="\n".join(lines), rich_help_panel=panel)
+        add(spread(function))
         return function
 
     return register

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from typing import Any
 
@@ -14,12 +14,33 @@ from patrol.errors import BadInput
 from patrol.printable import printable_lines
 from patrol.process import exhausted
 from patrol.process.exit_codes import BAD_INPUT, INTERRUPTED, UNKNOWN
+from patrol.process.lifeline import forget_interrupt
 from patrol.reporting.logs import crashed
+
+OLD_WORDS = {
+    "key new": "fleet key",
+    "key": "fleet key",
+    "recording": "record --check",
+    "experiment": "reproduce",
+    "paper all": "reproduce table",
+    "paper": "reproduce",
+}
+"""Words of commands of fogwatch 1.0, and what they are called now; of several that begin alike, the longest first."""
+
+
+def old_words(words: Sequence[str]) -> str | None:
+    """Return the old words with which a command line begins; None where it has none."""
+    return next((old for old in OLD_WORDS if list(words[: len(old.split())]) == old.split()), None)
 
 
 def run_app(app: typer.Typer) -> int:
     """Run the command that this process's arguments name, and return the exit code."""
+    if (old := old_words(sys.argv[1:])) is not None:
+        new = OLD_WORDS[old]
+        complain(f"`fogwatch {old}` is now `fogwatch {new}`; the old words go with fogwatch 2")
+        sys.argv[1:] = [*new.split(), *sys.argv[1 + len(old.split()) :]]
     code = guarded(lambda: app(standalone_mode=False))
+    forget_interrupt()
     for stream in (sys.stdout, sys.stderr):
         try:
             stream.flush()

@@ -35,9 +35,8 @@ def main() -> int:
     from fogwatch.cli.ending import run_app
 
     if len(sys.argv) > 1 and sys.argv[1] in PROCESSES:
-        from fogwatch.commands.processes import only_these
-
-        app = only_these()
+        from fogwatch.cli.command_help import app
+        from fogwatch.commands import processes  # noqa: F401 - adds its commands, and no other module does
     else:
         from fogwatch.cli.app import app
 

@@ -6,23 +6,24 @@ from collections.abc import Callable
 
 import typer
 
-from fogwatch.cli.command_help import MANY
+from fogwatch.cli.command_help import PANEL_OF, app
+from fogwatch.commands.map import app as map_app
 from patrol.errors import BadInput
 from patrol.extras import study
 
-NAMES = ("plan", "intruder", "sweep", "benchmark", "experiment", "paper", "reproduce")
 
-
-def add_studies(app: typer.Typer, map_group: typer.Typer) -> None:
-    """Add the studies' commands to the command `fogwatch`, and to its group `map`."""
+def add_studies() -> None:
+    """Add the studies' commands; without the studies, those of `PANELS` that are missing so far, and ``map random``."""
     try:
-        register = study("commands.register").register
+        study("commands")
     except BadInput as missing:
-        for group, name in (*((app, name) for name in NAMES), (map_group, "random")):
+        there = {each.name for each in app.registered_commands} | {each.name for each in app.registered_groups}
+        absent = [(app, name, panel) for name, panel in PANEL_OF.items() if name not in there]
+        for group, name, panel in [*absent, (map_app, "random", None)]:
             accept_all = {"allow_extra_args": True, "ignore_unknown_options": True, "help_option_names": []}
-            group.command(name, help=f"{missing}.", context_settings=accept_all, rich_help_panel=MANY)(_refuse(missing))
-    else:
-        register(app, map_group)
+            group.command(name, help=f"{missing}.", context_settings=accept_all, rich_help_panel=panel)(
+                _refuse(missing)
+            )
 
 
 def _refuse(missing: BadInput) -> Callable[[typer.Context], None]:

@@ -9,7 +9,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from fogwatch.commands.open_run import KEY, RUN, open_folder, print_state
+from fogwatch.cli.command_help import command
+from fogwatch.cli.options import option
+from fogwatch.commands.open_run import Key, RunFolder, open_folder, print_state
 from patrol.errors import BadInput
 from patrol.printable import printable
 from patrol.process.lifeline import heed
@@ -20,10 +22,6 @@ if TYPE_CHECKING:
 
     from monitor.replay.run import Run
 
-EXAMPLES = [
-    "fogwatch animate runs/yards-20260101-120000 --out patrol.gif",
-    "fogwatch animate RUN --out patrol.mp4 --from 300 --to 360 --speed 5 --width 1280",
-]
 
 MOST_FRAMES = 100_000
 """Frames of a film, at most: hours of it."""
@@ -37,25 +35,25 @@ MOST_FPS = 50.0
 LEAST_WIDTH, MOST_WIDTH = 320, 1920
 
 
+@command(
+    examples=[
+        "fogwatch animate runs/yards-20260101-120000 --out patrol.gif",
+        "fogwatch animate RUN --out patrol.mp4 --from 300 --to 360 --speed 5 --width 1280",
+    ]
+)
 def animate(
-    run: Annotated[Path, RUN],
-    out: Annotated[Path, typer.Option(metavar="FILE", help="File to write: .gif, or .mp4, which needs ffmpeg.")],
+    run: RunFolder,
+    out: Annotated[Path, option("FILE", "File to write: .gif, or .mp4, which needs ffmpeg.")],
     speed: Annotated[
-        float | None,
-        typer.Option(
-            metavar="X", help=f"Times real time (default: the whole run in {LENGTH_S:g} s).", show_default=False
-        ),
+        float | None, option("X", f"Times real time (default: the whole run in {LENGTH_S:g} s).", show_default=False)
     ] = None,
-    fps: Annotated[float, typer.Option(metavar="N", help="Frames per second.")] = 10.0,
-    begin: Annotated[float, typer.Option("--from", metavar="S", help="Simulated time to begin at, in s.")] = 0.0,
+    fps: Annotated[float, option("N", "Frames per second.")] = 10.0,
+    begin: Annotated[float, option("S", "Simulated time to begin at, in s.", "--from")] = 0.0,
     end: Annotated[
-        float | None,
-        typer.Option(
-            "--to", metavar="S", help="Simulated time to end at, in s (default: the end).", show_default=False
-        ),
+        float | None, option("S", "Simulated time to end at, in s (default: the end).", "--to", show_default=False)
     ] = None,
-    width: Annotated[int, typer.Option(metavar="PIXELS", help="Width of the film in pixels.")] = 480,
-    key: Annotated[Path | None, KEY] = None,
+    width: Annotated[int, option("PIXELS", "Width of the film in pixels.")] = 480,
+    key: Key = None,
 ) -> None:
     """Write a run as a film: an animated GIF or an MP4 with the true fog, the robots, closures and zones."""
     from monitor.replay.run_files import check_out

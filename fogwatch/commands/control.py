@@ -12,28 +12,11 @@ from typing import Annotated, Any
 
 import typer
 
+from fogwatch.cli.command_help import command
+from fogwatch.cli.options import option
 from patrol.errors import BadInput, did_you_mean, quoted
 from patrol.printable import printable
 
-EXAMPLES = [
-    "fogwatch control RUN pause",
-    "fogwatch control RUN step 10",
-    "fogwatch control RUN go",
-    "fogwatch control RUN pace 2",
-    "fogwatch control RUN pace max",
-    "fogwatch control RUN fault '{kind: loss, rate: 0.5}'",
-    "fogwatch control RUN heal op1",
-    "fogwatch control RUN close door",
-    "fogwatch control RUN open door",
-    "fogwatch control RUN intruder '[12, 30]'",
-    "fogwatch control RUN heal intruder1",
-    "fogwatch control RUN zone '{name: vault, on: false}'",
-    "fogwatch control RUN zone '{name: vault, weight: 5}'",
-    "fogwatch control yards-1/operator pause",
-    "fogwatch control yards-1/operator stop robot1",
-    "fogwatch control tcp/192.168.1.20:7447 stop --fleet patrol",
-]
-EXIT_CODES = "0 done, 1 refused, or a robot may still drive, 2 bad input, 3 no answer, or not from every robot"
 ROBOTS_S = 5.0
 """How long robots may take to answer an order, s, unless --wait says less. A robot answers when it stands, or when it
 has not come to rest for 3 s."""
@@ -53,6 +36,27 @@ FOR_A_ZONE = "control zone: give its name, and whether it is on or its weight, s
 REFUSED, UNANSWERED = 1, 3
 
 
+@command(
+    examples=[
+        "fogwatch control RUN pause",
+        "fogwatch control RUN step 10",
+        "fogwatch control RUN go",
+        "fogwatch control RUN pace 2",
+        "fogwatch control RUN pace max",
+        "fogwatch control RUN fault '{kind: loss, rate: 0.5}'",
+        "fogwatch control RUN heal op1",
+        "fogwatch control RUN close door",
+        "fogwatch control RUN open door",
+        "fogwatch control RUN intruder '[12, 30]'",
+        "fogwatch control RUN heal intruder1",
+        "fogwatch control RUN zone '{name: vault, on: false}'",
+        "fogwatch control RUN zone '{name: vault, weight: 5}'",
+        "fogwatch control yards-1/operator pause",
+        "fogwatch control yards-1/operator stop robot1",
+        "fogwatch control tcp/192.168.1.20:7447 stop --fleet patrol",
+    ],
+    exit_codes="0 done, 1 refused, or a robot may still drive, 2 bad input, 3 no answer, or not from every robot",
+)
 def control(
     run: Annotated[
         Path,
@@ -78,10 +82,8 @@ def control(
             "stop, release: the robot (default: all robots).",
         ),
     ] = None,
-    wait: Annotated[float, typer.Option(metavar="S", help="How long to wait for an answer, in s.")] = WAIT_S,
-    fleet: Annotated[
-        str | None, typer.Option(metavar="NAME", help="The fleet's name, where RUN is a router's address.")
-    ] = None,
+    wait: Annotated[float, option("S", "How long to wait for an answer, in s.")] = WAIT_S,
+    fleet: Annotated[str | None, option("NAME", "The fleet's name, where RUN is a router's address.")] = None,
 ) -> int:
     """Control a running fleet: pause, step or pace it, inject and heal faults, close and open doors, add an intruder.
 

@@ -10,43 +10,42 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from fogwatch.cli.columns import aligned
+from fogwatch.cli.command_help import command
+from fogwatch.cli.options import option
 from patrol.errors import BadInput
 
 if TYPE_CHECKING:
     from ros2.doctor import Examined
 
-EXAMPLES = [
-    "fogwatch doctor --connect tcp/192.168.1.20:7447 --namespace robot1",
-    "fogwatch doctor --connect tls/robot-1:7448 --credentials yards-1/r1 --namespace robot1 --json",
-]
-EXIT_CODES = "0 a patrol could start, 1 something that it needs is missing, 2 bad input or no router"
 UNFIT = 1
 WAIT_S = 10.0
 
 
+@command(
+    examples=[
+        "fogwatch doctor --connect tcp/192.168.1.20:7447 --namespace robot1",
+        "fogwatch doctor --connect tls/robot-1:7448 --credentials yards-1/r1 --namespace robot1 --json",
+    ],
+    exit_codes="0 a patrol could start, 1 something that it needs is missing, 2 bad input or no router",
+)
 def doctor(
-    connect: Annotated[str, typer.Option(metavar="LOCATOR", help="The robot's Zenoh router, tcp/HOST:7447.")],
-    namespace: Annotated[str, typer.Option(metavar="NAME", help="The robot's namespace (default: none).")] = "",
-    domain: Annotated[
-        int | None, typer.Option(metavar="N", help="The robot's ROS_DOMAIN_ID (default: of the environment, or 0).")
-    ] = None,
+    connect: Annotated[str, option("LOCATOR", "The robot's Zenoh router, tcp/HOST:7447.")],
+    namespace: Annotated[str, option("NAME", "The robot's namespace (default: none).")] = "",
+    domain: Annotated[int | None, option("N", "The robot's ROS_DOMAIN_ID (default: of the environment, or 0).")] = None,
     credentials: Annotated[
-        Path | None, typer.Option(metavar="PATH", help="A robot's credentials, where its router asks for them.")
+        Path | None, option("PATH", "A robot's credentials, where its router asks for them.")
     ] = None,
     topic: Annotated[
-        list[str] | None,
-        typer.Option(metavar="NAME=TOPIC", help="Another name of a topic, as for the agent: odom=odometry/filtered."),
+        list[str] | None, option("NAME=TOPIC", "Another name of a topic, as for the agent: odom=odometry/filtered.")
     ] = None,
-    localisation: Annotated[
-        str, typer.Option(metavar="tf|pose|odometry", help="What corrects the odometry, as for the agent.")
-    ] = "tf",
-    map_frame: Annotated[str, typer.Option(metavar="NAME", help="The map's frame.")] = "map",
+    localisation: Annotated[str, option("tf|pose|odometry", "What corrects the odometry, as for the agent.")] = "tf",
+    map_frame: Annotated[str, option("NAME", "The map's frame.")] = "map",
     use_sim_time: Annotated[
-        bool, typer.Option("--use-sim-time", help="The robot's time is on /clock: it is simulated.")
+        bool, option("", "The robot's time is on /clock: it is simulated.", "--use-sim-time")
     ] = False,
-    seconds: Annotated[float, typer.Option(metavar="S", help="How long to listen, in s.")] = 3.0,
-    wait: Annotated[float, typer.Option(metavar="S", help="How long to wait for the router, in s.")] = WAIT_S,
-    as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+    seconds: Annotated[float, option("S", "How long to listen, in s.")] = 3.0,
+    wait: Annotated[float, option("S", "How long to wait for the router, in s.")] = WAIT_S,
+    as_json: Annotated[bool, option("", "Print JSON.", "--json")] = False,
 ) -> int:
     """Say what there is of a ROS 2 robot on its Zenoh router, what is missing for a patrol, and what to do about it.
 

@@ -1,16 +1,23 @@
-"""``fogwatch fleet``: the members of a fleet of several machines. Commands raise BadInput; the caller prints it."""
+"""``fogwatch fleet``: the members of a fleet of several machines, and the options that name a running fleet.
+
+Commands raise BadInput; the caller prints it.
+"""
 
 from __future__ import annotations
 
 import time
+from argparse import Namespace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from fogwatch.cli.command_help import command
+from fogwatch.cli.command_help import command, group
+from fogwatch.cli.options import option
 from patrol.errors import BadInput
 from patrol.printable import printable
+from patrol.radio.fleet_key import new_key
 
 if TYPE_CHECKING:
     from fogwatch.fleets.folder import FleetFolder
@@ -19,27 +26,55 @@ if TYPE_CHECKING:
 WAIT_S = 60.0
 LONGEST_WAIT_S = 86400.0
 
-CredentialsOption = Annotated[
-    Path | None,
-    typer.Option(
-        "--credentials",
-        metavar="PATH",
-        help="A viewer's credentials, made by fogwatch fleet init, or the folder of a run of this machine.",
-    ),
-]
-Router = Annotated[str | None, typer.Option(metavar="LOCATOR", help="Router of a running fleet, tcp/HOST:PORT.")]
-Fleet = Annotated[str | None, typer.Option(metavar="NAME", help="Name of the running fleet.")]
-FleetScenario = Annotated[
-    Path | None,
-    typer.Option(metavar="FILE", help="Scenario of a fleet without a world, to follow its robots by their positions."),
-]
-Radio = Annotated[
-    str | None,
-    typer.Option(
-        metavar="LOCATOR|FOLDER",
-        help="Direct radio of a fleet without a world: group, line, router, or this member's folder in a mesh.",
-    ),
-]
+
+@dataclass(frozen=True)
+class FleetOptions:
+    """Where a running fleet is."""
+
+    credentials: Annotated[
+        Path | None,
+        option("PATH", "A viewer's credentials, made by fogwatch fleet init, or the folder of a run of this machine."),
+    ] = None
+    router: Annotated[str | None, option("LOCATOR", "Router of a running fleet, tcp/HOST:PORT.")] = None
+    fleet: Annotated[str | None, option("NAME", "Name of the running fleet.")] = None
+    scenario: Annotated[
+        Path | None, option("FILE", "Scenario of a fleet without a world, to follow its robots by their positions.")
+    ] = None
+    radio: Annotated[
+        str | None,
+        option(
+            "LOCATOR|FOLDER",
+            "Direct radio of a fleet without a world: group, line, router, or this member's folder in a mesh.",
+        ),
+    ] = None
+
+    def check_one_fleet(self, command: str, run: Path | None) -> None:
+        """Check that a command is given one of the folder of a run, credentials, or a router and a fleet's name."""
+        others = [each for each in (self.router, self.fleet) if each is not None]
+        if self.credentials is None and run is None:
+            is_one = len(others) == 2
+        else:
+            is_one = run is None or not (others or self.credentials)
+        if not is_one:
+            raise BadInput(
+                f"{command}: name a run's folder, or --router and --fleet of a running fleet, or --credentials"
+            )
+
+    def as_source(self, command: str, run: Path | None, wait: float, key: Path | None = None) -> Namespace:
+        """Return what names the fleet, and gives the right to control it, as `monitor.process.source_opener` takes it.
+
+        RUN is as for `control_file`. A scenario is of robots without a world, which an operator may watch as well; with
+        the folder of a run, which has a scenario of its own, it is refused.
+        """
+        from patrol.security.credentials import MEMBER
+
+        self.check_one_fleet(command, run)
+        if run is not None and self.scenario is not None and run.is_dir() and not (run / MEMBER).is_file():
+            raise BadInput(
+                f"{command}: --scenario is for robots without a world, and {run} has one; leave the option out"
+            )
+        access = None if run is None else control_file(command, run)
+        return Namespace(replay=None, access=access, wait=wait, key=key, **vars(self))
 
 
 def _checked_wait(wait_s: float) -> float:
@@ -48,31 +83,10 @@ def _checked_wait(wait_s: float) -> float:
     return wait_s
 
 
-Wait = Annotated[float, typer.Option(metavar="S", help="How long to wait for the fleet, in s.", callback=_checked_wait)]
-
-
-def check_one_fleet(
-    command: str, run: Path | None, credentials: Path | None, router: str | None, fleet: str | None
-) -> None:
-    """Check that a command is given one of the folder of a run, credentials, or both a router and a fleet's name."""
-    named = (router is not None) + (fleet is not None)
-    if (run is not None and (named or credentials is not None)) or (run is None and credentials is None and named != 2):
-        raise BadInput(f"{command}: name a run's folder, or --router and --fleet of a running fleet, or --credentials")
-
-
-def fleet_access(command: str, run: Path | None, scenario: Path | None) -> Path | None:
-    """Return what gives the right to control a running fleet, from a command's RUN; None without one.
-
-    RUN is as for `control_file`. A `scenario` is of robots without a world, which an operator may watch as well; with
-    the folder of a run, which has a scenario of its own, it is refused.
-    """
-    from patrol.security.credentials import MEMBER
-
-    if run is None:
-        return None
-    if scenario is not None and run.is_dir() and not (run / MEMBER).is_file():
-        raise BadInput(f"{command}: --scenario is for robots without a world, and {run} has one; leave the option out")
-    return control_file(command, run)
+RunningFleet = Annotated[
+    Path | None, typer.Argument(metavar="[RUN]", help="Folder of a running fleet, or an operator's credentials.")
+]
+Wait = Annotated[float, option("S", "How long to wait for the fleet, in s.", callback=_checked_wait)]
 
 
 def control_file(command: str, run: Path) -> Path:
@@ -96,7 +110,7 @@ def control_file(command: str, run: Path) -> Path:
     return run / FILE
 
 
-app = typer.Typer(help="Say who may join a fleet of several machines.", no_args_is_help=True)
+app = group("fleet", "Say who may join a fleet of several machines.")
 
 WRONG = 1
 DAYS = 365
@@ -106,14 +120,13 @@ ROBOT_PORT = 7448
 """Beside the port of the robot's own programs."""
 
 Folder = Annotated[Path, typer.Argument(metavar="DIR", help="Folder of the fleet.")]
-Days = Annotated[int, typer.Option(metavar="N", help="How long certificates are valid, in days.")]
+Days = Annotated[int, option("N", "How long certificates are valid, in days.")]
 Hosts = Annotated[
     list[str] | None,
-    typer.Option(
-        "--host",
-        metavar="HOST",
-        help="Name or address of the router's machine. Repeatable; members use the first. `add` keeps earlier ones. "
-        "In a fleet without a router `add` takes a robot's.",
+    option(
+        "HOST",
+        "Name or address of the router's machine. Repeatable; members use the first. `add` keeps earlier ones. In a "
+        "fleet without a router `add` takes a robot's.",
     ),
 ]
 
@@ -129,17 +142,15 @@ def init(
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder to make; it must not exist yet.")],
     robots: Annotated[
         str,
-        typer.Option(
-            metavar="NAME[=HOST],...",
-            help="The robots' names, as in the scenario. With the name or address of the machine of one or more, they "
-            "meet without a router.",
+        option(
+            "NAME[=HOST],...",
+            "The robots' names, as in the scenario. With the name or address of the machine of one or more, they meet "
+            "without a router.",
         ),
     ],
     host: Hosts = None,
-    name: Annotated[str | None, typer.Option(metavar="NAME", help="The fleet's name (default: the folder's).")] = None,
-    port: Annotated[
-        int, typer.Option(metavar="N", help="TCP port of the router; without one, UDP port of the robots.")
-    ] = PORT,
+    name: Annotated[str | None, option("NAME", "The fleet's name (default: the folder's).")] = None,
+    port: Annotated[int, option("N", "TCP port of the router; without one, UDP port of the robots.")] = PORT,
     days: Days = DAYS,
 ) -> None:
     """Make a fleet's certificates, and the rules by which its members let each other in: one folder for each member.
@@ -207,8 +218,7 @@ def add(
 
 @command(app, examples=["fogwatch fleet revoke yards-1 r2"])
 def revoke(
-    folder: Folder,
-    member: Annotated[str, typer.Argument(metavar="NAME", help="A robot, world, viewer or operator.")],
+    folder: Folder, member: Annotated[str, typer.Argument(metavar="NAME", help="A robot, world, viewer or operator.")]
 ) -> None:
     """Take a member's rights away, for example because its machine was lost.
 
@@ -244,21 +254,18 @@ def revoke(
 def robot_router(
     folder: Folder,
     robot: Annotated[str, typer.Argument(metavar="NAME", help="The robot of the fleet whose agent drives it.")],
-    namespace: Annotated[str, typer.Option(metavar="NAME", help="The ROS 2 robot's namespace (default: none).")] = "",
-    domain: Annotated[int, typer.Option(metavar="N", help="Its ROS_DOMAIN_ID.")] = 0,
+    namespace: Annotated[str, option("NAME", "The ROS 2 robot's namespace (default: none).")] = "",
+    domain: Annotated[int, option("N", "Its ROS_DOMAIN_ID.")] = 0,
     form: Annotated[
-        str, typer.Option("--format", metavar="NAME", help="What it speaks: rmw_zenoh, rmw_zenoh-humble or bridge.")
+        str, option("NAME", "What it speaks: rmw_zenoh, rmw_zenoh-humble or bridge.", "--format")
     ] = "rmw_zenoh",
     command_topic: Annotated[
-        list[str] | None,
-        typer.Option("--command", metavar="TOPIC", help="Topic that drives it (default: cmd_vel, ackermann_cmd)."),
+        list[str] | None, option("TOPIC", "Topic that drives it (default: cmd_vel, ackermann_cmd).", "--command")
     ] = None,
-    host: Annotated[
-        list[str] | None, typer.Option(metavar="HOST", help="Name or address of the ROS 2 robot. Repeatable.")
-    ] = None,
-    port: Annotated[int, typer.Option(metavar="N", help="TCP port for the fleet's members.")] = ROBOT_PORT,
+    host: Annotated[list[str] | None, option("HOST", "Name or address of the ROS 2 robot. Repeatable.")] = None,
+    port: Annotated[int, option("N", "TCP port for the fleet's members.")] = ROBOT_PORT,
     place: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="Where the folder will lie on the robot (default: where it is).")
+        Path | None, option("DIR", "Where the folder will lie on the robot (default: where it is).")
     ] = None,
     days: Days = DAYS,
 ) -> None:
@@ -299,6 +306,16 @@ def check(folder: Folder) -> int:
         fine &= well
         typer.echo(printable(f"{name}: {says}"))
     return 0 if fine else WRONG
+
+
+@command(app, examples=["fogwatch fleet key fleet.key"])
+def key(path: Annotated[Path, typer.Argument(metavar="FILE", help="File to write; it must not exist yet.")]) -> None:
+    """Make a key that authenticates a fleet's messages: write it to a file that only its owner can read.
+
+    It is random. Give each robot a copy, and name the file in the scenario: radio: {key: FILE}.
+    """
+    new_key(path)
+    typer.echo(printable(f"{path}: new key written; name the file in the scenario as radio.key"))
 
 
 _RESTART = "copy {} to the router's machine, and restart the router"

@@ -10,7 +10,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from fogwatch.commands.open_run import KEY, RUN
+from fogwatch.cli.command_help import command
+from fogwatch.cli.options import option
+from fogwatch.commands.open_run import Key, RunFolder
 from patrol.errors import quoted
 from patrol.printable import printable
 
@@ -21,11 +23,6 @@ if TYPE_CHECKING:
     from worldsim.verdict.agreement import Difference
     from worldsim.verdict.judge import Verdict
 
-EXAMPLES = ["fogwatch judge runs/yards-20260101-120000"]
-EXIT_CODES = (
-    "0 verdict valid, 1 verdict invalid, or summary.json or scenario.yaml disagrees with the journal, 2 bad input, 3 "
-    "verdict unknown (the journal does not reach its end)"
-)
 DISAGREES = 1
 MOST_SHOWN = 20
 """Differences printed at most."""
@@ -33,10 +30,13 @@ NO_KEY = "(no --key)"
 """In place of a key's file that a scenario names."""
 
 
+@command(
+    examples=["fogwatch judge runs/yards-20260101-120000"],
+    exit_codes="0 verdict valid, 1 verdict invalid, or summary.json or scenario.yaml disagrees with the journal, 2 bad "
+    "input, 3 verdict unknown (the journal does not reach its end)",
+)
 def judge(
-    run: Annotated[Path, RUN],
-    key: Annotated[Path | None, KEY] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
+    run: RunFolder, key: Key = None, as_json: Annotated[bool, option("", "Print JSON.", "--json")] = False
 ) -> int:
     """Judge a run again, by its scenario and its journal, and say where its summary.json says something else.
 

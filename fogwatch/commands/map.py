@@ -3,22 +3,20 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.console import Console
 from rich.table import Table
 
-from fogwatch.cli.command_help import command
-from fogwatch.commands import map_align, map_regions
-from fogwatch.commands.map_regions import named_terrain
-from patrol.errors import BadInput
+from fogwatch.cli.command_help import command, group
+from fogwatch.cli.options import option
+from patrol.errors import BadInput, did_you_mean
 from patrol.files.yaml_text import parse_yaml, read_text
 from patrol.ground.terrain import Terrain
-from patrol.maps.builtins import LAYOUTS
+from patrol.maps.builtins import LAYOUTS, builtin_terrain
 from patrol.pose import Pose
 from patrol.printable import printable
 from patrol.scenario import load_scenario
@@ -31,42 +29,51 @@ if TYPE_CHECKING:
     from patrol.prepare import Prepared
     from patrol.scenario import DockSpec
 
-app = typer.Typer(
-    help="Check what a robot can reach and see on a map, split it into regions, find where it lies on another, or make "
-    "maps of random buildings.",
-    no_args_is_help=True,
+app = group(
+    "map",
+    "Check what a robot can reach and see on a map, split it into regions, find where it lies on another, or make maps "
+    "of random buildings.",
 )
 
 MOST_LINES = 20
 """Sealed parts listed at most, and doors."""
 
 
+def named_terrain(what: str, point: float) -> Terrain:
+    """Return the terrain of a map's YAML file, or one of `LAYOUTS`, with points of side `point`, m."""
+    if what in LAYOUTS:
+        return builtin_terrain(what, point)
+    try:
+        is_there = Path(what).exists()
+    except OSError:  # such as a name that is too long
+        is_there = False
+    if not is_there:
+        raise BadInput(f"{what}: no such map file, and no built-in terrain; {did_you_mean(what, tuple(LAYOUTS))}")
+    from patrol.maps.load import read_terrain
+
+    return read_terrain(Path(what), point)
+
+
 @command(app, examples=["fogwatch map check yards --radius 0.5 --picture yards.png"])
 def check(
     what: Annotated[str, typer.Argument(metavar="MAP.yaml|BUILTIN", help=f"Map file, or one of {', '.join(LAYOUTS)}.")],
-    radius: Annotated[float, typer.Option(metavar="M", help="Body radius in m.")] = 1.0,
-    point: Annotated[float, typer.Option(metavar="M", help="Side of one grid point in m.")] = 0.1,
-    sensor_range: Annotated[float, typer.Option("--range", metavar="M", help="Sensor range in m.")] = 10.0,
+    radius: Annotated[float, option("M", "Body radius in m.")] = 1.0,
+    point: Annotated[float, option("M", "Side of one grid point in m.")] = 0.1,
+    sensor_range: Annotated[float, option("M", "Sensor range in m.", "--range")] = 10.0,
     line_of_sight: Annotated[
-        bool, typer.Option("--line-of-sight/--through-walls", help="Whether obstacles block the sensor.")
+        bool, option("", "Whether obstacles block the sensor.", "--line-of-sight/--through-walls")
     ] = True,
     start: Annotated[
-        list[str] | None,
-        typer.Option(metavar="X,Y", help="Where a robot starts, in m (default: chosen as for a run). Repeatable."),
+        list[str] | None, option("X,Y", "Where a robot starts, in m (default: chosen as for a run). Repeatable.")
     ] = None,
-    picture: Annotated[Path | None, typer.Option(metavar="OUT.png", help="Draw the result into this PNG file.")] = None,
-    zones: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Zones to check: a zones.yaml, or a scenario that has some.")
-    ] = None,
+    picture: Annotated[Path | None, option("OUT.png", "Draw the result into this PNG file.")] = None,
+    zones: Annotated[Path | None, option("FILE", "Zones to check: a zones.yaml, or a scenario that has some.")] = None,
     closures: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE", help="Closures to check: a closures.yaml, or a scenario that has some."),
+        Path | None, option("FILE", "Closures to check: a closures.yaml, or a scenario that has some.")
     ] = None,
-    docks: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Docks to draw, with --picture: a scenario that has some.")
-    ] = None,
-    robots: Annotated[int, typer.Option(metavar="N", help="Robots that are to keep wanted ages, with --zones.")] = 5,
-    speed: Annotated[float, typer.Option(metavar="M", help="Their speed in m/s, with --zones.")] = 1.0,
+    docks: Annotated[Path | None, option("FILE", "Docks to draw, with --picture: a scenario that has some.")] = None,
+    robots: Annotated[int, option("N", "Robots that are to keep wanted ages, with --zones.")] = 5,
+    speed: Annotated[float, option("M", "Their speed in m/s, with --zones.")] = 1.0,
 ) -> None:
     """Report how much of a map a robot can reach and see, what is sealed off and why, and the narrowest doors."""
     for name, value in (("radius", radius), ("point", point), ("range", sensor_range)):
@@ -74,30 +81,34 @@ def check(
             raise BadInput(f"--{name} = {value:g}: expected a finite number above 0, in m")
     starts = [_start(text) for text in start or []]
     warm(("patrol",), lambda line: typer.echo(line, err=True), SELDOM)
-    from fogwatch.grounds.map_check import Site, check_map  # here: it imports kernels, which are compiled first
+    from fogwatch.grounds.map_check import check_map  # here: it imports kernels, which are compiled first
     from patrol.maps.doubts import doubts
 
     terrain = named_terrain(what, point)
     report = check_map(terrain, radius, sensor_range, line_of_sight, starts)
     about: list[str] = []
-    site = Site()
+    site: dict[str, Any] = {}
+    body = {"count": robots, "model": "holonomic", "radius": radius, "speed": speed}
+    placed = {"starts": [[start.x, start.y] for start in starts[:robots]]} if starts else {}
+    sensor = {"range": sensor_range, "line_of_sight": line_of_sight}
+    fleet = {"terrain": _terrain(what), "point": point, "robots": {**body, **placed}, "sensor": sensor}
     if docks is not None:
         if picture is None:
             raise BadInput(f"--docks {docks}: has an effect only with --picture; give it, or drop this one")
-        site = replace(site, docks=_docks(what, docks))
+        site["docks"] = _docks(what, docks)
     if zones is not None:
         from fogwatch.grounds.scenario_notes import zone_lines  # here, as most checks have no zones
 
-        prepared = _fleet(what, "zones", zones, point, robots, speed, radius, sensor_range, line_of_sight, starts)
+        prepared = _fleet(fleet, "zones", zones)
         before, report = report, check_map(prepared.terrain, radius, sensor_range, line_of_sight, starts)
         about = list(zone_lines(prepared, before, report))
-        site = replace(site, zones=prepared.scenario.zones)
+        site["zones"] = prepared.scenario.zones
     if closures is not None:
         from fogwatch.grounds.scenario_notes import closure_lines  # here, as most checks have no closures
 
-        closing = _fleet(what, "closures", closures, point, robots, speed, radius, sensor_range, line_of_sight, starts)
+        closing = _fleet(fleet, "closures", closures)
         about += closure_lines(closing)
-        site = replace(site, closures=closing.scenario.closures)
+        site["closures"] = closing.scenario.closures
     for line in doubts(terrain):
         typer.echo(printable(f"warning: {line}"), err=True)
     console = Console()
@@ -110,13 +121,10 @@ def check(
         typer.echo(printable(line))
     if picture is not None:
         from fogwatch.pictures.run_end import map_picture  # here: its library is an extra
+        from patrol.scenario.marks import marks_of
 
-        map_picture(report, picture, site)
+        map_picture(report, picture, marks_of(site, report.terrain))
         typer.echo(printable(f"picture: {picture}"))
-
-
-command(app, examples=map_regions.EXAMPLES)(map_regions.regions)
-command(app, examples=map_align.EXAMPLES)(map_align.align)
 
 
 def plain_lines(report: MapReport) -> Iterator[str]:
@@ -251,35 +259,19 @@ def _yes(passes: bool) -> str:
     return "yes" if passes else "[red]no[/red]"
 
 
-def _fleet(
-    what: str,
-    listed: str,
-    file: Path,
-    point: float,
-    robots: int,
-    speed: float,
-    radius: float,
-    sensor_range: float,
-    line_of_sight: bool,
-    starts: Sequence[Pose],
-) -> Prepared:
-    """A fleet on a map with the zones or closures of a file."""
+def _terrain(what: str) -> dict[str, str]:
+    """Return a map, or a built-in terrain, as a scenario names it."""
+    return {"builtin": what} if what in LAYOUTS else {"map": str(Path(what).absolute())}
+
+
+def _fleet(fleet: Mapping[str, object], listed: str, file: Path) -> Prepared:
+    """Return a fleet on a map with the zones or closures of a file."""
     from patrol.prepare import prepare
     from patrol.scenario import naming
 
-    body = {"count": robots, "model": "holonomic", "radius": radius, "speed": speed}
-    if starts:
-        body["starts"] = [[start.x, start.y] for start in starts[:robots]]
-    says = {
-        "terrain": {"builtin": what} if what in LAYOUTS else {"map": str(Path(what).absolute())},
-        "point": point,
-        "robots": body,
-        "sensor": {"range": sensor_range, "line_of_sight": line_of_sight},
-        listed: str(file.absolute()),
-    }
     options = {"robots.count": "--robots", "robots.speed": "--speed", listed: f"--{listed} {file}"}
-    scenario = load_scenario(says, called="options", aliases=options)
-    with naming(f"--{listed} {file}", says.keys() - {listed}):
+    scenario = load_scenario({**fleet, listed: str(file.absolute())}, called="options", aliases=options)
+    with naming(f"--{listed} {file}", fleet.keys()):
         return prepare(scenario)
 
 
@@ -289,9 +281,8 @@ def _docks(what: str, file: Path) -> tuple[DockSpec, ...]:
     listed = says.get("docks") if isinstance(says, dict) else None
     if not listed:
         raise BadInput(f"--docks {file}: has no docks; write for example 'docks: [{{place: [1, 7]}}]'")
-    terrain = {"builtin": what} if what in LAYOUTS else {"map": str(Path(what).absolute())}
     body = {"count": 1, "battery": {"capacity": 1000, "idle": 1, "charge": 1000}}
-    return load_scenario({"terrain": terrain, "robots": body, "docks": listed}, called=f"--docks {file}").docks
+    return load_scenario({"terrain": _terrain(what), "robots": body, "docks": listed}, called=f"--docks {file}").docks
 
 
 def _start(text: str) -> Pose:

@@ -8,7 +8,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from fogwatch.commands.map_regions import named_terrain
+from fogwatch.cli.command_help import command
+from fogwatch.cli.options import option
+from fogwatch.commands.map import app, named_terrain
 from patrol.errors import BadInput
 from patrol.maps.builtins import LAYOUTS
 from patrol.printable import printable
@@ -20,10 +22,6 @@ if TYPE_CHECKING:
     from patrol.ground.terrain import Terrain
     from patrol.pose import Pose
 
-EXAMPLES = [
-    "fogwatch map align robot.yaml site.yaml --picture overlay.png",
-    "fogwatch map align robot.yaml site.yaml --landmark 0.4,1.2=12.5,3 --landmark 7.9,1.2=12.5,10.5",
-]
 
 MOST_OFF_M = 10.0
 """The largest tolerance of landmarks, m."""
@@ -32,18 +30,22 @@ APART_TOLERANCES = 10.0
 """Distance of the farthest two landmarks at least, in tolerances."""
 
 
+@command(
+    app,
+    examples=[
+        "fogwatch map align robot.yaml site.yaml --picture overlay.png",
+        "fogwatch map align robot.yaml site.yaml --landmark 0.4,1.2=12.5,3 --landmark 7.9,1.2=12.5,10.5",
+    ],
+)
 def align(
     own: Annotated[str, typer.Argument(metavar="A", help="The robot's map: a map file.")],
     ours: Annotated[str, typer.Argument(metavar="B", help=f"Our map: a map file, or one of {', '.join(LAYOUTS)}.")],
     landmark: Annotated[
-        list[str] | None,
-        typer.Option(metavar="AX,AY=BX,BY", help="Place on A that is a place on B, in m. Repeatable; two or more."),
+        list[str] | None, option("AX,AY=BX,BY", "Place on A that is a place on B, in m. Repeatable; two or more.")
     ] = None,
-    tolerance: Annotated[float, typer.Option(metavar="M", help="How far landmarks may be off each other in m.")] = 0.3,
-    point: Annotated[float, typer.Option(metavar="M", help="Side of one grid point in m.")] = 0.1,
-    picture: Annotated[
-        Path | None, typer.Option(metavar="OUT.png", help="Draw the maps over each other into this PNG file.")
-    ] = None,
+    tolerance: Annotated[float, option("M", "How far landmarks may be off each other in m.")] = 0.3,
+    point: Annotated[float, option("M", "Side of one grid point in m.")] = 0.1,
+    picture: Annotated[Path | None, option("OUT.png", "Draw the maps over each other into this PNG file.")] = None,
 ) -> None:
     """Find where a robot's own map A lies on our map B: how far it is shifted and turned.
 

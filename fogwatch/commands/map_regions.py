@@ -11,9 +11,12 @@ from typing import TYPE_CHECKING, Annotated
 import numpy as np
 import typer
 
-from patrol.errors import BadInput, did_you_mean
+from fogwatch.cli.command_help import command
+from fogwatch.cli.options import option
+from fogwatch.commands.map import app
+from patrol.errors import BadInput
 from patrol.ground.terrain import Terrain
-from patrol.maps.builtins import LAYOUTS, builtin_terrain
+from patrol.maps.builtins import LAYOUTS
 from patrol.printable import printable
 from patrol.scenario import naming, open_scenario
 from patrol.starting.seldom import SELDOM
@@ -23,44 +26,24 @@ if TYPE_CHECKING:
     from patrol.regions.split import RegionSplit
 
 
-def named_terrain(what: str, point: float) -> Terrain:
-    """Return the terrain of a map's YAML file, or one of `LAYOUTS`, with points of side `point`, m."""
-    if what in LAYOUTS:
-        return builtin_terrain(what, point)
-    try:
-        is_there = Path(what).exists()
-    except OSError:  # such as a name that is too long
-        is_there = False
-    if not is_there:
-        raise BadInput(f"{what}: no such map file, and no built-in terrain; {did_you_mean(what, tuple(LAYOUTS))}")
-    from patrol.maps.load import read_terrain
-
-    return read_terrain(Path(what), point)
-
-
 MOST_LINES = 20
 """Regions listed at most."""
-EXAMPLES = ["fogwatch map regions yards --picture regions.png --polygons regions.yaml"]
 
 
+@command(app, examples=["fogwatch map regions yards --picture regions.png --polygons regions.yaml"])
 def regions(
     what: Annotated[
-        str,
-        typer.Argument(metavar="SCENARIO", help=f"Scenario file, map file or one of {', '.join(LAYOUTS)}."),
+        str, typer.Argument(metavar="SCENARIO", help=f"Scenario file, map file or one of {', '.join(LAYOUTS)}.")
     ],
     point: Annotated[
-        float | None,
-        typer.Option(metavar="M", help="Side of one grid point in m (default: the scenario's, or 0.1)."),
+        float | None, option("M", "Side of one grid point in m (default: the scenario's, or 0.1).")
     ] = None,
     radius: Annotated[
-        float | None,
-        typer.Option(metavar="M", help="Body radius in m (default: the largest of the scenario's robots, or 1)."),
+        float | None, option("M", "Body radius in m (default: the largest of the scenario's robots, or 1).")
     ] = None,
-    picture: Annotated[
-        Path | None, typer.Option(metavar="OUT.png", help="Draw the regions into this PNG file.")
-    ] = None,
+    picture: Annotated[Path | None, option("OUT.png", "Draw the regions into this PNG file.")] = None,
     polygons: Annotated[
-        Path | None, typer.Option(metavar="OUT.yaml", help="Write the regions as the patrol section of a scenario.")
+        Path | None, option("OUT.yaml", "Write the regions as the patrol section of a scenario.")
     ] = None,
 ) -> None:
     """Split a map into convex regions, or check the regions that a scenario gives.
@@ -77,11 +60,11 @@ def regions(
     widest = max(spec.radius for spec in scenario.roster)
     warm(("patrol",), lambda line: typer.echo(line, err=True), SELDOM)
     from patrol.ground.cspace import cspace_of  # here: these import kernels, which are compiled first
-    from patrol.maps.load import load_terrain
+    from patrol.prepare import terrain_of
     from patrol.regions.split import regions_by_hand, split_regions
 
     with naming(what, overrides):
-        terrain = load_terrain(scenario.terrain, scenario.point, scenario.base, zones=scenario.zones)
+        terrain = terrain_of(scenario)
     body = cspace_of(terrain, widest)
     given = scenario.patrol.regions
     begun = time.perf_counter()

@@ -3,20 +3,22 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from fogwatch.cli.options import option
 from fogwatch.run_folder.reading import read_folder
 from patrol.printable import printable
 
 if TYPE_CHECKING:
     from monitor.replay.run import Run
 
-RUN = typer.Argument(metavar="RUN", help="Folder of a run.")
-KEY = typer.Option(
-    "--key", metavar="FILE", help="Key of the run's fleet, to check the tags of its messages (default: unchecked)."
-)
+RunFolder = Annotated[Path, typer.Argument(metavar="RUN", help="Folder of a run.")]
+Key = Annotated[
+    Path | None,
+    option("FILE", "Key of the run's fleet, to check the tags of its messages (default: unchecked).", "--key"),
+]
 """The file that a run's scenario names is not opened: the run may be a stranger's."""
 
 

@@ -6,105 +6,83 @@ Commands raise BadInput; the caller prints it.
 from __future__ import annotations
 
 from argparse import Namespace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from fogwatch.commands.fleet import (
-    WAIT_S,
-    CredentialsOption,
-    Fleet,
-    FleetScenario,
-    Radio,
-    Router,
-    Wait,
-    check_one_fleet,
-    fleet_access,
-)
-from fogwatch.commands.open_run import KEY, open_folder, print_state
+from fogwatch.cli.command_help import command
+from fogwatch.cli.options import option
+from fogwatch.commands.fleet import WAIT_S, FleetOptions, RunningFleet, Wait
+from fogwatch.commands.open_run import Key, open_folder, print_state
 from patrol.errors import BadInput
 from patrol.printable import printable
 from patrol.process.exit_codes import INTERRUPTED
 
-REPLAY_EXAMPLES = [
-    "fogwatch replay runs/yards-20260101-120000 --browser",
-    "fogwatch replay runs/paper runs/ours",
-    "fogwatch replay RUN --static patrol-page",
-]
-MONITOR_EXAMPLES = [
-    "fogwatch monitor runs/yards-20260101-120000",
-    "fogwatch monitor --credentials yards-1/viewer",
-    "fogwatch monitor yards-1/operator",
-    "fogwatch monitor yards-1/operator --scenario patrol.yaml",
-]
-
 EXIT_CODES = "2 bad input, 130 ended by Ctrl-C"
-REPLAY_EXIT_CODES = f"0 written with --static, {EXIT_CODES}"
 
-HOST = typer.Option(metavar="HOST", help="Address to serve on; other than the loopback address it needs --token.")
-PORT = typer.Option("--page-port", metavar="N", help="TCP port of the page (default: a free one).", show_default=False)
-TOKEN = typer.Option(
-    metavar="TEXT",
-    envvar="FOGWATCH_PAGE_KEY",
-    help="Secret that the page's address must hold; 16 or more letters and digits.",
-    show_envvar=True,
+
+@dataclass(frozen=True)
+class PageOptions:
+    """Where a page is served, and who may see it."""
+
+    host: Annotated[str, option("HOST", "Address to serve on; other than the loopback address it needs --token.")] = (
+        "127.0.0.1"
+    )
+    port: Annotated[
+        int, option("N", "TCP port of the page (default: a free one).", "--page-port", show_default=False)
+    ] = 0
+    token: Annotated[
+        str,
+        option(
+            "TEXT",
+            "Secret that the page's address must hold; 16 or more letters and digits.",
+            envvar="FOGWATCH_PAGE_KEY",
+            show_envvar=True,
+        ),
+    ] = ""
+    browser: Annotated[bool, option("", "Open the page in the default browser.", "--browser/--no-browser")] = False
+
+
+@command(
+    examples=[
+        "fogwatch replay runs/yards-20260101-120000 --browser",
+        "fogwatch replay runs/paper runs/ours",
+        "fogwatch replay RUN --static patrol-page",
+    ],
+    exit_codes=f"0 written with --static, {EXIT_CODES}",
 )
-BROWSER = typer.Option("--browser/--no-browser", help="Open the page in the default browser.")
-
-
 def replay(
     runs: Annotated[
         list[Path],
         typer.Argument(metavar="RUN [RUN]", help="Folder of a run; of two, to see them side by side by one clock."),
     ],
-    host: Annotated[str, HOST] = "127.0.0.1",
-    port: Annotated[int, PORT] = 0,
-    token: Annotated[str, TOKEN] = "",
-    browser: Annotated[bool, BROWSER] = False,
-    key: Annotated[Path | None, KEY] = None,
+    page: PageOptions,
+    key: Key = None,
     static: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="DIR", help="Serve nothing: write the page into this folder, to be opened without fogwatch."
-        ),
+        Path | None, option("DIR", "Serve nothing: write the page into this folder, to be opened without fogwatch.")
     ] = None,
 ) -> int:
     """Replay a run, or two, on a page in the browser, at any speed, forwards or backwards. Ctrl-C ends it."""
-    if static is not None:
-        if host != "127.0.0.1" or port or token or browser:
-            raise BadInput(f"--static {static}: serves nothing; leave out --host, --page-port, --token and --browser")
-        return _save(runs, static, key)
-    arguments = Namespace(
-        replay=runs,
-        key=key,
-        access=None,
-        credentials=None,
-        router=None,
-        fleet=None,
-        scenario=None,
-        radio=None,
-        wait=0.0,
-    )
-    return _page(arguments, host, port, token, browser)
+    if static is None:
+        return _serve(Namespace(replay=runs, key=key), page)
+    if page != PageOptions():
+        raise BadInput(f"--static {static}: serves nothing; leave out --host, --page-port, --token and --browser")
+    return _save(runs, static, key)
 
 
+@command(
+    examples=[
+        "fogwatch monitor runs/yards-20260101-120000",
+        "fogwatch monitor --credentials yards-1/viewer",
+        "fogwatch monitor yards-1/operator",
+        "fogwatch monitor yards-1/operator --scenario patrol.yaml",
+    ],
+    exit_codes=EXIT_CODES,
+)
 def monitor(
-    run: Annotated[
-        Path | None,
-        typer.Argument(metavar="[RUN]", help="Folder of a running fleet, or an operator's credentials."),
-    ] = None,
-    credentials: CredentialsOption = None,
-    router: Router = None,
-    fleet: Fleet = None,
-    scenario: FleetScenario = None,
-    radio: Radio = None,
-    host: Annotated[str, HOST] = "127.0.0.1",
-    port: Annotated[int, PORT] = 0,
-    token: Annotated[str, TOKEN] = "",
-    browser: Annotated[bool, BROWSER] = False,
-    wait: Wait = WAIT_S,
-    key: Annotated[Path | None, KEY] = None,
+    run: RunningFleet = None, *, fleet: FleetOptions, page: PageOptions, wait: Wait = WAIT_S, key: Key = None
 ) -> int:
     """Show a running fleet on a live page, without slowing it. Ctrl-C ends the page, not the fleet.
 
@@ -112,20 +90,7 @@ def monitor(
     robots without a world, with their --scenario, stop and release them. Given --credentials of a viewer, or --router
     and --fleet, it only shows the fleet. A fleet may have any number of pages.
     """
-    check_one_fleet("monitor", run, credentials, router, fleet)
-    access = fleet_access("monitor", run, scenario)
-    arguments = Namespace(
-        replay=None,
-        key=key,
-        access=access,
-        credentials=credentials,
-        router=router,
-        fleet=fleet,
-        scenario=scenario,
-        radio=radio,
-        wait=wait,
-    )
-    return _page(arguments, host, port, token, browser)
+    return _serve(fleet.as_source("monitor", run, wait, key), page)
 
 
 def _save(folders: list[Path], out: Path, key: Path | None) -> int:
@@ -150,16 +115,16 @@ def _save(folders: list[Path], out: Path, key: Path | None) -> int:
     return 0
 
 
-def _page(what: Namespace, host: str, port: int, token: str, browser: bool) -> int:
+def _serve(what: Namespace, page: PageOptions) -> int:
     from monitor.process import serve, source_opener
     from patrol.process.lifeline import heed
 
     def opened(address: str) -> None:
-        if browser:
+        if page.browser:
             import webbrowser
 
             webbrowser.open(address)
 
     ending = heed(None, patience=1)
-    serve(source_opener(what, ending), host, port, token, ending, opened=opened)
+    serve(source_opener(what, ending), page.host, page.port, page.token, ending, opened=opened)
     return INTERRUPTED

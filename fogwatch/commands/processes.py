@@ -1,4 +1,7 @@
-"""``fogwatch agent``, ``router`` and ``robot-sim``: processes whose command lines are read where they run."""
+"""``fogwatch agent``, ``router`` and ``robot-sim``: processes whose command lines are read where they run.
+
+A robot's small computer loads these commands alone, so this module stands on nothing that the others load.
+"""
 
 from __future__ import annotations
 
@@ -8,30 +11,14 @@ from typing import Any
 import typer
 
 from fogwatch.cli.bad_arguments import HelpfulCommand
-from fogwatch.cli.command_help import START, OrderedGroup, command
-
-AGENT_EXAMPLES = [
-    "fogwatch agent --robot ros2 --namespace robot1 --map map.yaml --connect tcp/192.168.1.20:7447",
-    "fogwatch agent --robot ros2 --help",
-    "fogwatch agent --credentials yards-1/r1 --scenario yards.yaml",
-]
-AGENT_CODES = "0 the run is over, 1 the robot failed, 2 bad input, 130 interrupted"
-ROUTER_EXAMPLES = [
-    "fogwatch router --fleet yards-1/router",
-    "fogwatch router",
-]
-ROUTER_CODES = "0 it was asked to stop, 2 bad input, or the port is taken"
-SIM_EXAMPLES = [
-    "fogwatch robot-sim --map map.yaml --connect tcp/127.0.0.1:7447 --robots robot1",
-]
-SIM_CODES = "0 the time is over, 2 bad input, 130 interrupted"
+from fogwatch.cli.command_help import command
 
 
 class PassedOn(HelpfulCommand):
     """A command that passes its words on. Where ``--help`` is the only word, it lists the options of all its robots."""
 
     listed: Callable[[], str]
-    """The options that the words may hold, with their explanations."""
+    """Return the options that the words may hold, with their explanations."""
 
     def format_help(self, ctx: Any, formatter: Any) -> None:
         """Show the command's help, and the options of what it passes its words on to."""
@@ -46,41 +33,37 @@ class PassedOn(HelpfulCommand):
         return []
 
 
-class AgentCommand(PassedOn):
-    """`fogwatch agent`."""
+def _agent_options() -> str:
+    """List the options of ROS 2 robots, then those of simulated ones."""
+    from agent.process import simulated_parser
+    from ros2.robot.options import ros2_parser
 
-    @staticmethod
-    def listed() -> str:
-        """The options of ROS 2 robots, then those of simulated ones."""
-        from agent.process import simulated_parser
-        from ros2.robot.options import ros2_parser
-
-        ros2, simulated = ros2_parser().list_options(), simulated_parser().list_options()
-        return f"For --robot ros2 or rclpy, of ROS 2:\n\n{ros2}\nFor a robot that a world simulates:\n\n{simulated}"
+    ros2, simulated = ros2_parser().list_options(), simulated_parser().list_options()
+    return f"For --robot ros2 or rclpy, of ROS 2:\n\n{ros2}\nFor a robot that a world simulates:\n\n{simulated}"
 
 
-class RouterCommand(PassedOn):
-    """`fogwatch router`."""
+def _router_options() -> str:
+    from fogwatch.router import router_parser
 
-    @staticmethod
-    def listed() -> str:
-        """The options of the router."""
-        from fogwatch.router import router_parser
-
-        return router_parser().list_options()
+    return router_parser().list_options()
 
 
-class RobotSimCommand(PassedOn):
-    """`fogwatch robot-sim`."""
+def _sim_options() -> str:
+    from ros2.sim.options import parser
 
-    @staticmethod
-    def listed() -> str:
-        """The options of simulated ROS 2 robots."""
-        from ros2.sim.options import parser
-
-        return parser().list_options()
+    return parser().list_options()
 
 
+@command(
+    examples=[
+        "fogwatch agent --robot ros2 --namespace robot1 --map map.yaml --connect tcp/192.168.1.20:7447",
+        "fogwatch agent --robot ros2 --help",
+        "fogwatch agent --credentials yards-1/r1 --scenario yards.yaml",
+    ],
+    exit_codes="0 the run is over, 1 the robot failed, 2 bad input, 130 interrupted",
+    kind=PassedOn,
+    listed=staticmethod(_agent_options),
+)
 def agent(ctx: typer.Context) -> int:
     """Run one robot of a fleet: a ROS 2 robot with --robot ros2, otherwise one that a world simulates.
 
@@ -91,6 +74,12 @@ def agent(ctx: typer.Context) -> int:
     return _code(main, ctx.args)
 
 
+@command(
+    examples=["fogwatch router --fleet yards-1/router", "fogwatch router"],
+    exit_codes="0 it was asked to stop, 2 bad input, or the port is taken",
+    kind=PassedOn,
+    listed=staticmethod(_router_options),
+)
 def router(ctx: typer.Context) -> int:
     """Forward messages between the processes of a fleet that does not meet directly.
 
@@ -102,6 +91,12 @@ def router(ctx: typer.Context) -> int:
     return _code(main, ctx.args)
 
 
+@command(
+    examples=["fogwatch robot-sim --map map.yaml --connect tcp/127.0.0.1:7447 --robots robot1"],
+    exit_codes="0 the time is over, 2 bad input, 130 interrupted",
+    kind=PassedOn,
+    listed=staticmethod(_sim_options),
+)
 def robot_sim(ctx: typer.Context) -> int:
     """Simulate ROS 2 robots on a Zenoh router, to try an agent without a robot.
 
@@ -112,22 +107,8 @@ def robot_sim(ctx: typer.Context) -> int:
     return _code(main, ctx.args)
 
 
-def register(app: typer.Typer, panel: str) -> None:
-    """Add the commands."""
-    command(app, examples=AGENT_EXAMPLES, exit_codes=AGENT_CODES, panel=panel, kind=AgentCommand)(agent)
-    command(app, examples=ROUTER_EXAMPLES, exit_codes=ROUTER_CODES, panel=panel, kind=RouterCommand)(router)
-    command(app, "robot-sim", examples=SIM_EXAMPLES, exit_codes=SIM_CODES, panel=panel, kind=RobotSimCommand)(robot_sim)
-
-
-def only_these() -> typer.Typer:
-    """The command `fogwatch` with no commands but these, which quickly begins."""
-    app = typer.Typer(cls=OrderedGroup, add_completion=False, pretty_exceptions_enable=False)
-    register(app, START)
-    return app
-
-
 def _code(main: Callable[[Sequence[str]], int], words: Sequence[str]) -> int:
-    """The exit code of a process's main function; argparse ends the process on help and on usage errors."""
+    """Return the exit code of a process's main function; argparse ends the process on help and on usage errors."""
     try:
         return main(words)
     except SystemExit as asked:

@@ -1,25 +1,17 @@
-"""``fogwatch record`` and ``recording``: MCAP files of runs. Commands raise BadInput; the caller prints it."""
+"""``fogwatch record`` and ``export``: MCAP files and tables of runs. Commands raise BadInput; the caller prints it."""
 
 from __future__ import annotations
 
-from argparse import Namespace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from fogwatch.commands.fleet import (
-    WAIT_S,
-    CredentialsOption,
-    Fleet,
-    FleetScenario,
-    Radio,
-    Router,
-    Wait,
-    check_one_fleet,
-)
-from fogwatch.commands.open_run import KEY, RUN, open_folder, print_state
+from fogwatch.cli.command_help import command
+from fogwatch.cli.options import option
+from fogwatch.commands.fleet import WAIT_S, FleetOptions, Wait
+from fogwatch.commands.open_run import Key, RunFolder, open_folder, print_state
 from patrol.errors import BadInput, did_you_mean
 from patrol.files.untrusted import leads_out
 from patrol.printable import printable
@@ -27,21 +19,22 @@ from patrol.process.exit_codes import INTERRUPTED
 from patrol.process.lifeline import heed
 from patrol.starting.warmup import warm
 
-EXAMPLES = [
-    "fogwatch export runs/yards-20260101-120000 --format parquet",
-    "fogwatch export RUN --format csv --out tables",
-]
-EXIT_CODES = "0 done, 2 bad input, 130 interrupted"
 TABLES = "tables"
+BROKEN = 1
 
 
+@command(
+    examples=[
+        "fogwatch export runs/yards-20260101-120000 --format parquet",
+        "fogwatch export RUN --format csv --out tables",
+    ],
+    exit_codes="0 done, 2 bad input, 130 interrupted",
+)
 def export(
-    run: Annotated[Path, RUN],
-    kind: Annotated[str, typer.Option("--format", metavar="parquet|csv", help="Format of the files.")] = "parquet",
-    out: Annotated[
-        Path | None, typer.Option(metavar="DIR", help="Folder of the files (default: tables in the run's folder).")
-    ] = None,
-    key: Annotated[Path | None, KEY] = None,
+    run: RunFolder,
+    kind: Annotated[str, option("parquet|csv", "Format of the files.", "--format")] = "parquet",
+    out: Annotated[Path | None, option("DIR", "Folder of the files (default: tables in the run's folder).")] = None,
+    key: Key = None,
 ) -> None:
     """Write a run's tables for pandas, polars or a spreadsheet, a file a table.
 
@@ -52,8 +45,8 @@ def export(
     from rich.progress import TimeRemainingColumn
 
     from fogwatch.terminal.bars import bar_on
-    from monitor.tables.arrow import check_pyarrow
     from monitor.tables.files import FORMATS, write_tables
+    from monitor.tables.table import check_pyarrow
 
     chosen = next((one for one in FORMATS if one == kind), None)
     if chosen is None:
@@ -73,57 +66,65 @@ def export(
     typer.echo(printable(f"tables: {folder}: {', '.join(file.name for file in files)}"))
 
 
-RECORD_EXAMPLES = [
-    "fogwatch record runs/yards-20260101-120000 --out yards.mcap",
-    "fogwatch record --credentials yards-1/viewer",
-    "fogwatch record --router tcp/192.168.1.10:7447 --fleet yards-1",
-]
-RECORDING_EXAMPLES = ["fogwatch recording yards.mcap --repair repaired.mcap"]
-
-BROKEN = 1
-
-
+@command(
+    examples=[
+        "fogwatch record runs/yards-20260101-120000 --out yards.mcap",
+        "fogwatch record --credentials yards-1/viewer",
+        "fogwatch record --router tcp/192.168.1.10:7447 --fleet yards-1",
+        "fogwatch record --check yards.mcap --repair repaired.mcap",
+    ],
+    exit_codes="0 the recording is complete, or was repaired; 1 it is cut off or damaged; 2 bad input; 130 interrupted "
+    "before a fleet answered",
+)
 def record(
-    run: Annotated[Path | None, typer.Argument(metavar="[RUN]", help="Folder of a run.")] = None,
-    out: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FILE", help="File to write (default: recording.mcap in the run's folder, or FLEET.mcap)."
-        ),
+    run: Annotated[
+        Path | None, typer.Argument(metavar="[RUN|FILE.mcap]", help="Folder of a run; with --check, a recording.")
     ] = None,
-    credentials: CredentialsOption = None,
-    router: Router = None,
-    fleet: Fleet = None,
-    scenario: FleetScenario = None,
-    radio: Radio = None,
+    out: Annotated[
+        Path | None, option("FILE", "File to write (default: recording.mcap in the run's folder, or FLEET.mcap).")
+    ] = None,
+    *,
+    fleet: FleetOptions,
     wait: Wait = WAIT_S,
+    check: Annotated[
+        bool, option("", "Record nothing: print what a recording holds and whether it is complete.", "--check")
+    ] = False,
+    repair: Annotated[
+        Path | None, option("NEW.mcap", "With --check: write a complete file with all that can be read.")
+    ] = None,
 ) -> int:
     """Write a recording: an MCAP file of ROS 2 messages for Foxglove, Lichtblick, Rerun or PlotJuggler.
 
     Given the folder of a run, it holds the whole run so far. Given a running fleet (--credentials, or --router and
-    --fleet), it holds what happens from now on, until the run ends, its world is gone, or Ctrl-C is pressed.
+    --fleet), it holds what happens from now on, until the run ends, its world is gone, or Ctrl-C is pressed. With
+    --check, a recording that is there is inspected, and with --repair saved where it is damaged.
     """
-    check_one_fleet("record", run, credentials, router, fleet)
+    if check:
+        if run is None:
+            raise BadInput("FILE.mcap is missing; for example: fogwatch record --check yards.mcap")
+        if out is not None or fleet != FleetOptions():
+            raise BadInput("--check: records nothing; leave --out and the options of fleets out")
+        return _inspect(run, repair)
+    if repair is not None:
+        raise BadInput(f"--repair {repair}: mends a recording that is there; add --check")
+    fleet.check_one_fleet("record", run)
     if run is not None:
-        if scenario is not None or radio is not None:
+        if fleet.scenario is not None or fleet.radio is not None:
             raise BadInput("record: --scenario and --radio are for robots without a world; leave the folder out")
         _record_run(run, out)
         return 0
     from patrol.process.options import meeting
     from patrol.security.roles import Kind
 
-    named = Namespace(credentials=credentials, router=router, fleet=fleet)
-    name = meeting(credentials, router, fleet, Kind.VIEWER, Kind.OPERATOR).keys.fleet
-    return _record_fleet(out or Path(f"{name}.mcap"), name, named, scenario, radio, wait)
+    name = meeting(fleet.credentials, fleet.router, fleet.fleet, Kind.VIEWER, Kind.OPERATOR).keys.fleet
+    return _record_fleet(out or Path(f"{name}.mcap"), name, fleet, wait)
 
 
-def _record_fleet(
-    out: Path, fleet: str, named: Namespace, scenario: Path | None, radio: str | None, wait_s: float
-) -> int:
+def _record_fleet(out: Path, name: str, fleet: FleetOptions, wait_s: float) -> int:
     """Record a fleet until its run ends or Ctrl-C is pressed, which is no failure; the exit code."""
     from monitor.replay.run_files import check_out
 
-    check_out(out, f"{fleet}.mcap")
+    check_out(out, f"{name}.mcap")
     ending = heed(None, patience=1)
     if out.exists():
         raise BadInput(f"{out}: exists already; name a new file with --out")
@@ -131,7 +132,7 @@ def _record_fleet(
     from monitor.live.attach import open_fleet
     from monitor.recording.live_recorder import record_live
 
-    source = open_fleet(ending, **vars(named), scenario=scenario, radio=radio, wait_s=wait_s)
+    source = open_fleet(ending, **vars(fleet), wait_s=wait_s)
     if source is None:
         return INTERRUPTED
 
@@ -140,7 +141,7 @@ def _record_fleet(
 
     started = datetime.now(UTC).isoformat(timespec="seconds")
     try:
-        say(f"recording fleet {fleet} into {out}; press Ctrl-C to end")
+        say(f"recording fleet {name} into {out}; press Ctrl-C to end")
         last = record_live(source, out, started, lambda: bool(ending), say)
     finally:
         source.close()
@@ -179,13 +180,8 @@ def _record_run(run: Path, out: Path | None) -> None:
     )
 
 
-def recording(
-    file: Annotated[Path, typer.Argument(metavar="FILE.mcap", help="Recording to look at.")],
-    repair: Annotated[
-        Path | None, typer.Option(metavar="NEW.mcap", help="Write a complete file with all that can be read.")
-    ] = None,
-) -> int:
-    """Print what a recording holds and whether it is complete, and repair a damaged one."""
+def _inspect(file: Path, repair: Path | None) -> int:
+    """Print what a recording holds and whether it is complete, and repair a damaged one; the exit code."""
     from monitor.recording.mcap_file import inspect_recording
 
     contents = inspect_recording(file, repair)

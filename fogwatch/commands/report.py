@@ -7,37 +7,29 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from fogwatch.commands.open_run import KEY, RUN, open_folder, print_state
+from fogwatch.cli.command_help import command
+from fogwatch.cli.options import option
+from fogwatch.commands.open_run import Key, RunFolder, open_folder, print_state
 from patrol.errors import BadInput
 from patrol.printable import printable
 
 if TYPE_CHECKING:
     from monitor.report.analysis import Analysis
 
-REPORT_EXAMPLES = [
-    "fogwatch report runs/yards-20260101-120000 --figures figures",
-    "fogwatch report RUN --csv tables",
-]
-COMPARE_EXAMPLES = ["fogwatch compare runs/yards-1 runs/yards-2 --out compare.html"]
 
-Figures = Annotated[
-    Path | None, typer.Option(metavar="DIR", help="Write each figure as PNG, SVG and PDF into this folder as well.")
-]
+Figures = Annotated[Path | None, option("DIR", "Write each figure as PNG, SVG and PDF into this folder as well.")]
 
 
+@command(examples=["fogwatch report runs/yards-20260101-120000 --figures figures", "fogwatch report RUN --csv tables"])
 def report(
-    run: Annotated[Path, RUN],
-    out: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="File to write (default: report.html in the run's folder).")
-    ] = None,
+    run: RunFolder,
+    out: Annotated[Path | None, option("FILE", "File to write (default: report.html in the run's folder).")] = None,
     figures: Figures = None,
     csv: Annotated[
         Path | None,
-        typer.Option(
-            metavar="DIR", help="Write the visits of terrain.graph's vertices as CSV files of patrolling_sim as well."
-        ),
+        option("DIR", "Write the visits of terrain.graph's vertices as CSV files of patrolling_sim as well."),
     ] = None,
-    key: Annotated[Path | None, KEY] = None,
+    key: Key = None,
 ) -> None:
     """Write a run's report: one HTML file, readable without a network, that shows what happened."""
     from monitor.replay.run_files import REPORT, check_out
@@ -60,9 +52,10 @@ def report(
         typer.echo(printable(f"tables: {csv}: {', '.join(table.name for table in tables)}"))
 
 
+@command(examples=["fogwatch compare runs/yards-1 runs/yards-2 --out compare.html"])
 def compare(
     runs: Annotated[list[Path], typer.Argument(metavar="RUN RUN...", help="Folders of two or more runs.")],
-    out: Annotated[Path, typer.Option(metavar="FILE", help="File to write.")] = Path("compare.html"),
+    out: Annotated[Path, option("FILE", "File to write.")] = Path("compare.html"),
     figures: Figures = None,
 ) -> None:
     """Compare runs: print their measures and the settings that differ, and write an HTML file with their fogs too."""
@@ -76,15 +69,7 @@ def compare(
     check_out(out, "compare.html")
 
     analyses = [_analysed(folder) for folder in runs]
-    from monitor.report.compare import (
-        cautions,
-        compare_html,
-        contradictions,
-        differences,
-        drawings,
-        names_of,
-        rows_of,
-    )
+    from monitor.report.compare import cautions, compare_html, contradictions, differences, drawings, names_of, rows_of
     from monitor.report.document import write_page
 
     drawn = drawings(analyses)

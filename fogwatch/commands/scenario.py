@@ -9,22 +9,15 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from fogwatch.cli.command_help import command
-from fogwatch.cli.patrol_option import patrol_option
-from fogwatch.presets import PRESETS, preset_settings
+from fogwatch.cli.command_help import command, group
+from fogwatch.cli.options import option
+from fogwatch.presets import PRESETS
+from fogwatch.run_options import overrides_of, patrol_option, settings_option
 from patrol.errors import BadInput
 from patrol.printable import printable
 from patrol.radio.fleet_key import fleet_key
-from patrol.scenario import (
-    Scenario,
-    dump_scenario,
-    naming,
-    open_scenario,
-    parse_overrides,
-    scenario_hash,
-    scenario_schema,
-)
-from patrol.scenario.patrols import describe_patrol, patrol_settings
+from patrol.scenario import Scenario, dump_scenario, naming, open_scenario, scenario_hash, scenario_schema
+from patrol.scenario.patrols import describe_patrol
 from patrol.scenario.policies import BUILT_IN, LearnedPatrol
 from patrol.scenario.radio_spec import MODELS
 from patrol.scenario.sections import BUILT_IN_SENSORS, VERTICES
@@ -32,20 +25,14 @@ from patrol.scenario.sections import BUILT_IN_SENSORS, VERTICES
 if TYPE_CHECKING:
     from worldsim.faults import Timeline
 
-app = typer.Typer(help="Print or check a scenario, or print the JSON schema of scenario files.", no_args_is_help=True)
+app = group("scenario", "Print or check a scenario, or print the JSON schema of scenario files.")
 
 What = Annotated[str, typer.Argument(metavar="SCENARIO", help="Scenario file, map file or built-in terrain.")]
 Settings = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--set", metavar="FIELD=VALUE", help="Set a field, such as patrol.options.separation=none. Repeatable."
-    ),
+    list[str] | None, settings_option("Set a field, such as patrol.options.separation=none. Repeatable.")
 ]
-PatrolOption = Annotated[str | None, patrol_option()]
-PresetOption = Annotated[
-    str | None,
-    typer.Option("--preset", metavar="|".join(PRESETS), help="As for fogwatch run; --set holds over it."),
-]
+Patrol = Annotated[str | None, patrol_option()]
+Preset = Annotated[str | None, option("|".join(PRESETS), "As for fogwatch run; --set holds over it.")]
 
 
 @command(
@@ -53,13 +40,9 @@ PresetOption = Annotated[
     "show",
     examples=["fogwatch scenario show yards > yards.yaml", "fogwatch scenario show yards --preset paper > paper.yaml"],
 )
-def print_scenario(
-    what: What, settings: Settings = None, patrol: PatrolOption = None, preset: PresetOption = None
-) -> None:
+def print_scenario(what: What, settings: Settings = None, patrol: Patrol = None, preset: Preset = None) -> None:
     """Print a scenario as a scenario file, with every default filled in and the units beside the fields."""
-    overrides = {**preset_settings(preset), **parse_overrides(settings or [])}
-    overrides |= patrol_settings(patrol, overrides)
-    typer.echo(dump_scenario(open_scenario(what, overrides)), nl=False)
+    typer.echo(dump_scenario(open_scenario(what, overrides_of(settings, patrol, preset))), nl=False)
 
 
 @command(
@@ -67,15 +50,14 @@ def print_scenario(
     examples=["fogwatch scenario check examples/yards-five.yaml --set robots.count=8"],
     exit_codes="0 the scenario can run, 2 it cannot",
 )
-def check(what: What, settings: Settings = None, patrol: PatrolOption = None) -> None:
+def check(what: What, settings: Settings = None, patrol: Patrol = None) -> None:
     """Check whether a scenario can run, and list its faults.
 
     The check covers the values, the terrain, the fleet's key, and the room for all robots at the start. A policy,
     sensor or radio model of one's own is looked for and not run, so its options are checked only when the scenario
     runs.
     """
-    overrides = parse_overrides(settings or [])
-    overrides |= patrol_settings(patrol, overrides)
+    overrides = overrides_of(settings, patrol)
     scenario = open_scenario(what, overrides)
     digest = scenario_hash(scenario)
     fleet_key(scenario.radio.key)
@@ -177,9 +159,7 @@ def _remains(scenario: Scenario, timeline: Timeline) -> str:
 
 
 @command(app, examples=["fogwatch scenario schema --out scenario-schema.json"])
-def schema(
-    out: Annotated[Path | None, typer.Option(metavar="FILE", help="File to write (default: print the schema).")] = None,
-) -> None:
+def schema(out: Annotated[Path | None, option("FILE", "File to write (default: print the schema).")] = None) -> None:
     """Print the JSON schema of scenario files, with which an editor checks and completes them."""
     text = f"{json.dumps(scenario_schema(), indent=2)}\n"
     if out is None:

@@ -4,21 +4,13 @@ from __future__ import annotations
 
 import json
 from argparse import Namespace
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from fogwatch.commands.fleet import (
-    CredentialsOption,
-    Fleet,
-    FleetScenario,
-    Radio,
-    Router,
-    Wait,
-    check_one_fleet,
-    fleet_access,
-)
+from fogwatch.cli.command_help import command
+from fogwatch.cli.options import option
+from fogwatch.commands.fleet import FleetOptions, RunningFleet, Wait
 from patrol.errors import BadInput
 from patrol.process.exit_codes import INTERRUPTED
 
@@ -27,13 +19,6 @@ if TYPE_CHECKING:
     from patrol.process.lifeline import Ending
     from patrol.process.options import Meeting
 
-EXAMPLES = [
-    "fogwatch status runs/yards-20260101-120000",
-    "fogwatch status --credentials yards-1/viewer --watch",
-    "fogwatch status --router tcp/192.168.1.20:7447 --fleet patrol",
-    "fogwatch status --router tcp/192.168.1.20:7447 --fleet patrol --scenario hall.yaml --json",
-]
-EXIT_CODES = "0 all well, 1 something is wrong, 2 bad input, or nothing of the fleet is there, 130 interrupted"
 WRONG = 1
 WAIT_S = 5.0
 LISTEN_S = 3.0
@@ -43,21 +28,22 @@ EVERY_S = 1.0
 """Time between two looks with --watch, s."""
 
 
+@command(
+    examples=[
+        "fogwatch status runs/yards-20260101-120000",
+        "fogwatch status --credentials yards-1/viewer --watch",
+        "fogwatch status --router tcp/192.168.1.20:7447 --fleet patrol",
+        "fogwatch status --router tcp/192.168.1.20:7447 --fleet patrol --scenario hall.yaml --json",
+    ],
+    exit_codes="0 all well, 1 something is wrong, 2 bad input, or nothing of the fleet is there, 130 interrupted",
+)
 def status(
-    run: Annotated[
-        Path | None,
-        typer.Argument(metavar="[RUN]", help="Folder of a running fleet, or an operator's credentials."),
-    ] = None,
-    credentials: CredentialsOption = None,
-    router: Router = None,
-    fleet: Fleet = None,
-    scenario: FleetScenario = None,
-    radio: Radio = None,
-    watch: Annotated[
-        bool, typer.Option("--watch", help="Look again each second, until the run ends or Ctrl-C.")
-    ] = False,
-    as_json: Annotated[bool, typer.Option("--json", help="Print JSON, a line for each look.")] = False,
-    seconds: Annotated[float, typer.Option(metavar="S", help="How long to listen, in s.")] = LISTEN_S,
+    run: RunningFleet = None,
+    *,
+    fleet: FleetOptions,
+    watch: Annotated[bool, option("", "Look again each second, until the run ends or Ctrl-C.", "--watch")] = False,
+    as_json: Annotated[bool, option("", "Print JSON, a line for each look.", "--json")] = False,
+    seconds: Annotated[float, option("S", "How long to listen, in s.")] = LISTEN_S,
     wait: Wait = WAIT_S,
 ) -> int:
     """Say how a running fleet does: its world, its robots, and what is wrong. It changes nothing.
@@ -71,24 +57,12 @@ def status(
     from patrol.process.lifeline import heed
     from patrol.scenario import load_scenario
 
-    check_one_fleet("status", run, credentials, router, fleet)
-    access = fleet_access("status", run, scenario)
+    what = fleet.as_source("status", run, wait)
     if not 0.1 <= seconds <= 600.0:
         raise BadInput(f"--seconds {seconds:g}: expected 0.1 to 600")
-    if scenario is not None:
-        load_scenario(scenario)
+    if fleet.scenario is not None:
+        load_scenario(fleet.scenario)
     ending = heed(None, patience=1)
-    what = Namespace(
-        replay=None,
-        key=None,
-        access=access,
-        credentials=credentials,
-        router=router,
-        fleet=fleet,
-        scenario=scenario,
-        radio=radio,
-        wait=wait,
-    )
     fleet_watch = _open(what, seconds, 0.0 if watch else PATIENCE_S, ending)
     if fleet_watch is None:
         return INTERRUPTED

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,9 +19,6 @@ from patrol.kernels.doors import FIRST, SADDLE, SECOND
 from patrol.maps.doubts import perhaps_unknown
 from patrol.pose import Pose
 from patrol.starts import starting_part
-
-if TYPE_CHECKING:
-    from patrol.scenario import ClosureSpec, DockSpec, ZoneSpec
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,15 +33,6 @@ class SealedPart:
     at_border: bool  # touches the map's border
     reason: str
     door: Door | None  # too narrow, where that is the reason; else None
-
-
-@dataclass(frozen=True, slots=True)
-class Site:
-    """The zones, closures and docks of a map, which pictures show."""
-
-    zones: tuple[ZoneSpec, ...] = ()
-    closures: tuple[ClosureSpec, ...] = ()
-    docks: tuple[DockSpec, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,24 +8,24 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from patrol.closures import ClosedPoints
-from patrol.ground.closed import ChangingTerrain
+from patrol.closures.ground import ChangingTerrain
+from patrol.closures.open_ground import OpenGround
+from patrol.closures.points import ClosedPoints
 from patrol.ground.cspace import cspace_of, parts_of
-from patrol.ground.zones import points_of
 from patrol.journal.records import CLOSED, Event
 from patrol.maps.doubts import doubts
 from patrol.measures.best_tour import MOST_ROBOTS, most_planned, why_no_rounds
-from patrol.measures.open_ground import OpenGround
 from patrol.measures.zoned import zone_weights, zoned_ground
 from patrol.prepare import Prepared
 from patrol.scenario.patrols import FIELD, PATROLS, STOCHASTIC, TOUR
 from patrol.scenario.policies import StochasticPatrol
+from patrol.zones.ground import points_of
 
 if TYPE_CHECKING:
     from fogwatch.grounds.map_check import MapReport
     from patrol.ground.terrain import Terrain
     from patrol.scenario import ZoneSpec
-    from patrol.tours.zoned import ZonedGround
+    from patrol.zones.division import ZonedGround
 
 
 def zone_lines(prepared: Prepared, before: MapReport, after: MapReport) -> Iterator[str]:

@@ -16,7 +16,6 @@ from pathlib import Path
 
 from fogwatch.launch.child_control import GOODBYE_S, ProcessControlServer
 from fogwatch.launch.children import Child, Children
-from fogwatch.launch.clerk_child import ClerkChild
 from fogwatch.launch.fork_server import FORK_SERVER, OF_MINDS, ForkServer
 from fogwatch.launch.limits import free_port
 from fogwatch.launch.page_child import PAGE, PageChild
@@ -32,7 +31,6 @@ from patrol.process.exit_codes import BAD_INPUT
 from patrol.security.access import write_pointer
 from patrol.security.credentials import read_credentials
 from patrol.security.keys import fleet_keys
-from patrol.security.seats import SEAT, seat_of
 from patrol.starting.forking import can_fork
 from patrol.starting.readiness import StartFailure
 from patrol.wire import read
@@ -80,7 +78,6 @@ class Launch:
     key: str | None = None  # file of the fleet's key, for the page to check tags of messages
     alike: bool = False  # the agents load the same, so one process that has loaded it may make them
     kernels: Sequence[str] = ()  # modules that agents need beside those that all agents load
-    clerk: ClerkChild | None = None  # judges the run while it goes on
     interrupted: bool = False  # the run ends because it was asked to
     children: Children = field(init=False)
     _control: ProcessControlServer | None = None
@@ -221,9 +218,7 @@ class Launch:
                 self._spawn_agent(name, FIRST_INCARNATION)
 
     def _spawn_agent(self, name: str, incarnation: int) -> None:
-        environment = {SEAT: str(seat_of(self._of_run.token, self.fleet, name, incarnation))}
-        if self.alike:
-            environment |= OF_MINDS
+        environment = dict(OF_MINDS) if self.alike else {}
         agent = self.children.spawn(
             name, AGENT, self._agent_arguments(name, incarnation), self._log(name), environment=environment
         )
@@ -251,8 +246,6 @@ class Launch:
                 break
             if (arrived := measures.get(_TICK_S)) is not None:
                 self.display.metrics(arrived[1])
-                if self.clerk is not None:
-                    self.clerk.ticking()
             self._show(notices)
             self._check_children()
         self._show(notices)

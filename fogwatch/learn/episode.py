@@ -155,5 +155,5 @@ class Episode:
 
     def _drive(self, setup: PolicySetup) -> Driven:
         """Make the policy of a robot's new process."""
-        self._driven[setup.spec.number] = driven = Driven(Decisions(setup, self._options))
+        self._driven[setup.robot.spec.number] = driven = Driven(Decisions(setup, self._options))
         return driven

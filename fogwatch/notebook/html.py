@@ -10,6 +10,7 @@ from pathlib import Path
 
 from PIL import Image
 
+from monitor.tables.table import Table
 from patrol.files.untrusted import PICTURE, leads_out, read_untrusted
 from patrol.summary.metric import metrics_of
 from patrol.summary.model import Summary
@@ -22,12 +23,16 @@ MOST_WARNINGS = 5
 MOST_ROWS = 40
 
 
-def table_html(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+def table_html(table: Table) -> str:
     """Return an HTML table; of a long one, only the first rows."""
-    head = "".join(f"<th>{escape(text)}</th>" for text in heads)
-    body = "".join(f"<tr>{''.join(f'<td>{escape(cell)}</td>' for cell in row)}</tr>" for row in rows[:MOST_ROWS])
-    more = f"<p>... and {len(rows) - MOST_ROWS} more rows</p>" if len(rows) > MOST_ROWS else ""
-    return f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>{more}"
+
+    def row(tag: str, cells: Sequence[str]) -> str:
+        return f"<tr>{''.join(f'<{tag}>{escape(cell)}</{tag}>' for cell in cells)}</tr>"
+
+    body = "".join(row("td", cells) for cells in table.rows[:MOST_ROWS])
+    more = len(table.rows) - MOST_ROWS
+    note = f"<p>... and {more} more rows</p>" if more > 0 else ""
+    return f"<table><thead>{row('th', table.heads)}</thead><tbody>{body}</tbody></table>{note}"
 
 
 def lines_html(lines: Iterable[str]) -> str:
@@ -52,7 +57,7 @@ def run_html(summary: Summary, folder: Path) -> str:
     return "".join(
         (
             f"<div><b>{escape(summary.name)}</b>: {summary.simulated_s:g} s simulated, {escape(outcome)}</div>",
-            table_html(("figure", "value"), rows),
+            table_html(Table(("figure", "value"), rows)),
             lines_html([*lines, *([f"{more} more warnings"] if more > 0 else [])]),
             _picture(folder),
             f"<div><code>{escape(str(folder))}</code></div>",

@@ -33,9 +33,9 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from experiments.intruders.game import Infiltration
+    from monitor.figures.style import Drawing
     from monitor.replay.replay import Replay
     from monitor.replay.run import Run as ReplayedRun
-    from monitor.report.style import Sketch
     from patrol.scenario import Scenario
     from worldsim.verdict.judge import Verdict
 
@@ -209,7 +209,7 @@ class Run:
     @property
     def figure_names(self) -> list[str]:
         """The names of the figures that `figure` draws for this run."""
-        return list(self._sketches)
+        return list(self._drawings)
 
     def figure(self, name: str) -> Figure:
         """Draw a figure of the run's report anew.
@@ -223,9 +223,9 @@ class Run:
         Raises:
             BadInput: The run has no such figure, or matplotlib is not installed.
         """
-        if name not in self._sketches:
+        if name not in self._drawings:
             raise BadInput(f"figure {name}: this run has no such figure; {did_you_mean(name, self.figure_names)}")
-        return self._sketches[name].draw().figure
+        return self._drawings[name].draw()
 
     def __repr__(self) -> str:
         figures = self._figures
@@ -245,7 +245,8 @@ class Run:
         return run_html(self._figures, self.folder)
 
     def _table(self, name: str) -> pa.Table:
-        from monitor.tables.arrow import arrow_table, check_pyarrow
+        from monitor.tables.arrow import arrow_table
+        from monitor.tables.table import check_pyarrow
 
         check_pyarrow()  # before a long run is read
         return arrow_table(self._replayed, name)
@@ -281,11 +282,11 @@ class Run:
         return Replay(self._replayed)
 
     @cached_property
-    def _sketches(self) -> dict[str, Sketch]:
+    def _drawings(self) -> dict[str, Drawing]:
         from monitor.report.analysis import analyse
-        from monitor.report.document import sketches
+        from monitor.report.document import drawings
 
-        return {sketch.name: sketch for sketch in sketches(analyse(self._replayed))}
+        return {drawing.name: drawing for drawing in drawings(analyse(self._replayed))}
 
 
 @checked_arguments

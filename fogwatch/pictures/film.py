@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import subprocess
 from collections.abc import Iterable, Iterator, Sequence
-from contextlib import contextmanager
 from itertools import pairwise
 from pathlib import Path
 from shutil import which
@@ -15,7 +14,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from patrol.errors import BadInput
-from patrol.files.whole_file import replacing
+from patrol.files.whole_file import replacing, writing
 from patrol.printable import printable
 
 Pixels = NDArray[np.uint8]
@@ -57,7 +56,7 @@ def write_gif(out: Path, frames: Iterable[Pixels], count: int, palette: Pixels, 
             yield image
 
     rest = images()
-    with _written(out) as part, part.open("wb") as file:
+    with writing(out), replacing(out) as part, part.open("wb") as file:
         next(rest).save(file, "GIF", save_all=True, append_images=rest, duration=durations, loop=0, optimize=False)
 
 
@@ -79,7 +78,7 @@ def write_mp4(out: Path, frames: Iterable[Pixels], palette: Pixels, fps: float, 
     height, width = first.shape
     given = ["-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{width}x{height}", "-r", f"{fps:g}", "-i", "-"]
     made = ["-pix_fmt", "yuv420p", "-movflags", "+faststart", "-f", "mp4"]
-    with _written(out) as part, TemporaryFile() as said:
+    with writing(out), replacing(out) as part, TemporaryFile() as said:
         process = subprocess.Popen(
             [ffmpeg, "-v", "error", "-y", *given, *made, str(part.absolute())],
             stdin=subprocess.PIPE,
@@ -105,16 +104,6 @@ def write_mp4(out: Path, frames: Iterable[Pixels], palette: Pixels, fps: float, 
         if code != 0:
             why = printable(lines[-1]) if lines else f"exit code {code}"
             raise BadInput(f"{out}: ffmpeg cannot write it ({why}); name a .gif file, or use another ffmpeg")
-
-
-@contextmanager
-def _written(out: Path) -> Iterator[Path]:
-    """The file to write, which replaces `out` once it is complete; its errors in one line."""
-    try:
-        with replacing(out) as part:
-            yield part
-    except OSError as error:
-        raise BadInput(f"{out}: cannot be written ({error.strerror}); choose another file") from None
 
 
 def check_length(count: int, size: Sequence[int]) -> None:

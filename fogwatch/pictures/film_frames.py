@@ -14,22 +14,21 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
-from fogwatch.pictures.drawing import fog_scale
 from fogwatch.pictures.run_end import MOST_NAMES, RECENT_S
+from monitor.figures.ground import fog_scale
 from monitor.replay.replay import Moment, Replay, RobotMoment
 from monitor.replay.run import Run
-from monitor.report.map_charts import CLOSURE, ZONES
-from patrol.closures import closure_points
 from patrol.extras import check_matplotlib
 from patrol.ground.fog import NEVER
+from patrol.ground.marks import outline
 from patrol.ground.terrain import BoolGrid
-from patrol.ground.zones import middle, outline, points_of
 from patrol.journal.records import Status
-from patrol.palette import LIGHT, NEVER_SEEN, ROBOTS, UNCOUNTED, WALL, WALL_EDGE, rgb, with_walls
-from patrol.scenario.zones import zones_at
+from patrol.palette import LIGHT, MARKS, NEVER_SEEN, ROBOTS, UNCOUNTED, WALL, WALL_EDGE, rgb, with_walls
+from patrol.scenario.marks import Looks, looks_at, marks_of
 
 Pixels = NDArray[np.uint8]
 Place = tuple[float, float]
+Edges = list[tuple[float, float, float, float]]
 _Scalar = TypeVar("_Scalar", bound=np.generic)
 
 SHADES = 64
@@ -48,7 +47,7 @@ LEAST_RADIUS = 5.0
 """Radius of the smallest disc for a robot, pixels."""
 
 _WHITE, _INK, _GREY = WALL_EDGE, LIGHT["ink"], "#808080"
-_FIXED = (WALL, _WHITE, UNCOUNTED, NEVER_SEEN, CLOSURE, _INK, LIGHT["alert"], *ROBOTS, *ZONES.values())
+_FIXED = (WALL, _WHITE, UNCOUNTED, NEVER_SEEN, _INK, LIGHT["alert"], *ROBOTS, *MARKS.values())
 _BLENDS = tuple((colour, other) for colour in (*ROBOTS, _INK) for other in (_WHITE, _INK, _GREY))
 _BITS = 5
 """Bits of each part of a colour by which the nearest colour of the palette is looked up."""
@@ -82,19 +81,11 @@ class FilmFrames:
         self._cols = ((np.arange(wide) + 0.5) * terrain.width / wide).astype(np.int64)
         self._font = ImageFont.load_default(TEXT * FINE)
         scenario = run.prepared.scenario
-        self._zones = {zone.name: points_of(zone, terrain) for zone in scenario.zones}
-        self._kinds = {zone.name: ZONES[zone.kind] for zone in scenario.zones}
-        self._closures: dict[str, BoolGrid] = {}
-        for closure in scenario.closures:
-            points = np.zeros(terrain.shape, dtype=np.bool_)
-            points.reshape(-1)[closure_points(closure, terrain)] = True
-            if points.any():
-                self._closures[closure.name] = points
-        self._edges = {
-            name: outline(points, terrain).tolist()
-            for shapes in (self._zones, self._closures)
-            for name, points in shapes.items()
-        }
+        self._marks = [
+            (mark, mark.points, outline(mark.points, terrain).tolist())
+            for mark in marks_of(scenario, terrain)
+            if mark.points is not None
+        ]
         self._base, self._ground = self._constant()
 
     def frame(self, k: int) -> Pixels:
@@ -106,10 +97,12 @@ class FilmFrames:
         shades = np.rint(self._sampled(moment.ages()) * ((SHADES - 1) / self._oldest))
         fog = np.minimum(shades, SHADES - 1).astype(np.uint8)
         fog[seen == NEVER] = self._index(NEVER_SEEN)
-        for name in self._run.closings.names(k) & self._closures.keys():
-            fog[self._sampled(self._closures[name])] = self._index(CLOSURE)
+        looks = looks_at(self._run.prepared.scenario, k, self._run.closings)
+        for mark, points, _ in self._marks:
+            if looks[mark.section][mark.name].filled:
+                fog[self._sampled(points)] = self._index(MARKS[mark.kind])
         inside[self._ground] = fog[self._ground]
-        return self._blended(image, self._marks(moment))
+        return self._blended(image, self._over(moment, looks))
 
     def _sampled(self, grid: NDArray[_Scalar]) -> NDArray[_Scalar]:
         """Return the values of a grid at the middles of the map's pixels."""
@@ -176,22 +169,16 @@ class FilmFrames:
         image[rows, cols] = self._nearest[red, green, blue]
         return image
 
-    def _marks(self, moment: Moment) -> Image.Image:
+    def _over(self, moment: Moment, looks: Looks) -> Image.Image:
         """Draw all that lies over the fog, and the line above the map."""
         sheet, draw = self._sheet()
         run, k = self._run, moment.k
         labels: list[tuple[Place, str]] = []
-        terrain = run.prepared.terrain
-        for name, zone in zones_at(run.prepared.scenario.zones, moment.time_s).items():
-            self._outline(draw, name, self._kinds[name], strong=zone.holds)
-            if zone.holds and self._zones[name].any():
-                labels.append((self._at(*middle(self._zones[name], terrain)), zone.label))
-        closed, waiting = run.closings.names(k), run.closings.waiting(k)
-        for name, points in self._closures.items():
-            self._outline(draw, name, CLOSURE, strong=name in closed or name in waiting)
-            if name in closed or name in waiting:
-                text = f"{name} waits" if name in waiting else name
-                labels.append((self._at(*middle(points, terrain)), text))
+        for mark, _, edges in self._marks:
+            look = looks[mark.section][mark.name]
+            self._outline(draw, edges, MARKS[mark.kind], strong=look.holds)
+            if look.holds:
+                labels.append((self._at(*mark.at), look.text))
         first = max(k - round(RECENT_S / run.step), 0)
         for place in range(len(run.names)):
             self._trail(draw, first, k, place)
@@ -222,9 +209,9 @@ class FilmFrames:
         where = (FINE * at[0], FINE * at[1])
         draw.text(where, text, _INK, self._font, anchor, stroke_width=round(FINE * rim), stroke_fill=_WHITE)
 
-    def _outline(self, draw: ImageDraw.ImageDraw, name: str, colour: str, *, strong: bool) -> None:
+    def _outline(self, draw: ImageDraw.ImageDraw, edges: Edges, colour: str, *, strong: bool) -> None:
         for tone, width in ((_WHITE, 3.6 if strong else 2.4), (colour, 2.0 if strong else 1.0)):
-            for x0, y0, x1, y1 in self._edges[name]:
+            for x0, y0, x1, y1 in edges:
                 self._line(draw, [self._at(x0, y0), self._at(x1, y1)], tone, width)
 
     def _trail(self, draw: ImageDraw.ImageDraw, first: int, last: int, place: int) -> None:

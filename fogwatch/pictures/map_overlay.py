@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from fogwatch.grounds.map_align import Place, WallMap, moved
-from fogwatch.pictures.drawing import Key, Layer, canvas, key_column, label, paint, painted, save
+from monitor.figures.ground import Key, Layer, canvas, key_column, label, paint, painted, save
 from patrol.ground.cspace import grown
 from patrol.ground.terrain import BoolGrid, Terrain
 from patrol.palette import LIGHT, WALL

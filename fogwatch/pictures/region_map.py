@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from fogwatch.pictures.drawing import Key, canvas, key_column, label, paint, save
+from monitor.figures.ground import Key, canvas, key_column, label, paint, save
 from patrol.ground.terrain import Terrain
 from patrol.palette import LIGHT, WALL, rgb
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -10,13 +11,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from fogwatch.grounds.map_check import MapReport, Site
-from fogwatch.pictures.drawing import (
+from fogwatch.grounds.map_check import MapReport
+from monitor.figures.ground import (
     Box,
     Key,
     Layer,
     canvas,
     cropped,
+    draw_outline,
     fog_scale,
     key_column,
     label,
@@ -24,15 +26,14 @@ from fogwatch.pictures.drawing import (
     painted,
     save,
 )
-from patrol.closures import Closings, closure_points
+from patrol.closures.ground import ChangingFootprint
+from patrol.closures.points import Closings
 from patrol.errors import BadInput
-from patrol.ground.closed import ChangingFootprint
 from patrol.ground.doors import Door
 from patrol.ground.fog import NEVER, Fog
-from patrol.ground.zones import middle, outline, points_of
 from patrol.journal import Journal, read_journal
 from patrol.journal.records import RobotFacts, RobotTick, Status
-from patrol.palette import LIGHT, NEVER_SEEN, ROBOTS, UNCOUNTED, WALL, rgb
+from patrol.palette import LIGHT, MARKS, NEVER_SEEN, ROBOTS, UNCOUNTED, WALL, rgb
 from patrol.pose import Pose
 from patrol.prepare import Prepared, prepare, sensor_footprint
 from patrol.scenario import load_scenario
@@ -41,6 +42,7 @@ from worldsim.truth import Truth
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+    from patrol.ground.marks import Mark
     from patrol.ground.terrain import Terrain
 
 REACHABLE = "#d9ecf5"
@@ -58,17 +60,22 @@ MOST_DOORS = 25
 MOST_NAMES = 24
 """Robots named in the legend at most."""
 
-ZONES = {"keepout": "#c1121f", "oneway": "#0b5cad", "slow": "#00796b", "weight": "#6a1b9a"}
-KINDS = {"keepout": "keep-out", "oneway": "one-way zone", "slow": "slow zone", "weight": "zone with a weight or an age"}
-CLOSURE, DOCK = "#e07b00", "#2e7d32"
-"""Colours of what a site has, the same as on the page (`monitor/page/static/marks.js`)."""
+KINDS = {
+    "keepout": "keep-out",
+    "oneway": "one-way zone",
+    "slow": "slow zone",
+    "weight": "zone with a weight or an age",
+    "closure": "closure",
+    "dock": "dock",
+}
+"""Words of the legend for kinds of marks."""
 
 RECENT_S = 60.0
 """Length of the last part of a path, which is drawn stronger, s."""
 
 
-def map_picture(report: MapReport, out: Path, site: Site | None = None) -> None:
-    """Draw a map check: walls, what is reached, seen and not seen, sealed-off parts, doors, and what a site has."""
+def map_picture(report: MapReport, out: Path, marks: Sequence[Mark] = ()) -> None:
+    """Draw a map check: walls, what is reached, seen and not seen, sealed-off parts, doors, and a site's marks."""
     terrain, fields = report.terrain, report.fields
     sealed = report.sealed > 0
     unseen = terrain.passable & ~fields.patrolled
@@ -100,37 +107,24 @@ def map_picture(report: MapReport, out: Path, site: Site | None = None) -> None:
     ]
     keys += [Key(SHUT, "door too narrow for the body, m", "X")] * any(not door.passes for door in doors)
     keys += [Key(PASSES, "door that lets it pass, m", "o")] * any(door.passes for door in doors)
-    key_column(figure, axes, shown, keys + _draw_site(axes, terrain, site or Site()))
+    key_column(figure, axes, shown, keys + _draw_marks(axes, terrain, marks))
     save(figure, out)
 
 
-def _draw_site(axes: Axes, terrain: Terrain, site: Site) -> list[Key]:
-    """Draw the outlines and names of zones and closures, and docks; return their lines of the legend."""
-    from matplotlib.collections import LineCollection
-
-    keys = []
-
-    def outlined(name: str, points: NDArray[np.bool_], colour: str, style: str) -> None:
-        if not points.any():
-            return
-        edges = list(outline(points, terrain).reshape(-1, 2, 2))
-        axes.add_collection(LineCollection(edges, colors=colour, linewidths=1.8, linestyles=style, zorder=5))
-        above = 12.0 if style == "dashed" else 0.0  # doors have their widths there
-        label(axes, *middle(points, terrain), name, colour=colour, size=8.0, above=above)
-
-    for zone in site.zones:
-        outlined(zone.label, points_of(zone, terrain), ZONES[zone.kind], "solid")
-    kinds = {zone.kind for zone in site.zones}
-    keys += [Key(colour, KINDS[kind], "-") for kind, colour in ZONES.items() if kind in kinds]
-    for closure in site.closures:
-        points = np.zeros(terrain.shape, dtype=np.bool_)
-        points.reshape(-1)[closure_points(closure, terrain)] = True
-        outlined(closure.name, points, CLOSURE, "dashed")
-    keys += [Key(CLOSURE, "closure", "-")] * bool(site.closures)
-    for number, dock in enumerate(site.docks, start=1):
-        axes.plot(*dock.place, "P", color=DOCK, markersize=9, markeredgecolor="white", zorder=6)
-        label(axes, *dock.place, f"dock {number}", colour=DOCK, size=8.0, above=11.0)
-    return keys + [Key(DOCK, "dock", "P")] * bool(site.docks)
+def _draw_marks(axes: Axes, terrain: Terrain, marks: Sequence[Mark]) -> list[Key]:
+    """Draw outlines, places and names; return their lines of the legend."""
+    keys: dict[str, Key] = {}
+    for mark in marks:
+        colour, sign, above = MARKS[mark.kind], "-", 0.0
+        if mark.points is None:
+            sign, above = "P", 11.0
+            axes.plot(*mark.at, sign, color=colour, markersize=9, markeredgecolor="white", zorder=6)
+        else:
+            style, above = ("dashed", 12.0) if mark.closes else ("solid", 0.0)  # doors have their widths there
+            draw_outline(axes, terrain, mark.points, colors=colour, linewidths=1.8, linestyles=style, zorder=5)
+        label(axes, *mark.at, mark.label, colour=colour, size=8.0, above=above)
+        keys[mark.kind] = Key(colour, KINDS[mark.kind], sign)
+    return [keys[kind] for kind in MARKS if kind in keys]
 
 
 def run_picture(run_folder: Path, out: Path, prepared: Prepared | None = None) -> None:

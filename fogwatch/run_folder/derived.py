@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from contextlib import suppress
-from dataclasses import dataclass
-from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -17,8 +14,8 @@ from patrol.radio.fleet_key import fleet_key
 from patrol.starting.warmup import warm
 
 if TYPE_CHECKING:
-    from fogwatch.launch.clerk_child import ClerkChild
     from fogwatch.run_folder.runfolder import RunFolder
+    from fogwatch.run_options import RunChoices
     from fogwatch.terminal.live_table import RunDisplay
     from patrol.ground.fog import Fog
     from patrol.ground.footprint import View
@@ -26,32 +23,8 @@ if TYPE_CHECKING:
     from patrol.summary.model import Summary
 
 
-PICTURE = "drawing fog.png"
-"""A step of a run's end, as people read it."""
-
-
-class _Progress:
-    """Follows a replay and says how many ticks are done."""
-
-    def __init__(self, progress: Callable[[int], None]) -> None:
-        self._progress = progress
-
-    def before(self, k: int, fog: Fog, views: Sequence[View]) -> None:
-        """Do nothing."""
-
-    def after(self, k: int, fog: Fog) -> None:
-        """Say that a tick is done."""
-        del fog
-        self._progress(k + 1)
-
-
-@dataclass(frozen=True, slots=True)
-class Wanted:
-    """The files that a run is to have."""
-
-    picture: bool  # fog.png
-    recording: bool  # recording.mcap
-    report: bool  # report.html
+JUDGING, PICTURE = "judging the run", "drawing fog.png"
+"""Steps of a run's end, as people read them."""
 
 
 def write_files(
@@ -59,45 +32,24 @@ def write_files(
     prepared: Prepared,
     journal: Journal,
     summary: Summary,
-    files: Wanted,
+    files: RunChoices,
     display: RunDisplay,
-    clerk: ClerkChild | None,
 ) -> bool:
-    """Write the files of a run that has ended, and show the progress; False when a signal has ended it.
-
-    The clerk writes the report meanwhile, if there is one that can.
-    """
+    """Write the files of a run that has ended, and show the progress; False when a signal has ended it."""
     try:
         recording = folder.recording if files.recording else None
         report = folder.report if files.report else None
-        by_clerk = report is not None and clerk is not None and clerk.begin_report()
-        _shown(journal, prepared, summary, recording, None if by_clerk else report, display)
+        if files.recording or files.report:
+            derive(journal, prepared, summary, recording, report, display)
         if files.picture:
             display.progress(PICTURE)
             _draw(folder, prepared, display.say)
             display.progress(PICTURE, 1.0)
-        if by_clerk and clerk is not None:
-            outcome = clerk.report_written()
-            if outcome is None:
-                _shown(journal, prepared, summary, None, report, display)
-            elif outcome.problem:
-                display.say(outcome.problem)
     except InterruptedBySignal:
         commands = f"`fogwatch report {folder.path}` and `fogwatch record {folder.path}` write report and recording"
         display.say(f"interrupted: not all files are written; {commands}")
         return False
     return True
-
-
-def load() -> None:
-    """Import what the files are made with, which takes a second or two: for a process that has to wait anyway.
-
-    What is wrong with a library is reported when a file is to be made.
-    """
-    drawing = ("matplotlib.backends.backend_agg", "matplotlib.backends.backend_svg")
-    with suppress(Exception):
-        for name in (*drawing, "monitor.recording.run_recorder", "monitor.report.document"):
-            import_module(name)
 
 
 def derive(
@@ -106,34 +58,58 @@ def derive(
     summary: Summary,
     recording: Path | None,
     report: Path | None,
-    say: Callable[[str], None],
-    progress: Callable[[int], None],
+    display: RunDisplay,
 ) -> None:
     """Write a run's recording and its report in one pass over the journal; either may be None.
 
-    A file that cannot be written is reported with `say` and does not make the run invalid. An interruption leaves
-    nothing of a file that is not complete. `progress` is called again and again with the number of ticks that were
-    replayed.
+    A file that cannot be written is reported and does not make the run invalid. An interruption leaves nothing of a
+    file that is not complete.
     """
+    step = f"writing {' and '.join(file.name for file in (recording, report) if file is not None)}"
+    display.progress(step)
     try:
-        warm(("patrol", "monitor", "experiments"), say)
-        _derive(journal, prepared, summary, recording, report, _Progress(progress))
+        warm(("patrol", "monitor", "experiments"), display.say)
+        _write(journal, prepared, summary, recording, report, _Progress(display, step, prepared.scenario.ticks))
     except ImportError as error:
-        say(f"no recording and no report: {error.name} is not installed (pip install 'fogwatch[monitor]')")
+        display.say(f"no recording and no report: {error.name} is not installed (pip install 'fogwatch[monitor]')")
     except (BadInput, MemoryError) as error:
-        say(f"no recording or no report: {told(error) if isinstance(error, MemoryError) else error}")
+        display.say(f"no recording or no report: {told(error) if isinstance(error, MemoryError) else error}")
     except OSError as error:
         commands = f"`fogwatch record {journal.path.parent}` and `fogwatch report {journal.path.parent}`"
-        say(f"no recording or no report: cannot be written ({error.strerror}); make room, then: {commands}")
+        why = f"cannot be written ({error.strerror}); make room, then: {commands}"
+        display.say(f"no recording or no report: {why}")
+    display.progress(step, 1.0)
 
 
-def _derive(
+class _Progress:
+    """Follows a replay and shows how much of a step is done."""
+
+    def __init__(self, display: RunDisplay, step: str, ticks: int) -> None:
+        self._display = display
+        self._step = step
+        self._ticks = ticks
+
+    def before(self, k: int, fog: Fog, views: Sequence[View]) -> None:
+        """Do nothing."""
+
+    def after(self, k: int, fog: Fog) -> None:
+        """Show that a tick is done."""
+        del fog
+        show_progress(self._display, self._step, k + 1, self._ticks)
+
+
+def show_progress(display: RunDisplay, step: str, done: int, ticks: int) -> None:
+    """Show how many ticks of a step are done; after the last one, more work of unknown length may follow."""
+    display.progress(step, done / ticks if done < ticks else None)
+
+
+def _write(
     journal: Journal,
     prepared: Prepared,
     summary: Summary,
     recording: Path | None,
     report: Path | None,
-    replayed: _Progress,
+    progress: _Progress,
 ) -> None:
     from monitor.recording.run_recorder import Recorder
     from monitor.replay.replay import Watcher, play
@@ -147,7 +123,7 @@ def _derive(
         key = None  # it was removed meanwhile; the report says that tags were not checked
     run = read_run(journal.path.parent, journal, prepared, summary, key)
     recorder = None if recording is None else Recorder(run, recording)
-    along: list[Watcher] = [replayed, *([recorder] if recorder else [])]
+    along: list[Watcher] = [progress, *([recorder] if recorder else [])]
     try:
         analysis = None
         if report is None:
@@ -162,27 +138,6 @@ def _derive(
         raise
     if report is not None and analysis is not None:
         write_report(analysis, report)
-
-
-def _shown(
-    journal: Journal,
-    prepared: Prepared,
-    summary: Summary,
-    recording: Path | None,
-    report: Path | None,
-    display: RunDisplay,
-) -> None:
-    """Write a recording and a report, each unless it is None, and show how far that is."""
-    files = [file.name for file in (recording, report) if file is not None]
-    if not files:
-        return
-    step, ticks = f"writing {' and '.join(files)}", prepared.scenario.ticks
-
-    def progress(k: int) -> None:
-        display.progress(step, k / ticks if k < ticks else None)
-
-    derive(journal, prepared, summary, recording, report, display.say, progress)
-    display.progress(step, 1.0)
 
 
 def _draw(folder: RunFolder, prepared: Prepared, say: Callable[[str], None]) -> None:

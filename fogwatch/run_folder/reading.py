@@ -10,12 +10,12 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from fogwatch.run_folder.runfolder import RunFolder
 from patrol.errors import BadInput
 from patrol.files.untrusted import JOURNAL, open_untrusted
 from patrol.starting.warmup import warm
 
 if TYPE_CHECKING:
+    from fogwatch.run_folder.runfolder import RunFolder
     from monitor.replay.run import Run
 
 

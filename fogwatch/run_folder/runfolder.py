@@ -28,10 +28,11 @@ from pathlib import Path
 
 from patrol.errors import BadInput
 from patrol.files.whole_file import write_whole
-from patrol.maps.load import load_terrain
+from patrol.prepare import terrain_of
 from patrol.scenario import Scenario, load_scenario
-from patrol.scenario.copying import FILE as SCENARIO
-from patrol.scenario.copying import MAP, keep_scenario
+from patrol.scenario.load import FILE as SCENARIO
+from patrol.scenario.load import keep_scenario
+from patrol.scenario.sections import MAP
 from patrol.security.access import FILE as ACCESS
 from patrol.summary.model import Summary
 
@@ -157,7 +158,7 @@ def make_folder(scenario: Scenario, out: Path | None, now: datetime) -> RunFolde
     """
     if scenario.terrain.map is not None:
         # Loaded here so that an error names the map itself, not its copy, and leaves no folder behind.
-        load_terrain(scenario.terrain, scenario.point, scenario.base, zones=scenario.zones)
+        terrain_of(scenario)
     while True:
         path = (out or untaken(RUNS / f"{scenario.name}-{now:%Y%m%d-%H%M%S}")).absolute()
         try:

@@ -14,9 +14,9 @@ from patrol.journal import Status
 from patrol.measures.best_tour import NO_BOUND
 from patrol.printable import printable
 from patrol.scenario.patrols import describe_patrol
-from patrol.scenario.zones import ELSEWHERE
 from patrol.summary.metric import metrics_of
 from patrol.summary.model import IntruderFacts, RobotFigures, Summary, VerdictFacts, ground_text, unsettled
+from patrol.zones.spec import ELSEWHERE
 
 _VERDICTS = {"valid": "bold green", "invalid": "bold red", "unknown": "bold yellow"}
 MOST_ROBOTS = 40

@@ -28,11 +28,10 @@ from monitor.live.tick_rate import TickRate
 from monitor.observation.listener import as_sent
 from monitor.observation.source import Answer, Layer, RobotShape, RobotState, Series, State, Static
 from monitor.observation.traps import TrapWatch
-from patrol.closures import Closings
+from patrol.closures.points import Closings
 from patrol.errors import BadInput, Malformed
 from patrol.ground.fog import Fog
 from patrol.ground.terrain import Terrain
-from patrol.ground.zones import steps_against
 from patrol.journal.records import End, Event, Header, Status, TickRecord
 from patrol.messages.feed import Batch, SoFar, read_so_far
 from patrol.pose import Pose
@@ -47,7 +46,8 @@ from patrol.scenario.controls import (
     read_control,
     worded,
 )
-from patrol.scenario.zones import zones_at
+from patrol.scenario.marks import looks_at
+from patrol.zones.ground import steps_against
 
 if TYPE_CHECKING:
     from monitor.live.feed_client import FeedClient
@@ -390,9 +390,7 @@ class FeedSource:
             links=None if self._direct else self._links.counts,
             ended=self._ended,
             intruders=intruders_there(self._scenario, k),
-            closed=tuple(sorted(self._closings.now.names)),
-            waiting=tuple(sorted(self._closings.now.waiting)),
-            zones=zones_at(self._scenario.zones, coming * self._step),
+            looks=looks_at(self._scenario, coming, self._closings),
             faults=in_force(self._scenario, coming, self._planned),
             note=self._note(),
             gone=self._ended is None and not self._client.present,

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from monitor.observation.source import Layer
-    from patrol.closures import Closings
+    from patrol.closures.points import Closings
     from patrol.ground.fog import Fog
     from patrol.ground.footprint import Footprint
     from patrol.ground.terrain import Terrain

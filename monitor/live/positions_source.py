@@ -26,7 +26,7 @@ from patrol.net.mailbox import FrameMailbox, Mailbox, Presence
 from patrol.prepare import inboxes_of, sensor_footprint
 from patrol.radio.fleet_key import fleet_key
 from patrol.scenario import as_mapping
-from patrol.scenario.zones import zones_at
+from patrol.scenario.marks import looks_at
 from patrol.security.keys import robot_of
 from patrol.wire import read
 
@@ -231,7 +231,7 @@ class PositionsSource:
             pace=1.0,
             ticks_per_s=1.0 / step,
             robots=tuple(self._robot(spec.number) for spec in self._roster),
-            zones=zones_at(self._scenario.zones, self._k * step),
+            looks=looks_at(self._scenario, self._k),
             mfow_s=self._mfow[-1] * step,
             fog_mean_s=self._mean[-1] * step,
             note="" if self._listener.peers else "no position received yet",

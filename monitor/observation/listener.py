@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from patrol.closures import Closings
+    from patrol.closures.points import Closings
     from patrol.ground.footprint import Footprint
 
 NO_ROBOT = -1

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     from patrol.journal.records import Event, Status
     from patrol.pose import Pose
-    from patrol.scenario.zones import ZoneNow
+    from patrol.scenario.marks import Looks
 
 Layer = Literal["truth", "heard"] | int
 """A fog: the true one, the one that follows from every position sent, or the one that a robot (by number) believes."""
@@ -117,9 +117,7 @@ class State:
     ended: str | None = None  # why no more ticks follow; None while more may follow
     # x and y (m) and name of those present; a control ends them by name
     intruders: tuple[tuple[float, float, str], ...] = ()
-    closed: tuple[str, ...] = ()
-    waiting: tuple[str, ...] = ()  # names of the closures that are to close, once bodies are clear of them
-    zones: Mapping[str, ZoneNow] = field(default_factory=dict)
+    looks: Looks = field(default_factory=dict)  # of the map's marks
     faults: tuple[Mapping[str, Any], ...] = ()  # in force and requested by operators, as entries of a scenario's faults
     note: str = ""  # what is wrong now, such as that nothing has been heard for some time
     gone: bool = False  # the world has disappeared without reporting an end

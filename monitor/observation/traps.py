@@ -9,9 +9,9 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from monitor.observation.source import Trapped
-from patrol.ground.closed import ChangingTerrain
+from patrol.closures.ground import ChangingTerrain
+from patrol.closures.open_ground import OpenGround
 from patrol.journal.records import Event, Status
-from patrol.measures.open_ground import OpenGround
 from patrol.measures.progress import Trap, Traps
 from patrol.measures.stays import SAMPLE_S
 from patrol.messages.telemetry import FREE, TRAPPED
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from patrol.closures import Closings
+    from patrol.closures.points import Closings
     from patrol.journal.records import TickRecord
     from patrol.prepare import Prepared
 

@@ -14,11 +14,10 @@ from monitor.observation.fault_bands import Band
 from monitor.observation.source import Answer, LinkCounts, Series, State, Static
 from monitor.page.survey import Survey
 from monitor.page.tiles import SIDE, layer_number
-from patrol.closures import closure_points
+from patrol.ground.marks import outline
 from patrol.ground.terrain import Terrain
-from patrol.ground.zones import middle, outline, points_of
 from patrol.journal.records import Event
-from patrol.scenario import ClosureSpec, ZoneSpec
+from patrol.scenario.marks import marks_of
 from patrol.scenario.patrols import describe_patrol
 
 
@@ -47,9 +46,7 @@ def static_message(static: Static, may_control: bool) -> str:
             "note": static.note,
             "direct": static.direct,
             "late": static.late,
-            "zones": _zones(static),
-            "closures": _closures(static),
-            "docks": [[*dock["place"], dock["radius"]] for dock in static.scenario.get("docks", ())],
+            "marks": _marks(static),
             "robots": [
                 {
                     "number": robot.number,
@@ -92,9 +89,7 @@ def state_message(state: State, survey: Survey | None, static: Static) -> str:
             "ended": state.ended,
             "note": state.note,
             "intruders": [list(intruder) for intruder in state.intruders],
-            "closed": list(state.closed),
-            "waiting": list(state.waiting),
-            "zones": dict(state.zones),
+            "looks": {section: dict(looks) for section, looks in state.looks.items()},
             "linked": state.links is not None,
             "faults": [dict(fault) for fault in state.faults],
             "seen": None if survey is None else survey.seen_share,
@@ -176,38 +171,31 @@ def answer_message(number: object, answer: Answer) -> str:
     return _json({"type": "answer", "id": number, "done": answer.done, "text": answer.text})
 
 
-def _zones(static: Static) -> list[dict[str, Any]]:
-    """Return the zones: the name of each, what the map says of it, its kind, where, and its outline in m."""
-    terrain, shown = Terrain(static.name, static.passable, static.point, static.origin), []
-    for says in static.scenario.get("zones", ()):
-        zone = ZoneSpec.model_validate(says)
-        points = points_of(zone, terrain)
-        edges = [[_short(value) for value in edge] for edge in outline(points, terrain).tolist()]
-        at = [_short(value) for value in middle(points, terrain)]
-        says_what = {"name": zone.name, "label": zone.label, "weighs": zone.weight is not None, "kind": zone.kind}
-        shown.append({**says_what, "at": at, "edges": edges})
-    return shown
+def _marks(static: Static) -> list[dict[str, Any]]:
+    """Return what the map shows of the scenario: what it is, where, and the outline of ground in m.
 
-
-def _closures(static: Static) -> list[dict[str, Any]]:
-    """Return the closures: the name of each, where, its outline in m, and its points, as [first, count] of each run."""
+    Of ground that may be closed `runs` are its points, as [first, count] of each run; [] of any other.
+    """
     terrain, shown = Terrain(static.name, static.passable, static.point, static.origin), []
-    for says in static.scenario.get("closures", ()):
-        closure = ClosureSpec.model_validate(says)
-        indices = closure_points(closure, terrain)
-        if not indices.size:
-            continue
-        points = np.zeros(terrain.shape, dtype=np.bool_)
-        points.reshape(-1)[indices] = True
-        begins = 1 + np.flatnonzero((np.diff(indices) != 1) | (indices[1:] % terrain.width == 0))
-        shown.append(
-            {
-                "name": closure.name,
-                "at": [_short(value) for value in middle(points, terrain)],
-                "edges": [[_short(value) for value in edge] for edge in outline(points, terrain).tolist()],
-                "runs": [[int(run[0]), run.size] for run in np.split(indices, begins)],
-            }
-        )
+    for mark in marks_of(static.scenario, terrain):
+        says: dict[str, Any] = {
+            "section": mark.section,
+            "kind": mark.kind,
+            "name": mark.name,
+            "label": mark.label,
+            "at": [_short(value) for value in mark.at],
+            "radius": mark.radius,
+            "edges": [],
+            "runs": [],
+        }
+        if mark.points is not None:
+            edges = outline(mark.points, terrain).tolist()
+            says["edges"] = [[_short(value) for value in edge] for edge in edges]
+            if mark.closes:
+                indices = np.flatnonzero(mark.points)
+                begins = 1 + np.flatnonzero((np.diff(indices) != 1) | (indices[1:] % terrain.width == 0))
+                says["runs"] = [[int(run[0]), run.size] for run in np.split(indices, begins)]
+        shown.append(says)
     return shown
 
 

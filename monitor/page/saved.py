@@ -44,6 +44,7 @@ from monitor.replay.player import Player
 from monitor.replay.run import Run
 from patrol import palette
 from patrol.errors import BadInput
+from patrol.files.whole_file import writing
 
 MOST_FRAMES = 1500
 """Frames of a saved page; of a longer run every second tick is shown, or every third, ..."""
@@ -101,7 +102,7 @@ def _page(html: str) -> dict[str, bytes]:
 
 def _write(folder: Path, files: Mapping[str, bytes]) -> None:
     """Write files into a folder and its folders, each as a whole; the page itself, index.html, comes last."""
-    try:
+    with writing(folder, "choose another folder"):
         folder.mkdir(parents=True, exist_ok=True)
         with TemporaryDirectory(prefix=".new-", dir=folder) as temporary:
             part = Path(temporary)
@@ -110,8 +111,6 @@ def _write(folder: Path, files: Mapping[str, bytes]) -> None:
                 (part / name).write_bytes(content)
             for entry in sorted(part.iterdir(), key=lambda entry: entry.name == "index.html"):
                 entry.rename(folder / entry.name)
-    except OSError as error:
-        raise BadInput(f"{folder}: cannot be written ({error.strerror}); choose another folder") from None
 
 
 def _static(name: str) -> str:

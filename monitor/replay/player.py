@@ -21,7 +21,7 @@ from monitor.replay.trap_log import TrapLog
 from patrol.journal.records import Event, Status
 from patrol.pose import Pose
 from patrol.scenario.controls import in_force, intruders_there
-from patrol.scenario.zones import zones_at
+from patrol.scenario.marks import looks_at
 
 SHOW_S = 1.0 / 30.0
 """Least wall time between two states, s."""
@@ -262,10 +262,8 @@ class Player:
             fog_mean_s=float(run.fog_mean[k]) * run.step,
             links=links,
             intruders=intruders_there(run.prepared.scenario, k),
-            closed=tuple(sorted(run.closings.names(k))),
-            waiting=tuple(sorted(run.closings.waiting(k))),
             faults=in_force(run.prepared.scenario, k, self._planned),
-            zones=zones_at(run.prepared.scenario.zones, k * run.step),
+            looks=looks_at(run.prepared.scenario, k, run.closings),
         )
 
 

@@ -16,13 +16,12 @@ from numpy.typing import NDArray
 
 from monitor.replay.run_files import SCENARIO, SUMMARY, journal_in
 from monitor.replay.summary_file import read_summary
-from patrol.closures import Closings
+from patrol.closures.points import Closings
 from patrol.errors import BadInput
 from patrol.journal import Journal, TraceHash
 from patrol.journal.records import FORGED, Event, RobotFacts, Status, TickRecord, sent_at
-from patrol.maps.load import load_terrain
 from patrol.pose import Pose
-from patrol.prepare import Prepared, prepare
+from patrol.prepare import Prepared, prepare, terrain_of
 from patrol.radio.fleet_key import fleet_key
 from patrol.scenario import load_scenario
 from patrol.scenario.controls import worded
@@ -187,7 +186,7 @@ def prepared_in(folder: Path, journal: Journal) -> Prepared:
         raise BadInput(
             f"{folder}: the journal has other robots than {SCENARIO}; they belong to different runs: restore its own"
         )
-    terrain = load_terrain(scenario.terrain, scenario.point, scenario.base, folder, scenario.zones)
+    terrain = terrain_of(scenario, folder)
     facts = journal.header.terrain
     if (facts.width, facts.height) != (terrain.width, terrain.height):
         raise BadInput(

@@ -52,7 +52,7 @@ def journal_in(folder: Path) -> Journal:
                 recording = file.read(len(_MCAP)) == _MCAP
         except OSError as error:
             raise BadInput(f"{folder}: cannot be read ({error.strerror}); name the run's folder") from None
-        kind = "is a recording; inspect it with `fogwatch recording`, or" if recording else "is a file;"
+        kind = "is a recording; inspect it with `fogwatch record --check`, or" if recording else "is a file;"
         raise BadInput(f"{folder}: {kind} name the run's folder")
     if not folder.is_dir():
         raise BadInput(f"{folder}: no such folder; name the folder of a run, such as runs/yards-20260101-120000")

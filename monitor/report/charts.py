@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from monitor.figures.style import ACCENT, ALERT, GRID, INK, MUTED, colour, figure, logarithmic, plain
 from monitor.observation.fault_bands import INTRUDER, Band, lanes
 from monitor.replay.belief_errors import BeliefErrors
 from monitor.replay.run import Run
-from monitor.report.style import ACCENT, ALERT, GRID, INK, MUTED, colour, figure, plain
 from patrol.journal.records import CHARGING, DEAD_END, DOCKING, Status
 
 if TYPE_CHECKING:
@@ -204,8 +204,6 @@ def links_chart(run: Run) -> Figure:
 
 def decisions_chart(run: Run) -> Figure:
     """Draw the decision times of each robot: 25th to 75th and 1st to 99th percentile, median and maximum."""
-    from matplotlib.ticker import LogLocator, NullLocator
-
     count = len(run.names)
     chart = figure(WIDTH, min(1.0 + 0.28 * count, 9.0))
     axes = chart.add_subplot()
@@ -221,10 +219,7 @@ def decisions_chart(run: Run) -> Figure:
         axes.plot(times.max(), place, marker="x", markersize=5, color=ALERT)
     _name_rows(axes, run.names)
     axes.set_ylim(count - 0.4, -0.6)
-    axes.set_xscale("log")
-    axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-    axes.xaxis.set_minor_locator(NullLocator())
-    axes.xaxis.set_major_formatter("{x:g}")
+    logarithmic(axes, "x")
     axes.set_xlabel("decision time (ms, logarithmic)")
     plain(axes, grid="x")
     return chart

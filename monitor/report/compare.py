@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from monitor.figures.style import Drawing, colour, figure, plain
 from monitor.replay.run import Run
 from monitor.report import html
 from monitor.report.analysis import Analysis, disagreement, measures, outcome_of, state_of
 from monitor.report.charts import WIDTH, thinned
 from monitor.report.map_charts import fog_chart, never_seen_note
-from monitor.report.style import Drawing, colour, draw, figure, plain
 from patrol.printable import printable
 
 if TYPE_CHECKING:
@@ -100,19 +100,19 @@ def drawings(analyses: Sequence[Analysis]) -> list[Drawing]:
     """Draw the figures of a comparison."""
     names = names_of([analysis.run for analysis in analyses])
     figures = [
-        draw(
+        Drawing(
             "mfow",
             "MFoW over time",
             "Age of the stalest point in each run.",
             lambda: _over_time(analyses, names, 3.4, "MFoW (s)", lambda run: run.mfow),
         ),
-        draw(
+        Drawing(
             "fog",
             "Mean fog over time",
             "Mean age over all points in each run.",
             lambda: _over_time(analyses, names, 2.6, "mean fog (s)", lambda run: run.fog_mean),
         ),
-        draw(
+        Drawing(
             "gaps",
             "Time between visits",
             "Share of the gaps between two visits to a point that are at least as long as the time on the axis.",
@@ -123,12 +123,11 @@ def drawings(analyses: Sequence[Analysis]) -> list[Drawing]:
     for number, (analysis, name) in enumerate(zip(analyses, names, strict=True), start=1):
 
         def mean(analysis: Analysis = analysis) -> Figure:
-            run = analysis.run
-            fog, never = analysis.visits.mean * run.step, analysis.visits.never
-            return fog_chart(run.prepared.terrain, fog, run.prepared.patrolled, never, "mean fog (s)", largest_s)
+            run, visits = analysis.run, analysis.visits
+            return fog_chart(run, visits.mean * run.step, visits.never, "mean fog (s)", largest_s, has_site=False)
 
         caption = "Mean age of each point." + never_seen_note(analysis.visits.never)
-        figures.append(draw(f"fog-mean-{number}", name, caption, mean))
+        figures.append(Drawing(f"fog-mean-{number}", name, caption, mean))
     return figures
 
 
@@ -167,7 +166,7 @@ def compare_html(analyses: Sequence[Analysis], figures: Sequence[Drawing]) -> st
         html.section("fog", "Fog", html.figure(of["mfow"]), html.figure(of["fog"])),
         html.section("visits", "Time between visits", html.figure(of["gaps"])),
         html.section("maps", "Mean fog, on a common scale", html.side_by_side(*maps)),
-        html.section("faults", "Faults", html.table(heads, faults, (2, 3)) if faults else ""),
+        html.section("faults", "Faults", html.table(heads, faults, (2, 3))),
     ]
     return html.page("fogwatch: comparison of runs", (part for part in body if part))
 

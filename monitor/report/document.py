@@ -14,6 +14,7 @@ from urllib.parse import quote
 
 import numpy as np
 
+from monitor.figures.style import Drawing
 from monitor.replay.belief_errors import SAMPLES
 from monitor.replay.run import Run
 from monitor.replay.run_files import RECORDING, REPORT, SCENARIO, check_out
@@ -27,72 +28,60 @@ from monitor.report.analysis import (
     warnings_of,
 )
 from monitor.report.radio_section import links_section
-from monitor.report.style import Drawing, Sketch
 from patrol.errors import BadInput
-from patrol.files.whole_file import write_whole
+from patrol.files.whole_file import write_whole, writing
 from patrol.files.yaml_text import read_text
 from patrol.measures.best_tour import best_tour
 from patrol.scenario.controls import intruder_name
 from patrol.scenario.patrols import describe_patrol
-from patrol.scenario.zones import ELSEWHERE
 from patrol.summary.metric import metrics_of
 from patrol.summary.model import FaultFacts, RobotFigures, ZoneFigures
+from patrol.zones.spec import ELSEWHERE
 
 MOST_EVENTS = 300
 MOST_ROBOTS = 100
 MOST_WARNINGS = 20
 
 
-def sketches(analysis: Analysis) -> list[Sketch]:
-    """List the figures of a report, which are drawn one by one."""
+def drawings(analysis: Analysis) -> list[Drawing]:
+    """List the figures of a report."""
     run, visits = analysis.run, analysis.visits
     bands = (*analysis.bands, *analysis.intruders)
-    terrain, counted, step = run.prepared.terrain, run.prepared.patrolled, run.step
-    zones, closures = run.prepared.scenario.zones, run.prepared.scenario.closures
+    step = run.step
     red = (" Red: faults." if analysis.bands else "") + (" Blue: intruders." if analysis.intruders else "")
     tour_s = best_tour(run.prepared).bound_of_fleet_s(run.prepared.scenario)
     figures = [
-        Sketch(
+        Drawing(
             "mfow",
             "MFoW over time",
             f"Age of the stalest point (MFoW), and mean age over all points.{red}",
             lambda: charts.mfow_chart(run, bands, tour_s),
         ),
-        Sketch(
+        Drawing(
             "states",
             "States of the robots",
             f"State in each tick. Marks: moves cancelled because of a collision.{red}",
             lambda: charts.states_chart(run, bands),
         ),
-        Sketch(
+        Drawing(
             "fog-mean",
             "Mean fog",
             "Mean age of each point over the run." + map_charts.never_seen_note(visits.never),
-            lambda: map_charts.fog_chart(
-                terrain, visits.mean * step, counted, visits.never, "mean fog (s)", zones=zones, closures=closures
-            ),
+            lambda: map_charts.fog_chart(run, visits.mean * step, visits.never, "mean fog (s)"),
         ),
-        Sketch(
+        Drawing(
             "fog-worst",
             "Worst fog",
             "Largest age of each point." + map_charts.never_seen_note(visits.never),
-            lambda: map_charts.fog_chart(
-                terrain,
-                visits.worst.astype(np.float64) * step,
-                counted,
-                visits.never,
-                "worst fog (s)",
-                zones=zones,
-                closures=closures,
-            ),
+            lambda: map_charts.fog_chart(run, visits.worst * step, visits.never, "worst fog (s)"),
         ),
-        Sketch(
+        Drawing(
             "gaps",
             "Time between visits",
             "From the end of one visit to the beginning of the next, over all points and the whole run.",
             lambda: charts.gaps_chart(visits.gaps, step),
         ),
-        Sketch(
+        Drawing(
             "paths",
             "Paths",
             "Ring: start of a robot; dot: end; cross: where it was lost.",
@@ -101,35 +90,30 @@ def sketches(analysis: Analysis) -> list[Sketch]:
     ]
     if len(run.names) > 1 and (run.links.delivered.any() or run.links.lost.any()):
         caption = "Share of the frames from each robot (row) to each other robot (column) that were delivered."
-        figures.append(Sketch("links", "Delivered share by link", caption, lambda: charts.links_chart(run)))
+        figures.append(Drawing("links", "Delivered share by link", caption, lambda: charts.links_chart(run)))
         if run.links.lost.any():
             caption = (
                 f"Share of the robots' frames that were delivered, of those delivered or dropped at the time.{red}"
             )
             figures.append(
-                Sketch("radio", "Delivered share over time", caption, lambda: charts.radio_chart(run, bands))
+                Drawing("radio", "Delivered share over time", caption, lambda: charts.radio_chart(run, bands))
             )
     errors = analysis.beliefs
     if errors is not None and len(errors.ticks):
         caption = f"Mean over all points of |believed age - true age|, at {len(errors.ticks)} ticks.{red}"
-        figures.append(Sketch("belief", "Belief error", caption, lambda: charts.belief_chart(run, errors, bands)))
+        figures.append(Drawing("belief", "Belief error", caption, lambda: charts.belief_chart(run, errors, bands)))
     if analysis.moving is not None:
         caption = (
             "An attempt that succeeds and one that does not, of the better predictor that watches. Dashed: the "
             "intruder's way to its target (star). Lines: robots meanwhile, up to the dots. Red: where it was seen."
         )
-        figures.append(Sketch("moving", "A moving intruder", caption, analysis.moving.chart))
+        figures.append(Drawing("moving", "A moving intruder", caption, analysis.moving.chart))
     if not np.isnan(run.decision_ms).all():
         caption = "Bar: 25th to 75th percentile; line: 1st to 99th percentile; vertical mark: median; cross: maximum."
-        figures.append(Sketch("decisions", "Decision times", caption, lambda: charts.decisions_chart(run)))
+        figures.append(Drawing("decisions", "Decision times", caption, lambda: charts.decisions_chart(run)))
     caption = "Share of each robot's decisions that were made in a dead end, and number of its cancelled moves."
-    figures.append(Sketch("troubles", "Dead ends and collisions", caption, lambda: charts.troubles_chart(run)))
+    figures.append(Drawing("troubles", "Dead ends and collisions", caption, lambda: charts.troubles_chart(run)))
     return figures
-
-
-def drawings(analysis: Analysis) -> list[Drawing]:
-    """Draw all figures of a report."""
-    return [sketch.draw() for sketch in sketches(analysis)]
 
 
 def report_html(analysis: Analysis, figures: Sequence[Drawing], going: bool = False, beside: Path | None = None) -> str:
@@ -202,10 +186,8 @@ def write_report(analysis: Analysis, out: Path, going: bool = False, figures: Pa
 def write_page(document: str, out: Path) -> None:
     """Write a document; a file with the final name is always complete."""
     check_out(out, REPORT)
-    try:
+    with writing(out):
         write_whole(out, document)
-    except OSError as error:
-        raise BadInput(f"{out}: cannot be written ({error.strerror}); choose another file") from None
 
 
 def _outcome(run: Run) -> tuple[str, str]:
@@ -237,8 +219,8 @@ def _verdict(run: Run) -> str:
         counts.append(f"{warned} with warnings")
     if len(open_checks) > failed + warned:
         counts.append(f"{len(open_checks) - failed - warned} could not be judged")
-    shown = html.table(heads, open_checks) if open_checks else ""
-    return html.text(f"{', '.join(counts)}.") + shown + html.details("checks passed", html.table(heads, passed))
+    listed = html.details("checks passed", html.table(heads, passed))
+    return html.text(f"{', '.join(counts)}.") + html.table(heads, open_checks) + listed
 
 
 def _stalest(run: Run) -> str:
@@ -250,7 +232,7 @@ def _stalest(run: Run) -> str:
             since = f"{place.at_s - place.age_s:g} s" if place.seen else "never"
             rows.append((when, f"{place.x:.1f}, {place.y:.1f}", f"{place.at_s:g}", f"{place.age_s:g}", since, near))
     heads = ("stalest place", "x, y (m)", "at (s)", "age (s)", "last seen before at", "nearest robot then")
-    return html.table(heads, rows, numbers=(1, 2, 3)) if rows else ""
+    return html.table(heads, rows, numbers=(1, 2, 3))
 
 
 def _robots(run: Run) -> str:
@@ -302,7 +284,7 @@ def _faults(analysis: Analysis) -> str:
         facts = analysis.run.stated.faults.get(band.id)
         numbers = "" if facts is None else _fault_counts(band.kind, facts)
         rows.append((band.id, band.kind, f"{band.begin:g}", until, band.text, numbers))
-    return html.table(("id", "kind", "from (s)", "to (s)", "details", "frames"), rows, numbers=(2, 3)) if rows else ""
+    return html.table(("id", "kind", "from (s)", "to (s)", "details", "frames"), rows, numbers=(2, 3))
 
 
 def _intruders(analysis: Analysis) -> str:
@@ -318,7 +300,7 @@ def _intruders(analysis: Analysis) -> str:
         rows.append((band.id, band.text, f"{band.begin:g}", f"{band.end:g}", *numbers))
     heads = ("intruder", "place (m)", "from (s)", "to (s)", "first reported at (s)", "reported for (s)")
     more = ("surrounded for (s)", "robots around it at most")
-    return html.table((*heads, *more), rows, numbers=range(2, 8)) if rows else ""
+    return html.table((*heads, *more), rows, numbers=range(2, 8))
 
 
 def _moving(analysis: Analysis) -> str:
@@ -363,7 +345,7 @@ def _batteries(run: Run) -> str:
         if (battery := robot.battery) is not None
     ]
     heads = ("robot", "least charge (%)", "at the end (%)", "times charged", "charged for (s)", "on patrol (%)")
-    return html.table((*heads, "empty at (s)"), rows, numbers=range(1, 7)) if rows else ""
+    return html.table((*heads, "empty at (s)"), rows, numbers=range(1, 7))
 
 
 def _closures(run: Run) -> str:

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import html
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from importlib.resources import files
 
-from monitor.report.style import Drawing
+from monitor.figures.style import Drawing
 from patrol import palette
 from patrol.printable import printable_lines
 
@@ -74,8 +74,8 @@ def boxes(items: Iterable[tuple[str, str, str]]) -> str:
     return f'<div class="tiles">{inside}</div>'
 
 
-def table(heads: Sequence[str], rows: Iterable[Sequence[str]], numbers: Sequence[int] = ()) -> str:
-    """Return a table; cells that are `Markup` are not escaped.
+def table(heads: Sequence[str], rows: Iterable[Sequence[str]], numbers: Collection[int] = ()) -> str:
+    """Return a table, empty without rows; cells that are `Markup` are not escaped.
 
     `numbers` are the indices of the columns to align to the right.
     """
@@ -87,13 +87,13 @@ def table(heads: Sequence[str], rows: Iterable[Sequence[str]], numbers: Sequence
     def row(tag: str, cells: Sequence[str]) -> str:
         return f"<tr>{''.join(cell(tag, column, says) for column, says in enumerate(cells))}</tr>"
 
-    body = "\n".join(row("td", cells) for cells in rows)
-    head = row("th", heads)
-    return f'<div class="scroll"><table>\n<thead>{head}</thead>\n<tbody>\n{body}\n</tbody>\n</table></div>'
+    body, head = "\n".join(row("td", cells) for cells in rows), row("th", heads)
+    table = f'<div class="scroll"><table>\n<thead>{head}</thead>\n<tbody>\n{body}\n</tbody>\n</table></div>'
+    return table if body else ""
 
 
 def long_table(
-    summary: str, heads: Sequence[str], rows: Sequence[Sequence[str]], numbers: Sequence[int], most: int
+    summary: str, heads: Sequence[str], rows: Sequence[Sequence[str]], numbers: Collection[int], most: int
 ) -> str:
     """Return a table that is hidden until the summary is clicked.
 

@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from monitor.figures.ground import draw_outline, fog_scale, frame, paint, rim
+from monitor.figures.style import INK, MUTED, UNCOUNTED, colour, figure, plain
 from monitor.replay.run import Run
-from monitor.report.style import INK, MUTED, UNCOUNTED, colour, figure, plain
-from patrol.closures import closure_points
 from patrol.ground.terrain import BoolGrid, Terrain
-from patrol.ground.zones import middle, outline, points_of
 from patrol.journal.records import Status
-from patrol.palette import NEVER_SEEN, rgb, with_walls
-from patrol.scenario import ClosureSpec, ZoneSpec
+from patrol.palette import MARKS, NEVER_SEEN, rgb
+from patrol.scenario.marks import marks_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -29,12 +27,6 @@ MOST_PANELS = 12
 MOST_STEPS = 2500
 """Most points of a path."""
 
-ZONES = {"weight": "#6a1b9a", "keepout": "#c1121f", "slow": "#00796b", "oneway": "#0b5cad"}
-"""Colours of the outlines of each kind of zone."""
-
-CLOSURE = "#e07b00"
-"""Colour of the outlines of closures."""
-
 _LONGEST = 1600
 """Pixels along the longer side of a map; larger maps are thinned."""
 
@@ -46,33 +38,27 @@ MAP_EDGE, PANEL_EDGE = 3, 5
 
 
 def fog_chart(
-    terrain: Terrain,
-    fog_s: NDArray[np.float64],
-    counted: BoolGrid,
-    never: BoolGrid,
-    label: str,
-    most: float | None = None,
-    zones: Sequence[ZoneSpec] = (),
-    closures: Sequence[ClosureSpec] = (),
+    run: Run, fog_s: NDArray[Any], never: BoolGrid, label: str, most: float | None = None, has_site: bool = True
 ) -> Figure:
-    """Return a map of the fog.
+    """Return a map of the fog, `fog_s`, with the points that were `never` seen, both of shape (h, w).
 
-    `fog_s`, `counted` (the patrolled area) and `never` (points never seen) are of shape (h, w). `most` is the end of
-    the colour scale in s; None for the largest value.
+    `most` is the end of the colour scale in s; None for the largest value. `has_site` adds zones and closures.
     """
+    terrain, counted, scenario = run.prepared.terrain, run.prepared.patrolled, run.prepared.scenario
     chart, axes = _map(terrain)
-    from matplotlib import colormaps
-    from matplotlib.cm import ScalarMappable
-    from matplotlib.colors import Normalize
-
     most = float(fog_s[counted].max(initial=0.0)) if most is None else most
-    scale = ScalarMappable(Normalize(0.0, max(most, 1e-9)), colormaps["cividis"].reversed())
+    scale = fog_scale(max(most, 1e-9))
     every = -(-max(terrain.shape) // _LONGEST)
     image = scale.to_rgba(_thinned(np.where(counted, fog_s, 0.0), every), bytes=True)
     image[~_thinned(counted, every)] = [round(255 * part) for part in UNCOUNTED]
     image[_thinned(counted & never, every)] = (*rgb(NEVER_SEEN), 255)
-    _lay(axes, terrain, with_walls(image, _thinned(~terrain.passable, every), _LONGEST, MAP_EDGE))
-    _outline(axes, terrain, zones, closures)
+    paint(axes, terrain, image, _thinned(~terrain.passable, every), _LONGEST, MAP_EDGE)
+    rims: dict[str, Any] = {"path_effects": rim(2.6)}
+    for mark in marks_of(scenario, terrain) if has_site else ():
+        if mark.points is not None:
+            tone = MARKS[mark.kind]
+            draw_outline(axes, terrain, mark.points, colors=tone, linewidths=1.3, **rims)
+            axes.text(*mark.at, mark.label, color=tone, ha="center", va="center", fontsize=7, clip_on=True, **rims)
     chart.colorbar(scale, ax=axes, label=label, shrink=0.85, pad=0.02)
     return chart
 
@@ -121,26 +107,6 @@ def ground_panels(terrain: Terrain, count: int, width: float) -> tuple[Figure, l
     return chart, panels
 
 
-def _outline(axes: Axes, terrain: Terrain, zones: Sequence[ZoneSpec], closures: Sequence[ClosureSpec]) -> None:
-    """Draw the outlines of zones, and what holds there, and those of closures."""
-    if not zones and not closures:
-        return
-    from matplotlib.collections import LineCollection
-    from matplotlib.patheffects import withStroke
-
-    shapes = [(points_of(zone, terrain), zone.label, ZONES[zone.kind]) for zone in zones]
-    for closure in closures:
-        points = np.zeros(terrain.shape, dtype=np.bool_)
-        points.reshape(-1)[closure_points(closure, terrain)] = True
-        shapes.append((points, closure.name, CLOSURE))
-    for points, text, tone in shapes:
-        edges = outline(points, terrain).reshape(-1, 2, 2)
-        rim = [withStroke(linewidth=2.6, foreground="white")]
-        axes.add_collection(LineCollection(list(edges), colors=tone, linewidths=1.3, path_effects=rim))
-        at = middle(points, terrain)
-        axes.text(*at, text, color=tone, ha="center", va="center", fontsize=7, path_effects=rim, clip_on=True)
-
-
 def _map(terrain: Terrain) -> tuple[Figure, Axes]:
     xmin, ymin, xmax, ymax = terrain.bounds
     width = 5.3
@@ -156,22 +122,14 @@ def _map(terrain: Terrain) -> tuple[Figure, Axes]:
 
 
 def _frame(axes: Axes, terrain: Terrain) -> None:
-    xmin, ymin, xmax, ymax = terrain.bounds
-    axes.set_xlim(xmin, xmax)
-    axes.set_ylim(ymin, ymax)
-    axes.set_aspect("equal")
+    frame(axes, terrain)
     plain(axes, grid="none")
 
 
 def _ground(axes: Axes, terrain: Terrain) -> None:
     every = -(-max(terrain.shape) // (_LONGEST // 2))
     walls = _thinned(~terrain.passable, every)
-    _lay(axes, terrain, with_walls(np.zeros((*walls.shape, 4), dtype=np.uint8), walls, _LONGEST, PANEL_EDGE))
-
-
-def _lay(axes: Axes, terrain: Terrain, image: NDArray[np.uint8]) -> None:
-    xmin, ymin, xmax, ymax = terrain.bounds
-    axes.imshow(image, origin="lower", extent=(xmin, xmax, ymin, ymax), interpolation="antialiased")
+    paint(axes, terrain, np.zeros((*walls.shape, 4), dtype=np.uint8), walls, _LONGEST, PANEL_EDGE)
 
 
 def _path(axes: Axes, run: Run, place: int, width: float) -> None:

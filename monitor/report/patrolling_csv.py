@@ -10,6 +10,7 @@ import statistics
 from typing import TYPE_CHECKING
 
 from patrol.errors import BadInput
+from patrol.files.whole_file import writing
 from patrol.measures.nodes import node_totals
 
 if TYPE_CHECKING:
@@ -55,12 +56,10 @@ def write_csv(run: Run, folder: Path) -> list[Path]:
         *(str(len(again)), f"{len(again) / totals.vertices:.1f}", str(min(map(len, totals.intervals())))),
     ]
     files = {"idleness.csv": visits, "timeresults.csv": lines, "info.csv": [";".join(info)]}
-    try:
+    with writing(f"--csv {folder}", "name another folder"):
         folder.mkdir(parents=True, exist_ok=True)
         for name, text in files.items():
             (folder / name).write_text("".join(f"{line}\n" for line in text), encoding="utf-8")
-    except OSError as error:
-        raise BadInput(f"--csv {folder}: cannot be written ({error.strerror}); name another folder") from None
     return [folder / name for name in files]
 
 

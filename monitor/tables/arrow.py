@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from monitor.tables.columns import TABLES, TableColumns
 from monitor.tables.rows import Row, rows_by_tick
+from monitor.tables.table import check_pyarrow
 from patrol.errors import BadInput, did_you_mean
 
 if TYPE_CHECKING:
@@ -16,16 +17,6 @@ if TYPE_CHECKING:
 
 BATCH_ROWS = 1 << 16
 """Rows that are collected as Python values before they become an Arrow batch, or one tick's rows more."""
-
-
-def check_pyarrow() -> None:
-    """Raise BadInput unless pyarrow can be imported."""
-    try:
-        import pyarrow  # noqa: F401 - whether it can be imported
-    except ImportError:
-        raise BadInput(
-            "tables need pyarrow; install it with: pip install 'fogwatch[tables]' (in a checkout: make develop)"
-        ) from None
 
 
 def schema_of(table: TableColumns, run: Run) -> pa.Schema:

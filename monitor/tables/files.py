@@ -7,8 +7,9 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
-from monitor.tables.arrow import batches, check_pyarrow, schema_of
+from monitor.tables.arrow import batches, schema_of
 from monitor.tables.columns import TABLES
+from monitor.tables.table import check_pyarrow
 from patrol.errors import BadInput
 from patrol.files.whole_file import replacing
 

@@ -12,7 +12,7 @@ import numpy as np
 from monitor.replay.replay import play
 from monitor.replay.visits import VisitCounter
 from monitor.tables.columns import EVENTS, FORGER, GROUND, LINKS, ROBOTS, TICKS, VISITS, TableColumns
-from patrol.energy import Batteries
+from patrol.energy.batteries import Batteries
 from patrol.journal.links import drops_of
 from patrol.journal.records import FORGED, Status
 from patrol.measures.nodes import node_totals

@@ -1,15 +1,16 @@
-"""The file that a class comes from which a scenario names, without running it."""
+"""The file that a class comes from which a scenario names, without running it, and the sections that name one."""
 
 from __future__ import annotations
 
 import hashlib
 from pathlib import Path
+from typing import Any, ClassVar, Self
 
 from pydantic import ValidationInfo
 
 from patrol.errors import BadInput
 from patrol.files.untrusted import OWN_CLASS, WEIGHTS, read_untrusted
-from patrol.values import absolute
+from patrol.values import Section, absolute, wrong
 
 
 def class_file(text: str) -> Path | None:
@@ -35,6 +36,60 @@ def class_source(path: Path, field: str) -> bytes:
         return read_untrusted(path, OWN_CLASS)
     except OSError as error:
         raise BadInput(f"{field} = {path}: cannot be read ({error.strerror}); correct it") from None
+
+
+class ClassSection(Section):
+    """A section that may name a class of one's own.
+
+    `NAMED` is the field that does, such as ``sensor.kind``; the one after it has the SHA-256 of the class's file, if it
+    comes from one. `SORT` is what is named, such as ``sensor``. A run's folder keeps the file in a folder of that name.
+    """
+
+    NAMED: ClassVar[str]
+    SORT: ClassVar[str]
+
+    def _named(self) -> tuple[str, str, str | None]:
+        """Return the field, the name of the class, and the SHA-256 of its file."""
+        field = self.NAMED.rpartition(".")[2]
+        return field, getattr(self, field), getattr(self, f"{field}_sha256")
+
+    def check_digest(self) -> None:
+        """Refuse a SHA-256 of a class that comes from no file."""
+        field, name, digest = self._named()
+        if digest is not None and class_file(name) is None:
+            raise wrong(f"{field}_sha256", f"only a {self.SORT} that is a file has a hash; drop it")
+
+    def reduce(self, says: dict[str, Any], files: bool) -> None:
+        """Let a class enter by its name, and by its file's content."""
+        super().reduce(says, files)
+        field, name, digest = self._named()
+        del says[f"{field}_sha256"]
+        class_name = name.rpartition(":")[2]
+        if not files:
+            says[field] = class_name
+        elif digest is not None:
+            says[field] = [digest, class_name]
+
+    def with_digests(self) -> Self:
+        """Add the SHA-256 of the class's file."""
+        field, name, digest = self._named()
+        section, path = super().with_digests(), class_file(name)
+        if path is None or digest is not None or not path.is_file():
+            return section
+        return section.model_copy(update={f"{field}_sha256": file_digest(path, self.NAMED)})
+
+    def with_copies(self, folder: Path) -> Self:
+        """Copy the class's file."""
+        field, name, digest = self._named()
+        section, source = super().with_copies(folder), class_file(name)
+        if source is None:
+            return section
+        if digest not in (None, file_digest(source, self.NAMED)):
+            raise BadInput(f"{source}: has changed since the scenario was loaded; start again")
+        own = folder / self.SORT
+        own.mkdir()
+        (own / source.name).write_bytes(class_source(source, self.NAMED))
+        return section.model_copy(update={field: f"./{self.SORT}/{source.name}:{name.rpartition(':')[2]}"})
 
 
 FIELD = "patrol.options.weights"

@@ -92,6 +92,7 @@ class Fault(Section):
     # processes need a launcher that can start and stop robots, and frames an ether; senses: what a robot measures;
     # bodies: what its body does; closures: closes or opens one
     acts_on: ClassVar[ActsOn]
+    EXAMPLE = "{kind: kill, at: 60, who: one}"
     model_config = ConfigDict(serialize_by_alias=True)
 
     kind: str = Field(description=KIND)

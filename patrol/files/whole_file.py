@@ -6,6 +6,17 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from patrol.errors import BadInput
+
+
+@contextmanager
+def writing(name: object, remedy: str = "choose another file") -> Iterator[None]:
+    """Turn an error of the disk into BadInput that names what is written, such as a file, and a remedy."""
+    try:
+        yield
+    except OSError as error:
+        raise BadInput(f"{name}: cannot be written ({error.strerror}); {remedy}") from None
+
 
 @contextmanager
 def replacing(file: Path) -> Iterator[Path]:

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
+from patrol.errors import BadInput
 from patrol.ground.cspace import clearance_levels, grown, parts_of
+from patrol.ground.shapes import Polygon, cover
 from patrol.ground.terrain import BoolGrid, Terrain
 
 SMALLEST_M2 = 1.0
@@ -37,3 +40,10 @@ def narrow_passages(terrain: Terrain, reach: BoolGrid, width: float) -> list[Boo
         if mouths >= 2:
             found.append(part)
     return found
+
+
+def check_areas(polygons: Sequence[Polygon], terrain: Terrain, field: str) -> None:
+    """Refuse critical areas that are given and hold no free ground."""
+    for number, polygon in enumerate(polygons):
+        if not (terrain.free & cover(polygon, terrain.shape, terrain.point, terrain.origin)).any():
+            raise BadInput(f"{field}.{number}: holds no free point of {terrain.name}; correct or drop it")

@@ -171,16 +171,12 @@ class Journal:
         end: End | None = None
         for record in records:
             if isinstance(record, Event):
-                self._take(record, events)
+                events.append(record)
             elif isinstance(record, End):
                 end = record
+            if len(events) > MOST_EVENTS:
+                raise BadInput(f"{self.path}: has more than {MOST_EVENTS} events; {REMEDY}")
         return _Rest(tuple(events), end, records.truncated)
-
-    def _take(self, event: Event, events: list[Event]) -> None:
-        """Add an event to those read, of which there may not be too many."""
-        events.append(event)
-        if len(events) > MOST_EVENTS:
-            raise BadInput(f"{self.path}: has more than {MOST_EVENTS} events; {REMEDY}")
 
 
 def read_journal(path: Path) -> Journal:
@@ -195,49 +191,14 @@ def read_journal(path: Path) -> Journal:
     return Journal(path)
 
 
-class GrowingJournal(Journal):
-    """A journal that is still being written, read as it grows; its events and its end are those read so far."""
-
-    def __init__(self, path: Path) -> None:
-        super().__init__(path)
-        self._records = _Records(path, self.header)
-        self._events: list[Event] = []
-        self._told: tuple[Event, ...] = ()
-        self._end: End | None = None
-
-    def read_on(self) -> Iterator[Record]:
-        """Read the whole records, the header included, that follow those read before.
-
-        Raises:
-            BadInput: As from `Journal`.
-        """
-        for record in self._records:
-            if isinstance(record, Event):
-                self._take(record, self._events)
-            elif isinstance(record, End):
-                self._end = record
-            yield record
-
-    @property
-    def _rest(self) -> _Rest:
-        if len(self._told) != len(self._events):  # a tuple for each event would take a time that grows as the square
-            self._told = tuple(self._events)
-        return _Rest(self._told, self._end, self._records.truncated)
-
-
 class _Records:
-    """A pass over a file's whole records; afterwards `truncated` says whether anything else follows them.
-
-    A second pass goes on behind the last whole record of the first, in a file that has grown since.
-    """
+    """A pass over a file's whole records; afterwards `truncated` says whether anything else follows them."""
 
     def __init__(self, path: Path, header: Header | None, skip_ticks: bool = False) -> None:
         self.path = path
         self._header = header
         robots = 0 if header is None else len(header.robots)
         self.truncated = False
-        self._number = 0
-        self._read_bytes = 0
         self._robots = robots
         self._longest = longest_record(robots)
         self._skip_ticks = skip_ticks
@@ -245,16 +206,10 @@ class _Records:
     def __iter__(self) -> Iterator[Record]:
         try:
             with open_untrusted(self.path, JOURNAL) as file:
-                if self._read_bytes:
-                    file.seek(self._read_bytes)
-                else:
-                    self._check_magic(file.readline(len(MAGIC) + 8))
-                    self._read_bytes = len(MAGIC)
-                for payload in self._payloads(file):
-                    self._number += 1
-                    self._read_bytes += _FRAME.size + len(payload)
+                self._check_magic(file.readline(len(MAGIC) + 8))
+                for number, payload in enumerate(self._payloads(file)):
                     if not (self._skip_ticks and is_tick(payload)):
-                        yield self._record(self._number - 1, payload)
+                        yield self._record(number, payload)
         except OSError as error:
             raise BadInput(f"{self.path}: cannot be read ({error.strerror})") from None
 

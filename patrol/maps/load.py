@@ -7,7 +7,7 @@ upper row at the highest y.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Protocol
 
@@ -16,7 +16,6 @@ import numpy as np
 from patrol.errors import BadInput, NotPrepared
 from patrol.ground.shapes import cover, touched_points
 from patrol.ground.terrain import MAX_POINTS, BoolGrid, Terrain, whole_points
-from patrol.ground.zones import Zone, with_zones
 from patrol.maps.builtins import builtin_terrain
 from patrol.maps.cells import (
     MapImage,
@@ -36,7 +35,7 @@ CELLS_AT_ONCE = 16_000_000
 
 
 class TerrainSource(Protocol):
-    """A terrain's name or file, and its keep-out zones: a scenario's section `terrain`."""
+    """A terrain's name or file, and its keep-outs: a scenario's section `terrain`."""
 
     @property
     def builtin(self) -> str | None:
@@ -54,9 +53,7 @@ class TerrainSource(Protocol):
         ...
 
 
-def load_terrain(
-    spec: TerrainSource, point: float, base: Path, within: Path | None = None, zones: Iterable[Zone] = ()
-) -> Terrain:
+def load_terrain(spec: TerrainSource, point: float, base: Path, within: Path | None = None) -> Terrain:
     """Return the terrain that a scenario asks for.
 
     The map's path is relative to `base`, and its files must lie in `within`; None allows any place.
@@ -66,14 +63,14 @@ def load_terrain(
     else:
         terrain = read_terrain(base / str(spec.map), point, within)
     if not spec.keep_out:
-        return with_zones(terrain, zones)
+        return terrain
     keep_out = np.zeros(terrain.shape, dtype=np.bool_)
     for polygon in spec.keep_out:
         keep_out |= cover(polygon, terrain.shape, point, terrain.origin)
     kept = Terrain(terrain.name, terrain.passable, point, terrain.origin, keep_out, terrain.source)
     if not kept.free.any():
         raise NotPrepared(f"terrain.keep_out: covers all free space of {terrain.name}; leave some for the robots")
-    return with_zones(kept, zones)
+    return kept
 
 
 def read_terrain(path: Path, point: float, within: Path | None = None) -> Terrain:

@@ -5,14 +5,17 @@ Its keys are image, resolution, origin, negate, occupied_thresh, free_thresh and
 
 from __future__ import annotations
 
+import hashlib
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
+import yaml
+
 from patrol.errors import BadInput, did_you_mean, quoted
-from patrol.files.untrusted import MAP, leads_out
+from patrol.files.untrusted import IMAGE, MAP, leads_out, read_untrusted
 from patrol.files.yaml_text import parse_yaml, read_text
 
 __all__ = ["MapFile", "read_map_file"]
@@ -42,6 +45,29 @@ class MapFile:
     occupied_thresh: float  # occupancy from which on a cell is occupied, 0 to 1
     free_thresh: float  # occupancy up to which a cell is free, 0 to 1
     mode: Mode  # the meaning of pixels; see `patrol.maps.cells`
+
+    @property
+    def meaning(self) -> dict[str, Any]:
+        """What the file says, but for the image."""
+        return {
+            "resolution": self.resolution,
+            "origin": self.origin,
+            "negate": self.negate,
+            "occupied_thresh": self.occupied_thresh,
+            "free_thresh": self.free_thresh,
+            "mode": self.mode,
+        }
+
+    def copy_to(self, folder: Path) -> None:
+        """Write the file and its image into a folder, under their names."""
+        try:
+            image = read_untrusted(self.image, IMAGE)
+        except OSError as error:
+            raise BadInput(f"{self.path}: image = {self.image}: cannot be read ({error.strerror})") from None
+        (folder / self.image.name).write_bytes(image)
+        says = {"image": self.image.name} | self.meaning
+        says |= {"origin": [*self.origin, 0.0], "negate": int(self.negate)}
+        (folder / self.path.name).write_text(yaml.safe_dump(says, sort_keys=False), encoding="utf-8")
 
 
 def read_map_file(path: Path, within: Path | None = None) -> MapFile:
@@ -83,6 +109,16 @@ def read_map_file(path: Path, within: Path | None = None) -> MapFile:
         free_thresh=free,
         mode=mode,
     )
+
+
+def map_meaning(path: Path) -> dict[str, Any]:
+    """Return what a map's YAML file means, with the SHA-256 (hex) of its image; where they lie does not matter."""
+    says = read_map_file(path)
+    try:
+        image = read_untrusted(says.image, IMAGE)
+    except OSError as error:
+        raise BadInput(f"{path}: image = {says.image}: cannot be read ({error.strerror}); correct 'image'") from None
+    return {"image": hashlib.sha256(image).hexdigest(), **says.meaning}
 
 
 def _existing_image(path: Path, image: str) -> Path:

@@ -23,10 +23,10 @@ from patrol.measures.best_tour import OwnGround, own_grounds
 from patrol.measures.stays import TRAPPED_S, Place, Stay, Stays, roaming_radius, ticks_of
 from patrol.measures.zoned import zoned_ground
 from patrol.scenario.policies import CommittedPatrol
-from patrol.scenario.zones import weighing_at
+from patrol.zones.spec import weighing_at
 
 if TYPE_CHECKING:
-    from patrol.measures.open_ground import OpenGround
+    from patrol.closures.open_ground import OpenGround
     from patrol.prepare import Prepared
 
 LOOK_S = 5.0

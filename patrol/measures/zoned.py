@@ -20,10 +20,10 @@ from numpy.typing import NDArray
 from patrol.errors import BadInput
 from patrol.exchange import LEAST_WEIGHT, MOST_WEIGHT
 from patrol.ground.ways import lengths_along
-from patrol.ground.zones import points_of
 from patrol.measures.best_tour import best_tour, own_grounds, round_over, tour_over
-from patrol.scenario.zones import Weighing, weighing_at
-from patrol.tours.zoned import MOST_CLASSES, Classes, ZonedGround
+from patrol.zones.division import MOST_CLASSES, Classes, ZonedGround
+from patrol.zones.ground import points_of
+from patrol.zones.spec import Weighing, weighing_at
 
 if TYPE_CHECKING:
     from patrol.ground.terrain import BoolGrid

@@ -4,19 +4,18 @@
                        PhaseA     your pose at tick k                         ReplyA    its frames: position, contacts
                        PhaseB     what you hear at tick k                     ReplyB    the command
                        Stop       leave, and why                              Failed    I cannot go on, and why
-                                                                              Report    what it has sent and acted on
+                                                                              Farewell  I have left
 
 Every message is one msgpack array ``[kind, incarnation, instance, k, run, ...]``. The incarnation counts a robot's
 processes (1 for the first). The instance is a random number of one process, which distinguishes it from a second
-process under the same name. k is the tick, and run a random number of the world's process. Both phases carry a proof
-that their tick has begun (`patrol.security.tick_chain`). Decoding is strict and pure: all bytes either give a
-message or raise `patrol.errors.Malformed`.
+process under the same name. k is the tick, and run a random number of the world's process. Decoding is strict and pure:
+all bytes either give a message or raise `patrol.errors.Malformed`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Annotated, Any, Self
 
 import msgpack
@@ -26,11 +25,9 @@ from patrol.errors import Malformed
 from patrol.exchange import LEAST_WEIGHT, MOST_BLOCKED, MOST_WEIGHT, MOST_ZONES, Reply, Sensed
 from patrol.pose import Pose, pack_command, unpack_command
 from patrol.radio.message import MAX_CONTACTS, MAX_FRAME, MAX_FRAMES
-from patrol.security.tick_chain import PROOF
-from patrol.security.transcripts import DIGEST, MAX_DIGESTS, MAX_LINES, Line, digest_of
 from patrol.wire import FAIL_FAST, PRINTABLE, Bytes, Finite, Flag, Real, Row, Text, check, unpack
 
-PROTOCOL = 7
+PROTOCOL = 8
 ANYONE = 0
 """The instance in a hello, which is for all processes of a robot."""
 
@@ -58,16 +55,12 @@ def _paired(flat: tuple[float, ...]) -> tuple[tuple[float, float], ...]:
 
 _Count = Annotated[int, Field(strict=True, ge=0, le=2**31 - 1)]
 _Id = Annotated[int, Field(strict=True, ge=0, le=2**63 - 1)]
-_Proof = Annotated[Bytes, Field(min_length=PROOF, max_length=PROOF)]
 _Reason = Annotated[Text, Field(max_length=_MAX_REASON), PRINTABLE]
 _Contacts = Annotated[tuple[Finite, ...], Field(max_length=2 * MAX_CONTACTS, fail_fast=True), AfterValidator(_paired)]
 _Blocked = Annotated[tuple[_Count, ...], Field(max_length=MOST_BLOCKED, fail_fast=True)]
 _Weight = Annotated[Finite, Field(ge=LEAST_WEIGHT, le=MOST_WEIGHT)]
 _Weights = Annotated[tuple[tuple[_Count, _Weight], ...], Field(max_length=MOST_ZONES, fail_fast=True)]
 _Zones = Annotated[tuple[_Count, ...], Field(max_length=MOST_ZONES, fail_fast=True)] | None
-_Digests = Annotated[Bytes, Field(max_length=MAX_DIGESTS * DIGEST)]
-_Line = tuple[_Count, _Digests, _Digests, _Digests, _Digests]
-_Lines = Annotated[tuple[_Line, ...], Field(max_length=MAX_LINES, fail_fast=True)]
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,13 +75,7 @@ class Head(Row):
 
 @dataclass(frozen=True, slots=True)
 class Hello(Head):
-    """The world asks which robots are there.
-
-    Its k counts the ticks that have begun.
-    """
-
-    proof: _Proof  # that k ticks have begun, from which the robot goes on
-    stride: Annotated[_Count, Field(ge=1)]  # ticks that share a link of the chain
+    """The world asks which robots are there."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,20 +83,18 @@ class PhaseA(Head):
     """The robot's senses at tick k."""
 
     sensed: Sensed
-    proof: _Proof  # that k + 1 ticks have begun
-    digest: bytes = field(default=b"", compare=False, repr=False)  # of the bytes that it was decoded from
 
     @classmethod
     def columns(cls) -> Mapping[str, Any]:  # noqa: D102 - of `Row`
         pose = {"x": Finite, "y": Finite, "heading": Finite}
         senses = {"bumped": Flag, "contacts": _Contacts, "clock_s": Finite, "charge": Finite | None}
         ground = {"blocked": _Blocked, "zones": _Zones, "weights": _Weights}
-        return {**Head.columns(), **pose, **senses, **ground, "proof": _Proof, "digest": bytes}
+        return {**Head.columns(), **pose, **senses, **ground}
 
     @classmethod
     def from_values(cls, *values: Any) -> Self:  # noqa: D102
-        incarnation, instance, k, run, x, y, heading, *senses, proof, digest = values
-        return cls(incarnation, instance, k, run, Sensed(k, Pose(x, y, heading), *senses), proof, digest)
+        incarnation, instance, k, run, x, y, heading, *senses = values
+        return cls(incarnation, instance, k, run, Sensed(k, Pose(x, y, heading), *senses))
 
     def to_values(self) -> tuple[Any, ...]:  # noqa: D102
         sensed, pose = self.sensed, self.sensed.pose
@@ -121,7 +106,7 @@ class PhaseA(Head):
         zones = None if sensed.zones is None else list(sensed.zones)
         weights = [(number, float(weight)) for number, weight in sensed.weights]
         senses = bool(sensed.bumped), contacts, float(sensed.clock_s), charge, list(sensed.blocked), zones, weights
-        return self.incarnation, self.instance, self.k, self.run, *pose_values, *senses, self.proof, self.digest
+        return self.incarnation, self.instance, self.k, self.run, *pose_values, *senses
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,8 +114,6 @@ class PhaseB(Head):
     """The frames that reach the robot in tick k."""
 
     frames: Annotated[tuple[Annotated[Bytes, Field(max_length=MAX_FRAME)], ...], FAIL_FAST]  # by sender and sequence
-    proof: _Proof  # that k + 1 ticks have begun
-    digest: bytes = field(default=b"", compare=False, repr=False)  # of the bytes that it was decoded from
 
 
 @dataclass(frozen=True, slots=True)
@@ -159,7 +142,6 @@ class ReplyA(Head):
 
     # its position frame, then those of its contacts; none when silent
     frames: Annotated[tuple[Bytes, ...], Field(max_length=MAX_FRAMES, fail_fast=True)]
-    digest: bytes = field(default=b"", compare=False, repr=False)  # of the bytes that it was decoded from
 
 
 @dataclass(frozen=True, slots=True)
@@ -170,25 +152,24 @@ class ReplyB(Head):
     """
 
     reply: Reply
-    digest: bytes = field(default=b"", compare=False, repr=False)  # of the bytes that it was decoded from
 
     @classmethod
     def columns(cls) -> Mapping[str, Any]:  # noqa: D102 - of `Row`
         command = {"model": _Count, "first": Real, "second": Real}
         state = {"state": Annotated[Text, Field(max_length=MAX_STATE), PRINTABLE], "goal": tuple[Finite, Finite] | None}
-        return {**Head.columns(), **command, **state, "decision_ms": Finite, "rejected": _Id, "digest": bytes}
+        return {**Head.columns(), **command, **state, "decision_ms": Finite, "rejected": _Id}
 
     @classmethod
     def from_values(cls, *values: Any) -> Self:  # noqa: D102
-        incarnation, instance, k, run, model, first, second, state, goal, decision_ms, rejected, digest = values
+        incarnation, instance, k, run, model, first, second, state, goal, decision_ms, rejected = values
         reply = Reply(unpack_command(model, first, second), state, goal, decision_ms, rejected)
-        return cls(incarnation, instance, k, run, reply, digest)
+        return cls(incarnation, instance, k, run, reply)
 
     def to_values(self) -> tuple[Any, ...]:  # noqa: D102
         reply = self.reply
         goal = None if reply.goal is None else (float(reply.goal[0]), float(reply.goal[1]))
         notes = str(reply.state), goal, float(reply.decision_ms), int(reply.rejected)
-        return self.incarnation, self.instance, self.k, self.run, *pack_command(reply.command), *notes, self.digest
+        return self.incarnation, self.instance, self.k, self.run, *pack_command(reply.command), *notes
 
 
 @dataclass(frozen=True, slots=True)
@@ -199,31 +180,15 @@ class Failed(Head):
 
 
 @dataclass(frozen=True, slots=True)
-class Report(Head):
-    """The digests of all that the robot has sent and acted on since its last report, complete up to tick k."""
-
-    since: _Count  # the first tick for which it is complete
-    lines: tuple[Line, ...]  # by tick
-
-    @classmethod
-    def columns(cls) -> Mapping[str, Any]:  # noqa: D102 - of `Row`
-        return {**Head.columns(), "since": _Count, "lines": _Lines}
-
-    @classmethod
-    def from_values(cls, *values: Any) -> Self:  # noqa: D102
-        incarnation, instance, k, run, since, lines = values
-        return cls(incarnation, instance, k, run, since, tuple(Line(line[0], line[1:]) for line in lines))
-
-    def to_values(self) -> tuple[Any, ...]:  # noqa: D102
-        lines = [(line.k, *line.digests) for line in self.lines]
-        return self.incarnation, self.instance, self.k, self.run, self.since, lines
+class Farewell(Head):
+    """The robot has left after tick k, and sends nothing more."""
 
 
 ToRobot = Hello | PhaseA | PhaseB | Stop
-ToWorld = HelloReply | ReplyA | ReplyB | Failed | Report
+ToWorld = HelloReply | ReplyA | ReplyB | Failed | Farewell
 
 _TO_ROBOT: Mapping[int, type[ToRobot]] = {0: Hello, 1: PhaseA, 2: PhaseB, 3: Stop}
-_TO_WORLD: Mapping[int, type[ToWorld]] = {0: HelloReply, 1: ReplyA, 2: ReplyB, 3: Failed, 4: Report}
+_TO_WORLD: Mapping[int, type[ToWorld]] = {0: HelloReply, 1: ReplyA, 2: ReplyB, 3: Failed, 4: Farewell}
 _KINDS = {kind: number for kinds in (_TO_ROBOT, _TO_WORLD) for number, kind in kinds.items()}
 
 
@@ -235,11 +200,8 @@ def max_to_robot(robots: int) -> int:
 def encode(message: ToRobot | ToWorld) -> bytes:
     """Pack a message, a reason cut short where it is too long. Receivers check all other limits."""
     values = message.to_values()
-    match message:
-        case PhaseA() | PhaseB() | ReplyA() | ReplyB():
-            values = values[:-1]  # the digest is the receiver's
-        case Stop() | Failed():
-            values = (*values[:-1], message.reason[:_MAX_REASON])
+    if isinstance(message, Stop | Failed):
+        values = (*values[:-1], message.reason[:_MAX_REASON])
     packed: bytes = msgpack.packb((_KINDS[type(message)], *values))
     return packed
 
@@ -273,6 +235,4 @@ def _decode(payload: bytes, kinds: Mapping[int, type[Any]]) -> Any:
     values = unpack(payload)
     if type(values) is not tuple or not values or type(values[0]) is not int or values[0] not in kinds:
         raise Malformed("no array that begins with a known kind")
-    kind = kinds[values[0]]
-    rest = (*values[1:], digest_of(payload)) if hasattr(kind, "digest") else values[1:]
-    return check(kind, rest)
+    return check(kinds[values[0]], values[1:])

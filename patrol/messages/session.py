@@ -15,37 +15,38 @@ answers, until the world dismisses the process:
                                     <----------------------  ReplyB: the command
                           PhaseA    ---------------------->  AWAITS_A -> DUE, and so on
     SEATED -> DISMISSED   Stop      ---------------------->  any -> LEFT
-                                    <----------------------  Report: what it has sent and acted on
+                                    <----------------------  Farewell
 
 Each end is a state machine without I/O. It is told what happens and when: a message has arrived, a liveliness token has
 come or gone, time has passed, the mind takes a tick, the world dismisses a robot. It returns effects as values, and its
 caller (`agent.robots.sim.SimRobot`, `worldsim.fleet.sessions.Sessions`) carries them out in their order. For example, a
 robot that run 5 greets at time 100.0 answers:
 
-    >>> robot.arrived(Hello(0, ANYONE, 0, 5, proof, 1), 100.0)
-    (Send(message=HelloReply(incarnation=1, instance=77, k=0, run=5, scenario='a1b2...', protocol=5)),)
+    >>> robot.arrived(Hello(0, ANYONE, 0, 5), 100.0)
+    (Send(message=HelloReply(incarnation=1, instance=77, k=0, run=5, scenario='a1b2...', protocol=8)),)
 
 `ROBOT` and `SEAT` hold all steps that are legal. What always holds:
 
 - An event that a state has no step for changes nothing, and its message is refused as a "stranger". A step may still
   refuse a message for what it says: its tick has not begun ("ahead") or is too old ("late"), or the seat is another
   process's ("seat").
-- A greeting proves nothing, because others may publish under a robot's key. So a robot answers several worlds, and is
-  bound by the first phase A that proves its tick to the run of that world. It takes no phase B before: nothing would
-  bound how many a false world can send. Once bound, it leaves only when that world says so or is gone.
+- Who may send what is for roles to decide (`patrol.security.roles`): an end believes each message for its process and
+  its run.
+- A world that greets a robot may end before its first tick. So a robot answers several, and the first phase A binds it
+  to the run of that world. Once bound, it leaves only when that world says so or is gone.
 - A tick is decided once. A phase that comes again gets the same bytes again.
 - At a pace the world waits for no robot: a newer phase A replaces one that the mind has not taken, but each phase B
   counts, in whatever order they come, because each brings other frames.
-- One process speaks for a robot: the first rightful one that answers. Others are turned away, whenever they ask.
+- One process speaks for a robot: the first that answers. Others are turned away, whenever they ask.
 - A liveliness token that comes or goes moves neither end. One that has gone is no farewell: a router closes the
   connection of a client that does not read, and takes all tokens along when it ends. A process is gone when its
-  launcher says so; without a launcher, when it has sent its last report or stays away for `RETURN_S`.
-- LEFT is final. The last report is sent then, and nothing after it.
+  launcher says so; without a launcher, when it has said farewell or stays away for `RETURN_S`.
+- LEFT is final. The farewell is sent then, and nothing after it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum
 from typing import TypeVar
@@ -56,20 +57,18 @@ from patrol.messages.phases import (
     PROTOCOL,
     UNLIKE,
     Failed,
+    Farewell,
     Hello,
     HelloReply,
     PhaseA,
     PhaseB,
     ReplyA,
     ReplyB,
-    Report,
     Stop,
     ToRobot,
     ToWorld,
 )
 from patrol.net.mailbox import Presence
-from patrol.security.tick_chain import TickChain, TickProofs
-from patrol.security.transcripts import MAX_TICKS, WorldTranscript
 
 SILENCE_S = 5.0
 """Silence of the world after which a robot asks whether it is still part of the run, s."""
@@ -82,6 +81,8 @@ RETURN_S = 12.0
 10 s left of an attempt to connect when the network is back, and the next begins half a second later."""
 MESH_RETURN_S = 120.0
 """The same in a mesh, where a robot that is cut off loses its token within seconds, s."""
+OLDEST = 256
+"""Age of the oldest tick whose answer a world still takes."""
 
 _PAUSE_S = 2.0
 _OFFERS = 8
@@ -90,11 +91,9 @@ _OFFERS = 8
 # --- states, events and steps ----------------------------------------------------------------------------------------
 
 RobotStage = Enum("RobotStage", "UNGREETED OFFERED DUE AWAITS_B AWAITS_A LEFT")
-RobotEvent = Enum(
-    "RobotEvent", "GREETED OUSTED STRANGER UNPROVEN BEGUN HEARD HEARD_OTHER REPEATED TAKEN TAKEN_HEARD LEAVES"
-)
+RobotEvent = Enum("RobotEvent", "GREETED OUSTED STRANGER BEGUN HEARD HEARD_OTHER REPEATED TAKEN TAKEN_HEARD LEAVES")
 SeatStage = Enum("SeatStage", "VACANT EXPECTED SEATED FAILING DISMISSED")
-SeatEvent = Enum("SeatEvent", "EXPECT END ASKS CLAIMS DIFFERS INTRUDES STRANGER RETURNS ANSWERS FAILS DISMISS REPORTS")
+SeatEvent = Enum("SeatEvent", "EXPECT END ASKS CLAIMS DIFFERS INTRUDES STRANGER RETURNS ANSWERS FAILS DISMISS LEAVES")
 
 S = TypeVar("S", RobotStage, SeatStage)
 E = TypeVar("E", RobotEvent, SeatEvent)
@@ -115,7 +114,6 @@ ROBOT = _steps(
     GREETED     OFFERED    OFFERED   DUE       AWAITS_B  AWAITS_A  -     by a world; once bound, by its own
     OUSTED      -          -         LEFT      LEFT      LEFT      -     greeted by another world, its own being gone
     STRANGER    -          -         -         -         -         -     for another process, or of another run
-    UNPROVEN    -          OFFERED   DUE       AWAITS_B  AWAITS_A  -     a phase without proof that its tick has begun
     BEGUN       -          DUE       DUE       DUE       DUE       -     phase A of a newer tick
     HEARD       -          -         DUE       AWAITS_A  -         -     phase B of the tick taken last
     HEARD_OTHER -          -         DUE       AWAITS_B  AWAITS_A  -     phase B of another tick
@@ -135,7 +133,7 @@ SEAT = _steps(
     EXPECT      EXPECTED   EXPECTED  EXPECTED  EXPECTED  EXPECTED   a process is going to be started
     END         VACANT     VACANT    VACANT    VACANT    VACANT     the process is gone for good
     ASKS        VACANT     EXPECTED  -         -         -          a process asks to be greeted
-    CLAIMS      -          SEATED    -         -         -          the rightful process answers the greeting
+    CLAIMS      -          SEATED    -         -         -          a process answers the greeting
     DIFFERS     -          EXPECTED  -         -         -          it has another scenario or version
     INTRUDES    VACANT     EXPECTED  SEATED    FAILING   DISMISSED  a process wants a seat that is not for it
     STRANGER    -          -         -         -         -          of a process without a seat, or of another run
@@ -143,7 +141,7 @@ SEAT = _steps(
     ANSWERS     -          -         SEATED    FAILING   -          it answers a phase
     FAILS       -          -         FAILING   FAILING   -          its mind cannot go on
     DISMISS     -          -         DISMISSED DISMISSED DISMISSED  the world tells it to leave
-    REPORTS     VACANT     EXPECTED  SEATED    FAILING   DISMISSED  a process that has, or had, the seat reports
+    LEAVES      VACANT     EXPECTED  SEATED    FAILING   DISMISSED  a process that has, or had, the seat has left
     """,
 )
 """Steps of the world's end of one robot's session."""
@@ -187,7 +185,7 @@ class Halt:
 
 @dataclass(frozen=True, slots=True)
 class Part:
-    """Report for the last time and leave the fleet; orderly where the run is over."""
+    """Say farewell and leave the fleet; orderly where the run is over."""
 
     reason: str
     orderly: bool = False
@@ -244,7 +242,7 @@ class RobotEnd:
         self._blind_s = blind_s
         self._unbroken = True  # no token has disappeared since our own world's last message
         self._own_news = self._last_news = self._last_said = self._posed = now
-        self._offers: dict[int, TickProofs] = {}  # by run; once bound, of its own
+        self._runs: list[int] = []  # of the worlds that have greeted this robot; once bound, its own alone
         self._due: PhaseA | None = None
         self._heard_k = -1
         self._early: set[int] = set()  # later ticks whose phase B has come
@@ -259,13 +257,11 @@ class RobotEnd:
         event = self._event_of(message, now)
         if not self._follow(event):
             return () if self.has_left else (Refuse("stranger"),)
-        if event not in (RobotEvent.UNPROVEN, RobotEvent.OUSTED):
+        if event is not RobotEvent.OUSTED:
             self._own_news = self._last_news = now
             self._unbroken = True
         effects: Effects = ()
         match event, message:
-            case RobotEvent.UNPROVEN, _:
-                effects = (Refuse("ahead"),)
             case RobotEvent.OUSTED, _:
                 effects = (Part("another world has taken over this fleet"),)
             case _, Stop(reason=reason, orderly=orderly):
@@ -275,7 +271,7 @@ class RobotEnd:
             case RobotEvent.REPEATED, (PhaseA() | PhaseB()) as phase:
                 effects = (Repeat(phase),)
             case _, PhaseA() as phase:
-                self._offers = {phase.run: self._offers[phase.run]}
+                self._runs = [phase.run]
                 self._due, self._posed = phase, now
             case _, PhaseB() as phase:
                 self._note_heard(phase.k)
@@ -297,9 +293,9 @@ class RobotEnd:
         silent_s = now - self._last_news
         if not self.world_present and silent_s > self._patience_s:
             return effects + self.leave(f"no world for {silent_s:.0f} s")
-        if min(silent_s, now - self._last_said) > (SILENCE_S if self._offers else UNGREETED_S):
+        if min(silent_s, now - self._last_said) > (SILENCE_S if self._runs else UNGREETED_S):
             effects += self._say_hello(self._run if self._is_bound else NO_RUN, now)
-            if not self._offers or not self.world_present:
+            if not self._runs or not self.world_present:
                 effects += (Unanswered(silent_s),)
         return effects
 
@@ -328,7 +324,7 @@ class RobotEnd:
 
     @property
     def _run(self) -> int:
-        return next(reversed(self._offers), NO_RUN)
+        return self._runs[-1] if self._runs else NO_RUN
 
     @property
     def _is_bound(self) -> bool:
@@ -354,20 +350,18 @@ class RobotEnd:
         return following is not None
 
     def _event_of(self, message: ToRobot, now: float) -> RobotEvent:
-        proofs = self._offers.get(message.run)
+        is_known = message.run in self._runs
         if isinstance(message, Hello):
             own_is_there = (self.world_present and self._unbroken) or now < self._own_news + SILENCE_S
             refusal = RobotEvent.STRANGER if own_is_there else RobotEvent.OUSTED
-            return refusal if self._is_bound and proofs is None else RobotEvent.GREETED
+            return refusal if self._is_bound and not is_known else RobotEvent.GREETED
         if (message.incarnation, message.instance) != (self._identity.incarnation, self._identity.instance):
             return RobotEvent.STRANGER
         if isinstance(message, Stop):
-            return RobotEvent.STRANGER if proofs is None and self._offers else RobotEvent.LEAVES
-        return RobotEvent.STRANGER if proofs is None else self._event_of_phase(message, proofs, now)
+            return RobotEvent.STRANGER if self._runs and not is_known else RobotEvent.LEAVES
+        return self._event_of_phase(message) if is_known else RobotEvent.STRANGER
 
-    def _event_of_phase(self, phase: PhaseA | PhaseB, proofs: TickProofs, now: float) -> RobotEvent:
-        if not proofs.accepts(phase.k + 1, phase.proof, now):
-            return RobotEvent.UNPROVEN
+    def _event_of_phase(self, phase: PhaseA | PhaseB) -> RobotEvent:
         if phase.k <= self._newest_k if isinstance(phase, PhaseA) else self._has_heard(phase.k):
             return RobotEvent.REPEATED
         if isinstance(phase, PhaseA):
@@ -375,10 +369,8 @@ class RobotEnd:
         return RobotEvent.HEARD if phase.k == self.k else RobotEvent.HEARD_OTHER
 
     def _answer_greeting(self, message: Hello, now: float) -> Effects:
-        if message.run not in self._offers:
-            self._offers[message.run] = TickProofs(message.k, message.proof, message.stride, now)
-        if len(self._offers) > _OFFERS:
-            del self._offers[next(iter(self._offers))]
+        if message.run not in self._runs:
+            self._runs = [*self._runs, message.run][-_OFFERS:]
         return self._say_hello(message.run, now)
 
     def _say_hello(self, run: int, now: float) -> Effects:
@@ -395,9 +387,6 @@ class WorldRun:
 
     number: int  # random number of the run
     scenario: str  # hash
-    chain: TickChain  # proves which ticks have begun
-    # instance that a launcher gives a robot's process, by number and incarnation; None without launcher
-    seat: Callable[[int, int], int] | None = None
     return_s: float = RETURN_S  # time without a token after which a process is gone
     k: int = 0  # the newest tick that a robot was told of
     begun: int = 0  # number of ticks that have begun
@@ -417,9 +406,8 @@ class WorldEnd:
     """The world's end of one robot's session. Times are in s.
 
     `present` is True while there is a liveliness token of the robot. `away_since` is when it was found to have gone,
-    None where it is there or was never seen. `process` has the seat, and `transcripts` are of each process that has, or
-    had, it: both by incarnation and instance. `reason` says why the mind cannot go on, or why the process was
-    dismissed.
+    None where it is there or was never seen. `process` is the one in the seat, by incarnation and instance. `reason`
+    says why the mind cannot go on, or why the process was dismissed.
     """
 
     def __init__(self, run: WorldRun, number: int, name: str, *, expected: bool = True) -> None:
@@ -431,7 +419,7 @@ class WorldEnd:
         self.away_since: float | None = None
         self.process: tuple[int, int] | None = None
         self.reason = ""
-        self.transcripts: dict[tuple[int, int], WorldTranscript] = {}
+        self._farewells: dict[tuple[int, int], bool] = {}  # by each process that has, or had, the seat
         self._run = run
         self._incarnation: int | None = None  # the only one expected; None for any
 
@@ -446,14 +434,14 @@ class WorldEnd:
         match message:
             case _ if not self._follow(event):
                 effects = (Refuse("stranger"),)
-            case ReplyA() | ReplyB() if self._run.begun - MAX_TICKS <= message.k < self._run.begun:
+            case ReplyA() | ReplyB() if self._run.begun - OLDEST <= message.k < self._run.begun:
                 effects = (Deliver(message),)
             case ReplyA() | ReplyB():
                 effects = (Refuse("ahead" if message.k >= self._run.begun else "late"),)
             case HelloReply():
                 effects = self._answer_hello(message, event)
-            case Report(k=until, since=since, lines=lines):
-                self.transcripts[message.incarnation, message.instance].compare(since, until, lines)
+            case Farewell():
+                self._farewells[message.incarnation, message.instance] = True
             case Failed():
                 self.reason = message.reason
         return effects
@@ -462,8 +450,7 @@ class WorldEnd:
         """Greet a process that is expected, if one is there."""
         if not self.present or self.stage is not SeatStage.EXPECTED:
             return ()
-        begun, chain = self._run.begun, self._run.chain
-        return (Send(Hello(0, ANYONE, begun, self._run.number, chain.proof(begun), chain.stride)),)
+        return (Send(Hello(0, ANYONE, self._run.begun, self._run.number)),)
 
     def dismiss(self, reason: str, *, orderly: bool) -> Effects:
         """Tell the process in the seat to leave, orderly where that is as planned; it is told again when it asks."""
@@ -485,8 +472,8 @@ class WorldEnd:
 
     @property
     def said_farewell(self) -> bool:
-        """True if the process in the seat has sent its last report."""
-        return self.process is not None and self.transcripts[self.process].closed
+        """True if the process in the seat has said farewell."""
+        return self.process is not None and self._farewells[self.process]
 
     def is_missing(self, now: float, for_s: float = GRACE_S) -> bool:
         """Return whether the token has been gone for so long; after `GRACE_S` the process may have ended."""
@@ -505,10 +492,10 @@ class WorldEnd:
         sender = message.incarnation, message.instance
         if isinstance(message, HelloReply):
             return self._event_of_hello(message)
-        if message.run != self._run.number or sender not in self.transcripts:
+        if message.run != self._run.number or sender not in self._farewells:
             return SeatEvent.STRANGER
-        if isinstance(message, Report):
-            return SeatEvent.REPORTS
+        if isinstance(message, Farewell):
+            return SeatEvent.LEAVES
         if sender != self.process:
             return SeatEvent.STRANGER
         return SeatEvent.FAILS if isinstance(message, Failed) else SeatEvent.ANSWERS
@@ -521,8 +508,7 @@ class WorldEnd:
             return SeatEvent.RETURNS if message.instance == self.process[1] else SeatEvent.INTRUDES
         if message.run == NO_RUN and message.protocol == PROTOCOL:
             return SeatEvent.ASKS
-        is_other = run.seat is not None and run.seat(self.number, incarnation) != message.instance
-        if is_other or self.stage is not SeatStage.EXPECTED or self._incarnation not in (None, incarnation):
+        if self.stage is not SeatStage.EXPECTED or self._incarnation not in (None, incarnation):
             return SeatEvent.INTRUDES
         return SeatEvent.DIFFERS if run.unlike(message) else SeatEvent.CLAIMS
 
@@ -533,7 +519,7 @@ class WorldEnd:
                 return self.greet()
             case SeatEvent.CLAIMS:
                 self.process = message.incarnation, message.instance
-                self.transcripts.setdefault(self.process, WorldTranscript())
+                self._farewells[self.process] = False
             case SeatEvent.DIFFERS:
                 unlike = self._run.unlike(message)
                 return self._turn_away(message, f"{UNLIKE}{unlike}"), Unlike(unlike)

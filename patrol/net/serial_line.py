@@ -1,10 +1,8 @@
 """Positions over a serial line, such as that of a radio modem, without Zenoh: what one writes, all others read.
 
-Only frames are sent, packed as `patrol.net.serial_line` says, and no keys: a position says whose it is. A
+Only frames are sent, in packets, and no keys: a position says whose it is. A
 contact does not; it belongs to the robot whose position came before it. (Zenoh has a link of this kind, but its Python
 package is built without it: "Unicast not supported for serial protocol".)
-
-Frames on a line of bytes: their beginnings and ends, and the detection of damaged ones.
 
 A *packet* is the frame and its checksum, stuffed so that it holds no zero byte (COBS: consistent overhead byte
 stuffing), and a zero byte that ends it: four bytes more than the frame. The checksum is CRC-16 with polynomial 0x1021,

@@ -30,11 +30,12 @@ class Late(BaseException):
 
 
 class deadline:  # noqa: N801 - a context manager
-    """A block that is interrupted when it takes too long.
+    """A block that is interrupted when it takes too long, and again and again until it is left.
 
-    It works in the main thread of a process, and on code that comes back to Python now and then. Elsewhere there is no
-    limit. A timer that was running goes on afterwards. When the whole process stands still, because it is stopped or
-    the machine is suspended, at most a quarter of the limit counts each time.
+    What is raised in a `__del__` or a callback of the garbage collector gets lost, so once is not enough. It works in
+    the main thread of a process, and on code that comes back to Python now and then. Elsewhere there is no limit. A
+    timer that was running goes on afterwards. When the whole process stands still, because it is stopped or the machine
+    is suspended, at most a quarter of the limit counts each time.
     """
 
     def __init__(self, limit_s: float | None) -> None:
@@ -73,7 +74,6 @@ class deadline:  # noqa: N801 - a context manager
             why = f"called itself more than {MOST_CALLS} times"
         else:
             return
-        signal.setitimer(signal.ITIMER_REAL, 0.0)
         raise Late(why)
 
 

@@ -6,6 +6,7 @@ however it ends, the pipe is at its end, and the child has `GRACE_S` to leave in
 
 from __future__ import annotations
 
+import atexit
 import contextlib
 import ctypes
 import math
@@ -130,6 +131,17 @@ def interrupt(_number: int, frame: FrameType | None, tries: int = 0) -> None:
 def _interrupt_soon(tries: int) -> None:
     signal.signal(signal.SIGALRM, partial(interrupt, tries=tries))
     signal.setitimer(signal.ITIMER_REAL, _POLL_S)
+
+
+def forget_interrupt() -> None:
+    """Cancel an interrupt that was put off: what it was to end is over."""
+    handler = signal.getsignal(signal.SIGALRM)
+    if isinstance(handler, partial) and handler.func is interrupt:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+
+
+atexit.register(forget_interrupt)
+"""While the interpreter puts itself away, the alarm would end the process by its signal."""
 
 
 def _is_loading(frame: FrameType | None) -> bool:

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from patrol.errors import BadInput
 from patrol.ground.cspace import parts_of
-from patrol.ground.fields import load_grid
+from patrol.ground.fields import StaticFields, load_grid
 from patrol.ground.terrain import BoolGrid, Terrain
 from patrol.kernels.regions import fill, spread
 from patrol.regions.convex import Floats, area, circumference, depths, hull, overlap
@@ -134,6 +134,15 @@ def regions_by_hand(
             )
     _check_gaps(terrain, labels, body)
     return _split(terrain, corners, labels, body)
+
+
+def split_for_bodies(
+    terrain: Terrain, polygons: Sequence[Polygon] | None, by_radius: Mapping[float, StaticFields]
+) -> dict[float, RegionSplit]:
+    """Make the regions, those given or automatic ones, and their connections for each radius."""
+    everywhere = np.logical_or.reduce([fields.reach for fields in by_radius.values()])
+    split = split_regions(terrain, everywhere) if polygons is None else regions_by_hand(terrain, polygons, everywhere)
+    return {radius: split.for_body(terrain, fields.reach) for radius, fields in by_radius.items()}
 
 
 def _laid(terrain: Terrain, polygons: Sequence[Floats]) -> NDArray[np.int32]:

@@ -1,13 +1,13 @@
 """The scenario: one file that says everything a run depends on, its faults, and what an operator may change."""
 
-from patrol.scenario.closures import ClosureSpec
+from patrol.closures.spec import ClosureSpec
+from patrol.energy.spec import BatterySpec, DockSpec
 from patrol.scenario.explain import naming
 from patrol.scenario.lengths import BodyLengths
 from patrol.scenario.load import (
     as_mapping,
     dump_scenario,
     load_scenario,
-    map_digest,
     open_scenario,
     parse_overrides,
     same_but_for_files,
@@ -26,8 +26,6 @@ from patrol.scenario.policies import (
 )
 from patrol.scenario.radio_spec import RadioSpec
 from patrol.scenario.sections import (
-    BatterySpec,
-    DockSpec,
     IntruderSpec,
     RobotEntry,
     RobotGroup,
@@ -35,8 +33,8 @@ from patrol.scenario.sections import (
     SensorSpec,
     TerrainSpec,
 )
-from patrol.scenario.zones import ZoneSpec
 from patrol.values import BUILTINS, MAX_ROBOTS
+from patrol.zones.spec import ZoneSpec
 
 __all__ = [
     "BUILTINS",
@@ -63,7 +61,6 @@ __all__ = [
     "as_mapping",
     "dump_scenario",
     "load_scenario",
-    "map_digest",
     "naming",
     "open_scenario",
     "parse_overrides",

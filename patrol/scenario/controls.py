@@ -35,8 +35,8 @@ from patrol.faults.roster import tick_of, ticks_of
 from patrol.files.half_characters import refuse_half_characters
 from patrol.journal.records import Event
 from patrol.scenario import Scenario, ZoneSpec, load_scenario
-from patrol.scenario.zones import Span, Weight, holds_tick
 from patrol.values import LARGEST, Corner, Flag, Name, Positive, Section, expecting, wrong
+from patrol.zones.spec import Span, Weight, holds_tick
 
 
 def worded(event: Event) -> Event:

@@ -6,16 +6,13 @@ import re
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from difflib import get_close_matches
+from typing import Annotated, Any, get_args, get_origin
 
-from pydantic import ValidationError
+from pydantic import Tag, ValidationError
 from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails
 
 from patrol.errors import BadInput, NotPrepared, did_you_mean, quoted
-from patrol.faults.kinds import KINDS, Fault, Forgery, Jitter, Jump, Slip, Wait
-from patrol.faults.nemesis import NemesisSpec
-from patrol.faults.targets import Some
-from patrol.scenario.closures import ClosureSpec
 from patrol.scenario.model import Scenario
 from patrol.scenario.policies import (
     COMMITTED,
@@ -27,49 +24,38 @@ from patrol.scenario.policies import (
     PotentialFieldOptions,
     StochasticOptions,
 )
-from patrol.scenario.radio_spec import MODEL_OPTIONS, AdaptiveSpec, BudgetSpec, RadioSpec
-from patrol.scenario.sections import (
-    DockSpec,
-    GraphSpec,
-    IntruderSpec,
-    RobotEntry,
-    RobotGroup,
-    SensorSpec,
-    TerrainSpec,
-)
-from patrol.scenario.zones import ZoneSpec
+from patrol.scenario.radio_spec import AdaptiveSpec, BudgetSpec, PathLossOptions
+from patrol.scenario.sections import RobotGroup
 from patrol.values import BUILTINS, Section
 
 MEANT = {"time": "at", "begin": "at", "start": "at", "duration": "for", "robot": "who", "robots": "who"}
 """What people call some keys of faults."""
 
-_SECTIONS: dict[str, type[Section]] = {
-    "terrain": TerrainSpec,
-    "sensor": SensorSpec,
-    "patrol": PatrolSpec,
-    "radio": RadioSpec,
-    "closures": ClosureSpec,
-    "docks": DockSpec,
-    "intruders": IntruderSpec,
-    "faults": Fault,
-    "nemesis": NemesisSpec,
-    "zones": ZoneSpec,
+
+def _alternatives(annotation: Any, tag: str = "") -> Iterator[tuple[str, type[Section]]]:
+    """Yield the sections that a field of some type may hold, each with its tag, such as ``=list``."""
+    if get_origin(annotation) is Annotated:
+        annotation, *notes = get_args(annotation)
+        tag = next((note.tag for note in notes if isinstance(note, Tag)), tag)
+    if isinstance(annotation, type) and issubclass(annotation, Section):
+        yield tag, annotation
+    for part in get_args(annotation):
+        yield from _alternatives(part, tag)
+
+
+def _section_of(field: FieldInfo) -> type[Section] | None:
+    """Return what all sections that a field may hold have in common; None for a field that holds none."""
+    sections = [section for _, section in _alternatives(field.annotation)]
+    if not sections:
+        return None
+    return next(base for base in sections[0].mro() if all(issubclass(section, base) for section in sections))
+
+
+SECTIONS: Mapping[str, type[Section]] = {
+    name: section for name, field in Scenario.model_fields.items() if (section := _section_of(field)) is not None
 }
-_OPTIONS: dict[str, type[Section]] = {
-    f"={COMMITTED}": CommittedOptions,
-    f"={STOCHASTIC}": StochasticOptions,
-    f"={PAPER}": PotentialFieldOptions,
-    **{f"={model}": options for model, options in MODEL_OPTIONS.items()},
-}
-_OF_RADIO: dict[str, type[Section]] = {"budget": BudgetSpec, "adaptive": AdaptiveSpec}
-_OF_FAULTS: dict[str, type[Section]] = {
-    **dict.fromkeys(("who", "from", "to", "as"), Some),
-    "delay": Wait,
-    "payload": Forgery,
-    "jump": Jump,
-    "jitter": Jitter,
-    "slip": Slip,
-}
+"""The scenario's sections by name, of lists what an entry is."""
+
 _UNKNOWN = ("extra_forbidden", "invalid_key")
 
 
@@ -192,38 +178,19 @@ def _is_overridden(field: str, overridden: Collection[str]) -> bool:
 def _known_at(location: Sequence[int | str]) -> tuple[type[Section], str]:
     """Find the innermost section on the way to a location, and the description of the field that leads there."""
     section: type[Section] = Scenario
+    alternatives: dict[str, type[Section]] = {}
     note = ""
-    top = ""
-    tag = ""
     for part in location:
         if not isinstance(part, str):
             continue
         if part.startswith("="):
-            section, tag = _alternative(top, part, section), part
+            section = alternatives.get(part, section)
             continue
         field = _fields(section).get(part)
         note = (field.description or "") if field else ""
-        if section is Scenario:
-            top = part
-            section = _SECTIONS.get(part, Scenario)
-        elif top == "faults" and field:
-            section = _OF_FAULTS.get(part, section)
-        elif top == "terrain" and part == "graph":
-            section = GraphSpec
-        elif part == "options":
-            section = _OPTIONS.get(tag, section)
-        elif top == "radio":
-            section = _OF_RADIO.get(part, section)
+        alternatives = dict(_alternatives(field.annotation)) if field else {}
+        section = (field and _section_of(field)) or section
     return section, note
-
-
-def _alternative(top: str, tag: str, section: type[Section]) -> type[Section]:
-    """Return the section behind one of a field's alternatives."""
-    if top == "robots" and tag in ("=mapping", "=list"):
-        return RobotGroup if tag == "=mapping" else RobotEntry
-    if top == "faults" and section is Fault:
-        return KINDS.get(tag.removeprefix("="), section)
-    return section
 
 
 def _unknown_key(key: str, section: type[Section]) -> str:
@@ -241,17 +208,19 @@ def _nearest_key(key: str, section: type[Section]) -> str:
     """Find the nearest known key, of this section or with the section that it belongs under; or this section's."""
     if (meant := MEANT.get(key.lower())) in _keys(section):
         return f"did you mean {meant}?"
-    everywhere: list[tuple[str, type[Section]]] = [
-        ("robots", RobotGroup),
-        *_SECTIONS.items(),
-        ("patrol.options", PotentialFieldOptions),
-        *(("radio.options", options) for options in MODEL_OPTIONS.values()),
-        *((f"radio.{name}", other_section) for name, other_section in _OF_RADIO.items()),
-        ("", Scenario),
-    ]
+    everywhere: dict[str, type[Section]] = {
+        "closures": SECTIONS["closures"],  # before zones, whose polygon is more often meant
+        **SECTIONS,
+        "robots": RobotGroup,
+        "patrol.options": PotentialFieldOptions,
+        "radio.options": PathLossOptions,
+        "radio.budget": BudgetSpec,
+        "radio.adaptive": AdaptiveSpec,
+        "": Scenario,
+    }
     spelled = {
         name: f"{home}.{name}" if home else f"{name} at the top level"
-        for home, other_section in everywhere
+        for home, other_section in everywhere.items()
         for name in _keys(other_section)
     }
     spelled |= {name: name for name in _keys(section)}

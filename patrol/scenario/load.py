@@ -10,8 +10,6 @@ Two scenarios that mean the same have the same `scenario_hash`.
 from __future__ import annotations
 
 import copy
-import hashlib
-import json
 import os
 import re
 from collections.abc import Iterable, Mapping, Sequence
@@ -21,48 +19,29 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from patrol.classes.class_file import class_file, file_digest, weights_digest
 from patrol.errors import BadInput, did_you_mean, quoted
 from patrol.files.half_characters import refuse_half_characters
-from patrol.files.untrusted import IMAGE, read_untrusted
 from patrol.files.yaml_text import line_of, parse_yaml, read_text
-from patrol.graph import VISIT_M
-from patrol.maps.map_file import IMAGE_ENDINGS, IS_IMAGE, read_map_file
-from patrol.pose import TURNS_IN_ARCS
+from patrol.maps.map_file import IMAGE_ENDINGS, IS_IMAGE
 from patrol.scenario.dump import dump_section, notes_on_lengths
-from patrol.scenario.explain import one_line
+from patrol.scenario.explain import SECTIONS, one_line
 from patrol.scenario.lengths import FIELDS
 from patrol.scenario.model import Scenario
 from patrol.scenario.nemesis import written_out
-from patrol.scenario.older import TOUR_STATED, translate_field, translate_overrides, translate_patrol
-from patrol.scenario.policies import (
-    BLOCKED_MEMORY_S,
-    DEFAULT,
-    LATER_OPTIONS,
-    LEARNED,
-    OPTION_LENGTHS,
-    CommittedPatrol,
-    LearnedPatrol,
-    PaperPatrol,
-    PatrolOptions,
-)
-from patrol.scenario.radio_spec import IDEAL
-from patrol.scenario.sections import BUILT_IN_SENSORS, GROUND, RobotEntry, RobotGroup, RobotSpec
-from patrol.values import AUTO, BUILTINS
+from patrol.scenario.older import translate_field, translate_overrides, translate_patrol
+from patrol.scenario.policies import DEFAULT, OPTION_LENGTHS, PatrolOptions, PatrolSpec
+from patrol.scenario.radio_spec import IDEAL, RadioSpec
+from patrol.scenario.sections import SECTOR, RobotEntry, RobotGroup, SensorSpec
+from patrol.values import AUTO, BUILTINS, digest_of
 
 Overrides = Mapping[str, object]
 
+FILE = "scenario.yaml"
+"""The scenario's file in a run's folder."""
+
 _HASH_FORMAT = "fogwatch-scenario/2"
-_ENTRIES = {
-    "closures": "{name: door, polygon: [[8, 2], [9, 2], [9, 3]], closed: [[60, 90]]}",
-    "docks": "{place: [10, 10]}",
-    "faults": "{kind: kill, at: 60, who: one}",
-    "intruders": "{place: [10, 10], at: 60}",
-    "zones": "{name: vault, polygon: [[2, 2], [8, 2], [8, 6]], weight: 10}",
-}
-"""The lists that are empty unless given, and what an entry looks like."""
-_OWN_CLASSES = (("patrol", "policy"), ("sensor", "kind"), ("radio", "model"))
-"""Sections that may name a class of one's own, and the fields that do."""
+_CLASSES = ((PatrolSpec, DEFAULT), (SensorSpec, SECTOR), (RadioSpec, IDEAL))
+"""Sections that may name a class of one's own, and what they name by default."""
 
 
 def load_scenario(
@@ -92,7 +71,7 @@ def load_scenario(
         path = Path(source)
         raw, text = _read_mapping(path)
         scenario = _resolve(raw, overrides or {}, str(path), path.parent, path.stem, text)
-    return _with_digests(scenario) if opens_classes else scenario
+    return scenario.with_digests() if opens_classes else scenario
 
 
 def open_scenario(what: str, overrides: Overrides | None = None) -> Scenario:
@@ -160,6 +139,18 @@ def dump_scenario(scenario: Scenario) -> str:
     return f"{dump_section(scenario, notes=notes_on_lengths(scenario))}\n"
 
 
+def keep_scenario(scenario: Scenario, folder: Path) -> Path:
+    """Write a resolved scenario with copies of its map, own classes and network, and return its new file.
+
+    So it runs again wherever the folder is moved to. A fleet's key is a secret and is not copied: the scenario goes on
+    naming its file. The folder must exist, and have no such copies yet. A file that cannot be read raises BadInput, a
+    folder that cannot be written to OSError.
+    """
+    path = folder / FILE
+    path.write_text(dump_scenario(scenario.with_copies(folder)), encoding="utf-8")
+    return path
+
+
 def scenario_schema() -> dict[str, Any]:
     """Return the JSON schema of a scenario file."""
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **Scenario.model_json_schema()}
@@ -171,16 +162,7 @@ def scenario_hash(scenario: Scenario) -> str:
     Left out are the name and where files lie: a map enters by its content, a tag key only by its presence, robots one
     by one.
     """
-    meaning = _meaning(scenario)
-    if scenario.terrain.map is not None:
-        meaning["terrain"]["map"] = map_digest(scenario.base / scenario.terrain.map)
-    for section, field in _OWN_CLASSES:
-        _forget_where_a_class_lies(meaning[section], field)
-    if isinstance(scenario.patrol, LearnedPatrol):
-        options = meaning["patrol"]["options"]
-        if (digest := options.pop("weights_sha256")) is not None:
-            options["weights"] = [digest, Path(options["weights"]).suffix]
-    return _digest({"format": _HASH_FORMAT, **meaning})
+    return digest_of({"format": _HASH_FORMAT, **scenario.meaning()})
 
 
 def same_but_for_files(one: Scenario, other: Scenario) -> bool:
@@ -188,82 +170,7 @@ def same_but_for_files(one: Scenario, other: Scenario) -> bool:
 
     Names, the map and the policy's file themselves do not count. Both are resolved; `one` may be a stranger's.
     """
-    meanings = [_meaning(scenario) for scenario in (one, other)]
-    for meaning in meanings:
-        meaning["terrain"]["map"] = meaning["terrain"]["map"] is not None
-        for section, field in _OWN_CLASSES:
-            if field in meaning[section]:
-                meaning[section][field] = meaning[section][field].rpartition(":")[2]
-                del meaning[section][f"{field}_sha256"]
-        if meaning["patrol"]["policy"] == LEARNED:
-            options = meaning["patrol"]["options"]
-            options["weights"] = options["weights"] is not None
-            del options["weights_sha256"]
-    return meanings[0] == meanings[1]
-
-
-def _meaning(scenario: Scenario) -> dict[str, Any]:
-    """Give a scenario's meaning, with that of its files: no names, a key by its presence alone, robots one by one."""
-    meaning = scenario.model_dump(mode="json", exclude={"name", "robots", "nemesis"})
-    meaning["radio"]["key"] = scenario.radio.key is not None
-    if scenario.sensor.kind in BUILT_IN_SENSORS:  # their other settings say it all
-        for field in ("kind", "kind_sha256", "options"):
-            del meaning["sensor"][field]
-    graph = scenario.terrain.graph
-    if graph is None:  # as before there were graphs, so that hashes stay
-        del meaning["terrain"]["graph"]
-    elif graph.visit == VISIT_M:  # as before it could be set
-        del meaning["terrain"]["graph"]["visit"]
-    if scenario.terrain.patrolled == GROUND:  # as before it could be set
-        del meaning["terrain"]["patrolled"]
-    if isinstance(scenario.patrol, PaperPatrol):
-        for option, before in LATER_OPTIONS.items():
-            if meaning["patrol"]["options"][option] == before:  # as before it could be set, so that hashes stay
-                del meaning["patrol"]["options"][option]
-    if isinstance(scenario.patrol, CommittedPatrol):
-        meaning["patrol"]["options"] |= TOUR_STATED  # as before it was the tour alone, so that hashes stay
-    if scenario.radio.model == IDEAL:  # as before there were others, so that hashes stay
-        for field in ("model", "model_sha256", "options"):
-            del meaning["radio"][field]
-    _drop_what_is_not_given(meaning)
-    meaning["robots"] = [_robot_meaning(spec) for spec in scenario.roster]
-    return meaning
-
-
-def _drop_what_is_not_given(meaning: dict[str, Any]) -> None:
-    """Drop zones, docks, closures and what a zone does not say, which came later: hashes stay as before."""
-    if not meaning["closures"] and meaning["patrol"]["blocked_memory"] == BLOCKED_MEMORY_S:
-        del meaning["patrol"]["blocked_memory"]
-    for field in ("zones", "docks", "closures"):
-        if not meaning[field]:
-            del meaning[field]
-    for zone in meaning.get("zones", ()):
-        for field in ("speed", "one_way", "times", "weights"):
-            if zone[field] is None:
-                del zone[field]
-
-
-def map_digest(path: Path) -> str:
-    """Return the SHA-256 (hex) of a map: of what its YAML means and of its image's bytes.
-
-    It does not matter where the two files lie.
-    """
-    says = read_map_file(path)
-    try:
-        image = read_untrusted(says.image, IMAGE)
-    except OSError as error:
-        raise BadInput(f"{path}: image = {says.image}: cannot be read ({error.strerror}); correct 'image'") from None
-    return _digest(
-        {
-            "image": hashlib.sha256(image).hexdigest(),
-            "resolution": says.resolution,
-            "origin": says.origin,
-            "negate": says.negate,
-            "occupied_thresh": says.occupied_thresh,
-            "free_thresh": says.free_thresh,
-            "mode": says.mode,
-        }
-    )
+    return one.meaning(files=False) == other.meaning(files=False)
 
 
 def _resolve(
@@ -281,21 +188,17 @@ def _resolve(
         raw["patrol"] = translate_patrol(raw["patrol"], notes)
     patrol = raw.get("patrol")
     overrides = translate_overrides(overrides, patrol)
-    if "patrol.policy" in overrides and isinstance(patrol, dict):
-        patrol.pop("policy_sha256", None)  # it is of the policy that is replaced, and so are its settings
-        if overrides["patrol.policy"] != patrol.get("policy", DEFAULT):
-            patrol.pop("options", None)
-            notes.clear()
+    for section, default in _CLASSES:
+        top, _, field = section.NAMED.partition(".")
+        given = raw.get(top)
+        if section.NAMED in overrides and isinstance(given, dict):
+            given.pop(f"{field}_sha256", None)  # it is of the class that is replaced, and so are its settings
+            if overrides[section.NAMED] != given.get(field, default):
+                given.pop("options", None)
+                if section is PatrolSpec:
+                    notes.clear()
     if "patrol.options.weights" in overrides and isinstance(patrol, dict) and isinstance(patrol.get("options"), dict):
         patrol["options"].pop("weights_sha256", None)
-    if "sensor.kind" in overrides and isinstance(raw.get("sensor"), dict):
-        for field in ("kind_sha256", "options"):
-            raw["sensor"].pop(field, None)
-    radio = raw.get("radio")
-    if "radio.model" in overrides and isinstance(radio, dict):
-        radio.pop("model_sha256", None)
-        if overrides["radio.model"] != radio.get("model", IDEAL):
-            radio.pop("options", None)
     for field, value in overrides.items():
         _override(raw, field, value)
     if "patrol" in overrides and isinstance(raw["patrol"], dict):
@@ -346,8 +249,9 @@ def _override(raw: dict[str, Any], field: str, value: object) -> None:
     if not all(parts):
         raise BadInput(f"override {field!r}: is not a field; write for example patrol.give_way")
     top = parts[0]
-    if top in _ENTRIES and parts[1:] and parts[1].isdecimal() and not raw.get(top):
-        raise BadInput(f"override {field}: {top} is an empty list; give entries: {top}=[{_ENTRIES[top]}]")
+    example = SECTIONS[top].EXAMPLE if top in SECTIONS else ""
+    if example and parts[1:] and parts[1].isdecimal() and not raw.get(top):
+        raise BadInput(f"override {field}: {top} is an empty list; give entries: {top}=[{example}]")
     _set(raw, parts, copy.deepcopy(value), field)
 
 
@@ -383,23 +287,6 @@ def _set(node: Any, parts: list[str], value: object, field: str) -> None:
         raise BadInput(f"override {field}: {quoted(node)} has no field {head}; leave .{'.'.join(parts)} out")
 
 
-def _with_digests(scenario: Scenario) -> Scenario:
-    """Add the SHA-256 of the files of own classes and trained networks, where the scenario does not have them yet."""
-    digests: dict[str, Any] = {}
-    for name, field in _OWN_CLASSES:
-        section = getattr(scenario, name)
-        path = class_file(getattr(section, field))
-        if path is not None and getattr(section, f"{field}_sha256") is None and path.is_file():
-            digests[name] = section.model_copy(update={f"{field}_sha256": file_digest(path, f"{name}.{field}")})
-    patrol = scenario.patrol
-    if isinstance(patrol, LearnedPatrol) and patrol.options.weights is not None:
-        weights = Path(patrol.options.weights)
-        if patrol.options.weights_sha256 is None and weights.is_file():
-            options = patrol.options.model_copy(update={"weights_sha256": weights_digest(weights)})
-            digests["patrol"] = patrol.model_copy(update={"options": options})
-    return scenario.model_copy(update=digests) if digests else scenario
-
-
 def _with_lengths(scenario: Scenario) -> Scenario:
     """Write out each length that follows the body and is the same for all robots."""
     patrol = scenario.patrol
@@ -414,26 +301,3 @@ def _common_lengths(scenario: Scenario, names: Iterable[str], section: object) -
     auto = [name for name in names if getattr(section, name, None) == AUTO]
     by_name = {name: {getattr(lengths, name) for lengths in scenario.lengths.values()} for name in auto}
     return {name: lengths.pop() for name, lengths in by_name.items() if len(lengths) == 1}
-
-
-def _forget_where_a_class_lies(section: dict[str, Any], field: str) -> None:
-    """Let a policy or a sensor enter by its file's content."""
-    digest = section.pop(f"{field}_sha256", None)
-    if digest is not None:
-        section[field] = [digest, section[field].rpartition(":")[2]]
-
-
-def _robot_meaning(spec: RobotSpec) -> list[Any]:
-    start = None if spec.start is None else [spec.start.x, spec.start.y, spec.start.heading]
-    turning = spec.turning_radius if spec.model in TURNS_IN_ARCS else None
-    meaning = [spec.name, spec.model, spec.speed, spec.radius, turning, start]
-    if spec.spare:
-        meaning.append("spare")
-    if spec.battery is not None:
-        meaning.append(spec.battery.model_dump(mode="json"))
-    return meaning
-
-
-def _digest(meaning: Mapping[str, Any]) -> str:
-    text = json.dumps(meaning, sort_keys=True, separators=(",", ":"), allow_nan=False)
-    return hashlib.sha256(text.encode()).hexdigest()

@@ -6,25 +6,27 @@ other modules import.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from functools import cached_property
-from itertools import pairwise
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, Self
 
 from pydantic import BaseModel, Field, ValidationInfo, field_validator, model_validator
 
+from patrol.closures.checks import check_closures
+from patrol.closures.spec import Closures, closures_in_file
+from patrol.energy.checks import check_docks
+from patrol.energy.spec import DockSpec
 from patrol.faults.kinds import Faults
 from patrol.faults.nemesis import NemesisSpec, room_for
-from patrol.faults.roster import check_faults, tick_of
+from patrol.faults.roster import check_faults
 from patrol.journal.records import MAX_TICKS
 from patrol.radio.allowance import Share
 from patrol.radio.message import MAX_TIME_MS
 from patrol.radio.units import ms_to_s, s_to_ms
-from patrol.scenario.closures import Closures, ClosureSpec, closures_in_file
 from patrol.scenario.lengths import BodyLengths, check_refinement, resolve_lengths
 from patrol.scenario.policies import (
-    PAPER,
     PaperPatrol,
     Patrol,
     StochasticPatrol,
@@ -33,7 +35,6 @@ from patrol.scenario.policies import (
 )
 from patrol.scenario.radio_spec import IdealRadio, Radio, check_radio_spec
 from patrol.scenario.sections import (
-    DockSpec,
     IntruderSpec,
     RobotGroup,
     Robots,
@@ -42,12 +43,15 @@ from patrol.scenario.sections import (
     TerrainSpec,
     roster_of,
 )
-from patrol.scenario.zones import Span, Zones, ZoneSpec, holds_tick, zones_in_file
 from patrol.values import AUTO, BUILTINS, Name, Pace, Positive, Section, Seed, wrong
+from patrol.zones.checks import check_zones
+from patrol.zones.spec import Zones, zones_in_file
 
 
 class Scenario(Section):
     """Everything that decides how a run goes."""
+
+    LATER = MappingProxyType({"docks": (), "zones": (), "closures": ()})
 
     name: Name = Field("scenario", description="default: the file's or the terrain's name")
     terrain: TerrainSpec = Field(description=f"{{builtin: {' | '.join(BUILTINS)}}} or {{map: FILE.yaml}}")
@@ -98,6 +102,17 @@ class Scenario(Section):
     def translated(self) -> tuple[str, ...]:
         """Settings of earlier versions that loading has replaced, one line each. It is no field, like `roster`."""
         return ()
+
+    def meaning(self, files: bool = True) -> dict[str, Any]:
+        """Return what it means, in plain values: no names, robots one by one, and files by their content.
+
+        Without `files` none is read, and they enter by their presence.
+        """
+        says = self.model_dump(mode="json", exclude={"name", "robots", "nemesis"})
+        self.reduce(says, files)
+        if self.closures:
+            says["patrol"]["blocked_memory"] = self.patrol.blocked_memory
+        return {**says, "robots": [spec.meaning for spec in self.roster]}
 
     @property
     def radio_share(self) -> Share | None:
@@ -161,10 +176,8 @@ class Scenario(Section):
         if isinstance(self.patrol, PaperPatrol):
             check_letter(self.patrol, (spec.model for spec in self.roster), bool(self.intruders))
             check_random_steps(self.patrol.options, {spec.model for spec in self.roster})
-        self._check_zones()
-        _check_names("zone", self.zones)
-        _check_names("closure", self.closures)
-        self._check_closures()
+        check_zones(self)
+        check_closures(self)
         names, closures = ([spec.name for spec in specs] for specs in (self.roster, self.closures))
         check_faults(self.faults, names, self.spares, closures, self.step, self.ticks, self.seed)
         if self.nemesis is not None:
@@ -180,58 +193,10 @@ class Scenario(Section):
                 limit = f"{fault.kind} acts on frames in the ether, and radio.via is direct; disturb the network itself"
                 raise wrong(f"faults.{index}", limit)
 
-    def _check_closures(self) -> None:
-        if not self.closures:
-            return
-        if self.patrol.paths != "wave":
-            limit = f"{self.patrol.paths} knows the map and no closures; set it to wave, or drop closures"
-            raise wrong("patrol.options.paths", limit)
-        for number, closure in enumerate(self.closures):
-            self._check_spans(f"closures.{number}.closed", closure.name, closure.closed or ())
-
-    def _check_zones(self) -> None:
-        fastest = max(spec.speed for spec in self.roster)
-        for number, zone in enumerate(self.zones):
-            if zone.speed is not None and zone.speed >= fastest:
-                limit = f"{zone.name} slows no robot, as the fastest drives {fastest:g} m/s; give less, or drop it"
-                raise wrong(f"zones.{number}.speed", limit, zone.speed)
-            self._check_spans(f"zones.{number}.times", zone.name, zone.times or ())
-            self._check_weights(f"zones.{number}.weights", zone)
-            if zone.one_way is not None:
-                self._check_one_way(f"zones.{number}.one_way", zone.one_way)
-
-    def _check_weights(self, field: str, zone: ZoneSpec) -> None:
-        """Refuse later weights that never hold."""
-        ticks = [*(tick_of(start_s, self.step) for start_s, _ in zone.weights or ()), self.ticks]
-        for (start_s, weight), (tick, after) in zip(zone.weights or (), pairwise(ticks), strict=True):
-            if tick >= after:
-                ends = "the run ends" if after == self.ticks else "the next one holds"
-                limit = (
-                    f"{zone.name} is to count {weight:g} times from {start_s:g} s on, and by then {ends}; correct it"
-                )
-                raise wrong(field, limit)
-
-    def _check_one_way(self, field: str, degrees: int) -> None:
-        """Refuse a one-way zone where something counts on ways that are as long there as back."""
-        if self.patrol.policy == PAPER:
-            limit = f"{PAPER} sums forces over ways that may lead against it; drop it, or choose another policy"
-            raise wrong(field, limit, degrees)
-        if self.closures:
-            limit = "with closures, robots could not tell which ground no way leads back from; drop it, or them"
-            raise wrong(field, limit, degrees)
-
-    def _check_spans(self, field: str, name: str, spans: Sequence[Span]) -> None:
-        """Refuse spans of time between two ticks."""
-        for first, end in spans:
-            if not holds_tick((first, end), self.step):
-                limit = f"{name}: {first:g} to {end:g} s holds no tick of {self.step:g} s; make it longer"
-                raise wrong(field, limit)
-
     def _check_roster(self) -> None:
         if all(spec.spare for spec in self.roster):
             raise wrong("robots", "all robots are spare, so none patrols; leave spare out for one")
-        if self.docks and all(spec.battery is None for spec in self.roster):
-            raise wrong("docks", "no robot has a battery, so none ever charges; give robots.battery, or drop docks")
+        check_docks(self)
         names: dict[str, int] = {}
         for spec in self.roster:
             if names.setdefault(spec.name, spec.number) != spec.number:
@@ -250,11 +215,3 @@ def _at(model: BaseModel, field: str) -> Any:
     for part in field.split("."):
         value = getattr(value, part)
     return value
-
-
-def _check_names(what: str, specs: Sequence[ZoneSpec | ClosureSpec]) -> None:
-    """Refuse two zones or two closures of one name."""
-    names = [spec.name for spec in specs]
-    for number, name in enumerate(names):
-        if name in names[:number]:
-            raise wrong(f"{what}s.{number}.name", f"{name} is the name of another {what} too; rename one")

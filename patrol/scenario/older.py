@@ -30,6 +30,7 @@ from patrol.scenario.policies import (
     OPTION_LENGTHS,
     PAPER,
     STOCHASTIC,
+    TOUR_STATED,
     CommitmentOptions,
     PotentialFieldOptions,
 )
@@ -48,19 +49,18 @@ _DEFAULTS_0_2: Mapping[str, Any] = MappingProxyType(
 _DEFAULTS: Mapping[str, Any] = MappingProxyType(
     {name: field.get_default() for name, field in PotentialFieldOptions.model_fields.items()} | dict(_DEFAULTS_0_2)
 )
-_RANDOM_STEPS: Mapping[str, Any] = MappingProxyType({"random_move": 0.02, "random_move_for": "all"})
-"""Settings of free choices that are settings no longer, and the values that they keep."""
-
 _SHARE = "unpredictability"
 """Setting of `committed`: the share of the time of free choices."""
+
+_RANDOM_STEPS: Mapping[str, Any] = MappingProxyType(
+    {name: value for name, value in TOUR_STATED.items() if name != _SHARE}
+)
+"""Settings of free choices that are settings no longer, and the values that they keep."""
 
 _SEE = "docs/compatibility.md"
 
 _STATED_0_3 = frozenset(CommitmentOptions.model_fields) - {"critical_areas"} | _RANDOM_STEPS.keys()
 """Settings of `committed` that every file written by 0.3 states."""
-
-TOUR_STATED: Mapping[str, Any] = MappingProxyType({_SHARE: 0.0, **_RANDOM_STEPS})
-"""Settings of `committed` that 1.0 had, and what files stated where its robots followed the tour."""
 
 _REPULSION = "repulsion"
 

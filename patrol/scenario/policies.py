@@ -38,12 +38,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from pathlib import Path
+from types import MappingProxyType
 from typing import Annotated, Any, ClassVar, Final, Literal, Self, get_args
 
-from pydantic import Discriminator, Field, Tag, ValidationInfo, field_validator, model_validator
+from pydantic import AfterValidator, Discriminator, Field, Tag, ValidationInfo, field_validator, model_validator
 
 from patrol.classes.class_file import FIELD as WEIGHTS_FIELD
-from patrol.classes.class_file import beside, class_file, weights_content
+from patrol.classes.class_file import ClassSection, beside, weights_content, weights_digest
 from patrol.errors import BadInput
 from patrol.values import (
     AUTO,
@@ -69,8 +70,8 @@ from patrol.values import (
     wrong,
 )
 
-LATER_OPTIONS: Mapping[str, object] = {"letter": False, "ties": "diagonal", "origin": "point"}
-"""Settings of `potential-field` that came later, and the values that change nothing."""
+TOUR_STATED: Mapping[str, Any] = {"unpredictability": 0.0, "random_move": 0.02, "random_move_for": "all"}
+"""Settings of `committed` that 1.0 had, and what files stated where its robots followed the tour."""
 
 TO_THE_LETTER: Mapping[str, object] = {
     "patrol.options.letter": True,
@@ -203,10 +204,16 @@ class StochasticOptions(CommitmentOptions):
 class CommittedOptions(CommitmentOptions):
     """Settings of `committed`: all robots follow one tour, evenly spaced."""
 
+    def reduce(self, says: dict[str, Any], files: bool) -> None:
+        """Add what older files stated, so that hashes stay as before it was the tour alone."""
+        super().reduce(says, files)
+        says |= TOUR_STATED
+
 
 class PotentialFieldOptions(PatrolOptions):
     """Settings of `potential-field`: the paper's rules, with its switches."""
 
+    LATER = MappingProxyType({"letter": False, "ties": "diagonal", "origin": "point"})
     NEEDS: ClassVar[dict[str, tuple[str, tuple[str, ...]]]] = {
         **PatrolOptions.NEEDS,
         "length": ("distance", ("g3", "g5")),
@@ -325,6 +332,30 @@ class LearnedOptions(Section):
             raise BadInput(f"{WEIGHTS_FIELD}: is missing; train a network with fogwatch.learn, and name its file")
         return weights_content(Path(self.weights), self.weights_sha256)
 
+    def reduce(self, says: dict[str, Any], files: bool) -> None:
+        """Let a network enter by its content."""
+        super().reduce(says, files)
+        digest = says.pop("weights_sha256")
+        if not files:
+            says["weights"] = self.weights is not None
+        elif digest is not None:
+            says["weights"] = [digest, Path(str(self.weights)).suffix]
+
+    def with_digests(self) -> Self:
+        """Add the SHA-256 of the network."""
+        if self.weights is None or self.weights_sha256 is not None or not Path(self.weights).is_file():
+            return self
+        return self.model_copy(update={"weights_sha256": weights_digest(Path(self.weights))})
+
+    def with_copies(self, folder: Path) -> Self:
+        """Copy the network."""
+        if self.weights is None:
+            return self
+        content, name = self.read_weights(), Path(self.weights).name
+        (folder / PatrolSpec.SORT).mkdir()
+        (folder / PatrolSpec.SORT / name).write_bytes(content)
+        return self.model_copy(update={"weights": f"./{PatrolSpec.SORT}/{name}"})
+
 
 POLICY = (
     "stochastic | committed (the tour) | potential-field (the paper's) | a rival, such as sebs | package.module:Class "
@@ -336,11 +367,17 @@ POLICY = (
 BLOCKED_MEMORY_S = 120.0
 """Default of `patrol.blocked_memory`."""
 
+OwnPolicyText = Annotated[PolicyText, AfterValidator(beside)]
 
-class PatrolSpec(Section):
+
+class PatrolSpec(ClassSection):
     """Decisions of a robot: the policy, its settings, and the way there."""
 
-    policy: PolicyText = Field(DEFAULT, description=POLICY)
+    NAMED = "patrol.policy"
+    SORT = "policy"
+    LATER = MappingProxyType({"blocked_memory": BLOCKED_MEMORY_S})
+
+    policy: OwnPolicyText = Field(DEFAULT, description=POLICY)
     policy_sha256: Digest | None = Field(None, description="of the policy's file; filled in when this file is loaded")
     options: Any = Field(None, description="settings of the policy, by name")
     avoidance: Literal["none", "goal-refinement"] = Field(
@@ -370,16 +407,15 @@ class PatrolSpec(Section):
         BLOCKED_MEMORY_S, description="s after which a robot forgets ground blocked by a closure or a robot not heard"
     )
 
-    @field_validator("policy")
-    @classmethod
-    def _from_the_files_folder(cls, value: str, info: ValidationInfo) -> str:
-        return beside(value, info)
-
     @model_validator(mode="after")
     def _a_file_has_a_hash(self) -> Self:
-        if self.policy_sha256 is not None and class_file(self.policy) is None:
-            raise wrong("policy_sha256", "only a policy that is a file has a hash; drop it")
+        self.check_digest()
         return self
+
+    @property
+    def sums_forces(self) -> bool:
+        """True for the paper's policy, by which ways are as long there as back."""
+        return self.policy == PAPER
 
     @property
     def needs_rounds(self) -> bool:
@@ -497,7 +533,7 @@ class LearnedPatrol(PatrolSpec):
 class OwnPatrol(PatrolSpec):
     """The section with a policy of one's own."""
 
-    policy: PolicyText = Field(description=POLICY, json_schema_extra={"not": {"enum": [*BUILT_IN, LEARNED]}})
+    policy: OwnPolicyText = Field(description=POLICY, json_schema_extra={"not": {"enum": [*BUILT_IN, LEARNED]}})
     options: dict[str, Any] | None = Field(None, description="settings of a policy of one's own, by name")
 
 

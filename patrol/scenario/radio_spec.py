@@ -14,9 +14,9 @@ from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 from typing import Annotated, Any, Final, Literal, Self
 
-from pydantic import Discriminator, Field, Tag, ValidationInfo, field_validator, model_validator
+from pydantic import AfterValidator, Discriminator, Field, Tag, ValidationInfo, field_validator, model_validator
 
-from patrol.classes.class_file import beside, class_file
+from patrol.classes.class_file import ClassSection, beside
 from patrol.radio.allowance import BITS, Share
 from patrol.radio.message import MAX_STEP_CM, longest_frame
 from patrol.radio.peers import SPAN
@@ -56,6 +56,7 @@ RadioModelText = Annotated[
     str,
     Field(pattern=CLASS_NAME),
     expecting(f"{', '.join(MODELS)}, package.module:Class, ./file.py:Class or the name of an entry point"),
+    AfterValidator(beside),
 ]
 
 _BUCKET_S = 1.0
@@ -98,8 +99,11 @@ RADIO_MODEL = f"{' | '.join(MODELS)} | package.module:Class | ./file.py:Class be
 """Values of `model`, as files and `--help` describe them."""
 
 
-class RadioSpec(Section):
+class RadioSpec(ClassSection):
     """The radio: how positions travel, what it adds to them, and when a silent robot's claim ends."""
+
+    NAMED = "radio.model"
+    SORT = "model"
 
     via: Literal["ether", "direct"] = Field(
         "ether",
@@ -123,21 +127,20 @@ class RadioSpec(Section):
     def _from_the_files_folder(cls, value: str | None, info: ValidationInfo) -> str | None:
         return absolute(value, info)
 
-    @field_validator("model")
-    @classmethod
-    def _from_the_files_folder_too(cls, value: str, info: ValidationInfo) -> str:
-        return beside(value, info)
-
     @model_validator(mode="after")
     def _a_file_has_a_hash(self) -> Self:
-        if self.model_sha256 is not None and class_file(self.model) is None:
-            raise wrong("model_sha256", "only a model that is a file has a hash; drop it")
+        self.check_digest()
         if self.via == "direct" and self.model != IDEAL:
             problem = (
                 "decides what reaches whom in the ether, and radio.via is direct; leave it out, or set via to ether"
             )
             raise wrong("model", problem)
         return self
+
+    def reduce(self, says: dict[str, Any], files: bool) -> None:
+        """Let a key enter by its presence alone."""
+        super().reduce(says, files)
+        says["key"] = self.key is not None
 
     @property
     def spares_frames(self) -> bool:
@@ -171,6 +174,7 @@ class RadioSpec(Section):
 class IdealRadio(RadioSpec):
     """The section with the default model."""
 
+    LATER = MappingProxyType({"model": IDEAL, "options": None})
     model: Literal["ideal"] = Field(IDEAL, description=RADIO_MODEL)
     options: Annotated[None, expecting("none: the model ideal has no settings; set radio.model to path-loss")] = Field(
         None, description="ideal has none"

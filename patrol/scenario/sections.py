@@ -5,15 +5,17 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any, Final, Self
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Annotated, Any, Final, Self
 
-from pydantic import ConfigDict, Field, Tag, ValidationInfo, field_validator, model_validator
+from pydantic import AfterValidator, ConfigDict, Field, Tag, ValidationInfo, field_validator, model_validator
 
-from patrol.classes.class_file import beside, class_file
+from patrol.classes.class_file import ClassSection, beside
+from patrol.energy.spec import BatterySpec
 from patrol.errors import BadInput
 from patrol.graph import PIXEL, VISIT_M, read_graph
-from patrol.maps.map_file import read_map_file
-from patrol.pose import MODELS, Limits, Pose, wrap
+from patrol.maps.map_file import map_meaning, read_map_file
+from patrol.pose import MODELS, TURNS_IN_ARCS, Limits, Pose, wrap
 from patrol.values import (
     MAX_ROBOTS,
     Builtin,
@@ -32,23 +34,25 @@ from patrol.values import (
     RobotName,
     Section,
     SensorText,
-    Share,
     Spares,
     Start,
     Starts,
-    Tolerance,
     absolute,
     at_least,
     by_shape,
+    digest_of,
     wrong,
 )
+
+if TYPE_CHECKING:
+    from patrol.ground.terrain import Terrain
 
 GROUND: Final = "ground"
 VERTICES: Final = "vertices"
 """Values of `terrain.patrolled`: all ground that robots can see, or the vertices of the terrain's graph."""
 
-JOULES = 3600.0
-"""J in a Wh."""
+MAP = "map"
+"""The folder of a run's folder that keeps the map."""
 
 DEFAULT_RADIUS = 1.0
 """Radius of the paper's body, m."""
@@ -56,6 +60,8 @@ DEFAULT_RADIUS = 1.0
 
 class GraphSpec(Section):
     """A graph of the terrain: places, and the ways between neighbours."""
+
+    LATER = MappingProxyType({"visit": VISIT_M})
 
     vertices: tuple[Corner, ...] = Field(min_length=1, description="m, [x, y] of each vertex")
     edges: tuple[tuple[int, int, Positive], ...] = Field((), description="[vertex, vertex, m], each edge once")
@@ -85,6 +91,8 @@ def _image_of(map_file: str | None) -> tuple[int, int] | None:
 
 class TerrainSpec(Section):
     """The terrain of the patrol: a built-in one by name, or a map_server YAML file."""
+
+    LATER = MappingProxyType({"graph": None, "patrolled": GROUND})
 
     builtin: Builtin | None = Field(None, description="a built-in terrain, instead of a map")
     map: PathText | None = Field(None, description="map_server YAML file, relative to this file")
@@ -128,65 +136,22 @@ class TerrainSpec(Section):
             raise wrong("patrolled", "vertices: there is no graph; set terrain.graph, or drop patrolled")
         return self
 
+    def reduce(self, says: dict[str, Any], files: bool) -> None:
+        """Let a map enter by its content."""
+        super().reduce(says, files)
+        if not files:
+            says["map"] = self.map is not None
+        elif self.map is not None:
+            says["map"] = digest_of(map_meaning(Path(self.map)))
 
-class BatterySpec(Section):
-    """A robot's battery, and when the robot charges it."""
-
-    capacity: Positive = Field(description="Wh, of the full battery")
-    idle: NotNegative = Field(0.0, description="W, used at all times, driving or not")
-    drive: NotNegative = Field(0.0, description="J per m driven, used besides")
-    charge: Positive = Field(description="W, that a dock gives a robot that stands at it")
-    start: Share = Field(1.0, description="share of the capacity in it at first")
-    full: Share = Field(0.95, description="share up to which a robot charges before it goes on")
-    reserve: Tolerance = Field(0.1, description="share with which a robot wants to arrive at a dock")
-
-    @property
-    def capacity_j(self) -> float:
-        """The capacity, J."""
-        return JOULES * self.capacity
-
-    def patrol_share(self, speed: float) -> float:
-        """Return the share of the time for which a robot drives at a speed (m/s), if it charges for the rest."""
-        gain_w = self.charge - self.idle
-        return gain_w / (gain_w + self.idle + self.drive * speed)
-
-    def most_on_patrol(self, robots: int, speed: float) -> int:
-        """Return how many robots can patrol all the time while the others charge for them, at least 1.
-
-        All have this battery and drive at `speed` (m/s). For example, robots that drive for 40 minutes and charge for
-        18 patrol for 69 % of the time; of 6 robots 4 patrol.
-        """
-        return max(1, math.floor(self.patrol_share(speed) * robots))
-
-    @model_validator(mode="after")
-    def _can_be_used_and_charged(self) -> Self:
-        if self.idle == 0.0 == self.drive:
-            raise wrong("", "idle and drive are both 0, so nothing is ever used; give one of them, or drop battery")
-        if self.charge <= self.idle:
-            limit = f"no more than the {self.idle:g} W that the robot uses at rest, so it never charges; give more"
-            raise wrong("charge", limit, self.charge)
-        if self.reserve >= self.full:
-            raise wrong("reserve", f"not below full ({self.full:g}), so a robot never leaves; give less", self.reserve)
-        return self
-
-
-MOST_DOCK_RADIUS_M = 5.0
-"""Of a dock, m; farther away a robot stands beside something else."""
-
-
-class DockSpec(Section):
-    """A place where one robot at a time charges its battery."""
-
-    place: Corner = Field(description="m, [x, y]")
-    radius: Positive = Field(1.0, description="m, within which a robot's centre has to stand; at most 5")
-
-    @model_validator(mode="after")
-    def _is_a_place(self) -> Self:
-        if self.radius > MOST_DOCK_RADIUS_M:
-            raise wrong(
-                "radius", f"robots charge at a place, not from afar; give at most {MOST_DOCK_RADIUS_M:g}", self.radius
-            )
-        return self
+    def with_copies(self, folder: Path) -> Self:
+        """Copy the map."""
+        if self.map is None:
+            return self
+        source = read_map_file(Path(self.map))
+        (folder / MAP).mkdir()
+        source.copy_to(folder / MAP)
+        return self.model_copy(update={"map": f"{MAP}/{source.path.name}"})
 
 
 class Body(Section):
@@ -256,7 +221,7 @@ BUILT_IN_SENSORS = (SECTOR, DISC)
 """Kinds of sensors that come with fogwatch."""
 
 
-class SensorSpec(Section):
+class SensorSpec(ClassSection):
     """A robot's sensor.
 
         sensor: {range: 8, angle: 90}                                       a sector
@@ -265,7 +230,10 @@ class SensorSpec(Section):
     `range` and `line_of_sight` hold for every kind: they decide what the robots can ever see (`patrol.ground.fields`).
     """
 
-    kind: SensorText = Field(
+    NAMED = "sensor.kind"
+    SORT = "sensor"
+
+    kind: Annotated[SensorText, AfterValidator(beside)] = Field(
         SECTOR,
         description="sector (with angle: 360, a disc) | disc | package.module:Class | ./file.py:Class | entry point",
     )
@@ -284,11 +252,6 @@ class SensorSpec(Section):
                 raise wrong("angle", f"{problem}, or {round(self.angle, 1):g} for so narrow a view", self.angle)
         return self
 
-    @field_validator("kind")
-    @classmethod
-    def _from_the_files_folder(cls, value: str, info: ValidationInfo) -> str:
-        return beside(value, info)
-
     @model_validator(mode="after")
     def _settings_have_effect(self) -> Self:
         if self.kind in BUILT_IN_SENSORS:
@@ -301,13 +264,20 @@ class SensorSpec(Section):
                 if getattr(self, field) != type(self).model_fields[field].default:
                     remedy = f"drop it, or name it in sensor.options if {self.kind.rpartition(':')[2]} has such a one"
                     raise wrong(field, f"is a setting of the kinds {' and '.join(BUILT_IN_SENSORS)}; {remedy}")
-        if self.kind_sha256 is not None and class_file(self.kind) is None:
-            raise wrong("kind_sha256", "only a sensor that is a file has a hash; drop it")
+        self.check_digest()
         return self
+
+    def reduce(self, says: dict[str, Any], files: bool) -> None:
+        """Leave out what a built-in sensor does not need: its other settings say it all."""
+        super().reduce(says, files)
+        if self.kind in BUILT_IN_SENSORS:
+            del says["kind"], says["options"]
 
 
 class IntruderSpec(Section):
     """An intruder: it stands on the terrain for a while, is seen by sensors, and blocks no robot."""
+
+    EXAMPLE = "{place: [10, 10], at: 60}"
 
     model_config = ConfigDict(serialize_by_alias=True)
 
@@ -318,6 +288,17 @@ class IntruderSpec(Section):
     def is_there(self, time_s: float) -> bool:
         """Return True if it is on the terrain."""
         return self.at <= time_s and (self.stay is None or time_s < self.at + self.stay)
+
+    def check_place(self, terrain: Terrain, field: str) -> None:
+        """Refuse an intruder that does not stand on passable ground."""
+        x, y = self.place
+        where = f"{field} = [{x:g}, {y:g}]"
+        if not terrain.contains(x, y):
+            xmin, ymin, xmax, ymax = terrain.bounds
+            span = f"spans x {xmin:g} to {xmax:g} m and y {ymin:g} to {ymax:g} m"
+            raise BadInput(f"{where}: not on {terrain.name}, which {span}; move it there")
+        if not terrain.passable[terrain.point_at(x, y)]:
+            raise BadInput(f"{where}: in an obstacle of {terrain.name}; move it to passable ground")
 
 
 @dataclass(frozen=True, slots=True)
@@ -340,6 +321,18 @@ class RobotSpec:
     def limits(self) -> Limits:
         """The bounds of the body's commands."""
         return Limits(self.speed, self.radius, self.turning_radius)
+
+    @property
+    def meaning(self) -> list[Any]:
+        """What enters a scenario's hash."""
+        start = None if self.start is None else [self.start.x, self.start.y, self.start.heading]
+        turning = self.turning_radius if self.model in TURNS_IN_ARCS else None
+        meaning = [self.name, self.model, self.speed, self.radius, turning, start]
+        if self.spare:
+            meaning.append("spare")
+        if self.battery is not None:
+            meaning.append(self.battery.model_dump(mode="json"))
+        return meaning
 
 
 def roster_of(robots: RobotGroup | tuple[RobotEntry, ...]) -> list[RobotSpec]:

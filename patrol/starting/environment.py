@@ -1,12 +1,11 @@
-"""The environment of the processes that fogwatch starts, in which its own packages are found.
+"""The environment of the processes that fogwatch starts, and the command lines that ``ps`` shows of them.
 
-They start with ``python -P``, so they do not look into the working folder. Only ``PYTHONPATH`` can still lead to a file
-such as ``agent.py`` of the user's.
+Processes start with ``python -P``, so they do not look into the working folder. Only ``PYTHONPATH`` can still lead to a
+file such as ``agent.py`` of the user's.
 
-The command line that ``ps`` shows of a process, for processes that were forked and have that of another.
-
-The kernel shows what stands where a process's arguments once stood. A process may write there, but gets no more room,
-so a process that is going to fork is started with an argument of blanks (`room_for`).
+A forked process has the command line of another. The kernel shows what stands where a process's arguments once stood. A
+process may write there, but gets no more room, so a process that is going to fork is started with an argument of blanks
+(`room_for`).
 """
 
 from __future__ import annotations

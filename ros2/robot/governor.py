@@ -1,10 +1,9 @@
 """The next velocity of the robot, many times a tick: zero in any case of doubt.
 
-The check that a robot's pose follows its commands: a robot whose pose stands still under commands drives blind.
-
-Its odometry may hang, or its wheels may be blocked: the two look the same. The mind tries other directions, as after
-any bump. When nothing moves the pose for `BLIND_M` and `BLIND_S`, and for as long as weak motors take to turn the body
-round, the robot stands until its pose moves, or an operator who has looked at it releases it.
+A robot whose pose stands still under commands drives blind: its odometry may hang, or its wheels may be blocked: the
+two look the same. The mind tries other directions, as after any bump. When nothing moves the pose for `BLIND_M` and
+`BLIND_S`, and for as long as weak motors take to turn the body round, the robot stands until its pose moves, or an
+operator who has looked at it releases it.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
-"""The robot's side of a link: what it says of itself, its time, and who stops it. Nothing here moves it.
+"""The robot's side of a link: what it says of itself, its time, what stops it, and its other drivers. Nothing moves it.
 
-Other drivers of the robot. Commands of two senders alternate unpredictably, so there must be only one.
+Commands of two senders alternate unpredictably, so there must be only one.
 
 ROS lets every node command. The graph shows which do, where the format has one; a bridge shows what it carries.
 """

@@ -1,4 +1,4 @@
-"""The command line of a ROS 2 robot's agent."""
+"""Topics, kinds of commands and limits of a ROS 2 robot, and the command line of its agent."""
 
 from __future__ import annotations
 

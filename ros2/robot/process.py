@@ -220,7 +220,7 @@ def _check_ground(
     options: argparse.Namespace, name: str, scenario: Scenario | None, overrides: dict[str, object]
 ) -> Terrain | None:
     """Check options, map and bodies before anything waits for the robot; return the map, if it is given."""
-    from patrol.maps.load import load_terrain
+    from patrol.prepare import terrain_of
     from patrol.starts import place_starts
 
     if scenario is None and options.map is None:
@@ -229,7 +229,7 @@ def _check_ground(
         return None
     if scenario is None:
         scenario = _scenario(options, name, options.map, None, overrides)
-    terrain = load_terrain(scenario.terrain, scenario.point, Path(), zones=scenario.zones)
+    terrain = terrain_of(scenario)
     try:
         place_starts(terrain, scenario.roster, scenario.seed)
     except BadInput as error:

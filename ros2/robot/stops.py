@@ -1,4 +1,7 @@
-"""The stops of the robot. Each source of a stop must release it before it drives again, also after a restart."""
+"""The stops of the robot, by a topic and others, and the check that it stands.
+
+Each source of a stop must release it before it drives again, also after a restart.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The queue of messages between Zenoh's thread, which decodes them, and the thread that reads them."""
+"""The messages of a link: queued between Zenoh's thread and the reader's, or counted as they are overheard."""
 
 from __future__ import annotations
 

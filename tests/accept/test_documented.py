@@ -11,4 +11,4 @@ pytestmark = [pytest.mark.accept, pytest.mark.timeout(3600)]
 
 
 def test_the_sampled_numbers_have_not_changed(capsys: pytest.CaptureFixture[str]) -> None:
-    assert guarded(lambda: app(["reproduce", "--check"], standalone_mode=False)) == 0, capsys.readouterr().out
+    assert guarded(lambda: app(["reproduce", "check"], standalone_mode=False)) == 0, capsys.readouterr().out

@@ -36,7 +36,7 @@ def says(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     out = tmp_path_factory.mktemp("faults")
     words = ["--point", "0.5", "--seeds", "3", "--only", ",".join(CONDITIONS), "--out", str(out)]
     done = subprocess.run(
-        [sys.executable, "-P", "-m", "fogwatch", "experiment", "faults", *words],
+        [sys.executable, "-P", "-m", "fogwatch", "reproduce", "faults", *words],
         capture_output=True,
         text=True,
         check=False,

@@ -16,7 +16,7 @@ from typing import Any
 import pytest
 
 from fogwatch.inprocess import InProcessFleet, run_in_process
-from patrol.energy import Batteries
+from patrol.energy.batteries import Batteries
 from patrol.faults.kinds import KINDS
 from patrol.ground.fog import Fog
 from patrol.journal import Status

@@ -3,20 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import partial
 
 from agent.belief.dilated import Posts
-from agent.build import zoned_of
+from agent.build import fleet_setup
 from agent.chance import Chance
 from agent.policies.found import policy_of
-from agent.ports import PolicySetup
+from agent.ports import GroundSetup, PolicySetup, RobotSetup
 from patrol.exchange import Sensed
 from patrol.ground.fields import compute_fields
 from patrol.ground.terrain import Terrain
-from patrol.measures.best_tour import followers_of, round_of
 from patrol.pose import Pose
 from patrol.prepare import Prepared, sensor_footprint
-from patrol.random import Purpose
 from patrol.scenario import Scenario
 
 STEP = 0.5
@@ -38,24 +35,10 @@ def setup_of(prepared: Prepared, number: int = 1) -> PolicySetup:
     """The setup of one robot's policy."""
     scenario, fields = prepared.scenario, prepared.fields[number]
     spec = scenario.roster[number - 1]
+    sight = sensor_footprint(scenario, prepared.terrain)
     return PolicySetup(
-        spec=spec,
-        radii={spec.number: spec.radius for spec in scenario.roster},
-        step=scenario.step,
-        sensor=scenario.sensor,
-        sight=sensor_footprint(scenario, prepared.terrain),
-        patrol=scenario.patrol,
-        lengths=scenario.lengths[spec.number],
-        team=len(scenario.roster) - len(scenario.spares),
-        options=policy_of(scenario).options,
-        terrain=prepared.terrain,
-        fields=fields,
-        posts=Posts(fields.proxy),
-        regions=prepared.regions_of(number),
-        scratch={},
-        graph=lambda: prepared.graph,
-        round=lambda: round_of(prepared, number),
-        followers=lambda: followers_of(prepared, number),
-        zoned=zoned_of(prepared),
-        fleet_chance=partial(Chance(scenario.seed).draw, Purpose.PLAN),
+        RobotSetup(spec, scenario.lengths[number]),
+        GroundSetup(prepared.terrain, fields, Posts(fields.proxy), sight, prepared),
+        fleet_setup(scenario, Chance(scenario.seed)),
+        policy_of(scenario).options,
     )

@@ -11,11 +11,12 @@ import pytest
 
 from agent.bodies.goal import GoalFinder
 from agent.bodies.refine import psi_field
-from agent.build import build_mind, shared_by
+from agent.build import build_mind, known_to_robots, shared_by
 from agent.psi import load_psi, psi_of, save_psi
 from patrol.exchange import Sensed
 from patrol.prepare import Prepared, prepare
 from patrol.scenario import load_scenario
+from tests.agent.minds import setup_of
 
 SMALL = {"model": "holonomic", "radius": 0.3, "speed": 1.0}
 MIXED: dict[str, Any] = {
@@ -89,3 +90,27 @@ def test_minds_from_saved_and_from_own_fields_decide_alike(mixed: Prepared, tmp_
         sensed = Sensed(0, mixed.starts[number - 1], False, (), 0.0)
         decisions = [build_mind(mixed, number, shared=shared).step(sensed, []) for shared in (None, saved)]
         assert decisions[0] == decisions[1]
+
+
+def test_attributes_of_1_0_are_found_in_the_parts_of_a_setup_with_a_warning(mixed: Prepared) -> None:
+    setup = setup_of(mixed)
+    for old, new in (("spec", setup.robot.spec), ("terrain", setup.ground.terrain), ("step", setup.fleet.step)):
+        with pytest.warns(DeprecationWarning, match=rf"setup\.{old} is setup\.\w+\.{old} since 1\.1"):
+            assert getattr(setup, old) is new
+    with pytest.raises(AttributeError, match="PolicySetup has no attribute zoned"):
+        _ = setup.zoned  # type: ignore[attr-defined]
+
+
+def test_policies_get_a_scenario_without_what_robots_do_not_know() -> None:
+    given = {
+        "terrain": {"builtin": "open"},
+        "point": 2.0,
+        "faults": [{"kind": "loss", "rate": 0.5}],
+        "intruders": [{"place": [40, 40], "at": 10}],
+    }
+    prepared = prepare(load_scenario(given))
+    known = known_to_robots(prepared)
+    assert prepared.scenario.faults
+    assert not known.scenario.faults
+    assert not known.scenario.intruders
+    assert known.rounds is prepared.rounds

@@ -22,8 +22,8 @@ from agent import sender
 from agent.mind import Mind
 from agent.ports import PolicyFailed
 from fogwatch.inprocess import InProcessFleet
-from patrol.closures import WAITING
-from patrol.energy import Batteries
+from patrol.closures.points import WAITING
+from patrol.energy.batteries import Batteries
 from patrol.faults.kinds import Clock
 from patrol.ground.fog import Fog
 from patrol.ground.terrain import Terrain

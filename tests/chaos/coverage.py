@@ -12,14 +12,14 @@ from itertools import combinations
 from agent.policies.found import POLICIES
 from patrol.faults.kinds import KINDS, Silence
 from patrol.ground.doors import Rooms
-from patrol.ground.speed_limits import SpeedLimits
 from patrol.journal import Event, RobotTick, Status, TickRecord
 from patrol.journal.records import CHARGING, CLOSED, DOCKING, FORGED, STAYS_OPEN, SURROUNDING, sent_at
 from patrol.pose import MODELS, Pose
 from patrol.prepare import Prepared
 from patrol.scenario import Scenario
-from patrol.scenario.zones import zones_in_force
 from patrol.values import BUILTINS
+from patrol.zones.spec import zones_in_force
+from patrol.zones.speed_limits import SpeedLimits
 from worldsim.faults import SKIPPED, WAITING
 from worldsim.world import World
 

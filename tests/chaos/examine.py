@@ -10,7 +10,7 @@ import tempfile
 import time
 import traceback
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -136,7 +136,8 @@ class Examiner:
     def _as_processes(self, scenario: Scenario) -> Ran:
         with tempfile.TemporaryDirectory(prefix="fogwatch-chaos-", ignore_cleanup_errors=True) as folder:
             out = Path(folder) / "run"
-            result = execute(scenario, RunOptions(out, stop=_limit("as processes"), picture=False))
+            bare = RunOptions(out, picture=False, recording=False, report=False, page=False)
+            result = execute(scenario, replace(bare, stop=_limit("as processes")))
             if not result.verdict.valid and self._keep is not None:
                 out.rename(self._keep)
         return Ran(result.trace_hash, result.verdict, str(result.summary["ended"]))

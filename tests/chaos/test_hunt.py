@@ -27,7 +27,7 @@ from worldsim.verdict.judge import CHECKS, Verdict
 GOOD = Ran("trace", Verdict("valid", (CheckResult("complete", True, ""),)), COMPLETED)
 BAD = Verdict("invalid", (CheckResult("fog", False, "thick"), CheckResult("trace", True, "")))
 
-IN_PROCESSES = ("exit codes", "transcripts", "links add up", "the paused stand still", "router")
+IN_PROCESSES = ("exit codes", "links add up", "the paused stand still", "router")
 """Checks of runs as processes; their faults are planted into a record (`test_records.py`)."""
 
 QUICK = (

@@ -29,7 +29,8 @@ Codes = Mapping[str, int | None]
 
 
 def recorded(folder: Path, **more: Any) -> tuple[MemoryJournal, Codes, Prepared]:
-    run = execute(load_scenario({**FLEET, **more}), RunOptions(folder / "run", picture=False))
+    options = RunOptions(folder / "run", picture=False, recording=False, report=False, page=False)
+    run = execute(load_scenario({**FLEET, **more}), options)
     assert run.verdict.valid, run.verdict.failed
     journal = journal_in(folder / "run")
     record = MemoryJournal(journal.header)
@@ -49,16 +50,8 @@ def test_what_processes_did_is_judged(tmp_path: Path) -> None:
     looks = [event for event in record.events if event.kind == LOOKED_AT]
     if looks and looks[0].detail != "its process cannot be looked at here":
         runs_on = [Event(e.k, e.kind, e.robot, "its process runs on") if e in looks else e for e in record.events]
-        events, record.events = record.events, tuple(runs_on)
+        record.events = tuple(runs_on)
         assert failed(record, codes, prepared) == ["the paused stand still"]
-        record.events = events
-
-    assert record.end is not None
-    first, *others = record.end.notes["transcripts"]
-    span, *spans = first["spans"]
-    put_in = {**first, "spans": [[*span[:2], b"other", *span[3:]], *spans]}
-    record.end = replace(record.end, notes={**record.end.notes, "transcripts": [put_in, *others]})
-    assert failed(record, codes, prepared) == ["transcripts"]
 
 
 def test_what_robots_report_of_a_direct_radio_is_judged(tmp_path: Path) -> None:

@@ -44,10 +44,10 @@ NOT_EXECUTED = {
     "fogwatch status --credentials": MEMBERS,
     "fogwatch status --router": MEMBERS,
     "fogwatch benchmark --preset": "needs the map of cumberland, which is not ours",
-    "fogwatch reproduce rules": "becomes another program; tests/experiments/commands/test_reproduce.py starts it",
-    "fogwatch reproduce noise": "measures for a while; tests/accept/test_documented.py checks all samples",
-    "fogwatch paper all": "runs all cells of seven tables",
-    "fogwatch paper calibrate": "runs cells of all tables",
+    "fogwatch reproduce figure": "becomes another program; tests/experiments/commands/test_reproduce.py starts it",
+    "fogwatch reproduce check": "measures for a while; tests/accept/test_documented.py checks all samples",
+    "fogwatch reproduce table --seeds": "runs all cells of seven tables",
+    "fogwatch reproduce calibrate": "runs cells of all tables",
 }
 """Beginnings of commands, and why they are not executed."""
 
@@ -71,9 +71,9 @@ SHORTER = {
     "fogwatch benchmark .* plan.yaml": f"{SHORT_TABLE} --policies committed",
     "fogwatch benchmark --quick": f"{SHORT_TABLE} --policies committed,even-tour --terrains open",
     "fogwatch benchmark": f"{SHORT_TABLE} --terrains open --conditions loss-90 --teams 3",
-    "fogwatch experiment": f"{SHORT_TABLE} --only quiet",
-    "fogwatch paper table 4": f"{SHORT_TABLE} --columns 1",
-    "fogwatch paper table": f"{SHORT_TABLE} --rows f3 --columns g4",
+    "fogwatch reproduce faults": f"{SHORT_TABLE} --only quiet",
+    "fogwatch reproduce table 4": f"{SHORT_TABLE} --columns 1",
+    "fogwatch reproduce table": f"{SHORT_TABLE} --rows f3 --columns g4",
     "fogwatch intruder .* --learned": "--horizon 60 --trials 2",
     "fogwatch sweep": "--seeds 1 --cluster HERE",
 }

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from typer.testing import CliRunner
 
 from experiments.random_building import LEAST_AREA, LEAST_PART, random_building
-from fogwatch.commands.map import app
+from fogwatch.cli.app import app
 from patrol.errors import BadInput
 from patrol.ground.cspace import cspace_of
 from patrol.maps.load import load_terrain, read_terrain
@@ -48,7 +48,7 @@ def test_buildings_that_results_name_stay_the_same(seed: int, point: float, dige
 
 
 def test_the_command_writes_the_maps_of_consecutive_seeds(tmp_path: Path) -> None:
-    arguments = ["random", str(tmp_path / "maps"), "--seed", "7", "--count", "2", "--point", "0.2"]
+    arguments = ["map", "random", str(tmp_path / "maps"), "--seed", "7", "--count", "2", "--point", "0.2"]
     written = CliRunner().invoke(app, arguments, catch_exceptions=False)
     assert written.exit_code == 0
     for seed, line in zip((7, 8), written.output.splitlines(), strict=True):
@@ -68,12 +68,12 @@ def test_the_command_writes_the_maps_of_consecutive_seeds(tmp_path: Path) -> Non
 )
 def test_bad_input_names_the_option(given: list[str], problem: str, tmp_path: Path) -> None:
     with pytest.raises(BadInput, match=problem):
-        CliRunner().invoke(app, ["random", str(tmp_path / "maps"), *given], catch_exceptions=False)
+        CliRunner().invoke(app, ["map", "random", str(tmp_path / "maps"), *given], catch_exceptions=False)
     assert not (tmp_path / "maps").exists()
 
 
 def test_a_map_of_another_building_is_not_overwritten(tmp_path: Path) -> None:
-    words = ["random", str(tmp_path), "--seed", "13", "--point", "0.25"]
+    words = ["map", "random", str(tmp_path), "--seed", "13", "--point", "0.25"]
     for _ in range(2):
         assert CliRunner().invoke(app, words, catch_exceptions=False).exit_code == 0
     before = {path: path.read_bytes() for path in tmp_path.iterdir()}

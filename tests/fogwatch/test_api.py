@@ -14,7 +14,7 @@ from patrol.errors import BadInput
 from patrol.journal import read_journal
 from patrol.messages.telemetry import Metrics
 from patrol.scenario import Scenario, load_scenario
-from patrol.scenario.copying import keep_scenario
+from patrol.scenario.load import keep_scenario
 
 SMALL = {
     "name": "small",

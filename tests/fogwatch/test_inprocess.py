@@ -241,7 +241,7 @@ class Failing:
         how: str = "raise"
 
     def __init__(self, setup):
-        self.number = setup.spec.number
+        self.number = setup.robot.spec.number
         self.how = setup.options.how
 
     def decide(self, view):

@@ -8,8 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from fogwatch.cli.studies import NAMES
-
+NAMES = ("plan", "intruder", "sweep", "benchmark", "reproduce")
 ROOT = Path(__file__).parents[2]
 CORE = ("agent", "fogwatch", "monitor", "patrol", "ros2", "worldsim")
 WITHOUT = """

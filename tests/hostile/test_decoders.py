@@ -34,13 +34,13 @@ from patrol.messages.feed import (
 from patrol.messages.phases import (
     MAX_REPLY,
     Failed,
+    Farewell,
     Hello,
     HelloReply,
     PhaseA,
     PhaseB,
     ReplyA,
     ReplyB,
-    Report,
     Stop,
     decode_to_robot,
     decode_to_world,
@@ -73,7 +73,6 @@ from patrol.security.control_auth import (
     Unanswered,
 )
 from patrol.security.keys import fleet_keys
-from patrol.security.transcripts import DIGEST, PLACES, Line
 from patrol.wire import read, read_sparingly
 from tests.fleets import answer_so_far
 from tests.hostile.strangers.payloads import changed, noise
@@ -140,7 +139,6 @@ METRICS = Metrics(3, 10, 1.5, 2.0, 2.0, 3.0, 0.5, 99.0, (RobotView("r1", Status.
 TELEMETRY = Telemetry(
     3, "patrolling", (1.0, 2.0), None, 0.5, 9, 1.5, 0, Traffic(1, 5, {"r1": 3, "r2": 4}, 0, final=False)
 )
-LINE = Line(3, (b"a" * DIGEST,) * PLACES)  # type: ignore[arg-type]
 DECODERS: Mapping[str, Decoder] = {
     "phases, to a robot": Decoder(
         decode_to_robot,
@@ -149,9 +147,9 @@ DECODERS: Mapping[str, Decoder] = {
         tuple(
             encode(message)
             for message in (
-                Hello(*HEAD, proof=bytes(16), stride=8),
-                PhaseA(*HEAD, Sensed(3, POSE, False, ((1.0, 2.0),), 1.5), bytes(16)),
-                PhaseB(*HEAD, (b"frame", b"other"), bytes(16)),
+                Hello(*HEAD),
+                PhaseA(*HEAD, Sensed(3, POSE, False, ((1.0, 2.0),), 1.5)),
+                PhaseB(*HEAD, (b"frame", b"other")),
                 Stop(*HEAD, orderly=True, reason="the run is over"),
             )
         ),
@@ -167,7 +165,7 @@ DECODERS: Mapping[str, Decoder] = {
                 ReplyA(*HEAD, (b"frame",)),
                 ReplyB(*HEAD, Reply(Velocity(0.5, 0.25), "patrolling", (1.0, 2.0), 1.5, 0)),
                 Failed(*HEAD, "no plan"),
-                Report(*HEAD, 0, (LINE, LINE)),
+                Farewell(*HEAD),
             )
         ),
     ),

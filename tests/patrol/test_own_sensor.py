@@ -18,7 +18,7 @@ from patrol.ground.terrain import Terrain
 from patrol.own_sensor import CheckedSensor, SensorFailed, allow_sensor, make_footprint, sensor_named
 from patrol.pose import Pose
 from patrol.scenario import Scenario, dump_scenario, load_scenario, same_but_for_files, scenario_hash
-from patrol.scenario.copying import keep_scenario
+from patrol.scenario.load import keep_scenario
 from tests.patrol.sensors import records
 
 __all__ = ["records"]

@@ -23,13 +23,13 @@ from patrol.journal.links import Drops, Links
 from patrol.messages.feed import Batch, batch_bytes, read_so_far
 from patrol.messages.phases import (
     Failed,
+    Farewell,
     Hello,
     HelloReply,
     PhaseA,
     PhaseB,
     ReplyA,
     ReplyB,
-    Report,
     Stop,
     decode_to_robot,
     decode_to_world,
@@ -46,12 +46,10 @@ from patrol.messages.telemetry import (
     read_traffic,
 )
 from patrol.pose import Drive, Pose, Twist, Velocity
-from patrol.security.transcripts import Line
 from patrol.wire import PRINTABLE, Finite, Row, Text, read, read_sparingly
 from tests.fleets import answer_so_far
 
 HEAD = (1, 2**63 - 1, 70_000, 9)
-PROOF = bytes(range(16))
 SENSED = Sensed(70_000, Pose(1, -2.5, 0.125), True, ((1.0, 2.0), (-0.0, 4)), 35_000.5)
 TRAFFIC = Traffic(2, 30, {"r2": 29, "r3": 0}, 1, final=True)
 METRICS = Metrics(3, 10, 1.5, 2.0, 1.0, 2.5, 0.5, 40.0, (RobotView("r1", 1, "patrolling", 1.0, 2.0, 0.5),), (2.5, -9.5))
@@ -108,9 +106,9 @@ IN_COLUMNS = TickRecord(
 )
 
 MESSAGES: Mapping[str, tuple[bytes, Callable[[bytes], object]]] = {
-    "hello": (encode(Hello(*HEAD, PROOF, 8)), decode_to_robot),
-    "phase a": (encode(PhaseA(*HEAD, SENSED, PROOF)), decode_to_robot),
-    "phase b": (encode(PhaseB(*HEAD, (b"frame", b""), PROOF)), decode_to_robot),
+    "hello": (encode(Hello(*HEAD)), decode_to_robot),
+    "phase a": (encode(PhaseA(*HEAD, SENSED)), decode_to_robot),
+    "phase b": (encode(PhaseB(*HEAD, (b"frame", b""))), decode_to_robot),
     "stop": (encode(Stop(*HEAD, orderly=True, reason="the run is over")), decode_to_robot),
     "hello reply": (encode(HelloReply(*HEAD, "a" * 64)), decode_to_world),
     "reply a": (encode(ReplyA(*HEAD, (b"frame", b"x" * 100))), decode_to_world),
@@ -118,7 +116,7 @@ MESSAGES: Mapping[str, tuple[bytes, Callable[[bytes], object]]] = {
     "reply b, no goal": (encode(ReplyB(*HEAD, Reply(Twist(1.0, 0.5), "", None, 0.0, 0))), decode_to_world),
     "reply b, refused": (encode(ReplyB(*HEAD, Reply(Velocity(1e400, 0.0), "", None, 0.0, 0))), decode_to_world),
     "failed": (encode(Failed(*HEAD, "no plan" * 100)), decode_to_world),
-    "report": (encode(Report(*HEAD, 7, (Line(3, (b"a" * 8, b"", b"b" * 16, b"")),))), decode_to_world),
+    "farewell": (encode(Farewell(*HEAD)), decode_to_world),
     "batch": (batch_bytes(Batch(2**40, (b"one", b""), running=True, pace=2.0)), partial(read_sparingly, Batch)),
     "empty batch": (batch_bytes(Batch(0, (), running=False, pace=None)), partial(read_sparingly, Batch)),
     "metrics": (pack_view(METRICS), partial(read, Metrics)),
@@ -137,18 +135,18 @@ MESSAGES: Mapping[str, tuple[bytes, Callable[[bytes], object]]] = {
 }
 
 BYTES: Mapping[str, str] = json.loads((Path(__file__).parent / "wire_bytes.json").read_text(encoding="utf-8"))
-"""What version 0.2 made of the messages, as hexadecimal digits; phase A and its greeting are of protocol 7."""
+"""What version 0.2 made of the messages, as hexadecimal digits; phases, greeting and farewell are of protocol 8."""
 
 VALUES: Mapping[str, object] = {
-    "hello": Hello(*HEAD, PROOF, 8),
-    "phase a": PhaseA(*HEAD, SENSED, PROOF),
-    "phase b": PhaseB(*HEAD, (b"frame", b""), PROOF),
+    "hello": Hello(*HEAD),
+    "phase a": PhaseA(*HEAD, SENSED),
+    "phase b": PhaseB(*HEAD, (b"frame", b"")),
     "stop": Stop(*HEAD, orderly=True, reason="the run is over"),
     "hello reply": HelloReply(*HEAD, "a" * 64),
     "reply a": ReplyA(*HEAD, (b"frame", b"x" * 100)),
     "reply b": ReplyB(*HEAD, Reply(Drive(1.5, -0.0), "patrolling", (1.0, 2.0), 1.5, 7)),
     "failed": Failed(*HEAD, ("no plan" * 100)[:400]),
-    "report": Report(*HEAD, 7, (Line(3, (b"a" * 8, b"", b"b" * 16, b"")),)),
+    "farewell": Farewell(*HEAD),
     "batch": Batch(2**40, (b"one", b""), running=True, pace=2.0),
     "metrics": METRICS,
     "notice": Notice(3, "lost", "r1", "no answer"),

@@ -161,7 +161,7 @@ def test_garbage_and_floods_on_every_key_change_nothing(hand: Hand, tmp_path: Pa
         bytes(100_000),
         b"\xdd\xff\xff\xff\xff",
         encode(ReplyA(*head, (b"frame",))),
-        encode(PhaseA(*head, Sensed(head[2], Pose(0.0, 0.0, 0.0)), bytes(16))),
+        encode(PhaseA(*head, Sensed(head[2], Pose(0.0, 0.0, 0.0)))),
         encode(Stop(*head, orderly=True, reason="go home")),
     ]
     names = ("anna", "bert", "nobody")

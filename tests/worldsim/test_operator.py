@@ -30,7 +30,7 @@ from patrol.scenario.controls import (
     read_control,
     worded,
 )
-from patrol.scenario.copying import FILE, keep_scenario
+from patrol.scenario.load import FILE, keep_scenario
 from tests.fleets import end_of
 from worldsim.controls import TIMELINE, ControlRequest, Operator, keep_timeline
 from worldsim.fleet.loop import run_ticks

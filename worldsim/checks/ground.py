@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from patrol.closures import ClosedPoints
-from patrol.ground.closed import ChangingFootprint
+from patrol.closures.ground import ChangingFootprint
+from patrol.closures.open_ground import OpenGround
+from patrol.closures.points import ClosedPoints
 from patrol.ground.fog import Fog
 from patrol.journal import Status
-from patrol.measures.open_ground import OpenGround
 from patrol.pose import Pose
 from patrol.prepare import sensor_footprint
 from patrol.radio.message import as_received

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from patrol.exchange import FIRST_INCARNATION
 from patrol.faults.kinds import Fault, Lasting, Pause
@@ -31,7 +31,6 @@ SILENT = "router_silent_s"
 LONG_S = 3.0
 """Silence from which on it is named, s of wall time; a router that is started again takes less."""
 
-_TRANSCRIPTS = "transcripts"
 _STATUSES = {status.name.lower() for status in Status}
 
 
@@ -239,68 +238,6 @@ class PausedStandStill(Check):
             if event.kind in _STATUSES:
                 status[event.robot] = event.kind
         return looks
-
-
-class TranscriptsAgree(Check):
-    """Each robot has sent all replies that the world acted on, and the world all phases that the robot acted on.
-
-    Both have kept the hashes of what they sent and acted on (`patrol.security.transcripts`), and the journal's end
-    holds those of both. The last ticks of a process that was killed or lost are not compared, because it cannot report
-    them. Where reports are missing although process and router were there, other traffic may have crowded them out: a
-    warning.
-    """
-
-    name = "transcripts"
-    needs_no_robots = True
-
-    def __init__(self, run: JudgedRun) -> None:
-        super().__init__(run)
-        self._left_out: list[str] = []
-
-    @classmethod
-    def applies(cls, run: JudgedRun) -> bool:
-        """Return True if the robots were processes."""
-        return run.processes or _TRANSCRIPTS in run.notes
-
-    def _end(self) -> str:
-        if _TRANSCRIPTS not in self._run.notes:
-            ended = self._run.journal.end is not None
-            lacks = "holds none, as those of earlier versions" if ended else "has no end, where it holds them"
-            self._unknown = f"not judged: the journal {lacks}"
-            return ""
-        notes = self._run.notes[_TRANSCRIPTS]
-        self._left_out, self._warnings = [], []
-        try:
-            self._fail("; ".join(problem for note in notes for problem in self._compare(note)))
-            messages = sum(int(note["messages"]) for note in notes)
-        except (TypeError, KeyError, ValueError, OverflowError):
-            self._fail("what the journal holds cannot be read")
-            return ""
-        left_out = f"; not compared: {', '.join(self._left_out)}" if self._left_out else ""
-        return f"the same by the robots and the world, {messages} messages{left_out}"
-
-    def _compare(self, note: Any) -> Iterator[str]:
-        """Give the differences between the transcripts of one process and the world."""
-        asked, _, missed = int(note["asked"]), int(note["messages"]), int(note["missed"])
-        name = process_name(self._run.names.get(note["robot"], str(note["robot"])), int(note["incarnation"]))
-        compared = -1
-        for first, last, heard, world_sent, sent, acted_on in sorted(note["spans"]):
-            compared = max(compared, int(last))
-            ticks = f"{name}: in ticks {int(first)} to {int(last)}"
-            if heard != world_sent:
-                yield f"{ticks} the robot acted on phases that the world had not sent"
-            if sent != acted_on:
-                yield f"{ticks} the world acted on replies that the robot had not sent"
-        if missed:
-            self._left_out.append(f"{missed} replies of {name}, whose reports were lost")
-        if compared < asked:
-            self._left_out.append(f"{name} from tick {compared + 1}")
-        if SILENT in self._run.notes:
-            return  # the router was down, and with it reports were lost
-        if missed:
-            self._warnings.append(f"{name}: no report has come of {missed} replies that the world acted on")
-        if note.get("closed") is False and self._run.exit_codes.get(name) == 0:
-            self._warnings.append(f"{name} ended in order, and its last report has not come")
 
 
 class RouterAnswers(Check):

@@ -19,7 +19,7 @@ from patrol.journal.records import FORGED
 from patrol.pose import Pose
 from patrol.radio.fleet_key import fleet_key
 from patrol.radio.message import MAX_ROBOT, MAX_TRAIL, Position, Rejected, decode, encode, longest_frame
-from patrol.radio.peers import Predictor
+from patrol.radio.prediction import Predictor
 from patrol.radio.units import m_to_cm, s_to_ms
 from worldsim.checks.check import NO_ROBOT, TAGS_NOT_JUDGED, Check, active, robots_hit
 from worldsim.checks.ground import ClosedGround

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
 import numpy as np
 
-from patrol.closures import IN_IT, WAITING, WAITS, closure_of
+from patrol.closures.points import IN_IT, WAITING, WAITS, closure_of
 from patrol.faults.kinds import Close, Drift, Motion, OnClosure
 from patrol.journal import RobotTick, Status, TickRecord
 from patrol.journal.records import CLOSED, IN_FORCE, OPENED, OUT_OF_FORCE, STAYS_OPEN
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
     from patrol.journal import Event
     from patrol.scenario import ClosureSpec
-    from patrol.scenario.zones import MaskSpec, ZoneSpec
+    from patrol.zones.spec import MaskSpec, ZoneSpec
     from worldsim.checks.check import JudgedRun
 
 SLACK_M = 1e-6

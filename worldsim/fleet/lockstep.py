@@ -98,7 +98,6 @@ class LockstepFleet:
                 number, answer = arrived
                 if isinstance(answer, kind) and answer.k == k and number in sent and number not in answers:
                     answers[number] = answer
-                    sessions.act_on(number, answer)
                     continue
             now = sessions.now
             waited_s += min(now - before, 2.0 * POLL_S)

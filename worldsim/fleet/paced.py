@@ -218,9 +218,7 @@ class PacedFleet:
         if isinstance(answer, ReplyA):
             if answer.k == self._k and not self._closed:
                 frames[number] = answer.frames
-                self._sessions.act_on(number, answer)
             else:
                 self.too_late[number] += len(answer.frames)
         elif number not in self._commands or answer.k >= self._commands[number].k:
             self._commands[number] = answer
-            self._sessions.act_on(number, answer)

@@ -20,11 +20,10 @@ from typing import NoReturn
 
 from patrol.errors import BadInput
 from patrol.exchange import Sensed
-from patrol.messages.phases import PhaseA, PhaseB, ReplyA, ReplyB, Report, ToWorld, encode
+from patrol.messages.phases import PhaseA, PhaseB, ReplyA, ReplyB, ToWorld, encode
 from patrol.messages.session import Deliver, Effects, Refuse, SeatStage, Send, Unlike, WorldEnd, WorldRun
 from patrol.net.mailbox import Presence
 from patrol.security.keys import FleetKeys
-from patrol.security.transcripts import PHASE_A, PHASE_B, REPLY_A, REPLY_B, as_notes, digest_of
 from worldsim.mailbox import AnswersMailbox
 
 
@@ -48,8 +47,6 @@ RECOVERY_S = 5.0
 """Longest time until clients have reconnected to a router that has returned."""
 DISMISSAL_S = 10.0
 """Longest time until the tokens of robots that are told to leave go; one that was paused has much to read first."""
-REPORT_S = 2.0
-"""Longest time until their last reports come after that."""
 
 
 class Interrupted(Exception):
@@ -122,29 +119,11 @@ class Sessions:
         run, end = self._run, self._ends[number]
         if end.process is None:
             raise LookupError(f"no process speaks for {end.name}")
-        head, proof = (*end.process, k, run.number), run.chain.proof(k + 1)
-        phase = PhaseA(*head, tell, proof) if isinstance(tell, Sensed) else PhaseB(*head, tuple(tell), proof)
-        payload = encode(phase)
-        self._connection.posts[number](payload)  # first: the robot waits for nothing that is written down here
+        head = (*end.process, k, run.number)
+        payload = encode(PhaseA(*head, tell) if isinstance(tell, Sensed) else PhaseB(*head, tuple(tell)))
+        self._connection.posts[number](payload)
         run.k, run.begun = max(run.k, k), max(run.begun, k + 1)
-        end.transcripts[end.process].sent(k, PHASE_A if isinstance(phase, PhaseA) else PHASE_B, digest_of(payload))
         return payload
-
-    def act_on(self, number: int, answer: ReplyA | ReplyB) -> None:
-        """Write down that the world acts on an answer that `take` has returned."""
-        place = REPLY_A if isinstance(answer, ReplyA) else REPLY_B
-        transcript = self._ends[number].transcripts[answer.incarnation, answer.instance]
-        transcript.acted_on(answer.k, place, answer.digest or digest_of(encode(answer)))
-
-    def transcripts(self) -> list[dict[str, object]]:
-        """Return what the robots and the world have each sent and acted on, as notes for the journal's end."""
-        return as_notes(
-            {
-                (number, incarnation): transcript
-                for number, end in self._ends.items()
-                for (incarnation, _), transcript in end.transcripts.items()
-            }
-        )
 
     def repeat(self, number: int, payload: bytes) -> None:
         """Send the same bytes once more."""
@@ -206,21 +185,16 @@ class Sessions:
             self.take(POLL_S)
 
     def close(self, k: int, reason: str) -> None:
-        """Dismiss all robots; wait up to `DISMISSAL_S` until they are gone, then up to `REPORT_S` for reports."""
+        """Dismiss all robots, and wait up to `DISMISSAL_S` until they are gone."""
         self._run.k = k
         staying = [end for end in self._ends.values() if end.stage in (SeatStage.SEATED, SeatStage.FAILING)]
         until = self.now + DISMISSAL_S
         sent_at = -HELLO_S
-        while self.now < until:
-            left = [end for end in staying if end.present]
-            if not left and all(end.said_farewell for end in staying):
-                break
-            if left and self.now >= sent_at + HELLO_S / 2:
+        while self.now < until and (left := [end for end in staying if end.present]):
+            if self.now >= sent_at + HELLO_S / 2:
                 sent_at = self.now
                 for end in left:
                     self.dismiss(end.number, reason, orderly=True)
-            if not left:
-                until = min(until, self.now + REPORT_S)
             self._take_in(POLL_S, leaving=True)
 
     # --- what arrives ------------------------------------------------------------------------------------------------
@@ -228,13 +202,13 @@ class Sessions:
     def _take_in(self, timeout_s: float, *, leaving: bool = False) -> tuple[int, ReplyA | ReplyB] | None:
         """Take in the next message, if one comes in time; return it if it is an answer.
 
-        While processes leave, only reports and presence matter.
+        While processes leave, only presence matters.
         """
         if (arrived := self._connection.mailbox.get(timeout_s)) is None:
             return None
         key, message = arrived
         end = self._end_of_key.get(key)  # none for the world's own token
-        if end is None or (leaving and not isinstance(message, Report | Presence)):
+        if end is None or (leaving and not isinstance(message, Presence)):
             return None
         return self._carry_out(end, end.arrived(message, self.now))
 

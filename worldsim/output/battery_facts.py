@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from patrol.energy import Batteries
+from patrol.energy.batteries import Batteries
 from patrol.journal.records import CHARGING, DOCKING, Status
 from patrol.scenario import load_scenario
 

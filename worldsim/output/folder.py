@@ -7,7 +7,8 @@ from pathlib import Path
 
 from patrol.errors import BadInput
 from patrol.scenario import Scenario
-from patrol.scenario.copying import FILE, MAP, keep_scenario
+from patrol.scenario.load import FILE, keep_scenario
+from patrol.scenario.sections import MAP
 
 
 def check(scenario: Path, out: Path) -> None:

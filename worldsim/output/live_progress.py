@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
+from patrol.closures.open_ground import OpenGround
 from patrol.journal import Status
-from patrol.measures.open_ground import OpenGround
 from patrol.measures.progress import Trap, Traps
 from patrol.messages.telemetry import FREE, TRAPPED, Metrics, Notice, Watcher
 

@@ -14,15 +14,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from patrol.closures import IN_IT, WAITING, WAITS, ClosedPoints
+from patrol.closures.ground import ChangingFootprint, faces
+from patrol.closures.points import IN_IT, WAITING, WAITS, ClosedPoints
 from patrol.exchange import MOST_BLOCKED
 from patrol.faults.kinds import Close, OnClosure
-from patrol.ground.closed import ChangingFootprint, faces
 from patrol.journal import Event
 from patrol.journal.records import CLOSED, OPENED, STAYS_OPEN
 from patrol.radio.message import as_received
 from patrol.random import Purpose, draw
-from patrol.scenario.zones import is_in_one_of
+from patrol.zones.spec import is_in_one_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping

@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from patrol.ground.zones import points_of
-from patrol.measures.open_ground import OpenAges
+from patrol.closures.open_ground import OpenAges
 from patrol.measures.zoned import MOST_LATER, best_weighted_s, zone_weights, zoned_ground
-from patrol.scenario.zones import ELSEWHERE, Weighing, weighing_at, zones_in_force
 from patrol.summary.model import ZoneFigures
+from patrol.zones.ground import points_of
+from patrol.zones.spec import ELSEWHERE, Weighing, weighing_at, zones_in_force
 from worldsim.checks.check import JournalReading
 from worldsim.checks.ground import GroundOpen, TrueFog
 

@@ -22,7 +22,6 @@ from worldsim.checks.journal import (
     PausedStandStill,
     RouterAnswers,
     TraceAgrees,
-    TranscriptsAgree,
 )
 from worldsim.checks.progress import ProgressCheck, Recovers, RunProgress
 from worldsim.checks.reach import PathLossAsAsked, WithinReach
@@ -52,7 +51,6 @@ CHECKS: tuple[type[Check], ...] = (
     DownAreSilent,
     LinksAddUp,
     DirectLinks,
-    TranscriptsAgree,
     RouterAnswers,
     RobotsThere,
     FaultsOnTime,

@@ -6,7 +6,7 @@ NAME = "fogwatch_agent"
 
 setup(
     name=NAME,
-    version="1.0.0",
+    version="1.1.0",
     description="Starts the fogwatch agent of one robot",
     license="Apache-2.0",
     packages=[NAME],

@@ -2,7 +2,7 @@
 
 import { themed } from "./colours.js";
 import { FogImage } from "./fogimage.js";
-import { drawClosures, drawCross, drawDocks, drawRobots, drawScaleBar, drawStalest, drawZones, PASSABLE } from "./marks.js";
+import { drawCross, drawMarks, drawRobots, drawScaleBar, drawStalest, PASSABLE } from "./marks.js";
 import { NEVER, OUTSIDE, seconds, certainSince } from "./store.js";
 
 /** By how many pixels of the page a wall's edge surrounds it. */
@@ -97,11 +97,9 @@ export class MapView {
     context.drawImage(this.fog.canvas, ...place);
     this.#paintWalls(place, context.imageSmoothingEnabled);
     this.taken = [];
-    drawZones(this);
-    drawDocks(this);
+    drawMarks(this);
     drawScaleBar(this);
     if (store.state) {
-      drawClosures(this);
       drawRobots(this);
       drawStalest(this);
     }

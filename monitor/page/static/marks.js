@@ -1,6 +1,6 @@
 // What is drawn on the map: robots with footprint, trail and goal, intruders, the stalest point, the cross, the scale bar.
 
-import { ROBOTS } from "./palette.js";
+import { MARKS, ROBOTS } from "./palette.js";
 import { robotStatus, stalestAge } from "./store.js";
 
 const LEAST = 5;
@@ -9,7 +9,6 @@ const LINE = 16;
 const RAYS = 120;
 /** In fleets of more than MANY robots only the selected one has a footprint, a goal and a full trail; others: SHORT ticks. */
 const MANY = 24, SHORT = 60;
-const CLOSURE = "#e07b00", DOCK = "#2e7d32";
 export const PASSABLE = 1;
 
 /** Draw all robots, one kind of mark after the other, and the intruders. */
@@ -28,82 +27,41 @@ export function drawRobots(map) {
   for (const [x, y] of store.state.intruders) intruder(map, x, y);
 }
 
-/** Colours of the outlines of zones by kind; page.css has the same. */
-const ZONES = { keepout: "#c1121f", oneway: "#0b5cad", slow: "#00796b", weight: "#6a1b9a" };
-
-/** Draw the outlines of the zones in force, and what holds there, and thinly those of the others. */
-export function drawZones(map) {
-  const c = map.context, r = map.ratio;
-  c.lineCap = "butt";
-  const now = map.store.state?.zones ?? {};
-  for (const zone of map.store.facts.zones) {
-    const [label, on] = now[zone.name] ?? [zone.label, false];
-    c.setLineDash(on ? [] : [5 * r, 5 * r]);
-    for (const [colour, wide] of [["rgb(255 255 255 / 85%)", on ? 4 : 2.5], [ZONES[zone.kind], on ? 2 : 1]]) {
-      c.strokeStyle = colour;
-      c.lineWidth = wide * r;
-      c.beginPath();
-      for (const [x0, y0, x1, y1] of zone.edges) {
-        c.moveTo(...map.toScreen(x0, y0));
-        c.lineTo(...map.toScreen(x1, y1));
-      }
-      c.stroke();
-    }
-    if (on) labelMark(map, label, ...map.toScreen(...zone.at), 0, false);
-  }
-  c.setLineDash([]);
-}
-
-/** Draw a ring of each dock's radius, and a plus that stays as large as the label. */
-export function drawDocks(map) {
+/** Draw the outlines and places that the scenario has: strongly what holds now, filled what is closed, and its label. */
+export function drawMarks(map) {
   const c = map.context, r = map.ratio, arm = 5 * r;
-  for (const [place, [x0, y0, radius]] of map.store.facts.docks.entries()) {
-    const [x, y] = map.toScreen(x0, y0);
-    for (const [colour, wide] of [["rgb(255 255 255 / 85%)", 5], [DOCK, 2]]) {
-      c.strokeStyle = colour;
-      c.lineWidth = wide * r;
-      c.beginPath();
-      c.arc(x, y, radius * map.scale, 0, 2 * Math.PI);
-      c.moveTo(x - arm, y);
-      c.lineTo(x + arm, y);
-      c.moveTo(x, y - arm);
-      c.lineTo(x, y + arm);
-      c.stroke();
-    }
-    labelMark(map, `dock ${place + 1}`, x, y, Math.max(radius * map.scale, arm), false);
-  }
-}
-
-/** Fill the closures that are closed, outline those that wait to close with dashes, and the open ones thinly. */
-export function drawClosures(map) {
-  const c = map.context, r = map.ratio, { state, facts } = map.store;
-  const { point, width, origin } = facts;
+  const { facts: { point, width, origin, marks }, state } = map.store;
   c.lineCap = "butt";
-  for (const { name, at, edges, runs } of facts.closures) {
-    const closed = state.closed.includes(name), waiting = state.waiting.includes(name);
-    if (closed) {
+  for (const mark of marks) {
+    const [text, strong, filled, waits] = state?.looks[mark.section]?.[mark.name] ?? [mark.label, true];
+    const [x, y] = map.toScreen(...mark.at), reach = mark.radius * map.scale;
+    if (filled) {
       c.beginPath();
-      for (const [first, count] of runs) {
+      for (const [first, count] of mark.runs) {
         const [x, y] = map.toScreen(origin[0] + (first % width) * point, origin[1] + (Math.floor(first / width) + 1) * point);
         c.rect(x, y, count * point * map.scale, point * map.scale);
       }
-      c.fillStyle = CLOSURE;
+      c.fillStyle = MARKS[mark.kind];
       c.fill();
     }
-    for (const [colour, wide] of [["rgb(255 255 255 / 85%)", closed || waiting ? 4 : 2.5], [CLOSURE, closed || waiting ? 2 : 1]]) {
+    c.setLineDash(waits ? [4 * r, 3 * r] : strong || mark.runs.length ? [] : [5 * r, 5 * r]);
+    for (const [colour, wide] of [["rgb(255 255 255 / 85%)", strong ? 4 : 2.5], [MARKS[mark.kind], strong ? 2 : 1]]) {
       c.strokeStyle = colour;
       c.lineWidth = wide * r;
-      c.setLineDash(waiting && colour === CLOSURE ? [4 * r, 3 * r] : []);
       c.beginPath();
-      for (const [x0, y0, x1, y1] of edges) {
+      for (const [x0, y0, x1, y1] of mark.edges) {
         c.moveTo(...map.toScreen(x0, y0));
         c.lineTo(...map.toScreen(x1, y1));
       }
+      if (reach) c.arc(x, y, reach, 0, 2 * Math.PI);
       c.stroke();
+      if (reach) {
+        line(c, x - arm, y, x + arm, y);
+        line(c, x, y - arm, x, y + arm);
+      }
     }
     c.setLineDash([]);
-    if (!closed && !waiting) continue;
-    labelMark(map, waiting ? `${name} waits` : name, ...map.toScreen(...at), 6 * r, false);
+    if (strong) labelMark(map, text, x, y, reach ? Math.max(reach, arm) : mark.runs.length ? 6 * r : 0, false);
   }
 }
 

@@ -20,7 +20,7 @@ export class ClosuresPanel {
   }
 
   reset() {
-    const { closures, truth, controls } = this.store.facts;
+    const { marks, truth, controls } = this.store.facts, closures = marks.filter(({ section }) => section === "closures");
     $("tab-closures").hidden = !truth || !closures.length;
     this.items = closures.map(({ name }) => this.#item(name, controls.includes("fault")));
     $("closurelist").replaceChildren(...this.items.map(({ item }) => item));
@@ -75,9 +75,10 @@ export class ClosuresPanel {
 }
 
 /** The state of a closure as {text, kind}; kind as for a robot. A fault of the scenario may overrule an operator's. */
-function closureState(name, { closed, waiting, k }, held, step) {
-  if (waiting.includes(name)) return { text: "waits until robots have left", kind: "warn" };
-  const isClosed = closed.includes(name), agrees = held && isClosed === (held.kind === "close");
+function closureState(name, { looks, k }, held, step) {
+  const [, , isClosed, waits] = looks.closures[name];
+  if (waits) return { text: "waits until robots have left", kind: "warn" };
+  const agrees = held && isClosed === (held.kind === "close");
   if (held && !agrees && held.at > k * step) return { text: isClosed ? "opens with the next tick" : "closes with the next tick", kind: "warn" };
   return { text: `${agrees ? "held " : ""}${isClosed ? "closed" : "open"}`, kind: isClosed ? "warn" : "good" };
 }

@@ -17,11 +17,11 @@ export class ZonesPanel {
   }
 
   reset() {
-    const { facts } = this.store;
-    $("tab-zones").hidden = !facts.zones.length;
+    const { facts } = this.store, zones = facts.marks.filter(({ section }) => section === "zones");
+    $("tab-zones").hidden = !zones.length;
     const can = facts.controls.includes("zone");
     $("zonelist").classList.toggle("switches", can);
-    $("zonelist").replaceChildren(...facts.zones.map((zone) => this.#item(zone, can)));
+    $("zonelist").replaceChildren(...zones.map((zone) => this.#item(zone, can)));
     $("zonenote").textContent = can ? "A zone that is switched stays so to the end of the run, whatever its times say. A weight is from 0.001 to 1000; Enter gives it to the zone." : "";
     write($("zonesanswer"), "");
   }
@@ -30,7 +30,7 @@ export class ZonesPanel {
     const { state } = this.store;
     if (!state || $("zones").hidden) return;
     for (const item of $("zonelist").children) {
-      const [label, on, weight] = state.zones[item.dataset.name];
+      const [label, on, , , weight] = state.looks.zones[item.dataset.name];
       const button = item.querySelector("button"), field = item.querySelector("input");
       item.classList.toggle("off", !on);
       write(item.querySelector(".zone"), label);
@@ -39,12 +39,13 @@ export class ZonesPanel {
       write(button, on ? "switch off" : "switch on");
       button.disabled = Boolean(state.ended);
       if (!field) continue;
+      field.hidden = weight === null;
       field.disabled = Boolean(state.ended);
       if (document.activeElement !== field) field.value = weight;
     }
   }
 
-  #item({ name, label, kind, weighs }, can) {
+  #item({ name, label, kind }, can) {
     const item = document.createElement("li"), text = document.createElement("span"), held = document.createElement("span");
     item.dataset.name = name;
     text.className = `zone ${kind}`;
@@ -57,11 +58,11 @@ export class ZonesPanel {
       button.setAttribute("aria-label", `switch ${name}`);
       button.addEventListener("click", () => {
         if (!this.store.state) return;
-        const [, on] = this.store.state.zones[name];
+        const [, on] = this.store.state.looks.zones[name];
         this.operate({ do: "zone", name, on: !on }, "", "zonesanswer");
       });
       item.append(button);
-      if (weighs) item.append(this.#weight(name));
+      if (kind === "weight") item.append(this.#weight(name));
     }
     return item;
   }
@@ -73,7 +74,7 @@ export class ZonesPanel {
     field.setAttribute("aria-label", `weight of ${name}`);
     field.addEventListener("keydown", (event) => {
       if (event.key !== "Enter" || !this.store.state || !field.value) return;
-      const [, , holds] = this.store.state.zones[name], weight = Number(field.value);
+      const [, , , , holds] = this.store.state.looks.zones[name], weight = Number(field.value);
       if (weight !== holds) this.operate({ do: "zone", name, weight }, "", "zonesanswer");
     });
     field.addEventListener("blur", () => this.update());

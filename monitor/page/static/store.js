@@ -44,7 +44,7 @@ export class Store {
         if (this.facts.live) this.#remember(message);
         this.#shorten(message.k);
         this.state = message;
-        this.#close(message.closed);
+        this.#close(Object.values(message.looks ?? {}).flatMap((looks) => Object.keys(looks).filter((name) => looks[name][2])));
         for (const packet of this.held.splice(0)) this.#fill(packet);
         if (!message.linked) this.links = null;
         this.stalest = Math.max(this.stalest, message.mfow ?? 0);
@@ -113,13 +113,13 @@ export class Store {
     }
   }
 
-  /** Note the points that are closed, each with its closure's name. */
-  #close(names = []) {
+  /** Note the points of the marks that are filled, each with its name: they are closed. */
+  #close(names) {
     if (this.closed === String(names)) return;
     this.closed = String(names);
     this.shut.clear();
-    for (const { name, runs } of this.facts.closures) {
-      if (!names.includes(name)) continue;
+    for (const { name, runs } of this.facts.marks) {
+      if (!runs.length || !names.includes(name)) continue;
       for (const [first, count] of runs) for (let at = first; at < first + count; at++) this.shut.set(at, name);
     }
   }

@@ -7,8 +7,8 @@ import pytest
 
 from agent.belief.blocked import Blocked
 from agent.belief.dilated import Posts
+from patrol.closures.ground import ChangingFootprint
 from patrol.exchange import Sensed
-from patrol.ground.closed import ChangingFootprint
 from patrol.ground.fields import compute_fields
 from patrol.ground.sensors import footprint_of
 from patrol.ground.terrain import Terrain

@@ -10,7 +10,7 @@ import pytest
 
 from agent.policies.shared_round import LEAST_MEMORY_S, Crew, Division
 from patrol.tours.round import Round
-from patrol.tours.zoned import ZonedGround
+from patrol.zones.division import ZonedGround
 
 FLAT = np.zeros(1, dtype=np.int64)
 LENGTHS = {(0, 0): 540.0, (0, 1): 560.0, (1, 1): 60.0}

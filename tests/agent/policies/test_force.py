@@ -115,7 +115,7 @@ def test_spare_robots_share_no_ground() -> None:
         "robots": robots,
         "patrol": {"policy": "potential-field", "options": {"reach": "area"}},
     }
-    assert setup_of(prepare(load_scenario(given))).team == 1
+    assert setup_of(prepare(load_scenario(given))).fleet.team == 1
 
 
 def room(seed: int, height: int, width: int, density: float) -> tuple[Terrain, StaticFields, Ground, tuple[int, int]]:

@@ -31,7 +31,7 @@ from patrol.scenario import (
     load_scenario,
     scenario_hash,
 )
-from patrol.scenario.copying import keep_scenario
+from patrol.scenario.load import keep_scenario
 from tests.agent.minds import at
 
 STILL = '''
@@ -372,8 +372,8 @@ def test_a_policy_of_ones_own_may_say_how_far_staleness_spreads(write: Write, di
             critical_width: float | None = None
 
         def __init__(self, setup):
-            assert setup.lengths.dilatation == %s
-            assert setup.lengths.critical_width == 8.0
+            assert setup.robot.lengths.dilatation == %s
+            assert setup.robot.lengths.critical_width == 8.0
 
         def decide(self, view):
             ...

@@ -13,10 +13,10 @@ import pytest
 from agent.policies.spacing import Spacing
 from agent.routes.ground import Ground
 from patrol.ground.terrain import Terrain
-from patrol.ground.zones import with_zones
 from patrol.pose import Pose
-from patrol.scenario.zones import ZoneSpec
 from patrol.tours.round import Round
+from patrol.zones.ground import with_zones
+from patrol.zones.spec import ZoneSpec
 
 STRIDE = 0.5
 

@@ -176,7 +176,8 @@ def test_an_intruder_that_nobody_gets_near_attracts_nobody() -> None:
     reach = np.zeros(prepared.terrain.shape, dtype=np.bool_)
     reach[2:6, 2:6] = True
     setup = setup_of(prepared)
-    setup = replace(setup, fields=replace(setup.fields, reach=reach))
+    ground = replace(setup.ground, fields=replace(setup.ground.fields, reach=reach))
+    setup = replace(setup, ground=ground)
     routes = Routes(Ground(prepared.terrain, reach))
     surround = Surround(setup, Otherwise())
     assert surround.way(Pose(2.0, 2.0, 0.0), {}, [(30.0, 30.0)], routes, (4, 4)) is None

@@ -13,13 +13,13 @@ from patrol.messages.phases import (
     ANYONE,
     NO_RUN,
     Failed,
+    Farewell,
     Hello,
     HelloReply,
     PhaseA,
     PhaseB,
     ReplyA,
     ReplyB,
-    Report,
     Stop,
     ToRobot,
     ToWorld,
@@ -32,12 +32,9 @@ from patrol.net.mailbox import Mailbox, Presence
 from patrol.pose import Drive, Pose, Velocity
 from patrol.process.lifeline import Ending
 from patrol.security.keys import WORLD, FleetKeys
-from patrol.security.tick_chain import TickChain
-from patrol.security.transcripts import LAST
 
 ME = Identity("r1", 1, 77, "a" * 64)
 RUN = 5
-CHAIN = TickChain(b"secret", 100)
 KEYS = FleetKeys("f")
 POSE = Pose(1.0, 2.0, 0.5)
 DECISION = Decision(Velocity(1.0, -1.0), State.PATROLLING, 0.0, (3.0, 4.0), (3.5, 4.5), 9, 2)
@@ -117,15 +114,15 @@ class Scene:
 
 
 def a(k: int, instance: int = 77, incarnation: int = 1) -> PhaseA:
-    return PhaseA(incarnation, instance, k, RUN, Sensed(k, POSE, bumped=k % 2 == 1), CHAIN.proof(k + 1))
+    return PhaseA(incarnation, instance, k, RUN, Sensed(k, POSE, bumped=k % 2 == 1))
 
 
 def b(k: int, frames: tuple[bytes, ...] = ()) -> PhaseB:
-    return PhaseB(1, 77, k, RUN, frames, CHAIN.proof(k + 1))
+    return PhaseB(1, 77, k, RUN, frames)
 
 
 def hello(run: int = RUN) -> Hello:
-    return Hello(0, ANYONE, 0, run, CHAIN.proof(0), 1)
+    return Hello(0, ANYONE, 0, run)
 
 
 def test_it_answers_a_hello_with_who_it_is() -> None:
@@ -218,7 +215,7 @@ def test_it_begins_no_tick_and_answers_nothing_once_it_has_left() -> None:
     assert scene.robot.sense() is None
     scene.tell(hello(), a(1), b(1), a(2, instance=78))
     assert scene.robot.sense() is None
-    assert [type(message) for message in scene.sent[before:]] == [Report]
+    assert [type(message) for message in scene.sent[before:]] == [Farewell]
     assert (scene.robot.orderly, scene.robot.refused) == (True, 0)
 
 
@@ -294,7 +291,7 @@ def test_a_world_that_falls_silent_is_asked_whether_we_still_belong() -> None:
     assert scene.robot.sense() is None
     answers = scene.sent[before:]
     assert answers[:-1] == [HelloReply(1, 77, 4, 5, "a" * 64)]
-    assert isinstance(answers[-1], Report)
+    assert isinstance(answers[-1], Farewell)
     assert SILENCE_S <= scene.mailbox.time - began < SILENCE_S + 1.0
     assert scene.robot.farewell == "left out"
 
@@ -350,7 +347,7 @@ def test_a_mind_that_cannot_go_on_says_at_which_tick_and_why() -> None:
     scene.tell(a(5))
     assert scene.robot.sense() is not None
     scene.robot.stop("its policy failed")
-    assert scene.sent[:2] == [Report(1, 77, LAST, RUN, 0, ()), Failed(1, 77, 0, RUN, "too early")]
+    assert scene.sent[0] == Failed(1, 77, 0, RUN, "too early")
     assert scene.last(1) == [Failed(1, 77, 5, RUN, "its policy failed")]
 
 

@@ -9,7 +9,7 @@ from agent.routes.routes import Routes
 from agent.routes.visits import Visits
 from patrol.ground.fields import compute_fields
 from patrol.pose import Pose, Velocity
-from patrol.scenario.zones import ZoneSpec
+from patrol.zones.spec import ZoneSpec
 from tests.ring import LOWER, ring, zone
 
 RADIUS, STEP = 0.3, 0.5

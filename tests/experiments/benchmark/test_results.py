@@ -24,9 +24,9 @@ from experiments.benchmark.results import (
     cell_rows,
     policy_table,
     results_of,
-    run_lines,
+    run_rows,
 )
-from experiments.sweeps.casetable import case_lines, csv_text
+from experiments.sweeps.cases import cases_table
 from experiments.sweeps.runner import SweepOutcome, run_sweep
 from experiments.sweeps.stats import estimate
 from patrol.errors import BadInput
@@ -64,7 +64,7 @@ def test_an_interrupted_benchmark_goes_on_where_it_stopped(outcome: SweepOutcome
 
 
 def test_there_is_a_line_for_each_run_and_one_for_each_cell(outcome: SweepOutcome, results: BenchmarkResults) -> None:
-    runs = list(csv.DictReader(io.StringIO(csv_text(run_lines(results)))))
+    runs = list(csv.DictReader(io.StringIO(run_rows(results).csv())))
     assert [(run["policy"], run["condition"], run["seed"]) for run in runs] == [
         (policy, condition, seed)
         for condition in ("none", "silence")
@@ -77,7 +77,7 @@ def test_there_is_a_line_for_each_run_and_one_for_each_cell(outcome: SweepOutcom
         assert float(run[LATE]) == metrics[LATE]
         assert float(run[OVER_TOUR]) == pytest.approx(float(run[LATE]) / float(run["best_tour_s"]))
         assert float(run["intruder_random_25s_percent"]) == metrics["intruder_random_25s_percent"]
-    cells = list(csv.DictReader(io.StringIO(csv_text(case_lines(cell_rows(results))))))
+    cells = list(csv.DictReader(io.StringIO(cases_table(cell_rows(results)).csv())))
     assert len(cells) == 4
     expected = estimate([float(run[LATE]) for run in runs[:2]])
     assert float(cells[0][LATE]) == pytest.approx(expected.mean)
@@ -88,7 +88,8 @@ def test_there_is_a_line_for_each_run_and_one_for_each_cell(outcome: SweepOutcom
 
 def test_the_tables_show_what_was_seen_where_not_all_was(results: BenchmarkResults) -> None:
     (_, _, cells), _ = results.groups
-    heads, rows = policy_table(cells)
+    table = policy_table(cells)
+    heads, rows = table.heads, table.rows
     assert heads == ["policy", "open", "mean fog (s)", "collisions", "attacks of 75 s (%)"]
     assert [row[0] for row in rows] == ["best tour found", "committed", "sebs:g2=50"]
     share = cells[0].mean(SEEN)
@@ -166,7 +167,8 @@ def test_a_preset_says_where_its_files_come_from(files: tuple[Path, Path], tmp_p
 
 
 def test_published_numbers_stand_beside_ours(results: BenchmarkResults) -> None:
-    heads, rows = beside_published(PRESETS["m2bench"], results.cells)
+    table = beside_published(PRESETS["m2bench"], results.cells)
+    heads, rows = table.heads, table.rows
     assert heads[:5] == ["theirs", "condition", "ours", "WI (s) theirs", "WI (s) ours"]
     by_system = {row[0]: row for row in rows}
     assert by_system["SEBS"][2:5] == ["sebs", "199.4", "-"], "sebs:g2=50 is another policy"

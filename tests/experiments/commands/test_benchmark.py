@@ -7,11 +7,13 @@ import json
 import shlex
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
+from typer.main import get_command
 
 from experiments.benchmark.matrix import read_policies
-from experiments.commands.benchmark import EXAMPLES
+from fogwatch.cli.app import app
 from patrol.scenario import load_scenario
 
 PLAN = "image: plan.pgm\nresolution: 0.5\norigin: [0, 0, 0]\nnegate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.2\n"
@@ -64,7 +66,9 @@ def test_it_writes_a_page_and_each_command_repeats_its_run(
 
 
 def test_the_policies_of_the_examples_can_be_run() -> None:
-    lists = [words[words.index("--policies") + 1] for words in map(shlex.split, EXAMPLES) if "--policies" in words]
+    command: Any = get_command(app)
+    examples = [shlex.split(line) for line in command.commands["benchmark"].epilog.splitlines()]
+    lists = [words[words.index("--policies") + 1] for words in examples if "--policies" in words]
     policies = [policy for text in lists for policy in read_policies(text) if not policy.name.startswith("./")]
     assert any(len(policy.settings) > 1 for policy in policies), "one has an option"
     for policy in policies:

@@ -1,4 +1,4 @@
-"""``fogwatch reproduce --check``: documented numbers are measured again, and those that have changed are named."""
+"""``fogwatch reproduce check``: documented numbers are measured again, and those that have changed are named."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ NO_LIMIT = r"no limit \| ([\d.]+) ± ([\d.]+)"
 
 
 def check(*words: str) -> int:
-    return guarded(lambda: app(["reproduce", "--check", *words], standalone_mode=False))
+    return guarded(lambda: app(["reproduce", "check", *words], standalone_mode=False))
 
 
 @pytest.fixture(name="clone")
@@ -62,7 +62,6 @@ def test_without_an_interval_a_tenth_is_allowed_unless_the_sample_says_so(
         ({"says": NO_LIMIT, "value": "x:y", "commands": ["json.tool nowhere"]}, [], "json.tool nowhere: exit code"),
         ({"says": NO_LIMIT, "value": "stdout:share"}, ["speed"], "speed: has no sample: times"),
         ({"says": NO_LIMIT, "value": "stdout:share"}, ["radios"], "radios: no such page; did you mean radio?"),
-        ({"says": NO_LIMIT, "value": "stdout:share"}, ["--out", "x"], "--out x: --check makes no pictures"),
     ],
 )
 def test_what_cannot_be_checked_is_one_line(

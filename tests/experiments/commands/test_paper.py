@@ -1,4 +1,4 @@
-"""``fogwatch paper`` as a command, on coarse points and for seconds instead of hours."""
+"""``fogwatch reproduce table`` as a command, on coarse points and for seconds instead of hours."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def own_arguments(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def run(capsys: pytest.CaptureFixture[str], *words: str) -> tuple[int, str, str]:
     """A command in this process: exit code, output, errors."""
-    sys.argv = ["fogwatch", "paper", *words]
+    sys.argv = ["fogwatch", "reproduce", *words]
     code = main()
     said = capsys.readouterr()
     return code, said.out, said.err

@@ -59,15 +59,17 @@ def test_the_commands_are_those_that_the_pages_name() -> None:
         while hasattr(command, "commands"):
             command = command.commands[words.pop(0)]
         command.make_parser(command.context_class(command)).parse_args(words)
-        whole = re.sub(r"paper table \d", "paper all", figure.command).removesuffix(AS_MEASURED)
+        whole = re.sub(r"table \d", "table", figure.command).removesuffix(AS_MEASURED)
         assert whole in recorded
 
 
 def test_the_list_has_times_and_commands(capsys: pytest.CaptureFixture[str]) -> None:
     assert reproduce() == 0
     lines = capsys.readouterr().out.splitlines()
-    assert "paper: 4.2 h: fogwatch paper all --seeds 5" in lines
+    assert "paper: 4.2 h: fogwatch reproduce table --seeds 5" in lines
     assert len(lines) == len(site_figures())
+    root: Any = get_command(app)
+    assert not {figure.figure for figure in site_figures()} & set(root.commands["reproduce"].commands)
 
 
 @pytest.mark.parametrize(

@@ -20,8 +20,7 @@ import yaml
 from rich.console import Console
 
 from experiments.commands.sweep import print_cases
-from experiments.sweeps.caserows import CaseRow
-from experiments.sweeps.casetable import SHOWN, told_apart
+from experiments.sweeps.cases import SHOWN, CaseRow, told_apart
 from experiments.sweeps.plan import Run, read_plan
 from experiments.sweeps.progress import SweepProgress
 from experiments.sweeps.results import RunResult

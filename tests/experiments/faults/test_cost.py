@@ -87,9 +87,9 @@ def test_costs_are_ratios_to_the_same_seed_without_faults(setup: FaultSetup) -> 
     assert silent.delivered.mean == 0.25
     assert silent.belief is None
     text = page(
-        setup, found, [], command="fogwatch experiment faults", computing_s=600.0, failed=2, pictures=["loss.png"]
+        setup, found, [], command="fogwatch reproduce faults", computing_s=600.0, failed=2, pictures=["loss.png"]
     )
-    assert "`fogwatch experiment faults`: 10 min of computing" in text
+    assert "`fogwatch reproduce faults`: 10 min of computing" in text
     assert "| total silence | with claims | 225.0 ± " in text
     assert "| 1.500 ± 0.000 | - | 25.0 % |" in text
     assert "**2 runs failed" in text
@@ -116,6 +116,6 @@ def test_runs_are_compared_seed_by_seed(setup: FaultSetup) -> None:
     claimed = {what for group, what, _ in ratios if group == "claims"}
     assert claimed == {f"{condition.group}: {condition.name}" for condition in tried}
     assert {what for group, what, _ in ratios if group == "trail"} == {"loss: 50 % lost"}
-    text = page(setup, [], compared, command="fogwatch experiment faults", computing_s=1.0, failed=0, pictures=[])
+    text = page(setup, [], compared, command="fogwatch reproduce faults", computing_s=1.0, failed=0, pictures=[])
     assert "| loss: 50 % lost | with claims | 0.700 ± 0.000 |" in text
     assert len(as_json(setup, [], compared)["comparisons"]) == len(compared)

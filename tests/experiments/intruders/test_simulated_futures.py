@@ -12,7 +12,7 @@ from experiments.intruders.game import Game
 from experiments.intruders.infiltrator import Infiltrator
 from experiments.intruders.predictors import code_predictor
 from experiments.intruders.simulated_futures import add_code, simulated_futures
-from experiments.sweeps.game_log import GameLog
+from experiments.sweeps.run_metrics import GameLog
 from fogwatch.inprocess import run_in_process
 from patrol.errors import BadInput
 from patrol.prepare import Prepared, prepare

@@ -13,7 +13,7 @@ import pytest
 from experiments.paper.calibrate import best_radius, calibration_plan, crossing, fit_as_json, fit_radii, radius_setups
 from experiments.paper.orderings import HELD, NOT_HELD, UNDECIDED, judge_orderings
 from experiments.paper.printed import PaperTable, Side, paper
-from experiments.paper.tables import PaperSetup, as_json, as_lines, compare, fit_of, plan_of, to_mean_fog_text
+from experiments.paper.tables import PaperSetup, as_json, as_table, compare, fit_of, plan_of, to_mean_fog_text
 from experiments.sweeps.plan import Plan
 from experiments.sweeps.results import RunResult
 from experiments.sweeps.runner import SweepOutcome
@@ -127,9 +127,9 @@ def test_ours_stand_beside_the_papers() -> None:
     assert (low + high) / 2.0 == pytest.approx(99.0)
     assert first["values"] == pytest.approx({"1": 81.0, "2": 117.0})
     assert to_mean_fog_text(beside) is None
-    lines = list(as_lines(beside))
-    assert len(lines) == 5
-    assert lines[1][:4] == ["f3", "g4", "s", 90.0]
+    lines = as_table(beside).rows
+    assert len(lines) == 4
+    assert lines[0][:4] == ["f3", "g4", "s", 90.0]
     found = fit_of([beside])
     assert found is not None
     assert found.cells == 4
@@ -163,7 +163,8 @@ def test_a_table_says_how_mean_mfow_stands_to_mean_fog() -> None:
     beside = compare(table, SETUP, outcome)
     assert [cell.to_mean_fog for cell in beside.cells] == [2.25, 3.0]
     assert to_mean_fog_text(beside) == "MFoW : mean fog 2.2 to 3.0, median 2.6"
-    assert [line[-1] for line in as_lines(beside)] == ["to_mean_fog", 2.25, 3.0]
+    written = as_table(beside)
+    assert [written.heads[-1], *(row[-1] for row in written.rows)] == ["to_mean_fog", 2.25, 3.0]
 
 
 def test_dead_ends_are_further_rows() -> None:

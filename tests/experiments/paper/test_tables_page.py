@@ -46,12 +46,12 @@ def comparison_of(number: int, factors: dict[tuple[str, str], float]) -> TableCo
 
 def page_of(comparison: TableComparison, **pictures: str) -> str:
     judged = judge_orderings(paper().orderings, [comparison])
-    return page([comparison], judged, SETUP, command="fogwatch paper table 5", computing_s=600.0, pictures=pictures)
+    return page([comparison], judged, SETUP, command="fogwatch reproduce table 5", computing_s=600.0, pictures=pictures)
 
 
 def test_the_page_says_how_it_was_made_and_shows_each_cell() -> None:
     text = page_of(comparison_of(5, {("mode", "2"): 2.0}))
-    assert "`fogwatch paper table 5`: 10 min of computing" in text
+    assert "`fogwatch reproduce table 5`: 10 min of computing" in text
     assert "`patrol.options.alpha: 40`" in text
     assert "`sensor.angle: 180`" in text
     assert "`sensor.angle: 360`" not in text

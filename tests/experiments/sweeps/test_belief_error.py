@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from experiments.sweeps.belief_error import EVERY, BeliefError
+from experiments.sweeps.run_metrics import EVERY, BeliefError
 from fogwatch.inprocess import run_in_process
 from patrol.scenario import load_scenario
 

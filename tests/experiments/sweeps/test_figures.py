@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
-from experiments.sweeps.caserows import CaseRow
+from experiments.sweeps.cases import CaseRow
 from experiments.sweeps.figures import MOST_ROWS, drawings
 from experiments.sweeps.plan import Label
 from experiments.sweeps.stats import estimate
-from monitor.report.style import DPI
+from monitor.figures.style import DPI
 
 
 def row(dilatation: object, direction: str, values: list[float]) -> CaseRow:

@@ -10,7 +10,7 @@ import fogwatch
 from experiments.intruders.infiltrator import Infiltrator
 from experiments.intruders.on_run import Moving, games_of
 from experiments.intruders.standing import ATTACKS_S
-from experiments.sweeps.game_log import GAINED, INTRUDERS, game_metric, moving_metric
+from experiments.sweeps.run_metrics import GAINED, INTRUDERS, game_metric, moving_metric
 from experiments.sweeps.worker import run_scenario
 from monitor.replay.run import open_run
 from patrol.scenario import load_scenario

@@ -8,9 +8,8 @@ from collections.abc import Mapping
 
 import pytest
 
-from experiments.sweeps.caserows import CaseRow
-from experiments.sweeps.casetable import csv_text
-from experiments.sweeps.paired import PAIRING, TEST, p_of_no_difference, paired_lines, paired_tests
+from experiments.sweeps.cases import CaseRow
+from experiments.sweeps.paired import PAIRING, TEST, comparisons_table, p_of_no_difference, paired_tests
 from experiments.sweeps.stats import estimate
 
 
@@ -40,7 +39,7 @@ def test_only_seeds_that_both_cases_have_are_paired() -> None:
     (test,) = paired_tests(rows)
     assert (test.case, test.against, test.pairs) == ("new", "old", 3)
     assert test.difference.mean == pytest.approx(-22.0 / 3.0)
-    (line,) = csv.DictReader(io.StringIO(csv_text(paired_lines([test]))))
+    (line,) = csv.DictReader(io.StringIO(comparisons_table([test]).csv()))
     assert (line["test"], line["pairing"], line["pairs"]) == (TEST, PAIRING, "3")
     assert float(line["low"]) < float(line["difference"]) < float(line["high"]) < 0.0
     assert float(line["p"]) < 0.05, "as the interval does not hold 0"

@@ -9,7 +9,7 @@ import threading
 
 import pytest
 
-from experiments.sweeps.pool import LocalWorkers
+from experiments.sweeps.workers import LocalWorkers
 
 ENDLESS = {"terrain": {"builtin": "open"}, "point": 1.0, "duration": 1_000_000, "robots": {"count": 1}}
 

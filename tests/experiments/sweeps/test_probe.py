@@ -9,9 +9,9 @@ from typing import Any
 
 import pytest
 
-from experiments.sweeps import probe
+from experiments.sweeps import progress
 from experiments.sweeps.plan import Base, Case, Run, make_plan
-from experiments.sweeps.probe import LOADING_TICKS, TICKS, seconds_per_run
+from experiments.sweeps.progress import LOADING_TICKS, TICKS, seconds_per_run
 from experiments.sweeps.worker import run_task
 from fogwatch.inprocess import Outcome, run_in_process
 from patrol.prepare import Prepared
@@ -48,8 +48,8 @@ class Machine:
 
 def test_what_the_first_run_loads_is_not_part_of_a_run(monkeypatch: pytest.MonkeyPatch) -> None:
     machine = Machine()
-    monkeypatch.setattr(probe, "run_scenario", machine.run)
-    monkeypatch.setattr(probe, "ENOUGH_S", 1e9)
+    monkeypatch.setattr(progress, "run_scenario", machine.run)
+    monkeypatch.setattr(progress, "ENOUGH_S", 1e9)
     assert seconds_per_run(runs({}, {"duration": 200}), lambda: machine.now) == pytest.approx((800 + 400) / 2 * TICK_S)
     assert machine.ticks == [LOADING_TICKS, TICKS, TICKS]
 

@@ -17,16 +17,14 @@ from typing import Any, Self
 import pytest
 
 from agent.mind import Mind
-from experiments.sweeps.belief_error import BeliefError
-from experiments.sweeps.caserows import case_rows
-from experiments.sweeps.casetable import write_tables
-from experiments.sweeps.cluster import ClusterWorkers
+from experiments.sweeps.cases import case_rows, write_tables
 from experiments.sweeps.plan import Base, Case, Plan, Run, make_plan
-from experiments.sweeps.pool import LocalWorkers
 from experiments.sweeps.results import RunResult, open_results
+from experiments.sweeps.run_metrics import BeliefError
 from experiments.sweeps.runner import run_sweep
 from experiments.sweeps.stats import estimate
 from experiments.sweeps.worker import Answer, Task, metrics_of, run_scenario, run_task
+from experiments.sweeps.workers import ClusterWorkers, LocalWorkers
 from fogwatch.inprocess import Outcome, run_in_process
 from patrol.errors import BadInput
 from patrol.scenario import Scenario, load_scenario

@@ -15,7 +15,7 @@ import pytest
 from typer.main import get_command
 
 from fogwatch.cli.app import app, main
-from fogwatch.cli.command_help import ORDER
+from fogwatch.cli.command_help import PANEL_OF
 from fogwatch.launch.limits import PROCESS_GB
 
 SHORT = ["--point", "0.5", "--duration", "5", "--set", "patrol.goal_distance=6"]
@@ -109,7 +109,7 @@ def test_ctrl_c_while_files_are_written_ends_that_at_once(
 def test_ctrl_c_while_the_run_is_judged_says_how_to_judge_it(
     fogwatch: Callable[..., int], capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("worldsim.verdict.judge.judge", interrupt)
+    monkeypatch.setattr("worldsim.verdict.judge.Judge.verdict", interrupt)
     assert fogwatch("run", "open", "--robots", "1", "--no-page", "--out", "out", *COARSE) == 130
     assert f"`fogwatch judge {tmp_path / 'out'}` judges it" in capsys.readouterr().err
     monkeypatch.undo()
@@ -250,7 +250,7 @@ def test_a_scenario_that_does_not_fit_its_ground_is_named(
         (["control", "RUN", "go", "--wait", "1m"], "--wait 1m: expected a number in s, such as --wait 15"),
         (["intruder", "RUN", "--trials", "0"], "--trials 0: expected 1 or more"),
         (["run", "open", "--threads", "2"], "--threads 2: each robot is a process of its own; leave it out, or give"),
-        (["paper", "table", "two"], "N... two: expected a whole number, such as 5"),
+        (["reproduce", "table", "two"], "N... two: expected a whole number, such as 5"),
         (["sweep"], "FILE is missing; for example: fogwatch sweep"),
         (
             ["fleet", "init", "a", "b"],
@@ -267,6 +267,31 @@ def test_every_command_names_the_argument_its_value_and_the_remedy(
 ) -> None:
     assert fogwatch(*arguments) == 2
     assert words in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("key new", "fleet key"),
+        ("key", "fleet key"),
+        ("recording", "record --check"),
+        ("paper table", "reproduce table"),
+        ("paper all", "reproduce table"),
+        ("paper calibrate", "reproduce calibrate"),
+        ("paper", "reproduce"),
+        ("experiment faults", "reproduce faults"),
+        ("experiment", "reproduce"),
+    ],
+)
+def test_words_of_1_0_work_and_the_new_ones_are_told(
+    old: str, new: str, fogwatch: Callable[..., int], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert fogwatch(*old.split(), "--help") == 0
+    shown = capsys.readouterr()
+    assert re.search(rf"^fogwatch: `fogwatch {' '.join(old.split()[:1])}\b.*` is now `fogwatch .*`", shown.err)
+    assert shown.err.count("\n") == 1
+    assert fogwatch(*new.split(), "--help") == 0
+    assert capsys.readouterr() == (shown.out, "")
 
 
 def test_version_names_what_it_stands_on(fogwatch: Callable[..., int], capsys: pytest.CaptureFixture[str]) -> None:
@@ -351,8 +376,8 @@ def test_the_help_lists_commands_in_the_order_in_which_one_meets_them(
 ) -> None:
     assert fogwatch("--help") == 0
     listed = re.findall(r"^│ ([a-z][a-z-]*)  ", capsys.readouterr().out, flags=re.MULTILINE)
-    assert listed == list(ORDER)
-    assert {words[0] for words in ALL_COMMANDS} == set(ORDER)
+    assert listed == list(PANEL_OF)
+    assert {words[0] for words in ALL_COMMANDS} == set(PANEL_OF)
 
 
 @pytest.mark.parametrize("words", ALL_COMMANDS, ids=" ".join)

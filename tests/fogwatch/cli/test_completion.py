@@ -11,9 +11,10 @@ from fogwatch.cli.app import app
 @pytest.mark.parametrize(
     ("words", "offered"),
     [
-        ("fogwatch re", {"record", "recording", "replay", "report", "reproduce"}),
+        ("fogwatch re", {"record", "replay", "report", "reproduce"}),
         ("fogwatch run --se", {"--seed", "--sensor-range", "--set"}),
         ("fogwatch map ch", {"check"}),
+        ("fogwatch reproduce ta", {"table"}),
     ],
 )
 def test_commands_and_options_are_completed(words: str, offered: set[str]) -> None:

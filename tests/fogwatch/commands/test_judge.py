@@ -20,7 +20,7 @@ from hypothesis import strategies as st
 
 import fogwatch
 from patrol.journal import End, JournalWriter, Record, TickRecord, read_journal, trace_hash
-from patrol.journal.file import MAGIC, GrowingJournal
+from patrol.journal.file import MAGIC
 from worldsim.run_record import COMPLETED, INTERRUPTED
 
 Judging = Callable[[Path], tuple[int, Any]]
@@ -75,16 +75,14 @@ def edit_journal(
 ) -> None:
     """Write the run's journal anew: with other ticks and the trace hash that belongs to them, notes, or end."""
     file = folder / "journal"
-    growing = GrowingJournal(file)
-    _, *records = growing.read_on()
-    ticks = list(change([record for record in records if isinstance(record, TickRecord)]))
-    rest: list[Record] = [record for record in records if not isinstance(record, TickRecord | End)]
-    assert growing.end is not None
+    journal = read_journal(file)
+    ticks, events = list(change(list(journal.ticks))), journal.events
+    assert journal.end is not None
     file.unlink()
-    with JournalWriter(file, growing.header) as writer:
-        noted = growing.end.notes if notes is None else notes
-        end = End(reason, trace_hash(ticks), noted)
-        for record in [*ticks, *rest, end]:
+    with JournalWriter(file, journal.header) as writer:
+        noted = journal.end.notes if notes is None else notes
+        records: list[Record] = [*ticks, *events, End(reason, trace_hash(ticks), noted)]
+        for record in records:
             writer.write(record)
 
 

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import fcntl
+import io
 import os
 import re
 import sys
@@ -10,9 +11,11 @@ from pathlib import Path
 from urllib.parse import unquote
 
 import pytest
+from rich.console import Console
 
 import fogwatch
 from fogwatch.run_folder.derived import derive
+from fogwatch.terminal.live_table import PlainDisplay, SilentDisplay
 from patrol.journal import read_journal
 from patrol.prepare import prepare
 from patrol.process.lifeline import InterruptedBySignal
@@ -59,21 +62,21 @@ def test_a_run_leaves_a_recording_and_a_report(ran: Path) -> None:
     assert not list(ran.glob("*.part"))
 
 
-def test_record_and_recording(
+def test_a_recording_is_written_checked_and_repaired(
     ran: Path, command: Callable[..., int], capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     assert command("record", ran, "--out", "a.mcap") == 0
     assert "15 s, a whole grid every 10 s" in capsys.readouterr().out
     assert (tmp_path / "a.mcap").read_bytes() == (ran / "recording.mcap").read_bytes()
-    assert command("recording", "a.mcap") == 0
+    assert command("record", "--check", "a.mcap") == 0
     said = capsys.readouterr().out
     assert "small: 0 to 14.5 s" in said
     assert "complete, checksums right" in said
     (tmp_path / "b.mcap").write_bytes((tmp_path / "a.mcap").read_bytes()[:-200])
-    assert command("recording", "b.mcap") == 1
+    assert command("record", "--check", "b.mcap") == 1
     assert "cut off" in capsys.readouterr().out
-    assert command("recording", "b.mcap", "--repair", "c.mcap") == 0
-    assert command("recording", "c.mcap") == 0
+    assert command("record", "--check", "b.mcap", "--repair", "c.mcap") == 0
+    assert command("record", "--check", "c.mcap") == 0
 
 
 def test_what_can_be_shown_of_a_run_without_an_end(
@@ -116,10 +119,13 @@ def test_report_and_compare(
         (["report", "nowhere"], "no such folder"),
         (["report", "."], "holds no file journal"),
         (["record", "."], "holds no file journal"),
-        (["report", "RUN/recording.mcap"], "fogwatch recording"),
+        (["report", "RUN/recording.mcap"], "fogwatch record --check"),
         (["report", "RUN/journal"], "is a file"),
-        (["recording", "RUN/journal"], "is not an MCAP file"),
-        (["recording", "RUN"], "is a folder; name a file, such as"),
+        (["record", "--check", "RUN/journal"], "is not an MCAP file"),
+        (["record", "--check", "RUN"], "is a folder; name a file, such as"),
+        (["record", "--check"], "FILE.mcap is missing; for example: fogwatch record --check yards.mcap"),
+        (["record", "--check", "a.mcap", "--fleet", "x"], "--check: records nothing; leave --out and"),
+        (["record", "RUN", "--repair", "b.mcap"], "--repair b.mcap: mends a recording that is there; add --check"),
         (["record"], "name a run's folder, or --router and --fleet"),
         (["record", "RUN", "--fleet", "x", "--router", "tcp/127.0.0.1:1"], "name a run's folder, or --router"),
         (["record", "RUN", "--router", "tcp/127.0.0.1:1"], "name a run's folder, or --router"),
@@ -194,28 +200,26 @@ def test_the_files_of_a_report_are_found_from_where_it_lies(
 def test_an_interruption_leaves_neither_file_nor_parts_of_one(ran: Path, tmp_path: Path, at: int) -> None:
     """Early in the replay, and after its last tick."""
 
-    def progress(k: int) -> None:
-        if k == at:
-            raise InterruptedBySignal
+    class Interrupting(SilentDisplay):
+        calls = 0
+
+        def progress(self, *_: object) -> None:
+            if self.calls == at:
+                raise InterruptedBySignal
+            self.calls += 1
 
     files = (tmp_path / "a.mcap", tmp_path / "report.html")
     with pytest.raises(InterruptedBySignal):
-        derive(read_journal(ran / "journal"), prepare(load_scenario(SMALL)), Summary(), *files, print, progress)
+        derive(read_journal(ran / "journal"), prepare(load_scenario(SMALL)), Summary(), *files, Interrupting())
     assert not list(tmp_path.iterdir())
 
 
 def test_what_cannot_be_written_is_no_reason_to_doubt_the_run(ran: Path, tmp_path: Path) -> None:
-    said: list[str] = []
+    text = io.StringIO()
     files = (tmp_path / "none" / "a.mcap", None)
-    derive(
-        read_journal(ran / "journal"),
-        prepare(load_scenario(SMALL)),
-        Summary(),
-        *files,
-        said.append,
-        lambda _: None,
-    )
-    assert "cannot be written" in said[-1]
+    display = PlainDisplay(Console(file=text, width=80))
+    derive(read_journal(ran / "journal"), prepare(load_scenario(SMALL)), Summary(), *files, display)
+    assert "cannot be written" in text.getvalue()
 
 
 @pytest.mark.processes

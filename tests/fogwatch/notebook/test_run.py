@@ -166,7 +166,7 @@ class Eastwards:
     """A policy of this file."""
 
     def __init__(self, setup: PolicySetup) -> None:
-        self._east = setup.terrain.width * setup.terrain.point
+        self._east = setup.ground.terrain.width * setup.ground.terrain.point
 
     def decide(self, view: View) -> Intent:
         return Place(self._east - 2.0, view.pose.y)

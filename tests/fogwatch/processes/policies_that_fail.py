@@ -15,7 +15,7 @@ class Sound:
     """Drives round and round."""
 
     def __init__(self, setup: PolicySetup) -> None:
-        self._failing = setup.spec.number == 2
+        self._failing = setup.robot.spec.number == 2
 
     def decide(self, view: View) -> Intent:
         if self._failing and view.tick == FAILS_AT:
@@ -35,7 +35,7 @@ class Raising(Sound):
     def __init__(self, setup: PolicySetup) -> None:
         super().__init__(setup)
         pid = os.spawnlp(os.P_NOWAIT, "sleep", "sleep", "100000")
-        Path(os.environ["POLICY_PIDS"], setup.spec.name).write_text(str(pid), encoding="ascii")
+        Path(os.environ["POLICY_PIDS"], setup.robot.spec.name).write_text(str(pid), encoding="ascii")
 
     def fail(self) -> None:
         raise ZeroDivisionError("no idea")

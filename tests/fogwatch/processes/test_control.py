@@ -269,3 +269,13 @@ def command_lines() -> list[str]:
         except OSError:
             continue
     return found
+
+
+def test_the_recovery_from_an_operators_first_fault_is_judged_too(operate: Callable[..., Operating]) -> None:
+    at = operate({**COARSE, "duration": 30, "robots": 2 * [{}]}, "--recovery")
+    at.step(8)
+    assert at.fault(kind="loss", rate=0.5, **{"for": 1}).done
+    assert at.ask(do="go").done
+    assert at.run.end() == 0, at.run.errors
+    (check,) = [check for check in at.run.summary()["verdict"]["checks"] if check["name"] == "recovery"]
+    assert check["detail"].endswith("5 x the fault-free MFoW"), "it has been measured, and the run was too short"

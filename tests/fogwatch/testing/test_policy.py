@@ -70,7 +70,7 @@ def test_a_policy_meets_what_the_check_promises() -> None:
                     "alone": fleet == 1,
                     "silent": fleet > 1 and len(view.peers) < fleet - 1 and view.tick > 30,
                     "wall": fleet == 1 and view.pose.x < 2.0 and view.pose.y < 2.0,
-                    "nothing in view": self.setup.sight.range_m == 1.0,
+                    "nothing in view": self.setup.ground.sight.range_m == 1.0,
                     "lost": view.start is None,
                     "bumped": view.bumped,
                     "restarted": not hasattr(self, "before") and view.tick > 10,
@@ -172,7 +172,7 @@ def test_what_a_policy_raises_keeps_its_own_traceback() -> None:
 def test_a_policy_that_cannot_be_made_is_named() -> None:
     class Unmade(Wandering):
         def __init__(self, setup: PolicySetup) -> None:
-            raise ValueError(f"no idea of {setup.spec.name}")
+            raise ValueError(f"no idea of {setup.robot.spec.name}")
 
     error = broken(Unmade)
     assert "cannot be made for r1: ValueError: no idea of r1" in str(error)

@@ -32,11 +32,11 @@ def test_the_view_has_the_ages_places_and_robots_of_the_drawing() -> None:
     assert view.ground.terrain.bounds == (0.0, 0.0, 5.5, 2.5)
     assert not view.ground.terrain.passable[[0, 4, -5, -1]].any()
     assert situation.places == {"1": (0.75, 1.75), "2": (4.75, 0.75), "a": (4.75, 1.75), "b": (0.75, 0.75)}
-    age_s = view.age * situation.setup.step
+    age_s = view.age * situation.setup.fleet.step
     assert age_s[view.point_of(situation.places["a"])] == 300.0
     assert age_s[view.point_of(situation.places["b"])] == 0.0
     assert age_s[view.point_of((1.25, 1.25))] == 10.0
-    assert view.mfow * situation.setup.step == view.time_s == 300.0
+    assert view.mfow * situation.setup.fleet.step == view.time_s == 300.0
     assert (view.pose.x, view.pose.y, view.pose.heading) == (0.75, 1.75, 1.0)
     (peer,) = view.peers.values()
     assert (peer.pose.x, peer.pose.y, view.tick - peer.tick) == (4.75, 0.75, 8)

@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 
-from experiments.sweeps.casetable import write_text
+from experiments.sweeps.cases import write_text
 from experiments.sweeps.results import FILE, open_results
 from monitor.replay.run import open_run
 from monitor.report.compare import names_of, rows_of
@@ -118,7 +118,7 @@ def test_the_honest_run_is_looked_at(strange: Path, fogwatch: Callable[..., int]
     """Or the rows below would show nothing."""
     looked_at(strange)
     assert fogwatch("report", str(strange)) == 0
-    assert fogwatch("recording", str(strange / "recording.mcap")) == 0
+    assert fogwatch("record", "--check", str(strange / "recording.mcap")) == 0
 
 
 @pytest.mark.parametrize("row", ROWS)
@@ -172,7 +172,7 @@ def test_escape_sequences_do_not_reach_the_terminal(
     rewrite_summary(strange, _put("verdict.outcome", "\x1b[1A"))
     other = strange.rename(strange.with_name("\x1b[31mrun"))
     assert fogwatch("record", str(other), "--out", "again.mcap") == 0
-    assert fogwatch("recording", "again.mcap") == 0
+    assert fogwatch("record", "--check", "again.mcap") == 0
     assert fogwatch("report", str(other / "\x1b[2J")) == 2
     said = "".join(capsys.readouterr())
     assert r"\x1b]0;owned\x07\u202e" in said

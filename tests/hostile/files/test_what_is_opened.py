@@ -62,10 +62,10 @@ def map_of(image: Path) -> Path:
     return path
 
 
-def digest_of(image: Path) -> str:
-    from patrol.scenario.load import map_digest
+def digest_of(image: Path) -> object:
+    from patrol.maps.map_file import map_meaning
 
-    return map_digest(map_of(image))
+    return map_meaning(map_of(image))
 
 
 def digest_of_policy(path: Path) -> str:

@@ -6,8 +6,8 @@
 A stranger stands beside each fleet. It holds no secret, a viewer's credentials, or those of one robot. It knocks, sends
 garbage, reads along, floods, forges, replays, asks and stops reading. The fleet holds if nothing reaches the stranger
 that is not meant for it, no process dies, hangs or takes 300 MB more than before, the verdict is valid, and in
-lockstep the trace is that of the fleet without a stranger. A stranger with a robot's credentials may make the run
-invalid, if the verdict names that robot and no other.
+lockstep the trace is that of the fleet without a stranger. A stranger with a robot's credentials may drive that robot,
+and make the run invalid, if the verdict names that robot and no other.
 """
 
 from __future__ import annotations

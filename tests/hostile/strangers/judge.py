@@ -57,7 +57,7 @@ def problems(spell: Spell, seen: Seen) -> list[str]:
 
     A stranger with no secret, or with a viewer's credentials, changes nothing: the verdict is valid, and in lockstep
     the trace is that of the run without it. One with a robot's credentials may speak for that robot. Then the verdict
-    names the robot and no other, or it is valid and the trace in lockstep is the same.
+    is valid, or names the robot and no other.
 
     Args:
         spell: The spell.
@@ -76,7 +76,7 @@ def problems(spell: Spell, seen: Seen) -> list[str]:
     found += [f"verdict: {name}: {detail}" for name, detail in seen.failed.items() if name not in blamed]
     if seen.outcome not in ("valid", "invalid" if blamed else "valid", ""):
         found.append(f"the verdict is {seen.outcome}")
-    if seen.outcome == "valid" and seen.honest and seen.trace != seen.honest:
+    if not own and seen.outcome == "valid" and seen.honest and seen.trace != seen.honest:
         found.append("the verdict is valid, but the trace is not that of the run without the stranger")
     found += [f"a process died: {line}" for line in seen.restarts]
     found += [f"a traceback in the log {name}" for name in seen.crashes]

@@ -97,7 +97,6 @@ def forged(dice: Draws, keys: FleetKeys, robots: Sequence[str], newest: PhaseA |
     head = (1, ANYONE, 0, 1) if newest is None else (newest.incarnation, newest.instance, newest.k, newest.run)
     incarnation, instance, k, run = head
     k = min(k + dice.choice(*_LEAPS), 2**31 - 1)
-    proof = bytes(16) if newest is None else newest.proof
     pose = Pose(dice.between(-50.0, 50.0), dice.between(-50.0, 50.0), 0.0)
     frame = noise(dice, 60)
     drive = Velocity(dice.between(-1.0, 1.0), dice.between(-1.0, 1.0))
@@ -109,8 +108,8 @@ def forged(dice: Draws, keys: FleetKeys, robots: Sequence[str], newest: PhaseA |
     records = (msgpack.packb([1, 2**62, {}]), b"\x80" * dice.whole(1, _MANY))
     batch = Batch(dice.whole(0, 2**52), records, True, math.inf)
     to_robot = (
-        PhaseA(incarnation, instance, k, run, sensed, proof),
-        PhaseB(incarnation, instance, k, run, (frame,), proof),
+        PhaseA(incarnation, instance, k, run, sensed),
+        PhaseB(incarnation, instance, k, run, (frame,)),
         stop,
     )
     to_world = (

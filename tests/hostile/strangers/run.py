@@ -10,6 +10,7 @@ import sys
 import time
 from collections import Counter
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 from fogwatch.api import RunOptions, execute
@@ -182,7 +183,8 @@ def run_spell(spell: Spell, folder: Path, over: Callable[[], bool]) -> tuple[See
     result: Run | None = None
     ended = ""
     try:
-        options = RunOptions(out, display=progress, begin=begin, stop=stop, picture=False, page=spell.page)
+        bare = RunOptions(out, picture=False, recording=False, report=False, page=spell.page)
+        options = replace(bare, display=progress, begin=begin, stop=stop)
         result = execute(spell.scenario, options)
     except (BadInput, LaunchFailed) as error:
         ended = f"{type(error).__name__}: {error}"

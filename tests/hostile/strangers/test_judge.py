@@ -14,7 +14,7 @@ from tests.hostile.strangers.spell import Holds, Spell, draw_spell
 from worldsim.run_record import COMPLETED, INTERRUPTED
 
 HELD = Seen(COMPLETED, "valid", trace="a", honest="a", counts=Counter(attacks=3, messages=300))
-DRIVEN = {"transcripts": "r2: in ticks 16 to 31 the world acted on replies that the robot had not sent"}
+DRIVEN = {"nobody lost": "lost: r2 (I cannot go on)"}
 
 
 def spell(holds: Holds) -> Spell:
@@ -36,7 +36,6 @@ def test_a_fleet_that_is_as_without_the_stranger_has_held(holds: Holds) -> None:
         ({"outcome": "invalid", "failed": {"nobody lost": "lost: r1, r2"}}, "verdict: nobody lost: lost: r1, r2"),
         ({"outcome": "unknown"}, "the verdict is unknown"),
         ({"outcome": "invalid"}, "the verdict is invalid"),
-        ({"trace": "b"}, "the verdict is valid, but the trace is not that of the run without the stranger"),
         ({"restarts": ["the router was killed by SIGSEGV"]}, "a process died: the router was killed by SIGSEGV"),
         ({"crashes": ["world.log"]}, "a traceback in the log world.log"),
         ({"growth_mb": {"r1": 299.0, "worldsim": 301.0}}, "worldsim took 301 MB more than before the stranger came"),
@@ -50,6 +49,12 @@ def test_a_fleet_that_is_as_without_the_stranger_has_held(holds: Holds) -> None:
 def test_whatever_else_is_a_problem(holds: Holds, changes: dict[str, object], says: str) -> None:
     found = problems(spell(holds), replace(HELD, **changes))  # type: ignore[arg-type]
     assert any(says in problem for problem in found), found
+
+
+@pytest.mark.parametrize("holds", Holds)
+def test_only_a_stranger_with_a_robot_s_credentials_may_change_what_happens(holds: Holds) -> None:
+    changed = ["the verdict is valid, but the trace is not that of the run without the stranger"]
+    assert problems(spell(holds), replace(HELD, trace="b")) == ([] if holds is Holds.ROBOT else changed)
 
 
 def test_a_stranger_with_a_robot_s_credentials_may_make_the_verdict_name_that_robot() -> None:

@@ -58,7 +58,7 @@ def test_a_stranger_gets_in_as_what_it_holds() -> None:
 
 def test_forgeries_are_messages_that_decoders_take() -> None:
     """So that they reach the checks behind the decoders; the others reach the decoders only."""
-    newest = PhaseA(1, 77, 5, 9, Sensed(5, Pose(1.0, 2.0, 0.0), False, (), 2.5), bytes(16))
+    newest = PhaseA(1, 77, 5, 9, Sensed(5, Pose(1.0, 2.0, 0.0), False, (), 2.5))
     dice = Draws(3, Purpose.STRANGER)
     kinds: Counter[object] = Counter()
     decoders: dict[str, Callable[[bytes], object]] = {"tick": decode_to_robot, "reply": decode_to_world}

@@ -192,7 +192,7 @@ def test_no_file_is_opened_because_a_feed_names_it(
     quiet: Seen, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     (tmp_path / "policy.py").write_text("class Mine: ...\n", encoding="utf-8")
-    monkeypatch.setattr("patrol.scenario.load.file_digest", lambda path, _: pytest.fail(f"opened {path}"))
+    monkeypatch.setattr("patrol.classes.class_file.file_digest", lambda path, _: pytest.fail(f"opened {path}"))
     answer = FakeFeed(quiet).answer()
     height, width = answer.last_seen.shape
     header: Any = unpack(answer.header)

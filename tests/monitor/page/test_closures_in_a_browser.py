@@ -132,10 +132,11 @@ def test_a_replay_shows_what_was_closed_and_held(chromium: Any, doors: Seen) -> 
             """async () => {
                 const { Store } = await import('/store.js');
                 const store = new Store(() => {});
-                const closures = [{ name: 'gate', runs: [[5, 2]] }, { name: 'door', runs: [[1, 1], [9, 1]] }];
-                store.receive({ type: 'static', width: 4, height: 3, live: false, closures });
+                const marks = [{ name: 'gate', runs: [[5, 2]] }, { name: 'door', runs: [[1, 1], [9, 1]] }];
+                store.receive({ type: 'static', width: 4, height: 3, live: false, marks });
                 return [['gate'], ['door', 'gate'], []].map((closed) => {
-                    store.receive({ type: 'state', k: 1, robots: [], closed });
+                    const looks = Object.fromEntries(closed.map((name) => [name, [name, true, true, false, null]]));
+                    store.receive({ type: 'state', k: 1, robots: [], looks: { closures: looks } });
                     return [...store.shut].sort((one, other) => one[0] - other[0]).join(' ');
                 });
             }"""

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from monitor.page.messages import static_message
 from monitor.replay.player import Player
-from patrol.closures import closure_points
+from patrol.closures.spec import closure_points
 
 if TYPE_CHECKING:
     from tests.monitor.conftest import Seen
@@ -16,7 +16,8 @@ if TYPE_CHECKING:
 def test_the_points_of_closures_are_told_run_by_run(doors: Seen) -> None:
     run = doors.open()
     static = Player(run).static()
-    told = {closure["name"]: closure for closure in json.loads(static_message(static, may_control=False))["closures"]}
+    marks = json.loads(static_message(static, may_control=False))["marks"]
+    told = {mark["name"]: mark for mark in marks if mark["section"] == "closures"}
     for closure in run.prepared.scenario.closures:
         points = [at for first, count in told[closure.name]["runs"] for at in range(first, first + count)]
         assert points == closure_points(closure, run.prepared.terrain).tolist()

@@ -80,7 +80,9 @@ def test_closures_what_holds_them_and_beliefs_are_as_they_were(doors: Seen) -> N
         (79, [], [], []),
     ):
         state = at(player, k)
-        assert (list(state.closed), list(state.waiting)) == (closed, waiting)
+        looks = state.looks["closures"]
+        assert [name for name in sorted(looks) if looks[name].filled] == closed
+        assert [name for name in sorted(looks) if looks[name].waits] == waiting
         assert [fault["id"] for fault in state.faults] == held
         while (believed := player.last_seen(1)) is None:
             pass

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from monitor.figures.style import Drawing
 from monitor.replay.run import open_run
 from monitor.report import html
 from monitor.report.analysis import analyse, measures, state_of
@@ -19,7 +20,6 @@ from monitor.report.charts import troubles_chart
 from monitor.report.compare import cautions, compare_html, contradictions, differences, names_of, rows_of
 from monitor.report.compare import drawings as drawings_of_several
 from monitor.report.document import drawings, report_html, write_page, write_report
-from monitor.report.style import draw
 from patrol.errors import BadInput
 from patrol.measures.best_tour import best_tour
 from patrol.summary.model import Summary
@@ -337,7 +337,7 @@ def test_what_cannot_be_written_is_said(quiet: Any, tmp_path: Path) -> None:
     (tmp_path / "file").write_text("", encoding="utf-8")
     with pytest.raises(BadInput, match="cannot be written"):
         write_page("", tmp_path / "file" / "report.html")
-    drawing = draw("troubles", "", "", lambda: troubles_chart(run))
+    drawing = Drawing("troubles", "", "", lambda: troubles_chart(run))
     with pytest.raises(BadInput, match="cannot be written"):
         drawing.save(tmp_path / "file")
 

@@ -12,11 +12,11 @@ from patrol.ground.fields import compute_fields
 from patrol.ground.one_way import with_direction
 from patrol.ground.sensors import footprint_of
 from patrol.ground.terrain import ALL_WAYS, Terrain
-from patrol.ground.zones import with_zones
 from patrol.pose import Pose
-from patrol.scenario.zones import ZoneSpec
 from patrol.starts import starting_part
 from patrol.tours.search import find_tour
+from patrol.zones.ground import with_zones
+from patrol.zones.spec import ZoneSpec
 from tests.ring import LOWER, UPPER, ring, zone
 
 

@@ -14,10 +14,10 @@ from patrol.measures.best_tour import best_tour
 from patrol.measures.zoned import best_weighted_s, prepare_zones, zone_weights, zoned_ground
 from patrol.prepare import Prepared, prepare
 from patrol.scenario import load_scenario
-from patrol.scenario.zones import Weighing
 from patrol.tours.round import Round
 from patrol.tours.visits import Ground, Visit, plan_visits
-from patrol.tours.zoned import Group
+from patrol.zones.division import Group
+from patrol.zones.spec import Weighing
 
 
 def box(left: float, low: float, right: float, high: float) -> list[list[float]]:
@@ -106,7 +106,7 @@ def test_visits_are_chosen_only_where_they_may_be_best_and_once(monkeypatch: pyt
         chosen.append(robots)
         return plan_visits(base, grounds, robots)
 
-    monkeypatch.setattr("patrol.tours.zoned.plan_visits", count)
+    monkeypatch.setattr("patrol.zones.division.plan_visits", count)
     ground = zoned_ground(made)
     assert ground is not None
     best = ground.divide(20)

@@ -17,17 +17,18 @@ from patrol.messages.phases import (
     NO_RUN,
     PROTOCOL,
     Failed,
+    Farewell,
     Hello,
     HelloReply,
     PhaseA,
     PhaseB,
     ReplyA,
     ReplyB,
-    Report,
     Stop,
 )
 from patrol.messages.session import (
     GRACE_S,
+    OLDEST,
     RETURN_S,
     ROBOT,
     SEAT,
@@ -53,13 +54,9 @@ from patrol.messages.session import (
 )
 from patrol.net.mailbox import Presence
 from patrol.pose import Pose, Velocity
-from patrol.security.tick_chain import TickChain
-from patrol.security.transcripts import LAST, MAX_TICKS
 
 NOW = 100.0
 RUN, OTHER, HASH = 5, 6, "a" * 64
-TICKS = 600
-CHAIN, FORGED = TickChain(b"secret", TICKS), TickChain(b"another", TICKS)
 POSE = Pose(1.0, 2.0, 0.5)
 
 
@@ -93,16 +90,15 @@ ME = Identity("r1", 1, 77, HASH)
 
 
 def hello(run: int = RUN) -> Hello:
-    chain = CHAIN if run == RUN else FORGED
-    return Hello(0, ANYONE, 3, run, chain.proof(3), chain.stride)
+    return Hello(0, ANYONE, 3, run)
 
 
 def a(k: int) -> PhaseA:
-    return PhaseA(1, 77, k, RUN, Sensed(k, POSE), CHAIN.proof(k + 1))
+    return PhaseA(1, 77, k, RUN, Sensed(k, POSE))
 
 
 def b(k: int) -> PhaseB:
-    return PhaseB(1, 77, k, RUN, (b"frame",), CHAIN.proof(k + 1))
+    return PhaseB(1, 77, k, RUN, (b"frame",))
 
 
 def robot_at(stage: str) -> RobotEnd:
@@ -138,14 +134,12 @@ TO_ROBOT: Mapping[str, Any] = {
     "the same, own world gone": greeted_while_alone,
     "PhaseA 4": a(4),
     "PhaseA 3": a(3),
-    "PhaseA 4 without proof": replace(a(4), proof=bytes(16)),
     "PhaseA 4 to another": replace(a(4), instance=78),
-    "PhaseA 4 of run 6": replace(a(4), run=OTHER, proof=FORGED.proof(5)),
+    "PhaseA 4 of run 6": replace(a(4), run=OTHER),
     "PhaseB 3": b(3),
     "PhaseB 4": b(4),
-    "PhaseB 4 without proof": replace(b(4), proof=CHAIN.proof(4)),
     "PhaseB 3 to another": replace(b(3), incarnation=2),
-    "PhaseB 3 of run 6": replace(b(3), run=OTHER, proof=FORGED.proof(4)),
+    "PhaseB 3 of run 6": replace(b(3), run=OTHER),
     "Stop": Stop(1, 77, 3, RUN, True, "over"),
     "Stop of run 6": Stop(1, 77, 3, OTHER, True, "over"),
     "Stop to another": Stop(1, 78, 3, RUN, True, "over"),
@@ -163,12 +157,10 @@ ROBOT_CASES = """
     the same, own world gone |hello>OFFERED hello     part>LEFT   part>LEFT      part>LEFT  -
     PhaseA 4                 |stranger      ->DUE     -           ->DUE          ->DUE      -
     PhaseA 3                 |stranger      ->DUE     repeat      repeat         repeat     -
-    PhaseA 4 without proof   |stranger      ahead     ahead       ahead          ahead      -
     PhaseA 4 to another      |stranger      stranger  stranger    stranger       stranger   -
     PhaseA 4 of run 6        |stranger      stranger  stranger    stranger       stranger   -
     PhaseB 3                 |stranger      stranger  deliver     deliver>AWAITS_A repeat   -
     PhaseB 4                 |stranger      stranger  deliver     deliver        deliver    -
-    PhaseB 4 without proof   |stranger      ahead     ahead       ahead          ahead      -
     PhaseB 3 to another      |stranger      stranger  stranger    stranger       stranger   -
     PhaseB 3 of run 6        |stranger      stranger  stranger    stranger       stranger   -
     Stop                     |part>LEFT     part>LEFT part>LEFT   part>LEFT      part>LEFT  -
@@ -217,8 +209,8 @@ def test_phase_b_of_an_older_tick_counts_and_ends_no_wait() -> None:
 def test_a_world_that_has_begun_no_tick_fills_no_memory() -> None:
     robot = robot_at("OFFERED")
     assert robot.arrived(hello(OTHER), NOW) == (Send(HelloReply(1, 77, 0, OTHER, HASH)),)
-    for k in range(3, TICKS):
-        forged = PhaseB(1, 77, k, OTHER, (b"forged",), FORGED.proof(k + 1))
+    for k in range(3, 600):
+        forged = PhaseB(1, 77, k, OTHER, (b"forged",))
         assert robot.arrived(forged, NOW) == (Refuse("stranger"),)
     robot.arrived(a(3), NOW)
     robot.take()
@@ -252,7 +244,7 @@ REPLY = Reply(Velocity(1.0, 0.0), "patrolling", None, 1.0, 0)
 
 def world_at(stage: str) -> WorldEnd:
     """The world's end in a state; where a process has the seat, it is instance 71."""
-    run = WorldRun(RUN, HASH, CHAIN, k=BEGUN - 1, begun=BEGUN)
+    run = WorldRun(RUN, HASH, k=BEGUN - 1, begun=BEGUN)
     world = WorldEnd(run, 1, "r1", expected=stage != "VACANT")
     if stage not in ("VACANT", "EXPECTED"):
         assert world.arrived(HelloReply(1, 71, 0, RUN, HASH), NOW) == ()
@@ -274,15 +266,15 @@ TO_WORLD: Mapping[str, Any] = {
     "HelloReply of another version": HelloReply(1, 99, 0, NO_RUN, HASH, PROTOCOL + 1),
     "HelloReply to run 6": HelloReply(1, 71, 0, OTHER, HASH),
     "ReplyA": ReplyA(1, 71, BEGUN - 1, RUN, (b"frame",)),
-    "ReplyB": ReplyB(1, 71, BEGUN - MAX_TICKS, RUN, REPLY),
+    "ReplyB": ReplyB(1, 71, BEGUN - OLDEST, RUN, REPLY),
     "ReplyB ahead": ReplyB(1, 71, BEGUN, RUN, REPLY),
-    "ReplyA late": ReplyA(1, 71, BEGUN - MAX_TICKS - 1, RUN, (b"frame",)),
+    "ReplyA late": ReplyA(1, 71, BEGUN - OLDEST - 1, RUN, (b"frame",)),
     "ReplyA of another": ReplyA(1, 99, 3, RUN, (b"frame",)),
     "ReplyA to run 6": ReplyA(1, 71, 3, OTHER, (b"frame",)),
     "Failed": Failed(1, 71, 3, RUN, "no idea"),
     "Failed of another": Failed(2, 71, 3, RUN, "no idea"),
-    "Report": Report(1, 71, 3, RUN, 0, ()),
-    "Report of another": Report(1, 99, 3, RUN, 0, ()),
+    "Farewell": Farewell(1, 71, 3, RUN),
+    "Farewell of another": Farewell(1, 99, 3, RUN),
     "it is dismissed": lambda world: world.dismiss("go", orderly=True),
     "it has ended": lambda world: world.end() or (),
     "another is started": lambda world: world.expect(2) or (),
@@ -306,8 +298,8 @@ WORLD_CASES = """
     ReplyA to run 6               |stranger  stranger    stranger       stranger       stranger
     Failed                        |stranger  stranger    ->FAILING      -              stranger
     Failed of another             |stranger  stranger    stranger       stranger       stranger
-    Report                        |stranger  stranger    -              -              -
-    Report of another             |stranger  stranger    stranger       stranger       stranger
+    Farewell                      |stranger  stranger    -              -              -
+    Farewell of another           |stranger  stranger    stranger       stranger       stranger
     it is dismissed               |-         -           stop>DISMISSED stop>DISMISSED stop
     it has ended                  |-         ->VACANT    ->VACANT       ->VACANT       ->VACANT
     another is started            |->EXPECTED -          ->EXPECTED     ->EXPECTED     ->EXPECTED
@@ -336,22 +328,21 @@ def test_a_process_that_is_turned_away_is_told_why() -> None:
 
 
 def test_only_the_process_that_was_started_takes_the_seat() -> None:
-    world = WorldEnd(WorldRun(RUN, HASH, CHAIN, lambda number, incarnation: 100 * number + incarnation), 1, "r1")
+    world = WorldEnd(WorldRun(RUN, HASH), 1, "r1")
     world.expect(2)
-    for incarnation, instance in ((1, 101), (2, 101), (3, 103), (2, ANYONE)):
-        assert short(world.arrived(HelloReply(incarnation, instance, 0, RUN, HASH), NOW)) == "seat+stop"
+    for incarnation in (1, 3):
+        assert short(world.arrived(HelloReply(incarnation, 102, 0, RUN, HASH), NOW)) == "seat+stop"
     assert world.arrived(HelloReply(2, 102, 0, RUN, HASH), NOW) == ()
     assert world.process == (2, 102)
 
 
-def test_a_process_that_is_gone_may_report_but_answers_no_more() -> None:
+def test_a_process_that_is_gone_may_say_farewell_but_answers_no_more() -> None:
     world = world_at("SEATED")
     world.end()
-    assert world.arrived(Report(1, 71, 3, RUN, 0, ()), NOW) == ()
+    assert world.arrived(Farewell(1, 71, 3, RUN), NOW) == ()
     assert world.process is None
     world.expect(2)
-    assert world.arrived(Report(1, 71, LAST, RUN, 0, ()), NOW) == ()
-    assert world.transcripts[1, 71].closed
+    assert world.arrived(Farewell(1, 71, 3, RUN), NOW) == ()
     assert world.stage is SeatStage.EXPECTED
     assert world.arrived(ReplyA(1, 71, 3, RUN, (b"frame",)), NOW) == (Refuse("stranger"),)
     world.arrived(HelloReply(2, 72, 0, RUN, HASH), NOW)
@@ -367,7 +358,7 @@ def test_a_token_that_has_gone_is_no_farewell() -> None:
     assert world.is_missing(NOW + 1.1 * GRACE_S)
     assert not world.is_gone(NOW + RETURN_S - 0.1)
     assert world.is_gone(NOW + RETURN_S)
-    world.arrived(Report(1, 71, LAST, RUN, 0, ()), NOW)
+    world.arrived(Farewell(1, 71, 3, RUN), NOW)
     assert not world.is_gone(NOW + 0.9 * GRACE_S)
     assert world.is_gone(NOW + 1.1 * GRACE_S)
     world.arrived(Presence(True), NOW + 60.0)
@@ -382,14 +373,12 @@ FROM = st.tuples(st.sampled_from([1, 1, 1, 2]), st.sampled_from([77, 77, 77, 78,
 
 @st.composite
 def to_robots(draw: st.DrawFn) -> Any:
-    """Messages to a robot from its world, from another, and without proof; and what its own process does."""
-    k, head = draw(TICK), draw(FROM)
-    run, chain = draw(st.sampled_from([(RUN, CHAIN), (RUN, CHAIN), (OTHER, FORGED)]))
-    proof = draw(st.sampled_from([chain.proof(k + 1)] * 4 + [bytes(16)]))
+    """Messages to a robot from its world and from another; and what its own process does."""
+    k, head, run = draw(TICK), draw(FROM), draw(st.sampled_from([RUN, RUN, OTHER]))
     kinds: list[Any] = [
-        Hello(0, ANYONE, k, run, chain.proof(k), 1),
-        PhaseA(*head, k, run, Sensed(k, POSE), proof),
-        PhaseB(*head, k, run, (b"frame",), proof),
+        Hello(0, ANYONE, k, run),
+        PhaseA(*head, k, run, Sensed(k, POSE)),
+        PhaseB(*head, k, run, (b"frame",)),
         Presence(draw(st.booleans())),
         "take",
         draw(st.sampled_from([0.1, 1.0, 6.0])),
@@ -423,12 +412,11 @@ def test_no_sequence_makes_a_robot_obey_a_stranger_or_come_back(sequence: list[A
         for effect in effects:
             if isinstance(effect, Deliver | Repeat):
                 assert (what.incarnation, what.instance, what.run) == (1, 77, own)
-                assert what.proof == (CHAIN if own == RUN else FORGED).proof(what.k + 1)
             if isinstance(effect, Deliver):
                 assert what.k not in heard
                 heard.add(what.k)
             if isinstance(effect, Refuse):
-                assert effect.reason in ("stranger", "ahead")
+                assert effect.reason == "stranger"
 
 
 @st.composite
@@ -444,7 +432,7 @@ def to_worlds(draw: st.DrawFn) -> Any:
         ReplyA(*head, k, run, (b"frame",)),
         ReplyB(*head, k, run, REPLY),
         Failed(*head, k, run, "no idea"),
-        Report(*head, k, run, 0, ()),
+        Farewell(*head, k, run),
         Presence(draw(st.booleans())),
         draw(st.sampled_from(["dismiss", "end", "expect"])),
     ]
@@ -453,7 +441,7 @@ def to_worlds(draw: st.DrawFn) -> Any:
 
 @given(st.lists(to_worlds(), max_size=60))
 def test_no_sequence_lets_a_process_without_the_seat_speak(sequence: list[Any]) -> None:
-    world = WorldEnd(WorldRun(RUN, HASH, CHAIN, k=BEGUN - 1, begun=BEGUN), 1, "r1")
+    world = WorldEnd(WorldRun(RUN, HASH, k=BEGUN - 1, begun=BEGUN), 1, "r1")
     for what in sequence:
         before, seated = world.process, world.stage in (SeatStage.SEATED, SeatStage.FAILING)
         if isinstance(what, str):
@@ -469,7 +457,7 @@ def test_no_sequence_lets_a_process_without_the_seat_speak(sequence: list[Any]) 
                     assert seated
                     assert (what.incarnation, what.instance) == before
                     assert what.run == RUN
-                    assert BEGUN - MAX_TICKS <= what.k < BEGUN
+                    assert BEGUN - OLDEST <= what.k < BEGUN
                 if isinstance(effect, Send) and isinstance(effect.message, Stop):
                     assert (effect.message.incarnation, effect.message.instance) == (what.incarnation, what.instance)
                 if isinstance(effect, Refuse):
@@ -504,7 +492,7 @@ def test_every_step_and_every_refusal_can_happen(monkeypatch: pytest.MonkeyPatch
         test_a_message_to_the_world(at, message, cell)
     test_a_tick_whose_phase_b_has_come_is_taken_whole()
     test_phase_b_of_an_older_tick_counts_and_ends_no_wait()
-    test_a_process_that_is_gone_may_report_but_answers_no_more()
+    test_a_process_that_is_gone_may_say_farewell_but_answers_no_more()
     test_only_the_process_that_was_started_takes_the_seat()
     assert ROBOT.keys() - robot.taken == set()
     assert SEAT.keys() - seat.taken == set()

@@ -69,6 +69,21 @@ def test_code_that_catches_every_exception_does_not_go_on() -> None:
     assert not went_on
 
 
+def test_an_interruption_that_gets_lost_comes_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    lost: list[object] = []
+    monkeypatch.setattr(sys, "unraisablehook", lambda raised: lost.append(raised.exc_type))
+
+    class Deleted:
+        def __del__(self) -> None:
+            spin()
+
+    with pytest.raises(Late), deadline(SHORT_S):  # noqa: PT012
+        Deleted()
+        spin()
+    assert lost == [Late]
+
+
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")  # lost in a callback, and raised again
 def test_code_that_calls_itself_without_end_is_over_before_its_time() -> None:
     def call() -> None:
         call()

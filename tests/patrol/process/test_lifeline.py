@@ -94,6 +94,20 @@ class Told:
 where_it_is_lost = Told
 """
 
+ENDED = """
+import time
+
+class Slow:
+    def __del__(self, sleep=time.sleep):
+        sleep(0.5)
+
+def where_it_is_lost():
+    import imported
+    sys.exit(7)
+
+slow = Slow()
+"""
+
 TOLD = """
 import os, signal, sys
 from patrol.process.lifeline import heed
@@ -132,6 +146,13 @@ def test_an_interrupt_comes_later_where_it_would_do_harm_or_be_lost(place: str, 
 def test_an_import_without_end_can_be_interrupted(tmp_path: Path) -> None:
     told = tell_at(IMPORTED, tmp_path, "import time; time.sleep(600)")
     assert (told.returncode, told.stdout, told.stderr) == (130, "told\n", "")
+
+
+@pytest.mark.processes
+def test_an_interrupt_that_comes_after_all_is_done_leaves_the_exit_code_alone(tmp_path: Path) -> None:
+    """The interpreter takes its time to put itself away, longer than the interrupt is put off."""
+    told = tell_at(ENDED, tmp_path, "")
+    assert (told.returncode, told.stdout, told.stderr) == (7, "told\n", "")
 
 
 @pytest.mark.processes

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from fogwatch.commands.key import app
+from fogwatch.commands.fleet import app
 from patrol.errors import BadInput
 from patrol.radio.fleet_key import LONGEST, fleet_key, new_key
 
@@ -14,7 +14,7 @@ from patrol.radio.fleet_key import LONGEST, fleet_key, new_key
 def test_a_new_key_is_random_long_and_for_its_owner_alone(tmp_path: Path) -> None:
     paths = [tmp_path / "a.key", tmp_path / "b.key"]
     for path in paths:
-        result = CliRunner().invoke(app, ["new", str(path)], catch_exceptions=False)
+        result = CliRunner().invoke(app, ["key", str(path)], catch_exceptions=False)
         assert (result.exit_code, str(path) in result.output) == (0, True)
         assert stat.S_IMODE(path.stat().st_mode) == 0o600
     keys = [fleet_key(path) for path in paths]

@@ -82,14 +82,13 @@ phases = st.one_of(
         st.integers(0, 99),
         st.just(5),
         st.lists(frames, max_size=6).map(tuple),
-        st.just(bytes(16)),
     ),
     st.builds(
-        lambda k, bumped: PhaseA(1, 7, k, 5, Sensed(k, Pose(1.0, 2.0, 3.0), bumped), bytes(16)),
+        lambda k, bumped: PhaseA(1, 7, k, 5, Sensed(k, Pose(1.0, 2.0, 3.0), bumped)),
         st.integers(0, 99),
         st.booleans(),
     ),
-    st.builds(Hello, st.just(1), st.just(7), st.integers(0, 99), st.integers(0, 99), st.just(bytes(16)), st.just(1)),
+    st.builds(Hello, st.just(1), st.just(7), st.integers(0, 99), st.integers(0, 99)),
     st.builds(
         ReplyA, st.just(1), st.just(7), st.integers(0, 99), st.just(5), st.lists(frames, max_size=MAX_FRAMES).map(tuple)
     ),

@@ -14,7 +14,7 @@ from patrol.journal.records import IN_FORCE, OUT_OF_FORCE, Event
 from patrol.prepare import prepare
 from patrol.scenario import dump_scenario, load_scenario
 from patrol.scenario.controls import OPERATOR, amended, as_detail, described, read_control
-from patrol.scenario.zones import zones_in_force
+from patrol.zones.spec import zones_in_force
 from tests.worldsim.test_operator import run
 from worldsim.verdict.judge import judge
 from worldsim.world import World

@@ -22,21 +22,19 @@ from patrol.messages.session import WorldRun
 from patrol.net.mailbox import Presence
 from patrol.pose import Pose, Velocity
 from patrol.security.keys import FleetKeys
-from patrol.security.tick_chain import TickChain
 from worldsim.fleet.lockstep import LockstepFleet
 from worldsim.fleet.sessions import FleetConnection, Sessions
 
 KEYS = FleetKeys("f")
 NAMES = {1: "r1", 2: "r2", 3: "r3"}
 RUN, HASH = 9, "c" * 64
-CHAIN = TickChain(b"secret", 1000)
 POSES = {number: Pose(float(number), 0.0, 0.0) for number in NAMES}
 
 
 class Net:
     """Robots that answer at once unless told otherwise, and time that passes only while somebody waits."""
 
-    def __init__(self, seat: Callable[[int, int], int] | None = None, *, launched: bool = False) -> None:
+    def __init__(self, *, launched: bool = False) -> None:
         self.time = 1000.0
         self.refused: Counter[str] = Counter()
         self.letters: deque[tuple[float, str, Any]] = deque()
@@ -59,7 +57,7 @@ class Net:
             lambda: self.ending,
             self.ended.__contains__ if launched else None,
         )
-        self.sessions = Sessions(self.wire, WorldRun(RUN, HASH, CHAIN, seat))
+        self.sessions = Sessions(self.wire, WorldRun(RUN, HASH))
 
     @property
     def waiting(self) -> int:

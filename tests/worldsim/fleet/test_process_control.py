@@ -24,7 +24,6 @@ from patrol.messages.session import WorldRun
 from patrol.net.mailbox import Presence
 from patrol.pose import Pose
 from patrol.security.keys import FleetKeys
-from patrol.security.tick_chain import TickChain
 from worldsim.faults import STOPPED, UNSEEN, process_name
 from worldsim.fleet.process_control import (
     ENDED,
@@ -65,7 +64,7 @@ class Stage:
         posts = {number: self.post_of(number) for number in NAMES}
         ended = partial(has_ended, self.ask)
         wire = FleetConnection(KEYS, NAMES, posts, self, lambda: True, lambda: self.time, lambda: self.ending, ended)
-        self.sessions = Sessions(wire, WorldRun(RUN, HASH, TickChain(b"secret", 100)), absent)
+        self.sessions = Sessions(wire, WorldRun(RUN, HASH), absent)
         self.control = LauncherControl(self.ask, self.sessions, waits=waits)
         for number in self.incarnation:
             self.presence(number, True)

@@ -14,7 +14,7 @@ import pytest
 from patrol.classes.static_check import check_without_running
 from patrol.errors import BadInput
 from patrol.scenario import Scenario, dump_scenario, load_scenario, scenario_hash
-from patrol.scenario.copying import keep_scenario
+from patrol.scenario.load import keep_scenario
 from patrol.scenario.radio_spec import PathLossOptions
 from tests.worldsim.checks.judged import change, failures
 from worldsim.radio.models import Ideal, ModelSetup, model_class, model_named, model_of

@@ -29,7 +29,6 @@ NAMES = [
     "exit codes",
     "the down are silent",
     "links add up",
-    "transcripts",
     "robots there",
     "statuses",
     "events",

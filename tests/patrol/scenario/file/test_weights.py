@@ -9,7 +9,7 @@ import pytest
 
 from patrol.errors import BadInput
 from patrol.scenario import Scenario, dump_scenario, load_scenario, same_but_for_files, scenario_hash
-from patrol.scenario.copying import keep_scenario
+from patrol.scenario.load import keep_scenario
 from patrol.scenario.policies import LearnedOptions
 
 

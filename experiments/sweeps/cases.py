@@ -1,0 +1,249 @@
+"""The results of a sweep case by case, and the files that hold them: means over seeds with their intervals."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from experiments.sweeps.paired import PAIRING, TEST, comparisons_table, paired_tests
+from experiments.sweeps.plan import Case, Label, Run
+from experiments.sweeps.runner import SweepOutcome
+from experiments.sweeps.stats import Estimate, estimate, with_interval
+from experiments.sweeps.worker import software
+from monitor.tables.table import Table
+from patrol.errors import BadInput
+from patrol.files.whole_file import write_whole, writing
+
+SHOWN = {
+    "mfow_mean_s": "mean MFoW (s)",
+    "mfow_max_s": "largest MFoW (s)",
+    "fog_mean_s": "mean fog (s)",
+    "dead_end_percent": "dead ends (%)",
+    "collisions": "collisions",
+}
+"""Metrics that terminals, notebooks, papers and figures show, and their titles; the files have all metrics."""
+
+CHANGE = "change of MFoW (%)"
+
+
+@dataclass(frozen=True, slots=True)
+class CaseRow:
+    """The results of one case."""
+
+    case: str
+    settings: Mapping[str, object]  # of the base scenario, by dotted field
+    runs: int  # number of its valid runs
+    failed: int
+    warned: int  # number of its runs whose verdict has warnings
+    metrics: Mapping[str, Estimate]  # mean of each over the seeds
+    values: Mapping[str, Mapping[int, float]]  # of each metric, by seed
+    against: str | None  # case that it is compared with; None for none
+    # by how many percent each metric's mean is above that case's, with the interval of the differences seed by seed
+    change: Mapping[str, Estimate]
+    labels: tuple[Label, ...] = ()  # its values by axis, in the order of its name
+
+    @property
+    def words(self) -> list[str]:
+        """The words of the case's name: one for each axis, or those of the name where there are no axes."""
+        return [label.word for label in self.labels] or self.case.split()
+
+
+def case_rows(outcome: SweepOutcome) -> list[CaseRow]:
+    """Return the results of a sweep, one row per case in the plan's order.
+
+    Metrics that no run has are left out.
+    """
+    names = list(dict.fromkeys(name for result in outcome.results.values() if result.ok for name in result.metrics))
+    return [_case_row(outcome, case, names) for case in outcome.plan.cases]
+
+
+def _case_row(outcome: SweepOutcome, case: Case, names: Sequence[str]) -> CaseRow:
+    other = outcome.plan.partner(case)
+    runs = [outcome.results[run.key] for run in outcome.plan.runs_of(case.name) if run.key in outcome.results]
+    good = sum(result.ok for result in runs)
+    values = {name: own for name in names if (own := outcome.values(case.name, name))}
+    metrics = {name: estimate(list(own.values())) for name, own in values.items()}
+    change = {
+        name: difference
+        for name, own in values.items()
+        if other is not None and (difference := _change(own, outcome.values(other.name, name))) is not None
+    }
+    warned = sum(value > 0.0 for value in values.get("warnings", {}).values())
+    against = None if other is None else other.name
+    counts = (good, len(runs) - good, warned)
+    return CaseRow(case.name, case.settings, *counts, metrics, values, against, change, case.labels)
+
+
+def _change(own: Mapping[int, float], others: Mapping[int, float]) -> Estimate | None:
+    """Return by how many percent the mean over the seeds that both have is above the other's."""
+    seeds = [seed for seed in own if seed in others]
+    base = sum(others[seed] for seed in seeds) / max(len(seeds), 1)
+    return estimate([100.0 * (own[seed] - others[seed]) / base for seed in seeds]) if base > 0.0 else None
+
+
+def write_tables(outcome: SweepOutcome, folder: Path) -> tuple[Path, Path]:
+    """Write the tables of a sweep, and return the paths of summary.csv and summary.json.
+
+    The others are table.tex, runs.csv and comparisons.csv. runs.csv has a row for each run, comparisons.csv the paired
+    tests.
+    """
+    rows = case_rows(outcome)
+    as_csv, as_json = folder / "summary.csv", folder / "summary.json"
+    write_text(as_csv, cases_table(rows).csv())
+    write_text(folder / "runs.csv", runs_table(outcome).csv())
+    write_text(folder / "comparisons.csv", comparisons_table(paired_tests(rows)).csv())
+    content = {
+        "name": outcome.plan.name,
+        "software": software(),
+        "seeds": list(outcome.plan.seeds),
+        "cases": [_as_json(row) for row in rows],
+        "failed": [{"case": run.case, "seed": run.seed, "error": run.error} for run in outcome.failed],
+    }
+    write_text(as_json, json_text(content))
+    write_text(folder / "table.tex", _latex(rows, outcome.plan.name))
+    return as_csv, as_json
+
+
+def json_text(value: Any) -> str:
+    """Return a value as indented JSON text; it must be without NaN."""
+    return f"{json.dumps(value, indent=1, allow_nan=False)}\n"
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a file, and its folder if it is missing."""
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise BadInput(f"{path.parent}: cannot be made ({error.strerror}); choose another --out") from None
+    with writing(path, "choose another --out"):
+        write_whole(path, text)
+
+
+def runs_table(outcome: SweepOutcome, labels: Callable[[Run], Mapping[str, object]] | None = None) -> Table:
+    """Return the table of the runs that have a result: settings, numbers, and how long each took.
+
+    `labels` gives the first columns; unless given, these are the case and each setting that some case makes.
+    """
+    fields = dict.fromkeys(field for case in outcome.plan.cases for field in case.settings)
+    names = dict.fromkeys(name for result in outcome.results.values() for name in result.metrics)
+
+    def own(run: Run) -> Mapping[str, object]:
+        return {"case": run.case, **{field: run.settings.get(field) for field in fields}}
+
+    return Table.of(
+        {
+            **(labels or own)(run),
+            "seed": run.seed,
+            "outcome": result.outcome,
+            "error": result.error,
+            **{name: result.metrics.get(name) for name in names},
+            "trace_hash": result.trace_hash,
+            "wall_s": result.wall_s,
+            "processor_s": result.processor_s,
+            "software": result.software,
+        }
+        for run in outcome.plan.runs
+        if (result := outcome.results.get(run.key)) is not None
+    )
+
+
+def cases_table(rows: Sequence[CaseRow]) -> Table:
+    """Return the table of summary.csv: each number with the ends of its interval."""
+    fields = dict.fromkeys(field for row in rows for field in row.settings)
+    names = dict.fromkeys(name for row in rows for name in row.metrics)
+    changes = dict.fromkeys(name for row in rows for name in row.change)
+    return Table.of(
+        {
+            "case": row.case,
+            **{field: row.settings.get(field) for field in fields},
+            "runs": row.runs,
+            "failed": row.failed,
+            "warned": row.warned,
+            **{head: value for name in names for head, value in _ends(name, row.metrics.get(name))},
+            **{head: v for name in changes for head, v in _ends(f"{name}_change_percent", row.change.get(name))},
+            **({"against": row.against} if changes else {}),
+        }
+        for row in rows
+    )
+
+
+def _ends(name: str, found: Estimate | None) -> Iterator[tuple[str, float | None]]:
+    """Yield a mean and the ends of its interval, each with the name of its column."""
+    for end, value in (("", "mean"), ("_low", "low"), ("_high", "high")):
+        yield f"{name}{end}", None if found is None else getattr(found, value)
+
+
+def told_apart(cases: Mapping[str, Sequence[str]]) -> tuple[dict[str, str], str]:
+    """Return shorter names of cases by the whole ones, and the words that they lack because all share them.
+
+    `cases` has the words of each name by the whole name. No name is left empty; where two would become the same, all
+    stay whole.
+    """
+    words = list(cases.values())
+    common = [word for word in words[0] if all(word in others for others in words[1:])] if len(cases) > 1 else []
+    if any(all(word in common for word in own) for own in words):
+        common = []
+    short = [" ".join(word for word in own if word not in common) for own in words]
+    if len(set(short)) < len(cases):
+        return {case: case for case in cases}, ""
+    return dict(zip(cases, short, strict=True)), " ".join(common)
+
+
+def shown_table(rows: Sequence[CaseRow], names: Mapping[str, str]) -> Table:
+    """Return the table that terminals and notebooks show: runs, the measures of `SHOWN`, and changes if there are any.
+
+    `names` is what the table calls each case.
+    """
+    shown = [name for name in SHOWN if any(name in row.metrics for row in rows)]
+    compared = any(row.against for row in rows)
+    heads = ["case", "runs", *(SHOWN[name] for name in shown), *([CHANGE, "compared with"] if compared else [])]
+    cells = []
+    for row in rows:
+        counts = [
+            f"{row.runs}",
+            f"{row.failed} failed" * bool(row.failed),
+            f"{row.warned} with warnings" * bool(row.warned),
+        ]
+        means = [with_interval(row.metrics.get(name)) for name in shown]
+        against = "" if row.against is None else names.get(row.against, row.against)
+        change = [with_interval(row.change.get("mfow_mean_s")), against] if compared else []
+        cells.append([names.get(row.case, row.case), ", ".join(filter(None, counts)), *means, *change])
+    return Table(heads, cells, range(1, len(heads) - compared))
+
+
+def _latex(rows: Sequence[CaseRow], sweep: str) -> str:
+    """Return table.tex: a column for each axis that varies, then what terminals show."""
+    shown = shown_table(rows, told_apart({row.case: row.words for row in rows})[0])
+    axes = dict.fromkeys((label.axis, label.title) for row in rows for label in row.labels)
+    texts = {title: [label.text for row in rows for label in row.labels if label.axis == axis] for axis, title in axes}
+    varied = {title: own for title, own in texts.items() if len(set(own)) > 1} or {
+        "case": [row[0] for row in shown.rows]
+    }
+    note = [f"{sweep}: means over the runs (seeds) and half the width of their 95 % interval"]
+    if any(row.against for row in rows):
+        note.append(f"change: mean over pairs of runs with the {PAIRING}; {TEST}s are in comparisons.csv")
+    cells = [[*cases, *row[1:]] for *cases, row in zip(*varied.values(), shown.rows, strict=True)]
+    numbers = [place + len(varied) - 1 for place in shown.numbers]
+    return Table([*varied, *shown.heads[1:]], cells, numbers).latex(note)
+
+
+def _as_json(row: CaseRow) -> dict[str, Any]:
+    def numbers(found: Mapping[str, Estimate]) -> dict[str, dict[str, Any]]:
+        return {name: {"mean": one.mean, "ci95": one.interval} for name, one in found.items()}
+
+    metrics = numbers(row.metrics)
+    for name, values in row.values.items():
+        metrics[name]["values"] = {str(seed): value for seed, value in values.items()}
+    return {
+        "case": row.case,
+        "set": dict(row.settings),
+        "runs": row.runs,
+        "failed": row.failed,
+        "warned": row.warned,
+        "metrics": metrics,
+        "against": row.against,
+        "change_percent": numbers(row.change),
+    }

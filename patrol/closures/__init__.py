@@ -1,0 +1,1 @@
+"""Closures: doors and boxes, ground that is closed at times."""

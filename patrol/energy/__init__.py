@@ -1,0 +1,1 @@
+"""Energy: batteries, and the docks where robots charge them."""

@@ -1,0 +1,41 @@
+"""The marks of a scenario on a map, and what they look like at a tick."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+from patrol.scenario.explain import SECTIONS
+from patrol.values import Section
+
+if TYPE_CHECKING:
+    from patrol.closures.points import Closings
+    from patrol.ground.marks import Look, Mark
+    from patrol.ground.terrain import Terrain
+    from patrol.scenario.model import Scenario
+
+Looks = Mapping[str, Mapping[str, "Look"]]
+"""The looks of marks that change, by section and name; all others stay as they are."""
+
+
+def marks_of(scenario: Scenario | Mapping[str, Any], terrain: Terrain) -> list[Mark]:
+    """Return what maps show of a scenario; of one in plain values, other sections may be of another version."""
+    marks = []
+    for name, section in SECTIONS.items():
+        if section.mark is Section.mark:
+            continue
+        entries = scenario.get(name, ()) if isinstance(scenario, Mapping) else getattr(scenario, name)
+        for number, says in enumerate(entries, start=1):
+            entry = says if isinstance(says, Section) else section.model_validate(says)
+            mark = entry.mark(terrain, number)
+            marks += [] if mark is None else [mark._replace(section=name)]
+    return marks
+
+
+def looks_at(scenario: Scenario, k: int, closings: Closings | None = None) -> Looks:
+    """Return what a scenario's marks look like at a tick; without `closings` nothing is known to be closed."""
+    closed, waiting = (frozenset[str](), frozenset[str]()) if closings is None else closings.at(k)
+    return {
+        "zones": {zone.name: zone.look(k * scenario.step) for zone in scenario.zones},
+        "closures": {closure.name: closure.look(closed, waiting) for closure in scenario.closures},
+    }

@@ -1,0 +1,105 @@
+"""Zones laid over the grid of a terrain."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Protocol
+
+from patrol.errors import NotPrepared
+from patrol.ground.one_way import with_direction
+from patrol.ground.shapes import Polygon, cover, touched_points
+from patrol.ground.terrain import ALL_WAYS, BoolGrid, Steps, Terrain
+
+
+class Mask(Protocol):
+    """The marked cells of a mask."""
+
+    @property
+    def resolution(self) -> float:
+        """Side of a cell, m."""
+        ...
+
+    @property
+    def origin(self) -> tuple[float, float]:
+        """x and y of the lower left corner, m."""
+        ...
+
+    def marked(self) -> BoolGrid:
+        """bool (rows, columns), the lowest row first."""
+        ...
+
+
+class Zone(Protocol):
+    """The place of a zone: a scenario's `patrol.zones.spec.ZoneSpec`."""
+
+    @property
+    def name(self) -> str:
+        """Of the zone."""
+        ...
+
+    @property
+    def polygon(self) -> Polygon | None:
+        """Corners in m; None where there is a mask."""
+        ...
+
+    @property
+    def mask(self) -> Mask | None:
+        """The mask; None where there is a polygon."""
+        ...
+
+    @property
+    def keep_out(self) -> bool | None:
+        """True where no body may enter."""
+        ...
+
+    @property
+    def one_way(self) -> int | None:
+        """Direction against which no way leads, degrees from x towards y; None where ways lead in all directions."""
+        ...
+
+
+def points_of(zone: Zone, terrain: Terrain) -> BoolGrid:
+    """Return the points that share some area with a zone.
+
+    A zone's mask may have another resolution and another origin than the terrain.
+    """
+    if zone.polygon is not None:
+        return cover(zone.polygon, terrain.shape, terrain.point, terrain.origin)
+    mask = zone.mask
+    assert mask is not None
+    start = terrain.origin[0] - mask.origin[0], terrain.origin[1] - mask.origin[1]
+    return touched_points(mask.marked(), mask.resolution, terrain.point, terrain.shape, start)
+
+
+def steps_against(zones: Iterable[Zone], terrain: Terrain) -> Steps:
+    """Return the steps that lead against one-way zones: `Terrain.against`."""
+    against = ALL_WAYS
+    for zone in zones:
+        if zone.one_way is not None:
+            against = with_direction(against, points_of(zone, terrain), zone.one_way)
+    return against
+
+
+def with_zones(terrain: Terrain, zones: Iterable[Zone]) -> Terrain:
+    """Return the terrain without the ground that zones keep bodies out of, and with the directions of one-way zones."""
+    zones = list(zones)
+    keep_out, kept_out = terrain.keep_out.copy(), []
+    for number, zone in enumerate(zones):
+        points = points_of(zone, terrain)
+        if not points.any():
+            xmin, ymin, xmax, ymax = terrain.bounds
+            span = f"spans x {xmin:g} to {xmax:g} m and y {ymin:g} to {ymax:g} m"
+            outside = f"{zone.name} lies outside of {terrain.name}"
+            raise NotPrepared(f"zones.{number}: {outside}, which {span}; move or drop it")
+        if zone.keep_out:
+            keep_out |= points
+            kept_out.append(zone.name)
+    against = steps_against(zones, terrain)
+    if not kept_out and not against.size:
+        return terrain
+    kept = Terrain(terrain.name, terrain.passable, terrain.point, terrain.origin, keep_out, terrain.source, against)
+    if not kept.free.any():
+        names = ", ".join(kept_out)
+        taken = f"{names} keep robots out of all free space of {terrain.name}"
+        raise NotPrepared(f"zones: {taken}; leave some for the robots")
+    return kept

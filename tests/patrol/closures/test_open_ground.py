@@ -1,0 +1,111 @@
+"""The ground that is open to view, and the ages that count only the time in which it was."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from patrol.closures.ground import ChangingTerrain
+from patrol.closures.open_ground import OpenAges, OpenGround
+from patrol.closures.points import ClosedPoints, Closings
+from patrol.ground.terrain import Terrain
+from patrol.journal import Event
+from patrol.prepare import Prepared, prepare, sensor_footprint
+from patrol.scenario import load_scenario
+
+WALL = {"name": "wall", "polygon": [[50, 0], [51, 0], [51, 88], [50, 88]], "closed": [[10, 20]]}
+WEST, EAST = (20.5, 40.5), (80.5, 40.5)
+
+
+@pytest.fixture(scope="module")
+def halves() -> Prepared:
+    """The terrain `open` for two robots, with a wall between its halves at times."""
+    robots = {"count": 2, "model": "holonomic", "radius": 0.4, "starts": [list(WEST), list(EAST)]}
+    given = {"terrain": {"builtin": "open"}, "point": 1.0, "robots": robots, "closures": [WALL]}
+    return prepare(load_scenario(given))
+
+
+def closed(prepared: Prepared) -> Terrain:
+    points = ClosedPoints(prepared.scenario.closures, prepared.terrain)
+    points.take(Event(0, "closed", None, "wall"))
+    ground = ChangingTerrain(prepared.terrain)
+    ground.close(points.grid)
+    return ground
+
+
+def test_a_half_without_a_robot_is_closed_out(halves: Prepared) -> None:
+    ground = OpenGround(halves)
+    ground.tick(0, halves.terrain, (), {1: WEST})
+    assert not ground.closed_out.any()
+    ground.tick(1, closed(halves), {"wall"}, {1: WEST})
+    assert ground.closed_out[40, 80]
+    assert not ground.closed_out[40, 20]
+    assert not ground.closed_out[40, 49]  # beside the wall, in sight from where a body fits
+    assert ground.closed_out[40, 50]
+    ground.tick(2, closed(halves), {"wall"}, {1: WEST, 2: EAST})
+    assert not ground.closed_out[40, 80]
+    assert ground.closed_out[40, 50]
+    ground.tick(3, halves.terrain, (), {1: WEST})
+    assert not ground.closed_out.any()
+
+
+def test_without_robots_nothing_is_closed_out(halves: Prepared) -> None:
+    ground = OpenGround(halves)
+    ground.tick(0, closed(halves), {"wall"}, {1: WEST})
+    assert ground.closed_out.any()
+    ground.tick(1, closed(halves), {"wall"}, {})
+    assert not ground.closed_out.any()
+
+
+def test_a_robot_is_not_asked_to_see_what_it_cannot_get_to(halves: Prepared) -> None:
+    ground, seen = OpenGround(halves), np.full(halves.terrain.shape, 3, dtype=np.int32)
+    both = {1: WEST, 2: EAST}
+    ground.tick(5, closed(halves), {"wall"}, both)
+    now = ground.last_seen_or_out(1, 8, seen)
+    assert now[40, 80] == 8
+    assert now[40, 20] == 3
+    ground.tick(10, halves.terrain, (), both)
+    later = ground.last_seen_or_out(1, 12, seen)
+    assert later[40, 80] == 9
+    assert later[40, 20] == 3
+
+
+def test_ages_stand_still_while_a_point_is_closed_out() -> None:
+    patrolled = np.ones((1, 2), dtype=np.bool_)
+    out, seen = np.array([[False, True]]), np.array([[0, 0]], dtype=np.int32)
+    none = np.zeros((1, 2), dtype=np.bool_)
+    ages = OpenAges(patrolled)
+    for k in range(1, 11):
+        seen[0, 0] = k
+        ages.tick(k, out if 3 <= k <= 6 else none, seen)
+    assert ages.greatest == [1, 2, 2, 2, 2, 2, 3, 4, 5, 6]
+    assert ages.closed_share == [0.0, 0.0, 0.5, 0.5, 0.5, 0.5, 0.0, 0.0, 0.0, 0.0]
+    seen[0, 1] = 11
+    ages.tick(11, none, seen)
+    ages.tick(12, none, seen)
+    assert ages.greatest[-2:] == [1, 2]
+
+
+def test_closings_say_what_is_closed_at_any_tick(halves: Prepared) -> None:
+    events = [Event(4, "closed", None, "wall"), Event(4, "dead", 1, "wall"), Event(9, "opened", None, "wall")]
+    assert not Closings(halves.scenario.closures, halves.terrain, events[:1]).grid(0).any(), "closed at the end"
+    closings = Closings(halves.scenario.closures, halves.terrain, events)
+    assert [len(closings.names(k)) for k in (0, 3, 4, 8, 9, 20)] == [0, 0, 1, 1, 0, 0]
+    assert closings.grid(8)[40, 50]
+    assert not closings.grid(9).any()
+    assert not closings.grid(0).any()
+
+
+def test_closings_say_what_waits_and_show_a_sensor_the_ground_of_any_tick(halves: Prepared) -> None:
+    waits = Event(3, "waiting", 1, "wall waits to close: r1 in it")
+    closings = Closings(halves.scenario.closures, halves.terrain, [waits, Event(6, "closed", None, "wall")])
+    more = [Event(8, "opened", None, "wall"), replace(waits, k=9), Event(12, "stays open", None, "wall")]
+    closings.take(more)
+    assert [len(closings.at(k)[1]) for k in (2, 3, 5, 6, 8, 9, 12)] == [0, 1, 1, 0, 0, 1, 0]
+    assert (closings.now.names, closings.now.waiting) == (set(), set())
+    sensor, other = (sensor_footprint(halves.scenario, halves.terrain) for _ in range(2))
+    for k, footprint, closed in ((6, sensor, True), (8, other, False), (7, other, True), (0, sensor, False)):
+        closings.show(k, footprint)
+        assert bool(footprint.terrain.passable[40, 50]) is not closed

@@ -1,0 +1,81 @@
+"""Batteries: what driving uses, what docks give, and what is the case for robots that are not there."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import pytest
+
+from patrol.energy.batteries import Batteries
+from patrol.journal import RobotTick, Status
+from patrol.scenario import Scenario, load_scenario
+
+DISC = {"model": "holonomic", "speed": 2.0, "radius": 0.4}
+BATTERY = {"capacity": 1.0, "idle": 10.0, "drive": 100.0, "charge": 110.0, "start": 0.5}
+
+
+def scenario(robots: int = 1, **battery: Any) -> Scenario:
+    entry = {**DISC, "battery": {**BATTERY, **battery}}
+    docks = [{"place": [5.0, 5.0], "radius": 1.0}]
+    return load_scenario({"terrain": {"builtin": "open"}, "point": 1.0, "robots": [entry] * robots, "docks": docks})
+
+
+def row(x: float, y: float, speed: float = 0.0, number: int = 1) -> RobotTick:
+    return RobotTick(number, Status.ALIVE, x, y, 0.0, speed, 0.0, False, "patrolling", None, None, None)
+
+
+def test_driving_uses_charge_by_time_and_way() -> None:
+    batteries = Batteries(scenario())
+    batteries.tick([row(20.0, 20.0, speed=2.0)])  # half a second, 1 m
+    assert batteries.share(1) == pytest.approx((1800.0 - 5.0 - 100.0) / 3600.0)
+    batteries.tick([replace(row(20.0, 20.0, speed=2.0), bumped=True)])  # its move was cancelled
+    assert batteries.share(1) == pytest.approx((1800.0 - 10.0 - 100.0) / 3600.0)
+
+
+def test_a_robot_charges_while_it_stands_at_a_dock() -> None:
+    batteries = Batteries(scenario())
+    for x, speed, change in ((5.9, 0.0, 50.0), (6.1, 0.0, -5.0), (5.9, 2.0, -105.0)):
+        before = batteries.share(1)
+        assert before is not None
+        batteries.tick([row(x, 5.0, speed)])
+        assert batteries.share(1) == pytest.approx(before + change / 3600.0)
+        assert batteries.docked == ({1} if change > 0.0 else set())
+
+
+def test_a_dock_charges_the_nearest_of_two() -> None:
+    batteries = Batteries(scenario(2))
+    batteries.tick([row(5.6, 5.0), row(4.5, 5.0, number=2)])
+    assert batteries.docked == {2}
+
+
+def test_charge_stays_between_nothing_and_the_capacity() -> None:
+    batteries = Batteries(scenario(start=1.0))
+    batteries.tick([row(5.0, 5.0)])
+    assert batteries.share(1) == 1.0
+    batteries = Batteries(scenario(start=0.001))
+    batteries.tick([row(20.0, 20.0)])
+    assert batteries.share(1) == 0.0
+    assert batteries.is_empty(1)
+    batteries.tick([row(5.0, 5.0)])
+    assert not batteries.is_empty(1)
+
+
+def test_a_robot_that_was_gone_comes_back_with_the_charge_of_the_start() -> None:
+    batteries = Batteries(scenario())
+    batteries.tick([row(20.0, 20.0, speed=2.0)])
+    batteries.tick([replace(row(20.0, 20.0), status=Status.PAUSED)])
+    used = 1800.0 - 105.0 - 5.0
+    assert batteries.share(1) == pytest.approx(used / 3600.0)
+    batteries.tick([replace(row(20.0, 20.0), status=Status.DEAD)])
+    assert batteries.share(1) == pytest.approx(used / 3600.0)
+    batteries.tick([row(20.0, 20.0)])
+    assert batteries.share(1) == pytest.approx((1800.0 - 5.0) / 3600.0)
+
+
+def test_a_robot_without_a_battery_never_gets_empty() -> None:
+    batteries = Batteries(load_scenario({"terrain": {"builtin": "open"}, "point": 1.0}))
+    batteries.tick([row(1.0, 1.0, 2.0)])
+    batteries.renew(1)
+    assert batteries.share(1) is None
+    assert not batteries.is_empty(1)
