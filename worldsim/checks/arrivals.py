@@ -206,9 +206,8 @@ class LossesAsAsked(ShareCheck):
         self._index = {entry.id: entry.index for entry in run.timeline.entries}
         self._frames: Counter[int] = Counter()
         self._lost: Counter[int] = Counter()
-        self._bad: dict[int, dict[tuple[int, int], tuple[int, bool]]] = defaultdict(
-            dict
-        )  # last tick and state of links
+        # The last tick of each link, and whether it was bad then, by the index of the fault.
+        self._bad: dict[int, dict[tuple[int, int], tuple[int, bool]]] = defaultdict(dict)
         for entry in self._entries:
             assert isinstance(entry.fault, Loss)
             rate = entry.fault.rate

@@ -72,7 +72,7 @@ class _Segment:
     y: float = 0.0
 
     def add(self, x: float, y: float) -> None:
-        """One more tick."""
+        """Add the error of one more tick, m along each axis."""
         self.count += 1
         self.x += (x - self.x) / self.count
         self.y += (y - self.y) / self.count
@@ -80,13 +80,13 @@ class _Segment:
 
 @dataclass(slots=True)
 class _Reports:
-    """The reports of one robot under the same drifts. before: the segment that ended last, if one is known."""
+    """The reports of one robot under the same drifts."""
 
     entries: Sequence[Entry]
     noise: float  # the standard deviation (m) along each axis
     size: float  # the length (m) of each jump; 0 where nothing jumps
     now: _Segment
-    before: _Segment | None
+    before: _Segment | None  # the one that ended last; None where it is not known
 
 
 class SensesAsAsked(Check):

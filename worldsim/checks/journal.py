@@ -222,7 +222,7 @@ class PausedStandStill(Check):
         return f"{len(looks)} inspections found the process stopped"
 
     def _looks(self) -> list[tuple[int, int, str, str]]:
-        """Tick and robot of each beginning ("at") and end ("until") of a pause, and what was seen of the process."""
+        """Return tick and robot of each begin ("at") and end ("until") of a pause, and what was seen of the process."""
         looks: list[tuple[int, int, str, str]] = []
         status: dict[int, str] = {}
         paused, alive = Status.PAUSED.name.lower(), Status.ALIVE.name.lower()

@@ -266,9 +266,8 @@ class ProgressCheck(Check):
         share = 100.0 * never / self._fog.points
         points = f"{never} point{'s' if never != 1 else ''} ({_area(never * terrain.point_area)}, "
         points += f"{share:{'.0f' if share >= 10.0 else '.2g'}} % of what can be seen)"
-        largest = (
-            f"the largest of {count} pieces, {_area(int(sizes.max()) * terrain.point_area)}, " if count > 1 else ""
-        )
+        largest_m2 = int(sizes.max()) * terrain.point_area
+        largest = f"the largest of {count} pieces, {_area(largest_m2)}, " if count > 1 else ""
         return f"{points} {'was' if never == 1 else 'were'} never seen in {took_s:g} s: {largest}at {where}"
 
     def _stalest(self, record: TickRecord) -> Stalest:
@@ -344,7 +343,7 @@ class Recovers(Check):
         return detail
 
     def _why_not(self, took: str, took_s: float | None, limit_s: float) -> str:
-        """Why recovery cannot be judged, empty when it can."""
+        """Return why recovery cannot be judged, empty when it can."""
         healed = self._healed
         asked = [event.k for event in self._run.journal.events if event.kind == FAULT_EVENT]
         why = ""

@@ -80,9 +80,8 @@ class Sightlines:
 
     def _cuts(self, a: Place, b: Place) -> list[tuple[NDArray[np.int64], tuple[float, float, float, float]]]:
         """Return running sums and the ends in points; a line that is nearly a diagonal may be cut both ways."""
-        (x0, y0), (x1, y1) = (
-            tuple((place[axis] - self._origin[axis]) / self._point for axis in (0, 1)) for place in (a, b)
-        )
+        ends = ([(place[axis] - self._origin[axis]) / self._point for axis in (0, 1)] for place in (a, b))
+        (x0, y0), (x1, y1) = ends
         by_column, by_row = self._sums
         steeper = abs(y1 - y0) - abs(x1 - x0)
         cuts = [(by_column, (x0, y0, x1, y1)), (by_row, (y0, x0, y1, x1))]
@@ -122,10 +121,10 @@ class WithinReach(Check):
                 if origin not in entry.who or (stopped and entry.id != fault_of(why)):
                     continue
                 if self._out_of_reach(entry, places[origin], places[link[1]], sure=not stopped) is not stopped:
-                    problem = (
-                        "was stopped by range {} although it was within reach" if stopped else "got through range {}"
-                    )
-                    self._fail(f"a frame {self._way(link)} of tick {record.k} {problem.format(entry.id)}")
+                    problem = f"got through range {entry.id}"
+                    if stopped:
+                        problem = f"was stopped by range {entry.id} although it was within reach"
+                    self._fail(f"a frame {self._way(link)} of tick {record.k} {problem}")
                     return
 
     def _end(self) -> str:

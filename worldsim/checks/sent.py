@@ -1,4 +1,4 @@
-"""The verdict's checks of sent frames: genuine ones agree with the truth and keep to the budget, forged ones lie.
+"""The verdict's checks of sent frames: genuine ones tell the truth and keep to the budget, forged ones are as asked.
 
 What is forged is judged by the rules in docs/faults.md, without the code that forges.
 """

@@ -114,7 +114,7 @@ class ExpectedStatuses(JournalReading):
         self.events.append(Event(self._k, kind, number, detail))
 
     def _bring_in(self, number: int, rows: Mapping[int, RobotTick]) -> None:
-        """A robot that was started takes part, unless it cannot yet."""
+        """Let a robot that was started take part, unless it cannot yet."""
         if rows[number].status is Status.LOST:
             del self._coming[number]
             self._status[number] = Status.LOST

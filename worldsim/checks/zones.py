@@ -307,10 +307,10 @@ class ClosuresKept(Check):
         if [event.kind for event in events] != [due] * bool(due):
             kinds = " and ".join(event.kind for event in events) or "nothing"
             self._fail(f"before tick {k} the journal has {kinds} of {name}, and should have {due or 'nothing'}")
-        elif due == WAITING and not self._names_who_waits(events[0], name, waits_for):
+        elif due == WAITING and not self._names_robots_inside(events[0], name, waits_for):
             self._fail(f"before tick {k}, {events[0].detail}: these are not the robots that stand there")
 
-    def _names_who_waits(self, event: Event, name: str, near: Sequence[RobotTick]) -> bool:
+    def _names_robots_inside(self, event: Event, name: str, near: Sequence[RobotTick]) -> bool:
         """Return True if an event names all robots in a closure, and no others but near ones, in their order."""
         listed = event.detail.removeprefix(f"{name}{WAITS}").removesuffix(IN_IT).split(", ")
         named = [robot for robot in near if self._name(robot.number) in listed]
