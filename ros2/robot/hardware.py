@@ -16,8 +16,7 @@ from typing import Any
 from patrol.printable import printable
 from ros2.robot.localisation import Fix, Localisation
 from ros2.robot.options import DriveSettings
-from ros2.robot.stop_files import StopFiles
-from ros2.robot.stops import Stopper, Stops, StopTopic
+from ros2.robot.stops import StopFiles, Stopper, Stops, StopTopic
 from ros2.wire.mailbox import RosMailbox
 from ros2.wire.messages import Bool, Clock, Odometry, PoseWithCovarianceStamped, TFMessage
 from ros2.wire.names import LATCHED, SENSOR, USUAL, Entity, EntityKind, full_name
@@ -147,6 +146,7 @@ class Hardware:
     ) -> None:
         self.link = link
         self.settings = settings
+        self.factor = factor
         self.stops = Stops(link.resolve(settings.topic("stop")), stop_files)
         self._say = say
         self._unnoted = ""

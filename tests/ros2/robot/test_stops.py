@@ -10,8 +10,7 @@ import pytest
 from patrol.errors import BadInput
 from ros2.robot.hardware import Hardware, Refusals
 from ros2.robot.options import DriveSettings
-from ros2.robot.stop_files import StopFiles, state_folder
-from ros2.robot.stops import OLDER, TIMELESS, Stopper, Stops, StopTopic
+from ros2.robot.stops import OLDER, TIMELESS, StopFiles, Stopper, Stops, StopTopic, state_folder
 from ros2.wire.mailbox import Received, RosMailbox
 from ros2.wire.messages import Bool
 from ros2.wire.names import LATCHED
