@@ -243,21 +243,21 @@ def ros2_parser() -> ProcessParser:
 
 def drive_settings(options: argparse.Namespace) -> DriveSettings:
     """Return how the robot is driven."""
-    for name, least, most in (
-        ("radius", 0.01, 100.0),
-        ("speed", 0.001, 100.0),
-        ("acceleration", 0.01, 100.0),
-        ("margin", 0.0, 10.0),
-        ("wheelbase", 0.01, 100.0),
-        ("rate", 2.0, 50.0),
-        ("fresh", 0.05, 0.4),
-        ("wait", 0.1, 86_400.0),
-    ):
-        _check(f"--{name}", getattr(options, name), least, most)
-    braking = options.acceleration if options.braking is None else options.braking
-    _check("--braking", braking, 0.01, 100.0)
-    if options.delay is not None:
-        _check("--delay", options.delay, 0.0, 0.4)
+    check_ranges(
+        options,
+        {
+            "radius": (0.01, 100.0),
+            "speed": (0.001, 100.0),
+            "acceleration": (0.01, 100.0),
+            "braking": (0.01, 100.0),
+            "margin": (0.0, 10.0),
+            "wheelbase": (0.01, 100.0),
+            "rate": (2.0, 50.0),
+            "fresh": (0.05, 0.4),
+            "delay": (0.0, 0.4),
+            "wait": (0.1, 86_400.0),
+        },
+    )
     _check_robot(options)
     if options.write_scenario is not None and (options.scenario is not None or options.map is None):
         raise BadInput("--write-scenario: needs --map, and no --scenario; leave it out")
@@ -284,7 +284,7 @@ def drive_settings(options: argparse.Namespace) -> DriveSettings:
         map_frame=options.map_frame,
         wheelbase=options.wheelbase,
         acceleration=options.acceleration,
-        braking=braking,
+        braking=options.acceleration if options.braking is None else options.braking,
         margin=options.margin,
         rate_hz=options.rate,
         localisation=LocalisationSettings(
@@ -326,9 +326,12 @@ def domain_of(options: argparse.Namespace) -> int:
     return domain_given(options.domain)
 
 
-def _check(option: str, value: float, least: float, most: float) -> None:
-    if not math.isfinite(value) or not least <= value <= most:
-        raise BadInput(f"{option} {value:g}: out of range; give {least:g} to {most:g}")
+def check_ranges(options: argparse.Namespace, ranges: Mapping[str, tuple[float, float]]) -> None:
+    """Refuse options that are given and out of their ranges."""
+    for name, (least, most) in ranges.items():
+        value = getattr(options, name.replace("-", "_"))
+        if value is not None and not least <= value <= most:
+            raise BadInput(f"--{name} {value:g}: out of range; give {least:g} to {most:g}")
 
 
 def _is_file(name: str) -> bool:

@@ -74,7 +74,7 @@ def test_a_robot_patrols_and_stands_when_the_agent_is_interrupted(
         stops = made.robot.watchdog_stops
         made.until(lambda: made.robot.stands)
         assert made.robot.watchdog_stops == stops  # it was told to, and not left alone
-        assert made.robot.touches.walls == 0
+        assert made.robot.walls_touched == 0
         assert any(f"stopped for good: told to by {number.name}" in line for line in made.said)
 
 
