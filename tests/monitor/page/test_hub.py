@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import itertools
 import json
 import math
 from array import array
@@ -136,25 +135,6 @@ def test_what_a_page_in_the_background_shows_is_followed_all_the_same(
         wire.now += KEPT_S / 2
         hub.turn()
     assert hub.source.last_seen(3) is None  # nobody shows it any more, so it begins anew
-
-
-def test_what_a_page_in_the_background_shows_of_a_replay_is_kept(quiet: Seen, monkeypatch: pytest.MonkeyPatch) -> None:
-    now, passing = 0.0, itertools.count(0.0, 0.01)
-    player = Player(quiet.open(), lambda: now + next(passing))
-    hub = Hub(player)
-    with closing(Page(hub)) as page:
-        hub.select(page.viewer, [3])
-        page.messages()
-        page.hide()
-        for _ in range(5):
-            now += KEPT_S / 2
-            hub.turn()
-        monkeypatch.setattr("monitor.replay.past_beliefs.BUDGET_S", -math.inf)  # nothing is worked out in one call
-        assert player.last_seen(3) is not None
-    hub.remove(page.viewer)
-    now += KEPT_S + 1.0
-    hub.turn()
-    assert player.last_seen(3) is None
 
 
 def test_the_next_moment_of_a_replay_is_worked_out_while_a_page_draws(quiet: Seen) -> None:
