@@ -36,7 +36,13 @@ class FogHistory:
 
     def base(self, k: int) -> int:
         """Return the last tick up to k from which the fog can go on without being made anew; -1 for none."""
+        if self._k in (k - 1, k):  # as it is while a run is played
+            return self._k
         return max(tick for tick in (-1, self._k, *self._kept) if tick <= k)
+
+    def place(self, k: int) -> int:
+        """Return the last tick up to k that has a place for a snapshot."""
+        return k - k % self._apart
 
     def fog(self, k: int, over: Callable[[], bool] = lambda: False) -> Fog | None:
         """Return the fog after a tick, valid until the next call; None if `over` says meanwhile that time is up."""

@@ -124,14 +124,15 @@ class Replay:
         if not 0 <= k < self.run.ticks:
             raise BadInput(f"tick {k}: the run has ticks 0 to {self.run.ticks - 1}")
         # Every point was seen in the last MFoW ticks. With looks that leave nothing of an age, they are enough for the
-        # fog, so that a jump does not replay the whole run.
-        enough = k - int(self.run.mfow[k])
+        # fog, so that a jump does not replay the whole run. It goes to a snapshot's place, from which steps back go on.
+        place = self._history.place(k)
+        enough = place - int(self.run.mfow[place])
         if not self._footprint.leaves_age and enough > self._history.base(k) + 1:
             fog = self._blank()
-            for tick in range(enough, k + 1):
+            for tick in range(enough, place + 1):
                 self._advance(fog, tick)
-            if fog.mfow(k) == self.run.mfow[k]:
-                self._history.put(fog, k)
+            if fog.mfow(place) == self.run.mfow[place]:
+                self._history.put(fog, place)
         fog_then = self._history.fog(k)
         assert fog_then is not None
         return fog_then
