@@ -109,7 +109,7 @@ def test_ctrl_c_while_files_are_written_ends_that_at_once(
 def test_ctrl_c_while_the_run_is_judged_says_how_to_judge_it(
     fogwatch: Callable[..., int], capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("worldsim.verdict.judge.judge", interrupt)
+    monkeypatch.setattr("worldsim.verdict.judge.Judge.verdict", interrupt)
     assert fogwatch("run", "open", "--robots", "1", "--no-page", "--out", "out", *COARSE) == 130
     assert f"`fogwatch judge {tmp_path / 'out'}` judges it" in capsys.readouterr().err
     monkeypatch.undo()
@@ -312,7 +312,7 @@ from itertools import product
 from pathlib import Path
 import fogwatch.inprocess, fogwatch.api, fogwatch.pictures.run_end, matplotlib.figure
 from fogwatch.cli.app import main
-from worldsim.verdict.robots.status_checks import CheckResult, NobodyLost
+from worldsim.checks.statuses import CheckResult, NobodyLost
 
 def run(number, ok, options, output, errors):
     os.dup2(output, 1)

@@ -83,6 +83,7 @@ def test_an_interruption_that_gets_lost_comes_again(monkeypatch: pytest.MonkeyPa
     assert lost == [Late]
 
 
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")  # lost in a callback, and raised again
 def test_code_that_calls_itself_without_end_is_over_before_its_time() -> None:
     def call() -> None:
         call()
