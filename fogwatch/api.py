@@ -58,7 +58,7 @@ PACKAGES = ("patrol", "agent", "worldsim")
 
 @dataclass(frozen=True)
 class RunOptions(RunChoices):
-    """How a run is made, and what follows it.
+    """Options of making a run, and of its progress.
 
     Attributes:
         display: Shows the progress.

@@ -46,7 +46,7 @@ class Body:
 
 @dataclass(frozen=True)
 class Changes:
-    """What a run changes of its scenario."""
+    """Settings of a scenario that a run changes."""
 
     robots: Annotated[int | None, _of_robots("N", "Number of robots.")] = None
     spare: Annotated[
@@ -77,7 +77,7 @@ class Changes:
 
 @dataclass(frozen=True)
 class RunChoices:
-    """How a run is made, and which files it leaves."""
+    """Options of making a run, and of the files that it leaves."""
 
     out: Annotated[Path | None, _of_output("DIR", "Run folder, new or empty (default: runs/NAME-TIME).")] = None
     in_process: Annotated[

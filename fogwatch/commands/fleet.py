@@ -29,7 +29,7 @@ LONGEST_WAIT_S = 86400.0
 
 @dataclass(frozen=True)
 class FleetOptions:
-    """Where a running fleet is."""
+    """The router or credentials by which a running fleet is reached."""
 
     credentials: Annotated[
         Path | None,
@@ -159,8 +159,8 @@ def init(
     without one listen on any free UDP port: where firewalls stand between the robots, give each a HOST. With --host,
     all meet at a router, which has a folder too. Without any address, the router can be reached from this machine only.
 
-    Copy each folder to its machine, readable by its user alone. The folder of the authority stays where it is: whoever
-    has it can make members.
+    Copy each folder to its machine, readable by its user alone. The folder of the authority stays where it is: with it,
+    anyone can make members.
     """
     from fogwatch.fleets.folder import make_fleet
 
@@ -272,7 +272,7 @@ def robot_router(
     """Make the configuration of a ROS 2 robot's Zenoh router, so that only its agent can drive it over the network.
 
     The robot's own programs connect as before, over loopback. Members of the fleet come over TLS with certificates: the
-    robot's agent may command it, a viewer may look. Nobody else is let in.
+    robot's agent may command it, a viewer may look. No other process is let in.
     """
     from fogwatch.fleets.folder import open_fleet_folder
     from fogwatch.robot_router import FILE, make_robot_router

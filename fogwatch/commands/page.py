@@ -25,7 +25,7 @@ EXIT_CODES = "2 bad input, 130 ended by Ctrl-C"
 
 @dataclass(frozen=True)
 class PageOptions:
-    """Where a page is served, and who may see it."""
+    """The address of a page, and the token that lets visitors in."""
 
     host: Annotated[str, option("HOST", "Address to serve on; other than the loopback address it needs --token.")] = (
         "127.0.0.1"

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 
 def _raise(number: int, reason: str, error: BaseException | None) -> None:
-    """Let nobody train on a robot that stands because of an error of its own."""
+    """Stop a training in which a robot stands because of an error of its own."""
     raise RuntimeError(f"r{number}: {reason}") from error
 
 

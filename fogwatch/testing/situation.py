@@ -54,7 +54,7 @@ GIVEN_OTHERWISE = {
 
 @dataclass(frozen=True, slots=True)
 class Situation:
-    """What a policy knows in one tick.
+    """A policy's setup and view in one tick.
 
     Attributes:
         setup: What the policy was made with.

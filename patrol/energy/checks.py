@@ -1,4 +1,4 @@
-"""What is wrong with a scenario's docks beside its batteries, and on its ground."""
+"""Checks of a scenario's docks against its batteries and its ground."""
 
 from __future__ import annotations
 

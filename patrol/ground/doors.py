@@ -1,7 +1,7 @@
 """Rooms and doors: how the free space falls into parts at its narrowest places.
 
 See kernels/doors.py for how they are found. Of two ways between the same rooms only the wider is a door: the narrower
-one keeps nobody out.
+one keeps no body out.
 """
 
 from __future__ import annotations

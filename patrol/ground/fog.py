@@ -109,7 +109,7 @@ class Fog:
 
     @property
     def seen(self) -> int:
-        """How many patrolled points have been seen at least once."""
+        """Number of patrolled points that have been seen at least once."""
         return self._counted()[1]
 
     def _counted(self) -> tuple[int, int]:

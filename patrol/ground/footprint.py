@@ -78,7 +78,7 @@ class View:
         return box if box[0] <= box[1] and box[2] <= box[3] else None
 
     def shows(self, row: int, col: int) -> bool:
-        """Whether the terrain's point (row, col) is seen.
+        """Return True if the terrain's point (row, col) is seen.
 
         Args:
             row: Of the terrain.
@@ -91,7 +91,7 @@ class View:
 
 @dataclass(frozen=True, slots=True)
 class SensorSetup:
-    """What a sensor is made from.
+    """The ground, range and options that a sensor is made from.
 
     Attributes:
         terrain: The ground, and what blocks the view.
@@ -134,12 +134,12 @@ class Sensor(Protocol):
 
     @property
     def all_round(self) -> bool:
-        """Whether a view is the same for every heading."""
+        """True if a view is the same for every heading."""
         ...
 
     @property
     def leaves_age(self) -> bool:
-        """Whether a look may leave some of a point's age: whether views have a quality."""
+        """True if views have a quality: a look may leave some of a point's age."""
         ...
 
     def visible(self, pose: Pose) -> View:

@@ -29,7 +29,7 @@ class Mark(NamedTuple):
 
 
 class Look(NamedTuple):
-    """What a mark looks like at a time."""
+    """The look of a mark at a time."""
 
     text: str  # its label
     holds: bool  # what it says holds now: it is drawn strongly, with its label

@@ -41,7 +41,7 @@ class Disc:
 
     @property
     def leaves_age(self) -> bool:
-        """Whether a look may leave some of a point's age (quality below 1)."""
+        """True if a look may leave some of a point's age (quality below 1)."""
         return self._quality is not None
 
     def visible(self, pose: Pose) -> View:

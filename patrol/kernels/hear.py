@@ -105,7 +105,7 @@ def _beyond(x, y, from_x, from_y, reach):
 
 @njit(_I(_FRAME, _I, _I, _I, _I, _F, _I, _F, _F, _B, _I), cache=True, nogil=True, error_model="numpy")
 def _implausible(frame, sequence, at, x, y, start, tick, step, speed, knows_ticks, span):
-    """Why a frame cannot follow an earlier one of its sender (sequence, tick, cm), or 0.
+    """Return why a frame cannot follow an earlier one of its sender (sequence, tick, cm), or 0.
 
     The time that the sender had is the time between the arrivals and, where the earlier frame was delayed, what the
     sequences say on top: its delay, beyond the least of its sender's frames so far, shows in its sequence.

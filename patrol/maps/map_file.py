@@ -48,7 +48,7 @@ class MapFile:
 
     @property
     def meaning(self) -> dict[str, Any]:
-        """What the file says, but for the image."""
+        """The settings of the file, all but the image."""
         return {
             "resolution": self.resolution,
             "origin": self.origin,

@@ -91,7 +91,7 @@ def open_air(
 
 
 def _remedy(router: str, credentials: Credentials | None) -> str:
-    """Return what to do where nobody answers."""
+    """Return the remedy where no router or member answers."""
     if credentials is not None and credentials.mesh is not None:
         return "is one of them running, and are the certificates valid: fogwatch fleet check?"
     how = f"--listen {router}" if credentials is None and is_local(router) else "--fleet FOLDER"

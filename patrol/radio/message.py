@@ -90,7 +90,7 @@ _NEARER_TO_ZERO = (MAX_HEADING_MRAD + rad_to_mrad(TAU)) / 2.0
 
 
 class RejectReason(StrEnum):
-    """Why a frame was dropped."""
+    """Reasons for which a frame is dropped."""
 
     MALFORMED = "malformed"
     VERSION = "version"

@@ -324,7 +324,7 @@ class RobotSpec:
 
     @property
     def meaning(self) -> list[Any]:
-        """What enters a scenario's hash."""
+        """The values that enter a scenario's hash."""
         start = None if self.start is None else [self.start.x, self.start.y, self.start.heading]
         turning = self.turning_radius if self.model in TURNS_IN_ARCS else None
         meaning = [self.name, self.model, self.speed, self.radius, turning, start]

@@ -3,8 +3,8 @@
 Each member's folder holds the same file `MESH`, which is no secret: who is a member, and known addresses. A member
 listens at its own, if it has one, and connects to all others; gossip tells it of those without. Both ends connect,
 since each lets in one at a time: a connection whose packets are lost can hold up all others for 30 s. A
-member lets in whoever has a certificate of the fleet's authority, and each may do what its role may do at a router:
-each member applies the access rules to what comes in.
+member lets in each process with a certificate of the fleet's authority. That process may do what its role may do at a
+router: each member applies the access rules to what comes in.
 
 The name of a host is not verified, because members may have any address: the certificate's common name says which
 member it is, and nothing is accepted from one that no rule names.

@@ -21,7 +21,7 @@ _REPORT_S = 0.05
 
 
 class StartFailure(StrEnum):
-    """Why a process could not start, as far as its parent acts on it."""
+    """Reasons for which a process could not start, as far as its parent acts on them."""
 
     PORT_BUSY = "port-busy"
     OTHER = "other"

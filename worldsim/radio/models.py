@@ -44,7 +44,7 @@ OWN_MODEL = "model"
 
 
 def cause_of(model: str) -> str:
-    """How journals name what a model has lost: its own name if it comes with fogwatch, else `OWN_MODEL`.
+    """Return the name in journals of frames that a model has lost: its own if it comes with fogwatch, else `OWN_MODEL`.
 
     Args:
         model: As the scenario names it.
@@ -54,7 +54,7 @@ def cause_of(model: str) -> str:
 
 @dataclass(frozen=True, slots=True)
 class ModelSetup:
-    """What a model is made from.
+    """The options, seed and step that a model is made from.
 
     Attributes:
         options: The scenario's `radio.options`, as the class's `Options` if it has such a pydantic model; else empty.

@@ -42,7 +42,7 @@ _MOST = 700.0
 
 
 class Drawn(IntEnum):
-    """What a draw of this model is for: the value after the seed and `Purpose.RADIO`, before those named here."""
+    """Purposes of this model's draws: the value after the seed and `Purpose.RADIO`, before those named here."""
 
     SHADOWING = 0
     """Window, sender, receiver."""
