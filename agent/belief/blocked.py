@@ -1,7 +1,7 @@
 """Ground that is believed blocked: places that could not be reached, and the last poses of robots not heard any more.
 
 Theory of operation
-    The belief is that of one robot. It is not told to others, because positions are all that robots exchange. A point is
+    The belief is that of one robot. It stays there, because positions are all that robots exchange. A point is
     believed blocked from when the robot sees it blocked or bumps into it, until it sees it free, or until it has not
     seen it for `memory` ticks. The robot's sensor is computed on the map without these points
     (`patrol.closures.ground`). A point that this view shows, and that the robot's senses do not report, is free.

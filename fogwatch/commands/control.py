@@ -94,8 +94,8 @@ def control(
     word replaces them or heal ends them, with the id in the answer. A closure closes once all robots are clear of it.
 
     Robots that no world simulates, such as ROS 2 robots, can be told to stop, and to be released. They answer
-    themselves, when they stand; one that is stopped stands until the operator that stopped it releases it, also when its agent
-    is started again meanwhile.
+    themselves, when they stand; one that is stopped stands until the same operator
+    releases it, also when its agent is started again meanwhile.
     """
     if do in OF_ROBOTS:
         return _stop(run, do, value, fleet, wait)
