@@ -21,7 +21,7 @@ from ros2.wire.names import ADMIN_SPACE, Entity, EntityKind, entity_of, full_nam
 
 ARROW = " -> "
 
-_KNOWN = {coding.type_name: kind for kind, coding in CODINGS.items() if coding.unpack is not None}
+_KNOWN = {coding.type_name: kind for kind, coding in CODINGS.items() if coding.longest}
 
 
 @dataclass(frozen=True, slots=True)

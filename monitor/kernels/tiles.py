@@ -1,13 +1,8 @@
-"""Kernels that find and pack the parts of a map that changed, in square tiles."""
+"""The kernel that finds and packs the parts of a map that changed, in square tiles."""
 
 from __future__ import annotations
 
 from numba import njit, types
-
-TICKS_IN = types.Array(types.int32, 2, "C", readonly=True)
-TILES_IN = types.Array(types.int32, 1, "C", readonly=True)
-VALUES = types.Array(types.int32, 1, "C")
-LENGTHS = types.Array(types.uint16, 1, "C")
 
 KEEP = -(2**31)
 """The value of a run of points that do not change."""
@@ -76,42 +71,3 @@ def take_over(now, shown, versions, side, version, tiles, counts, values, length
         counts[changed] = runs - first
         changed += 1
     return changed, runs
-
-
-@njit(types.int64(TICKS_IN, TILES_IN, types.int64, VALUES, VALUES, LENGTHS), cache=True, nogil=True)
-def pack(shown, tiles, side, counts, values, lengths):
-    """Write tiles as runs of equal values, row by row within each tile.
-
-    Args:
-        shown: int32 (h, w), the map.
-        tiles: int32 (m,), numbers of the tiles to write.
-        side: Points along a tile's side.
-        counts: int32 (m,), out: runs of each tile.
-        values: int32 (m * side * side,), out: value of each run.
-        lengths: uint16 (m * side * side,), out: points of each run.
-
-    Returns:
-        The number of runs.
-    """
-    height, width = shown.shape
-    across = (width + side - 1) // side
-    runs = 0
-    for i in range(tiles.size):
-        row, col = tiles[i] // across * side, tiles[i] % across * side
-        first = runs
-        run, length = shown[row, col], 0
-        for r in range(row, min(row + side, height)):
-            for c in range(col, min(col + side, width)):
-                value = shown[r, c]
-                if value == run:
-                    length += 1
-                    continue
-                values[runs] = run
-                lengths[runs] = length
-                runs += 1
-                run, length = value, 1
-        values[runs] = run
-        lengths[runs] = length
-        runs += 1
-        counts[i] = runs - first
-    return runs

@@ -24,9 +24,9 @@ from numpy.typing import NDArray
 from monitor.live.fog_tracker import HEARD, FogTracker, FogTrackers
 from monitor.live.live_links import LiveLinks
 from monitor.live.record_checks import RunChecks, record_of, scenario_of
-from monitor.live.tick_rate import TickRate
 from monitor.observation.listener import as_sent
 from monitor.observation.source import Answer, Layer, RobotShape, RobotState, Series, State, Static
+from monitor.observation.tick_rate import TickRate
 from monitor.observation.traps import TrapWatch
 from patrol.closures.points import Closings
 from patrol.errors import BadInput, Malformed

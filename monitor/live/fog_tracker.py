@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from collections import defaultdict, deque
+from collections import deque
 from collections.abc import Callable, Collection
 from itertools import islice
 from typing import TYPE_CHECKING, Final
 
-from monitor.observation.frames import MIND_ENDS, frames_of, own_pose
+from monitor.observation.beliefs import BeliefFollower
 from monitor.observation.listener import NO_ROBOT, Listener, mark_outside
 from patrol.journal import unpack
-from patrol.journal.records import Status, TickRecord, sent_at
-from patrol.pose import Pose
+from patrol.journal.records import TickRecord
 from patrol.prepare import inboxes_of
 
 if TYPE_CHECKING:
@@ -63,7 +62,7 @@ class FogTracker:
         packed record) for each tick from `since` on. Without a `key` frames are accepted without checking their tags.
         `closings` is None where nothing is ever closed.
         """
-        self._number = number
+        self._number = NO_ROBOT if number is None else number
         self._scenario = scenario
         self._bounds = terrain.bounds
         self._footprint = footprint
@@ -72,8 +71,6 @@ class FogTracker:
         self._key = key
         self._log = log
         self._closings = closings
-        self._next = 0
-        self._past: deque[tuple[int, dict[tuple[int, int], bytes]]] = deque(maxlen=PAST)
         self._waiting: deque[tuple[int, bytes]] = deque()
         self._begin(since)
 
@@ -92,19 +89,18 @@ class FogTracker:
         """The number of ticks by which it is behind; None before the first."""
         if not self.behind:
             return 0
-        return self._log[-1][0] - self.tick if self._past else None
+        return self._log[-1][0] - self.tick if self._begun else None
 
     @property
     def fog(self) -> Fog:
         """The fog after `tick`."""
-        return self._listener.fog
+        return self._beliefs.listeners[self._number].fog
 
     def _begin(self, k: int) -> None:
         """Start at tick k without knowledge."""
-        self._next = self.since = k
-        self._past.clear()
-        self._was = Status.ALIVE
-        self._listener = self._new_listener()
+        self._next, self._begun = k, False
+        self._beliefs = BeliefFollower([self._number], self._new_listener, PAST)
+        self.since = k
 
     def step(self) -> None:
         """Process the next tick."""
@@ -118,35 +114,15 @@ class FogTracker:
         record = unpack(packed)
         if not isinstance(record, TickRecord):
             return
-        frames = frames_of(record)
-        self._past.append((record.k, frames))
-        if self._number is None:
-            self._listener.hear(record.k, list(frames.values()))
-            return
-        row = next(row for row in record.robots if row.number == self._number)
-        if row.status.name.lower() not in MIND_ENDS and self._was.name.lower() in (*MIND_ENDS, "absent"):
-            self._listener = self._new_listener()
-            self.since = 0  # a new mind starts without knowledge, so its fog is known completely
-        self._was = row.status
-        if row.status is Status.ALIVE:
-            pose = own_pose(record.k, row.number, frames, Pose(row.x, row.y, row.heading))
-            self._listener.look(record.k, pose)
-            self._listener.hear(record.k, self._heard(record))
+        self._begun = True
+        self._beliefs.tick(record)
+        if self._number == NO_ROBOT:
+            self._beliefs.listeners[NO_ROBOT].hear(record.k, [frame for _, frame in record.frames])
 
-    def _heard(self, record: TickRecord) -> list[bytes]:
-        """Return the frames that reach the robot in this tick, in the order of arrival."""
-        past = defaultdict(dict, self._past)
-        heard_frames = (
-            past[sent_at(sequence)].get((source, sequence))
-            for source, to, sequence in record.deliveries
-            if to == self._number
-        )
-        return [frame for frame in heard_frames if frame is not None]
-
-    def _new_listener(self) -> Listener:
-        own = NO_ROBOT if self._number is None else self._number
-        inboxes = inboxes_of(self._scenario, [own], self._bounds, self._key)
-        listener = Listener(self._footprint, self._area, inboxes, own, self._closings)
+    def _new_listener(self, number: int) -> Listener:
+        self.since = 0  # a new mind starts without knowledge, so its fog is known completely
+        inboxes = inboxes_of(self._scenario, [number], self._bounds, self._key)
+        listener = Listener(self._footprint, self._area, inboxes, number, self._closings)
         mark_outside(listener.fog, self._patrolled)
         return listener
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import asyncio
 import threading
 import time
-from collections.abc import Callable, Collection
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, field
 
@@ -33,8 +33,6 @@ FRAME_S, LIVE_FRAME_S = 1.0 / 30.0, 1.0 / 10.0
 SLOW_S = 0.5
 """Wall time between two updates of links, charts and events."""
 WAIT_S = 0.1
-DRAWING_S = 1.0
-"""A page that has drawn nothing for this long is in the background; nothing is computed ahead for it, s."""
 MOST_POINTS = 5000
 """Points of the chart in one message."""
 TRAIL = 240
@@ -52,7 +50,6 @@ class Viewer:
     outbox: asyncio.Queue[list[Message] | None] = field(default_factory=asyncio.Queue)
     layers: tuple[Layer, ...] = ()
     drawn: bool = True  # it has reported all frames as drawn
-    drawn_s: float = 0.0  # when it was last ready for a frame, on the hub's clock
     posted: int = 0  # frames put into the outbox
     written: int = 0  # frames that the socket has taken; guards against pages that report frames as drawn too early
     sent: dict[Layer, tuple[int, int]] = field(default_factory=dict)  # version and tick of each fog that it has
@@ -97,7 +94,6 @@ class Hub:
         self._state: State | None = None
         self._state_message = ""
         """Empty until a page needs it."""
-        self._ahead = False  # a state and its fogs are packed, but no page was ready for them
         self._wake = threading.Event()
         self._ending = threading.Event()
         self._thread = threading.Thread(target=self._run, name="hub", daemon=True)
@@ -149,36 +145,25 @@ class Hub:
                     viewer.post(None)
 
     def wake(self) -> None:
-        """Check again whether a page is ready for the waiting frame."""
+        """Check again whether a page is ready."""
         self._wake.set()
 
     def turn(self) -> None:
         """Take one turn: read the source, and send each page that is ready what it lacks. The thread repeats this."""
-        if self._ahead and not self._send_ahead():
-            return
+        viewers, ready = self._viewers_and_ready()
+        if viewers and not ready and not self.static.live:
+            # A replay's next state is that of when a page has drawn the last one. A live fleet is always followed.
+            self._wake.clear()
+            if not any(viewer.ready for viewer in viewers):
+                self._wake.wait(WAIT_S)
         state = self.source.wait(WAIT_S)
         if state is not None:
             self._state, self._state_message = state, ""
         if self._state is None:
             return
-        viewers, ready = self._viewers_and_ready()
-        # A replay's next state is packed while pages draw the one before. A live fleet's states are packed when sent.
-        drawing = [viewer for viewer in viewers if self._now() < viewer.drawn_s + DRAWING_S]
-        self._ahead = state is not None and bool(drawing) and not ready and not self.static.live
-        self._update_maps(drawing if self._ahead else ready)
+        _, ready = self._viewers_and_ready()
+        self._update_maps(ready)
         self._send(ready)
-
-    def _send_ahead(self) -> bool:
-        """Send what was packed ahead to the pages that are ready for it; whether there was one."""
-        viewers, ready = self._viewers_and_ready()
-        if not ready and self._wake.wait(WAIT_S):
-            viewers, ready = self._viewers_and_ready()
-        self._wake.clear()
-        self._ahead = bool(viewers) and not ready
-        # A page that has selected another fog meanwhile gets that of the same tick.
-        self._update_maps(ready, self._maps.keys())
-        self._send(ready)
-        return not self._ahead
 
     def _viewers_and_ready(self) -> tuple[list[Viewer], list[Viewer]]:
         """Return the open pages, and those of them that are ready. Maps that no page shows are dropped.
@@ -190,14 +175,11 @@ class Hub:
             shown = {layer for viewer in viewers for layer in viewer.layers}
             self._drop_hidden(shown)
         self.source.set_shown(shown)
-        ready = [viewer for viewer in viewers if viewer.ready]
-        for viewer in ready:
-            viewer.drawn_s = self._now()
-        return viewers, ready
+        return viewers, [viewer for viewer in viewers if viewer.ready]
 
-    def _update_maps(self, viewers: list[Viewer], but: Collection[Layer] = ()) -> None:
-        """Update the maps of the fogs that these pages show, except those in `but`."""
-        for layer in dict.fromkeys(layer for viewer in viewers for layer in viewer.layers if layer not in but):
+    def _update_maps(self, viewers: list[Viewer]) -> None:
+        """Update the maps of the fogs that these pages show."""
+        for layer in dict.fromkeys(layer for viewer in viewers for layer in viewer.layers):
             now = self.source.last_seen(layer)
             if now is not None:
                 if layer not in self._maps:

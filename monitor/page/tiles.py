@@ -13,7 +13,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from monitor.kernels.tiles import KEEP, pack, take_over
+from monitor.kernels.tiles import KEEP, take_over
 from monitor.observation.source import Layer
 
 SIDE = 128
@@ -50,16 +50,11 @@ class TiledMap:
     def update(self, now: NDArray[np.int32], tick: int) -> None:
         """Set the map, int32 (h, w), which is copied; it makes a new version if it differs."""
         self.tick = tick
-        tiles, counts = (np.empty(self._versions.size, dtype=np.int32) for _ in range(2))
-        values, lengths = _buffers(now.size)
-        out = (tiles, counts, values, lengths)
-        changed, runs = take_over(now, self._shown, self._versions, SIDE, self.version + 1, *out)
+        packet, changed = _difference(now, self._shown, self._versions, self.version + 1)
         if changed:
-            self.version += 1
             # The difference to the version before is known only now.
-            self._packets = {
-                self.version - 1: _packed(tiles[:changed], counts[:changed], values[:runs], lengths[:runs])
-            }
+            self._packets = {self.version: packet}
+            self.version += 1
 
     def packet(self, version: int, since: int = 0) -> bytes:
         """Return the packet that updates a page from a version that it has, 0 for none.
@@ -67,26 +62,27 @@ class TiledMap:
         `since` is the tick from which on the fog is known.
         """
         if version not in self._packets:
-            tiles = np.flatnonzero(self._versions > version).astype(np.int32)
-            counts = np.empty(tiles.size, dtype=np.int32)
-            values, lengths = _buffers(tiles.size * SIDE * SIDE)
-            runs = pack(self._shown, tiles, SIDE, counts, values, lengths)
-            self._packets[version] = _packed(tiles, counts, values[:runs], lengths[:runs])
+            # As if the tiles that have changed since were all new.
+            old = self._shown.copy()
+            across = -(-old.shape[1] // SIDE)
+            for tile in np.flatnonzero(self._versions > version).tolist():
+                row, col = tile // across * SIDE, tile % across * SIDE
+                old[row : row + SIDE, col : col + SIDE] = KEEP
+            self._packets[version], _ = _difference(self._shown, old, self._versions.copy(), self.version)
         return np.array([self._number, self.tick, since], dtype="<i4").tobytes() + self._packets[version]
 
 
-def _buffers(points: int) -> tuple[NDArray[np.int32], NDArray[np.uint16]]:
-    """Make buffers for the values and lengths of as many runs as there can be; unused memory costs nothing."""
-    return np.empty(points, dtype=np.int32), np.empty(points, dtype=np.uint16)
-
-
-def _packed(
-    tiles: NDArray[np.int32], counts: NDArray[np.int32], values: NDArray[np.int32], lengths: NDArray[np.uint16]
-) -> bytes:
-    """Return a packet without its first three numbers."""
-    head = np.array([tiles.size, values.size], dtype=np.int32)
-    parts = (head, tiles, counts, values, lengths)
-    return b"".join(part.astype(part.dtype.newbyteorder("<"), copy=False).tobytes() for part in parts)
+def _difference(
+    now: NDArray[np.int32], shown: NDArray[np.int32], versions: NDArray[np.int32], version: int
+) -> tuple[bytes, int]:
+    """Update a map; return the packet that does so, without its first three numbers, and how many tiles change."""
+    tiles, counts = (np.empty(versions.size, dtype=np.int32) for _ in range(2))
+    # Room for as many runs as there can be; unused memory costs nothing.
+    values, lengths = np.empty(now.size, dtype=np.int32), np.empty(now.size, dtype=np.uint16)
+    changed, runs = take_over(now, shown, versions, SIDE, version, tiles, counts, values, lengths)
+    head = np.array([changed, runs], dtype=np.int32)
+    parts = (head, tiles[:changed], counts[:changed], values[:runs], lengths[:runs])
+    return b"".join(part.astype(part.dtype.newbyteorder("<"), copy=False).tobytes() for part in parts), changed
 
 
 def terrain_packet(passable: NDArray[np.bool_], patrolled: NDArray[np.bool_]) -> bytes:

@@ -15,7 +15,6 @@ from collections.abc import Callable
 from pathlib import Path
 
 from monitor.observation.source import Source, State
-from monitor.recording import ros_messages as ros
 from monitor.recording.ros_file import RosFile
 from monitor.recording.run_recorder import KEY_FRAME_S, WITH_BODY, grid_values, ros_names, wall_values
 from monitor.replay.run_files import SCENARIO
@@ -41,6 +40,7 @@ class LiveRecorder:
         static = source.static()
         self._source = source
         self._static = static
+        self._place = static.point, static.origin
         self._out = out
         self._ros_names = ros_names([robot.name for robot in static.robots])
         self._names = {robot.number: token for robot, token in zip(static.robots, self._ros_names, strict=True)}
@@ -113,8 +113,7 @@ class LiveRecorder:
         self._begun, self._series_k = True, state.k - 1
         self._events = sum(event.k < state.k for event in self._source.events(0))
         time_ns, static = self._ns(state.k), self._static
-        walls = self._file.encoder.grid(time_ns, static.point, static.origin, wall_values(static.passable))
-        self._file.write("/map", ros.GRID, walls, time_ns)
+        self._file.grid("/map", self._place, wall_values(static.passable), time_ns)
         text = "/fog: 0 means seen now, 100 means seen /fog_scale seconds ago or earlier, -1 means not patrolled"
         self._file.log("recording", " · ".join(filter(None, (text, static.note))), time_ns)
 
@@ -126,15 +125,11 @@ class LiveRecorder:
 
     def _robots(self, state: State, at: int) -> None:
         self._robots_k = state.k
-        bodies = []
-        for token, robot in zip(self._ros_names, state.robots, strict=True):
-            if robot.decision_ms is not None:
-                self._file.number(f"/{token}/decision_ms", robot.decision_ms, at)
-            if robot.pose is not None and robot.status in self._bodies:
-                place = (robot.pose.x, robot.pose.y, robot.pose.heading)
-                bodies.append((token, *place))
-                self._file.write(f"/{token}/pose", ros.POSE, self._file.encoder.pose(at, *place), at)
-        self._file.write("/tf", ros.TRANSFORMS, self._file.encoder.transforms(at, bodies), at)
+        named = zip(self._ros_names, state.robots, strict=True)
+        self._file.robots(
+            ((name, robot.decision_ms, robot.pose if robot.status in self._bodies else None) for name, robot in named),
+            at,
+        )
         self._file.number("/alive", sum(robot.status is Status.ALIVE for robot in state.robots), at)
 
     def _grid(self, state: State) -> None:
@@ -146,9 +141,7 @@ class LiveRecorder:
         time_ns = self._ns(state.k)
         values = grid_values(Fog.resumed(static.patrolled, seen), state.k, self._scale_s / static.step)
         self._file.number("/fog_scale", self._scale_s, time_ns)
-        self._file.write(
-            "/fog", ros.GRID, self._file.encoder.grid(time_ns, static.point, static.origin, values), time_ns
-        )
+        self._file.grid("/fog", self._place, values, time_ns)
 
     def _ns(self, k: int) -> int:
         return round(k * self._static.step * 1e9)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from importlib.metadata import version
 from pathlib import Path
@@ -13,7 +13,11 @@ from monitor.recording.mcap_file import METADATA
 from patrol.errors import BadInput
 
 if TYPE_CHECKING:
+    import numpy as np
     from mcap.writer import Writer
+    from numpy.typing import NDArray
+
+    from patrol.pose import Pose
 
 PROFILE = "ros2"
 _LEVELS = {"dead": ros.WARN, "fault": ros.WARN, "lost": ros.ERROR}
@@ -68,6 +72,22 @@ class RosFile:
     def number(self, topic: str, value: float, at: int) -> None:
         """Write a std_msgs/Float64."""
         self.write(topic, ros.NUMBER, self.encoder.number(value), at)
+
+    def grid(self, topic: str, place: tuple[float, tuple[float, float]], values: NDArray[np.int8], at: int) -> None:
+        """Write a nav_msgs/OccupancyGrid; `place` is the side of a point and the lower left corner, m."""
+        self.write(topic, ros.GRID, self.encoder.grid(at, *place, values), at)
+
+    def robots(self, robots: Iterable[tuple[str, float | None, Pose | None]], at: int) -> None:
+        """Write the robots' decision times, ms, and poses, each by the robot's name in topics; None for unknown."""
+        bodies = []
+        for name, decision_ms, pose in robots:
+            if decision_ms is not None:
+                self.number(f"/{name}/decision_ms", decision_ms, at)
+            if pose is not None:
+                place = (pose.x, pose.y, pose.heading)
+                bodies.append((name, *place))
+                self.write(f"/{name}/pose", ros.POSE, self.encoder.pose(at, *place), at)
+        self.write("/tf", ros.TRANSFORMS, self.encoder.transforms(at, bodies), at)
 
     def log(self, name: str, text: str, at: int, level: int = ros.INFO) -> None:
         """Write a line of the log /rosout."""

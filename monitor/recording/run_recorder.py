@@ -36,6 +36,7 @@ from patrol.files.untrusted import read_untrusted
 from patrol.ground.fog import Fog
 from patrol.ground.footprint import View
 from patrol.journal.records import Event, Status
+from patrol.pose import Pose
 
 KEY_FRAME_S = 10.0
 """Simulated time between two grids, s."""
@@ -72,7 +73,7 @@ class Recorder:
         with suppress(OSError):
             self._part.unlink()  # a stranger's folder may have a link there
         self._file = RosFile(self._part, out, chunk=CHUNK)
-        self._ros = self._file.encoder
+        self._place = run.prepared.terrain.point, run.prepared.terrain.origin
         self._ros_names = ros_names(run.names)
         self._scale_s = scale_of(run)
         self._every = key_frame_ticks(run)
@@ -91,17 +92,13 @@ class Recorder:
             self._log(event)
         if k % self._every == 0 or k == run.ticks - 1:
             values = grid_values(fog, k, self._scale_s / run.step)
-            self._file.write("/fog", ros.GRID, self._ros.grid(time_ns, *self._place(), values), time_ns)
-        bodies = []
-        for place, token in enumerate(self._ros_names):
+            self._file.grid("/fog", self._place, values, time_ns)
+        robots = []
+        for place, name in enumerate(self._ros_names):
             decision_ms = float(run.decision_ms[k, place])
-            if not math.isnan(decision_ms):
-                self._file.number(f"/{token}/decision_ms", decision_ms, time_ns)
-            if run.status[k, place] in WITH_BODY:
-                x, y, heading = run.poses[k, place].tolist()
-                bodies.append((token, x, y, heading))
-                self._file.write(f"/{token}/pose", ros.POSE, self._ros.pose(time_ns, x, y, heading), time_ns)
-        self._file.write("/tf", ros.TRANSFORMS, self._ros.transforms(time_ns, bodies), time_ns)
+            pose = Pose(*run.poses[k, place].tolist()) if run.status[k, place] in WITH_BODY else None
+            robots.append((name, None if math.isnan(decision_ms) else decision_ms, pose))
+        self._file.robots(robots, time_ns)
         self._file.number("/mfow", run.mfow[k] * run.step, time_ns)
         self._file.number("/fog_mean", run.fog_mean[k] * run.step, time_ns)
         self._file.number("/seen_share", run.seen[k] / self._area, time_ns)
@@ -148,14 +145,9 @@ class Recorder:
         self._file.facts(facts)
         with suppress(OSError):
             self._file.attach(SCENARIO, "application/yaml", read_untrusted(run.folder / SCENARIO, SCENARIO_FILE))
-        walls = wall_values(run.prepared.terrain.passable)
-        self._file.write("/map", ros.GRID, self._ros.grid(0, *self._place(), walls), 0)
+        self._file.grid("/map", self._place, wall_values(run.prepared.terrain.passable), 0)
         text = f"/fog: 0 means seen now, 100 means seen {self._scale_s:g} s ago or earlier, -1 means not patrolled"
         self._file.log("recording", text, 0)
-
-    def _place(self) -> tuple[float, tuple[float, float]]:
-        terrain = self._run.prepared.terrain
-        return terrain.point, terrain.origin
 
     def _ns(self, k: int) -> int:
         return round(k * self._run.step * 1e9)

@@ -6,20 +6,19 @@ every frame arrives in its own tick and robots know their poses, it equals the t
 
 from __future__ import annotations
 
-from collections import defaultdict, deque
+from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from monitor.observation.frames import MIND_ENDS, frames_of, own_pose
+from monitor.observation.beliefs import GONE, BeliefFollower
 from monitor.observation.listener import Listener
 from monitor.replay.run import Run
 from patrol.ground.fog import Fog
 from patrol.ground.footprint import Footprint, View
-from patrol.journal.records import Status, TickRecord, sent_at
-from patrol.pose import Pose
+from patrol.journal.records import Status, standing_after
 from patrol.prepare import inboxes_of
 
 SAMPLES = 200
@@ -86,14 +85,13 @@ class BeliefWatcher:
         self._footprint = footprint
         self._key = key
         self._robots = chosen_robots(run, work) if robots is None else tuple(robots)
-        self._wanted = [run.numbers[place] for place in self._robots]
-        self._listeners = {number: self._listener(number) for number in self._wanted}
+        numbers = [run.numbers[place] for place in self._robots]
+        self._beliefs = BeliefFollower(numbers, self._listener, run.links.late + 1)
         self._records = iter(run.journal.ticks)
-        self._past: deque[dict[tuple[int, int], bytes]] = deque(maxlen=run.links.late + 1)
-        self._fresh: dict[int, set[int]] = defaultdict(set)
+        self._ended: dict[int, set[int]] = defaultdict(set)
         for event in run.events:
-            if event.robot is not None and event.kind in MIND_ENDS:
-                self._fresh[event.k].add(event.robot)
+            if event.robot is not None and standing_after(event.kind) in GONE:
+                self._ended[event.k].add(event.robot)
         self._sampled = set(np.unique(np.linspace(0, run.ticks - 1, SAMPLES).astype(np.int64)).tolist())
         self._ticks: list[int] = []
         self._mean: list[list[float]] = []
@@ -112,20 +110,12 @@ class BeliefWatcher:
         record = next(self._records, None)
         if record is None:
             return False
-        self._past.append(frames_of(record))
-        heard = self._deliveries(record)
-        for number in self._wanted:
-            if self._starts_anew(k, number):
-                self._listeners[number] = self._listener(number)
-            if self._alive(k, number):
-                listener = self._listeners[number]
-                listener.look(k, self._own(k, number))
-                listener.hear(k, heard.get(number, ()))
+        self._beliefs.tick(record, self._ended[k])
         return True
 
     def believed(self, number: int) -> Fog:
         """Return the fog that a selected robot believes now, by its number."""
-        return self._listeners[number].fog
+        return self._beliefs.listeners[number].fog
 
     def result(self) -> BeliefErrors:
         """Return the comparison so far."""
@@ -139,42 +129,15 @@ class BeliefWatcher:
         inboxes = inboxes_of(prepared.scenario, [number], prepared.terrain.bounds, self._key)
         return Listener(self._footprint, prepared.fields[number].patrolled, inboxes, number, self._run.closings)
 
-    def _alive(self, k: int, number: int) -> bool:
-        return bool(self._run.status[k, self._run.index[number]] == Status.ALIVE)
-
-    def _starts_anew(self, k: int, number: int) -> bool:
-        if number in self._fresh[k]:
-            return True
-        before = Status(int(self._run.status[k - 1, self._run.index[number]])) if k else Status.ALIVE
-        return self._alive(k, number) and before not in (Status.ALIVE, Status.PAUSED)
-
-    def _own(self, k: int, number: int) -> Pose:
-        true = Pose(*self._run.poses[k, self._run.index[number]].tolist())
-        return own_pose(k, number, self._past[-1], true)
-
-    def _deliveries(self, record: TickRecord) -> dict[int, list[bytes]]:
-        """Return the frames that reach each receiver in this tick, in the order of arrival."""
-        heard: dict[int, list[bytes]] = defaultdict(list)
-        wanted = set(self._wanted)
-        for source, destination, sequence in record.deliveries:
-            if destination not in wanted:
-                continue
-            ago = record.k - sent_at(sequence)
-            sent = self._past[-1 - ago] if 0 <= ago < len(self._past) else {}
-            frame = sent.get((source, sequence))
-            if frame is not None:
-                heard[destination].append(frame)
-        return heard
-
     def _compare(self, k: int, fog: Fog) -> None:
         truth = fog.age(k)
         means, mfows = [], []
-        for number in self._wanted:
-            if not self._alive(k, number):
+        for place in self._robots:
+            if self._run.status[k, place] != Status.ALIVE:
                 means.append(np.nan)
                 mfows.append(np.nan)
                 continue
-            believed = self._listeners[number].fog
+            believed = self.believed(self._run.numbers[place])
             # The fleet's area contains the robot's, so the truth is known wherever the robot believes something.
             off = np.abs(believed.age(k) - truth)[believed.patrolled.view(np.bool_)]
             means.append(float(off.mean()))

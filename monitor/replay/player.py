@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import threading
 import time
-from collections import deque
 from collections.abc import Callable, Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -13,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from monitor.observation.source import Answer, Layer, RobotShape, RobotState, Series, State, Static
+from monitor.observation.tick_rate import TickRate
 from monitor.replay.link_log import LinkLog
 from monitor.replay.past_beliefs import PastBeliefs
 from monitor.replay.replay import Replay
@@ -33,7 +33,6 @@ PACES = (1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0)
 WHOLE_S = 90.0
 """A run that plays by itself does so at the slowest of these paces that shows it within this wall time, s."""
 
-_RATE_S = 2.0
 _NO_BODY = (Status.ABSENT, Status.LEFT)
 
 
@@ -69,7 +68,8 @@ class Player:
         self._lacks_traps = False
         """The same of the trapped robots."""
         self._at = 0
-        self._shown: deque[tuple[float, int]] = deque()
+        self._shown_at: float | None = None
+        self._rate = TickRate()
 
     def static(self) -> Static:
         """See `Source`."""
@@ -110,11 +110,12 @@ class Player:
                 now = self._now()
                 new = (self._k, self._running, self._pace)
                 news = arrived or new != self._returned
-                due = (self._shown[-1][0] + SHOW_S if self._shown else now) - now
+                due = (now if self._shown_at is None else self._shown_at + SHOW_S) - now
                 if news and due <= 0.0:
                     self._returned = new
-                    self._at = self._k
-                    rate = self._rate(now)
+                    self._at, self._shown_at = self._k, now
+                    rate = abs(self._rate.at(now, self._k)) if self._running else 0.0
+                    self._rate.add(now, self._k)
                     break
                 left = until - now
                 if left <= 0.0:
@@ -219,14 +220,6 @@ class Player:
             self._place = min(max(self._place, 0.0), float(last))
             self._running = False
         self._k = int(self._place)
-
-    def _rate(self, now: float) -> float:
-        """Return the ticks per second of wall time, over the last `_RATE_S`."""
-        while self._shown and self._shown[0][0] < now - _RATE_S:
-            self._shown.popleft()
-        since, before = self._shown[0] if self._shown else (now, self._k)
-        self._shown.append((now, self._k))
-        return abs(self._k - before) / (now - since) if self._running and now > since else 0.0
 
     def _state(self, k: int, running: bool, pace: float, rate: float) -> State:
         run = self._run

@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from monitor.observation.listener import as_sent
+from monitor.replay.fog_history import FogHistory
 from monitor.replay.run import Run
-from monitor.replay.snapshot import Snapshot
 from patrol.errors import BadInput
 from patrol.ground.fog import Fog
 from patrol.ground.footprint import Footprint, View
@@ -23,12 +23,7 @@ from patrol.journal.records import Event, Status
 from patrol.prepare import sensor_footprint
 
 MEMORY = 256 << 20
-"""Bytes for a replay's snapshots in the worst case, in which no two neighbouring points were seen in the same tick."""
-
-_MOST_SNAPSHOTS = 400
-_LEAST_APART = 8
-_NEAR = 8
-"""Snapshots of the interval that is being played backwards."""
+"""Bytes for a replay's snapshots."""
 
 
 class Watcher(Protocol):
@@ -111,25 +106,13 @@ class Moment:
 
 
 class Replay:
-    """Gives the state of a run at any tick.
-
-    It keeps snapshots of the fog on the way, evenly over the run and within the interval that is played backwards. With
-    sensors of quality 1 the fog at tick k also follows from the last MFoW ticks alone, so once every point has been
-    seen a jump never replays the whole run.
-    """
+    """Gives the state of a run at any tick."""
 
     def __init__(self, run: Run, memory: int = MEMORY) -> None:
-        """Start before the first tick, with at most `memory` bytes for snapshots."""
+        """Start before the first tick, with about `memory` bytes for snapshots of the fog."""
         self.run = run
         self._footprint = sensor_footprint(run.prepared.scenario, run.prepared.terrain)
-        self._whole_looks = not self._footprint.leaves_age
-        self._fog = Fog(run.prepared.patrolled)
-        self._k = -1
-        size = self._fog.last_seen.nbytes
-        self._most = int(np.clip(memory // size - _NEAR, 4, _MOST_SNAPSHOTS))
-        self._apart = max(_LEAST_APART, -(-run.ticks // self._most))
-        self._far: dict[int, Snapshot] = {}
-        self._near: dict[int, Snapshot] = {}
+        self._history = FogHistory(self._blank, self._advance, run.ticks, memory)
 
     @property
     def ticks(self) -> int:
@@ -140,9 +123,27 @@ class Replay:
         """Return the true fog after the observations of a tick, valid until the next call."""
         if not 0 <= k < self.run.ticks:
             raise BadInput(f"tick {k}: the run has ticks 0 to {self.run.ticks - 1}")
-        if k != self._k:
-            self._seek(k)
-        return self._fog
+        # Every point was seen in the last MFoW ticks. With looks that leave nothing of an age, they are enough for the
+        # fog, so that a jump does not replay the whole run. It goes to a snapshot's place, from which steps back go on.
+        place = self._history.place(k)
+        enough = place - int(self.run.mfow[place])
+        if not self._footprint.leaves_age and enough > self._history.base(k) + 1:
+            fog = self._blank()
+            for tick in range(enough, place + 1):
+                self._advance(fog, tick)
+            if fog.mfow(place) == self.run.mfow[place]:
+                self._history.put(fog, place)
+        fog_then = self._history.fog(k)
+        assert fog_then is not None
+        return fog_then
+
+    def _blank(self) -> Fog:
+        return Fog(self.run.prepared.patrolled)
+
+    def _advance(self, fog: Fog, k: int) -> Fog:
+        for view in views_at(self.run, k, self._footprint):
+            fog.observe(view, k)
+        return fog
 
     def at(self, k: int) -> Moment:
         """Return the whole state after the observations of a tick."""
@@ -173,53 +174,3 @@ class Replay:
             robots=tuple(robots),
             events=tuple(event for event in run.events if event.k <= k),
         )
-
-    def _seek(self, k: int) -> None:
-        backwards = k < self._k
-        base = max((tick for kept in (self._far, self._near) for tick in kept if tick <= k), default=-1)
-        from_here = base <= self._k <= k
-        base = self._k if from_here else base
-        # A step back starts an interval earlier, because more steps back are likely.
-        goal = max(k - self._apart, 0) if backwards else k
-        if not (goal > base and self._look_back(goal, base)) and not from_here:
-            self._restore(base)
-        if backwards:
-            self._near.clear()
-        self._walk(k, max(1, (k - self._k) // _NEAR) if backwards else 0)
-
-    def _look_back(self, k: int, base: int) -> bool:
-        """Rebuild the fog of tick k from the last ticks alone, if that is less work than to advance from `base`."""
-        enough = k - int(self.run.mfow[k])
-        if not self._whole_looks or enough <= base + 1:
-            return False
-        fog = Fog(self.run.prepared.patrolled)
-        for tick in range(enough, k + 1):
-            for view in views_at(self.run, tick, self._footprint):
-                fog.observe(view, tick)
-        if fog.mfow(k) != self.run.mfow[k]:
-            return False
-        self._fog, self._k = fog, k
-        self._keep(k)
-        return True
-
-    def _restore(self, base: int) -> None:
-        kept = self._far.get(base, self._near.get(base))
-        patrolled = self.run.prepared.patrolled
-        self._fog = Fog(patrolled) if kept is None else Fog.resumed(patrolled, kept.map())
-        self._k = base
-
-    def _walk(self, last: int, near: int) -> None:
-        """Advance to tick `last`. near: ticks between two snapshots on the way, 0 for none."""
-        first = self._k + 1
-        for k in range(first, last + 1):
-            for view in views_at(self.run, k, self._footprint):
-                self._fog.observe(view, k)
-            if k % self._apart == 0:
-                self._keep(k)
-            elif near and (k - first) % near == 0 and len(self._near) < _NEAR:
-                self._near[k] = Snapshot.of(self._fog.last_seen)
-        self._k = last
-
-    def _keep(self, k: int) -> None:
-        if len(self._far) < self._most and k not in self._far:
-            self._far[k] = Snapshot.of(self._fog.last_seen)

@@ -9,7 +9,6 @@ import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from threading import Event, Thread
-from typing import Protocol
 
 from agent.ports import Decision
 from patrol.exchange import Sensed
@@ -131,15 +130,6 @@ def _age(seconds: float | None) -> str:
     return "unknown" if seconds is None else f"{seconds:.1f}"
 
 
-class Watched(Protocol):
-    """A robot that says whether it may drive."""
-
-    @property
-    def stopped(self) -> str:
-        """The reason why it may not drive; empty if it may."""
-        ...
-
-
 class Diagnostics:
     """Publishes how a robot does (`agent.ports.Telemetry`)."""
 
@@ -179,17 +169,17 @@ class Diagnostics:
         )
         self._last = now_s, reading
 
-    def watch(self, robot: Watched) -> None:
-        """Begin to publish, once a second."""
-        Thread(target=self._publish, args=(robot,), name="diagnostics", daemon=True).start()
+    def watch(self, stopped: Callable[[], str]) -> None:
+        """Begin to publish, once a second; `stopped` returns why the robot may not drive, empty if it may."""
+        Thread(target=self._publish, args=(stopped,), name="diagnostics", daemon=True).start()
 
     def close(self) -> None:
         """Publish no more."""
         self._over.set()
 
-    def _publish(self, robot: Watched) -> None:
+    def _publish(self, stopped: Callable[[], str]) -> None:
         while not self._over.is_set():
-            reading = self.read(robot.stopped)
+            reading = self.read(stopped())
             self._messages.send(DiagnosticArray(self._hardware.stamp_ns(), statuses(self._facts, reading)))
             self._over.wait(EVERY_S)
 

@@ -10,12 +10,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from typing import assert_never
 
 from patrol.ground.swept_path import advance
-from patrol.pose import Command, Limits, Pose, halted, is_halt, wrap
-from ros2.robot.commands import nearer, velocity_of
+from patrol.pose import Command, Drive, Limits, Pose, Twist, Velocity, halted, is_halt, wrap
 from ros2.robot.fence import Fence, Other
+from ros2.wire import messages
 
 ENOUGH_M, ENOUGH_RAD = 0.3, 1.0
 """Commanded motion after which a robot is judged: well beyond the errors of its pose."""
@@ -31,6 +31,23 @@ BLIND_M, BLIND_S = 1.0, 1.0
 
 MOVED_M, MOVED_RAD = 0.2, 0.3
 """Motion of the pose that shows that a standing robot moves again: well beyond its noise."""
+
+
+def velocity_of(command: Command, heading: float) -> messages.Twist:
+    """Return the velocity that a command stands for, in the body's frame.
+
+    A holonomic body's command is in the map's frame, so its heading there (rad) counts; the body keeps it.
+    """
+    match command:
+        case Velocity(vx, vy):
+            cos, sin = math.cos(heading), math.sin(heading)
+            return messages.Twist(cos * vx + sin * vy, cos * vy - sin * vx, 0.0)
+        case Twist(speed, turn_rate):
+            return messages.Twist(speed, 0.0, turn_rate)
+        case Drive(speed, curvature):
+            return messages.Twist(speed, 0.0, speed * curvature)
+        case _:
+            assert_never(command)
 
 
 class Response:
@@ -105,14 +122,27 @@ OFF_GROUND = (
 TOO_NEAR = "a wall or a robot is too near"
 
 
-@dataclass(frozen=True, slots=True)
-class Rule:
-    """The limits of one body."""
+def nearer(command: Command, wanted: Command, most: float, radius: float) -> Command:
+    """Return the command nearest to a wanted one that a body reaches whose speed changes by a limited amount.
 
-    model: str
-    limits: Limits
-    acceleration: float  # the most by which a speed may change, m/s²
-    hold_s: float  # for which a command is obeyed
+    `command` is what the body obeys now. A speed may change by at most `most` m/s. The wheels of a differential drive
+    are `radius` (m) left and right of its centre, so turning counts with it.
+    """
+    match command, wanted:
+        case Velocity(vx, vy), Velocity(to_x, to_y):
+            change = math.hypot(to_x - vx, to_y - vy)
+            share = 1.0 if change <= most else most / change
+            return wanted if share == 1.0 else Velocity(vx + (to_x - vx) * share, vy + (to_y - vy) * share)
+        case Twist(speed, turn_rate), Twist(to_speed, to_turn_rate):
+            return Twist(_toward(speed, to_speed, most), _toward(turn_rate, to_turn_rate, most / radius))
+        case Drive(speed, _), Drive(to_speed, curvature):
+            return Drive(_toward(speed, to_speed, most), curvature)
+        case _:
+            raise TypeError(f"{command} and {wanted} are of different models")
+
+
+def _toward(value: float, wanted: float, most: float) -> float:
+    return min(max(wanted, value - most), value + most)
 
 
 class Governor:
@@ -122,10 +152,13 @@ class Governor:
     was; `fenced` is True if the fence slowed the robot down.
     """
 
-    def __init__(self, rule: Rule, fence: Fence) -> None:
-        self._rule = rule
+    def __init__(self, model: str, limits: Limits, acceleration: float, hold_s: float, fence: Fence) -> None:
+        """Begin with a halt; speeds change by at most `acceleration` (m/s²), and a command is obeyed for `hold_s`."""
+        self._limits = limits
+        self._acceleration = acceleration
+        self._hold_s = hold_s
         self._fence = fence
-        self._halt = halted(rule.model)
+        self._halt = halted(model)
         self._wanted = self._halt
         self._until_s = 0.0
         self.command: Command = self._halt
@@ -133,9 +166,9 @@ class Governor:
         self.fenced = False
 
     def want(self, command: Command, now_s: float) -> None:
-        """Take in a new command of the mind, which is obeyed for `Rule.hold_s`."""
-        self._wanted = command.limited(self._rule.limits)
-        self._until_s = now_s + self._rule.hold_s
+        """Take in a new command of the mind, which is obeyed for a while."""
+        self._wanted = command.limited(self._limits)
+        self._until_s = now_s + self._hold_s
 
     def step(
         self, pose: Pose | None, now_s: float, since_s: float, stopped: str, others: Sequence[Other] = ()
@@ -150,9 +183,8 @@ class Governor:
             self.command = self._halt
             return self.command
         wanted = self._wanted if now_s < self._until_s else self._halt
-        rule = self._rule
-        eased = nearer(self.command, wanted, rule.acceleration * since_s, rule.limits.radius)
-        self.command = self._fence.allowed(pose, eased.limited(rule.limits), others)
+        eased = nearer(self.command, wanted, self._acceleration * since_s, self._limits.radius)
+        self.command = self._fence.allowed(pose, eased.limited(self._limits), others)
         self.fenced = self.command.speed_mps < eased.speed_mps
         if not self._fence.on_ground(pose):
             self.why = OFF_GROUND

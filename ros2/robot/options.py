@@ -10,6 +10,7 @@ from pathlib import Path
 
 from patrol.errors import BadInput, did_you_mean
 from patrol.pose import MODELS, Limits, Pose
+from patrol.process.context import ProcessContext, run_with
 from patrol.process.options import ProcessParser
 from ros2.robot.localisation import RADIUS, SAME_MAP, SPEED, VARIANCES, LocalisationSettings, Source
 from ros2.wire.frames import composed, inverted, pose_given
@@ -153,6 +154,17 @@ Exit codes: 1 the robot or its policy failed, 2 bad input, 130 interrupted.
 """
 
 
+def main(arguments: Sequence[str]) -> int:
+    """Drive a ROS 2 robot until asked to leave."""
+    return run_with(options_of(arguments), "robot", _drive)
+
+
+def _drive(process: ProcessContext) -> int:
+    from ros2.robot.process import drive  # loads much, and --help need not wait for it
+
+    return drive(process)
+
+
 def options_of(arguments: Sequence[str]) -> argparse.Namespace:
     """Read a command line."""
     return ros2_parser().parse_args(arguments)
@@ -231,21 +243,21 @@ def ros2_parser() -> ProcessParser:
 
 def drive_settings(options: argparse.Namespace) -> DriveSettings:
     """Return how the robot is driven."""
-    for name, least, most in (
-        ("radius", 0.01, 100.0),
-        ("speed", 0.001, 100.0),
-        ("acceleration", 0.01, 100.0),
-        ("margin", 0.0, 10.0),
-        ("wheelbase", 0.01, 100.0),
-        ("rate", 2.0, 50.0),
-        ("fresh", 0.05, 0.4),
-        ("wait", 0.1, 86_400.0),
-    ):
-        _check(f"--{name}", getattr(options, name), least, most)
-    braking = options.acceleration if options.braking is None else options.braking
-    _check("--braking", braking, 0.01, 100.0)
-    if options.delay is not None:
-        _check("--delay", options.delay, 0.0, 0.4)
+    check_ranges(
+        options,
+        {
+            "radius": (0.01, 100.0),
+            "speed": (0.001, 100.0),
+            "acceleration": (0.01, 100.0),
+            "braking": (0.01, 100.0),
+            "margin": (0.0, 10.0),
+            "wheelbase": (0.01, 100.0),
+            "rate": (2.0, 50.0),
+            "fresh": (0.05, 0.4),
+            "delay": (0.0, 0.4),
+            "wait": (0.1, 86_400.0),
+        },
+    )
     _check_robot(options)
     if options.write_scenario is not None and (options.scenario is not None or options.map is None):
         raise BadInput("--write-scenario: needs --map, and no --scenario; leave it out")
@@ -272,7 +284,7 @@ def drive_settings(options: argparse.Namespace) -> DriveSettings:
         map_frame=options.map_frame,
         wheelbase=options.wheelbase,
         acceleration=options.acceleration,
-        braking=braking,
+        braking=options.acceleration if options.braking is None else options.braking,
         margin=options.margin,
         rate_hz=options.rate,
         localisation=LocalisationSettings(
@@ -314,9 +326,12 @@ def domain_of(options: argparse.Namespace) -> int:
     return domain_given(options.domain)
 
 
-def _check(option: str, value: float, least: float, most: float) -> None:
-    if not math.isfinite(value) or not least <= value <= most:
-        raise BadInput(f"{option} {value:g}: out of range; give {least:g} to {most:g}")
+def check_ranges(options: argparse.Namespace, ranges: Mapping[str, tuple[float, float]]) -> None:
+    """Refuse options that are given and out of their ranges."""
+    for name, (least, most) in ranges.items():
+        value = getattr(options, name.replace("-", "_"))
+        if value is not None and not least <= value <= most:
+            raise BadInput(f"--{name} {value:g}: out of range; give {least:g} to {most:g}")
 
 
 def _is_file(name: str) -> bool:

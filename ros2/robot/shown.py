@@ -1,4 +1,4 @@
-"""The topics for RViz, Foxglove and the like: the map, what it believes of the fog, and its way.
+"""Maps: the robot's own, read from its latched topic; for RViz and Foxglove the map, the believed fog and the way.
 
 Viewers cost the patrol nothing: a thread of its own sends, what is not sent in time is left out, and a large
 grid is thinned.
@@ -11,20 +11,26 @@ import time
 from collections import deque
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path as FilePath
 from threading import Event, Thread
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
+from PIL import Image
 
 from agent.ports import Decision
+from patrol.errors import BadInput
 from patrol.exchange import Sensed
-from patrol.ground.fog import Fog
 from patrol.ground.terrain import Terrain
 from patrol.pose import Pose
 from ros2.robot.options import DriveSettings
 from ros2.wire.messages import OccupancyGrid, Path
 from ros2.wire.names import LATCHED, EntityKind
 from ros2.wire.ports import Ros2Link
+
+if TYPE_CHECKING:
+    from patrol.ground.fog import Fog  # has kernels, which are not compiled when the robot's map is read
 
 EVERY_S = 2.0
 """Wall time between two pictures of the fog, s."""
@@ -106,3 +112,32 @@ def grid_of(terrain: Terrain, cells: NDArray[np.int8], thin: int, frame: str, st
     `cells` is int8 (h, w), with row 0 at the lowest y; the side of a cell is `thin` points.
     """
     return OccupancyGrid(stamp_ns, frame, terrain.point * thin, Pose(*terrain.origin, 0.0), cells)
+
+
+OCCUPIED_SHARE = 0.65
+FREE_SHARE = 0.196
+"""Least share of a wall and largest share of free ground in a cell, as map_server has it. What is unknown, a pixel of
+205, lies in between, and no robot drives there."""
+_WALL, _UNKNOWN, _FREE = 0, 205, 254
+
+
+def write_map(grid: OccupancyGrid, folder: FilePath) -> FilePath:
+    """Write a map as map_server does, and return the path of the YAML file.
+
+    A map that is turned raises `BadInput`, because a map_server file cannot say that here.
+    """
+    if grid.origin.heading != 0.0:
+        raise BadInput("the robot's map is turned against its frame; give --map FILE with an upright one")
+    share = grid.cells.astype(np.float64) / 100.0
+    pixels = np.full(grid.cells.shape, _UNKNOWN, dtype=np.uint8)
+    pixels[(share >= 0.0) & (share < FREE_SHARE)] = _FREE
+    pixels[share > OCCUPIED_SHARE] = _WALL
+    Image.fromarray(np.ascontiguousarray(pixels[::-1])).save(folder / "map.png")
+    path = folder / "map.yaml"
+    origin = [grid.origin.x, grid.origin.y, 0.0]
+    path.write_text(
+        f"image: map.png\nmode: trinary\nresolution: {grid.resolution!r}\norigin: {origin}\nnegate: 0\n"
+        f"occupied_thresh: {OCCUPIED_SHARE}\nfree_thresh: {FREE_SHARE}\n",
+        encoding="utf-8",
+    )
+    return path

@@ -6,6 +6,7 @@ import math
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -32,7 +33,6 @@ from ros2.wire.names import LATCHED, SENSOR
 from ros2.wire.ports import Ros2Link
 
 MAP, ODOM, BASE = "map", "odom", "base_link"
-DRIVES = ("twist-stamped", "twist", "ackermann")
 
 THE_WORLD = Pose(0.0, 0.0, 0.0)
 """The pose of a map that is the world's."""
@@ -63,6 +63,20 @@ class Habits:
     has_nav2: bool = False
     is_lost: bool = False  # its localisation waits to be told on `initialpose` where it is, as AMCL does
     transform: Pose = THE_WORLD
+
+
+def _velocity_of_car(drive: AckermannDriveStamped, habits: Habits) -> Twist:
+    curvature = math.tan(max(-1.5, min(1.5, drive.steering_angle))) / habits.wheelbase
+    return Twist(drive.speed, 0.0, drive.speed * curvature)
+
+
+_COMMANDS: dict[str, tuple[str, type, Callable[[Any, Habits], Twist]]] = {
+    "twist-stamped": ("cmd_vel", TwistStamped, lambda stamped, _habits: stamped.twist),
+    "twist": ("cmd_vel", Twist, lambda twist, _habits: twist),
+    "ackermann": ("ackermann_cmd", AckermannDriveStamped, _velocity_of_car),
+}
+DRIVES = tuple(_COMMANDS)
+"""The commands of a robot: topic, message, and the velocity that it stands for, by the name in options."""
 
 
 class Every:
@@ -106,35 +120,22 @@ class RobotNode:
         self._goals = GoalServer(link) if habits.has_nav2 else None
         self._navigator = Navigator(terrain, robot.build.spec) if habits.has_nav2 else None
         self._going_since_s: float | None = None
-        self._stamped: RosMailbox[TwistStamped] = RosMailbox(_ROOM)
-        self._plain: RosMailbox[Twist] = RosMailbox(_ROOM)
-        self._cars: RosMailbox[AckermannDriveStamped] = RosMailbox(_ROOM)
-        if habits.drive == "twist-stamped":
-            link.subscribe("cmd_vel", TwistStamped, self._stamped)
-        elif habits.drive == "twist":
-            link.subscribe("cmd_vel", Twist, self._plain)
-        else:
-            link.subscribe("ackermann_cmd", AckermannDriveStamped, self._cars)
+        topic, kind, self._velocity_of = _COMMANDS[habits.drive]
+        self._commands: RosMailbox[Any] = RosMailbox(_ROOM)
+        link.subscribe(topic, kind, self._commands)
         if habits.has_map:
             cells = np.where(terrain.free, 0, 100).astype(np.int8)
             corner = composed(inverted(habits.transform), Pose(*terrain.origin, 0.0))
             grid = OccupancyGrid(0, MAP, terrain.point, corner, cells)
-            self._map = link.publisher("map", OccupancyGrid, LATCHED)
-            self._map.send(grid)
+            link.publisher("map", OccupancyGrid, LATCHED).send(grid)
 
     def hear(self, now_s: float) -> None:
         """Take in what the robot was told; the time is s since the epoch."""
         while (told := self._told.take()) is not None:
             if told.message.frame == MAP:
                 self._localise(told.message.pose)
-        while (stamped := self._stamped.take()) is not None:
-            self.robot.obey(stamped.message.twist, now_s)
-        while (plain := self._plain.take()) is not None:
-            self.robot.obey(plain.message, now_s)
-        while (car := self._cars.take()) is not None:
-            drive = car.message
-            curvature = math.tan(max(-1.5, min(1.5, drive.steering_angle))) / self._habits.wheelbase
-            self.robot.obey(Twist(drive.speed, 0.0, drive.speed * curvature), now_s)
+        while (command := self._commands.take()) is not None:
+            self.robot.obey(self._velocity_of(command.message, self._habits), now_s)
         if self._goals is not None and self._navigator is not None:
             self._navigate(self._goals, self._navigator, now_s)
 

@@ -75,11 +75,6 @@ class ZenohRos2Link:
         """Return True if something in the graph is of this link itself."""
         return entity.session == self._id
 
-    @property
-    def connected(self) -> bool:
-        """True if the robot's router is at the other end now; the session finds back to one that returns by itself."""
-        return bool(self._session.info.routers_zid())
-
     def resolve(self, name: str) -> str:
         """Return the full name of a topic or service, which may be relative to the node's namespace."""
         return full_name(self._node.namespace, name)
@@ -99,7 +94,7 @@ class ZenohRos2Link:
                 key,
                 congestion_control=zenoh.CongestionControl.BLOCK,
                 priority=zenoh.Priority.DATA_LOW,
-                cache=CacheConfig(max_samples=max(qos.depth, 1)),
+                cache=CacheConfig(max_samples=qos.depth),
                 publisher_detection=True,
             )
         else:
@@ -129,7 +124,7 @@ class ZenohRos2Link:
         handler: Any = zenoh.handlers.Callback(receive, indirect=False)
         heard = self._format.heard(full)
         if qos.latched:
-            history = HistoryConfig(detect_late_publishers=True, max_samples=max(qos.depth, 1))
+            history = HistoryConfig(detect_late_publishers=True, max_samples=qos.depth)
             subscriber: Any = declare_advanced_subscriber(self._session, heard, handler, history=history)
         else:
             subscriber = self._session.declare_subscriber(heard, handler)
@@ -268,23 +263,19 @@ class _Attacher:
 
     def __init__(self, gid: bytes | None) -> None:
         self._gid = gid
-        self.made = 0
+        self._made = 0
         self._lock = threading.Lock()
 
     def next(self) -> bytes | None:
         with self._lock:
-            self.made += 1
-            return None if self._gid is None else Attachment(self.made, time.time_ns(), self._gid).to_bytes()
+            self._made += 1
+            return None if self._gid is None else Attachment(self._made, time.time_ns(), self._gid).to_bytes()
 
 
 class _Publisher(Sender[Any]):
     def __init__(self, publisher: Any, attacher: _Attacher) -> None:
         self._publisher = publisher
         self._attacher = attacher
-
-    @property
-    def sent(self) -> int:
-        return self._attacher.made
 
     def send(self, message: Any) -> None:
         self._publisher.put(encode(message), attachment=self._attacher.next())

@@ -70,11 +70,6 @@ class RclpyLink:
         self._thread = threading.Thread(target=self._hear, name="rclpy", daemon=True)
         self._thread.start()
 
-    @property
-    def connected(self) -> bool:
-        """True until it is closed, or hears no more: there is no router."""
-        return self._error is None and bool(self._context.ok())
-
     def is_ours(self, entity: Entity) -> bool:
         """Return True if something in the graph is of this link itself."""
         return entity.session == _OURS
@@ -196,12 +191,12 @@ class RclpyLink:
     def _profile(self, qos: Qos) -> Any:
         """Return a quality of service as rclpy has it."""
         of = self._rclpy.qos
-        durability, reliability, history = of.DurabilityPolicy, of.ReliabilityPolicy, of.HistoryPolicy
+        durability, reliability = of.DurabilityPolicy, of.ReliabilityPolicy
         return of.QoSProfile(
             depth=qos.depth,
             durability=durability.TRANSIENT_LOCAL if qos.latched else durability.VOLATILE,
             reliability=reliability.RELIABLE if qos.reliable else reliability.BEST_EFFORT,
-            history=history.KEEP_ALL if qos.keep_all else history.KEEP_LAST,
+            history=of.HistoryPolicy.KEEP_LAST,
         )
 
 
@@ -210,15 +205,9 @@ class _Publisher(Sender[Any]):
 
     def __init__(self, publisher: Any) -> None:
         self._publisher = publisher
-        self._sent = 0
-
-    @property
-    def sent(self) -> int:
-        return self._sent
 
     def send(self, message: Any) -> None:
         self._publisher.publish(encode(message))
-        self._sent += 1
 
 
 def _class_of(type_name: str, topic: str) -> Any:

@@ -18,10 +18,10 @@ from worldsim.output.traffic import Traffic, as_measured
 
 if TYPE_CHECKING:
     from patrol.prepare import Prepared
+    from worldsim.checks.progress import RunProgress
     from worldsim.run_record import RunRecord
+    from worldsim.verdict.ages import ZoneFacts
     from worldsim.verdict.judge import Verdict
-    from worldsim.verdict.run.progress import RunProgress
-    from worldsim.verdict.run.zone_ages import ZoneFacts
 
 
 class Totals:

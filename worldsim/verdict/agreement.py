@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from worldsim.verdict.common.check import TAGS_NOT_JUDGED
+from worldsim.checks.check import TAGS_NOT_JUDGED
 
 WALL_TIMES = ("wall_s", "realtime_factor")
 """Fields that only a journal with an end gives, and of a run in one process only since version 0.2.0."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import itertools
 import json
 import math
 from array import array
@@ -136,52 +135,6 @@ def test_what_a_page_in_the_background_shows_is_followed_all_the_same(
         wire.now += KEPT_S / 2
         hub.turn()
     assert hub.source.last_seen(3) is None  # nobody shows it any more, so it begins anew
-
-
-def test_what_a_page_in_the_background_shows_of_a_replay_is_kept(quiet: Seen, monkeypatch: pytest.MonkeyPatch) -> None:
-    now, passing = 0.0, itertools.count(0.0, 0.01)
-    player = Player(quiet.open(), lambda: now + next(passing))
-    hub = Hub(player)
-    with closing(Page(hub)) as page:
-        hub.select(page.viewer, [3])
-        page.messages()
-        page.hide()
-        for _ in range(5):
-            now += KEPT_S / 2
-            hub.turn()
-        monkeypatch.setattr("monitor.replay.past_beliefs.BUDGET_S", -math.inf)  # nothing is worked out in one call
-        assert player.last_seen(3) is not None
-    hub.remove(page.viewer)
-    now += KEPT_S + 1.0
-    hub.turn()
-    assert player.last_seen(3) is None
-
-
-def test_the_next_moment_of_a_replay_is_worked_out_while_a_page_draws(quiet: Seen) -> None:
-    player = Player(quiet.open())
-    hub = Hub(player)
-    with closing(Page(hub)) as page:
-        page.messages()
-        page.hide()
-        for k in (10, 20):  # one moment ahead, no more
-            player.control({"do": "seek", "k": k})
-            hub.turn()
-        assert player.tick("truth") == 10
-        assert page.viewer.outbox.empty()
-        page.viewer.drawn = True
-        hub.wake()
-        assert page.packets() == [(0, 10, 0)]
-        assert page.packets() == [(0, 20, 0)]
-        page.hide()
-        player.control({"do": "seek", "k": 30})
-        hub.turn()
-        hub.select(page.viewer, [1])  # another fog of the moment that waits
-        page.viewer.drawn = True
-        assert page.packets() == [(1, 30, 0)]
-    hub.remove(page.viewer)
-    player.control({"do": "seek", "k": 40})
-    hub.turn()
-    assert player.tick("truth") == 40
 
 
 def test_of_a_fog_that_stays_the_tick_is_sent(faulty: Seen) -> None:

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-import tracemalloc
+from collections.abc import Callable
 from itertools import count
 from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
 
-from monitor.replay.past_beliefs import BUDGET_S, KEPT_S, PastBeliefs
-from monitor.replay.snapshot import Snapshot
+from monitor.replay.fog_history import FogHistory, Snapshot
+from monitor.replay.past_beliefs import BUDGET_S, MOST, PastBeliefs
+from patrol.ground.fog import Fog
 
 if TYPE_CHECKING:
     from tests.monitor.conftest import Seen
@@ -35,19 +36,27 @@ def looked(past: PastBeliefs, seen: Seen, number: int) -> None:
             np.testing.assert_array_equal(past.last_seen(number, k), seen.beliefs[k, number])
 
 
-@pytest.mark.parametrize("maps", [1, 3, 6, 1000])
-def test_what_it_keeps_stays_within_its_memory_however_many_are_looked_at(
-    faulty: Seen, monkeypatch: pytest.MonkeyPatch, maps: int
+@pytest.mark.parametrize("memory", [0, 2000, 1 << 20])
+def test_snapshots_stay_within_their_memory_and_every_tick_is_right(
+    faulty: Seen, monkeypatch: pytest.MonkeyPatch, memory: int
 ) -> None:
     run = faulty.open()
-    size = next(iter(faulty.truth.values())).nbytes
-    memory = maps * size + 40_000  # what a robot's looks take
-    monkeypatch.setattr("monitor.replay.past_beliefs.MEMORY", memory)
+    histories: list[FogHistory] = []
+
+    def noted(blank: Callable[[], Fog], advance: Callable[[Fog, int], Fog], ticks: int, given: int) -> FogHistory:
+        assert given == memory
+        histories.append(FogHistory(blank, advance, ticks, given))
+        return histories[-1]
+
+    monkeypatch.setattr("monitor.replay.past_beliefs.MEMORY", memory * MOST)
+    monkeypatch.setattr("monitor.replay.past_beliefs.FogHistory", noted)
     past = PastBeliefs(run, None, Clock())
+    one = Snapshot.of(next(iter(faulty.truth.values()))).nbytes
     for _ in range(2):
         for number in run.numbers:
             looked(past, faulty, number)
-            assert 0 < past.held <= memory
+            assert all(history.held <= memory + one for history in histories)
+    assert len(histories) == len(run.numbers)
 
 
 def test_robots_that_pages_show_are_found_out_all_of_them_however_little_room_there_is(
@@ -71,38 +80,6 @@ def test_robots_that_pages_show_are_found_out_all_of_them_however_little_room_th
     assert [past.last_seen(number, 3) is None for number in (1, 2, 3)] == [False, False, True]
     past.set_shown([2, 3])
     assert past.last_seen(3, 3) is not None
-
-
-def test_what_it_says_that_it_keeps_is_what_it_keeps(faulty: Seen) -> None:
-    run = faulty.open()
-    looked(PastBeliefs(run, None, Clock()), faulty, 2)  # whatever is made once
-    past = PastBeliefs(run, None, Clock())
-    tracemalloc.start()
-    try:
-        for number in run.numbers:
-            looked(past, faulty, number)
-        kept, _ = tracemalloc.get_traced_memory()
-    finally:
-        tracemalloc.stop()
-    assert past.held > kept / 3
-
-
-def test_a_robot_that_no_page_shows_is_kept_for_a_while_only(quiet: Seen) -> None:
-    clock = Clock()
-    past = PastBeliefs(quiet.open(), None, clock)
-    for number in (1, 2):
-        looked(past, quiet, number)
-    both = past.held
-    clock.time_s += KEPT_S
-    past.set_shown([2])
-    assert past.held == both
-    clock.time_s += 1.0
-    past.set_shown([2, 3])
-    assert 0 < past.held < both
-    clock.time_s += KEPT_S + 1.0
-    past.set_shown([])
-    assert past.held == 0
-    looked(past, quiet, 1)
 
 
 def test_a_snapshot_is_the_map_again() -> None:

@@ -123,7 +123,7 @@ def test_the_age_of_what_corrects_the_odometry_is_known() -> None:
 def test_it_is_published_before_the_first_decision_where_ros_looks_for_it(topics: dict[str, str], topic: str) -> None:
     bench = Bench(topics=topics)
     bench.stopped = "stopped by an operator"
-    bench.diagnostics.watch(bench)
+    bench.diagnostics.watch(lambda: bench.stopped)
     end = time.monotonic() + PATIENCE_S
     while not bench.hub.sent[topic]:
         assert time.monotonic() < end

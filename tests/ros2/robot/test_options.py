@@ -22,8 +22,7 @@ from patrol.scenario import load_scenario
 from patrol.scenario.sections import TerrainSpec
 from ros2.robot.localisation import LocalisationSettings, Source
 from ros2.robot.options import FORMATS, DriveSettings, domain_of, drive_settings, options_of
-from ros2.robot.robot_map import write_map
-from ros2.robot.shown import Shown, fog_cells, grid_of, show_map
+from ros2.robot.shown import Shown, fog_cells, grid_of, show_map, write_map
 from ros2.wire.formats import FORMATS as KNOWN
 from ros2.wire.messages import OccupancyGrid
 from ros2.wire.names import LATCHED

@@ -247,7 +247,7 @@ def test_rights_are_as_narrow_as_they_can_be() -> None:
     assert bridged.announce == tuple(f"{key}/@adv/**" for key in bridged.publish)
 
 
-@pytest.mark.parametrize("form", [RmwZenoh(), RmwZenoh(4, hashed=False), Bridge(), Bridge("fleet")], ids=str)
+@pytest.mark.parametrize("form", [RmwZenoh(), RmwZenoh(4, hashed=False), Bridge()], ids=str)
 def test_one_rule_alone_makes_a_command_rare(form: Format) -> None:
     """Zenoh's issue 2200: of several rules of downsampling for a key, any one may hold."""
     commands = ("cmd_vel", "ackermann_cmd", "cmd_vel/stamped", "base/cmd_vel")
