@@ -21,9 +21,9 @@ from patrol.radio.message import MAX_TIME_MS
 from patrol.radio.units import ms_to_s
 
 if TYPE_CHECKING:
-    from agent.clock import KeptClock
     from agent.mind import Mind
     from agent.ports import FleetClock, Robot
+    from agent.robots.clock import KeptClock
     from agent.robots.direct import DirectRadio
     from patrol.ground.fog import Fog
     from patrol.ground.terrain import Terrain
@@ -262,9 +262,9 @@ class _Driver:
         ticks: Ticks,
     ) -> str | None:
         """Patrol until it is time to leave, then stop the robot; return how the policy has failed, or None."""
-        from agent.clock import KeptClock
         from agent.mind_loop import Both, TelemetrySender, TickFigures, run_mind
         from agent.policies.found import policy_of
+        from agent.robots.clock import KeptClock
         from agent.robots.direct import tune_in
         from patrol.messages.stop_orders import StopOrders
         from patrol.process.deadline import DECISION_LIMIT_S
@@ -453,7 +453,7 @@ def _listen(
     radio: DirectRadio, step_s: float, key: bytes | None, ticks: Ticks, say: Callable[[str], None], ending: Ending
 ) -> float | None:
     """Return when tick 0 began, Unix time in s, by the first position heard; None when it is time to leave."""
-    from agent.clock import epoch_of
+    from agent.robots.clock import epoch_of
 
     say("listens for a position, to count ticks as the others do")
     began = time.monotonic()

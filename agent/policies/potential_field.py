@@ -32,6 +32,7 @@ from agent.routes.wave import Wave
 from agent.view import View
 from patrol.ground.fields import StaticFields
 from patrol.kernels.elementary import exp
+from patrol.radio.peers import places_of
 from patrol.random import Purpose
 from patrol.scenario import BodyLengths, PotentialFieldOptions
 from patrol.scenario.lengths import PAPER_LENGTHS
@@ -308,7 +309,9 @@ class PotentialField:
 
     def _pull(self, view: View, start: tuple[int, int]) -> Pull:
         """Return the forces at this tick, modified by other robots and by close obstacles."""
-        rivals = [(row, col) for row, col in view.ground.static.join_each(self._separation.rivals(view)).tolist()]
+        rivals: list[Place] = []
+        if "claims" in self._options.separations:
+            rivals = [(row, col) for row, col in view.ground.static.join_each(places_of(view.peers)).tolist()]
         fog = view.fog
         dilated = partial(fog.dilated_around, (start[0] - 1, start[1] - 1))
         seen = fog.last_seen if fog.left_out is None else np.where(fog.left_out, np.int32(view.tick), fog.last_seen)

@@ -40,15 +40,11 @@ class RandomSteps:
         return None
 
 
-NO_RIVALS: NDArray[np.float64] = np.zeros((0, 2), dtype=np.float64)
-
-
 class Separation:
     """The separation of one robot from the others, as the policy's `separations` and `critical_areas` say."""
 
     def __init__(self, setup: PolicySetup) -> None:
         options, terrain, lengths = setup.options, setup.ground.terrain, setup.robot.lengths
-        self.claims = "claims" in options.separations  # points are left to the robot that has the shorter way to them
         self._obstacle_radius = lengths.obstacle_radius if "artificial-obstacles" in options.separations else None
         self._point = terrain.point
         self._areas: list[Area] = []
@@ -74,10 +70,6 @@ class Separation:
             areas = [self._areas[number - 1] for number in taken]
         if discs or areas:
             view.ground.close(discs, areas)
-
-    def rivals(self, view: View) -> NDArray[np.float64]:
-        """Return x and y in m of the robots that have claims on ground, float64 (n, 2); none without claims."""
-        return places_of(view.peers) if self.claims else NO_RIVALS
 
 
 def artificial_obstacles(pose: Pose, peers: Mapping[int, Peer], radius: float, point: float) -> list[Disc]:
