@@ -14,6 +14,7 @@ from patrol.process.context import ProcessContext, run_with
 from patrol.process.options import ProcessParser
 from ros2.robot.localisation import RADIUS, SAME_MAP, SPEED, VARIANCES, LocalisationSettings, Source
 from ros2.wire.frames import composed, inverted, pose_given
+from ros2.wire.names import check_name
 
 TOPICS: Mapping[str, str] = {
     "odom": "its odometry",
@@ -46,7 +47,6 @@ class DriveSettings:
 
     drive: str = "twist-stamped"  # one of `DRIVES`
     base_frame: str = "base_link"  # in which velocities are meant
-    map_frame: str = "map"
     wheelbase: float = 0.3  # of a car, m
     acceleration: float = 1.0  # the most by which the speed that the robot is told may change, m/s²
     braking: float = 1.0  # how hard the robot surely brakes, m/s²; the fence relies on it
@@ -281,7 +281,6 @@ def drive_settings(options: argparse.Namespace) -> DriveSettings:
     return DriveSettings(
         drive=options.drive,
         base_frame=options.base_frame,
-        map_frame=options.map_frame,
         wheelbase=options.wheelbase,
         acceleration=options.acceleration,
         braking=options.acceleration if options.braking is None else options.braking,
@@ -319,13 +318,6 @@ def _check_robot(options: argparse.Namespace) -> None:
         raise BadInput("--drive nav2: --robot rclpy sends no goals; give --robot ros2, or --drive twist-stamped")
 
 
-def domain_of(options: argparse.Namespace) -> int:
-    """Return the ROS_DOMAIN_ID."""
-    from ros2.wire.names import domain_given
-
-    return domain_given(options.domain)
-
-
 def check_ranges(options: argparse.Namespace, ranges: Mapping[str, tuple[float, float]]) -> None:
     """Refuse options that are given and out of their ranges."""
     for name, (least, most) in ranges.items():
@@ -343,8 +335,6 @@ def _is_file(name: str) -> bool:
 
 def topics_given(given: Sequence[str]) -> dict[str, str]:
     """Return names of topics, by their usual names, from texts ``NAME=TOPIC``."""
-    from ros2.wire.names import check_name
-
     found: dict[str, str] = {}
     for text in given:
         usual, equals, name = text.partition("=")

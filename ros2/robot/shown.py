@@ -79,7 +79,7 @@ class Shown:
             if self._picture is not None:
                 cells, way = self._picture
                 stamp_ns = self._stamp_ns()
-                settings, frame = self._settings, self._settings.map_frame
+                settings, frame = self._settings, self._settings.localisation.map_frame
                 grid = grid_of(self._terrain, cells, self._thin, frame, stamp_ns)
                 self._grids.send(replace(grid, origin=settings.on_robots_map(grid.origin)))
                 self._paths.send(Path(stamp_ns, frame, tuple(map(settings.on_robots_map, way))))
@@ -92,7 +92,9 @@ def show_map(link: Ros2Link, settings: DriveSettings, terrain: Terrain, stamp_ns
     if any(one.kind is EntityKind.PUBLISHER and one.topic == topic for one in link.graph(GRAPH_S)):
         return False
     cells = np.where(terrain.free, 0, OCCUPIED).astype(np.int8)
-    link.publisher(topic, OccupancyGrid, LATCHED).send(grid_of(terrain, cells, 1, settings.map_frame, stamp_ns))
+    link.publisher(topic, OccupancyGrid, LATCHED).send(
+        grid_of(terrain, cells, 1, settings.localisation.map_frame, stamp_ns)
+    )
     return True
 
 

@@ -181,7 +181,7 @@ class GoalSteering:
             heading = math.atan2(y - fix.pose.y, x - fix.pose.x)
             settings = self._hardware.settings
             place = settings.on_robots_map(Pose(x, y, heading))
-            target = PoseStamped(self._hardware.stamp_ns(), settings.map_frame, place)
+            target = PoseStamped(self._hardware.stamp_ns(), settings.localisation.map_frame, place)
             self._goals.go(target, moment_s)
             self._sent = self._wanted
         return ""
