@@ -100,11 +100,6 @@ class Ros2Robot:
         """The reason why it may not drive, and what ends that; empty if it may. From any thread."""
         return self._failed or self._stopped
 
-    @property
-    def driving(self) -> bool:
-        """True if its thread drives."""
-        return self._thread.is_alive()
-
     def show(self, vitals: Vitals) -> None:
         """Add the robot's figures to those of the process from now on."""
         vitals.probe(STOPPED, lambda: float(bool(self.stopped)))

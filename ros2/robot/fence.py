@@ -10,11 +10,10 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import assert_never
 
 from patrol.ground.swept_path import advance, path_is_free
 from patrol.ground.terrain import Terrain
-from patrol.pose import Command, Drive, Pose, Twist, Velocity
+from patrol.pose import Command, Pose, Twist, scaled
 from patrol.radio.peers import Peer
 
 CARRIED_S = 1.0
@@ -113,19 +112,6 @@ THEIRS_S = 0.3
 
 LOOKS = (0.25, 0.5, 0.75, 1.0)
 """Shares of the time until it stands at which a body's distance from another is looked at."""
-
-
-def scaled(command: Command, share: float) -> Command:
-    """Return the command for the same path at a share of its speed, 0 to 1."""
-    match command:
-        case Velocity(vx, vy):
-            return Velocity(vx * share, vy * share)
-        case Twist(speed, turn_rate):
-            return Twist(speed * share, turn_rate * share)
-        case Drive(speed, curvature):
-            return Drive(speed * share, curvature)
-        case _:
-            assert_never(command)
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,9 +13,10 @@ from collections.abc import Sequence
 from typing import assert_never
 
 from patrol.ground.swept_path import advance
-from patrol.pose import Command, Drive, Limits, Pose, Twist, Velocity, halted, is_halt, wrap
+from patrol.pose import Command, Drive, Limits, Pose, Twist, Velocity, halted, is_halt
 from ros2.robot.fence import Fence, Other
 from ros2.wire import messages
+from ros2.wire.frames import apart
 
 ENOUGH_M, ENOUGH_RAD = 0.3, 1.0
 """Commanded motion after which a robot is judged: well beyond the errors of its pose."""
@@ -60,7 +61,7 @@ class Response:
     def __init__(self, radius: float, slow_s: float) -> None:
         self.why = ""
         self._radius = radius
-        self._blind_for_s = BLIND_S + 2.0 * MOVES_SHARE * slow_s  # who turns round is slow for so long
+        self._blind_for_s = BLIND_S + 2.0 * MOVES_SHARE * slow_s  # a body that turns round is slow for so long
         self._begin: Pose | None = None
         self._meant: Pose | None = None
         self._turn = 0.0
@@ -74,13 +75,14 @@ class Response:
             self._start(pose)
             return
         if self.why:
-            if _apart(self._begin, pose) >= MOVED_M or abs(wrap(pose.heading - self._begin.heading)) >= MOVED_RAD:
+            moved_m, turned = apart(self._begin, pose)
+            if moved_m >= MOVED_M or turned >= MOVED_RAD:
                 self.release()
             return
         self._meant = advance(self._meant, command, time_s)
         self._turn += velocity_of(command, pose.heading).turn_rate * time_s
         self._lasted_s += time_s
-        way = _apart(self._begin, self._meant)
+        way, _ = apart(self._begin, self._meant)
         if self._lasted_s < ENOUGH_S or (way < ENOUGH_M and abs(self._turn) < ENOUGH_RAD):
             return
         if self._moved(self._begin, way, pose):
@@ -106,14 +108,10 @@ class Response:
         self._turn = self._lasted_s = 0.0
 
     def _moved(self, begin: Pose, way: float, pose: Pose) -> bool:
-        turned = abs(wrap(pose.heading - begin.heading))
-        return (way >= ENOUGH_M and _apart(begin, pose) >= MOVES_SHARE * way) or (
+        moved_m, turned = apart(begin, pose)
+        return (way >= ENOUGH_M and moved_m >= MOVES_SHARE * way) or (
             abs(self._turn) >= ENOUGH_RAD and turned >= MOVES_SHARE * ENOUGH_RAD
         )
-
-
-def _apart(one: Pose, other: Pose) -> float:
-    return math.hypot(other.x - one.x, other.y - one.y)
 
 
 OFF_GROUND = (

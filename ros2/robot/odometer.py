@@ -12,7 +12,7 @@ from collections import deque
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from patrol.pose import wrap
+from ros2.wire.frames import apart
 
 if TYPE_CHECKING:
     from patrol.pose import Pose
@@ -105,7 +105,7 @@ class Odometer:
                 self.readings.clear()
             self.readings.append(reading)
             return False
-        self.jumped_m = math.dist((last.pose.x, last.pose.y), (reading.pose.x, reading.pose.y))
+        self.jumped_m, _ = apart(last.pose, reading.pose)
         if not renewed and not self._settled(reading):
             return False
         self._begin(reading)
@@ -158,8 +158,7 @@ class Odometer:
         speed = max(self._speed, min(_speed(before.twist), _speed(after.twist)))
         told = min(abs(before.twist.turn_rate), abs(after.twist.turn_rate)) * time_s
         unseen = self._turn_rate * max(0.0, min(lapsed_s, SETTLED_S) - USUAL_S)
-        moved = math.dist((before.pose.x, before.pose.y), (after.pose.x, after.pose.y))
-        turned = abs(wrap(after.pose.heading - before.pose.heading))
+        moved, turned = apart(before.pose, after.pose)
         long_ago = after.arrived_s - before.arrived_s > self._fresh_s  # it may have turned all round
         return moved <= JUMP_M + speed * time_s and (long_ago or turned <= min(JUMP_RAD + max(told, unseen), MOST_RAD))
 

@@ -25,6 +25,7 @@ from patrol.exchange import Sensed
 from patrol.ground.terrain import Terrain
 from patrol.pose import Pose
 from ros2.robot.options import DriveSettings
+from ros2.wire.frames import apart
 from ros2.wire.messages import OccupancyGrid, Path
 from ros2.wire.names import LATCHED, EntityKind
 from ros2.wire.ports import Ros2Link
@@ -66,7 +67,7 @@ class Shown:
         """A decision has been taken."""
         del decision, decision_ms
         pose = sensed.pose
-        if not self._way or math.dist((pose.x, pose.y), (self._way[-1].x, self._way[-1].y)) >= APART_M:
+        if not self._way or apart(pose, self._way[-1])[0] >= APART_M:
             self._way.append(pose)
         now_s = time.monotonic()
         if now_s >= self._due_s and not self._wake.is_set():
