@@ -16,6 +16,7 @@ from ros2.wire.frames import apart
 
 if TYPE_CHECKING:
     from patrol.pose import Pose
+    from ros2.robot.localisation import LocalisationSettings
     from ros2.wire.messages import Odometry, Twist
 
 SETTLED_S = 1.0
@@ -57,21 +58,13 @@ class Odometer:
 
     `readings` holds what is believed, the newest last, without what came before a silence. `frame` is that of its
     poses, empty before the first; `jumped_m` is the length of the last jump.
-
-    `speed` is the robot's top speed, m/s; one that moves faster must say so in its odometry. `turn_rate` is how fast it
-    can turn, rad/s: while messages are missing, it may have turned like that; between others it turns as both of them
-    say. After `fresh_s` without a message the robot counts as silent. `delay_s` is the age of messages when they
-    arrive, so that their stamps mean nothing; None to go by the stamps.
     """
 
-    def __init__(self, speed: float, turn_rate: float, fresh_s: float, delay_s: float | None) -> None:
+    def __init__(self, settings: LocalisationSettings) -> None:
         self.readings: deque[OdometryReading] = deque(maxlen=REMEMBERED)
         self.frame = ""
         self.jumped_m = 0.0
-        self._speed = speed
-        self._turn_rate = turn_rate
-        self._fresh_s = fresh_s
-        self._delay_s = delay_s
+        self._settings = settings
         self._senders: dict[bytes, float] = {}
         self._astray: OdometryReading | None = None
         self._astray_since_s = 0.0
@@ -96,7 +89,7 @@ class Odometer:
             self._begin(reading)
             return False
         latest = self._astray or last
-        renewed = not -BACK_S <= arrived_s - latest.arrived_s <= self._fresh_s
+        renewed = not -BACK_S <= arrived_s - latest.arrived_s <= self._settings.fresh_s
         if not renewed and reading.stamp_s <= latest.stamp_s:
             return False
         if self._follows(last, reading) and self._keeps_its_speed(reading):
@@ -121,7 +114,8 @@ class Odometer:
         return ""
 
     def _read(self, message: Odometry, arrived_s: float, last: OdometryReading | None) -> OdometryReading:
-        stamp_s = message.stamp_ns / 1e9 if self._delay_s is None else arrived_s - self._delay_s
+        delay_s = self._settings.delay_s
+        stamp_s = message.stamp_ns / 1e9 if delay_s is None else arrived_s - delay_s
         driven_m = 0.0
         if last is not None:
             lapsed_s = min(max(0.0, arrived_s - last.arrived_s), _DRIVEN_S)
@@ -154,12 +148,12 @@ class Odometer:
     def _follows(self, before: OdometryReading, after: OdometryReading) -> bool:
         """Return True if a body that was at the one can be at the other."""
         lapsed_s = max(after.stamp_s - before.stamp_s, after.arrived_s - before.arrived_s, 0.0)
-        time_s = min(lapsed_s, SETTLED_S) + self._fresh_s  # messages that waited arrive together
-        speed = max(self._speed, min(_speed(before.twist), _speed(after.twist)))
+        time_s = min(lapsed_s, SETTLED_S) + self._settings.fresh_s  # messages that waited arrive together
+        speed = max(self._settings.speed, min(_speed(before.twist), _speed(after.twist)))
         told = min(abs(before.twist.turn_rate), abs(after.twist.turn_rate)) * time_s
-        unseen = self._turn_rate * max(0.0, min(lapsed_s, SETTLED_S) - USUAL_S)
+        unseen = self._settings.turn_rate * max(0.0, min(lapsed_s, SETTLED_S) - USUAL_S)
         moved, turned = apart(before.pose, after.pose)
-        long_ago = after.arrived_s - before.arrived_s > self._fresh_s  # it may have turned all round
+        long_ago = after.arrived_s - before.arrived_s > self._settings.fresh_s  # it may have turned all round
         return moved <= JUMP_M + speed * time_s and (long_ago or turned <= min(JUMP_RAD + max(told, unseen), MOST_RAD))
 
 

@@ -12,7 +12,8 @@ from collections import deque
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path as FilePath
-from threading import Event, Thread
+from queue import Queue
+from threading import Thread
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -58,8 +59,7 @@ class Shown:
         self._grids = link.publisher(settings.topic("fog"), OccupancyGrid, LATCHED)
         self._paths = link.publisher(settings.topic("path"), Path, LATCHED)
         self._due_s = 0.0
-        self._picture: tuple[NDArray[np.int8], tuple[Pose, ...]] | None = None
-        self._wake = Event()
+        self._pictures: Queue[tuple[NDArray[np.int8], tuple[Pose, ...]]] = Queue(1)
         self._thin = max(1, math.ceil(math.sqrt(terrain.height * terrain.width / MOST_CELLS)))
         Thread(target=self._show, name="show", daemon=True).start()
 
@@ -70,21 +70,18 @@ class Shown:
         if not self._way or apart(pose, self._way[-1])[0] >= APART_M:
             self._way.append(pose)
         now_s = time.monotonic()
-        if now_s >= self._due_s and not self._wake.is_set():
+        if now_s >= self._due_s and self._pictures.empty():
             self._due_s = now_s + EVERY_S
-            self._picture = fog_cells(self._fog, sensed.k, self._thin), tuple(self._way)
-            self._wake.set()
+            self._pictures.put((fog_cells(self._fog, sensed.k, self._thin), tuple(self._way)))
 
     def _show(self) -> None:
-        while self._wake.wait():
-            if self._picture is not None:
-                cells, way = self._picture
-                stamp_ns = self._stamp_ns()
-                settings, frame = self._settings, self._settings.localisation.map_frame
-                grid = grid_of(self._terrain, cells, self._thin, frame, stamp_ns)
-                self._grids.send(replace(grid, origin=settings.on_robots_map(grid.origin)))
-                self._paths.send(Path(stamp_ns, frame, tuple(map(settings.on_robots_map, way))))
-            self._wake.clear()
+        settings, frame = self._settings, self._settings.localisation.map_frame
+        while True:
+            cells, way = self._pictures.get()
+            stamp_ns = self._stamp_ns()
+            grid = grid_of(self._terrain, cells, self._thin, frame, stamp_ns)
+            self._grids.send(replace(grid, origin=settings.on_robots_map(grid.origin)))
+            self._paths.send(Path(stamp_ns, frame, tuple(map(settings.on_robots_map, way))))
 
 
 def show_map(link: Ros2Link, settings: DriveSettings, terrain: Terrain, stamp_ns: int) -> bool:
