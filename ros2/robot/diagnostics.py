@@ -23,7 +23,7 @@ EVERY_S = 1.0
 LATE_TICKS = 3
 """A mind that has decided nothing for so many ticks is late."""
 MISSED_S = 10.0
-"""How long a lost tick is warned of, s."""
+"""Time for which a lost tick is warned of, s."""
 MOST_PEERS = 32
 """Robots that are listed by name."""
 
@@ -40,7 +40,7 @@ class Patrolling:
 
 
 _Part = tuple[DiagnosticLevel, str, dict[str, str]]
-"""How a part of the robot does, in a word for people, and with values by name."""
+"""The level of a part of the robot, a word for people, and values by name."""
 
 
 @dataclass(frozen=True, slots=True)

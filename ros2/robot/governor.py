@@ -1,7 +1,7 @@
 """The next velocity of the robot, many times a tick: zero in any case of doubt.
 
-A robot whose pose stands still under commands drives blind: its odometry may hang, or its wheels may be blocked: the
-two look the same. The mind tries other directions, as after any bump. When nothing moves the pose for `BLIND_M` and
+A robot whose pose stands still under commands drives blind: its odometry may hang, or its wheels may be blocked, and
+the two look the same. The mind tries other directions, as after any bump. When nothing moves the pose for `BLIND_M` and
 `BLIND_S`, and for as long as weak motors take to turn the body round, the robot stands until its pose moves, or an
 operator who has looked at it releases it.
 """
@@ -25,7 +25,7 @@ ENOUGH_S = 0.5
 """For how long, s."""
 
 MOVES_SHARE = 0.25
-"""A robot moves that has come this share of what it was told, wherever to: one with weak motors goes on for a while."""
+"""A robot moves if it has come this share of its commanded way, in any direction: weak motors coast for a while."""
 
 BLIND_M, BLIND_S = 1.0, 1.0
 """Largest commanded way and time without any motion, m and s."""
@@ -70,7 +70,7 @@ class Response:
         self._blind_s = 0.0
 
     def told(self, command: Command, pose: Pose | None, time_s: float) -> None:
-        """Take in what the robot was told for `time_s`, and its pose now; None if that is unknown."""
+        """Take in the command of the last `time_s`, and the robot's pose now; None if that is unknown."""
         if pose is None or self._begin is None or self._meant is None:
             self._start(pose)
             return

@@ -31,7 +31,7 @@ SETTLED_S = 1.0
 """Time for the localisation to take in the first message, s; until then it may speak of another place."""
 
 NEAR_M, NEAR_RAD = 1.0, 0.5
-"""Distance and angle within which a localisation agrees: two standard deviations of what it was told."""
+"""Distance and angle within which a localisation agrees: two standard deviations of the pose that it was told."""
 
 _EXPORTS = "the output of 'ros2 topic echo --once /amcl_pose', or Nav2 parameters with amcl's initial_pose"
 

@@ -42,7 +42,7 @@ Variances = tuple[float, float, float]
 """Of x and y, m², and of the heading, rad²."""
 
 VARIANCES: Variances = (0.25, 0.25, (math.pi / 12.0) ** 2)
-"""What RViz says of a pose that is given by hand: half a metre, and 15 degrees."""
+"""The variances that RViz gives a pose that is set by hand: of half a metre, and 15 degrees."""
 
 SAME_MAP = Pose(0.0, 0.0, 0.0)
 """The transform of a robot whose map is ours."""

@@ -1,8 +1,8 @@
 """The odometry of a robot, as far as it can be believed: of one sender, in its order, and without jumps.
 
-Odometry goes on as a body does. What is farther from what came before than speed and time allow is not: the robot was
-restarted and counts from somewhere else, it was carried, or another node speaks. Then its pose is unknown until
-its odometry has been steady for `SETTLED_S`, and something has said anew where that lies on the map.
+Odometry moves as a body does. A pose that is farther from the last ones than speed and time allow means that the robot
+was restarted and counts from another place, that it was carried, or that another node sends. Then the robot's pose is
+unknown until its odometry has been steady for `SETTLED_S` and a localisation has placed it on the map anew.
 """
 
 from __future__ import annotations
@@ -76,9 +76,9 @@ class Odometer:
         return self.readings[-1] if self.readings else None
 
     def take(self, message: Odometry, arrived_s: float, sender: bytes = b"") -> bool:
-        """Take in a message, and return True if odometry counts from somewhere else from now on.
+        """Take in a message, and return True if odometry counts from another place from now on.
 
-        What was known of its frame is void then. A message older than the last is left out while that is fresh.
+        Corrections of its frame are void then. A message older than the last is left out while that is fresh.
         `sender` stands for the node that sent it, empty where that is not known.
         """
         self._note(sender, arrived_s)
@@ -134,7 +134,7 @@ class Odometer:
         self.readings.append(reading)
 
     def _settled(self, reading: OdometryReading) -> bool:
-        """Return True if what came astray has been steady for long enough to be where the robot counts from now."""
+        """Return True if poses after a jump have been steady for long enough to count from now on."""
         if self._astray is None or not self._follows(self._astray, reading):
             self._astray_since_s = reading.arrived_s
         self._astray, self._strayed_s = reading, reading.arrived_s

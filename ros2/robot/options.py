@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import math
+import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -32,7 +33,7 @@ TOPICS: Mapping[str, str] = {
     "clock": "the robot's time, read with --use-sim-time",
     "diagnostics": "how the patrol and the robot do, published for rqt_robot_monitor and the like",
 }
-"""The topics by their usual names, and what they hold. All but `OF_ALL_ROBOTS` are relative to the namespace."""
+"""The topics by their usual names, with their contents. All but `OF_ALL_ROBOTS` are relative to the namespace."""
 
 OF_ALL_ROBOTS = ("clock", "diagnostics")
 """Topics that ROS has outside of every namespace."""
@@ -267,14 +268,15 @@ def drive_settings(options: argparse.Namespace) -> DriveSettings:
     if options.transform is not None and options.map is None and options.scenario is None:
         raise BadInput("--transform: places the robot's own map on ours; give ours with --map or --scenario")
     start, variances = None, VARIANCES
-    if options.start == SCENARIO_START and options.scenario is None:
-        raise BadInput("--start scenario: there is none; give --scenario, or a pose")
-    if options.start not in {None, SCENARIO_START} and _is_file(options.start):
+    if options.start == SCENARIO_START:
+        if options.scenario is None:
+            raise BadInput("--start scenario: there is none; give --scenario, or a pose")
+    elif options.start is not None and os.path.isfile(options.start):  # noqa: PTH113 - Path raises for a long name
         from ros2.robot.initial import read_initial_pose
 
         there, variances = read_initial_pose(Path(options.start), "--start", options.map_frame)
         start = composed(transform, there)
-    elif options.start not in {None, SCENARIO_START}:
+    elif options.start is not None:
         start = pose_given("--start", options.start, ", or a file that exists")
     turning_radius = TURNING_RADIUS if options.turning_radius is None else options.turning_radius
     limits = Limits(options.speed, options.radius, turning_radius)
@@ -324,13 +326,6 @@ def check_ranges(options: argparse.Namespace, ranges: Mapping[str, tuple[float, 
         value = getattr(options, name.replace("-", "_"))
         if value is not None and not least <= value <= most:
             raise BadInput(f"--{name} {value:g}: out of range; give {least:g} to {most:g}")
-
-
-def _is_file(name: str) -> bool:
-    try:
-        return Path(name).is_file()
-    except OSError:  # such as a name that is too long
-        return False
 
 
 def topics_given(given: Sequence[str]) -> dict[str, str]:

@@ -49,7 +49,7 @@ NODE = "fogwatch"
 """The name of our node in the ROS graph, in the robot's namespace."""
 
 SAY_S = 5.0
-"""Time between two lines about what is waited for, s."""
+"""Time between two lines about a wait, s."""
 
 QUIET_S = 2.0
 """Time for which a robot's localisation has to say nothing, from the first odometry on, before it is told where it is,
@@ -79,7 +79,7 @@ def _name(options: argparse.Namespace) -> str:
 
 
 def _check_scenario(scenario: Scenario, drive: str) -> None:
-    """Refuse what a ROS 2 robot does not sense, and zones that Nav2 would drive through as if they were not there."""
+    """Refuse closures and batteries, which a ROS 2 robot does not sense, and zones that Nav2 does not know."""
     if scenario.closures:
         raise NotPrepared("closures: a ROS 2 robot reports nothing blocked here; drop them")
     if any(spec.battery is not None for spec in scenario.roster):
@@ -292,7 +292,7 @@ def _started(settings: DriveSettings, spec: RobotSpec) -> DriveSettings:
 
 
 def _initial_pose(hardware: Hardware) -> InitialPose | None:
-    """Return what tells the robot's localisation where the robot is; None where that is not asked for."""
+    """Return the sender of the robot's first pose to its localisation; None where no option asks for it."""
     settings = hardware.settings
     found = settings.localisation
     if found.start is None or found.source is Source.ODOMETRY:

@@ -1,7 +1,7 @@
 """Maps: the robot's own, read from its latched topic; for RViz and Foxglove the map, the believed fog and the way.
 
-Viewers cost the patrol nothing: a thread of its own sends, what is not sent in time is left out, and a large
-grid is thinned.
+Viewers cost the patrol nothing: a thread of its own sends, pictures that come too soon are left out, and a large grid
+is thinned.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ OCCUPIED, UNKNOWN = 100, -1
 
 
 class Shown:
-    """Publishes what the robot believes (`agent.ports.Telemetry`)."""
+    """Publishes the robot's belief (`agent.ports.Telemetry`)."""
 
     def __init__(
         self, link: Ros2Link, settings: DriveSettings, terrain: Terrain, fog: Fog, stamp_ns: Callable[[], int]
@@ -116,8 +116,8 @@ def grid_of(terrain: Terrain, cells: NDArray[np.int8], thin: int, frame: str, st
 
 OCCUPIED_SHARE = 0.65
 FREE_SHARE = 0.196
-"""Least share of a wall and largest share of free ground in a cell, as map_server has it. What is unknown, a pixel of
-205, lies in between, and no robot drives there."""
+"""Least share of a wall and largest share of free ground in a cell, as map_server has it. A cell that is unknown,
+a pixel of 205, lies in between, and no robot drives there."""
 _WALL, _UNKNOWN, _FREE = 0, 205, 254
 
 

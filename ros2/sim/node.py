@@ -54,7 +54,7 @@ _ROUNDING_S = 1e-3
 class Habits:
     """The settings of a robot's topics."""
 
-    drive: str = "twist-stamped"  # what it is told: one of `DRIVES`
+    drive: str = "twist-stamped"  # its commands: one of `DRIVES`
     wheelbase: float = 0.3  # of a car, m
     odometry_hz: float = 20.0
     delay_s: float = 0.0  # of everything that it says
@@ -80,7 +80,7 @@ DRIVES = tuple(_COMMANDS)
 
 
 class Every:
-    """A clock for what happens at equal intervals."""
+    """A clock for events at equal intervals."""
 
     def __init__(self, period_s: float) -> None:
         self._period_s = period_s
@@ -130,7 +130,7 @@ class RobotNode:
             link.publisher("map", OccupancyGrid, LATCHED).send(grid)
 
     def hear(self, now_s: float) -> None:
-        """Take in what the robot was told; the time is s since the epoch."""
+        """Take in the robot's commands; the time is s since the epoch."""
         while (told := self._told.take()) is not None:
             if told.message.frame == MAP:
                 self._localise(told.message.pose)
@@ -140,7 +140,7 @@ class RobotNode:
             self._navigate(self._goals, self._navigator, now_s)
 
     def say(self, now_s: float) -> None:
-        """Send what is due; the time is s since the epoch."""
+        """Send the messages that are due; the time is s since the epoch."""
         stamp_ns = round(now_s * 1e9)
         if self._clock is not None and self._clock_due.is_so(now_s):
             self._clock.send(Clock(stamp_ns))

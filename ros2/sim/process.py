@@ -1,4 +1,4 @@
-"""The process of simulated ROS 2 robots: it connects them, keeps the time, and writes down what was measured."""
+"""The process of simulated ROS 2 robots: it connects them, keeps the time, and writes the measurements."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ def _scenario(options: argparse.Namespace) -> Scenario:
 
 
 def _noting(process: ProcessContext) -> Note | None:
-    """Return what writes true poses down as they come; None where no option asks for it."""
+    """Return a function that writes true poses as they come; None where no option asks for it."""
     path: Path | None = process.options.poses
     if path is None:
         return None

@@ -78,7 +78,7 @@ class SimulatedRobot:
         self._ideal = advance(self._ideal, self.body.command, step_s)
 
     def end(self, moved: Moved, step_s: float) -> None:
-        """Take in what became of the body in the world's step."""
+        """Take in the body's motion in the world's step."""
         body, before = self.body, self.pose
         body.distance_m += apart(body.pose, moved.pose)[0]  # 0: it did it itself
         body.pose = self.pose = moved.pose
@@ -116,7 +116,7 @@ def command_of(spec: RobotSpec, twist: messages.Twist, heading: float) -> Comman
 
 
 def eased(going: messages.Twist, told: messages.Twist, most: float, radius: float) -> messages.Twist:
-    """Return the velocity nearest to what a body is told that its motors reach.
+    """Return the velocity nearest to the commanded one that the motors reach.
 
     `most` is by how much a speed may change, m/s; a turn rate may change by `most` / `radius`.
     """

@@ -1,4 +1,4 @@
-"""Simulated ROS 2 robots on one terrain: they move together, and what they have seen is measured."""
+"""Simulated ROS 2 robots on one terrain: they move together, and their patrol is measured."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ STEP_S = 0.02
 
 
 class Simulation:
-    """Robots that move by what they are told.
+    """Robots that move by their commands.
 
     The bodies' fog is measured by `truth`, once in `look_s`, a tick of the fleet.
 

@@ -24,7 +24,7 @@ COMMANDS = ("cmd_vel", "ackermann_cmd")
 TOLD = ("initialpose",)
 """Topics by which an agent tells its robot's localisation where the robot is."""
 SHOWN = ("/map", "map", "fog", "path", "/diagnostics")
-"""Topics by which an agent shows what it knows."""
+"""Topics by which an agent shows its knowledge."""
 HEARD = ("/tf", "/tf_static", "/map", "/clock")
 """Topics outside of the robot's namespace that an agent hears."""
 
@@ -81,17 +81,17 @@ def _latched(keys: Sequence[str]) -> tuple[str, ...]:
     return tuple(f"{key}/@adv/**" for key in keys)
 
 
-def _tokens(form: Format, namespace: str, who: str, name: str) -> tuple[str, ...]:
+def _tokens(form: Format, namespace: str, entity: str, name: str) -> tuple[str, ...]:
     """Return the tokens of nodes in the robot's own namespace and of their entities, as key expressions.
 
-    `who` stands for session, node, entity and kind, `name` for the node's name and what follows it. A bridge has no
+    `entity` stands for session, node, entity and kind, `name` for the node's name and what follows it. A bridge has no
     tokens.
     """
     if isinstance(form, Bridge):
         return ()
     inside = namespace.strip("/")
     place = mangled(f"/{inside}" if inside else "")
-    return (f"{ADMIN_SPACE}/{form.domain}/{who}/*/{place}/{name}",)
+    return (f"{ADMIN_SPACE}/{form.domain}/{entity}/*/{place}/{name}",)
 
 
 def access_control(form: Format, namespace: str, members: Mapping[str, Rights]) -> dict[str, Any]:

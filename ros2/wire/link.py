@@ -33,8 +33,8 @@ if TYPE_CHECKING:
     from patrol.security.credentials import Credentials
 
 LEASE_S = 2.0
-"""A node that is silent for so long is gone for the router, and finds none of what was meant for it when it returns: a
-command or a pose that is seconds old does harm."""
+"""Silence after which a node is gone for the router, s. Messages that wait for it are dropped then: a command or a pose
+that is seconds old does harm."""
 
 BLOCKED_US = 1_000_000
 """Longest time that a latched message waits for a router that does not read; then the link is made anew."""
@@ -118,14 +118,7 @@ class ZenohRos2Link:
             elif sample.kind == zenoh.SampleKind.PUT:
                 _deliver(kind, full, sample.payload, sample.attachment, mailbox, _stamp_ns(sample.timestamp))
 
-        handler: Any = zenoh.handlers.Callback(receive, indirect=False)
-        heard = self._format.heard(full)
-        if qos.latched:
-            history = HistoryConfig(detect_late_publishers=True, max_samples=qos.depth)
-            subscriber: Any = declare_advanced_subscriber(self._session, heard, handler, history=history)
-        else:
-            subscriber = self._session.declare_subscriber(heard, handler)
-        self._declared.append(subscriber)
+        self._listen(self._format.heard(full), receive, qos.depth if qos.latched else 0)
         self._show(self._entity(EntityKind.SUBSCRIPTION, full, coding.type_name, qos))
 
     def call(self, name: str, service: Service[Q, A], request: Q, limit_s: float) -> RosMailbox[A]:
@@ -191,7 +184,7 @@ class ZenohRos2Link:
         return list(dict.fromkeys(found))  # the router tells us of our own once more
 
     def router(self, limit_s: float) -> RouterSays | None:
-        """Return what the router says of itself in Zenoh's admin space; None without a valid answer."""
+        """Return the router's description of itself in Zenoh's admin space; None without a valid answer."""
         asked = [f"@/{router}/router" for router in self._session.info.routers_zid()]
         answers = answers_of(self._session, asked, b"", _LONGEST_SAID, limit_s)
         return next((says for _, answer in answers if (says := router_says(answer, self._id)) is not None), None)
@@ -202,13 +195,17 @@ class ZenohRos2Link:
         def receive(sample: zenoh.Sample) -> None:
             ear.note(str(sample.key_expr), sample.payload, _small(sample.attachment), time.monotonic(), time.time_ns())
 
+        self._listen(expression, receive, int(latched))
+
+    def _listen(self, expression: str, receive: Callable[[zenoh.Sample], None], history: int) -> None:
+        """Call a function with each message under a key expression, and with so many that were sent before."""
         handler: Any = zenoh.handlers.Callback(receive, indirect=False)
-        history = HistoryConfig(detect_late_publishers=True, max_samples=1)
-        self._declared.append(
-            declare_advanced_subscriber(self._session, expression, handler, history=history)
-            if latched
-            else self._session.declare_subscriber(expression, handler)
-        )
+        if history:
+            past = HistoryConfig(detect_late_publishers=True, max_samples=history)
+            subscriber: Any = declare_advanced_subscriber(self._session, expression, handler, history=past)
+        else:
+            subscriber = self._session.declare_subscriber(expression, handler)
+        self._declared.append(subscriber)
 
     def close(self, limit_s: float = CLOSE_S) -> bool:
         """Close the session; closing it once more does nothing.
@@ -229,7 +226,7 @@ class ZenohRos2Link:
             self._declared.append(self._session.liveliness().declare_token(token))
 
     def _attacher(self, entity: Entity) -> Attacher:
-        """Show a publisher or client, and return what makes its attachments, which count its messages."""
+        """Show a publisher or client, and return the maker of its attachments, which count its messages."""
         self._show(entity)
         if not self._format.attaches:
             return lambda: None
@@ -239,7 +236,7 @@ class ZenohRos2Link:
 
 @dataclass(frozen=True, slots=True)
 class RouterSays:
-    """A Zenoh router, as it describes itself. Whatever answers in its place can forge that."""
+    """A Zenoh router, as it describes itself. A process that answers in its place can forge it."""
 
     version: str  # of Zenoh, such as "v1.5.0"
     others: int  # number of other processes that are connected to it
