@@ -13,13 +13,14 @@ A number is given up at its first run that does not keep the age.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from experiments.benchmark.matrix import robots_text
 from experiments.plan.division import Divider, Territory
 from fogwatch.inprocess import run_in_process
 from patrol.errors import BadInput, NotPrepared
@@ -68,14 +69,8 @@ MORE = 1
 """Numbers in the table beyond the least one that keeps the age by tours."""
 
 
-class Observer(Protocol):
-    """Shows what a plan is at."""
-
-    def begin(self, what: str) -> None:
-        """Take what is computed next, as in "4 robots: tours"."""
-
-    def share(self, done: float) -> None:
-        """Take the share of it that is done, 0 to 1."""
+Progress = Callable[[str, float], None]
+"""Called with what is computed, as in "4 robots: tours", and the share of it that is done: 0 at its begin."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -162,7 +157,7 @@ def make_plan(
     scenario: Scenario,
     wanted_s: float | None,
     numbers: Sequence[int] | None,
-    observer: Observer,
+    progress: Progress,
     *,
     duration_s: float | None = None,
     quick: bool = False,
@@ -176,7 +171,7 @@ def make_plan(
     `_Planner.duration_s` says. With `quick` nothing is simulated. `seeds` is the number of runs of each fleet, with the
     scenario's seed and those after it.
     """
-    planner = _Planner(scenario, wanted_s, observer, duration_s, quick, seeds)
+    planner = _Planner(scenario, wanted_s, progress, duration_s, quick, seeds)
     if numbers is None:
         if wanted_s is None:
             raise ValueError("neither an age nor numbers")
@@ -211,7 +206,7 @@ class _Planner:
         self,
         scenario: Scenario,
         wanted_s: float | None,
-        observer: Observer,
+        progress: Progress,
         duration_s: float | None,
         quick: bool,
         seeds: int,
@@ -223,7 +218,7 @@ class _Planner:
             raise NotPrepared(str(error)) from None
         self.sizes: dict[int, FleetSize] = {}
         self._wanted_s = wanted_s
-        self._observer = observer
+        self._progress = progress
         self._duration_s = duration_s
         self._quick = quick
         self._seeds = seeds
@@ -277,7 +272,7 @@ class _Planner:
     def size(self, number: int) -> FleetSize:
         """Return what tours a fleet of some size has."""
         if number not in self.sizes:
-            self._observer.begin(f"{robots_text(number)}: tours")
+            self._progress(f"{robots_text(number)}: tours", 0.0)
             self._add(number, *self._with_tours(number))
         return self.sizes[number]
 
@@ -289,7 +284,7 @@ class _Planner:
         """Divide the ground among a fleet of some size, and keep what tours it has."""
         territories = None if tours.length_m is None else self._divider.divide(prepared)
         self.sizes[number] = _size_of(number, prepared, tours, territories, self._limits)
-        self._observer.share(1.0)
+        self._progress(f"{robots_text(number)}: tours", 1.0)
 
     def duration_s(self, number: int) -> float:
         """Return the length of the simulated runs of a fleet, s: as given, or long enough for its tours."""
@@ -307,7 +302,7 @@ class _Planner:
             if on_one_tour is not None and on_one_tour > LOOKED_AT * wanted_s:
                 continue
             if number not in self.sizes:
-                self._observer.begin(f"{robots_text(number)}: tours")
+                self._progress(f"{robots_text(number)}: tours", 0.0)
                 self._add(number, prepared, tours)
             size = self.sizes[number]
             if (size.bound_s if size.age_s is None else size.age_s) <= wanted_s:
@@ -360,13 +355,14 @@ class _Planner:
         return prepare(scenario, self.terrain)
 
     def _run(self, scenario: Scenario, how: str) -> AgeKept:
-        self._observer.begin(f"{robots_text(len(scenario.roster))}: {how}")
+        what = f"{robots_text(len(scenario.roster))}: {how}"
+        self._progress(what, 0.0)
         ticks = scenario.duration / scenario.step
         ages: list[float] = []
 
         def take(record: TickRecord) -> None:
             ages.append(record.mfow * scenario.step)
-            self._observer.share(min(len(ages) / ticks, 1.0))
+            self._progress(what, min(len(ages) / ticks, 1.0))
 
         outcome = run_in_process(self._prepared(scenario), keep=False, progress=take)
         killed = round(KILLED_AT * len(ages)) if scenario.faults else 0
@@ -492,8 +488,3 @@ def _driven_s(way: Sequence[tuple[float, float]], length_m: float, scenario: Sce
             limit = limits.at(x + share * (to_x - x), y + share * (to_y - y), slow)
             time_s += max(0.0, 1.0 / limit - 1.0 / speed) * part_m / count
     return time_s
-
-
-def robots_text(number: int) -> str:
-    """Return a number of robots in words, for example "1 robot"."""
-    return "1 robot" if number == 1 else f"{number} robots"

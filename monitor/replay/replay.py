@@ -13,7 +13,6 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from monitor.observation.listener import as_sent
 from monitor.replay.fog_history import FogHistory
 from monitor.replay.run import Run
 from patrol.errors import BadInput
@@ -21,6 +20,7 @@ from patrol.ground.fog import Fog
 from patrol.ground.footprint import Footprint, View
 from patrol.journal.records import Event, Status
 from patrol.prepare import sensor_footprint
+from patrol.radio.message import as_received
 
 MEMORY = 256 << 20
 """Bytes for a replay's snapshots."""
@@ -70,7 +70,7 @@ def _as_measured(run: Run, k: int, fog: Fog) -> bool:
 def views_at(run: Run, k: int, footprint: Footprint) -> list[View]:
     """Return the true footprint of each robot that takes part in a tick, in roster order."""
     run.closings.show(k, footprint)
-    return [footprint.visible(as_sent(number, pose)) for number, pose in run.alive(k)]
+    return [footprint.visible(as_received(pose)) for _, pose in run.alive(k)]
 
 
 @dataclass(frozen=True, slots=True)
