@@ -100,7 +100,7 @@ class TableComparison:
 
 
 def compare(table: PaperTable, setup: PaperSetup, outcome: SweepOutcome, end: str = "") -> TableComparison:
-    """Compare our values with a table; `end` is what the names of the setup's cases end with."""
+    """Compare our values with a table; the names of the setup's cases end with `end`."""
     cells = []
     for measure in table.measures:
         is_mfow = measure.metric == MFOW

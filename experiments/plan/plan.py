@@ -2,7 +2,7 @@
 
 A fleet keeps an age if nothing is older: in simulated runs of several seeds, if in each the largest MFoW after the
 first quarter of the run is at most that age, and the verdict is valid. The first quarter is left out because ground
-counts as unseen since the start of the run until somebody has been there. Where doors close, the age of a point counts
+counts as unseen since the start of the run until a robot has been there. Where doors close, the age of a point counts
 only the time in which it was not closed out.
 
 The search for the least number begins with the least that keeps the age on one of its tours. It goes down while the
@@ -277,13 +277,28 @@ class _Planner:
         return self.sizes[number]
 
     def _with_tours(self, number: int) -> tuple[Prepared, BestTour]:
-        prepared = self._prepared(load_scenario(as_mapping(self.scenario), {"robots.count": number}))
+        prepared = prepare(load_scenario(as_mapping(self.scenario), {"robots.count": number}), self.terrain)
         return prepared, best_tour(prepared)
 
     def _add(self, number: int, prepared: Prepared, tours: BestTour) -> None:
         """Divide the ground among a fleet of some size, and keep what tours it has."""
         territories = None if tours.length_m is None else self._divider.divide(prepared)
-        self.sizes[number] = _size_of(number, prepared, tours, territories, self._limits)
+        scenario = prepared.scenario
+        own_s = [
+            _driven_s(each.tour.way, each.tour.length_m, scenario, self._limits)
+            for each in (() if territories is None else territories)
+        ]
+        area_m2 = float(np.count_nonzero(prepared.patrolled)) * prepared.terrain.point_area
+        self.sizes[number] = FleetSize(
+            number,
+            area_m2,
+            lower_bound(area_m2, scenario.roster, scenario.sensor.range),
+            tours,
+            _shared_s(tours, scenario, self._limits),
+            territories,
+            max(own_s, default=None),
+            left_out=prepared.left_out,
+        )
         self._progress(f"{robots_text(number)}: tours", 1.0)
 
     def duration_s(self, number: int) -> float:
@@ -351,9 +366,6 @@ class _Planner:
         settings = {"name": f"{self.scenario.name}-{number}", "robots.count": number}
         return load_scenario(as_mapping(self.scenario), {**settings, "duration": self.duration_s(number)})
 
-    def _prepared(self, scenario: Scenario) -> Prepared:
-        return prepare(scenario, self.terrain)
-
     def _run(self, scenario: Scenario, how: str) -> AgeKept:
         what = f"{robots_text(len(scenario.roster))}: {how}"
         self._progress(what, 0.0)
@@ -364,7 +376,7 @@ class _Planner:
             ages.append(record.mfow * scenario.step)
             self._progress(what, min(len(ages) / ticks, 1.0))
 
-        outcome = run_in_process(self._prepared(scenario), keep=False, progress=take)
+        outcome = run_in_process(prepare(scenario, self.terrain), keep=False, progress=take)
         killed = round(KILLED_AT * len(ages)) if scenario.faults else 0
         begin = killed + round(SETTLED * len(ages))
         open_ages, zones = outcome.verdict.open_ages, outcome.verdict.zones
@@ -448,26 +460,6 @@ def _kept_facts(kept: AgeKept | None, wanted_s: float | None) -> dict[str, Any] 
         "closed": sorted(kept.closed),
         "zones_s": dict(kept.zones_s),
     }
-
-
-def _size_of(
-    number: int, prepared: Prepared, tours: BestTour, territories: tuple[Territory, ...] | None, limits: SpeedLimits
-) -> FleetSize:
-    scenario = prepared.scenario
-    area_m2 = float(np.count_nonzero(prepared.patrolled)) * prepared.terrain.point_area
-    own = (
-        None if territories is None else [_driven_s(t.tour.way, t.tour.length_m, scenario, limits) for t in territories]
-    )
-    return FleetSize(
-        number,
-        area_m2,
-        lower_bound(area_m2, scenario.roster, scenario.sensor.range),
-        tours,
-        _shared_s(tours, scenario, limits),
-        territories,
-        None if own is None else max(own),
-        left_out=prepared.left_out,
-    )
 
 
 def _shared_s(tours: BestTour, scenario: Scenario, limits: SpeedLimits) -> float | None:

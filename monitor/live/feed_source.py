@@ -117,7 +117,7 @@ class FeedSource:
         self._place = {number: place for place, number in enumerate(self._numbers)}
         self._events: list[Event] = []
         self._next_event = 0
-        # With a direct radio the journal has what the world overheard. What each robot heard is unknown.
+        # With a direct radio the journal has the frames that the world overheard; those that robots heard are unknown.
         self._direct = self._scenario.radio.via == "direct"
         self._layers: tuple[Layer, ...] = ("truth", HEARD, *(() if self._direct else self._numbers))
         self._trackers = FogTrackers(self._tracker)

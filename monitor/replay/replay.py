@@ -114,11 +114,6 @@ class Replay:
         self._footprint = sensor_footprint(run.prepared.scenario, run.prepared.terrain)
         self._history = FogHistory(self._blank, self._advance, run.ticks, memory)
 
-    @property
-    def ticks(self) -> int:
-        """Number of ticks."""
-        return self.run.ticks
-
     def fog(self, k: int) -> Fog:
         """Return the true fog after the observations of a tick, valid until the next call."""
         if not 0 <= k < self.run.ticks:

@@ -59,7 +59,7 @@ def test_a_moment_says_where_everybody_is(faulty: Any) -> None:
 
 def test_there_is_nothing_beyond_the_end(quiet: Any) -> None:
     replay = Replay(quiet.open())
-    for k in (-1, replay.ticks):
+    for k in (-1, replay.run.ticks):
         with pytest.raises(BadInput, match="ticks 0 to 79"):
             replay.at(k)
 
