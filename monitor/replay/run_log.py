@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from monitor.observation.traps import TrapWatch
@@ -26,7 +26,7 @@ _STRIDE = 32
 
 
 class RunLog:
-    """The trapped robots by tick, the events that say so, and `links`, the frame counts of each link by tick."""
+    """The trapped robots by tick, the `events` that say so, and `links`, the frame counts of each link by tick."""
 
     def __init__(self, run: Run, now: Callable[[], float] = time.monotonic) -> None:
         """Start with nothing read."""
@@ -40,17 +40,12 @@ class RunLog:
         self.links = LinkLog(run.index)
         self._ticks = 0
         self._changes: list[tuple[int, dict[int, Trapped]]] = [(0, {})]
-        self._events: list[Event] = []
+        self.events: list[Event] = []
 
     @property
     def done(self) -> bool:
         """True if the whole journal is read."""
         return self._next is None
-
-    @property
-    def events(self) -> Sequence[Event]:
-        """The events found so far, in order."""
-        return self._events
 
     def at(self, k: int) -> dict[int, Trapped] | None:
         """Return the robots that were trapped at tick k, by number; None while the journal is not read that far."""
@@ -80,6 +75,6 @@ class RunLog:
         self.links.tick(record)
         events = self._watch.tick(record, lambda: self._replay.fog(record.k).last_seen, self._run.closings)
         self._ticks = record.k + 1
-        self._events += events
+        self.events += events
         if events:
             self._changes.append((record.k, self._watch.open))
