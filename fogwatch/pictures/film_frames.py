@@ -16,7 +16,7 @@ from PIL import Image, ImageDraw, ImageFont
 
 from fogwatch.pictures.run_end import MOST_NAMES, RECENT_S
 from monitor.figures.ground import fog_scale
-from monitor.replay.replay import Moment, Replay, RobotMoment
+from monitor.replay.replay import Replay
 from monitor.replay.run import Run
 from patrol.extras import check_matplotlib
 from patrol.ground.fog import NEVER
@@ -90,11 +90,11 @@ class FilmFrames:
 
     def frame(self, k: int) -> Pixels:
         """Draw a tick, after its observations, as uint8 (height, width), indices into `palette`, row 0 at the top."""
-        moment = self._replay.at(k)
+        fog_then = self._replay.fog(k)
         image = self._base.copy()
         inside = image[STRIP:-STRIP]
-        seen = self._sampled(moment.last_seen)
-        shades = np.rint(self._sampled(moment.ages()) * ((SHADES - 1) / self._oldest))
+        seen = self._sampled(fog_then.last_seen)
+        shades = np.rint(self._sampled(fog_then.age(k)) * ((SHADES - 1) / self._oldest))
         fog = np.minimum(shades, SHADES - 1).astype(np.uint8)
         fog[seen == NEVER] = self._index(NEVER_SEEN)
         looks = looks_at(self._run.prepared.scenario, k, self._run.closings)
@@ -102,7 +102,7 @@ class FilmFrames:
             if looks[mark.section][mark.name].filled:
                 fog[self._sampled(points)] = self._index(MARKS[mark.kind])
         inside[self._ground] = fog[self._ground]
-        return self._blended(image, self._over(moment, looks))
+        return self._blended(image, self._over(k, looks))
 
     def _sampled(self, grid: NDArray[_Scalar]) -> NDArray[_Scalar]:
         """Return the values of a grid at the middles of the map's pixels."""
@@ -169,10 +169,10 @@ class FilmFrames:
         image[rows, cols] = self._nearest[red, green, blue]
         return image
 
-    def _over(self, moment: Moment, looks: Looks) -> Image.Image:
+    def _over(self, k: int, looks: Looks) -> Image.Image:
         """Draw all that lies over the fog, and the line above the map."""
         sheet, draw = self._sheet()
-        run, k = self._run, moment.k
+        run = self._run
         labels: list[tuple[Place, str]] = []
         for mark, _, edges in self._marks:
             look = looks[mark.section][mark.name]
@@ -182,18 +182,19 @@ class FilmFrames:
         first = max(k - round(RECENT_S / run.step), 0)
         for place in range(len(run.names)):
             self._trail(draw, first, k, place)
-        for place, robot in enumerate(moment.robots):
-            if robot.status.is_present:
-                above = self._robot(draw, robot, place)
+        for place, name in enumerate(run.names):
+            status = Status(int(run.status[k, place]))
+            if status.is_present:
+                above = self._robot(draw, k, place, status)
                 if len(run.names) <= MOST_NAMES:
-                    labels.append((above, robot.name))
+                    labels.append((above, name))
         for where, text in labels:
             self._text(draw, where, text, "mb", rim=2)
         # Nothing of the map reaches into the lines above and below it.
         for top in (0, self.size[1] - STRIP):
             sheet.paste((0, 0, 0, 0), (0, FINE * top, FINE * self.size[0], FINE * (top + STRIP)))
-        mfow, mean = moment.mfow * run.step, moment.fog_mean * run.step
-        self._text(draw, (8, STRIP / 2), f"{moment.time_s:g} s   MFoW {mfow:g} s   mean {mean:.1f} s", "lm")
+        mfow, mean = run.mfow[k] * run.step, run.fog_mean[k] * run.step
+        self._text(draw, (8, STRIP / 2), f"{k * run.step:g} s   MFoW {mfow:g} s   mean {mean:.1f} s", "lm")
         return sheet
 
     def _at(self, x: float, y: float) -> Place:
@@ -228,11 +229,12 @@ class FilmFrames:
                 if len(piece) > 1:
                     self._line(draw, piece, tone, width)
 
-    def _robot(self, draw: ImageDraw.ImageDraw, robot: RobotMoment, place: int) -> Place:
+    def _robot(self, draw: ImageDraw.ImageDraw, k: int, place: int, status: Status) -> Place:
         """Draw a robot's body: its heading, two bars if it is paused, a cross if it is dead; return the place above."""
-        x, y = self._at(robot.x, robot.y)
+        true_x, true_y, heading = self._run.poses[k, place].tolist()
+        x, y = self._at(true_x, true_y)
         radius = max(self._run.robots[place].radius * self._scale, LEAST_RADIUS)
-        gone = robot.status in (Status.DEAD, Status.LOST)
+        gone = status in (Status.DEAD, Status.LOST)
         for size, tone in ((radius + 2.4, _INK), (radius + 1.6, _WHITE), (radius, ROBOTS[place % len(ROBOTS)])):
             inner = _INK if gone and size == radius else tone
             draw.ellipse([FINE * end for end in (x - size, y - size, x + size, y + size)], fill=inner)
@@ -240,12 +242,12 @@ class FilmFrames:
         if gone:
             self._line(draw, [(x - arm, y - arm), (x + arm, y + arm)], _WHITE, 2.0)
             self._line(draw, [(x - arm, y + arm), (x + arm, y - arm)], _WHITE, 2.0)
-        elif robot.status == Status.PAUSED:
+        elif status == Status.PAUSED:
             for across in (-0.3 * radius, 0.3 * radius):
                 self._line(draw, [(x + across, y - arm), (x + across, y + arm)], _WHITE, 2.0)
         else:
             reach = 1.6 * radius
-            ahead = (x + reach * math.cos(robot.heading), y - reach * math.sin(robot.heading))
+            ahead = (x + reach * math.cos(heading), y - reach * math.sin(heading))
             self._line(draw, [(x, y), ahead], _INK, 3.6)
             self._line(draw, [(x, y), ahead], _WHITE, 2.0)
         return x, y - radius - 5.0
