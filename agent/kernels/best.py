@@ -71,16 +71,16 @@ def best_of(
                 continue
             if looked[index(row), index(col)] == tick:
                 continue
-            found = worth[index(age)] / (length + near)
+            value = worth[index(age)] / (length + near)
             if rival.size != 0 and rival[index(up), index(across)] < length:
-                found *= others
+                value *= others
             for place_left_out in range(left_out.shape[0]):
                 off_row = up + row0 - left_out[place_left_out, 0]
                 off_col = across + col0 - left_out[place_left_out, 1]
                 if off_row * off_row + off_col * off_col <= left_out[place_left_out, 2]:
-                    found = 0.0
-            if found > score:
-                score, way = found, length
+                    value = 0.0
+            if value > score:
+                score, way = value, length
                 point_row, point_col, stand_row, stand_col = row, col, up + row0, across + col0
     return score, point_row, point_col, stand_row, stand_col, way
 

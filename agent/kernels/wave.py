@@ -133,13 +133,13 @@ def settle(state, sight, length, bend, queues, starts, limit, top, bottom, left,
         Whether there was room enough in ``queues``; if not, nothing that was written has any meaning.
     """
     for row in range(top, bottom):
-        known, unknown = state[row, left:right], length[row, left:right]
+        flags, unknown = state[row, left:right], length[row, left:right]
         for k in range(right - left):
-            known[k] &= OPEN | HEMMED
+            flags[k] &= OPEN | HEMMED
             unknown[k] = FAR
     stride = state.shape[1]
     step = (stride + 1, stride - 1, -stride - 1, -stride + 1, 1, stride, -1, -stride)
-    status, seen, lengths, bends = state.reshape(-1), sight.reshape(-1), length.reshape(-1), bend.reshape(-1)
+    status, in_sight, lengths, bends = state.reshape(-1), sight.reshape(-1), length.reshape(-1), bend.reshape(-1)
     diagonal, straight = queues[0], queues[1]
     turn, room = uint64(queues.shape[1] - 1), queues.shape[1] - 10
     next_diagonal, end_diagonal, next_straight, end_straight = 0, 0, 0, starts.size
@@ -151,20 +151,20 @@ def settle(state, sight, length, bend, queues, starts, limit, top, bottom, left,
         start_row, start_col = start // stride, start % stride
     while end_diagonal - next_diagonal < room and end_straight - next_straight < room:
         diagonal[index(end_diagonal) & turn] = straight[index(end_straight) & turn] = EMPTY
-        entry, other = diagonal[index(next_diagonal) & turn], straight[index(next_straight) & turn]
-        if entry >> uint64(32) <= other >> uint64(32):
+        entry, straight_entry = diagonal[index(next_diagonal) & turn], straight[index(next_straight) & turn]
+        if entry >> uint64(32) <= straight_entry >> uint64(32):
             if entry == EMPTY:
                 return True
             next_diagonal += 1
         else:
-            entry = other
+            entry = straight_entry
             next_straight += 1
         far, came = int64(entry >> uint64(32)), int64(entry & uint64(15))
         here = int64(entry >> uint64(4) & uint64(2**28 - 1))
-        known = status[index(here)]
-        if known & STATUS == SETTLED:
+        flags = status[index(here)]
+        if flags & STATUS == SETTLED:
             continue
-        status[index(here)] = known | SETTLED
+        status[index(here)] = flags | SETTLED
         if bends.size != 0:
             before, is_bend = here, came == NOWHERE
             if not is_bend:
@@ -174,17 +174,17 @@ def settle(state, sight, length, bend, queues, starts, limit, top, bottom, left,
                     draw = _mixed(_mixed(key, uint64(row0 + row)), uint64(col0 + here - row * stride))
                     before = _predecessor(status, lengths, here, stride, found, draw)
                     is_bend = lengths[index(before)] == 0
-                elif seen[index(here)] != 0:
+                elif in_sight[index(here)] != 0:
                     up, across = abs(row - start_row), abs(here - row * stride - start_col)
                     is_bend = far == 100 * max(up, across) + 41 * min(up, across)
             bends[index(here)] = here if is_bend else bends[index(before)]
         on, aslant = far + 100, far + 141
-        if came == NOWHERE or known & HEMMED != 0:
+        if came == NOWHERE or flags & HEMMED != 0:
             for way in range(4):
                 along, above = 1 if way % 3 == 0 else -1, stride if way < 2 else -stride
                 if status[index(here + along)] != BLOCKED and status[index(here + above)] != BLOCKED:
-                    there = here + step[way]
-                    end_diagonal = _put(status, lengths, diagonal, end_diagonal, there, way, aslant, limit)
+                    ahead = here + step[way]
+                    end_diagonal = _put(status, lengths, diagonal, end_diagonal, ahead, way, aslant, limit)
             for way in range(4, 8):
                 end_straight = _put(status, lengths, straight, end_straight, here + step[way], way, on, limit)
         elif came > 3:

@@ -90,7 +90,7 @@ class Commitment:
         figures = {"way_m": way.length, "age_s": age_of(view, target.point) * self._step}
         if way.length == 0.0 and not self._sees_all_round:
             # It stands where it should, so it only has to turn.
-            across, up = (there - here for there, here in zip(view.place_of(target.point), way.place, strict=True))
+            across, up = (end - here for end, here in zip(view.place_of(target.point), way.place, strict=True))
             if across != 0.0 or up != 0.0:
                 return Bearing((math.atan2(up, across),), wander=wander, figures=figures)
         return Place(*way.place, bend=way.bend, wander=wander, exact=target.age > 0, gives_room=True, figures=figures)

@@ -172,16 +172,16 @@ class RoundAhead:
         stretches = [(cursor, last)]
         if end > self.round.length_m:
             stretches.append((0, min(int(np.searchsorted(self.round.along, end - self.round.length_m)), cursor)))
-        least = max(1.0, min(STALE * self.interval(team), 0.5 * view.mfow))
-        overdue = max(least, OVERDUE * self.interval(team))
+        threshold = max(1.0, min(STALE * self.interval(team), 0.5 * view.mfow))
+        overdue = max(threshold, OVERDUE * self.interval(team))
         if view.fog.stands is not None and (stop := self._orphan(view, cursor, overdue, view.fog.stands)) is not None:
             return stop
         for first, until in stretches:
-            if (stop := self._first(view, first, until, least, given_up)) is not None:
+            if (stop := self._first(view, first, until, threshold, given_up)) is not None:
                 return stop
-        place = self._reachable(view, stretches[-1][1] % len(self.round.places))
-        spot = divmod(int(self.round.places[place]), self._width)
-        return Stop(spot, spot, 0, place)
+        stop_index = self._reachable(view, stretches[-1][1] % len(self.round.places))
+        spot = divmod(int(self.round.places[stop_index]), self._width)
+        return Stop(spot, spot, 0, stop_index)
 
     def _reachable(self, view: View, place: int) -> int:
         """Return the first place that the robot gets to, from ``place`` on; ``place`` where there is none."""
@@ -222,11 +222,11 @@ class RoundAhead:
         counts = (ages * self._times[part] >= least) & (view.fog.looked.reshape(-1)[points] != view.tick)
         stands, usable = self._stands.of(view, given_up, part)
         counts &= usable
-        at = int(counts.argmax()) if counts.size else 0
-        if not counts.size or not counts[at]:
+        index = int(counts.argmax()) if counts.size else 0
+        if not counts.size or not counts[index]:
             return None
-        point, stand = divmod(int(points[at]), self._width), divmod(int(stands[at]), self._width)
-        return Stop(point, stand, int(ages[at]), int(self.round.place_of[part][at]))
+        point, stand = divmod(int(points[index]), self._width), divmod(int(stands[index]), self._width)
+        return Stop(point, stand, int(ages[index]), int(self.round.place_of[part][index]))
 
 
 PROMPT_TICKS = 4

@@ -192,8 +192,8 @@ class JointPlan:
     @property
     def station(self) -> int | None:
         """Number of the robot's own next station; None without one."""
-        own = self.parts.get(self._number)
-        return own.route[0] if own is not None and own.route else None
+        own_part = self.parts.get(self._number)
+        return own_part.route[0] if own_part is not None and own_part.route else None
 
     def follow_with(self, robots: frozenset[int]) -> None:
         """Share the stations with other robots, none of which is spare."""
@@ -255,10 +255,10 @@ class JointPlan:
             return False
         if view.tick >= part.until:
             return True
-        whole = self._known.points_of(part.route[0])
+        all_points = self._known.points_of(part.route[0])
         # Most often a look at one point shows that the station is not done.
-        looks = [slice(part.oldest, part.oldest + 1)] if whole.start <= part.oldest < whole.stop else []
-        for points in (*looks, whole):
+        looks = [slice(part.oldest, part.oldest + 1)] if all_points.start <= part.oldest < all_points.stop else []
+        for points in (*looks, all_points):
             ages = self._known.ages_s(view, points)
             part.oldest = points.start + int(ages.argmax())
             oldest_s = float(ages.max())
@@ -287,12 +287,12 @@ class JointPlan:
         ages, leads = self._known.oldest_s(view), self._leads_s(view, robots)
         rows: list[list[int]] = [[] for _ in robots]
         free_at = np.zeros(len(robots))
-        left = np.ones(len(ages), dtype=np.bool_)
+        unassigned = np.ones(len(ages), dtype=np.bool_)
         for _ in range(len(ages)):
             row = int(free_at.argmin())
             ways = leads[row] if not rows[row] else self._known.apart_s[rows[row][-1]]
-            best = int(np.where(left, ways - 0.1 * ages, np.inf).argmin())
-            left[best] = False
+            best = int(np.where(unassigned, ways - 0.1 * ages, np.inf).argmin())
+            unassigned[best] = False
             rows[row].append(best)
             free_at[row] += ways[best]
         self.parts = {number: Part(row) for number, row in zip(robots, rows, strict=True)}
@@ -327,9 +327,9 @@ class JointPlan:
             improve(routes, counts, pinned, *inputs, moves_first, self._seed(view, 0))
         spread_s = self._spread * self._interval_s * len(robots) / len(self._known)
         for number in drawing:
-            row, seen = robots.index(number), self.parts[number].route[:1] if number in done else []
-            taken = [*routes[pinned, 0].tolist(), *seen]
-            choices = np.union1d(self._choices(ages, leads, row, taken), routes[row, : counts[row]][:1])
+            row, visited = robots.index(number), self.parts[number].route[:1] if number in done else []
+            occupied = [*routes[pinned, 0].tolist(), *visited]
+            choices = np.union1d(self._choices(ages, leads, row, occupied), routes[row, : counts[row]][:1])
             if not choices.size:
                 continue  # there are fewer stations than robots
             plans = np.zeros((len(choices), *routes.shape), dtype=np.int64)
@@ -376,7 +376,7 @@ def _gone_on(route: list[int], ages: Ages, least_s: float) -> list[int]:
 def _fill(routes: Routes, counts: Routes) -> None:
     """Give a robot without a station the last one of the robot that has most."""
     for row in np.flatnonzero(counts == 0).tolist():
-        most = int(counts.argmax())
-        if counts[most] > 1:
-            counts[most] -= 1
-            routes[row, 0], counts[row] = routes[most, counts[most]], 1
+        longest = int(counts.argmax())
+        if counts[longest] > 1:
+            counts[longest] -= 1
+            routes[row, 0], counts[row] = routes[longest, counts[longest]], 1

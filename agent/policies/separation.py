@@ -66,8 +66,8 @@ class Separation:
             discs = artificial_obstacles(view.pose, view.peers, self._obstacle_radius, self._point)
         areas = []
         if self._numbered is not None:
-            taken = occupied_areas(self._numbered, view.ground.terrain, view.pose, view.peers)
-            areas = [self._areas[number - 1] for number in taken]
+            occupied = occupied_areas(self._numbered, view.ground.terrain, view.pose, view.peers)
+            areas = [self._areas[number - 1] for number in occupied]
         if discs or areas:
             view.ground.close(discs, areas)
 
@@ -97,9 +97,9 @@ def critical_areas(polygons: Polygons | None, terrain: Terrain, reach: BoolGrid,
 
 def occupied_areas(areas: NDArray[np.int32], terrain: Terrain, pose: Pose, peers: Mapping[int, Peer]) -> list[int]:
     """Return which `numbered` areas a peer is in and this robot is not, ascending."""
-    own = _area_at(areas, terrain, pose.x, pose.y)
-    taken = {_area_at(areas, terrain, x, y) for x, y in places_of(peers).tolist()}
-    return sorted(taken - {0, own})
+    own_area = _area_at(areas, terrain, pose.x, pose.y)
+    occupied = {_area_at(areas, terrain, x, y) for x, y in places_of(peers).tolist()}
+    return sorted(occupied - {0, own_area})
 
 
 def _area_at(areas: NDArray[np.int32], terrain: Terrain, x: float, y: float) -> int:

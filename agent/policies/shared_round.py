@@ -125,13 +125,13 @@ class Division:
     def divide(self, zoned: ZonedGround) -> None:
         """Divide robots between the rounds of ``zoned``, one or more, from now on."""
         self.zoned = zoned
-        whole = zoned.rounds[0, len(zoned.classes) - 1]
-        self._memory = max(MEMORY * whole.length_m / (self._team * zoned.speed), LEAST_MEMORY_S) / self._step
+        full_round = zoned.rounds[0, len(zoned.classes) - 1]
+        self._memory = max(MEMORY * full_round.length_m / (self._team * zoned.speed), LEAST_MEMORY_S) / self._step
         self._crews: dict[frozenset[int], Crew] = {}
 
     def crew(self, view: View) -> Crew:
         """Return the robots that follow the same round as this robot, and which round that is."""
-        self._heard = {number: at for number, at in self._heard.items() if view.tick - at <= self._memory}
+        self._heard = {number: tick for number, tick in self._heard.items() if view.tick - tick <= self._memory}
         for number in self._robots & view.peers.keys():
             self._heard[number] = view.peers[number].tick
         self._heard[self._number] = view.tick

@@ -64,8 +64,8 @@ def doctor(
     check_locator(connect, "--connect")
     check_name(namespace, "--namespace")
     number = domain_given(domain)
-    if localisation not in (known := [one.value for one in Source]):
-        raise BadInput(f"--localisation {localisation}: unknown; give {', '.join(known)}")
+    if localisation not in (sources := [source.value for source in Source]):
+        raise BadInput(f"--localisation {localisation}: unknown; give {', '.join(sources)}")
     settings = LocalisationSettings(Source(localisation), map_frame)
     wanted = DriveSettings(localisation=settings, sim_time=use_sim_time, topics=topics_given(topic or ()))
     if not 0.1 <= seconds <= 600.0:
@@ -77,11 +77,11 @@ def doctor(
     except LinkDown as down:
         raise BadInput(f"--connect: {down}; is the robot's router running?") from None
     try:
-        found = examine(survey(link, number, namespace, wanted, seconds))
+        examination = examine(survey(link, number, namespace, wanted, seconds))
     finally:
         link.close()
-    typer.echo(json.dumps(_as_json(found), indent=2) if as_json else _as_text(found, connect))
-    return 0 if found.fit else UNFIT
+    typer.echo(json.dumps(_as_json(examination), indent=2) if as_json else _as_text(examination, connect))
+    return 0 if examination.fit else UNFIT
 
 
 def _as_json(found: Examined) -> dict[str, Any]:

@@ -122,15 +122,15 @@ class Rights:
 def rights_of(role: Role, keys: FleetKeys) -> Rights:
     """Return the rights of a role; whatever they do not name is denied."""
     everyone = (keys.alive("*"),)
-    own = role.robot
+    robot = role.robot
     match role.kind:
         case Kind.ROBOT:
             return Rights(
-                publish=(keys.reply(own), keys.position(own), keys.telemetry(own)),
-                hear=(keys.tick(own), keys.position("*")),
-                answer=(keys.stop(own),),
-                announce=(keys.alive(own),),
-                watch=(keys.alive(WORLD), keys.alive(own)),
+                publish=(keys.reply(robot), keys.position(robot), keys.telemetry(robot)),
+                hear=(keys.tick(robot), keys.position("*")),
+                answer=(keys.stop(robot),),
+                announce=(keys.alive(robot),),
+                watch=(keys.alive(WORLD), keys.alive(robot)),
             )
         case Kind.WORLD:
             return Rights(

@@ -20,7 +20,7 @@ def _follows_forces(scenario: Scenario) -> bool:
     return not scenario.patrol.needs_rounds and scenario.patrol.policy != LEARNED
 
 
-def _dilates(scenario: Scenario) -> bool:
+def _needs_dilation(scenario: Scenario) -> bool:
     """Return True if beliefs spread staleness (`agent.belief.believed.BelievedFog`); an open field has no posts."""
     return _follows_forces(scenario) or scenario.terrain.builtin == "open"
 
@@ -40,8 +40,8 @@ def _goes_straight(scenario: Scenario) -> bool:
 
 
 SELDOM: Mapping[str, Callable[[Scenario], bool]] = {
-    "agent.kernels.changes": _dilates,
-    "agent.kernels.dilate": _dilates,
+    "agent.kernels.changes": _needs_dilation,
+    "agent.kernels.dilate": _needs_dilation,
     "agent.kernels.surroundings": _is_learned,
     "agent.kernels.force": _follows_forces,
     "agent.kernels.region_paths": _has_regions,

@@ -158,8 +158,8 @@ class _Own:
         except (Exception, SystemExit) as error:
             raise raised(f"{RADIO_MODELS.field} = {self.name}", error) from error
         if lost.shape != air.on_the_way.shape or lost.dtype != np.bool_:
-            given, wanted = (f"{what.dtype} {what.shape}" for what in (lost, air.on_the_way))
-            raise BadInput(f"radio.model = {self.name}: lost(air) gave {given} in tick {air.k}; return {wanted}")
+            returned, wanted = (f"{array.dtype} {array.shape}" for array in (lost, air.on_the_way))
+            raise BadInput(f"radio.model = {self.name}: lost(air) gave {returned} in tick {air.k}; return {wanted}")
         return lost
 
 
