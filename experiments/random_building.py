@@ -137,7 +137,7 @@ class Architect:
     """Draws up one building after the other for a body, from one stream of random numbers."""
 
     def __init__(self, rng: Generator, radius: float, point: float) -> None:
-        """Choose what all buildings have in common; `radius` and `point` (a point's side) are in m."""
+        """Draw the tilt and the walls that all buildings share; `radius` and `point` (a point's side) are in m."""
         self._rng = rng
         self._point = point
         self._tilt = float(rng.uniform(0.0, 0.5 * math.pi)) if rng.random() < 0.4 else 0.0
@@ -375,7 +375,7 @@ class Architect:
     # --- the grid ----------------------------------------------------------------------------------------------------
 
     def _on_grid(self, width: float, height: float) -> Building:
-        """What was drawn, turned by the building's tilt."""
+        """Return all that was drawn, turned by the building's tilt."""
         cos, sin = math.cos(self._tilt), math.sin(self._tilt)
         span = width * cos + height * sin + 2.0 * OUTSIDE, width * sin + height * cos + 2.0 * OUTSIDE
         cols, rows = (math.ceil(side / self._point) for side in span)

@@ -1,4 +1,4 @@
-"""What can be asked of random buildings; apart from them, so that it is checked before any kernel is compiled."""
+"""Limits of random buildings, in a file of their own, so that they are checked before any kernel is compiled."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ RADII, POINTS = (0.1, 0.8), (0.05, 0.5)
 
 
 def check_building(seed: int, radius: float, point: float, shown: str = "{} =") -> None:
-    """Check what is asked of a random building; `radius` and `point` are in m.
+    """Refuse a seed, radius or point out of its limits; `radius` and `point` are in m.
 
     `shown` is a format for an argument's name in errors.
     """

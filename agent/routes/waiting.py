@@ -69,9 +69,10 @@ class Waiting:
         What it cuts off counts only if it is larger than what a disc leaves in a corner.
         """
         place, others = self._terrain.point_at(*spot), [self._terrain.point_at(*other) for other in standing]
-        if not self._reach[place] or any(math.dist(other, place) < self._keep for other in others):
+        wide = math.nextafter(self._keep, math.inf)  # a point just as far away is taken as well
+        if not self._reach[place] or any(math.dist(other, place) < wide for other in others):
             return False
-        sizes = parts_around(self._reach, place, self._keep, math.ceil(AROUND * self._keep), others)
+        sizes = parts_around(self._reach, place, wide, math.ceil(AROUND * self._keep), others)
         return int((sizes > CORNER * self._keep**2).sum()) <= 1
 
     def nearest(self, ways: NDArray[np.float32], among: NDArray[np.bool_], standing: Iterable[Spot]) -> Spot | None:
@@ -83,9 +84,9 @@ class Waiting:
         rows, cols = np.nonzero(among)
         some = (rows % self._stride == 0) & (cols % self._stride == 0)
         rows, cols = (rows[some], cols[some]) if some.any() else (rows, cols)
-        others = tuple(standing)
+        neighbours = tuple(standing)
         for index in np.argsort(ways[rows, cols], kind="stable"):
             spot = self._terrain.centre(int(rows[index]), int(cols[index]))
-            if self.lets_others_pass(spot, others):
+            if self.lets_others_pass(spot, neighbours):
                 return spot
         return None

@@ -59,7 +59,7 @@ _varied, _of_run, _published = (
 
 @dataclass(frozen=True)
 class Comparison:
-    """What is compared, and how each run is made."""
+    """The policies, terrains, teams and conditions to compare, and the settings of each run."""
 
     policies: Annotated[
         str | None,

@@ -32,15 +32,7 @@ UNSTATED = 0.1
 """Share of a number by which it may differ where its page gives no interval."""
 
 STDOUT = "stdout"
-"""Stands for a file in `Sample.value`: what the last command prints."""
-
-
-@dataclass(frozen=True, slots=True)
-class Stated:
-    """A number as a page has it."""
-
-    value: float
-    allowed: float  # most by which a new measurement may differ
+"""Stands for a file in `Sample.value`: the output of the last command."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,8 +47,8 @@ class Sample:
     within: float | None = None  # allowed difference where the page gives no interval; None for a tenth
     scale: float = 1.0  # factor to the page's unit: 100 for a share that is given in percent
 
-    def stated(self, folder: Path) -> Stated:
-        """Return the number that the page has."""
+    def stated(self, folder: Path) -> tuple[float, float]:
+        """Return the number that the page has, and the most by which a new measurement may differ."""
         text = " ".join((folder / f"{self.page}.md").read_text(encoding="utf-8").split())
         match = re.search(self.says, text)
         if match is None:
@@ -64,8 +56,8 @@ class Sample:
         value, half = match[1], match[2] if match.re.groups > 1 else None
         rounding = 0.5 * 10.0 ** -len(value.partition(".")[2])
         if half is not None:
-            return Stated(float(value), float(half) + rounding)
-        return Stated(float(value), rounding + (UNSTATED * abs(float(value)) if self.within is None else self.within))
+            return float(value), float(half) + rounding
+        return float(value), rounding + (UNSTATED * abs(float(value)) if self.within is None else self.within)
 
     def measure(self, clone: Path) -> float:
         """Execute the commands with each seed, and return the mean of their numbers in the page's unit."""

@@ -27,7 +27,8 @@ from experiments.paper.tables import (
     as_json,
     as_table,
     compare,
-    fit_of,
+    fit_texts,
+    fits_of,
     plan_of,
     to_mean_fog_text,
 )
@@ -35,7 +36,7 @@ from experiments.paper.tables_page import page
 from experiments.sweeps.cases import json_text, write_text
 from experiments.sweeps.plan import count_of_seeds
 from experiments.sweeps.progress import command_line, print_failures
-from experiments.sweeps.stats import Fit, with_interval
+from experiments.sweeps.stats import with_interval
 from fogwatch.cli.command_help import command
 from fogwatch.cli.options import option
 from fogwatch.run_options import settings_option
@@ -158,7 +159,7 @@ def calibrate(
         grid.add_column(title, justify="right")
     best = best_radius(fits)
     for one in fits:
-        numbers = [f"{one.radius:g}", str(one.near.cells), *_fit_numbers(one.near), *_fit_numbers(one.whole)[1:]]
+        numbers = [f"{one.radius:g}", str(one.near.cells), *fit_texts(one.near), *fit_texts(one.whole)[1:]]
         grid.add_row(*numbers, style="bold green" if one is best else None)
     console.print(grid, highlight=False)
     if best is not None:
@@ -241,20 +242,16 @@ def _plain(cell: Cell) -> str:
 def _write_fit(console: Console, comparisons: Sequence[TableComparison], folder: Path) -> None:
     """Print how well each table fits the printed one; print and write the fit of Tables 2 and 3 together."""
     _say(console, "")
-    for comparison in comparisons:
-        found = fit_of([comparison])
-        if found is not None:
-            _say(console, f"Table {comparison.table.number}: {_fit_text(found)}")
-        ratios = to_mean_fog_text(comparison)
-        if ratios is not None:
-            _say(console, f"  {ratios}")
+    ratios = {f"Table {comparison.table.number}": to_mean_fog_text(comparison) for comparison in comparisons}
+    for name, found in fits_of(comparisons):
+        median, error, correlation = fit_texts(found)
+        logs = f"RMS log error {error}, correlation of logs {correlation}"
+        _say(console, f"{name}: {found.cells} cells, median ratio {median}, {logs}")
+        if ratios.get(name) is not None:
+            _say(console, f"  {ratios[name]}")
     together = fit_as_json(comparisons)
     if together is not None:
         write_text(folder / "fit.json", json_text(together))
-        names = " and ".join(str(number) for number in together["tables"])
-        near, whole = Fit(**together["near"]), Fit(**together["all"])
-        _say(console, f"Tables {names}, printed below {together['below']:g} s: {_fit_text(near)}")
-        _say(console, f"Tables {names}, all: {_fit_text(whole)}")
 
 
 def _write_orderings(console: Console, judged: Sequence[Judged], folder: Path) -> None:
@@ -275,16 +272,6 @@ def _write_orderings(console: Console, judged: Sequence[Judged], folder: Path) -
             .append(f", {found}"),
             soft_wrap=True,
         )
-
-
-def _fit_numbers(found: Fit) -> list[str]:
-    correlation = "-" if found.correlation is None else f"{found.correlation:.3f}"
-    return [f"{found.median_ratio:.3f}", f"{found.rms_log_error:.3f}", correlation]
-
-
-def _fit_text(found: Fit) -> str:
-    median, error, correlation = _fit_numbers(found)
-    return f"{found.cells} cells, median ratio {median}, RMS log error {error}, correlation of logs {correlation}"
 
 
 def _say(console: Console, text: str) -> None:

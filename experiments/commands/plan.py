@@ -106,8 +106,8 @@ def plan(
             typer.echo(printable(f"warning: {line}"), err=True)
     shown = _Shown(Console(stderr=True))
     with shown.bar, naming(what, overridden):
-        made = make_plan(scenario, age, numbers, shown, duration_s=duration, quick=quick, seeds=seeds or SEEDS)
-        shown.begin("pictures")
+        made = make_plan(scenario, age, numbers, shown.show, duration_s=duration, quick=quick, seeds=seeds or SEEDS)
+        shown.show("pictures", 0.0)
         write_plan(made, folder)
     console = Console()
     console.print(_table(made), highlight=False, markup=False)
@@ -153,7 +153,7 @@ def _numbers(text: str) -> range:
 class _Shown:
     """Shows the progress of a plan: a bar on a terminal, lines elsewhere.
 
-    Implements `experiments.plan.plan.Observer`. `bar` is a context manager that shows it and clears it away.
+    `bar` is a context manager that shows it and clears it away.
     """
 
     def __init__(self, console: Console) -> None:
@@ -162,12 +162,8 @@ class _Shown:
         self.bar = Progress(*columns, console=console, transient=True, disable=not console.is_terminal)
         self._task = self.bar.add_task("plan", total=1.0)
 
-    def begin(self, what: str) -> None:
-        """Show what is computed next."""
-        self.bar.update(self._task, description=what, completed=0.0)
-        if not self._console.is_terminal:
+    def show(self, what: str, done: float) -> None:
+        """Show what is computed, and the share of it that is done."""
+        self.bar.update(self._task, description=what, completed=done)
+        if done == 0.0 and not self._console.is_terminal:
             self._console.print(f"{what} ...", highlight=False, markup=False, soft_wrap=True)
-
-    def share(self, done: float) -> None:
-        """Show the share of it that is done."""
-        self.bar.update(self._task, completed=done)

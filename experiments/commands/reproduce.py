@@ -130,14 +130,14 @@ def check(
     changed = 0
     samples = [sample for sample in documented.samples if page in (None, sample.page)]
     for sample in samples:
-        stated = sample.stated(documented.folder)
+        stated, allowed = sample.stated(documented.folder)
         typer.echo(f"docs/results/{sample.page}.md ...", err=True)
         value = sample.measure(CLONE)
-        same = abs(value - stated.value) <= stated.allowed
+        same = abs(value - stated) <= allowed
         changed += not same
         typer.echo(
-            f"{'same   ' if same else 'changed'} docs/results/{sample.page}.md: {stated.value:g} (within "
-            f"{stated.allowed:.3g}), now {value:.4g}: "
+            f"{'same   ' if same else 'changed'} docs/results/{sample.page}.md: {stated:g} (within "
+            f"{allowed:.3g}), now {value:.4g}: "
             f"{sample.commands[-1].format(out='OUT', seed=sample.seeds[-1], clone='.')}"
         )
     typer.echo(f"{changed} of {len(samples)} numbers have changed")

@@ -31,7 +31,7 @@ KNOWLEDGE = {
     "picture": "knows what is seen now",
     "blind": "knows nothing, and takes the shortest way",
 }
-"""What an intruder with each predictor knows, in words; `code` plays only where it was asked for."""
+"""The knowledge of an intruder with each predictor, in words; `code` plays only where it was asked for."""
 
 WATCHING = ("similar", "each")
 """The predictors that only watch: nothing else is needed to play them against a real patrol."""

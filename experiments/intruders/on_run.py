@@ -87,7 +87,7 @@ class Moving:
 
 
 class Looks:
-    """Writes down what is in view in each tick, while a run is replayed; a `Watcher`."""
+    """Notes the sightings of each tick while a run is replayed; a `Watcher`."""
 
     def __init__(
         self, run: Run, graph: Graph | None, infiltrator: Infiltrator | None, footprint: Footprint | None = None

@@ -27,7 +27,7 @@ REPORTED = Infiltrator(attempts=30)
 
 
 class MovingWatch(Looks):
-    """Takes down what is in view, for the game of a report."""
+    """Notes the sightings for the game of a report."""
 
     def __init__(self, run: Run, footprint: Footprint) -> None:
         super().__init__(run, None, REPORTED, footprint)

@@ -109,7 +109,7 @@ class WatchLog:
         self._words[k] = np.packbits(self._bits, bitorder="little").view(np.uint64)
 
     def watch(self) -> Watch:
-        """Return what was written down."""
+        """Return all ticks so far."""
         footprints = [np.frombuffer(points, dtype=np.int32) for points in self._known]
         first = np.cumsum([0, *map(len, footprints)], dtype=np.int64)
         kept = slice(self._ticks)

@@ -1,4 +1,4 @@
-"""Kernel of what robots may see: the footprints that each had after similar moments, laid over each other."""
+"""Kernel of points that robots may see: the footprints that each had after similar moments, laid over each other."""
 
 from __future__ import annotations
 

@@ -100,7 +100,7 @@ class TableComparison:
 
 
 def compare(table: PaperTable, setup: PaperSetup, outcome: SweepOutcome, end: str = "") -> TableComparison:
-    """Compare our values with a table; `end` is what the names of the setup's cases end with."""
+    """Compare our values with a table; the names of the setup's cases end with `end`."""
     cells = []
     for measure in table.measures:
         is_mfow = measure.metric == MFOW
@@ -141,6 +141,26 @@ def fit_of(comparisons: Sequence[TableComparison], below: float | None = None) -
         if (found := cell.found) is not None and found.mean > 0.0
     ]
     return fit([ours for ours, _ in pairs], [theirs for _, theirs in pairs]) if pairs else None
+
+
+def fits_of(comparisons: Sequence[TableComparison]) -> list[tuple[str, Fit]]:
+    """Return the fit of each table, and of those together that the sensor range is fitted to, each with its name.
+
+    The latter are there twice, first by their cells below the paper's limit, and only if all of them were run.
+    """
+    fits = [(f"Table {comparison.table.number}", fit_of([comparison])) for comparison in comparisons]
+    fitted = [comparison for comparison in comparisons if comparison.table.number in paper().fit_tables]
+    if len(fitted) == len(paper().fit_tables):
+        names = " and ".join(str(number) for number in paper().fit_tables)
+        fits.append((f"Tables {names}, printed below {paper().fit_below:g} s", fit_of(fitted, paper().fit_below)))
+        fits.append((f"Tables {names}, all", fit_of(fitted)))
+    return [(name, found) for name, found in fits if found is not None]
+
+
+def fit_texts(found: Fit) -> list[str]:
+    """Return median ratio, error and correlation of a fit as texts."""
+    correlation = "-" if found.correlation is None else f"{found.correlation:.3f}"
+    return [f"{found.median_ratio:.3f}", f"{found.rms_log_error:.3f}", correlation]
 
 
 def as_json(comparison: TableComparison) -> dict[str, Any]:

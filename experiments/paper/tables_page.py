@@ -9,8 +9,16 @@ from collections.abc import Iterator, Mapping, Sequence
 
 from experiments.paper.orderings import Judged
 from experiments.paper.printed import Remark, paper
-from experiments.paper.tables import FAR_OFF, Cell, PaperSetup, TableComparison, fit_of, to_mean_fog_text
-from experiments.sweeps.stats import Estimate, Fit, with_interval
+from experiments.paper.tables import (
+    FAR_OFF,
+    Cell,
+    PaperSetup,
+    TableComparison,
+    fit_texts,
+    fits_of,
+    to_mean_fog_text,
+)
+from experiments.sweeps.stats import Estimate, with_interval
 from monitor.tables.table import Table
 from patrol.errors import quoted
 
@@ -82,22 +90,10 @@ def _terrains(pictures: Mapping[str, str]) -> Iterator[str]:
 
 def _fits(comparisons: Sequence[TableComparison]) -> Iterator[str]:
     """Yield a table that says how well each table fits."""
-    rows: list[tuple[str, Fit | None]] = [
-        (f"Table {comparison.table.number}", fit_of([comparison])) for comparison in comparisons
-    ]
-    fitted = [comparison for comparison in comparisons if comparison.table.number in paper().fit_tables]
-    if len(fitted) == len(paper().fit_tables):
-        names = " and ".join(str(number) for number in paper().fit_tables)
-        rows.append((f"Tables {names}, printed below {paper().fit_below:g} s", fit_of(fitted, paper().fit_below)))
-        rows.append((f"Tables {names}, all", fit_of(fitted)))
     heads = ("MFoW of", "cells", "median ratio", "RMS log error", "correlation of logs")
     yield "## Fit"
-    yield Table(heads, [[name, *_fit_texts(fit)] for name, fit in rows if fit is not None]).markdown()
-
-
-def _fit_texts(fit: Fit) -> list[str]:
-    correlation = "-" if fit.correlation is None else f"{fit.correlation:.3f}"
-    return [str(fit.cells), f"{fit.median_ratio:.3f}", f"{fit.rms_log_error:.3f}", correlation]
+    rows = [[name, str(fit.cells), *fit_texts(fit)] for name, fit in fits_of(comparisons)]
+    yield Table(heads, rows).markdown()
 
 
 def _table(comparison: TableComparison, pictures: Mapping[str, str]) -> Iterator[str]:

@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
-from experiments.plan.plan import AgeKept, FleetPlan, FleetSize, robots_text
+from experiments.benchmark.matrix import robots_text
+from experiments.plan.plan import AgeKept, FleetPlan, FleetSize
 from monitor.tables.table import Table
 from patrol.measures.best_tour import NO_BOUND
 from patrol.scenario.patrols import patrol_name
@@ -13,7 +14,7 @@ from patrol.scenario.sections import BUILT_IN_SENSORS
 
 
 def answer_lines(plan: FleetPlan) -> Iterator[str]:
-    """Yield lines of text that say what a plan comes to."""
+    """Yield the answer of a plan in lines of text."""
     yield _assumed(plan)
     if plan.wanted_s is not None and any(size.simulated is None for size in plan.sizes):
         yield "in brackets: by the better of the tours, not simulated"
@@ -81,7 +82,7 @@ def _answer(plan: FleetPlan, wanted_s: float) -> Iterator[str]:
 
 
 def _kept_by(size: FleetSize, wanted_s: float) -> str:
-    """Say in how many of its runs a fleet keeps an age, and what it keeps in the worst."""
+    """Say in how many of its runs a fleet keeps an age, and the ages of the worst one."""
     kept = sum(kept.keeps(wanted_s) for kept in size.runs)
     seeds = "" if len(size.runs) == 1 else f"kept by {kept} of {len(size.runs)} seeds; in the worst run "
     return f"{_keep(size.robots, wanted_s, kept == len(size.runs))}: {seeds}{_kept(size.simulated)}"
@@ -100,7 +101,7 @@ def _remedy(plan: FleetPlan, wanted_s: float) -> str:
 
 
 def _tests(size: FleetSize, wanted_s: float | None) -> Iterator[str]:
-    """Say what the chosen fleet keeps with one robot dead, and as another patrol."""
+    """Say which ages the chosen fleet keeps with one robot dead, and as another patrol."""
     if (dead := size.one_dead) is not None:
         rest = f"{robots_text(size.robots - 1)} left, {_holding(dead, wanted_s)}{_kept(dead)}"
         yield f"one dead: {rest}; largest since its death {age_text(dead.peak_s)} s"
@@ -116,7 +117,7 @@ def _tests(size: FleetSize, wanted_s: float | None) -> Iterator[str]:
 
 
 def _closed_out(size: FleetSize) -> Iterator[str]:
-    """Say what the age of all ground is where the ages above are those of open ground."""
+    """Say how old all ground got, where the ages above are those of open ground."""
     kept = size.simulated
     if kept is None or kept.all_max_s is None:
         return

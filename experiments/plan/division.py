@@ -163,7 +163,7 @@ class _Search:
         return None if tour is None else Territory(ground, tour)
 
     def _relieved(self, territories: list[Territory]) -> list[Territory]:
-        """Let the robot with the longest tour give away what others see on theirs, until that does not shorten it."""
+        """Let the robot with the longest tour give away ground that others see, until that shortens it no more."""
         seen = [seen_along(self._terrain, self._footprint, territory.tour) for territory in territories]
         while len(territories) > 1:
             longest = max(range(len(territories)), key=lambda at: territories[at].tour.length_m)
@@ -236,7 +236,7 @@ class _Tours:
             self._set(taker, [*self.tours[taker][:at], vertex, *self.tours[taker][at:]])
 
     def _best_move(self) -> tuple[int, int, int, int] | None:
-        """Return a vertex, whose it is, who takes it, and where in that tour it is put in."""
+        """Return a vertex, the robot that gives it, the one that takes it, and its place in that tour."""
         best, move = 0.0, None
         powers = [length**POWER for length in self.lengths]
         for giver, tour in enumerate(self.tours):

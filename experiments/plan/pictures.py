@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from experiments.plan.plan import FleetPlan, FleetSize, robots_text
+from experiments.benchmark.matrix import robots_text
+from experiments.plan.plan import FleetPlan, FleetSize
 from fogwatch.pictures.region_map import COLOURS
 from monitor.figures.ground import Key, Layer, canvas, key_column, label, paint, painted, save
 from monitor.figures.style import ALERT, INK, MUTED, drawn, figure
@@ -76,8 +77,8 @@ def _draw(
     figure, axes = canvas(terrain, title)
     layers = [Layer(WALL, "wall or unknown", ~terrain.passable)]
     if grounds:
-        nobody = terrain.passable & ~np.logical_or.reduce(list(grounds))
-        layers.append(Layer(UNCOUNTED, "can never be seen, does not count", nobody))
+        unseen = terrain.passable & ~np.logical_or.reduce(list(grounds))
+        layers.append(Layer(UNCOUNTED, "can never be seen, does not count", unseen))
     pale = [Layer(COLOURS[at % len(COLOURS)], "", ground) for at, ground in enumerate(grounds)]
     paint(axes, terrain, painted(terrain.shape, [*layers, *pale]), ~terrain.passable)
     keys = [Key(layer.colour, layer.label) for layer in layers if layer.mask.any()]

@@ -2,7 +2,7 @@
 
 A fleet keeps an age if nothing is older: in simulated runs of several seeds, if in each the largest MFoW after the
 first quarter of the run is at most that age, and the verdict is valid. The first quarter is left out because ground
-counts as unseen since the start of the run until somebody has been there. Where doors close, the age of a point counts
+counts as unseen since the start of the run until a robot has been there. Where doors close, the age of a point counts
 only the time in which it was not closed out.
 
 The search for the least number begins with the least that keeps the age on one of its tours. It goes down while the
@@ -13,13 +13,14 @@ A number is given up at its first run that does not keep the age.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from experiments.benchmark.matrix import robots_text
 from experiments.plan.division import Divider, Territory
 from fogwatch.inprocess import run_in_process
 from patrol.errors import BadInput, NotPrepared
@@ -68,14 +69,8 @@ MORE = 1
 """Numbers in the table beyond the least one that keeps the age by tours."""
 
 
-class Observer(Protocol):
-    """Shows what a plan is at."""
-
-    def begin(self, what: str) -> None:
-        """Take what is computed next, as in "4 robots: tours"."""
-
-    def share(self, done: float) -> None:
-        """Take the share of it that is done, 0 to 1."""
+Progress = Callable[[str, float], None]
+"""Called with what is computed, as in "4 robots: tours", and the share of it that is done: 0 at its begin."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -162,7 +157,7 @@ def make_plan(
     scenario: Scenario,
     wanted_s: float | None,
     numbers: Sequence[int] | None,
-    observer: Observer,
+    progress: Progress,
     *,
     duration_s: float | None = None,
     quick: bool = False,
@@ -176,7 +171,7 @@ def make_plan(
     `_Planner.duration_s` says. With `quick` nothing is simulated. `seeds` is the number of runs of each fleet, with the
     scenario's seed and those after it.
     """
-    planner = _Planner(scenario, wanted_s, observer, duration_s, quick, seeds)
+    planner = _Planner(scenario, wanted_s, progress, duration_s, quick, seeds)
     if numbers is None:
         if wanted_s is None:
             raise ValueError("neither an age nor numbers")
@@ -211,7 +206,7 @@ class _Planner:
         self,
         scenario: Scenario,
         wanted_s: float | None,
-        observer: Observer,
+        progress: Progress,
         duration_s: float | None,
         quick: bool,
         seeds: int,
@@ -223,7 +218,7 @@ class _Planner:
             raise NotPrepared(str(error)) from None
         self.sizes: dict[int, FleetSize] = {}
         self._wanted_s = wanted_s
-        self._observer = observer
+        self._progress = progress
         self._duration_s = duration_s
         self._quick = quick
         self._seeds = seeds
@@ -277,19 +272,34 @@ class _Planner:
     def size(self, number: int) -> FleetSize:
         """Return what tours a fleet of some size has."""
         if number not in self.sizes:
-            self._observer.begin(f"{robots_text(number)}: tours")
+            self._progress(f"{robots_text(number)}: tours", 0.0)
             self._add(number, *self._with_tours(number))
         return self.sizes[number]
 
     def _with_tours(self, number: int) -> tuple[Prepared, BestTour]:
-        prepared = self._prepared(load_scenario(as_mapping(self.scenario), {"robots.count": number}))
+        prepared = prepare(load_scenario(as_mapping(self.scenario), {"robots.count": number}), self.terrain)
         return prepared, best_tour(prepared)
 
     def _add(self, number: int, prepared: Prepared, tours: BestTour) -> None:
         """Divide the ground among a fleet of some size, and keep what tours it has."""
         territories = None if tours.length_m is None else self._divider.divide(prepared)
-        self.sizes[number] = _size_of(number, prepared, tours, territories, self._limits)
-        self._observer.share(1.0)
+        scenario = prepared.scenario
+        own_s = [
+            _driven_s(each.tour.way, each.tour.length_m, scenario, self._limits)
+            for each in (() if territories is None else territories)
+        ]
+        area_m2 = float(np.count_nonzero(prepared.patrolled)) * prepared.terrain.point_area
+        self.sizes[number] = FleetSize(
+            number,
+            area_m2,
+            lower_bound(area_m2, scenario.roster, scenario.sensor.range),
+            tours,
+            _shared_s(tours, scenario, self._limits),
+            territories,
+            max(own_s, default=None),
+            left_out=prepared.left_out,
+        )
+        self._progress(f"{robots_text(number)}: tours", 1.0)
 
     def duration_s(self, number: int) -> float:
         """Return the length of the simulated runs of a fleet, s: as given, or long enough for its tours."""
@@ -307,7 +317,7 @@ class _Planner:
             if on_one_tour is not None and on_one_tour > LOOKED_AT * wanted_s:
                 continue
             if number not in self.sizes:
-                self._observer.begin(f"{robots_text(number)}: tours")
+                self._progress(f"{robots_text(number)}: tours", 0.0)
                 self._add(number, prepared, tours)
             size = self.sizes[number]
             if (size.bound_s if size.age_s is None else size.age_s) <= wanted_s:
@@ -356,19 +366,17 @@ class _Planner:
         settings = {"name": f"{self.scenario.name}-{number}", "robots.count": number}
         return load_scenario(as_mapping(self.scenario), {**settings, "duration": self.duration_s(number)})
 
-    def _prepared(self, scenario: Scenario) -> Prepared:
-        return prepare(scenario, self.terrain)
-
     def _run(self, scenario: Scenario, how: str) -> AgeKept:
-        self._observer.begin(f"{robots_text(len(scenario.roster))}: {how}")
+        what = f"{robots_text(len(scenario.roster))}: {how}"
+        self._progress(what, 0.0)
         ticks = scenario.duration / scenario.step
         ages: list[float] = []
 
         def take(record: TickRecord) -> None:
             ages.append(record.mfow * scenario.step)
-            self._observer.share(min(len(ages) / ticks, 1.0))
+            self._progress(what, min(len(ages) / ticks, 1.0))
 
-        outcome = run_in_process(self._prepared(scenario), keep=False, progress=take)
+        outcome = run_in_process(prepare(scenario, self.terrain), keep=False, progress=take)
         killed = round(KILLED_AT * len(ages)) if scenario.faults else 0
         begin = killed + round(SETTLED * len(ages))
         open_ages, zones = outcome.verdict.open_ages, outcome.verdict.zones
@@ -454,26 +462,6 @@ def _kept_facts(kept: AgeKept | None, wanted_s: float | None) -> dict[str, Any] 
     }
 
 
-def _size_of(
-    number: int, prepared: Prepared, tours: BestTour, territories: tuple[Territory, ...] | None, limits: SpeedLimits
-) -> FleetSize:
-    scenario = prepared.scenario
-    area_m2 = float(np.count_nonzero(prepared.patrolled)) * prepared.terrain.point_area
-    own = (
-        None if territories is None else [_driven_s(t.tour.way, t.tour.length_m, scenario, limits) for t in territories]
-    )
-    return FleetSize(
-        number,
-        area_m2,
-        lower_bound(area_m2, scenario.roster, scenario.sensor.range),
-        tours,
-        _shared_s(tours, scenario, limits),
-        territories,
-        None if own is None else max(own),
-        left_out=prepared.left_out,
-    )
-
-
 def _shared_s(tours: BestTour, scenario: Scenario, limits: SpeedLimits) -> float | None:
     """Return the MFoW of a fleet on the tours that its robots share, s; None without tours."""
     if tours.length_m is None:
@@ -492,8 +480,3 @@ def _driven_s(way: Sequence[tuple[float, float]], length_m: float, scenario: Sce
             limit = limits.at(x + share * (to_x - x), y + share * (to_y - y), slow)
             time_s += max(0.0, 1.0 / limit - 1.0 / speed) * part_m / count
     return time_s
-
-
-def robots_text(number: int) -> str:
-    """Return a number of robots in words, for example "1 robot"."""
-    return "1 robot" if number == 1 else f"{number} robots"

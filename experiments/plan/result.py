@@ -113,23 +113,6 @@ class PlanResult:
         }
 
 
-class _Shown:
-    """Hands on what a plan is at (`experiments.plan.plan.Observer`)."""
-
-    def __init__(self, progress: Callable[[str, float], None]) -> None:
-        self._progress = progress
-        self._what = ""
-
-    def begin(self, what: str) -> None:
-        """Hand on what is computed next."""
-        self._what = what
-        self._progress(what, 0.0)
-
-    def share(self, done: float) -> None:
-        """Hand on the share of it that is done."""
-        self._progress(self._what, done)
-
-
 @checked_arguments
 def plan(
     scenario: Scenario | Mapping[str, Any] | str | Path,
@@ -182,7 +165,7 @@ def plan(
     folder = None if out is None else plan_folder(Path(out), loaded.name)
     named = naming(scenario, overrides or ()) if isinstance(scenario, str | Path) else nullcontext()
     with named:
-        shown = _Shown(progress or (lambda _what, _done: None))
+        shown = progress or (lambda _what, _done: None)
         made = make_plan(loaded, age, numbers, shown, duration_s=duration, quick=quick, seeds=seeds or SEEDS)
         if folder is not None:
             write_plan(made, folder)

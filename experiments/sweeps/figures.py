@@ -197,7 +197,7 @@ def _text_on(row: CaseRow, axis: str | None) -> str:
 
 
 def _same_n(counts: Collection[int]) -> str:
-    """Return what an axis says of the number of runs, where it is the same in all rows."""
+    """Return the words on an axis for the number of runs, where it is the same in all rows."""
     return f", n = {next(iter(counts))}" if len(counts) == 1 else ""
 
 

@@ -148,7 +148,7 @@ def read_plan(path: Path, seeds: int | None = None) -> Plan:
 
 
 def plan_of(raw: object, path: Path, seeds: int | None = None) -> Plan:
-    """Make a plan of what a sweep file holds; `seeds` is as for `read_plan`.
+    """Make a plan of the content of a sweep file; `seeds` is as for `read_plan`.
 
     `path` is the file, for errors and for paths relative to it; it need not exist.
     """
@@ -243,11 +243,11 @@ def _partners(
 ) -> tuple[dict[str, str], tuple[str, ...]]:
     """Pair each case with the one whose scenario is the same but for `against`.
 
-    What results counts, not what is set: {set: {}} and {set: {patrol.options.dilatation: 2}} are the same case where 2
-    is the base's dilatation.
+    The resulting scenarios count, not the settings: {set: {}} and {set: {patrol.options.dilatation: 2}} are the same
+    case where 2 is the base's dilatation.
 
     `runs` has a run of each case, all with one seed. The result is the partners by the names of the cases, and the
-    cases that have none and are not what others are compared with.
+    cases that have none and are no partners themselves.
     """
     called = {run.key: run.case for run in reversed(runs)}
     partners: dict[str, str] = {}
@@ -389,7 +389,7 @@ def _grid_value(field: str, title: str, given: object, where: str) -> _GridValue
 
 
 def _value_of(given: object, values: Sequence[_GridValue]) -> object:
-    """Return the value of the grid that a label names; what is no label is the value itself."""
+    """Return the value of the grid that a label names; anything else is the value itself."""
     return next((each.value for each in values if each.label.given and each.label.text == given), given)
 
 

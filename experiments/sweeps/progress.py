@@ -35,7 +35,7 @@ TICKS = 100
 """Number of ticks of each."""
 
 LOADING_TICKS = 2
-"""Number of ticks of a run before the first, which is not timed: it loads what a worker loads once for all its runs."""
+"""Number of ticks of a run before the first. It is not timed, since libraries and kernels load once for all runs."""
 
 ENOUGH_S = 15.0
 """Wall time after which no further run is tried, s."""
@@ -61,11 +61,6 @@ class SweepProgress:
         self._todo = self._there = self._made = 0
         self._bar = bar_on(console, TextColumn("{task.fields[left]}"))
         self._task = self._bar.add_task("runs", total=None, left="")
-
-    @property
-    def made(self) -> int:
-        """The number of runs made so far."""
-        return self._made
 
     @property
     def total(self) -> int:

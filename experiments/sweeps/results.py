@@ -75,7 +75,7 @@ class Results:
         self._file = file
 
     def read(self) -> None:
-        """Read what is on disk and repair the end of the file; of several results of a run, the last counts."""
+        """Read the file and repair its end; of several results of a run, the last counts."""
         self._file.seek(0)
         reader = BufferedReader(self._file)
         number = end = 0

@@ -1,4 +1,4 @@
-"""What is measured of a run while it is made: the error of robots' belief, and intruder games."""
+"""Metrics taken while a run is made: the error of robots' beliefs, and intruder games."""
 
 from __future__ import annotations
 

@@ -85,7 +85,7 @@ def _run(scenario: Mapping[str, Any], games: bool) -> tuple[Metrics, str | None,
 def run_scenario(scenario: Scenario | Prepared, games: bool = False) -> tuple[Outcome, Metrics]:
     """Run a scenario as every run of a sweep, with nothing written to disk.
 
-    The metrics are those that the summary lacks: of what the robots believed and, with `games`, of intruder games.
+    The metrics are those that the summary lacks: of the robots' beliefs and, with `games`, of intruder games.
     """
     from experiments.sweeps.run_metrics import BeliefError, GameLog
     from fogwatch.inprocess import run_in_process  # here: it loads kernels that `prepare_worker` compiles

@@ -1,1 +1,1 @@
-"""What all figures and pictures share: style, canvas, legend, scale bar, colours of what a site has."""
+"""The style, canvas, legend, scale bar and site colours of all figures and pictures."""

@@ -7,7 +7,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from monitor.live.feed_client import ZenohFeedClient, first_answer
+from monitor.live.feed_client import FeedClient, first_answer
 from patrol.errors import BadInput
 from patrol.files.untrusted import leads_out
 from patrol.net.link import Link
@@ -119,7 +119,7 @@ def _of_a_world(
     if links is None:
         return None
     link: Link = links[0]
-    client = ZenohFeedClient(link, keys, token)
+    client = FeedClient(link, keys, token)
     until = time.monotonic() + wait_s
 
     def waits(pause_s: float) -> bool:

@@ -6,7 +6,7 @@ import os
 import time
 from collections.abc import Callable, Iterable, Mapping
 from functools import partial
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 from monitor.observation.source import Answer
 from patrol.errors import BadInput, Malformed
@@ -28,67 +28,31 @@ CONTROL_S = 15.0
 """Longest wait for a world's answer, s of wall time: for the fog so far, and for a control."""
 
 
-class FeedClient(Protocol):
-    """The connection of a viewer with a world."""
+class FeedClient:
+    """The connection of a viewer with a world.
 
-    def batch(self, timeout_s: float) -> Batch | None:
-        """Return the next batch; None after `timeout_s` of wall time without one."""
-        ...
-
-    def so_far(self) -> Iterable[bytes]:
-        """The encoded state of the run so far, requested from the world: the answers, of which others may be false."""
-        ...
-
-    def control(self, control: Mapping[str, Any]) -> Answer:
-        """Send a control to the world; its answer."""
-        ...
-
-    @property
-    def may_control(self) -> bool:
-        """True if this viewer has the right to control the fleet."""
-        ...
-
-    @property
-    def present(self) -> bool:
-        """True if the world is connected."""
-        ...
-
-    def close(self) -> None:
-        """Close the connection."""
-        ...
-
-
-class ZenohFeedClient:
-    """A `FeedClient` over Zenoh."""
+    `may_control` is True if this viewer has the right to control the fleet, and `present` if the world is connected.
+    """
 
     def __init__(self, link: Link, keys: FleetKeys, token: str | None = None) -> None:
         """Subscribe to the feed; the token gives the right to control the fleet."""
         self._link = link
         self._keys = keys
         self._token = token
+        self.may_control = token is not None
+        self.present = False
         ticks, world = keys.truth(TICKS), keys.alive(WORLD)
         self._mailbox: Mailbox[Batch | Presence] = Mailbox(
             [ticks, world], partial(read_sparingly, Batch), MAX_BATCH, ROOM, ROOM_BYTES
         )
-        self._present = False
         link.subscribe(ticks, self._mailbox)
         link.watch(world, self._mailbox)
-
-    @property
-    def may_control(self) -> bool:
-        """Return whether there is a token for the fleet."""
-        return self._token is not None
-
-    @property
-    def present(self) -> bool:
-        """True if the world is connected."""
-        return self._present
 
     def batch(self, timeout_s: float) -> Batch | None:
         """Return the next batch; None after `timeout_s` of wall time without one."""
         arrived = self._mailbox.get(timeout_s)
         while arrived is not None and isinstance(arrived[1], Presence):
-            self._present = arrived[1].present
+            self.present = arrived[1].present
             arrived = self._mailbox.get(0.0)
         return None if arrived is None or isinstance(arrived[1], Presence) else arrived[1]
 

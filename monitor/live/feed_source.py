@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from monitor.live.fog_tracker import HEARD, FogTracker, FogTrackers
 from monitor.live.live_links import LiveLinks
 from monitor.live.record_checks import RunChecks, record_of, scenario_of
-from monitor.observation.listener import as_sent
+from monitor.observation.listener import NO_ROBOT, Listener, mark_outside
 from monitor.observation.source import Answer, Layer, RobotShape, RobotState, Series, State, Static
 from monitor.observation.tick_rate import TickRate
 from monitor.observation.traps import TrapWatch
@@ -35,7 +35,8 @@ from patrol.ground.terrain import Terrain
 from patrol.journal.records import End, Event, Header, Status, TickRecord
 from patrol.messages.feed import Batch, SoFar, read_so_far
 from patrol.pose import Pose
-from patrol.prepare import prepare, sensor_footprint
+from patrol.prepare import inboxes_of, prepare, sensor_footprint
+from patrol.radio.message import as_received
 from patrol.scenario.controls import (
     CONTROLS,
     OPERATOR,
@@ -116,7 +117,7 @@ class FeedSource:
         self._place = {number: place for place, number in enumerate(self._numbers)}
         self._events: list[Event] = []
         self._next_event = 0
-        # With a direct radio the journal has what the world overheard. What each robot heard is unknown.
+        # With a direct radio the journal has the frames that the world overheard; those that robots heard are unknown.
         self._direct = self._scenario.radio.via == "direct"
         self._layers: tuple[Layer, ...] = ("truth", HEARD, *(() if self._direct else self._numbers))
         self._trackers = FogTrackers(self._tracker)
@@ -326,7 +327,7 @@ class FeedSource:
             if row.status.is_present:
                 places[self._place[row.number]] = row.x, row.y
             if row.status is Status.ALIVE:
-                pose = as_sent(row.number, Pose(row.x, row.y, row.heading))
+                pose = as_received(Pose(row.x, row.y, row.heading))
                 self._truth.observe(self._footprint.visible(pose), k)
         self._last = record
         self._add_events(self._traps.tick(record, lambda: self._truth.last_seen, self._closings))
@@ -347,11 +348,17 @@ class FeedSource:
     # --- beliefs -----------------------------------------------------------------------------------------------------
 
     def _tracker(self, layer: Layer) -> FogTracker:
-        number = layer if isinstance(layer, int) else None
-        area = self._ground.patrolled if number is None else self._ground.areas[self._ground.area_of[number]]
-        facts = (self._scenario, self._terrain, self._footprint, area, self._ground.patrolled)
+        ground, scenario, closings = self._ground, self._scenario, self._closings
+        area = ground.areas[ground.area_of[layer]] if isinstance(layer, int) else ground.patrolled
+
+        def listener(number: int) -> Listener:
+            inboxes = inboxes_of(scenario, [number], self._terrain.bounds, self._key)
+            made = Listener(self._footprint, area, inboxes, number, closings)
+            mark_outside(made.fog, ground.patrolled)
+            return made
+
         since = self._log[0][0] if self._log else self._since
-        return FogTracker(number, *facts, self._key, self._log, since, self._closings)
+        return FogTracker(layer if isinstance(layer, int) else NO_ROBOT, listener, self._log, since)
 
     def _catch_up(self, limit_s: float) -> None:
         until = self._now() + limit_s

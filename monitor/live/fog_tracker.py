@@ -8,21 +8,13 @@ from itertools import islice
 from typing import TYPE_CHECKING, Final
 
 from monitor.observation.beliefs import BeliefFollower
-from monitor.observation.listener import NO_ROBOT, Listener, mark_outside
+from monitor.observation.listener import NO_ROBOT, Listener
 from patrol.journal import unpack
 from patrol.journal.records import TickRecord
-from patrol.prepare import inboxes_of
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
     from monitor.observation.source import Layer
-    from patrol.closures.points import Closings
     from patrol.ground.fog import Fog
-    from patrol.ground.footprint import Footprint
-    from patrol.ground.terrain import Terrain
-    from patrol.scenario import Scenario
 
 HEARD: Final = "heard"
 """The layer of an ideal listener, which hears every position that is sent."""
@@ -42,35 +34,15 @@ class FogTracker:
     `since` is the tick from which on the fog is known.
     """
 
-    def __init__(
-        self,
-        number: int | None,
-        scenario: Scenario,
-        terrain: Terrain,
-        footprint: Footprint,
-        area: NDArray[np.bool_],
-        patrolled: NDArray[np.bool_],
-        key: bytes | None,
-        log: Log,
-        since: int,
-        closings: Closings | None = None,
-    ) -> None:
+    def __init__(self, number: int, make: Callable[[int], Listener], log: Log, since: int) -> None:
         """Start without knowledge.
 
-        `number` is the robot whose belief it is; None for a listener that hears every frame that is sent. `area` has
-        the points that the robot patrols, `patrolled` those that the fleet patrols, bool (h, w) each. `log` has (k,
-        packed record) for each tick from `since` on. Without a `key` frames are accepted without checking their tags.
-        `closings` is None where nothing is ever closed.
+        `number` is the robot whose belief it is; `NO_ROBOT` for a listener that hears every frame that is sent. `make`
+        gives its listener, and `log` has (k, packed record) for each tick from `since` on.
         """
-        self._number = NO_ROBOT if number is None else number
-        self._scenario = scenario
-        self._bounds = terrain.bounds
-        self._footprint = footprint
-        self._area = area
-        self._patrolled = patrolled
-        self._key = key
+        self._number = number
+        self._make = make
         self._log = log
-        self._closings = closings
         self._waiting: deque[tuple[int, bytes]] = deque()
         self._begin(since)
 
@@ -121,10 +93,7 @@ class FogTracker:
 
     def _new_listener(self, number: int) -> Listener:
         self.since = 0  # a new mind starts without knowledge, so its fog is known completely
-        inboxes = inboxes_of(self._scenario, [number], self._bounds, self._key)
-        listener = Listener(self._footprint, self._area, inboxes, number, self._closings)
-        mark_outside(listener.fog, self._patrolled)
-        return listener
+        return self._make(number)
 
 
 class FogTrackers:

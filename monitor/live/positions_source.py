@@ -1,4 +1,4 @@
-"""The source for robots without a world: their positions, and what they report about themselves.
+"""The source for robots without a world: their positions, and their reports about themselves.
 
 The truth is unknown. A tick is a step of wall time since the viewer started; what happened before is unknown, too.
 """
@@ -194,7 +194,7 @@ class PositionsSource:
             link.close()
 
     def _close(self, k: int) -> None:
-        """Start tick k; what has arrived so far counts for the ticks before it."""
+        """Start tick k; frames that have arrived so far count for the ticks before it."""
         while (arrived := self._frames.get()) is not None:
             self._hear(max(k - 1, 0), *arrived)
         while (report := self._reports.get()) is not None:
@@ -261,7 +261,7 @@ class PositionsSource:
 
 
 def _row(robot: RobotState, pose: Pose) -> RobotTick:
-    """Return a robot as in a tick of the journal, without what no robot reports."""
+    """Return a robot as in a tick of the journal, without the fields that no robot reports."""
     return RobotTick(
         number=robot.number,
         status=robot.status,

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections import defaultdict, deque
 from collections.abc import Callable, Collection, Mapping
 
-from monitor.observation.listener import Listener, as_sent
+from monitor.observation.listener import Listener
 from patrol.journal.records import Status, TickRecord, frame_sequence, sent_at
 from patrol.pose import Pose
-from patrol.radio.message import Rejected, decode
+from patrol.radio.message import Rejected, as_received, decode
 
 GONE = frozenset({Status.ABSENT, Status.DEAD, Status.LOST, Status.LEFT})
 """Status of robots without a mind; one that returns starts without knowledge."""
@@ -79,4 +79,4 @@ def _own_pose(k: int, number: int, frames: Frames, true: Pose) -> Pose:
             return position.pose
     except Rejected:
         pass
-    return as_sent(number, true)
+    return as_received(true)

@@ -14,7 +14,7 @@ _SHOWN = 8
 
 
 class Hearing:
-    """Compares what robots report to have heard with what is heard here."""
+    """Compares the frames that robots report to have heard with those heard here."""
 
     def __init__(self) -> None:
         self._sent: Counter[str] = Counter()
@@ -27,7 +27,7 @@ class Hearing:
         self._sent[sender] += 1
 
     def take(self, robot: str, traffic: Traffic | None) -> None:
-        """Take in what a robot reports to have heard so far; nothing if it has no direct radio."""
+        """Take in the counts of frames that a robot reports to have heard; None without a direct radio."""
         if traffic is None:
             return
         before, sent_before = self._reports.get(robot), self._sent_before.get(robot, {})

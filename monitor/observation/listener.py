@@ -13,7 +13,6 @@ from monitor.observation.source import OUTSIDE
 from patrol.ground.fog import Fog
 from patrol.pose import Pose
 from patrol.radio.inbox import Inboxes
-from patrol.radio.message import Position
 
 if TYPE_CHECKING:
     import numpy as np
@@ -24,14 +23,6 @@ if TYPE_CHECKING:
 
 NO_ROBOT = -1
 """The number of a listener that is not a robot."""
-
-
-def as_sent(number: int, pose: Pose) -> Pose:
-    """Return a pose as other robots receive it, quantised as on the wire (cm, mrad).
-
-    Every footprint is computed from it.
-    """
-    return Position.of(number, 0, 0.0, pose).pose
 
 
 def mark_outside(fog: Fog, patrolled: NDArray[np.bool_]) -> Fog:

@@ -206,5 +206,5 @@ class Source(Protocol):
         ...
 
     def close(self) -> None:
-        """Release what the source holds."""
+        """Release links, files and memory."""
         ...

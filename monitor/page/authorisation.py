@@ -1,6 +1,6 @@
 """The right to view a page, and the right to control the fleet that it shows.
 
-On loopback everybody on this machine may view the page; controlling takes the key in the printed address. On any other
+On loopback every user of this machine may view the page; controlling takes the key in the printed address. On any other
 address both take the token. The key arrives once, in the address, and stays in a cookie that no script can read.
 Requests that come from pages of other hosts are refused, also when another host name points to this machine.
 """

@@ -149,7 +149,7 @@ class Hub:
         self._wake.set()
 
     def turn(self) -> None:
-        """Take one turn: read the source, and send each page that is ready what it lacks. The thread repeats this."""
+        """Take one turn: read the source, and send news to each page that is ready. The thread repeats this."""
         viewers, ready = self._viewers_and_ready()
         if viewers and not ready and not self.static.live:
             # A replay's next state is that of when a page has drawn the last one. A live fleet is always followed.
@@ -225,7 +225,7 @@ class Hub:
         return messages
 
     def _packed(self, state: State) -> str:
-        """Return a state's message, with what the first layer's fog says about the ground."""
+        """Return a state's message, with the survey of the first layer's fog."""
         fog, layer = None, self.static.layers[0]
         if state.mfow_s is not None:
             fog = self.source.last_seen(layer)

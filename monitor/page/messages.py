@@ -74,7 +74,7 @@ def state_message(state: State, survey: Survey | None, static: Static) -> str:
 
     A robot is a list of status, state, pose, goal, decision_ms, heard_s, rejected and, for one that is trapped, since
     when (s) and whether that is exact. The stalest point is a list of x and y (m), age (s) and whether it was ever
-    seen. `survey` is what the first layer's fog says about the ground, None when unknown.
+    seen. `survey` is that of the first layer's fog, None when unknown.
     """
     return _json(
         {
@@ -172,7 +172,7 @@ def answer_message(number: object, answer: Answer) -> str:
 
 
 def _marks(static: Static) -> list[dict[str, Any]]:
-    """Return what the map shows of the scenario: what it is, where, and the outline of ground in m.
+    """Return the scenario's marks on the map: kind, name, place, and the outline of ground in m.
 
     Of ground that may be closed `runs` are its points, as [first, count] of each run; [] of any other.
     """

@@ -94,7 +94,7 @@ def _replay(run: Run, progress: Callable[[Iterable[int]], Iterable[int]]) -> tup
 
 
 def _page(html: str) -> dict[str, bytes]:
-    """Return the files of a page without what it shows, by name."""
+    """Return the files of a page without a run's messages, by name."""
     files = {"index.html": _index(html), "palette.css": palette.css()}
     files |= {name: _static(name) for name in ("page.css", "icon.svg")}
     return {name: text.encode() for name, text in files.items()}

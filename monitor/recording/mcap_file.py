@@ -123,7 +123,7 @@ def _records(path: Path, contents: Contents, checks_all: bool = True) -> Iterato
 
 
 def _whole(record: Any, contents: Contents) -> Iterator[Any]:
-    """Yield what a record holds; of a chunk that is damaged nothing, or what is before the damage."""
+    """Yield the records in a record; of a damaged chunk none, or those before the damage."""
     try:
         yield from _unpacked(record)
     except Exception as error:  # noqa: BLE001 - as in `_records`

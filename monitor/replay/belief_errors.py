@@ -106,7 +106,7 @@ class BeliefWatcher:
             self._compare(k, fog)
 
     def hear(self, k: int) -> bool:
-        """Update the beliefs with what the selected robots heard in the next tick, k; False at the journal's end."""
+        """Update the selected robots' beliefs with the next tick, k; False at the journal's end."""
         record = next(self._records, None)
         if record is None:
             return False

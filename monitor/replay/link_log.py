@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-import time
 import zlib
-from collections.abc import Callable
+from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import NDArray
 
 from monitor.observation.source import LinkCounts
-from monitor.replay.run import Run
+from patrol.journal.records import TickRecord
 from patrol.summary.totals import count_frames
-
-BUDGET_S = 0.02
-"""Wall time for reading the journal in one call, s."""
 
 _APART = 64
 """Ticks of a block. Its counts are compressed together, and their sums are stored at its end."""
@@ -28,13 +24,11 @@ _Counts = tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]
 class LinkLog:
     """Frame counts at any tick, from `patrol.summary.totals`; forged frames do not count."""
 
-    def __init__(self, run: Run, now: Callable[[], float] = time.monotonic) -> None:
-        """Start with nothing read."""
-        self._run = run
-        self._now = now
-        side = len(run.numbers)
+    def __init__(self, index: Mapping[int, int]) -> None:
+        """Start with nothing read; `index` has the place of each robot by its number."""
+        self._index = index
+        side = len(index)
         self._shape = (2, side, side)
-        self._records = iter(run.journal.ticks)
         self._ticks = 0
         self._packed: list[bytes] = []
         self._open: list[NDArray[np.uint16]] = []
@@ -44,16 +38,19 @@ class LinkLog:
         self._counts: list[_Counts] = [(zeros, zeros, zeros - 1)]
 
     def at(self, k: int) -> LinkCounts | None:
-        """Return the counts up to tick k; None while the journal is not read that far (`reach`)."""
-        return LinkCounts(*self._after(k)) if self.reach(k) else None
+        """Return the counts up to tick k; None while the journal is not read that far."""
+        return LinkCounts(*self._after(k)) if k < self._ticks else None
 
-    def reach(self, k: int) -> bool:
-        """Read on for at most `BUDGET_S`; whether the journal is read up to tick k."""
-        until = self._now() + BUDGET_S
-        while self._ticks <= k:
-            if not self._read() or self._now() > until:
-                break
-        return self._ticks > k
+    def tick(self, record: TickRecord) -> None:
+        """Take in the next tick."""
+        counts = np.zeros(self._shape, dtype=np.uint16)
+        count_frames(record, self._index, *counts)
+        self._open.append(counts)
+        self._ticks += 1
+        if len(self._open) == _APART:
+            self._counts.append(self._after(self._ticks - 1))
+            self._packed.append(zlib.compress(np.stack(self._open).tobytes(), _FAST))
+            self._open.clear()
 
     def _after(self, k: int) -> _Counts:
         """Return the frames sent and delivered, and when each link was last heard, after tick k."""
@@ -74,18 +71,3 @@ class LinkLog:
             counts = np.frombuffer(zlib.decompress(self._packed[number]), dtype=np.uint16)
             self._block_of, self._block = number, counts.reshape(-1, *self._shape)
         return self._block
-
-    def _read(self) -> bool:
-        """Read one more tick; False at the end of the journal."""
-        record = next(self._records, None)
-        if record is None:
-            return False
-        counts = np.zeros(self._shape, dtype=np.uint16)
-        count_frames(record, self._run.index, *counts)
-        self._open.append(counts)
-        self._ticks += 1
-        if len(self._open) == _APART:
-            self._counts.append(self._after(self._ticks - 1))
-            self._packed.append(zlib.compress(np.stack(self._open).tobytes(), _FAST))
-            self._open.clear()
-        return True

@@ -13,11 +13,10 @@ from numpy.typing import NDArray
 
 from monitor.observation.source import Answer, Layer, RobotShape, RobotState, Series, State, Static
 from monitor.observation.tick_rate import TickRate
-from monitor.replay.link_log import LinkLog
 from monitor.replay.past_beliefs import PastBeliefs
 from monitor.replay.replay import Replay
 from monitor.replay.run import Run
-from monitor.replay.trap_log import TrapLog
+from monitor.replay.run_log import RunLog
 from patrol.journal.records import Event, Status
 from patrol.pose import Pose
 from patrol.scenario.controls import in_force, intruders_there
@@ -47,8 +46,7 @@ class Player:
         self._run = run
         self._now = now
         self._replay = Replay(run)
-        self._links = LinkLog(run)
-        self._traps = TrapLog(run)
+        self._log = RunLog(run)
         self._past_beliefs = PastBeliefs(run, run.key, now)
         self._planned = len(run.journal.header.scenario.get("faults") or ())
         # With a direct radio it is unknown which frames each robot heard.
@@ -63,10 +61,8 @@ class Player:
         self._autoplay = autoplay
         self._pace = _pace_for(run.ticks * run.step) if autoplay else 1.0
         self._returned: tuple[int, bool, float] | None = None
-        self._lacks_links = False
-        """True if the last state had no links because the journal was not read that far."""
-        self._lacks_traps = False
-        """The same of the trapped robots."""
+        self._is_ahead = False
+        """True if the last state had no links and traps because the journal was not read that far."""
         self._at = 0
         self._shown_at: float | None = None
         self._rate = TickRate()
@@ -102,9 +98,8 @@ class Player:
         """See `Source`; one state per `SHOW_S` at most, and another one when its links or traps took longer to read."""
         until, rate = self._now() + timeout_s, 0.0
         while True:
-            self._traps.read()
-            arrived = self._lacks_links and self._links.reach(self._at)
-            arrived |= self._lacks_traps and self._traps.at(self._at) is not None
+            self._log.read()
+            arrived = self._is_ahead and self._log.at(self._at) is not None
             with self._changed:
                 self._advance()
                 now = self._now()
@@ -120,7 +115,7 @@ class Player:
                 left = until - now
                 if left <= 0.0:
                     return None
-                if arrived or (self._traps.done and not self._lacks_links):
+                if arrived or self._log.done:
                     self._changed.wait(min(left, max(due, 0.002)) if self._running or news else left)
         return self._state(*new, rate)
 
@@ -162,7 +157,7 @@ class Player:
     def events(self, since: int) -> Sequence[Event]:
         """See `Source`; the events of the whole run, including those after the current tick, then those found here."""
         run = self._run.events
-        return [*run[since:], *self._traps.events[max(since - len(run), 0) :]]
+        return [*run[since:], *self._log.events[max(since - len(run), 0) :]]
 
     def control(self, control: Mapping[str, Any]) -> Answer:
         """See `Source`."""
@@ -178,10 +173,8 @@ class Player:
 
     def read_all(self) -> None:
         """Read links and traps of the whole run at once; `wait` reads them in slices."""
-        while not self._traps.done:
-            self._traps.read()
-        while not self._direct and not self._links.reach(self._run.ticks - 1):
-            pass
+        while not self._log.done:
+            self._log.read()
 
     def _obey(self, control: Mapping[str, Any]) -> Answer:
         match control:
@@ -223,10 +216,9 @@ class Player:
 
     def _state(self, k: int, running: bool, pace: float, rate: float) -> State:
         run = self._run
-        links = None if self._direct else self._links.at(k)
-        self._lacks_links = links is None and not self._direct
-        trapped = self._traps.at(k)
-        self._lacks_traps = trapped is None
+        links = None if self._direct else self._log.links.at(k)
+        trapped = self._log.at(k)
+        self._is_ahead = trapped is None
         robots = []
         for place, number in enumerate(run.numbers):
             x, y, heading = run.poses[k, place].tolist()

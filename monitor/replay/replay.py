@@ -1,26 +1,21 @@
 """Reconstructs a run from its journal. The true fog follows from the poses alone.
 
-`play` replays a run once from start to end for any number of watchers; `Replay` gives the state at any tick. Neither
+`play` replays a run once from start to end for any number of watchers; `Replay` gives the fog at any tick. Neither
 uses a clock.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Protocol
 
-import numpy as np
-from numpy.typing import NDArray
-
-from monitor.observation.listener import as_sent
 from monitor.replay.fog_history import FogHistory
 from monitor.replay.run import Run
 from patrol.errors import BadInput
 from patrol.ground.fog import Fog
 from patrol.ground.footprint import Footprint, View
-from patrol.journal.records import Event, Status
 from patrol.prepare import sensor_footprint
+from patrol.radio.message import as_received
 
 MEMORY = 256 << 20
 """Bytes for a replay's snapshots."""
@@ -70,54 +65,17 @@ def _as_measured(run: Run, k: int, fog: Fog) -> bool:
 def views_at(run: Run, k: int, footprint: Footprint) -> list[View]:
     """Return the true footprint of each robot that takes part in a tick, in roster order."""
     run.closings.show(k, footprint)
-    return [footprint.visible(as_sent(number, pose)) for number, pose in run.alive(k)]
-
-
-@dataclass(frozen=True, slots=True)
-class RobotMoment:
-    """One robot at one tick."""
-
-    number: int
-    name: str
-    status: Status
-    state: str  # as its mind reports
-    x: float  # true, m
-    y: float  # true, m
-    heading: float  # true, rad
-    bumped: bool  # its move was cancelled by a collision
-    goal: tuple[float, float] | None  # m; None without one
-
-
-@dataclass(frozen=True, eq=False)
-class Moment:
-    """A run at tick k, after its observations."""
-
-    k: int
-    time_s: float
-    last_seen: NDArray[np.int32]  # (h, w), a copy
-    mfow: int  # ticks, from the journal
-    fog_mean: float  # ticks, from the journal
-    robots: tuple[RobotMoment, ...]  # in roster order
-    events: tuple[Event, ...]  # all up to tick k
-
-    def ages(self) -> NDArray[np.int32]:
-        """int32 (h, w), ticks since each point was last seen; points outside the patrolled area as if never seen."""
-        return np.int32(self.k) - np.maximum(self.last_seen, np.int32(0))
+    return [footprint.visible(as_received(pose)) for _, pose in run.alive(k)]
 
 
 class Replay:
-    """Gives the state of a run at any tick."""
+    """Gives the true fog of a run at any tick."""
 
     def __init__(self, run: Run, memory: int = MEMORY) -> None:
         """Start before the first tick, with about `memory` bytes for snapshots of the fog."""
         self.run = run
         self._footprint = sensor_footprint(run.prepared.scenario, run.prepared.terrain)
         self._history = FogHistory(self._blank, self._advance, run.ticks, memory)
-
-    @property
-    def ticks(self) -> int:
-        """Number of ticks."""
-        return self.run.ticks
 
     def fog(self, k: int) -> Fog:
         """Return the true fog after the observations of a tick, valid until the next call."""
@@ -144,33 +102,3 @@ class Replay:
         for view in views_at(self.run, k, self._footprint):
             fog.observe(view, k)
         return fog
-
-    def at(self, k: int) -> Moment:
-        """Return the whole state after the observations of a tick."""
-        run, fog = self.run, self.fog(k)
-        robots = []
-        for place, facts in enumerate(run.robots):
-            x, y, heading = run.poses[k, place].tolist()
-            to_x, to_y = run.goals[k, place].tolist()
-            robots.append(
-                RobotMoment(
-                    number=facts.number,
-                    name=facts.name,
-                    status=Status(int(run.status[k, place])),
-                    state=run.labels[run.states[k, place]],
-                    x=x,
-                    y=y,
-                    heading=heading,
-                    bumped=bool(run.bumped[k, place]),
-                    goal=None if np.isnan(to_x) else (to_x, to_y),
-                )
-            )
-        return Moment(
-            k=k,
-            time_s=k * run.step,
-            last_seen=fog.last_seen.copy(),
-            mfow=int(run.mfow[k]),
-            fog_mean=float(run.fog_mean[k]),
-            robots=tuple(robots),
-            events=tuple(event for event in run.events if event.k <= k),
-        )

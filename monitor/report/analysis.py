@@ -42,7 +42,7 @@ class MovingIntruder(Protocol):
 
 
 class MovingWatch(Watcher, Protocol):
-    """A watcher that takes down what the moving intruder needs."""
+    """A watcher that notes the sightings for the moving intruder's game."""
 
     def game(self) -> MovingIntruder:
         """Return the game after the last tick; raise BadInput where it cannot be played."""
@@ -172,7 +172,7 @@ def warnings_of(run: Run) -> Sequence[str]:
 def disagreement(run: Run) -> str:
     """Return one line on how a run's journal contradicts its summary; empty if it does not.
 
-    It compares only what is quick to tell.
+    It compares only numbers that are at hand.
     """
     end = run.journal.end
     given = run.figures.model_copy(
@@ -203,7 +203,7 @@ def outcome_of(run: Run) -> str:
 
 
 def _ratio(metric: Metric, figures: Summary, yardstick_s: float | None, without: str) -> Measure:
-    """Return a mean MFoW over what it is compared with, or why it is not compared."""
+    """Return the ratio of a mean MFoW to a yardstick, or why there is none."""
     if not yardstick_s:
         return Measure(metric, None, without)
     why = unsettled(figures, yardstick_s)
@@ -211,7 +211,7 @@ def _ratio(metric: Metric, figures: Summary, yardstick_s: float | None, without:
 
 
 def _delivered(run: Run) -> float | None:
-    """Draw the delivered share of the robots' frames that were delivered or dropped."""
+    """Return the delivered share of the robots' frames that were delivered or dropped; None without any."""
     if run.direct:
         return run.stated.direct.heard_share
     messages = run.figures.messages

@@ -310,7 +310,7 @@ def _moving(analysis: Analysis) -> str:
 
 
 def _zones(run: Run) -> str:
-    """Describe each zone: what it says and when, and, from the summary, how old its ground got meanwhile."""
+    """Describe each zone: its rules, its times, and, from the summary, the ages of its ground meanwhile."""
     figures = run.stated.zones
     rows = [(zone.labels, zone.when, *_ages(figures.get(zone.name))) for zone in run.prepared.scenario.zones]
     if not rows:

@@ -64,7 +64,7 @@ def fog_chart(
 
 
 def never_seen_note(never: BoolGrid) -> str:
-    """Return what a caption says of the points that `fog_chart` shows as never seen, nothing where there are none."""
+    """Return a caption's sentence about the points that `fog_chart` shows as never seen; empty without any."""
     return " Purple: never seen." if never.any() else ""
 
 

@@ -1,4 +1,4 @@
-"""The report's section about the radio: what was sent, what arrived, and why the rest did not."""
+"""The report's section about the radio: frames that were sent, that arrived, and the causes of losses."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ MOST_LINKS = 400
 def links_section(run: Run) -> str:
     """Describe what happened to the frames: counts, causes of loss, and a table of links.
 
-    Of a direct radio, only what robots reported is known.
+    Of a direct radio, only the robots' reports are known.
     """
     if run.direct:
         return _direct_links(run)

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from itertools import islice
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from monitor.replay.replay import play
 from monitor.replay.visits import VisitCounter
-from monitor.tables.columns import EVENTS, FORGER, GROUND, LINKS, ROBOTS, TICKS, VISITS, TableColumns
+from monitor.tables.columns import EVENTS, FORGER, GROUND, LINKS, ROBOTS, TICKS, VISITS
 from patrol.energy.batteries import Batteries
 from patrol.journal.links import drops_of
 from patrol.journal.records import FORGED, Status
@@ -29,16 +29,6 @@ if TYPE_CHECKING:
 
 Row = tuple[object, ...]
 """A value for each column of a table, in their order."""
-
-
-class _Rows(Protocol):
-    """Makes the rows of one table."""
-
-    table: TableColumns
-
-    def rows_of(self, record: TickRecord) -> list[Row]:
-        """Return the rows that a tick adds."""
-        ...
 
 
 class _TickRows:
@@ -226,9 +216,10 @@ class _VisitRows:
         ]
 
 
-_BY_TICK: Mapping[str, Callable[[Run], _Rows]] = {
+_BY_TICK: dict[str, Callable[[Run], _TickRows | _RobotRows | _LinkRows | _VisitRows]] = {
     rows.table.name: rows for rows in (_TickRows, _RobotRows, _LinkRows, _VisitRows)
 }
+"""What makes the rows of a table tick by tick, by its name."""
 
 
 def rows_by_tick(

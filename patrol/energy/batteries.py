@@ -94,10 +94,10 @@ class Batteries:
     def _at_docks(self, standing: Iterable[RobotTick]) -> frozenset[int]:
         """Return the robots that docks charge."""
         rows = list(standing)
-        found = set()
+        docked = set()
         for dock in self._docks:
             near = [(round(math.dist(dock.place, (row.x, row.y)), DIGITS), row.number) for row in rows]
             away, number = min(near, default=(math.inf, 0))
             if away <= dock.radius:
-                found.add(number)
-        return frozenset(found)
+                docked.add(number)
+        return frozenset(docked)

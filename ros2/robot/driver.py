@@ -1,6 +1,6 @@
 """A ROS 2 robot as a mind's body (`agent.ports.Robot`).
 
-The mind decides once a tick. Between its decisions a thread hears the robot and tells it what is safe, many times a
+The mind decides once a tick. Between its decisions a thread hears the robot and sends it safe commands, many times a
 tick. So the robot stands soon after its odometry, its mind or its radio link has died; when this process dies, the
 robot's own watchdog is the last line.
 """
@@ -55,7 +55,7 @@ Objection = Rivals | Response
 class Ros2Robot:
     """Drives a ROS 2 robot, and tells `onlooker` of every decision, too.
 
-    `step_s` is a tick, in the robot's time. `orders` is what operators ask, or None. `objections` may keep the robot
+    `step_s` is a tick, in the robot's time. `orders` are those of operators, or None. `objections` may keep the robot
     from driving besides stops.
     """
 
@@ -99,11 +99,6 @@ class Ros2Robot:
     def stopped(self) -> str:
         """The reason why it may not drive, and what ends that; empty if it may. From any thread."""
         return self._failed or self._stopped
-
-    @property
-    def driving(self) -> bool:
-        """True if its thread drives."""
-        return self._thread.is_alive()
 
     def show(self, vitals: Vitals) -> None:
         """Add the robot's figures to those of the process from now on."""
@@ -166,7 +161,7 @@ class Ros2Robot:
             self._steering.go_on()
 
     def cycle(self) -> Fix | None:
-        """Hear the robot and tell it what is safe, once; where it is."""
+        """Hear the robot, send it one safe command, and return where it is."""
         with self._lock:
             moment_s = time.monotonic()
             since_s = min((moment_s - self._cycled_s) * self._hardware.factor, LONGEST_CYCLE_S)
@@ -186,7 +181,7 @@ class Ros2Robot:
         return fix
 
     def _carry_out(self, order: Order) -> Outcome:
-        """Do what an operator asks; what has come of it, once that is known."""
+        """Carry out an operator's order, and return its outcome once that is known."""
         stops = self._hardware.stops
         if order is Order.RELEASE:
             objected = any(one.why for one in self._objections)

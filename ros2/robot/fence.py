@@ -2,7 +2,7 @@
 
 The ground is the map's: where a body of this radius may be without entering a wall, a keep-out area or what lies
 beyond the map. A body that is too near to a wall already may only move away from it; one whose centre is off the ground
-stands. Other robots are taken to go on as they went; who is too near to one already may only move away from it.
+stands. Other robots are taken to go on as they went; a body that is too near to one may only move away from it.
 """
 
 from __future__ import annotations
@@ -10,18 +10,17 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import assert_never
 
 from patrol.ground.swept_path import advance, path_is_free
 from patrol.ground.terrain import Terrain
-from patrol.pose import Command, Drive, Pose, Twist, Velocity
+from patrol.pose import Command, Pose, Twist, scaled
 from patrol.radio.peers import Peer
 
 CARRIED_S = 1.0
 """For how long a robot is taken to go on as it went, s; after that it is taken to stand where that led."""
 
 MOST_TICKS = 4
-"""Positions that are further apart say nothing of a robot's velocity."""
+"""Most ticks between two positions from which a velocity follows."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,7 +75,7 @@ class Others:
         self._seen: dict[int, _Seen] = {}
 
     def look(self, now_s: float) -> None:
-        """Take in what has been heard for this tick."""
+        """Take in the positions heard for this tick."""
         if self._foreseen is not None:
             after = self._foreseen(1)
             for number, peer in self._foreseen(0).items():
@@ -113,19 +112,6 @@ THEIRS_S = 0.3
 
 LOOKS = (0.25, 0.5, 0.75, 1.0)
 """Shares of the time until it stands at which a body's distance from another is looked at."""
-
-
-def scaled(command: Command, share: float) -> Command:
-    """Return the command for the same path at a share of its speed, 0 to 1."""
-    match command:
-        case Velocity(vx, vy):
-            return Velocity(vx * share, vy * share)
-        case Twist(speed, turn_rate):
-            return Twist(speed * share, turn_rate * share)
-        case Drive(speed, curvature):
-            return Drive(speed * share, curvature)
-        case _:
-            assert_never(command)
 
 
 @dataclass(frozen=True, slots=True)

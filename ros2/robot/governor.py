@@ -1,7 +1,7 @@
 """The next velocity of the robot, many times a tick: zero in any case of doubt.
 
-A robot whose pose stands still under commands drives blind: its odometry may hang, or its wheels may be blocked: the
-two look the same. The mind tries other directions, as after any bump. When nothing moves the pose for `BLIND_M` and
+A robot whose pose stands still under commands drives blind: its odometry may hang, or its wheels may be blocked, and
+the two look the same. The mind tries other directions, as after any bump. When nothing moves the pose for `BLIND_M` and
 `BLIND_S`, and for as long as weak motors take to turn the body round, the robot stands until its pose moves, or an
 operator who has looked at it releases it.
 """
@@ -13,9 +13,10 @@ from collections.abc import Sequence
 from typing import assert_never
 
 from patrol.ground.swept_path import advance
-from patrol.pose import Command, Drive, Limits, Pose, Twist, Velocity, halted, is_halt, wrap
+from patrol.pose import Command, Drive, Limits, Pose, Twist, Velocity, halted, is_halt
 from ros2.robot.fence import Fence, Other
 from ros2.wire import messages
+from ros2.wire.frames import apart
 
 ENOUGH_M, ENOUGH_RAD = 0.3, 1.0
 """Commanded motion after which a robot is judged: well beyond the errors of its pose."""
@@ -24,7 +25,7 @@ ENOUGH_S = 0.5
 """For how long, s."""
 
 MOVES_SHARE = 0.25
-"""A robot moves that has come this share of what it was told, wherever to: one with weak motors goes on for a while."""
+"""A robot moves if it has come this share of its commanded way, in any direction: weak motors coast for a while."""
 
 BLIND_M, BLIND_S = 1.0, 1.0
 """Largest commanded way and time without any motion, m and s."""
@@ -60,7 +61,7 @@ class Response:
     def __init__(self, radius: float, slow_s: float) -> None:
         self.why = ""
         self._radius = radius
-        self._blind_for_s = BLIND_S + 2.0 * MOVES_SHARE * slow_s  # who turns round is slow for so long
+        self._blind_for_s = BLIND_S + 2.0 * MOVES_SHARE * slow_s  # a body that turns round is slow for so long
         self._begin: Pose | None = None
         self._meant: Pose | None = None
         self._turn = 0.0
@@ -69,18 +70,19 @@ class Response:
         self._blind_s = 0.0
 
     def told(self, command: Command, pose: Pose | None, time_s: float) -> None:
-        """Take in what the robot was told for `time_s`, and its pose now; None if that is unknown."""
+        """Take in the command of the last `time_s`, and the robot's pose now; None if that is unknown."""
         if pose is None or self._begin is None or self._meant is None:
             self._start(pose)
             return
         if self.why:
-            if _apart(self._begin, pose) >= MOVED_M or abs(wrap(pose.heading - self._begin.heading)) >= MOVED_RAD:
+            moved_m, turned = apart(self._begin, pose)
+            if moved_m >= MOVED_M or turned >= MOVED_RAD:
                 self.release()
             return
         self._meant = advance(self._meant, command, time_s)
         self._turn += velocity_of(command, pose.heading).turn_rate * time_s
         self._lasted_s += time_s
-        way = _apart(self._begin, self._meant)
+        way, _ = apart(self._begin, self._meant)
         if self._lasted_s < ENOUGH_S or (way < ENOUGH_M and abs(self._turn) < ENOUGH_RAD):
             return
         if self._moved(self._begin, way, pose):
@@ -106,14 +108,10 @@ class Response:
         self._turn = self._lasted_s = 0.0
 
     def _moved(self, begin: Pose, way: float, pose: Pose) -> bool:
-        turned = abs(wrap(pose.heading - begin.heading))
-        return (way >= ENOUGH_M and _apart(begin, pose) >= MOVES_SHARE * way) or (
+        moved_m, turned = apart(begin, pose)
+        return (way >= ENOUGH_M and moved_m >= MOVES_SHARE * way) or (
             abs(self._turn) >= ENOUGH_RAD and turned >= MOVES_SHARE * ENOUGH_RAD
         )
-
-
-def _apart(one: Pose, other: Pose) -> float:
-    return math.hypot(other.x - one.x, other.y - one.y)
 
 
 OFF_GROUND = (

@@ -1,4 +1,4 @@
-"""The robot's side of a link: what it says of itself, its time, what stops it, and its other drivers. Nothing moves it.
+"""The robot's side of a link: its messages, its time, its stops, and its other drivers. Nothing here moves it.
 
 Commands of two senders alternate unpredictably, so there must be only one.
 
@@ -242,14 +242,14 @@ class Hardware:
                 self._refusals.add(line)
                 self._say(f"refused: {line}")
         stopped, holds, ignored = self._stop.heed()
-        who = self.stops.who(Stopper.TOPIC)
+        source = self.stops.name(Stopper.TOPIC)
         if stopped and self.stops.hold(Stopper.TOPIC):
-            self._say(f"stopped by {who}")
+            self._say(f"stopped by {source}")
         if not holds and self.stops.release(Stopper.TOPIC):
-            self._say(f"released by {who}")
+            self._say(f"released by {source}")
         if (error := self.stops.error) != self._unnoted:
             self._unnoted = error
             if error:
                 self._say(f"stops are not noted: {error}")
         if ignored:
-            self._say(f"still stopped by {who}: {ignored}")
+            self._say(f"still stopped by {source}: {ignored}")

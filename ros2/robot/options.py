@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import math
+import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -14,6 +15,7 @@ from patrol.process.context import ProcessContext, run_with
 from patrol.process.options import ProcessParser
 from ros2.robot.localisation import RADIUS, SAME_MAP, SPEED, VARIANCES, LocalisationSettings, Source
 from ros2.wire.frames import composed, inverted, pose_given
+from ros2.wire.names import check_name
 
 TOPICS: Mapping[str, str] = {
     "odom": "its odometry",
@@ -31,7 +33,7 @@ TOPICS: Mapping[str, str] = {
     "clock": "the robot's time, read with --use-sim-time",
     "diagnostics": "how the patrol and the robot do, published for rqt_robot_monitor and the like",
 }
-"""The topics by their usual names, and what they hold. All but `OF_ALL_ROBOTS` are relative to the namespace."""
+"""The topics by their usual names, with their contents. All but `OF_ALL_ROBOTS` are relative to the namespace."""
 
 OF_ALL_ROBOTS = ("clock", "diagnostics")
 """Topics that ROS has outside of every namespace."""
@@ -46,7 +48,6 @@ class DriveSettings:
 
     drive: str = "twist-stamped"  # one of `DRIVES`
     base_frame: str = "base_link"  # in which velocities are meant
-    map_frame: str = "map"
     wheelbase: float = 0.3  # of a car, m
     acceleration: float = 1.0  # the most by which the speed that the robot is told may change, m/s²
     braking: float = 1.0  # how hard the robot surely brakes, m/s²; the fence relies on it
@@ -267,21 +268,21 @@ def drive_settings(options: argparse.Namespace) -> DriveSettings:
     if options.transform is not None and options.map is None and options.scenario is None:
         raise BadInput("--transform: places the robot's own map on ours; give ours with --map or --scenario")
     start, variances = None, VARIANCES
-    if options.start == SCENARIO_START and options.scenario is None:
-        raise BadInput("--start scenario: there is none; give --scenario, or a pose")
-    if options.start not in {None, SCENARIO_START} and _is_file(options.start):
+    if options.start == SCENARIO_START:
+        if options.scenario is None:
+            raise BadInput("--start scenario: there is none; give --scenario, or a pose")
+    elif options.start is not None and os.path.isfile(options.start):  # noqa: PTH113 - Path raises for a long name
         from ros2.robot.initial import read_initial_pose
 
         there, variances = read_initial_pose(Path(options.start), "--start", options.map_frame)
         start = composed(transform, there)
-    elif options.start not in {None, SCENARIO_START}:
+    elif options.start is not None:
         start = pose_given("--start", options.start, ", or a file that exists")
     turning_radius = TURNING_RADIUS if options.turning_radius is None else options.turning_radius
     limits = Limits(options.speed, options.radius, turning_radius)
     return DriveSettings(
         drive=options.drive,
         base_frame=options.base_frame,
-        map_frame=options.map_frame,
         wheelbase=options.wheelbase,
         acceleration=options.acceleration,
         braking=options.acceleration if options.braking is None else options.braking,
@@ -319,13 +320,6 @@ def _check_robot(options: argparse.Namespace) -> None:
         raise BadInput("--drive nav2: --robot rclpy sends no goals; give --robot ros2, or --drive twist-stamped")
 
 
-def domain_of(options: argparse.Namespace) -> int:
-    """Return the ROS_DOMAIN_ID."""
-    from ros2.wire.names import domain_given
-
-    return domain_given(options.domain)
-
-
 def check_ranges(options: argparse.Namespace, ranges: Mapping[str, tuple[float, float]]) -> None:
     """Refuse options that are given and out of their ranges."""
     for name, (least, most) in ranges.items():
@@ -334,17 +328,8 @@ def check_ranges(options: argparse.Namespace, ranges: Mapping[str, tuple[float, 
             raise BadInput(f"--{name} {value:g}: out of range; give {least:g} to {most:g}")
 
 
-def _is_file(name: str) -> bool:
-    try:
-        return Path(name).is_file()
-    except OSError:  # such as a name that is too long
-        return False
-
-
 def topics_given(given: Sequence[str]) -> dict[str, str]:
     """Return names of topics, by their usual names, from texts ``NAME=TOPIC``."""
-    from ros2.wire.names import check_name
-
     found: dict[str, str] = {}
     for text in given:
         usual, equals, name = text.partition("=")

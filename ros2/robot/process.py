@@ -14,6 +14,7 @@ from typing import Any
 from agent.own_robot import Site, Ticks, check_epoch, patrol_with
 from agent.ports import Robot
 from patrol.errors import BadInput, NotPrepared
+from patrol.files.whole_file import writing
 from patrol.ground.terrain import Terrain
 from patrol.net.link import LinkDown
 from patrol.pose import Pose
@@ -27,14 +28,14 @@ from patrol.starts import place_starts
 from ros2.robot.hardware import Hardware, Rivals
 from ros2.robot.initial import InitialPose
 from ros2.robot.localisation import Source
-from ros2.robot.options import FORMATS, SCENARIO_START, DriveSettings, domain_of, drive_settings
+from ros2.robot.options import FORMATS, SCENARIO_START, DriveSettings, drive_settings
 from ros2.robot.shown import write_map
 from ros2.robot.stops import DriverFailed, StopFiles, state_folder
 from ros2.wire.formats import format_named
 from ros2.wire.link import open_ros2
 from ros2.wire.mailbox import RosMailbox
 from ros2.wire.messages import OccupancyGrid, PoseWithCovarianceStamped
-from ros2.wire.names import LATCHED, NodeName, check_name
+from ros2.wire.names import LATCHED, NodeName, check_name, domain_given
 from ros2.wire.ports import Ros2Link
 from ros2.wire.rclpy_link import RclpyLink, import_rclpy
 
@@ -48,7 +49,7 @@ NODE = "fogwatch"
 """The name of our node in the ROS graph, in the robot's namespace."""
 
 SAY_S = 5.0
-"""Time between two lines about what is waited for, s."""
+"""Time between two lines about a wait, s."""
 
 QUIET_S = 2.0
 """Time for which a robot's localisation has to say nothing, from the first odometry on, before it is told where it is,
@@ -78,7 +79,7 @@ def _name(options: argparse.Namespace) -> str:
 
 
 def _check_scenario(scenario: Scenario, drive: str) -> None:
-    """Refuse what a ROS 2 robot does not sense, and zones that Nav2 would drive through as if they were not there."""
+    """Refuse closures and batteries, which a ROS 2 robot does not sense, and zones that Nav2 does not know."""
     if scenario.closures:
         raise NotPrepared("closures: a ROS 2 robot reports nothing blocked here; drop them")
     if any(spec.battery is not None for spec in scenario.roster):
@@ -144,8 +145,9 @@ def _find_and_patrol(process: ProcessContext, overrides: dict[str, object]) -> i
         folder = Path(process.closing.enter_context(tempfile.TemporaryDirectory(prefix="fogwatch-")))
         map_file = options.map or _robots_map(link, settings, folder, process)
         scenario = _scenario(options, name, map_file, pose, overrides)
-    if options.write_scenario is not None:
-        _write(scenario, options.write_scenario)
+    if (file := options.write_scenario) is not None:
+        with writing(f"--write-scenario {file}", "give another file"):
+            file.write_text(dump_scenario(scenario), encoding="utf-8")
     return _patrol(process, scenario, hardware, has_map)
 
 
@@ -229,7 +231,7 @@ def _link(process: ProcessContext) -> Ros2Link:
         check_name(namespace, "--namespace")
     node = NodeName(NODE, namespace)
     if options.robot == "rclpy":
-        return RclpyLink(import_rclpy(), node, domain_of(options), process.ending.ask)
+        return RclpyLink(import_rclpy(), node, domain_given(options.domain), process.ending.ask)
     locator = check_locator(options.connect, "--connect")
     option, proof = "--ros-credentials", options.ros_credentials
     if proof is None and locator.startswith("tls/"):
@@ -238,7 +240,7 @@ def _link(process: ProcessContext) -> Ros2Link:
     try:
         return open_ros2(
             locator,
-            format_named(options.format or FORMATS[0], domain_of(options), "--format"),
+            format_named(options.format or FORMATS[0], domain_given(options.domain), "--format"),
             node,
             options.wait,
             lambda waited: process.log.info(f"waiting for the robot's router at {locator} ({waited:.0f} s)"),
@@ -290,13 +292,13 @@ def _started(settings: DriveSettings, spec: RobotSpec) -> DriveSettings:
 
 
 def _initial_pose(hardware: Hardware) -> InitialPose | None:
-    """Return what tells the robot's localisation where the robot is; None where that is not asked for."""
+    """Return the sender of the robot's first pose to its localisation; None where no option asks for it."""
     settings = hardware.settings
     found = settings.localisation
     if found.start is None or found.source is Source.ODOMETRY:
         return None
     place = settings.on_robots_map(found.start)
-    told = PoseWithCovarianceStamped(0, settings.map_frame, place, found.variances)
+    told = PoseWithCovarianceStamped(0, settings.localisation.map_frame, place, found.variances)
     sender = hardware.link.publisher(settings.topic("initialpose"), PoseWithCovarianceStamped)
     return InitialPose(found.start, told, sender)
 
@@ -339,13 +341,6 @@ def _scenario(
         "radio": {"via": "direct"},
     }
     return load_scenario(raw, overrides, called="options", aliases={"terrain.map": "--map", "robots": "--robots"})
-
-
-def _write(scenario: Scenario, path: Path) -> None:
-    try:
-        path.write_text(dump_scenario(scenario), encoding="utf-8")
-    except OSError as error:
-        raise BadInput(f"--write-scenario {path}: cannot be written ({error.strerror}); give another file") from None
 
 
 def _choose_router(process: ProcessContext) -> None:

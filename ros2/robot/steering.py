@@ -28,12 +28,12 @@ Place = tuple[float, float]
 ENOUGH_M = 0.3
 """The way that a robot must have been told to go before it is judged whether it did, m: well beyond pose errors."""
 STUCK_SHARE = 0.25
-"""A robot that has come less far than this share of what it was told stands before something that no map shows."""
+"""A robot that gets less far than this share of its command stands before an obstacle that is on no map."""
 
 LASTING_ZEROS = 5
 """Number of messages of zero velocity at the end: single messages may be lost."""
 ZEROS_S = 0.05
-"""Time between two of them, s. A router with a limit drops what comes too soon after the command before, also a zero
+"""Time between two of them, s. A router with a limit drops commands that come too soon after the last one, zeros too
 (`ros2.wire.access.COMMAND_HZ`)."""
 
 CONFIRM_S = 1.0
@@ -181,7 +181,7 @@ class GoalSteering:
             heading = math.atan2(y - fix.pose.y, x - fix.pose.x)
             settings = self._hardware.settings
             place = settings.on_robots_map(Pose(x, y, heading))
-            target = PoseStamped(self._hardware.stamp_ns(), settings.map_frame, place)
+            target = PoseStamped(self._hardware.stamp_ns(), settings.localisation.map_frame, place)
             self._goals.go(target, moment_s)
             self._sent = self._wanted
         return ""

@@ -27,7 +27,7 @@ MOVES = 0.05
 """A robot moves whose speed and turn rate add up to more than this, in m/s and rad/s: odometry is noisy."""
 
 STANDS_S = LONGEST_S + 0.1
-"""For how long odometry must say that a robot stands, s: what it says may be so old, and from before the stop."""
+"""For how long odometry must say that a robot stands, s: its messages may be so old, and from before the stop."""
 
 LIMIT_S = 3.0
 """Time for a robot to come to rest before its operator is told that it has not, s."""
@@ -66,7 +66,7 @@ class Standing:
         self._doubt = _JUST
 
     def told(self) -> None:
-        """The robot is told to stand from now on; what was seen before does not count."""
+        """The robot is told to stand from now on; earlier odometry does not count."""
         with self._changed:
             self._told_s = time.monotonic()
             self._still_s, self._doubt = None, _JUST
@@ -100,7 +100,7 @@ _FOLDER = "fogwatch"
 
 
 def state_folder(given: Path | None, environment: Mapping[str, str]) -> Path:
-    """Return the folder for what must outlive this user's processes.
+    """Return the folder for state that must outlive this user's processes.
 
     It is `given` unless that is None, else the first one of systemd's ``StateDirectory=``, else the user's own.
     """
@@ -109,7 +109,7 @@ def state_folder(given: Path | None, environment: Mapping[str, str]) -> Path:
     if first := environment.get("STATE_DIRECTORY", "").partition(":")[0]:
         return Path(first)
     own = Path(environment.get("XDG_STATE_HOME", ""))
-    if own.is_absolute():  # else it does not count, by its own rules
+    if own.is_absolute():  # the XDG rules say to ignore a relative one
         return own / _FOLDER
     with suppress(RuntimeError):
         return Path.home() / ".local" / "state" / _FOLDER
@@ -137,12 +137,12 @@ class StopFiles:
         """Return True if a stop of `stopper` holds."""
         return os.path.lexists(self._path(stopper))
 
-    def note(self, stopper: str, who: str) -> str:
+    def note(self, stopper: str, source: str) -> str:
         """Note that a stop holds, on the disk when this returns; return why that failed, empty if it did not.
 
-        `who` is what people call the stop's source.
+        `source` is what people call the stopper.
         """
-        line = f"{self._robot}: stopped by {who}\n"
+        line = f"{self._robot}: stopped by {source}\n"
         try:
             if not self.holds(stopper):
                 file = os.open(self._path(stopper), os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o600)
@@ -219,14 +219,14 @@ class Stops:
         """The stops of the robot and how to release them; empty if there are none."""
         with self._changed:
             held = [self._texts[stopper] for stopper in self._held]
-        return "; ".join(f"stopped by {who} ({release})" for who, release in held)
+        return "; ".join(f"stopped by {source} ({release})" for source, release in held)
 
     @property
     def error(self) -> str:
         """The reason why the files do not say which stops hold; empty if they do, or will in a moment."""
         return self._error
 
-    def who(self, stopper: Stopper) -> str:
+    def name(self, stopper: Stopper) -> str:
         """Name a source of stops, for people."""
         return self._texts[stopper][0]
 
@@ -262,7 +262,7 @@ class Stops:
         return self._noted == set(self._held)
 
     def _note(self, files: StopFiles) -> None:
-        """Have the files say what holds, always; after an error when something changes."""
+        """Keep the files in step with the stops that hold; after an error, once something changes."""
         while True:
             with self._changed:
                 self._changed.wait_for(lambda: not self._error and not self._is_noted())

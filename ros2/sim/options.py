@@ -101,7 +101,7 @@ def unplugged(options: argparse.Namespace, names: Sequence[str]) -> dict[str, fl
 
 
 def check(options: argparse.Namespace) -> None:
-    """Refuse what is out of range."""
+    """Refuse values out of range, and a map together with a scenario."""
     check_ranges(
         options,
         {

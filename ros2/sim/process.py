@@ -1,4 +1,4 @@
-"""The process of simulated ROS 2 robots: it connects them, keeps the time, and writes down what was measured."""
+"""The process of simulated ROS 2 robots: it connects them, keeps the time, and writes the measurements."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from patrol.errors import BadInput
+from patrol.files.whole_file import writing
 from patrol.net.link import LinkDown
 from patrol.own_sensor import allow_sensor
 from patrol.pose import Pose
@@ -76,14 +77,12 @@ def _scenario(options: argparse.Namespace) -> Scenario:
 
 
 def _noting(process: ProcessContext) -> Note | None:
-    """Return what writes true poses down as they come; None where no option asks for it."""
+    """Return a function that writes true poses as they come; None where no option asks for it."""
     path: Path | None = process.options.poses
     if path is None:
         return None
-    try:
+    with writing(f"--poses {path}", "give another file"):
         file = process.closing.enter_context(path.open("w", encoding="ascii", buffering=1))
-    except OSError as error:
-        raise BadInput(f"--poses {path}: cannot be written ({error.strerror}); give another file") from None
     print("time_s,robot,x,y,heading", file=file)
 
     def note(time_s: float, poses: Mapping[str, Pose]) -> None:
@@ -190,7 +189,5 @@ def _write(options: argparse.Namespace, summary: dict[str, Any]) -> None:
     if options.out is None:
         print(text)
         return
-    try:
+    with writing(f"--out {options.out}", "give another file"):
         options.out.write_text(f"{text}\n", encoding="utf-8")
-    except OSError as error:
-        raise BadInput(f"--out {options.out}: cannot be written ({error.strerror}); give another file") from None

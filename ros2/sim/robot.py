@@ -11,7 +11,7 @@ from patrol.scenario import RobotSpec
 from ros2.sim.bodies import Moved
 from ros2.sim.odometry import DriftingOdometry, Errors
 from ros2.wire import messages
-from ros2.wire.frames import composed, inverted
+from ros2.wire.frames import apart, composed, inverted
 from worldsim.robots.bodies import Body, standstill
 
 __all__ = ["Build", "SimulatedRobot"]
@@ -78,9 +78,9 @@ class SimulatedRobot:
         self._ideal = advance(self._ideal, self.body.command, step_s)
 
     def end(self, moved: Moved, step_s: float) -> None:
-        """Take in what became of the body in the world's step."""
+        """Take in the body's motion in the world's step."""
         body, before = self.body, self.pose
-        body.distance_m += math.dist((body.pose.x, body.pose.y), (moved.pose.x, moved.pose.y))  # 0: it did it itself
+        body.distance_m += apart(body.pose, moved.pose)[0]  # 0: it did it itself
         body.pose = self.pose = moved.pose
         touching = moved.at_wall or moved.at_robot
         if touching and not self._touching:
@@ -95,7 +95,7 @@ class SimulatedRobot:
 
     def end_tick(self) -> None:
         """Note how far the body has come from exact obedience; the next tick begins from where it is."""
-        self.strayed_m.append(math.dist((self._ideal.x, self._ideal.y), (self.pose.x, self.pose.y)))
+        self.strayed_m.append(apart(self._ideal, self.pose)[0])
         self.begin_tick()
 
     def begin_tick(self) -> None:
@@ -116,7 +116,7 @@ def command_of(spec: RobotSpec, twist: messages.Twist, heading: float) -> Comman
 
 
 def eased(going: messages.Twist, told: messages.Twist, most: float, radius: float) -> messages.Twist:
-    """Return the velocity nearest to what a body is told that its motors reach.
+    """Return the velocity nearest to the commanded one that the motors reach.
 
     `most` is by how much a speed may change, m/s; a turn rate may change by `most` / `radius`.
     """

@@ -1,8 +1,7 @@
-"""Simulated ROS 2 robots on one terrain: they move together, and what they have seen is measured."""
+"""Simulated ROS 2 robots on one terrain: they move together, and their patrol is measured."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
@@ -11,7 +10,7 @@ import numpy as np
 from patrol.pose import Pose
 from ros2.sim.bodies import Bodies
 from ros2.sim.node import RobotNode
-from ros2.wire.frames import composed
+from ros2.wire.frames import apart, composed
 from worldsim.truth import Truth
 
 STEP_S = 0.02
@@ -19,7 +18,7 @@ STEP_S = 0.02
 
 
 class Simulation:
-    """Robots that move by what they are told.
+    """Robots that move by their commands.
 
     The bodies' fog is measured by `truth`, once in `look_s`, a tick of the fleet.
 
@@ -134,7 +133,7 @@ class Simulation:
             "distance_m": robot.body.distance_m,
             "strayed_mean_m": sum(strayed_m) / len(strayed_m) if strayed_m else None,
             "strayed_max_m": max(strayed_m, default=0.0),
-            "odometry_off_m": math.dist((robot.pose.x, robot.pose.y), (counted.x, counted.y)),
+            "odometry_off_m": apart(robot.pose, counted)[0],
             "commands": robot.commands,
             "messages": node.said,
             "watchdog_stops": robot.watchdog_stops,

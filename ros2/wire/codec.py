@@ -1,4 +1,4 @@
-"""Messages of ours to CDR bytes and back. Whatever cannot be used raises `Malformed`, and nothing else.
+"""Messages of ours to CDR bytes and back. A message that cannot be used raises `Malformed`, and nothing else.
 
 The classes of `messages.py` say by their annotations where each of their fields lies in ROS, and how it is packed:
 

@@ -1,4 +1,4 @@
-"""The two formats: which keys messages have, and what goes along with them.
+"""The two formats: the keys and attachments of messages.
 
     rmw_zenoh              0/robot1/cmd_vel/geometry_msgs::msg::dds_::Twist_/RIHS01_9c45...   with an attachment
     zenoh-bridge-ros2dds   robot1/cmd_vel
@@ -45,7 +45,7 @@ class Attachment:
 
 
 def attachment_of(given: bytes) -> Attachment | None:
-    """Return the attachment in some bytes; None for what is none."""
+    """Return the attachment in some bytes; None if there is none."""
     if len(given) != _ATTACHMENT.size or given[16] != _GID:
         return None
     sequence, sent_ns, _, sender = _ATTACHMENT.unpack(given)
@@ -123,7 +123,7 @@ class RmwZenoh:
         return entity.token
 
     def entity(self, token: str, /) -> Entity | None:
-        """Return the entity that a token of any node stands for; None for what is none."""
+        """Return the entity that a token of any node stands for; None if it is none."""
         return entity_of(token)
 
 

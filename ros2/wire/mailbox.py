@@ -42,7 +42,7 @@ class Overheard:
 
 
 class Ear:
-    """Notes what is overheard, on one thread; another may look at it.
+    """Notes overheard messages on one thread; another may look at them.
 
     Only the first 64 keys are kept; `more` counts the messages under others.
     """

@@ -50,7 +50,7 @@ class Bool:
 @message("rosgraph_msgs/msg/Clock", 64)
 @dataclass(frozen=True, slots=True)
 class Clock:
-    """rosgraph_msgs/Clock: what time it is in a simulation."""
+    """rosgraph_msgs/Clock: the time in a simulation."""
 
     stamp_ns: Annotated[int, "clock", ros.TIME]
 
@@ -174,7 +174,7 @@ class OccupancyGrid:
 
     @classmethod
     def of_ros(cls, found: Any) -> OccupancyGrid:
-        """Return what a message of ROS says."""
+        """Return the content of a message of ROS."""
         info = found.info
         width, height = int(info.width), int(info.height)
         if not 0 < width * height == len(found.data) <= MOST_CELLS:
@@ -210,7 +210,7 @@ class Path:
 
     @classmethod
     def of_ros(cls, found: Any) -> Path:
-        """Return what a message of ROS says."""
+        """Return the content of a message of ROS."""
         poses = tuple(ros.POSE.unpack(stamped.pose) for stamped in found.poses)
         return cls(ros.TIME.unpack(found.header.stamp), ros.FRAME.unpack(found.header.frame_id), poses)
 
@@ -279,7 +279,7 @@ class CancelResponse:
 @message(FEEDBACK, 0)
 @dataclass(frozen=True, slots=True)
 class Feedback:
-    """The feedback of NavigateToPose; only sent here, since what it holds differs by release."""
+    """The feedback of NavigateToPose; only sent here, since its fields differ by release."""
 
     goal_id: GoalId
     current: Annotated[PoseStamped, "feedback.current_pose"]
@@ -290,13 +290,13 @@ class Feedback:
 @message("action_msgs/msg/GoalStatusArray", 64 * _KIB)
 @dataclass(frozen=True, slots=True)
 class GoalStatusArray:
-    """action_msgs/GoalStatusArray: the goals of an action and how they are (`ros2.wire.goals.Status`)."""
+    """action_msgs/GoalStatusArray: the goals of an action and their states (`ros2.wire.goals.Status`)."""
 
     goals: Annotated[tuple[tuple[bytes, int], ...], "status_list", ros.listed(ros.GOAL_STATUS)] = ()
 
 
 class DiagnosticLevel(IntEnum):
-    """How a part of a robot does, as diagnostic_msgs/DiagnosticStatus numbers it."""
+    """The state of a part of a robot, by the numbers of diagnostic_msgs/DiagnosticStatus."""
 
     OK = 0
     WARN = 1
@@ -319,7 +319,7 @@ class DiagnosticStatus:
 @message("diagnostic_msgs/msg/DiagnosticArray", 0)
 @dataclass(frozen=True, slots=True)
 class DiagnosticArray:
-    """diagnostic_msgs/DiagnosticArray: how some parts of a robot do; only sent here."""
+    """diagnostic_msgs/DiagnosticArray: the states of parts of a robot; only sent here."""
 
     stamp_ns: Stamp
     statuses: Annotated[tuple[DiagnosticStatus, ...], "status"]

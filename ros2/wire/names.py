@@ -120,7 +120,7 @@ class NodeName:
 
 @dataclass(frozen=True, slots=True)
 class Entity:
-    """A node, or what a node has: a publisher, a subscription, a service's server or client."""
+    """A node, or a part of one: a publisher, a subscription, a service's server or client."""
 
     domain: int  # ROS_DOMAIN_ID
     session: str

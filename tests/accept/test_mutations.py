@@ -126,7 +126,7 @@ def _forged(name: str, by: int) -> Plant:
 
 def _wrong_by(change: Callable[[Any], Any]) -> Plant:
     """Change the drift by which senses are wrong."""
-    return _wrap(Senses, "_error", lambda real, of, entry, fault, *at: real(of, entry, change(fault), *at))
+    return _wrap(Senses, "_pose_error", lambda real, of, entry, fault, *at: real(of, entry, change(fault), *at))
 
 
 def _batteries(field: str, factor: float) -> Plant:
@@ -166,10 +166,10 @@ def _drives(change: Callable[[int, float], float]) -> Plant:
 
 def _varies(change: Callable[[float, float, float], tuple[float, float, float]]) -> Plant:
     """Change the shares of speed and turning, and the veer, under motion faults."""
-    return _wrap(noise, "_changed", lambda real, command, *of: real(command, *change(*of[:3]), *of[3:]))
+    return _wrap(noise, "_change_command", lambda real, command, *of: real(command, *change(*of[:3]), *of[3:]))
 
 
-_hit_elsewhere = _wrap(RadioRules, "_hit", lambda real, of, entry, *at: real(of, _elsewhere(entry), *at))
+_hit_elsewhere = _wrap(RadioRules, "_mark_hits", lambda real, of, entry, *at: real(of, _elsewhere(entry), *at))
 _links_elsewhere = _wrap(rules, "_on_link", lambda real, entry, *link: real(_elsewhere(entry), *link))
 _rules_late = _wrap(RadioRules, "begin", lambda real, of, k, poses: real(of, k - 1, poses))
 _rarely = put(rules, "draw", lambda real: lambda *of: math.sqrt(real(*of)))
@@ -226,7 +226,11 @@ _break(
     ("what is active is a tick late", "nothing crossed", _wrap(Timeline, "at", lambda real, of, k: real(of, k - 1))),
     ("acts are a tick late", "statuses", _wrap(Timeline, "acts", lambda real, of, k: real(of, k - 1))),
     ("acts are left out", "statuses", put(Timeline, "acts", lambda _: lambda *_: ())),
-    ("others are hit", "fault times", _wrap(Timeline, "_resolve", lambda real, *of: tuple(map(_next, real(*of))))),
+    (
+        "others are hit",
+        "fault times",
+        _wrap(Timeline, "_resolve_target", lambda real, *of: tuple(map(_next, real(*of)))),
+    ),
 )
 
 # --- the radio -------------------------------------------------------------------------------------------------------
@@ -278,7 +282,7 @@ _break(
     _faults({"kind": "partition", "groups": [["r1"], ["r2", "r3"]], "direction": "one-way", "for": 20.0}),
     "a one-way partition cuts both ways",
     ("it is a tick late", "nothing crossed", _rules_late),
-    ("groups are others", "nothing crossed", _wrap(rules, "_group", lambda real, groups, n: real(groups, _next(n)))),
+    ("groups are others", "nothing crossed", _wrap(rules, "_group_of", lambda real, groups, n: real(groups, _next(n)))),
 )
 _break(
     "silence",
@@ -308,7 +312,7 @@ _break(
     "walls do not weaken the radio",
     "a frame meets twice the noise",
     ("shadowing is half as strong", "path loss", _wrap(path_loss, "normals", lambda real, *of: 0.5 * real(*of))),
-    ("chances are halved", "path loss", _wrap(PathLoss, "_chance", lambda real, *of: 0.5 * real(*of))),
+    ("chances are halved", "path loss", _wrap(PathLoss, "_reception_chance", lambda real, *of: 0.5 * real(*of))),
 )
 _SPOOF = {"kind": "spoof", "as": "r2", "for": 30.0}
 _break(
@@ -328,8 +332,12 @@ _break(
 _break(
     "spoof that repeats",
     _faults({**_SPOOF, "payload": {"replay": 2.0}}),
-    ("frames are too young", "forgeries", _wrap(Forger, "_age", lambda real, *of: max(real(*of) - 1, 0))),
-    ("they are another's", "forgeries", _wrap(Forger, "_repeated", lambda real, of, ago, n: real(of, ago, _next(n)))),
+    ("frames are too young", "forgeries", _wrap(Forger, "_frame_age", lambda real, *of: max(real(*of) - 1, 0))),
+    (
+        "they are another's",
+        "forgeries",
+        _wrap(Forger, "_repeat_frames", lambda real, of, ago, n: real(of, ago, _next(n))),
+    ),
 )
 _break(
     "spoof that freezes",
@@ -348,7 +356,11 @@ _break(
     _faults({"kind": "delay", "delay": {"constant": 2.0}, "for": 20.0}, {"kind": "kill", "who": "r2", "at": 6.0}),
     "late frames come a tick early",
     ("the dead hear", "the down are silent", put(ether, "_DEAF", lambda _: {}), _living_hear),
-    ("frames in flight vanish", "links add up", _wrap(ether, "_arrived", lambda real, *of: real(*of[:4], of[4][1:]))),
+    (
+        "frames in flight vanish",
+        "links add up",
+        _wrap(ether, "_arrived_frames", lambda real, *of: real(*of[:4], of[4][1:])),
+    ),
 )
 _break(
     "draws of the ether",
@@ -399,11 +411,11 @@ _break(
 _break(
     "jumps of places",
     _faults({"kind": "drift", "who": "all", "jump": {"every": 5.0, "size": 2.0}}),
-    ("they are half as long", "senses", _wrap(Senses, "_jumped", lambda real, *of: real(*of[:-1], 0.5 * of[-1]))),
+    ("they are half as long", "senses", _wrap(Senses, "_sum_jumps", lambda real, *of: real(*of[:-1], 0.5 * of[-1]))),
     (
         "they are half as many",
         "senses",
-        _wrap(Senses, "_jumped", lambda real, *of: real(*of[:-2], of[-2] // 2, of[-1])),
+        _wrap(Senses, "_sum_jumps", lambda real, *of: real(*of[:-2], of[-2] // 2, of[-1])),
     ),
 )
 _break(

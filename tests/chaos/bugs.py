@@ -216,7 +216,7 @@ _bug(
 _bug(
     "a restarted robot keeps what it has heard",
     "refused frames",
-    put(InProcessFleet, "_drop", lambda _: lambda *_: None),
+    put(InProcessFleet, "_drop_robot", lambda _: lambda *_: None),
     put(
         InProcessFleet, "start", lambda real: lambda of, number, n: None if number in of.minds else real(of, number, n)
     ),
@@ -260,13 +260,13 @@ _bug(
 _bug(
     "a one-way partition cuts both ways",
     "nothing crossed",
-    put(rules, "_cut", lambda real: lambda entry, fault, *of: real(entry, altered(direction="both")(fault), *of)),
+    put(rules, "_mark_cuts", lambda real: lambda entry, fault, *of: real(entry, altered(direction="both")(fault), *of)),
     kind="partition",
 )
 _bug(
     "a silence does not stop what robots hear",
     "nothing crossed",
-    put(rules.RadioRules, "_hit", _hears),
+    put(rules.RadioRules, "_mark_hits", _hears),
     kind="silence",
 )
 _bug(
@@ -295,7 +295,11 @@ _bug(
 _bug(
     "a drift does not grow",
     "senses",
-    put(Senses, "_error", lambda real: lambda of, e, fault, *at: real(of, e, altered(growth=(0.0, 0.0))(fault), *at)),
+    put(
+        Senses,
+        "_pose_error",
+        lambda real: lambda of, e, fault, *at: real(of, e, altered(growth=(0.0, 0.0))(fault), *at),
+    ),
     kind="drift",
     settings=DRIFTING,
 )
@@ -377,7 +381,9 @@ def _trace(real: Any) -> Any:
 def _driven(_: Any) -> Any:
     def driven(of: Any, k: int, commands: Any) -> Any:
         speed = 0.9 if k % 7 == 0 else 1.0
-        return {number: noise._changed(command, speed, 1.0, 0.0, of._step) for number, command in commands.items()}
+        return {
+            number: noise._change_command(command, speed, 1.0, 0.0, of._step) for number, command in commands.items()
+        }
 
     return driven
 
@@ -458,7 +464,7 @@ _bug(
 _bug(
     "a robot exceeds its top speed",
     "moves",
-    put(world, "within_limits", lambda _: lambda _, command: noise._changed(command, 1.5, 1.0, 0.0, 1.0)),
+    put(world, "within_limits", lambda _: lambda _, command: noise._change_command(command, 1.5, 1.0, 0.0, 1.0)),
 )
 _bug("moves are uneven without a fault", "moves", put(noise.MotionNoise, "driven", _driven))
 _bug("the fog counts a tick less", "fog", put(Fog, "mfow", lambda real: lambda *of: real(*of) - 1))
@@ -505,7 +511,7 @@ _bug(
 _bug(
     "closures close on robots",
     "bodies apart",
-    put(Closures, "_overlaps", lambda _: lambda *_: False),
+    put(Closures, "_overlaps_body", lambda _: lambda *_: False),
     needs="feature closures by rates",
 )
 _bug("robots send places a centimetre off", "frames", _sent(x_cm=1))
@@ -555,7 +561,7 @@ _bug(
 _bug(
     "a frame meets twice the noise",
     "path loss",
-    put(path_loss.PathLoss, "_noise", lambda real: lambda *of: real(*of) + 3.0),
+    put(path_loss.PathLoss, "_noise_levels", lambda real: lambda *of: real(*of) + 3.0),
     needs="feature path loss",
 )
 _bug(

@@ -104,7 +104,9 @@ class OnTime(Check):
                 extra = (0.0, 0.0) if entry.fault.delay is None else bounds(entry.fault.delay)
                 spans.append((takes[0] + extra[0], takes[1] + extra[1]))
             soonest = record.k + bool(holders)
-            ticks = [(self._heard_in(record.k, least), self._heard_in(record.k, most)) for least, most in spans]
+            ticks = [
+                (self._heard_in(record.k, shortest), self._heard_in(record.k, longest)) for shortest, longest in spans
+            ]
             self._due[link] = [(max(first, soonest), last) for first, last in ticks]
             for _, last in self._due[link]:
                 if last < math.inf:
@@ -114,25 +116,25 @@ class OnTime(Check):
 
     def _takes(self, link: Link, on: dict[str, Entry], delayers: Sequence[str]) -> Span:
         """Return the least and the longest time (s) of a frame that, by the journal, these faults delayed, or none."""
-        least = greatest = 0.0
+        lowest = greatest = 0.0
         for fault, entry in on.items():
             if isinstance(entry.fault, Delay):
                 shortest, longest = bounds(entry.fault.delay)
-                least, greatest = least + shortest, greatest + longest
+                lowest, greatest = lowest + shortest, greatest + longest
             elif isinstance(entry.fault, Reorder):
                 hold = self._step if entry.fault.hold is None else entry.fault.hold
                 # The journal does not name the reorders of a frame that arrived in its own tick.
-                least += hold * (fault in delayers)
+                lowest += hold * (fault in delayers)
                 greatest += hold * (fault in delayers or not delayers)
         for fault in delayers:
             if fault not in on or isinstance(on[fault].fault, Duplicate):
                 self._wrong(link, f"was delayed by {fault}, which does not delay it")
         if delayers and self._heard_in(0, greatest) < 1:
             self._wrong(link, "was recorded as delayed, but by too little to arrive in a later tick")
-        if not delayers and self._heard_in(0, least) > 0:
+        if not delayers and self._heard_in(0, lowest) > 0:
             self._wrong(link, "was not delayed and should have been")
         at_once_s = SOON * self._step
-        return (max(least, at_once_s), greatest) if delayers else (least, min(greatest, at_once_s))
+        return (max(lowest, at_once_s), greatest) if delayers else (lowest, min(greatest, at_once_s))
 
     def _heard_in(self, k: int, seconds: float) -> float:
         """Return the tick in which a frame is heard that was sent in tick k and takes a time in seconds."""
@@ -332,13 +334,13 @@ def alarm_of(timeline: Timeline) -> float:
 
 def bounds(wait: Wait) -> Span:
     """Return the least and the greatest length of a wait, s."""
-    first, *rest = wait.values
+    first, *parameters = wait.values
     match wait.shape:
         case "constant":
             return first, first
         case "uniform":
-            return first, rest[0]
-        case "normal" if rest[0] == 0.0:
+            return first, parameters[0]
+        case "normal" if parameters[0] == 0.0:
             return first, first
     return 0.0, (math.inf if first > 0.0 or wait.shape == "normal" else 0.0)
 
@@ -348,21 +350,21 @@ def longer(wait: Wait, seconds: float) -> float:
 
     The wait's distribution must not be constant.
     """
-    first, *rest = wait.values
+    first, *parameters = wait.values
     match wait.shape:
         case "uniform":
-            return min(max((rest[0] - seconds) / (rest[0] - first), 0.0), 1.0)
+            return min(max((parameters[0] - seconds) / (parameters[0] - first), 0.0), 1.0)
         case "normal":
-            return 0.5 * math.erfc((seconds - first) / (rest[0] * math.sqrt(2.0)))
+            return 0.5 * math.erfc((seconds - first) / (parameters[0] * math.sqrt(2.0)))
     return math.exp(-seconds / first)
 
 
 def _median(wait: Wait) -> float:
     """Return the median of a wait, s."""
-    first, *rest = wait.values
+    first, *parameters = wait.values
     match wait.shape:
         case "uniform":
-            return 0.5 * (first + rest[0])
+            return 0.5 * (first + parameters[0])
         case "exponential":
             return first * math.log(2.0)
     return first

@@ -135,19 +135,19 @@ class MovesAreTrue(Check):
             return "" if free else "drives through a wall"
         if not free:
             return ""
-        for other in rows:
-            if other.number == row.number or other.number in self._expected.away:
+        for neighbour in rows:
+            if neighbour.number == row.number or neighbour.number in self._expected.away:
                 continue
-            other_far_m = driven[other.number].speed_mps * self._step
-            reach_m = radius + self._specs[other.number].radius + far_m + other_far_m
-            if math.hypot(other.x - row.x, other.y - row.y) <= reach_m + SLACK:
+            other_far_m = driven[neighbour.number].speed_mps * self._step
+            reach_m = radius + self._specs[neighbour.number].radius + far_m + other_far_m
+            if math.hypot(neighbour.x - row.x, neighbour.y - row.y) <= reach_m + SLACK:
                 return ""
         return "has a cancelled move although neither a wall nor another body was in its way,"
 
     def _problem_of(self, row: RobotTick, spec: RobotSpec, pose: Pose, command: Command) -> str:
-        due = self._due[row.number]
-        if pose != due:
-            return f"is at {_place(pose)} and not at {_place(due)}, where its last move ended,"
+        expected = self._due[row.number]
+        if pose != expected:
+            return f"is at {_place(pose)} and not at {_place(expected)}, where its last move ended,"
         if row.status is not Status.ALIVE and (not is_halt(command) or row.bumped):
             return f"is {row.status.name.lower()} and drives"
         if row.refused and (row.c0 != 0.0 or row.c1 != 0.0):
@@ -236,8 +236,8 @@ class BatteriesLast(Check):
         for wrong in np.flatnonzero((ways > 0.0) & is_on & (self._left < NOTHING_J)):
             self._fail(f"{self._name(self._numbers[wrong])} drives at tick {record.k} although its battery is empty")
         change = np.where(is_on, -self._per_s * self._step - self._per_m * ways, 0.0)
-        for at in self._charging(rows, is_on & (ways == 0.0)):
-            change[at] += self._gained_per_s[at] * self._step
+        for index in self._charging(rows, is_on & (ways == 0.0)):
+            change[index] += self._gained_per_s[index] * self._step
         before, self._left = self._left, np.minimum(self._left + change, self._capacity)
         self._left[self._left < NOTHING_J] = 0.0
         self._least = np.minimum(self._least, self._left / self._capacity)
@@ -267,4 +267,4 @@ class BatteriesLast(Check):
         away = away.round(DIGITS)
         away[~stands] = np.inf
         nearest = away.argmin(axis=0)
-        return {int(at) for dock, at in enumerate(nearest) if away[at, dock] <= self._reaches[dock]}
+        return {int(index) for dock, index in enumerate(nearest) if away[index, dock] <= self._reaches[dock]}

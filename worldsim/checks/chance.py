@@ -79,7 +79,7 @@ class Series:
 
 def first_problem(series: Iterable[Series], alarm: float) -> str:
     """Return the first problem of some series, empty where chance explains all of them."""
-    return next(filter(None, (each.problem(alarm) for each in series)), "")
+    return next(filter(None, (entry.problem(alarm) for entry in series)), "")
 
 
 def _log_beta(a: float, b: float) -> float:

@@ -116,14 +116,14 @@ class SensesAsAsked(Check):
             if source == FORGED or source not in rows:
                 continue
             try:
-                said = decode(frame)
+                report = decode(frame)
             except Rejected:  # the check of frames reports it
                 continue
-            if said.robot != CONTACT:
+            if report.robot != CONTACT:
                 mine = [entry for entry in now if source in entry.who]
                 self._looked += bool(mine)
-                self._look_at_time(record.k, source, said, mine)
-                self._look_at_place(record.k, rows[source], said, mine)
+                self._look_at_time(record.k, source, report, mine)
+                self._look_at_place(record.k, rows[source], report, mine)
 
     def _end(self) -> str:
         for number, reports in self._reports.items():
@@ -132,14 +132,14 @@ class SensesAsAsked(Check):
         return f"{self._looked} frames with the configured errors"
 
     def _look_at_time(self, k: int, number: int, said: Position, mine: Sequence[Entry]) -> None:
-        due = k * self._step
+        expected_s = k * self._step
         for entry in mine:
             if isinstance(entry.fault, Clock):
-                due += entry.fault.offset + entry.fault.rate * (k - entry.begin) * self._step
-        due = min(max(due, 0.0), ms_to_s(MAX_TIME_MS))
+                expected_s += entry.fault.offset + entry.fault.rate * (k - entry.begin) * self._step
+        expected_s = min(max(expected_s, 0.0), ms_to_s(MAX_TIME_MS))
         reported_s = ms_to_s(said.time_ms)
-        if abs(reported_s - due) > ROUNDED_S:
-            self._blame(number, f"reports the time {reported_s:g} s in tick {k}, but its clock shows {due:g} s")
+        if abs(reported_s - expected_s) > ROUNDED_S:
+            self._blame(number, f"reports the time {reported_s:g} s in tick {k}, but its clock shows {expected_s:g} s")
 
     def _look_at_place(self, k: int, row: RobotTick, said: Position, mine: Sequence[Entry]) -> None:
         x, y = cm_to_m(said.x_cm), cm_to_m(said.y_cm)
@@ -179,20 +179,20 @@ class SensesAsAsked(Check):
 
     def _hold(self, k: int, number: int, reports: _Reports, said: Place, due: Place) -> None:
         """Compare a place with those since the last jump under the same drifts, and add it to these."""
-        known = reports.now if reports.now.jumps else _Segment(0, math.inf)
-        if not known.count:
-            if all(self._inland(at, axis, 0.0) for axis, at in enumerate(said)):
+        segment = reports.now if reports.now.jumps else _Segment(0, math.inf)
+        if not segment.count:
+            if all(self._inland(coordinate, axis, 0.0) for axis, coordinate in enumerate(said)):
                 reports.now.add(said[0] - due[0], said[1] - due[1])
             return
-        expected = due[0] + known.x, due[1] + known.y
-        spread = reports.noise * math.sqrt(1.0 + 1.0 / known.count)
+        expected = due[0] + segment.x, due[1] + segment.y
+        spread = reports.noise * math.sqrt(1.0 + 1.0 / segment.count)
         margin = 2.0 * ROUNDED_M + SURE * spread
-        inland = [self._inland(at, axis, margin) for axis, at in enumerate(expected)]
+        inland = [self._inland(coordinate, axis, margin) for axis, coordinate in enumerate(expected)]
         for axis in (0, 1):
-            at = min(max(expected[axis], self._bounds[axis]), self._bounds[axis + 2])
-            if abs(said[axis] - at) > margin + (0.0 if inland[axis] else self._point):
-                place, asked = (f"({x:.2f}, {y:.2f})" for x, y in (said, expected))
-                self._blame(number, f"reports the place {place} in tick {k}, but its drift asks for {asked}")
+            coordinate = min(max(expected[axis], self._bounds[axis]), self._bounds[axis + 2])
+            if abs(said[axis] - coordinate) > margin + (0.0 if inland[axis] else self._point):
+                reported, wanted = (f"({x:.2f}, {y:.2f})" for x, y in (said, expected))
+                self._blame(number, f"reports the place {reported} in tick {k}, but its drift asks for {wanted}")
         if all(inland):
             reports.now.add(said[0] - due[0], said[1] - due[1])
             if reports.noise >= COARSE_M:
@@ -285,10 +285,10 @@ class MotionAsAsked(Check):
         if free_fraction(self._terrain, pose, pose, reach_m) < 1.0:
             return False
         return all(
-            math.hypot(other.x - row.x, other.y - row.y)
-            > reach_m + self._specs[other.number].radius + self._command(other).speed_mps * time_s
-            for other in rows
-            if other.number != row.number and other.number not in self._expected.away
+            math.hypot(neighbour.x - row.x, neighbour.y - row.y)
+            > reach_m + self._specs[neighbour.number].radius + self._command(neighbour).speed_mps * time_s
+            for neighbour in rows
+            if neighbour.number != row.number and neighbour.number not in self._expected.away
         )
 
     def _look_at_move(self, move: Move, after: Pose) -> None:
@@ -345,6 +345,6 @@ class MotionAsAsked(Check):
         """Return True for the first move that shows what was drawn for a stretch of time."""
         k, entry, row = move
         stretch = k if every is None else math.floor((k - entry.begin) * self._step / every + 1e-9)
-        known = self._stretches.get((entry.index, row.number, what))
+        previous = self._stretches.get((entry.index, row.number, what))
         self._stretches[entry.index, row.number, what] = stretch
-        return stretch != known
+        return stretch != previous

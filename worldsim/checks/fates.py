@@ -49,7 +49,9 @@ ROUNDING_BYTES = 1e-6
 def causes_before(kind: type[Fault]) -> frozenset[str]:
     """Return the causes, and kinds of faults, that may drop a frame before a fault of some kind has its turn."""
     earlier = DROPS[: DROPS.index(kind)]
-    return frozenset({OVERSIZED, OWN, *(get_args(each.model_fields["kind"].annotation)[0] for each in earlier)})
+    return frozenset(
+        {OVERSIZED, OWN, *(get_args(fault_class.model_fields["kind"].annotation)[0] for fault_class in earlier)}
+    )
 
 
 BEFORE_THE_AIR = causes_before(Loss)
@@ -71,8 +73,8 @@ def origins_of(record: TickRecord, forgers: Mapping[str, int]) -> dict[tuple[int
     """
     forged = dict(enumerate(record.forged))
     return {
-        (source, sequence): forgers.get(forged.get(place, ""), NO_ROBOT) if source == FORGED else source
-        for source, sequence, place in _sequences(record)
+        (source, sequence): forgers.get(forged.get(index, ""), NO_ROBOT) if source == FORGED else source
+        for source, sequence, index in _sequences(record)
     }
 
 
@@ -182,8 +184,8 @@ class DropsExplained(Check):
         """Mark the dropped frames on which a cause can act when they are sent."""
         to, every = dropped.destination, np.ones(len(dropped), dtype=np.bool_)
         if why == OWN:
-            own: NDArray[np.bool_] = (dropped.source == FORGED) & (origins == to)
-            return own
+            is_own: NDArray[np.bool_] = (dropped.source == FORGED) & (origins == to)
+            return is_own
         if why == self._of_model:
             return every
         entry = self._by_id.get(fault_of(why))
@@ -202,8 +204,8 @@ def _origins(dropped: Drops, sent: Mapping[tuple[int, int], int], k: int) -> NDA
     positions = [source for source, sequence in sent if source != FORGED and sequence == k]
     is_position = (dropped.sequence == k) & np.isin(dropped.source, positions)
     origins = np.where(is_position, dropped.source, NO_ROBOT)
-    for other in np.flatnonzero(~is_position):
-        origins[other] = sent.get((int(dropped.source[other]), int(dropped.sequence[other])), NO_ROBOT)
+    for row in np.flatnonzero(~is_position):
+        origins[row] = sent.get((int(dropped.source[row]), int(dropped.sequence[row])), NO_ROBOT)
     return origins
 
 
@@ -227,15 +229,17 @@ class NothingCrossed(Check):
         for origin, link, why in fates(record, self._run.forgers) if cuts else ():
             if why in (OVERSIZED, OWN):
                 continue
-            due = next((entry for entry in cuts if _stops(entry, origin, link[1])), None)
+            stopper = next((entry for entry in cuts if _stops(entry, origin, link[1])), None)
             cut = why if kind_of(why) in ("silence", "partition") else ""
             self._stopped += bool(cut)
-            if cut == ("" if due is None else f"{due.fault.kind}:{due.id}"):
+            if cut == ("" if stopper is None else f"{stopper.fault.kind}:{stopper.id}"):
                 continue
             by = cut.replace(":", " ")
             problem = f"was stopped by {by}, which does not apply to it"
-            if due is not None:
-                problem = f"got through {due.fault.kind} {due.id}" + (f" and was stopped by {by}" if cut else "")
+            if stopper is not None:
+                problem = f"got through {stopper.fault.kind} {stopper.id}" + (
+                    f" and was stopped by {by}" if cut else ""
+                )
             self._fail(f"a frame {self._way(link)} of tick {record.k} {problem}")
             return
 
@@ -251,9 +255,9 @@ def _stops(entry: Entry, origin: int, to: int) -> bool:
         return muted or (to in entry.who and fault.direction != "out")
     if not isinstance(fault, Partition) or origin == NO_ROBOT:
         return False
-    here = [place for place, group in enumerate(entry.groups) if origin in group]
-    other = [place for place, group in enumerate(entry.groups) if to in group]
-    return here != other and (fault.direction == "both" or here < other)
+    here = [index for index, group in enumerate(entry.groups) if origin in group]
+    target_groups = [index for index, group in enumerate(entry.groups) if to in group]
+    return here != target_groups and (fault.direction == "both" or here < target_groups)
 
 
 @dataclass(slots=True)

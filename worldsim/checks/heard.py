@@ -92,8 +92,8 @@ class FatesAsRecomputed(Check):
                 self._fail(f"tick {record.k}: a frame of {self._name(source)}, which is not alive")
                 return
         if lost := self._run.lost_in(record.k):  # before they could hear anything
-            gone = {to for _, to, _, why in record.dropped if why == RECEIVER_DEAD and to in lost}
-            statuses |= dict.fromkeys(gone, Status.LOST)
+            receivers = {to for _, to, _, why in record.dropped if why == RECEIVER_DEAD and to in lost}
+            statuses |= dict.fromkeys(receivers, Status.LOST)
         poses = {row.number: Pose(row.x, row.y, row.heading) for row in record.robots if row.status.is_present}
         if self._stated is not None:
             self._stated.record = record
@@ -127,8 +127,8 @@ class FatesAsRecomputed(Check):
             return "" if fate == "dropped" else f"the order of what was {fate} is not the recomputed one"
         (source, to, sequence, *why) = min(surplus or missing)
         reason = f" ({why[0]})" if why else ""
-        said = f"was {fate}{reason} and should not have been" if surplus else f"should have been {fate}{reason}"
-        return f"frame {sequence} {self._way((source, to, sequence))} {said}"  # type: ignore[arg-type]
+        text = f"was {fate}{reason} and should not have been" if surplus else f"should have been {fate}{reason}"
+        return f"frame {sequence} {self._way((source, to, sequence))} {text}"  # type: ignore[arg-type]
 
 
 class LinksAddUp(Check):
@@ -164,10 +164,10 @@ class LinksAddUp(Check):
     def _end(self) -> str:
         wrong = Counter(self._open)
         wrong.subtract(self._recomputed.in_flight)
-        wrong = Counter({link: left for link, left in wrong.items() if left})
+        wrong = Counter({link: balance for link, balance in wrong.items() if balance})
         if wrong:
-            link, left = min(wrong.items())
-            problem = "neither delivered nor dropped" if left > 0 else "delivered or dropped but not sent"
+            link, balance = min(wrong.items())
+            problem = "neither delivered nor dropped" if balance > 0 else "delivered or dropped but not sent"
             self._fail(f"frame {link[2]} {self._way(link)} was {problem} ({len(wrong)} such frames)")
         flying = f", {self._open.total()} in flight" if self._open else ""
         return f"{self._sent} frames sent over links, {self._settled} delivered or dropped{flying}"
@@ -240,7 +240,7 @@ class Hearing(Check):
         self._recomputed = run.reading(FatesAsRecomputed)
         if self._scenario.factor is not None:
             self._unknown = "not judged: the run kept to the clock, so nobody knows in which tick a frame was heard"
-        self._place = {spec.number: place for place, spec in enumerate(self._scenario.roster)}
+        self._place = {spec.number: index for index, spec in enumerate(self._scenario.roster)}
         self._listening: set[int] = set()
         self._used = Used(len(self._place))
         self._refused: Counter[str] = Counter()
@@ -269,8 +269,8 @@ class Hearing(Check):
         delivery = self._recomputed.delivery
         if self._unknown or delivery is None:
             return
-        gone = (event.robot for event in self._events_before(record.k) if event.kind in _GONE)
-        self._drop_inboxes(self._listening.intersection(gone))
+        departed = (event.robot for event in self._events_before(record.k) if event.kind in _GONE)
+        self._drop_inboxes(self._listening.intersection(departed))
         rows = [row for row in record.robots if row.status is Status.ALIVE and row.number in delivery.heard]
         self._listening.update(row.number for row in rows)
         intake = self._inboxes.hear(record.k, heard_by([row.number for row in rows], delivery.heard))
@@ -304,10 +304,10 @@ class Hearing(Check):
                 continue
             for row, is_again in zip(rows.tolist(), again.tolist(), strict=True):
                 number = intake.listeners[row]
-                place = int(np.count_nonzero(intake.heard[row, :column]))
-                if place < len(forged.get(number, ())):
-                    forgery = AcceptedForgery(number, forged[number][place], position, is_again)
-                    accepted.append((row, place, forgery))
+                index = int(np.count_nonzero(intake.heard[row, :column]))
+                if index < len(forged.get(number, ())):
+                    forgery = AcceptedForgery(number, forged[number][index], position, is_again)
+                    accepted.append((row, index, forgery))
                 elif is_again:
                     frame = f"frame {position.sequence} of {self._name(position.robot)}"
                     self._fail(f"{self._name(number)} accepted {frame} a second time at tick {k}")
@@ -364,8 +364,8 @@ class ForgedAsConfigured(Check):
         return Hearing.applies(run) and super().applies(run)
 
     def _tick(self, record: TickRecord) -> None:
-        for place, fault in enumerate(record.forged):
-            self._fault_of[frame_sequence(record.k, place)] = fault
+        for index, fault in enumerate(record.forged):
+            self._fault_of[frame_sequence(record.k, index)] = fault
         for source, _, sequence in record.deliveries:
             if source != FORGED:
                 break

@@ -51,16 +51,16 @@ class Complete(Check):
 
     def _end(self) -> str:
         journal, end = self._run.journal, self._run.journal.end
-        due = round(float(journal.header.scenario["duration"]) / float(journal.header.scenario["step"]))
+        expected = round(float(journal.header.scenario["duration"]) / float(journal.header.scenario["step"]))
         if journal.truncated:
             self._fail(f"the journal is damaged after tick {self._next - 1}")
         elif end is None:
             self._fail(f"the journal stops after tick {self._next - 1} without an end record")
         elif end.reason not in (COMPLETED, INTERRUPTED):
             self._fail(f"the run ended after {self._next} ticks: {end.reason}")
-        elif end.reason == COMPLETED and self._next != due:
-            self._fail(f"{self._next} of {due} ticks")
-        return f"{self._next} of {due} ticks" + (", interrupted" if self._next < due else "")
+        elif end.reason == COMPLETED and self._next != expected:
+            self._fail(f"{self._next} of {expected} ticks")
+        return f"{self._next} of {expected} ticks" + (", interrupted" if self._next < expected else "")
 
 
 class TraceAgrees(Check):
@@ -77,11 +77,11 @@ class TraceAgrees(Check):
         self._trace.tick(record)
 
     def _end(self) -> str:
-        found, end = self._trace.hexdigest(), self._run.journal.end
+        digest, end = self._trace.hexdigest(), self._run.journal.end
         recorded = end.trace_hash if end else "missing"
-        if found != recorded:
-            self._fail(f"the ticks' hash is {found}, the recorded one is {recorded}")
-        return found
+        if digest != recorded:
+            self._fail(f"the ticks' hash is {digest}, the recorded one is {recorded}")
+        return digest
 
 
 class FaultsOnTime(Check):
@@ -114,8 +114,8 @@ class FaultsOnTime(Check):
 
 def _begins(entry: Entry, step: float) -> bool:
     """Return True if a fault begins in the first tick that is not before its `at`."""
-    at = entry.fault.at / step - _ROUNDING
-    return entry.begin >= at and (entry.begin == 0 or entry.begin - 1 < at)
+    begin_tick = entry.fault.at / step - _ROUNDING
+    return entry.begin >= begin_tick and (entry.begin == 0 or entry.begin - 1 < begin_tick)
 
 
 def _ends(entry: Entry, step: float) -> bool:
@@ -126,8 +126,8 @@ def _ends(entry: Entry, step: float) -> bool:
     if entry.end is None or fault.lasts is None:
         return entry.end is None and fault.lasts is None
     ticks = entry.end - entry.begin
-    more = fault.lasts / step + _ROUNDING - ticks
-    return more < 0.5 and (ticks == 1 or (ticks > 1 and more >= -0.5))
+    excess = fault.lasts / step + _ROUNDING - ticks
+    return excess < 0.5 and (ticks == 1 or (ticks > 1 and excess >= -0.5))
 
 
 def _named(entry: Entry) -> Iterator[tuple[Sequence[str], Sequence[int]]]:
@@ -155,13 +155,13 @@ class ExitCodes(Check):
         codes, planned = self._run.exit_codes, self._planned()
         if not codes:
             return "the run had no processes"
-        missing = [name for name, due in planned.items() if due is not None and name not in codes]
+        missing = [name for name, planned_code in planned.items() if planned_code is not None and name not in codes]
         wrong = [f"the exit code of {name} is unknown" for name in missing]
-        judged = {name: due for name in codes if (due := planned.get(name, 0)) is not None}
-        for name, due in judged.items():
-            if codes[name] != due:
+        judged = {name: planned_code for name in codes if (planned_code := planned.get(name, 0)) is not None}
+        for name, planned_code in judged.items():
+            if codes[name] != planned_code:
                 ended = "did not end" if codes[name] is None else f"ended with {codes[name]}"
-                wrong.append(f"{name} {ended}" + (f", not with {due} as planned" if due else ""))
+                wrong.append(f"{name} {ended}" + (f", not with {planned_code} as planned" if planned_code else ""))
         self._fail("; ".join(wrong))
         killed = list(judged.values()).count(KILLED)
         as_planned = f", {killed} were killed as planned" if killed else ""
@@ -171,26 +171,26 @@ class ExitCodes(Check):
         """Return the exit codes due by process, None where any will do."""
         codes: dict[str, int | None] = {}
         for number, name in self._run.names.items():
-            there = number not in self._run.absent_at_first
-            incarnation = FIRST_INCARNATION if there else FIRST_INCARNATION - 1
-            if there:
+            is_alive = number not in self._run.absent_at_first
+            incarnation = FIRST_INCARNATION if is_alive else FIRST_INCARNATION - 1
+            if is_alive:
                 codes[process_name(name, incarnation)] = 0
             for event in self._run.journal.events:
                 if event.robot != number:
                     continue
                 match event.kind:
-                    case "alive" | "lost" if not there:
+                    case "alive" | "lost" if not is_alive:
                         incarnation += 1
-                        there = event.kind == "alive"
-                        codes[process_name(name, incarnation)] = 0 if there else None
+                        is_alive = event.kind == "alive"
+                        codes[process_name(name, incarnation)] = 0 if is_alive else None
                     case "lost":
-                        there = False
+                        is_alive = False
                         codes[process_name(name, incarnation)] = None
-                    case "dead" if there:
-                        there = False
+                    case "dead" if is_alive:
+                        is_alive = False
                         codes[process_name(name, incarnation)] = KILLED
                     case "left":
-                        there = False
+                        is_alive = False
             codes[process_name(name, incarnation + 1)] = None
         return codes
 
@@ -211,12 +211,12 @@ class PausedStandStill(Check):
         looks = self._looks()
         self._fail(
             "; ".join(
-                f"{self._name(robot)} was paused {to} tick {k}, but {seen or 'its process was not inspected'}"
-                for k, robot, to, seen in looks
-                if seen not in (STOPPED, UNSEEN)
+                f"{self._name(robot)} was paused {to} tick {k}, but {finding or 'its process was not inspected'}"
+                for k, robot, to, finding in looks
+                if finding not in (STOPPED, UNSEEN)
             )
         )
-        unseen = sum(seen == UNSEEN for *_, seen in looks)
+        unseen = sum(finding == UNSEEN for *_, finding in looks)
         if unseen and not self._problem:
             self._unknown = f"in {unseen} of {len(looks)} inspections the state of the process was unknown"
         return f"{len(looks)} inspections found the process stopped"

@@ -185,10 +185,10 @@ class ProgressCheck(Check):
 
     def _together(self, traps: Sequence[Trap]) -> int:
         """Count the ticks in which one robot was trapped; a tick that lies in two stays counts once."""
-        ticks = known = 0
+        ticks = counted = 0
         for trap in sorted(traps, key=lambda trap: trap.since):
-            ticks += max(self._until(trap) - max(trap.since, known), 0)
-            known = max(known, self._until(trap))
+            ticks += max(self._until(trap) - max(trap.since, counted), 0)
+            counted = max(counted, self._until(trap))
         return ticks
 
     def _told(self, trap: Trap) -> str:
@@ -197,10 +197,10 @@ class ProgressCheck(Check):
         until = f"the end ({until})" if trap.until is None else until
         never = trap.unseen_since == NEVER
         unseen = "had never been seen" if never else f"was last seen at {trap.unseen_since * step:g} s"
-        seen = "; then all that it could see elsewhere had been seen" if trap.all_seen else ""
+        suffix = "; then all that it could see elsewhere had been seen" if trap.all_seen else ""
         return (
             f"it stayed within {stay.radius:.1f} m of {_at((stay.x, stay.y))} from {trap.since * step:g} s to {until}, "
-            f"while {_at(trap.point)}, {trap.away:.0f} m away, {unseen}{seen}"
+            f"while {_at(trap.point)}, {trap.away:.0f} m away, {unseen}{suffix}"
         )
 
     # --- fog ---------------------------------------------------------------------------------------------------------
@@ -239,12 +239,12 @@ class ProgressCheck(Check):
         """Return what is said of the fog where ground was closed out."""
         assert self._open_ground is not None
         missing = self._never_seen()
-        said = "the fog is not judged, as ground was closed out; mfow_open_max_s says how old open ground got"
+        text = "the fog is not judged, as ground was closed out; mfow_open_max_s says how old open ground got"
         if not missing.any():
-            return said
+            return text
         area = self._run.prepared.terrain.point_area
         never, out = (area * np.count_nonzero(points) for points in (missing, missing & self._open_ground.closed_out))
-        return f"{said}; {never:.0f} m² were never seen, of which {out:.0f} m² are closed out at the end"
+        return f"{text}; {never:.0f} m² were never seen, of which {out:.0f} m² are closed out at the end"
 
     def _never_seen(self) -> BoolGrid:
         never: BoolGrid = (self._fog.last_seen == NEVER) & (self._fog.patrolled != 0)
@@ -252,8 +252,8 @@ class ProgressCheck(Check):
 
     def _stale(self, end: Stalest) -> str:
         near = "" if end.nearest is None else f"; {end.nearest} was nearest to it then, {end.nearest_m:.0f} m away"
-        seen = f"was last seen at {end.at_s - end.age_s:g} s, {end.age_s:g} s before the end"
-        return f"the fog grew to the end: {_at((end.x, end.y))} {seen}{near}"
+        phrase = f"was last seen at {end.at_s - end.age_s:g} s, {end.age_s:g} s before the end"
+        return f"the fog grew to the end: {_at((end.x, end.y))} {phrase}{near}"
 
     def _never(self, never: int, took_s: float) -> str:
         terrain = self._run.prepared.terrain
@@ -345,12 +345,12 @@ class Recovers(Check):
     def _why_not(self, took: str, took_s: float | None, limit_s: float) -> str:
         """Return why recovery cannot be judged, empty when it can."""
         healed = self._healed
-        asked = [event.k for event in self._run.journal.events if event.kind == FAULT_EVENT]
+        fault_ticks = [event.k for event in self._run.journal.events if event.kind == FAULT_EVENT]
         why = ""
         if healed is None:
             why = "a fault lasts to the end"
-        elif asked and asked[-1] > healed:
-            why = f"a fault was added at tick {asked[-1]}"
+        elif fault_ticks and fault_ticks[-1] > healed:
+            why = f"a fault was added at tick {fault_ticks[-1]}"
         elif self._last < healed:
             why = "the run ended before all faults were over"
         elif self._missing:

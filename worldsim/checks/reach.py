@@ -76,11 +76,11 @@ class Sightlines:
         of these in which the line touches points of wall. One in which the line only grazes them may count or not.
         """
         counts = [crossings(sums, *ends, GRAZING_M / self._point) for sums, ends in self._cuts(a, b)]
-        return min(least for least, _ in counts), max(greatest for _, greatest in counts)
+        return min(lowest for lowest, _ in counts), max(greatest for _, greatest in counts)
 
     def _cuts(self, a: Place, b: Place) -> list[tuple[NDArray[np.int64], tuple[float, float, float, float]]]:
         """Return running sums and the ends in points; a line that is nearly a diagonal may be cut both ways."""
-        ends = ([(place[axis] - self._origin[axis]) / self._point for axis in (0, 1)] for place in (a, b))
+        ends = ([(end[axis] - self._origin[axis]) / self._point for axis in (0, 1)] for end in (a, b))
         (x0, y0), (x1, y1) = ends
         by_column, by_row = self._sums
         steeper = abs(y1 - y0) - abs(x1 - x0)
@@ -178,12 +178,12 @@ class PathLossAsAsked(Check):
         ]
         disturbs = self._disturbing(record, [link for _, link, _ in through])
         for origin, link, why in through:
-            least, greatest = self._margin(origin, link[1], disturbs.get(link, []))
+            lowest, greatest = self._margin(origin, link[1], disturbs.get(link, []))
             drawn = draw(self._seed, Purpose.RADIO, _RECEPTION, *link)
             self._lost += why == PATH_LOSS
             self._judged += 1
             problem = ""
-            if why == PATH_LOSS and drawn < self._chance(least - ROUNDING_DB):
+            if why == PATH_LOSS and drawn < self._chance(lowest - ROUNDING_DB):
                 problem = "was lost by path loss and should have been received"
             elif not why and drawn >= self._chance(greatest + ROUNDING_DB):
                 problem = "got through and should have been lost by path loss"
@@ -207,16 +207,18 @@ class PathLossAsAsked(Check):
             reached.setdefault((source, sequence), set()).add(to)
         by_moment = sorted((*begins[frame], frame) for frame in reached)
         overlapping: dict[tuple[int, int], list[tuple[int, tuple[int, int]]]] = {}
-        for place, (moment, origin, frame) in enumerate(by_moment):
-            for next_moment, other, following in by_moment[place + 1 :]:
+        for index, (moment, origin, frame) in enumerate(by_moment):
+            for next_moment, later_origin, following in by_moment[index + 1 :]:
                 if next_moment - moment >= airtime:
                     break
-                if origin != other:
-                    overlapping.setdefault(frame, []).append((other, following))
+                if origin != later_origin:
+                    overlapping.setdefault(frame, []).append((later_origin, following))
                     overlapping.setdefault(following, []).append((origin, frame))
         return {
             (source, to, sequence): [
-                other for other, frame in overlapping[source, sequence] if other == to or to in reached[frame]
+                later_origin
+                for later_origin, frame in overlapping[source, sequence]
+                if later_origin == to or to in reached[frame]
             ]
             for source, to, sequence in through
             if (source, sequence) in overlapping
@@ -227,10 +229,10 @@ class PathLossAsAsked(Check):
         options = self._options
         needs = options.sensitivity - options.noise
         noise = 10.0 ** (options.noise / 10.0)
-        powers = [self._power(other, to) for other in disturbing]
+        powers = [self._power(disturber, to) for disturber in disturbing]
         loud = [noise + math.fsum(10.0 ** (power[side] / 10.0) for power in powers) for side in (0, 1)]
-        least, greatest = self._power(origin, to)
-        return least - 10.0 * math.log10(loud[1]) - needs, greatest - 10.0 * math.log10(loud[0]) - needs
+        lowest, greatest = self._power(origin, to)
+        return lowest - 10.0 * math.log10(loud[1]) - needs, greatest - 10.0 * math.log10(loud[0]) - needs
 
     def _power(self, origin: int, to: int) -> Span:
         """Return the power that a robot receives from another, dBm; its own is what it sends with."""

@@ -89,8 +89,8 @@ class DueFrames:
         silent = [number for number in living if number not in sent]
         if self._always:
             return silent
-        kept = {number: known for number, known in self._known.items() if number not in interrupted}
-        self._known = {number: kept.get(number, _Known(k)) for number in living}
+        remaining = {number: last_known for number, last_known in self._known.items() if number not in interrupted}
+        self._known = {number: remaining.get(number, _Known(k)) for number in living}
         for number, position in sent.items():
             self._known[number] = _Known(k, position)
         return [n for n in silent if self._due(self._known[n], living[n], sees=n in seers)]
@@ -141,7 +141,7 @@ class FramesAreTrue(Check):
         self._miss()
         if self._problem:
             return
-        due: dict[int, Position] = {}
+        expected: dict[int, Position] = {}
         sent: dict[int, Position] = {}
         contacts: dict[int, list[Position]] = {}
         for row in record.robots:
@@ -151,14 +151,14 @@ class FramesAreTrue(Check):
             position = Position.of(row.number, record.k, time_s, believed)
             self._tracks[row.number].appendleft((position.x_cm, position.y_cm))
             if row.status is Status.ALIVE:
-                due[row.number] = position
+                expected[row.number] = position
                 places = self._intruders.seen_by(record.k, true)
-                contacts[row.number] = [Position.of_contact(record.k, time_s, *place) for place in places]
+                contacts[row.number] = [Position.of_contact(record.k, time_s, *spot) for spot in places]
         for source, frame in record.frames:
             if source == FORGED:
                 continue
             if source not in contacts or source not in sent:
-                problem = self._problem_of(source, frame, due.get(source), sent)
+                problem = self._problem_of(source, frame, expected.get(source), sent)
             else:
                 problem = _problem_of_contact(frame, self._key, contacts[source])
             if problem:
@@ -168,7 +168,7 @@ class FramesAreTrue(Check):
         if self._waits:
             seers = [number for number, reports in contacts.items() if reports]
             interrupted = {event.robot for event in self._events_before(record.k)}
-            silent = self._due.missing(record.k, due, sent, seers, interrupted)
+            silent = self._due.missing(record.k, expected, sent, seers, interrupted)
             self._missing = [(record.k, number, "its position") for number in silent]
             self._missing += [(record.k, number, "a contact") for number in self._without_contact(contacts, sent)]
 
@@ -251,7 +251,7 @@ class WithinBudget(Check):
     def _tick(self, record: TickRecord) -> None:
         if self._ticks:
             earned = self._per_s * self._step
-            self._left = {number: min(left + earned, self._most) for number, left in self._left.items()}
+            self._left = {number: min(allowance + earned, self._most) for number, allowance in self._left.items()}
         self._ticks += 1
         bits = 0
         for source, frame in record.frames:
@@ -261,12 +261,12 @@ class WithinBudget(Check):
             bits += cost
             self._longest = max(self._longest, len(frame))
             self._left[source] -= cost
-            name, most = self._name(source), self._budget.frame
-            if len(frame) > most:
-                self._fail(f"{name} sent {len(frame)} bytes in tick {record.k}, at most {most} are allowed")
+            name, frame_limit = self._name(source), self._budget.frame
+            if len(frame) > frame_limit:
+                self._fail(f"{name} sent {len(frame)} bytes in tick {record.k}, at most {frame_limit} are allowed")
             elif self._left[source] < -ROUNDING_BITS:
-                over = f"{-self._left[source]:.0f} bits more than its share of {self._per_s:g} bit/s"
-                self._fail(f"{name} had sent {over} by tick {record.k}")
+                excess = f"{-self._left[source]:.0f} bits more than its share of {self._per_s:g} bit/s"
+                self._fail(f"{name} had sent {excess} by tick {record.k}")
         self._bits += bits
         self._window.append(bits)
         self._peak = max(self._peak, sum(self._window))
@@ -335,14 +335,14 @@ class SpoofsAsAsked(Check):
             old = self._sent[age] if age < len(self._sent) else {}
             repeated = sorted(old[number] for number in self._known(entry, rows) if number in old)
             return "" if sorted(frames) == repeated else f"does not repeat what its victims sent {age} ticks ago"
-        due = list(self._due(entry, rows))
+        expected = list(self._due(entry, rows))
         try:
             positions = sorted((decode(frame) for frame in frames), key=lambda position: position.robot)
         except Rejected as rejected:
             return f"sends a frame that cannot be decoded ({rejected})"
         names = [position.robot for position in positions]
-        if names != due:
-            return f"forges in the names of robots {names} instead of {due}"
+        if names != expected:
+            return f"forges in the names of robots {names} instead of {expected}"
         for position in positions:
             problem = self._problem_of_one(entry, k, position, rows.get(position.robot))
             if problem:
@@ -373,18 +373,18 @@ class SpoofsAsAsked(Check):
             stamp = round(s_to_ms(k * self._step))
         if position.time_ms != stamp:
             return f"time {position.time_ms} ms instead of {stamp} ms"
-        place = (position.x_cm, position.y_cm, position.heading_mrad)
+        pose = (position.x_cm, position.y_cm, position.heading_mrad)
         if victim is None or _is(entry, "random"):
-            return "" if self._on_terrain(position) else f"place {place}, which is off the terrain"
+            return "" if self._on_terrain(position) else f"place {pose}, which is off the terrain"
         if _is(entry, "freeze"):
             frozen = self._frozen.get((entry.id, position.robot))
             if frozen is not None:
-                return "" if place == frozen else f"place {place}, but it was frozen at {frozen}"
-            self._frozen[entry.id, position.robot] = place
+                return "" if pose == frozen else f"place {pose}, but it was frozen at {frozen}"
+            self._frozen[entry.id, position.robot] = pose
         is_honest = victim.number not in robots_hit(self._drifts, k)
         offset = _asked(entry, "offset") or (0.0, 0.0)
-        is_right = _is_shifted(place, victim, sent, offset, is_honest)
-        return "" if is_right else f"place {place}, not its own plus the offset"
+        is_right = _is_shifted(pose, victim, sent, offset, is_honest)
+        return "" if is_right else f"place {pose}, not its own plus the offset"
 
     def _sent_by(self, number: int) -> Position | None:
         """Return the position that a robot has sent itself in this tick; None if it sent none."""

@@ -73,11 +73,11 @@ class ExpectedStatuses(JournalReading):
         for number in list(self._coming):
             self._bring_in(number, rows)
         for number, row in rows.items():
-            due = self._status[number]
-            if row.status is not due:
+            expected = self._status[number]
+            if row.status is not expected:
                 if not self.problem:
                     name, status = self._name(number), row.status.name.lower()
-                    self.problem = f"{name} is {status} at tick {record.k}, but should be {due.name.lower()}"
+                    self.problem = f"{name} is {status} at tick {record.k}, but should be {expected.name.lower()}"
                 self._take_as_it_is(number, row.status)
 
     def _acts(self, k: int) -> Iterator[Act]:
@@ -136,12 +136,12 @@ class ExpectedStatuses(JournalReading):
         """Return the names of the robots that stand where the robot is to appear, if it has to appear."""
         start, radius = self._starts[number], self._specs[number].radius
         return [
-            self._name(other)
-            for other, row in rows.items()
+            self._name(neighbour)
+            for neighbour, row in rows.items()
             if number in self.away
-            and other != number
-            and other not in self.away
-            and overlap(start, radius, Pose(row.x, row.y, row.heading), self._specs[other].radius)
+            and neighbour != number
+            and neighbour not in self.away
+            and overlap(start, radius, Pose(row.x, row.y, row.heading), self._specs[neighbour].radius)
         ]
 
     def _appear(self, number: int) -> None:
@@ -223,10 +223,10 @@ class DownAreSilent(Check):
         does = [(source, "sends") for source, _ in record.frames if source != FORGED]
         does += [(number, "hears") for number in np.unique(links_of(record.deliveries).destination).tolist()]
         does += [(number, "decides") for number, row in down.items() if _has_decided(row)]
-        for number, what in does:
+        for number, action in does:
             if number in down:
                 status = down[number].status.name.lower()
-                self._fail(f"{self._name(number)} is {status} at tick {record.k} and {what}")
+                self._fail(f"{self._name(number)} is {status} at tick {record.k} and {action}")
                 return
 
     def _end(self) -> str:
@@ -260,14 +260,14 @@ class EventsFollow(Check):
         self._last: TickRecord | None = None
 
     def _tick(self, record: TickRecord) -> None:
-        due = self._made_by_faults(record.k) + self._expected.events
-        self._compare(record.k, self._events_before(record.k), due)
+        expected = self._made_by_faults(record.k) + self._expected.events
+        self._compare(record.k, self._events_before(record.k), expected)
         self._last = record
 
     def _end(self) -> str:
-        left = self._run.journal.events[self._events_read :]
-        if left and not self._problem and self._last is not None and self._run.has_robots:
-            self._look_after_the_last_tick(left, self._last)
+        unread = self._run.journal.events[self._events_read :]
+        if unread and not self._problem and self._last is not None and self._run.has_robots:
+            self._look_after_the_last_tick(unread, self._last)
         return f"{self._events_read} events, as faults, operators and robots made them"
 
     def _look_after_the_last_tick(self, left: Sequence[Event], last: TickRecord) -> None:
@@ -278,9 +278,9 @@ class EventsFollow(Check):
             self._compare(k, left, [])
             return
         self._expected.tick(replace(last, k=k))
-        due = [event for event in self._made_by_faults(k) + self._expected.events if event.kind != _ALIVE]
+        expected = [event for event in self._made_by_faults(k) + self._expected.events if event.kind != _ALIVE]
         here = [event for event in left if event.kind not in (_ALIVE, WAITING)]
-        self._compare(k, here, due[: len(self._of_robots(here))])
+        self._compare(k, here, expected[: len(self._of_robots(here))])
 
     def _made_by_faults(self, k: int) -> list[Event]:
         timeline = self._run.timeline
@@ -300,7 +300,7 @@ class EventsFollow(Check):
 
     def _of_robots(self, events: Sequence[Event]) -> list[Event]:
         """Return the events that are compared."""
-        kept: list[Event] = []
+        selected: list[Event] = []
         before: Event | None = None
         for event in events:
             if event.kind == OPERATOR:
@@ -316,9 +316,9 @@ class EventsFollow(Check):
             else:
                 compared = True
             if compared:
-                kept.append(event)
+                selected.append(event)
             before = event
-        return kept
+        return selected
 
 
 def _difference(journal_event: Event | None, due_event: Event | None) -> str:

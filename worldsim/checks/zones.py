@@ -121,8 +121,8 @@ class SlowZonesKept(ZoneCheck):
     def _slowest(self, row: RobotTick, time_s: float) -> ZoneSpec | None:
         """Return the zone in force with the lowest speed among those that a robot is in."""
         in_force = (zone for zone in self._zones if zone.times is None or is_within(zone.times, time_s))
-        there = [zone for zone in in_force if self._is_in[zone.name](row.x, row.y)]
-        return min(there, key=lambda zone: zone.speed or 0.0, default=None)
+        zones = [zone for zone in in_force if self._is_in[zone.name](row.x, row.y)]
+        return min(zones, key=lambda zone: zone.speed or 0.0, default=None)
 
     def _judge(self, k: int, row: RobotTick, zone: ZoneSpec, way_m: float) -> None:
         self._looked += 1
@@ -225,16 +225,16 @@ class ZoneTimesTold(Check):
     def _tick(self, record: TickRecord) -> None:
         k, kinds = record.k, (IN_FORCE, OUT_OF_FORCE)
         in_journal = [(event.detail, event.kind) for event in self._events_before(k) if event.kind in kinds]
-        held = {name for name, times in self._times.items() if is_within(times, k * self._step)}
-        turned = held ^ self._held if k else set()
-        wanted = [(name, IN_FORCE if name in held else OUT_OF_FORCE) for name in self._times if name in turned]
+        in_force = {name for name, times in self._times.items() if is_within(times, k * self._step)}
+        turned = in_force ^ self._held if k else set()
+        wanted = [(name, IN_FORCE if name in in_force else OUT_OF_FORCE) for name in self._times if name in turned]
         for name, kind in wanted:
             if (name, kind) not in in_journal:
                 self._fail(f"{name} is {kind} from tick {k} on, and the journal has no event of it")
         for name, kind in in_journal:
             if in_journal.count((name, kind)) > 1 or (name, kind) not in wanted:
                 self._fail(f"the journal has {name} {kind} from tick {k} on, when nothing changes")
-        self._held, self._changes = held, self._changes + len(in_journal)
+        self._held, self._changes = in_force, self._changes + len(in_journal)
 
     def _end(self) -> str:
         return f"{len(self._times)} zones with times, which began or ended {self._changes} times, as asked"
@@ -299,15 +299,17 @@ class ClosuresKept(Check):
         events = [event for event in self._ground.closure_events if closure_of(event) == name]
         was_closed, was_waiting = name in self._was_closed, name in self._was_waiting
         if is_closed != was_closed:
-            due = CLOSED if is_closed else OPENED
+            expected_kind = CLOSED if is_closed else OPENED
         elif bool(waits_for) != was_waiting:
-            due = WAITING if waits_for else STAYS_OPEN
+            expected_kind = WAITING if waits_for else STAYS_OPEN
         else:
-            due = ""
-        if [event.kind for event in events] != [due] * bool(due):
+            expected_kind = ""
+        if [event.kind for event in events] != [expected_kind] * bool(expected_kind):
             kinds = " and ".join(event.kind for event in events) or "nothing"
-            self._fail(f"before tick {k} the journal has {kinds} of {name}, and should have {due or 'nothing'}")
-        elif due == WAITING and not self._names_robots_inside(events[0], name, waits_for):
+            self._fail(
+                f"before tick {k} the journal has {kinds} of {name}, and should have {expected_kind or 'nothing'}"
+            )
+        elif expected_kind == WAITING and not self._names_robots_inside(events[0], name, waits_for):
             self._fail(f"before tick {k}, {events[0].detail}: these are not the robots that stand there")
 
     def _names_robots_inside(self, event: Event, name: str, near: Sequence[RobotTick]) -> bool:

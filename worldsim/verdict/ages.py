@@ -102,15 +102,15 @@ class ZoneAges(JournalReading):
         if weighing not in self._bests:
             self._bests[weighing] = best_weighted_s(self._run.prepared, weighing)
         self._ticks[weighing] += 1
-        ages = ((weight, record.k - max(int(last_seen[at].min()), 0)) for weight, at in self._classes(weighing))
+        ages = ((weight, record.k - max(int(last_seen[points].min()), 0)) for weight, points in self._classes(weighing))
         self._weighted.append(max(weight * age for weight, age in ages))
         for name, part in self._parts.items():
             if name not in names and name != ELSEWHERE:
                 part.stalest.append(np.nan)
                 continue
-            seen = np.maximum(last_seen[part.points], 0)
-            part.stalest.append(record.k - int(seen.min()))
-            part.mean += record.k - float(seen.mean())
+            ticks = np.maximum(last_seen[part.points], 0)
+            part.stalest.append(record.k - int(ticks.min()))
+            part.mean += record.k - float(ticks.mean())
 
     def facts(self) -> ZoneFacts | None:
         """Return the figures; None before the first tick."""
@@ -135,12 +135,12 @@ class ZoneAges(JournalReading):
         return [(weight, np.flatnonzero(prepared.patrolled & (zoned.weights == weight))) for weight in zoned.classes]
 
     def _best_weighted_s(self) -> float | None:
-        known = {weighing: best for weighing, best in self._bests.items() if best is not None}
-        if len(known) < len(self._bests):
+        bests = {weighing: best for weighing, best in self._bests.items() if best is not None}
+        if len(bests) < len(self._bests):
             return None
-        if len(known) == 1:
-            return next(iter(known.values()))
-        return sum(best * self._ticks[weighing] for weighing, best in known.items()) / self._ticks.total()
+        if len(bests) == 1:
+            return next(iter(bests.values()))
+        return sum(best * self._ticks[weighing] for weighing, best in bests.items()) / self._ticks.total()
 
     def _figures(self, name: str, part: _Part) -> ZoneFigures:
         wanted = self._wanted.get(name)

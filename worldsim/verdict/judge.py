@@ -154,8 +154,8 @@ class Judge:
         verdict lacks these checks. That is for a sweep, whose world has just computed the same numbers from the same
         poses with the same code in the same process. The true `fog` of that world lets progress be judged all the same.
         """
-        known = None if verify_fog else fog
-        run = JudgedRun(journal, prepared, Timeline(prepared.scenario), exit_codes, verify_fog, baseline_s, known)
+        stated_fog = None if verify_fog else fog
+        run = JudgedRun(journal, prepared, Timeline(prepared.scenario), exit_codes, verify_fog, baseline_s, stated_fog)
         self._run = run
         self._checks = [run.reading(kind) for kind in CHECKS if kind.applies(run)]
         has_fog = verify_fog or fog is not None

@@ -17,17 +17,10 @@ from patrol.journal import TickRecord
 from patrol.scenario import Scenario, load_scenario
 
 
-class Silent:
-    """Takes what a plan is at."""
-
-    def __init__(self) -> None:
-        self.begun: list[str] = []
-
-    def begin(self, what: str) -> None:
-        self.begun.append(what)
-
-    def share(self, done: float) -> None:
-        assert 0.0 <= done <= 1.0
+def silent(what: str, done: float) -> None:
+    """Take what a plan is at."""
+    assert what
+    assert 0.0 <= done <= 1.0
 
 
 @pytest.fixture(scope="module")
@@ -51,7 +44,7 @@ def ground(rooms: Path, **settings: Any) -> Scenario:
 
 
 def planned(rooms: Path, wanted_s: float | None, numbers: range | None = None, **options: Any) -> FleetPlan:
-    return make_plan(ground(rooms), wanted_s, numbers, Silent(), **{"seeds": 1, **options})
+    return make_plan(ground(rooms), wanted_s, numbers, silent, **{"seeds": 1, **options})
 
 
 def test_it_knows_of_keep_outs_and_one_way_zones(rooms: Path) -> None:
@@ -59,12 +52,12 @@ def test_it_knows_of_keep_outs_and_one_way_zones(rooms: Path) -> None:
     tours = []
     for more in ({}, {"keep_out": True}):
         zones = [{"name": "east", "polygon": [[21, 0], [33, 0], [33, 11], [21, 11]], **more}] if more else []
-        plan = make_plan(ground(rooms, zones=zones), None, range(2, 3), Silent(), quick=True)
+        plan = make_plan(ground(rooms, zones=zones), None, range(2, 3), silent, quick=True)
         tours.append(plan.sizes[0].age_s or 0.0)
     assert 0.0 < tours[1] < 0.8 * tours[0]
     out = [{"name": "out", "polygon": [[20, 4], [22, 4], [22, 7], [20, 7]], "one_way": 180}]
     with pytest.raises(BadInput, match="zones: one_way: no way leads"):
-        make_plan(ground(rooms, zones=out), None, range(2, 3), Silent(), quick=True)
+        make_plan(ground(rooms, zones=out), None, range(2, 3), silent, quick=True)
 
 
 def test_tours_alone_name_the_least_number_that_keeps_an_age(rooms: Path) -> None:
@@ -151,7 +144,7 @@ def test_where_doors_close_only_open_ground_counts(rooms: Path) -> None:
     door = {"name": "door", "polygon": [[21, 4], [21.5, 4], [21.5, 7], [21, 7]], "closed": [[100, 2000]]}
     east = {"name": "east", "polygon": [[21, 0], [33, 0], [33, 11], [21, 11]], "age": 80}
     scenario = ground(rooms, closures=[door], zones=[east], patrol={"policy": "committed"})  # nobody is shut in
-    plan = make_plan(scenario, 90.0, range(2, 3), Silent(), duration_s=400.0, seeds=1)
+    plan = make_plan(scenario, 90.0, range(2, 3), silent, duration_s=400.0, seeds=1)
     kept = plan.size(2).simulated
     assert kept is not None
     assert kept.all_max_s is not None
@@ -160,7 +153,7 @@ def test_where_doors_close_only_open_ground_counts(rooms: Path) -> None:
     assert kept.all_max_s > 250.0
     assert plan.chosen == 2
     assert [line for line in answer_lines(plan) if line.startswith("closures: ") and line.endswith("because of door")]
-    before = make_plan(scenario, None, range(2, 3), Silent(), duration_s=60.0, seeds=1)
+    before = make_plan(scenario, None, range(2, 3), silent, duration_s=60.0, seeds=1)
     short = before.size(2).simulated
     assert short is not None
     assert short.all_max_s == short.max_s
@@ -184,7 +177,7 @@ def test_nothing_ever_closed_is_run_with_the_same_seeds(rooms: Path, monkeypatch
     door = {"name": "door", "polygon": [[21, 4], [21.5, 4], [21.5, 7], [21, 7]], "closed": [[100, 2000]]}
     scenario = ground(rooms, closures=[door])
     first = scenario.seed
-    plan = make_plan(scenario, 20.0, range(2, 3), Silent(), duration_s=400.0, seeds=3)
+    plan = make_plan(scenario, 20.0, range(2, 3), silent, duration_s=400.0, seeds=3)
     assert opened == [first, first + 1, first + 2]
     assert not [line for line in answer_lines(plan) if "what closes is the reason" in line]
 
@@ -194,8 +187,8 @@ def test_it_answers_wanted_ages_of_zones_and_knows_slow_ones(rooms: Path) -> Non
         {"name": "vault", "polygon": [[0, 0], [10, 0], [10, 11], [0, 11]], "age": 40},
         {"name": "ward", "polygon": [[11, 0], [21, 0], [21, 11], [11, 11]], "speed": 0.25},
     ]
-    quick = make_plan(ground(rooms), None, range(2, 3), Silent(), quick=True).size(2).tour_s
-    plan = make_plan(ground(rooms, zones=zones), None, range(2, 3), Silent(), duration_s=200.0, seeds=1)
+    quick = make_plan(ground(rooms), None, range(2, 3), silent, quick=True).size(2).tour_s
+    plan = make_plan(ground(rooms, zones=zones), None, range(2, 3), silent, duration_s=200.0, seeds=1)
     assert quick is not None
     assert (plan.size(2).tour_s or 0.0) > 1.3 * quick
     (vault,) = (line for line in answer_lines(plan) if line.startswith("zone vault: wanted 40 s, "))
@@ -212,7 +205,7 @@ def test_an_age_is_kept_only_in_a_valid_run(rooms: Path) -> None:
 
 def test_runs_are_long_enough_for_their_tours_and_the_wanted_age(rooms: Path) -> None:
     def duration(wanted_s: float | None) -> float:
-        return module._Planner(ground(rooms), wanted_s, Silent(), None, True, 1).duration_s(1)
+        return module._Planner(ground(rooms), wanted_s, silent, None, True, 1).duration_s(1)
 
     age_s = planned(rooms, None, range(1, 2), quick=True).sizes[0].age_s
     assert age_s is not None
@@ -222,6 +215,6 @@ def test_runs_are_long_enough_for_their_tours_and_the_wanted_age(rooms: Path) ->
 
 def test_faults_are_left_out_and_listed_robots_refused(rooms: Path) -> None:
     faulty = ground(rooms, faults=[{"kind": "kill", "at": 5, "who": ["r5"]}], intruders=[{"place": [5, 5], "at": 1}])
-    assert make_plan(faulty, None, [1], Silent(), quick=True).scenario.faults == ()
+    assert make_plan(faulty, None, [1], silent, quick=True).scenario.faults == ()
     with pytest.raises(BadInput, match="lists its robots"):
-        make_plan(ground(rooms, robots=[{"name": "a"}, {"name": "b"}]), 60.0, None, Silent())
+        make_plan(ground(rooms, robots=[{"name": "a"}, {"name": "b"}]), 60.0, None, silent)

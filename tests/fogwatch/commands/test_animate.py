@@ -44,7 +44,7 @@ def frames_of(file: Path) -> list[tuple[np.ndarray, int]]:
 
 def shown_ages(run: Run, k: int, pixels: np.ndarray, palette: np.ndarray, oldest: int) -> int:
     """Compare the pixels that show an age with the replayed fog; return how many there are."""
-    terrain, ages = run.prepared.terrain, Replay(run).at(k).ages()
+    terrain, ages = run.prepared.terrain, Replay(run).fog(k).age(k)
     inside = pixels[STRIP:-STRIP]
     high, wide, _ = inside.shape
     shades = {tuple(colour): shade for shade, colour in enumerate(palette[:SHADES].tolist())}
@@ -81,7 +81,7 @@ def test_a_gif_lasts_as_long_as_asked_and_shows_the_fog_of_its_ticks(
         pixels = frames[number][0]
         assert (pixels == film.palette[film.frame(k)]).all()
         never = (pixels[STRIP:-STRIP] == rgb(NEVER_SEEN)).all(axis=2).mean()
-        unseen = (Replay(run).at(k).last_seen == NEVER)[run.prepared.patrolled].mean()
+        unseen = (Replay(run).fog(k).last_seen == NEVER)[run.prepared.patrolled].mean()
         assert never == pytest.approx(unseen, abs=0.06)  # trails and labels cover some
 
 
@@ -90,9 +90,9 @@ def test_each_pixel_of_the_ground_shows_its_age(ran: Path) -> None:
     film = FilmFrames(run, 400, oldest := int(run.mfow.max()))
     sampled = 0
     for k in (3, 21, 39):
-        assert Replay(run).at(k).ages()[run.prepared.patrolled].max() == run.mfow[k]
+        assert Replay(run).fog(k).age(k)[run.prepared.patrolled].max() == run.mfow[k]
         pixels = film.palette[film.frame(k)]
-        seen = (Replay(run).at(k).last_seen != NEVER) & run.prepared.patrolled
+        seen = (Replay(run).fog(k).last_seen != NEVER) & run.prepared.patrolled
         compared = shown_ages(run, k, pixels, film.palette, oldest)
         # A ninth of the pixels is looked at, 16 for each point; marks cover a part of them.
         assert compared > 0.6 * 16 / 9 * np.count_nonzero(seen)

@@ -15,6 +15,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from monitor.live.feed_client import FeedClient
 from monitor.live.feed_source import AGAIN_S, FeedSource
 from monitor.live.fog_tracker import HEARD
 from monitor.observation.source import Answer, State
@@ -49,7 +50,7 @@ def records_of(seen: Seen) -> list[bytes]:
     return found
 
 
-class FakeFeed:
+class FakeFeed(FeedClient):
     """A wire from a run that is over: what the feed would have sent, batch by batch."""
 
     may_control = True

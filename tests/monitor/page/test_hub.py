@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 def at_once(monkeypatch: pytest.MonkeyPatch) -> None:
     """What a turn asks for is worked out in that turn, however slow the machine is."""
     monkeypatch.setattr("monitor.replay.past_beliefs.BUDGET_S", math.inf)
-    monkeypatch.setattr("monitor.replay.link_log.BUDGET_S", math.inf)
+    monkeypatch.setattr("monitor.replay.run_log.BUDGET_S", math.inf)
 
 
 class Page:

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from monitor.replay.link_log import LinkLog
 from monitor.replay.past_beliefs import PastBeliefs
 from monitor.replay.player import Player
+from monitor.replay.run_log import RunLog
 from tests.browser import Look, browser_or_skip
 from tests.monitor.live.test_feed_source import FakeFeed
 from tests.monitor.pages import ServedPage
@@ -151,15 +151,15 @@ def test_it_fits_in_light_and_in_the_dark(
 def test_links_that_take_a_while_to_read_come_by_themselves(
     chromium: Any, faulty: Seen, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    read, reach = threading.Event(), LinkLog.reach
-    monkeypatch.setattr(LinkLog, "reach", lambda log, k: read.is_set() and reach(log, k))
+    may_read, read = threading.Event(), RunLog.read
+    monkeypatch.setattr(RunLog, "read", lambda log: read(log) if may_read.is_set() else None)
     with closing(ServedPage(Player(faulty.open()))) as served, Look(chromium, served.address) as look:
         look.until("document.body.dataset.frames > 0")
         look.page.click("#tab-links")
         look.seek(70)
         look.until("document.getElementById('linktip').textContent === 'computing …'")
         assert look.evaluate("document.getElementById('matrix').hidden")
-        read.set()
+        may_read.set()
         look.until("!document.getElementById('matrix').hidden")
         assert look.evaluate("document.getElementById('linktip').textContent") == "rows: senders, columns: receivers"
 

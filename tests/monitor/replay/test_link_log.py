@@ -9,8 +9,8 @@ import pytest
 from numpy.typing import NDArray
 
 from monitor.observation.source import LinkCounts
-from monitor.replay.link_log import LinkLog
 from monitor.replay.run import Run, open_run
+from monitor.replay.run_log import RunLog
 from patrol.journal.records import TickRecord, frame_sequence
 from tests.monitor.conftest import QUIET, Seen, run_of
 from tests.monitor.live.test_feed_source import FakeFeed, watched
@@ -40,9 +40,9 @@ def late(seen: Seen) -> Run:
     return seen.open()
 
 
-def at(log: LinkLog, k: int) -> LinkCounts:
-    while (links := log.at(k)) is None:
-        pass
+def at(log: RunLog, k: int) -> LinkCounts:
+    while (links := log.links.at(k)) is None:
+        log.read()
     return links
 
 
@@ -52,7 +52,7 @@ def of_summary(run: Run, what: str) -> NDArray[np.int64]:
 
 
 def test_at_the_end_the_counts_are_those_of_the_summary(late: Run) -> None:
-    links = at(LinkLog(late), late.ticks - 1)
+    links = at(RunLog(late), late.ticks - 1)
     np.testing.assert_array_equal(links.sent, of_summary(late, "sent"))
     np.testing.assert_array_equal(links.delivered, of_summary(late, "delivered"))
     assert of_summary(late, "in_flight").sum() > 0
@@ -62,7 +62,7 @@ def test_a_live_page_a_replay_and_a_report_count_alike(seen: Seen, late: Run) ->
     wire = FakeFeed(seen)
     source = wire.source()
     wire.send(10_000)
-    live, replayed = watched(source).links, at(LinkLog(late), late.ticks - 1)
+    live, replayed = watched(source).links, at(RunLog(late), late.ticks - 1)
     assert live is not None
     for what in ("sent", "delivered"):
         np.testing.assert_array_equal(getattr(live, what), getattr(replayed, what))
@@ -71,7 +71,7 @@ def test_a_live_page_a_replay_and_a_report_count_alike(seen: Seen, late: Run) ->
 
 
 def test_frames_that_arrive_at_once_count_each_at_every_tick_in_any_order(late: Run) -> None:
-    log = LinkLog(late)
+    log = RunLog(late)
     delivered = np.zeros((3, 3), dtype=np.int64)
     heard = np.full((3, 3), -1, dtype=np.int64)
     wanted = []
@@ -97,7 +97,7 @@ def test_contacts_count_as_in_the_summary(quiet: Any, tmp_path: Path) -> None:
         return replace(record, frames=tuple(frames), deliveries=(*record.deliveries, *also))
 
     run = open_run(rewritten(quiet, tmp_path / "contacts", contacts))
-    links = at(LinkLog(run), run.ticks - 1)
+    links = at(RunLog(run), run.ticks - 1)
     assert links.delivered[0, 1] == 2 * run.ticks
     np.testing.assert_array_equal(links.sent, of_summary(run, "sent"))
     np.testing.assert_array_equal(links.delivered, of_summary(run, "delivered"))

@@ -1,6 +1,5 @@
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -122,8 +121,7 @@ def test_links_add_up_to_those_of_the_whole_run(faulty: Seen) -> None:
 def test_links_come_by_themselves_however_slowly_a_journal_is_read(
     faulty: Seen, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("monitor.replay.link_log.BUDGET_S", 0.0)
-    monkeypatch.setattr("monitor.replay.trap_log.BUDGET_S", math.inf)
+    monkeypatch.setattr("monitor.replay.run_log.BUDGET_S", 0.0)
     run = faulty.open()
     player = Player(run, Wall())
     state: State | None = at(player, run.ticks - 1)

@@ -27,7 +27,7 @@ def test_the_fog_is_the_runs_own(
     seen = request.getfixturevalue(which)
     replay = Replay(seen.open(), memory)
     for k in order:
-        assert np.array_equal(replay.at(k).last_seen, seen.truth[k])
+        assert np.array_equal(replay.fog(k).last_seen, seen.truth[k])
 
 
 @pytest.mark.parametrize("which", ["quiet", "hazy"])
@@ -42,26 +42,11 @@ def test_every_tick_backwards_and_forwards(which: str, request: pytest.FixtureRe
         assert fog.mean(k) == pytest.approx(run.fog_mean[k])
 
 
-def test_a_moment_says_where_everybody_is(faulty: Any) -> None:
-    run = faulty.open()
-    moment = Replay(run).at(50)
-    assert moment.time_s == 25.0
-    assert [robot.name for robot in moment.robots] == ["r1", "r2", "r3"]
-    assert moment.robots[0].status is Status.DEAD
-    assert moment.robots[0].goal is None
-    assert moment.robots[1].status is Status.ALIVE
-    assert moment.robots[1].state
-    assert (moment.robots[1].x, moment.robots[1].y) == tuple(run.poses[50, 1, :2])
-    assert {event.kind for event in moment.events} >= {"fault", "dead", "paused"}
-    assert all(event.k <= 50 for event in moment.events)
-    assert moment.ages().max() <= 50
-
-
 def test_there_is_nothing_beyond_the_end(quiet: Any) -> None:
     replay = Replay(quiet.open())
-    for k in (-1, replay.ticks):
+    for k in (-1, replay.run.ticks):
         with pytest.raises(BadInput, match="ticks 0 to 79"):
-            replay.at(k)
+            replay.fog(k)
 
 
 def test_a_fog_that_is_not_the_runs_is_noticed(quiet: Any, copied: Callable[..., Path]) -> None:
@@ -86,9 +71,8 @@ def test_spare_robots_that_never_came_are_not_shown(tmp_path: Path) -> None:
     assert run.stated.verdict is not None
     assert run.stated.verdict.valid
     assert play(run, []) is None
-    moment = Replay(run).at(14)
-    assert [(robot.number, robot.status) for robot in moment.robots][-1] == (5, Status.ALIVE)
-    assert [robot.status for robot in Replay(run).at(28).robots] == [Status.DEAD] * 4
+    assert (run.numbers[-1], run.status[14, -1]) == (5, Status.ALIVE)
+    assert run.status[28].tolist() == [Status.DEAD] * 4
     state = Player(run).wait(1.0)
     assert state is not None
     assert len(state.robots) == len(Player(run).static().robots) == 4

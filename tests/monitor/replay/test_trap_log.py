@@ -8,7 +8,7 @@ import pytest
 from monitor.observation.source import Trapped
 from monitor.observation.traps import TrapWatch
 from monitor.replay.player import Player
-from monitor.replay.trap_log import TrapLog
+from monitor.replay.run_log import RunLog
 from patrol.measures.stays import TRAPPED_S
 from patrol.messages.telemetry import FREE, TRAPPED
 from tests.monitor.live.test_feed_source import FakeFeed, watched
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 def test_who_was_trapped_is_known_at_any_tick(trapped: Seen) -> None:
     run = trapped.open()
-    log = TrapLog(run)
+    log = RunLog(run)
     while not log.done:
         log.read()
     found = round(TRAPPED_S / run.step)
@@ -40,7 +40,7 @@ def test_a_robot_that_is_shut_in_is_not_trapped(shut_in: Seen) -> None:
     watch = TrapWatch(run.prepared)
     events = [watch.tick(record, lambda: shut_in.truth[record.k]) for record in run.journal.ticks]  # noqa: B023
     assert any(events), "it counts where what is closed is unknown"
-    log, wire = TrapLog(run), FakeFeed(shut_in)
+    log, wire = RunLog(run), FakeFeed(shut_in)
     source = wire.source()
     while not log.done:
         log.read()
@@ -50,15 +50,15 @@ def test_a_robot_that_is_shut_in_is_not_trapped(shut_in: Seen) -> None:
 
 
 def test_it_is_unknown_until_the_journal_is_read_that_far(trapped: Seen, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("monitor.replay.trap_log.BUDGET_S", -1.0)  # a tick, or a stretch of fog, in each call
-    log, whole = TrapLog(trapped.open()), TrapLog(trapped.open())
+    monkeypatch.setattr("monitor.replay.run_log.BUDGET_S", -1.0)  # a tick, or a stretch of fog, in each call
+    log, whole = RunLog(trapped.open()), RunLog(trapped.open())
     log.read()
     assert log.at(0) == {}
     assert log.at(1) is None
-    monkeypatch.setattr("monitor.replay.trap_log.BUDGET_S", math.inf)
+    monkeypatch.setattr("monitor.replay.run_log.BUDGET_S", math.inf)
     whole.read()
     assert whole.done
-    monkeypatch.setattr("monitor.replay.trap_log.BUDGET_S", -1.0)
+    monkeypatch.setattr("monitor.replay.run_log.BUDGET_S", -1.0)
     while not log.done:
         log.read()
     assert log.events == whole.events
@@ -68,7 +68,7 @@ def test_it_is_unknown_until_the_journal_is_read_that_far(trapped: Seen, monkeyp
 def test_a_replay_says_it_after_a_jump_and_a_fleet_while_it_runs(
     trapped: Seen, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("monitor.replay.trap_log.BUDGET_S", math.inf)
+    monkeypatch.setattr("monitor.replay.run_log.BUDGET_S", math.inf)
     player = Player(trapped.open(), Wall())
     wire = FakeFeed(trapped)
     source = wire.source()
@@ -86,8 +86,8 @@ def test_a_replay_says_it_after_a_jump_and_a_fleet_while_it_runs(
 
 
 def test_a_replay_says_it_by_itself_once_it_is_known(trapped: Seen, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("monitor.replay.trap_log.BUDGET_S", -1.0)
-    monkeypatch.setattr("monitor.replay.link_log.BUDGET_S", math.inf)
+    monkeypatch.setattr("monitor.replay.run_log.BUDGET_S", -1.0)
+    monkeypatch.setattr("monitor.replay.run_log.BUDGET_S", math.inf)
     player = Player(trapped.open(), Wall())
     assert at(player, 380).robots[1].trapped is None
     state = next(state for _ in range(500) if (state := player.wait(1.0)) is not None)

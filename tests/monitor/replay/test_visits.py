@@ -3,10 +3,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from monitor.observation.listener import as_sent
 from monitor.replay.replay import play
 from monitor.replay.visits import VisitCounter
 from patrol.prepare import sensor_footprint
+from patrol.radio.message import as_received
 
 
 @pytest.mark.parametrize("which", ["quiet", "faulty", "hazy"])
@@ -28,8 +28,8 @@ def test_sums_are_those_of_every_tick(which: str, request: pytest.FixtureRequest
     footprint = sensor_footprint(run.prepared.scenario, run.prepared.terrain)
     looked = np.zeros((run.ticks, *counted.shape), dtype=bool)
     for k in range(run.ticks):
-        for number, pose in run.alive(k):
-            view = footprint.visible(as_sent(number, pose))
+        for _, pose in run.alive(k):
+            view = footprint.visible(as_received(pose))
             for row, col in np.argwhere(view.mask):
                 at = (row + view.row0, col + view.col0)
                 if 0 <= at[0] < counted.shape[0] and 0 <= at[1] < counted.shape[1] and counted[at]:

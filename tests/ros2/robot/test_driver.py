@@ -337,7 +337,7 @@ def test_a_driver_that_fails_stops_the_robot_and_tells_the_mind_and_the_log() ->
     bench.driver.start()
     bench.until(lambda: len(bench.hub.sent["/robot1/cmd_vel"]) == 5)
     assert bench.told == STILL
-    bench.until(lambda: not bench.driver.driving)
+    bench.until(lambda: bool(bench.driver.stopped))
     with pytest.raises(DriverFailed, match="a wire is loose"):
         bench.driver.sense()
     assert [str(error) for error in bench.log.failures] == ["a wire is loose"]

@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 
 from patrol.ground.swept_path import advance, path_is_free
 from patrol.ground.terrain import Terrain
-from patrol.pose import Command, Drive, Limits, Pose, Twist, Velocity, halted, is_halt
-from ros2.robot.fence import Fence, scaled
+from patrol.pose import Command, Drive, Limits, Pose, Twist, Velocity, halted, is_halt, scaled
+from ros2.robot.fence import Fence
 from ros2.robot.governor import Governor, velocity_of
 from ros2.robot.steering import steering_of
 from ros2.wire import messages

@@ -56,7 +56,7 @@ def test_zero_velocity_arrives_however_soon_after_the_last_command(site: Site) -
     ground = Terrain("t", np.ones((100, 100), dtype=np.bool_), 0.1)
     governor = Governor("differential", Limits(1.0, 0.3, 1.0), 1e6, 1e6, Fence(ground, 0.3, 0.1, 1e6))
     steering = VelocitySteering(hardware, governor, Others({}, {}, 0.5), Response(0.3, 0.0))
-    fix = Fix(Pose(5.0, 5.0, 0.0), messages.Twist(0.0, 0.0, 0.0), 0.0)
+    fix = Fix(Pose(5.0, 5.0, 0.0), messages.Twist(0.0, 0.0, 0.0))
 
     def told() -> float:
         return 0.0 if heard.newest is None else heard.newest.message.twist.vx

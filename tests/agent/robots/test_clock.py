@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from agent.clock import KeptClock, epoch_of
+from agent.robots.clock import KeptClock, epoch_of
 from patrol.messages.phases import PHASE_B_SHARE
 from patrol.pose import Pose
 from patrol.radio.message import Position, encode

@@ -1,12 +1,13 @@
-"""The trapped robots at any tick of a run. The journal is read once, in slices."""
+"""The links and the trapped robots at any tick of a run. Its journal is read once, in slices, while a page shows it."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from monitor.observation.traps import TrapWatch
+from monitor.replay.link_log import LinkLog
 from monitor.replay.replay import Replay
 
 if TYPE_CHECKING:
@@ -14,7 +15,7 @@ if TYPE_CHECKING:
     from monitor.replay.run import Run
     from patrol.journal.records import Event, TickRecord
 
-BUDGET_S = 0.01
+BUDGET_S = 0.02
 """Wall time for reading the journal in one call, s."""
 
 MEMORY = 16 << 20
@@ -24,8 +25,8 @@ _STRIDE = 32
 """Ticks by which the fog advances between two looks at the clock."""
 
 
-class TrapLog:
-    """The trapped robots by tick, and the events that say so."""
+class RunLog:
+    """The trapped robots by tick, the `events` that say so, and `links`, the frame counts of each link by tick."""
 
     def __init__(self, run: Run, now: Callable[[], float] = time.monotonic) -> None:
         """Start with nothing read."""
@@ -36,19 +37,15 @@ class TrapLog:
         self._records = iter(run.journal.ticks)
         self._next: TickRecord | None = next(self._records, None)
         self._watch = TrapWatch(run.prepared)
+        self.links = LinkLog(run.index)
         self._ticks = 0
         self._changes: list[tuple[int, dict[int, Trapped]]] = [(0, {})]
-        self._events: list[Event] = []
+        self.events: list[Event] = []
 
     @property
     def done(self) -> bool:
         """True if the whole journal is read."""
         return self._next is None
-
-    @property
-    def events(self) -> Sequence[Event]:
-        """The events found so far, in order."""
-        return self._events
 
     def at(self, k: int) -> dict[int, Trapped] | None:
         """Return the robots that were trapped at tick k, by number; None while the journal is not read that far."""
@@ -75,8 +72,9 @@ class TrapLog:
         return self._fog_k == k
 
     def _take(self, record: TickRecord) -> None:
+        self.links.tick(record)
         events = self._watch.tick(record, lambda: self._replay.fog(record.k).last_seen, self._run.closings)
         self._ticks = record.k + 1
-        self._events += events
+        self.events += events
         if events:
             self._changes.append((record.k, self._watch.open))
