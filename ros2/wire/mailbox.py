@@ -10,6 +10,7 @@ from typing import Generic, TypeVar
 from patrol.net.mailbox import Payload
 from ros2.wire.formats import attachment_of
 
+# Any node may send, and a flood of keys or bytes must not fill the memory.
 _MOST_KEYS = 64
 _LONGEST_KEPT, _LONGEST_RECENT = 1 << 22, 1 << 14
 _RECENT = 32
