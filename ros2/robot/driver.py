@@ -38,6 +38,7 @@ REACTION_S = 0.1
 
 HOLD_STEPS = 1.5
 """Number of steps for which a command is obeyed when no other comes."""
+
 SAY_AFTER_S = 1.0
 """Time that a robot stands before the reason is reported, s."""
 HELD_AFTER_S = 10.0
@@ -47,7 +48,6 @@ LONGEST_CYCLE_S = 0.25
 # A thread that hangs in a call must not keep the robot from being stopped.
 _JOIN_S = 1.0
 _LOCK_S = 0.2
-
 
 Objection = Rivals | Response
 """A reason besides stops that keeps a robot from driving."""
