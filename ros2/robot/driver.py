@@ -38,15 +38,16 @@ REACTION_S = 0.1
 
 HOLD_STEPS = 1.5
 """Number of steps for which a command is obeyed when no other comes."""
+
 SAY_AFTER_S = 1.0
 """Time that a robot stands before the reason is reported, s."""
 HELD_AFTER_S = 10.0
 """Time that a robot that could drive is held before that is reported, s: at walls and in queues it soon goes round."""
 LONGEST_CYCLE_S = 0.25
 """The longest time between two commands over which a speed may change, s: a late cycle must not allow a jump."""
+# A thread that hangs in a call must not keep the robot from being stopped.
 _JOIN_S = 1.0
 _LOCK_S = 0.2
-
 
 Objection = Rivals | Response
 """A reason besides stops that keeps a robot from driving."""

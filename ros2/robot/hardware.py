@@ -31,6 +31,7 @@ GRAPH_S = 2.0
 GONE_S = 4.0
 """Time to wait, at the start, for another driver to go: a router forgets one that was cut off after 2 s."""
 _AGAIN_S = 0.2
+# Any node can call itself anything, and must not fill a line with that.
 _LONGEST = 100
 _MOST = 4
 
@@ -103,6 +104,7 @@ class Rivals:
 
 
 _ROOM = 64
+"""Messages that wait of a topic; more than come between two looks, of which there are 20 a second."""
 
 
 class RobotTime:

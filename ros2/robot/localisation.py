@@ -56,6 +56,7 @@ RADIUS = 0.25
 _STANDS = 0.02
 """A robot stands whose speed and turn rate add up to less than this, in m/s and rad/s: odometry is noisy."""
 _MOST_CHILDREN = 256
+"""Frames that are kept: robots that share a topic send theirs too."""
 
 
 class Source(StrEnum):

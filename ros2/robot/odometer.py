@@ -40,6 +40,7 @@ REMEMBERED = 256
 _DRIVEN_S = 0.5
 """The longest time between two messages over which a velocity counts as driven, s."""
 _MOST_SENDERS = 16
+"""Senders that are kept; two are one too many already."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -192,7 +192,8 @@ class Stops:
     """The stops that hold; called from any thread.
 
     A stop holds at once. A thread notes it, so that no slow disk keeps a robot driving; `unsaved` waits for that.
-    Without `files` the stops end with this process.
+    Without `files` the stops end with this process. `error` is the reason why the files do not say which stops hold,
+    empty if they do, or will in a moment.
     """
 
     def __init__(self, topic: str, files: StopFiles | None = None) -> None:
@@ -204,7 +205,7 @@ class Stops:
         self._changed = Condition()
         self._held = [] if files is None else [stopper for stopper in Stopper if files.holds(stopper)]
         self._noted = set(self._held)
-        self._error = ""
+        self.error = ""
         if files is not None:
             Thread(target=self._note, args=(files,), name="stops", daemon=True).start()
 
@@ -221,11 +222,6 @@ class Stops:
             held = [self._texts[stopper] for stopper in self._held]
         return "; ".join(f"stopped by {source} ({release})" for source, release in held)
 
-    @property
-    def error(self) -> str:
-        """The reason why the files do not say which stops hold; empty if they do, or will in a moment."""
-        return self._error
-
     def name(self, stopper: Stopper) -> str:
         """Name a source of stops, for people."""
         return self._texts[stopper][0]
@@ -236,7 +232,7 @@ class Stops:
             new = stopper not in self._held
             if new:
                 self._held.append(stopper)
-            self._error = ""
+            self.error = ""
             self._changed.notify_all()
             return new
 
@@ -246,7 +242,7 @@ class Stops:
             new = stopper in self._held
             if new:
                 self._held.remove(stopper)
-            self._error = ""
+            self.error = ""
             self._changed.notify_all()
             return new
 
@@ -255,8 +251,8 @@ class Stops:
         with self._changed:
             if self._files is None:
                 return ""
-            self._changed.wait_for(lambda: bool(self._error) or self._is_noted(), limit_s)
-            return "" if self._is_noted() else self._error or "the disk is slow"
+            self._changed.wait_for(lambda: bool(self.error) or self._is_noted(), limit_s)
+            return "" if self._is_noted() else self.error or "the disk is slow"
 
     def _is_noted(self) -> bool:
         return self._noted == set(self._held)
@@ -265,12 +261,12 @@ class Stops:
         """Keep the files in step with the stops that hold; after an error, once something changes."""
         while True:
             with self._changed:
-                self._changed.wait_for(lambda: not self._error and not self._is_noted())
+                self._changed.wait_for(lambda: not self.error and not self._is_noted())
                 wrong = next(iter(set(self._held) ^ self._noted))
                 holds = wrong in self._held
             error = files.note(wrong, self._texts[wrong][0]) if holds else files.forget(wrong)
             with self._changed:
-                self._error = error
+                self.error = error
                 if not error:
                     (self._noted.add if holds else self._noted.discard)(wrong)
                 self._changed.notify_all()

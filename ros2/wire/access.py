@@ -15,7 +15,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from patrol.security.roles import ALL_MESSAGES, BOTH_WAYS, COMMON_NAMES, Rights, deny_all_but, rule, rules_of
-from ros2.wire.formats import Bridge, Format
+from ros2.wire.formats import Format
 from ros2.wire.goals import NAME
 from ros2.wire.names import ADMIN_SPACE, EntityKind, full_name, mangled
 
@@ -76,7 +76,7 @@ def _tokens(form: Format, namespace: str, entity: str, name: str) -> tuple[str, 
     `entity` stands for session, node, entity and kind, `name` for the node's name and what follows it. A bridge has no
     tokens.
     """
-    if isinstance(form, Bridge):
+    if not form.attaches:
         return ()
     inside = namespace.strip("/")
     place = mangled(f"/{inside}" if inside else "")

@@ -48,8 +48,9 @@ CODINGS: dict[type, Coding] = {}
 def part(type_name: str) -> Callable[[type[M]], type[M]]:
     """Let a class stand for a type of ROS that is a part of messages."""
 
-    def declare(kind: type[M]) -> type[M]:
-        PACKINGS[kind] = _own_packing(kind) or _packing_of_fields(kind, type_name)
+    def declare(kind: Any) -> Any:
+        own = hasattr(kind, "to_ros")
+        PACKINGS[kind] = Packing(kind.to_ros, kind.of_ros) if own else _packing_of_fields(kind, type_name)
         return kind
 
     return declare
@@ -63,10 +64,6 @@ def message(type_name: str, longest: int) -> Callable[[type[M]], type[M]]:
         return part(type_name)(kind)
 
     return declare
-
-
-def _own_packing(kind: Any) -> Packing | None:
-    return Packing(kind.to_ros, kind.of_ros) if hasattr(kind, "to_ros") else None
 
 
 def _packing_of_fields(kind: Callable[..., Any], type_name: str) -> Packing:

@@ -74,7 +74,7 @@ class RmwZenoh:
 
     domain: int = 0  # ROS_DOMAIN_ID
     hashed: bool = True  # False for ROS 2 Humble, where types have no hashes
-    attaches = True  # messages have an `Attachment`
+    attaches = True  # messages have an `Attachment`, and entities a token
 
     @property
     def name(self) -> str:
@@ -118,10 +118,6 @@ class RmwZenoh:
         """Return the hash of a type in keys and tokens."""
         return type_hash(type_name) if self.hashed else NO_HASH
 
-    def token(self, entity: Entity, /) -> str | None:
-        """Return the token of an entity of ours; None where there are none."""
-        return entity.token
-
     def entity(self, token: str, /) -> Entity | None:
         """Return the entity that a token of any node stands for; None if it is none."""
         return entity_of(token)
@@ -129,7 +125,7 @@ class RmwZenoh:
 
 @dataclass(frozen=True, slots=True)
 class Bridge:
-    """The format of `zenoh-bridge-ros2dds`: a topic's name is its key, and that is all."""
+    """The format of `zenoh-bridge-ros2dds`: a topic's name is its key, and the bridge itself shows what it carries."""
 
     domain = 0
     attaches = False
@@ -158,10 +154,6 @@ class Bridge:
     def hash_of(self, _type_name: str, /) -> str:
         """Return nothing: there are no hashes."""
         return ""
-
-    def token(self, _entity: Entity, /) -> str | None:
-        """Return None: the bridge itself shows what it carries."""
-        return None
 
     def entity(self, token: str, /) -> Entity | None:
         """Return the entity that a token of a bridge stands for; an action's server counts as that of its send_goal."""

@@ -45,6 +45,7 @@ _SEND = Service(SEND_GOAL, SendGoalRequest, SendGoalResponse)
 _RESULT = Service(GET_RESULT, GetResultRequest, GetResultResponse)
 _CANCEL = Service(CANCEL_GOAL, CancelRequest, CancelResponse)
 _ANY_GOAL = bytes(16)
+# Clients that never come back for their results must not fill the memory.
 _ROOM = 32
 _MOST_GOALS = 16
 _NO_GOAL_LEFT = frozenset({0, 2, 3})

@@ -222,8 +222,8 @@ class ZenohRos2Link:
 
     def _show(self, entity: Entity) -> None:
         """Make something of ours visible in the graph."""
-        if (token := self._format.token(entity)) is not None:
-            self._declared.append(self._session.liveliness().declare_token(token))
+        if self._format.attaches:
+            self._declared.append(self._session.liveliness().declare_token(entity.token))
 
     def _attacher(self, entity: Entity) -> Attacher:
         """Show a publisher or client, and return the maker of its attachments, which count its messages."""

@@ -10,6 +10,7 @@ from typing import Generic, TypeVar
 from patrol.net.mailbox import Payload
 from ros2.wire.formats import attachment_of
 
+# Any node may send, and a flood of keys or bytes must not fill the memory.
 _MOST_KEYS = 64
 _LONGEST_KEPT, _LONGEST_RECENT = 1 << 22, 1 << 14
 _RECENT = 32
@@ -44,12 +45,11 @@ class Overheard:
 class Ear:
     """Notes overheard messages on one thread; another may look at them.
 
-    Only the first 64 keys are kept; `more` counts the messages under others.
+    Only the first 64 keys are kept.
     """
 
     def __init__(self) -> None:
         self._heard: dict[str, Overheard] = {}
-        self.more = 0
 
     @property
     def heard(self) -> dict[str, Overheard]:
@@ -61,7 +61,6 @@ class Ear:
         known = self._heard.get(key)
         if known is None:
             if len(self._heard) >= _MOST_KEYS:
-                self.more += 1
                 return
             known = self._heard[key] = Overheard(at_s)
         known.messages += 1
