@@ -204,6 +204,7 @@ lint: develop ## check style, types and layers only
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports --no-cache
+	$(BIN)/python -m tests.prose
 
 .PHONY: lock
 lock: ## rewrite the lock files from pyproject.toml (installs uv into build/)

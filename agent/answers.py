@@ -72,7 +72,7 @@ def checked(intent: object) -> Intent:
     if _is_ready(intent):
         return intent
     kind, plain = type(intent).__name__, _plain_numbers(intent)
-    for name, value in _numbers(plain):
+    for name, value in _intent_numbers(plain):
         if isinstance(value, bool) or not isinstance(value, int | float) or not -LARGEST <= value <= LARGEST:
             raise PolicyFailed(f"returned {kind} with {name} = {value!r}; give a number from -1e9 to 1e9")
     return plain
@@ -104,12 +104,12 @@ def _is_spot(value: object) -> bool:
 def _plain_numbers(intent: Intent) -> Intent:
     """Replace numpy's numbers by Python's, and any other sequence of bearings by a tuple."""
     fields = {name: getattr(intent, name) for name in intent.__match_args__ if name not in ("state", "figures")}
-    plain = {name: _plain(value) for name, value in fields.items()}
+    plain = {name: _plain_value(value) for name, value in fields.items()}
     changed = {name: value for name, value in plain.items() if value is not fields[name]}
     return replace(intent, **changed) if changed else intent
 
 
-def _plain(value: Any) -> Any:
+def _plain_value(value: Any) -> Any:
     if isinstance(value, np.generic):
         return value.item()
     if isinstance(value, np.ndarray):
@@ -117,21 +117,21 @@ def _plain(value: Any) -> Any:
     if isinstance(value, Sequence) and not isinstance(value, str):
         # Read once: what is no tuple itself might hold other numbers when the body reads it.
         read = value if type(value) is tuple else tuple(value)
-        return tuple(map(_plain, read)) if any(isinstance(item, np.generic) for item in read) else read
+        return tuple(map(_plain_value, read)) if any(isinstance(item, np.generic) for item in read) else read
     if isinstance(value, Command) and any(isinstance(number, np.generic) for number in value.numbers):
-        return type(value)(*(_plain(number) for number in value.numbers))
+        return type(value)(*(_plain_value(number) for number in value.numbers))
     return value
 
 
-def _numbers(intent: Intent) -> list[tuple[str, object]]:
+def _intent_numbers(intent: Intent) -> list[tuple[str, object]]:
     """List every number of an intent that a body computes with, by name."""
     match intent:
         case Bearing(bearings, near, bend, wander):
             alone = [] if wander is None else [("wander", wander)]
-            return [*_several("bearings", bearings), *alone, *_pair("near", near), *_pair("bend", bend)]
+            return [*_name_values("bearings", bearings), *alone, *_name_spot("near", near), *_name_spot("bend", bend)]
         case Place(x, y, bend, lean, wander):
             alone = [] if wander is None else [("wander", wander)]
-            return [("x", x), ("y", y), *_pair("bend", bend), *_pair("lean", lean), *alone]
+            return [("x", x), ("y", y), *_name_spot("bend", bend), *_name_spot("lean", lean), *alone]
         case Stay():
             return []
         case Steer(command):
@@ -140,11 +140,11 @@ def _numbers(intent: Intent) -> list[tuple[str, object]]:
             return [("command", value) for value in command.numbers]
 
 
-def _several(name: str, values: object, kind: str = "tuple of numbers") -> list[tuple[str, object]]:
+def _name_values(name: str, values: object, kind: str = "tuple of numbers") -> list[tuple[str, object]]:
     if isinstance(values, str) or not isinstance(values, Sequence) or (kind == PAIR and len(values) != 2):
         raise PolicyFailed(f"returned an intent with {name} = {values!r}, which is no {kind}")
     return [(name, value) for value in values]
 
 
-def _pair(name: str, spot: object) -> list[tuple[str, object]]:
-    return [] if spot is None else _several(name, spot, PAIR)
+def _name_spot(name: str, spot: object) -> list[tuple[str, object]]:
+    return [] if spot is None else _name_values(name, spot, PAIR)

@@ -185,7 +185,7 @@ def build_mind(
     moves_posts = scenario.closures and patrol.paths != "straight"
     if moves_posts:
         posts = Posts(fields.proxy)
-    belief = beliefs.join(number, shared.area_of(fields, patrol, _rounds(scenario, terrain, lengths, kind)))
+    belief = beliefs.join(number, shared.area_of(fields, patrol, _dilation_points(scenario, terrain, lengths, kind)))
     ground = Ground(terrain, fields.reach, shared.ground_of(terrain, fields) if shared.beliefs else None)
     policy = _policy_of(
         kind,
@@ -218,7 +218,7 @@ def build_mind(
         step=scenario.step,
         patience=patience,
         memory=math.floor(patrol.contact_memory / scenario.step),
-        sending=_sending(scenario, prepared.terrain),
+        sending=_make_sending(scenario, prepared.terrain),
         key=shared.key,
         zones=scenario.zones,
         speed_limits=shared.speed_limits,
@@ -233,7 +233,7 @@ def build_mind(
     return Mind(facts, belief, fog, ground, Routes(ground), policy, body, chance, silent, blocked)
 
 
-def _rounds(scenario: Scenario, terrain: Terrain, lengths: BodyLengths, kind: PolicyKind) -> int:
+def _dilation_points(scenario: Scenario, terrain: Terrain, lengths: BodyLengths, kind: PolicyKind) -> int:
     """Return by how many points a mind dilates what it believes."""
     if scenario.patrol.needs_rounds or kind.name == LEARNED:
         return 0  # they do not ask for it
@@ -258,7 +258,7 @@ def _policy_of(kind: PolicyKind, setup: PolicySetup, speed_limits: SpeedLimits) 
     return Charging(setup, policy, speed_limits) if setup.fleet.docks else policy
 
 
-def _sending(scenario: Scenario, terrain: Terrain) -> Sending:
+def _make_sending(scenario: Scenario, terrain: Terrain) -> Sending:
     """Return how the robots of a scenario send; predictions know the map, and not what a robot believes closed."""
     radio, share = scenario.radio, scenario.radio_share
     if radio.adaptive is None:

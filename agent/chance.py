@@ -57,13 +57,13 @@ class Chance:
         if self.key is None:
             return draw(self.seed, purpose, *question)
         values = [value & _MASK for value in (self.seed, purpose, *question)]
-        asked = struct.pack(f"<{len(values)}Q", *values)
-        digest = blake2b(asked, digest_size=8, key=self.key, person=_DRAWS).digest()
+        packed = struct.pack(f"<{len(values)}Q", *values)
+        digest = blake2b(packed, digest_size=8, key=self.key, person=_DRAWS).digest()
         return (int.from_bytes(digest, "little") >> 11) * 2.0**-53
 
     def of_robot(self, number: int, incarnation: int) -> Draw:
         """Return one robot's own draws, others in each incarnation of its process."""
-        return partial(self._own, number, incarnation)
+        return partial(self._own_draw, number, incarnation)
 
-    def _own(self, number: int, incarnation: int, purpose: Purpose, *question: int) -> float:
+    def _own_draw(self, number: int, incarnation: int, purpose: Purpose, *question: int) -> float:
         return self.draw(purpose, number, incarnation, *question)

@@ -36,9 +36,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
     Returns the exit code, of the server or of an agent.
     """
-    options = _options(arguments)
+    options = _parse_options(arguments)
     die_when_orphaned(options.lifeline)
-    _load(options.kernels.split(",") if options.kernels else [])
+    _load_modules(options.kernels.split(",") if options.kernels else [])
     if (count := count_threads()) > 1:
         why = f"cannot fork: a library runs threads ({count} in all)"
         report_start(options.ready, StartReport("", StartFailure.OTHER, why))
@@ -58,14 +58,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return be_agent(orders.command[orders.command.index("-m") + 2 :])
 
 
-def _load(kernels: Sequence[str]) -> None:
+def _load_modules(kernels: Sequence[str]) -> None:
     """Load what agents need, and some kernels beside. Nothing of it may open a connection or start a thread."""
     importlib.import_module("agent.build")
     for module in (*NEEDED, *kernels):
         importlib.import_module(module)
 
 
-def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
+def _parse_options(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="python -m agent.fork_server", description="Used by the launcher only.")
     for name, text in (
         ("--control", "descriptor on which the launcher asks for processes"),

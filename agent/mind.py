@@ -119,8 +119,8 @@ class Mind:
         """Make the policy's view, after the contacts have joined the belief and obstacles are closed for this tick."""
         facts, k, pose = self.facts, sensed.k, sensed.pose
         reported = as_received(pose)
-        for place in sensed.contacts[:MAX_CONTACTS]:
-            self.belief.contacts.report(Position.of_contact(k, k * facts.step, *place), k)
+        for contact in sensed.contacts[:MAX_CONTACTS]:
+            self.belief.contacts.report(Position.of_contact(k, k * facts.step, *contact), k)
         contacts = self.belief.contacts.known(k, facts.memory)
         peers = self.belief.peers_at(k, facts.sending.predictor)
         silent = self._silent.discs(k, pose, sensed.bumped, self.belief.peers)
@@ -145,7 +145,7 @@ class Mind:
             chance=self._chance,
             charge=sensed.charge,
             zones=self._zones_in_force(sensed),
-            weighing=self._weighing(sensed),
+            weighing=self._zone_weighing(sensed),
         )
 
     def _zones_in_force(self, sensed: Sensed) -> frozenset[str]:
@@ -155,7 +155,7 @@ class Mind:
             return zones_in_force(zones, sensed.k * self.facts.step)
         return frozenset(zones[number].name for number in sensed.zones)
 
-    def _weighing(self, sensed: Sensed) -> Weighing:
+    def _zone_weighing(self, sensed: Sensed) -> Weighing:
         """Return the zones in force that weigh, with the weights that operators have given them."""
         zones = self.facts.zones
         if sensed.zones is None:

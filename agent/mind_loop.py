@@ -33,13 +33,13 @@ def run_mind(mind: Mind, robot: Robot, radio: Radio, telemetry: Telemetry, limit
     """
     while (sensed := robot.sense()) is not None:
         radio.send(mind.frames(sensed))
-        heard = radio.hear()
-        if heard is None:
+        frames = radio.hear()
+        if frames is None:
             continue
         began = time.perf_counter()
         try:
             with deadline(limit_s):
-                decision = mind.step(sensed, heard)
+                decision = mind.step(sensed, frames)
         except (PolicyFailed, Late) as failed:
             if failed.__cause__ is not None:
                 Log(mind.spec.name).failure(failed.__cause__)

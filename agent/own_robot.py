@@ -21,9 +21,9 @@ from patrol.radio.message import MAX_TIME_MS
 from patrol.radio.units import ms_to_s
 
 if TYPE_CHECKING:
-    from agent.clock import KeptClock
     from agent.mind import Mind
     from agent.ports import FleetClock, Robot
+    from agent.robots.clock import KeptClock
     from agent.robots.direct import DirectRadio
     from patrol.ground.fog import Fog
     from patrol.ground.terrain import Terrain
@@ -262,9 +262,9 @@ class _Driver:
         ticks: Ticks,
     ) -> str | None:
         """Patrol until it is time to leave, then stop the robot; return how the policy has failed, or None."""
-        from agent.clock import KeptClock
         from agent.mind_loop import Both, TelemetrySender, TickFigures, run_mind
         from agent.policies.found import policy_of
+        from agent.robots.clock import KeptClock
         from agent.robots.direct import tune_in
         from patrol.messages.stop_orders import StopOrders
         from patrol.process.deadline import DECISION_LIMIT_S
@@ -278,8 +278,8 @@ class _Driver:
         radio = tune_in(air, keys, name, names, clock, step_s, self.mind.facts.key)
         epoch_s = ticks.epoch_s
         if epoch_s is None:
-            _meet(air, name, ending)
-            epoch_s = _listen(radio, step_s, self.mind.facts.key, ticks, log.info, ending)
+            _meet_others(air, name, ending)
+            epoch_s = _find_begin(radio, step_s, self.mind.facts.key, ticks, log.info, ending)
         if epoch_s is None:
             return None
         check_epoch(epoch_s, time.time(), log.info)
@@ -399,12 +399,12 @@ class _Watched:
 
     def hear(self) -> list[bytes] | None:
         """Return the frames that have arrived, after a check of the ticks that they count."""
-        heard = self._radio.hear()
+        frames = self._radio.hear()
         skew, now = self._radio.skew, time.monotonic()
         if now < self._due or (complaint := skew.complaint()) is None:
-            return heard
-        most = self._last_tick - self._clock.k
-        leads = [(lead, name) for name, lead in skew.ticks.items() if APART < lead <= most]
+            return frames
+        ticks_left = self._last_tick - self._clock.k
+        leads = [(lead, name) for name, lead in skew.ticks.items() if APART < lead <= ticks_left]
         if self._joins and leads:
             lead, name = max(leads)
             self._joins -= 1
@@ -413,7 +413,7 @@ class _Watched:
         else:
             self._due = now + COMPLAIN_S
             self._say(complaint)
-        return heard
+        return frames
 
 
 def check_epoch(epoch_s: float, now_s: float, say: Callable[[str], None]) -> None:
@@ -437,23 +437,23 @@ def check_epoch(epoch_s: float, now_s: float, say: Callable[[str], None]) -> Non
         say(f"tick 0 begins in {epoch_s - now_s:.0f} s")
 
 
-def _meet(air: Air, own: str, ending: Ending) -> None:
+def _meet_others(air: Air, own: str, ending: Ending) -> None:
     """Wait for a connection to another robot where robots meet directly: their links open without any."""
     from patrol.net.link import Link
 
     if not isinstance(air, Link) or air.mesh is None:
         return
-    others = {name for name, role in air.mesh.members.items() if role.robot not in ("", own)}
+    members = {name for name, role in air.mesh.members.items() if role.robot not in ("", own)}
     until = time.monotonic() + MEET_S
-    while others and not others & air.neighbours.names and time.monotonic() < until and not ending:
+    while members and not members & air.neighbours.names and time.monotonic() < until and not ending:
         ending.wait(_LISTEN_S)
 
 
-def _listen(
+def _find_begin(
     radio: DirectRadio, step_s: float, key: bytes | None, ticks: Ticks, say: Callable[[str], None], ending: Ending
 ) -> float | None:
     """Return when tick 0 began, Unix time in s, by the first position heard; None when it is time to leave."""
-    from agent.clock import epoch_of
+    from agent.robots.clock import epoch_of
 
     say("listens for a position, to count ticks as the others do")
     began = time.monotonic()

@@ -42,10 +42,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run one agent."""
     words = sys.argv[1:] if arguments is None else arguments
     if is_for_ros2(words):
-        drive_ros2: Callable[[Sequence[str]], int] = import_module("ros2.robot.process").main  # it stands on `agent`
+        drive_ros2: Callable[[Sequence[str]], int] = import_module("ros2.robot.options").main  # it stands on `agent`
         return drive_ros2(words)
     options = simulated_parser().parse_args(words)
-    return run_with(options, options.robot or "agent", _run)
+    return run_with(options, options.robot or "agent", _run_agent)
 
 
 def is_for_ros2(arguments: Sequence[str]) -> bool:
@@ -54,13 +54,15 @@ def is_for_ros2(arguments: Sequence[str]) -> bool:
     A robot of a simulated fleet may be called ros2 or rclpy; its command line names a scenario, and neither a robot's
     router nor a namespace.
     """
-    split = [word for one in arguments for word in (one.split("=", 1) if one.startswith("--") else [one])]
+    split = [
+        word for argument in arguments for word in (argument.split("=", 1) if argument.startswith("--") else [argument])
+    ]
     robot = next((second for first, second in itertools.pairwise(split) if first == "--robot"), "")
-    own = {"ros2": "--connect", "rclpy": "--namespace"}.get(robot)
-    return own is not None and (own in split or "--scenario" not in split)
+    option = {"ros2": "--connect", "rclpy": "--namespace"}.get(robot)
+    return option is not None and (option in split or "--scenario" not in split)
 
 
-def _run(process: ProcessContext) -> int:
+def _run_agent(process: ProcessContext) -> int:
     """Check the input and find out which robot this is, then patrol; return the exit code."""
     from agent.own_robot import mind_of, spec_of
     from patrol.scenario import load_scenario, naming
@@ -75,10 +77,10 @@ def _run(process: ProcessContext) -> int:
     process.follow(spec.name, fleet=meeting.keys.fleet)
     with naming(options.scenario):
         _, mind = mind_of(process, scenario, spec, options.incarnation)
-    return _patrol(mind, scenario, meeting, on_air, process)
+    return _join_patrol(mind, scenario, meeting, on_air, process)
 
 
-def _patrol(mind: Mind, scenario: Scenario, meeting: Meeting, on_air: str | None, process: ProcessContext) -> int:
+def _join_patrol(mind: Mind, scenario: Scenario, meeting: Meeting, on_air: str | None, process: ProcessContext) -> int:
     """Join the fleet and patrol with it until it is time to leave; return the exit code."""
     from agent.mind_loop import Both, TelemetrySender, TickFigures, run_mind
     from agent.policies.found import policy_of
@@ -130,10 +132,10 @@ def _patrol(mind: Mind, scenario: Scenario, meeting: Meeting, on_air: str | None
     if failure is not None:
         log.error(failure)
         return 1
-    return _left(robot, log.warning, ending)
+    return _exit_code_of(robot, log.warning, ending)
 
 
-def _left(robot: SimRobot, warn: Callable[[str], None], ending: Ending) -> int:
+def _exit_code_of(robot: SimRobot, warn: Callable[[str], None], ending: Ending) -> int:
     """Return the exit code of a robot that has left its fleet."""
     if robot.orderly:
         return 0

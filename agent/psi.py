@@ -25,7 +25,7 @@ def psi_of(scenario: Scenario, terrain: Terrain) -> Psi:
     """Compute a scenario's grids of psi, one for each reach that its robots have."""
     from agent.bodies.refine import psi_field  # here: a process that maps the grids, or has none, needs no bodies
 
-    return {reach: psi_field(terrain, reach) for reach in _reaches(scenario)}
+    return {reach: psi_field(terrain, reach) for reach in _psi_reaches(scenario)}
 
 
 def save_psi(prepared: Prepared, folder: Path) -> None:
@@ -38,11 +38,11 @@ def load_psi(scenario: Scenario, folder: Path) -> Psi:
     """Map what `save_psi` wrote for a scenario, read-only."""
     return {
         reach: np.load(folder / _psi_file(number), mmap_mode="r")
-        for number, reach in enumerate(_reaches(scenario), start=1)
+        for number, reach in enumerate(_psi_reaches(scenario), start=1)
     }
 
 
-def _reaches(scenario: Scenario) -> list[float]:
+def _psi_reaches(scenario: Scenario) -> list[float]:
     """Return the reaches of the fields psi that a scenario's robots refine their goals by, m, ascending."""
     if scenario.patrol.avoidance != "goal-refinement":
         return []

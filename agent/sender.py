@@ -53,21 +53,21 @@ class Sender:
     def frames(self, sensed: Sensed) -> tuple[bytes, ...]:
         """Make the frames that the robot sends in a tick."""
         position = Position.of(self._number, sensed.k, sensed.clock_s, sensed.pose)
-        self._follow(position)
-        seen = sensed.contacts[:MAX_CONTACTS]
+        self._note_position(position)
+        spots = sensed.contacts[:MAX_CONTACTS]
         if self._allowance is not None:
             self._allowance.earn(sensed.k)
-            seen = self._in_turn(seen)
-        if not self._has_news(position, seen):
+            spots = self._in_turn(spots)
+        if not self._has_news(position, spots):
             return ()
-        position, frame = self._fitting(position)
-        contacts = [encode(Position.of_contact(sensed.k, sensed.clock_s, x, y), self._key) for x, y in seen]
-        frames = self._affordable((frame, *contacts))
+        position, frame = self._fit_trail(position)
+        contacts = [encode(Position.of_contact(sensed.k, sensed.clock_s, x, y), self._key) for x, y in spots]
+        frames = self._affordable_frames((frame, *contacts))
         if frames:
             self._last = position
-            if seen or self._reported:
-                reported = seen[: len(frames) - 1]
-                self._reported = tuple(place for place in seen if place in reported or place in self._reported)
+            if spots or self._reported:
+                reported = spots[: len(frames) - 1]
+                self._reported = tuple(spot for spot in spots if spot in reported or spot in self._reported)
                 self._turn += len(reported)
         return frames
 
@@ -76,7 +76,7 @@ class Sender:
         first = self._turn % len(seen) if seen else 0
         return tuple(sorted((*seen[first:], *seen[:first]), key=self._reported.__contains__))
 
-    def _follow(self, position: Position) -> None:
+    def _note_position(self, position: Position) -> None:
         if position.sequence != self._framed + 1:
             # Receivers date a trail's places by counting ticks back.
             self._track.clear()
@@ -94,7 +94,7 @@ class Sender:
             or sending.predictor.error(last, position) > sending.error
         )
 
-    def _fitting(self, position: Position) -> tuple[Position, bytes]:
+    def _fit_trail(self, position: Position) -> tuple[Position, bytes]:
         """Return the position with as much of its trail as is of use and fits into a frame, and the frame."""
         if len(self._track) == 1:  # no trail, as of a fleet that sends none
             return position, encode(position, self._key)
@@ -111,7 +111,7 @@ class Sender:
                 return trailed, frame
             steps = steps[:-1]
 
-    def _affordable(self, frames: tuple[bytes, ...]) -> tuple[bytes, ...]:
+    def _affordable_frames(self, frames: tuple[bytes, ...]) -> tuple[bytes, ...]:
         """Return the frames that may be sent now: all, or as many as can be saved up for; none while waiting pays."""
         allowance = self._allowance
         if allowance is None:

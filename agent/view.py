@@ -54,12 +54,12 @@ class FogView:
     @property
     def last_seen(self) -> NDArray[np.int32]:
         """int32, the tick at which each point was last seen; -1 where it never was, which counts as tick 0."""
-        return self._show(0, self._belief.fog.last_seen)
+        return self._show_grid(0, self._belief.fog.last_seen)
 
     @property
     def dilated(self) -> NDArray[np.int32]:
         """int32, `last_seen` with staleness spread by the policy's `dilatation` (paper, "dilatation")."""
-        return self._show(1, self._belief.dilated)
+        return self._show_grid(1, self._belief.dilated)
 
     def dilated_around(self, point: tuple[int, int], span: int) -> NDArray[np.int32]:
         """Return `dilated`, up to date only around a point, which costs less.
@@ -69,12 +69,12 @@ class FogView:
             span: Number of rows and of columns that are needed on each side.
         """
         row, col = point
-        return self._show(1, self._belief.dilated_within((row - span, row + span, col - span, col + span)))
+        return self._show_grid(1, self._belief.dilated_within((row - span, row + span, col - span, col + span)))
 
     @property
     def looked(self) -> NDArray[np.int32]:
         """int32, the tick at which each point was last in a robot's view; `last_seen` unless a look leaves age."""
-        return self._show(2, self._belief.looked)
+        return self._show_grid(2, self._belief.looked)
 
     def checked_point(self, point: tuple[int, int]) -> tuple[int, int]:
         """Return a point's row and column as Python's integers.
@@ -93,7 +93,7 @@ class FogView:
             pass
         raise ValueError(f"point = {point!r}: expected the row and column of a point that the robot patrols")
 
-    def _show(self, slot: int, grid: NDArray[np.int32]) -> NDArray[np.int32]:
+    def _show_grid(self, slot: int, grid: NDArray[np.int32]) -> NDArray[np.int32]:
         """Return a read-only view of a grid, which is another one once a belief is no longer shared."""
         shown = self._shown.get(slot)
         if shown is None or shown.base is not grid:

@@ -58,7 +58,7 @@ PACKAGES = ("patrol", "agent", "worldsim")
 
 @dataclass(frozen=True)
 class RunOptions(RunChoices):
-    """How a run is made, and what follows it.
+    """Options of making a run, and of its progress.
 
     Attributes:
         display: Shows the progress.
@@ -187,7 +187,7 @@ def execute(scenario: Scenario, options: RunOptions) -> Run:
         options.display.close()
 
 
-def _begin(options: RunOptions) -> None:
+def _begin_run(options: RunOptions) -> None:
     """Call `begin`, unless the run has been stopped before: then raise KeyboardInterrupt."""
     options.begin()
     if options.stop():
@@ -202,11 +202,11 @@ def _in_this_process(scenario: Scenario, folder: RunFolder, options: RunOptions)
     from worldsim.run_record import Unwritten, recording
 
     prepared = prepare(scenario)
-    _announce(prepared, folder, options)
+    _announce_run(prepared, folder, options)
     _find_rounds(prepared, options.display)
     progresses: list[LiveProgress] = []
-    _begin(options)
-    baseline_s = _baseline(prepared, options)
+    _begin_run(options)
+    baseline_s = _baseline_mfow(prepared, options)
     with closing(TicksTable(folder.ticks, scenario.step)) as table:
 
         def watch(world: World) -> Callable[[TickRecord], None]:
@@ -250,7 +250,7 @@ def _in_this_process(scenario: Scenario, folder: RunFolder, options: RunOptions)
 
             raise LaunchFailed(str(unwritten)) from None
     options.over()
-    return _result(folder, prepared, outcome.journal, outcome.verdict, outcome.summary, options)
+    return _write_result(folder, prepared, outcome.journal, outcome.verdict, outcome.summary, options)
 
 
 def _as_processes(scenario: Scenario, folder: RunFolder, options: RunOptions) -> Run:
@@ -282,19 +282,19 @@ def _as_processes(scenario: Scenario, folder: RunFolder, options: RunOptions) ->
     try:
         launch.start()
         prepared = prepared or prepare(scenario)
-        _announce(prepared, folder, options)
+        _announce_run(prepared, folder, options)
         _find_rounds(prepared, options.display)
         _write_static(prepared, folder)
-        _begin(options)
-        _unfinished(folder.static).rename(folder.static)
+        _begin_run(options)
+        _unfinished_folder(folder.static).rename(folder.static)
         launch.watch()
     except BaseException:
         launch.interrupted = True
         raise
     finally:
-        exit_codes = _finish(launch)
+        exit_codes = _finish_processes(launch)
         folder = found_again(folder, handle, options.display.say)
-        for static in (folder.static, _unfinished(folder.static)):
+        for static in (folder.static, _unfinished_folder(folder.static)):
             shutil.rmtree(static, ignore_errors=True)
     options.over()
     if not folder.journal.exists():
@@ -324,10 +324,10 @@ def _ended_as_processes(
     operated = prepared.as_operated(journal.events)
     try:
         options.display.progress(JUDGING)
-        judging = Judge(journal, exit_codes, operated, baseline_s=_baseline(operated, options))
-        for done, record in enumerate(journal.ticks, 1):
+        judging = Judge(journal, exit_codes, operated, baseline_s=_baseline_mfow(operated, options))
+        for count, record in enumerate(journal.ticks, 1):
             judging.tick(record)
-            show_progress(options.display, JUDGING, done, operated.scenario.ticks)
+            show_progress(options.display, JUDGING, count, operated.scenario.ticks)
         verdict = judging.verdict()
         summary = summarise(journal, verdict, operated)
         options.display.progress(JUDGING, 1.0)
@@ -335,10 +335,10 @@ def _ended_as_processes(
         options.display.say(f"interrupted before the run was judged; `fogwatch judge {folder.path}` judges it")
         raise
     summary = summary.model_copy(update={"exit_codes": dict(exit_codes)})
-    return _result(folder, operated, journal, verdict, summary, options)
+    return _write_result(folder, operated, journal, verdict, summary, options)
 
 
-def _announce(prepared: Prepared, folder: RunFolder, options: RunOptions) -> None:
+def _announce_run(prepared: Prepared, folder: RunFolder, options: RunOptions) -> None:
     """Show what is about to run, once its input is known to be right, and what to know of its ground."""
     from fogwatch.grounds.scenario_notes import scenario_notes
 
@@ -356,7 +356,7 @@ def _announce(prepared: Prepared, folder: RunFolder, options: RunOptions) -> Non
         options.display.say(f"warning: {line}")
 
 
-def _baseline(prepared: Prepared, options: RunOptions) -> float | None:
+def _baseline_mfow(prepared: Prepared, options: RunOptions) -> float | None:
     """Return the mean MFoW (s) without faults; None where it is not wanted, or one process cannot find it out."""
     scenario = prepared.scenario
     if not _needs_second_run(scenario, options) or options.stop():
@@ -372,7 +372,7 @@ def _needs_second_run(scenario: Scenario, options: RunOptions) -> bool:
     return options.recovery and bool(scenario.faults) and scenario.radio.via == "ether"
 
 
-def _finish(launch: Launch) -> Mapping[str, int | None]:
+def _finish_processes(launch: Launch) -> Mapping[str, int | None]:
     """End all processes; an interruption meanwhile ends them by force."""
     try:
         return launch.finish()
@@ -397,7 +397,7 @@ def _write_static(prepared: Prepared, folder: RunFolder) -> None:
     """Write the static fields for the processes, which wait until their folder is renamed."""
     from agent.psi import save_psi
 
-    part = _unfinished(folder.static)
+    part = _unfinished_folder(folder.static)
     try:
         prepare_zones(prepared)
         prepared.save(part)
@@ -407,12 +407,12 @@ def _write_static(prepared: Prepared, folder: RunFolder) -> None:
         raise BadInput(f"{folder.path}: the ground cannot be written for the processes ({why}); make room") from None
 
 
-def _unfinished(static: Path) -> Path:
+def _unfinished_folder(static: Path) -> Path:
     """Return the folder in which static fields are written until they are complete."""
     return static.with_suffix(".part")
 
 
-def _result(
+def _write_result(
     folder: RunFolder,
     prepared: Prepared,
     journal: RunRecord,

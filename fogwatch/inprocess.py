@@ -110,7 +110,7 @@ class InProcessFleet:
 
         `heard` is as for `phase_b`; the views are by robot number, of the minds that decide in this tick.
         """
-        self._hear(k, heard)
+        self._hear_beliefs(k, heard)
         if self._beliefs is None:
             for number, frames in heard.items():
                 self._minds[number].hear(self._sensed[number], frames)
@@ -121,7 +121,7 @@ class InProcessFleet:
         """Return every mind's command."""
         numbers = list(heard)
         if not self._views:
-            self._hear(k, heard)
+            self._hear_beliefs(k, heard)
         if self._pool is None:
             replies = self._step_all(k, numbers, heard)
         else:
@@ -140,16 +140,16 @@ class InProcessFleet:
         lost = [(number, Status.LOST, reason) for number, reason in sorted(self._failed.items())]
         self._failed.clear()
         for number, _, _ in lost:
-            self._drop(number)
+            self._drop_robot(number)
         return lost
 
     def kill(self, number: int) -> None:
         """Drop a mind, with all that it knew."""
-        self._drop(number)
+        self._drop_robot(number)
 
     def leave(self, number: int) -> None:
         """Drop a mind; it has nothing to put in order."""
-        self._drop(number)
+        self._drop_robot(number)
 
     def pause(self, number: int) -> str:
         """Do nothing: a mind that is not called stands still, and has no process to look at."""
@@ -186,28 +186,28 @@ class InProcessFleet:
         if self._pool is not None:
             self._pool.shutdown(cancel_futures=True)
 
-    def _hear(self, k: int, heard: Mapping[int, list[bytes]]) -> None:
+    def _hear_beliefs(self, k: int, heard: Mapping[int, list[bytes]]) -> None:
         """Let the minds that share what they believe hear."""
         if self._beliefs is not None:
-            own = {number: as_received(self._sensed[number].pose) for number in heard}
-            self._beliefs.hear(k, own, heard)
+            poses = {number: as_received(self._sensed[number].pose) for number in heard}
+            self._beliefs.hear(k, poses, heard)
 
-    def _drop(self, number: int) -> None:
+    def _drop_robot(self, number: int) -> None:
         self._minds.pop(number, None)
         if self._beliefs is not None:
             self._beliefs.leave(number)
 
     def _step_all(self, k: int, numbers: Sequence[int], heard: Mapping[int, list[bytes]]) -> dict[int, Reply | None]:
-        return {number: self._step(k, number, heard) for number in numbers}
+        return {number: self._step_robot(k, number, heard) for number in numbers}
 
-    def _step(self, k: int, number: int, heard: Mapping[int, list[bytes]]) -> Reply | None:
+    def _step_robot(self, k: int, number: int, heard: Mapping[int, list[bytes]]) -> Reply | None:
         begun = time.perf_counter()
         try:
             if self._limit_s is None:
-                decision = self._decide(number, heard)
+                decision = self._ask_mind(number, heard)
             else:
                 with deadline(self._limit_s):
-                    decision = self._decide(number, heard)
+                    decision = self._ask_mind(number, heard)
         except (PolicyFailed, Late) as failed:
             self._failed[number] = reason = policy_failure(k, failed)
             self._failure(number, reason, failed.__cause__)
@@ -215,7 +215,7 @@ class InProcessFleet:
         spent_ms = (time.perf_counter() - begun) * 1000.0
         return Reply(decision.command, str(decision.state), decision.refined, spent_ms, decision.rejected)
 
-    def _decide(self, number: int, heard: Mapping[int, list[bytes]]) -> Decision:
+    def _ask_mind(self, number: int, heard: Mapping[int, list[bytes]]) -> Decision:
         mind, sensed, view = self._minds[number], self._sensed[number], self._views.get(number)
         if self._beliefs is None and view is None:
             return mind.step(sensed, heard[number])
@@ -313,16 +313,16 @@ def run_in_process(
         memory = MemoryJournal(header, keep)
         judging = Judge(memory, {}, prepared, verify_fog=verify_fog, baseline_s=baseline_s, fog=world.truth.fog)
         totals = Totals(header)
-        _run(world, fleet, memory, (judging.tick, totals.tick, *watchers), events, stop)
+        _run_ticks(world, fleet, memory, (judging.tick, totals.tick, *watchers), events, stop)
         verdict = judging.verdict()
         return Outcome(memory, totals.summary(memory, verdict, prepared), verdict)
     record: RunRecord
     if journal is None:
         record = memory = MemoryJournal(header)
-        _run(world, fleet, memory, watchers, events, stop)
+        _run_ticks(world, fleet, memory, watchers, events, stop)
     else:
         with JournalWriter(journal, header) as writer:
-            _run(world, fleet, writer, watchers, events, stop)
+            _run_ticks(world, fleet, writer, watchers, events, stop)
         record = read_journal(journal)
     verdict = judge(record, {}, prepared, baseline_s=baseline_s)
     return Outcome(record, summarise(record, verdict, prepared), verdict)
@@ -336,7 +336,7 @@ def fault_free_mfow(prepared: Prepared, stop: Callable[[], bool] = lambda: False
     return outcome.summary.mfow_mean_s if completed else None
 
 
-def _run(
+def _run_ticks(
     world: World,
     fleet: InProcessFleet,
     writer: Writer,
@@ -360,8 +360,8 @@ def _run(
     try:
         reason = run_ticks(world, fleet, on_tick, on_event, stop, fleet)
     except BaseException as error:
-        asked = isinstance(error, KeyboardInterrupt)
+        interrupted = isinstance(error, KeyboardInterrupt)
         with suppress(OSError):  # it may be the journal's disk that is full
-            recorder.end(INTERRUPTED if asked else f"failed: {type(error).__name__}: {error}")
+            recorder.end(INTERRUPTED if interrupted else f"failed: {type(error).__name__}: {error}")
         raise
     recorder.end(reason, {"wall_s": time.perf_counter() - began})

@@ -28,13 +28,13 @@ class OwnPackages:
         """
         if name not in NAMES:
             return None
-        own, first = PathFinder.find_spec(name, [HOME]), PathFinder.find_spec(name)
+        own_spec, first = PathFinder.find_spec(name, [HOME]), PathFinder.find_spec(name)
         file = None if first is None else first.origin
         if file is not None and file not in _HIDDEN and not _is_own(name, file):
             _HIDDEN.add(file)
             line = f"fogwatch: {file}: fogwatch has a package of the name {name}, which hides this file; rename it"
             print(line, file=sys.stderr)
-        return own
+        return own_spec
 
 
 def prefer_own_packages() -> None:

@@ -1,4 +1,4 @@
-"""Presets: settings that belong together, so that nobody has to write them one by one."""
+"""Presets: settings that belong together, under one name."""
 
 from __future__ import annotations
 

@@ -58,23 +58,23 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
     It is 0 after a stop, 2 for bad input or a port that cannot be listened on.
     """
-    return run_with(router_parser().parse_args(arguments), "router", _route, prefix="fogwatch router: ")
+    return run_with(router_parser().parse_args(arguments), "router", _route_messages, prefix="fogwatch router: ")
 
 
-def _route(process: ProcessContext) -> int:
+def _route_messages(process: ProcessContext) -> int:
     """Route until asked to stop; return the exit code."""
-    listen, security = _security(process.options)
-    others = _others(process.options, security)
+    listen, security = _read_security(process.options)
+    linked_routers = _linked_routers(process.options, security)
     process.follow(**({} if security is None else {"fleet": security.keys.fleet}))
     try:
-        router = open_router(listen, security, others)
+        router = open_router(listen, security, linked_routers)
     except PortBusy as busy:
         raise PortTaken(str(busy)) from None
     except LinkDown as down:
         raise BadInput(str(down)) from None
     process.vitals.probe(CONNECTIONS, lambda: router.connections)
     access = OPEN.format(listen=listen) if security is None else f"for the members of fleet {security.keys.fleet}"
-    linked = f"; linked to {', '.join(others)}" if others else ""
+    linked = f"; linked to {', '.join(linked_routers)}" if linked_routers else ""
     Log("router", "").announce(f"router ready at {listen}; {access}{linked}")
     process.ready(listen)
     alive = process.notifier.alive
@@ -89,7 +89,7 @@ def _route(process: ProcessContext) -> int:
     return 0
 
 
-def _security(options: argparse.Namespace) -> tuple[str, RouterSecurity | None]:
+def _read_security(options: argparse.Namespace) -> tuple[str, RouterSecurity | None]:
     """Return the address to listen on and the security; None admits all. Raises BadInput where that would be unsafe."""
     if options.fleet is not None:
         if options.open:
@@ -106,10 +106,10 @@ def _security(options: argparse.Namespace) -> tuple[str, RouterSecurity | None]:
     return listen, None
 
 
-def _others(options: argparse.Namespace, security: RouterSecurity | None) -> list[str]:
+def _linked_routers(options: argparse.Namespace, security: RouterSecurity | None) -> list[str]:
     """Return the routers to connect to. Raises BadInput for an address that is none, or an unguarded link."""
-    others = [check_locator(address, "--connect") for address in options.connect]
-    for address in others:
+    addresses = [check_locator(address, "--connect") for address in options.connect]
+    for address in addresses:
         if security is not None:
             security.check_connect(address)
         elif not options.open and not is_local(address):
@@ -117,7 +117,7 @@ def _others(options: argparse.Namespace, security: RouterSecurity | None) -> lis
                 f"--connect {address}: nobody would be asked who they are; give --fleet FOLDER (or --open, to let "
                 "everybody do everything)"
             )
-    return others
+    return addresses
 
 
 def router_parser() -> ProcessParser:

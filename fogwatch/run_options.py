@@ -46,7 +46,7 @@ class Body:
 
 @dataclass(frozen=True)
 class Changes:
-    """What a run changes of its scenario."""
+    """Settings of a scenario that a run changes."""
 
     robots: Annotated[int | None, _of_robots("N", "Number of robots.")] = None
     spare: Annotated[
@@ -70,14 +70,14 @@ class Changes:
 
     def overrides(self) -> dict[str, object]:
         """Return all but the spare robots as overrides, by dotted field of the scenario."""
-        given = {"robots": self.robots, "start": [_place(text) for text in self.start or ()] or None}
+        robot_options = {"robots": self.robots, "start": [_read_start(text) for text in self.start or ()] or None}
         timing = {name: getattr(self, name) for name in ("duration", "seed", "pace", "point")}
-        return overrides_of(self.settings, self.patrol, self.preset, **given, **vars(self.body), **timing)
+        return overrides_of(self.settings, self.patrol, self.preset, **robot_options, **vars(self.body), **timing)
 
 
 @dataclass(frozen=True)
 class RunChoices:
-    """How a run is made, and which files it leaves."""
+    """Options of making a run, and of the files that it leaves."""
 
     out: Annotated[Path | None, _of_output("DIR", "Run folder, new or empty (default: runs/NAME-TIME).")] = None
     in_process: Annotated[
@@ -117,16 +117,16 @@ def overrides_of(
     settings: list[str] | None, patrol: str | None = None, preset: str | None = None, **options: object
 ) -> dict[str, object]:
     """Return what options change of a scenario, by dotted field: those of `FIELDS`, and ``--set``, ``--patrol``, ..."""
-    given = {FIELDS[name]: value for name, value in options.items() if value is not None}
-    return chosen_settings({**given, **parse_overrides(settings or [])}, patrol, preset)
+    by_field = {FIELDS[name]: value for name, value in options.items() if value is not None}
+    return chosen_settings({**by_field, **parse_overrides(settings or [])}, patrol, preset)
 
 
-def _place(text: str) -> list[float]:
+def _read_start(text: str) -> list[float]:
     """Read a start: X,Y or X,Y,HEADING."""
     try:
-        place = [float(part) for part in text.split(",")]
+        numbers = [float(part) for part in text.split(",")]
     except ValueError:
-        place = []
-    if len(place) not in (2, 3):
+        numbers = []
+    if len(numbers) not in (2, 3):
         raise BadInput(f"--start {text}: expected X,Y or X,Y,HEADING in m and rad, for example --start 12.5,40")
-    return place
+    return numbers

@@ -81,9 +81,9 @@ class FleetStatus:
 
     def as_text(self) -> str:
         """Write the state for people, in lines."""
-        return "\n".join(map(printable, self._lines()))
+        return "\n".join(map(printable, self._status_lines()))
 
-    def _lines(self) -> Iterator[str]:
+    def _status_lines(self) -> Iterator[str]:
         yield f"fleet {self.fleet} at {self.router}"
         yield f"world   {_world_text(self.world)}"
         if self.mfow_s is not None:
@@ -106,9 +106,9 @@ class FleetStatus:
         yield from (f"fault in force: {fault}" for fault in self.faults)
         yield from (f"warning: {warning}" for warning in self.warnings)
         yield from (f"unknown: {unknown}" for unknown in self.unknown)
-        yield "all well" if self.well else f"not well: {self._counts()}"
+        yield "all well" if self.well else f"not well: {self._problem_counts()}"
 
-    def _counts(self) -> str:
+    def _problem_counts(self) -> str:
         wrong, warnings = sum(bool(robot.wrong) for robot in self.robots), len(self.warnings)
         robots = [f"{wrong} of {len(self.robots)} robots"] if wrong else []
         return ", ".join([*robots, *([f"warnings: {warnings}"] if warnings else [])])
@@ -129,10 +129,10 @@ class FleetWatch(Protocol):
 def _world_text(world: WorldStatus | None) -> str:
     if world is None:
         return "none"
-    at = f"tick {world.tick}" + (f" of {world.ticks}" if world.ticks else "") + f", {duration_text(world.time_s)}"
+    progress = f"tick {world.tick}" + (f" of {world.ticks}" if world.ticks else "") + f", {duration_text(world.time_s)}"
     if world.ended is not None:
-        return f"{at}; ended: {world.ended}"
-    return f"{at}; {f'{world.ticks_per_s:.1f} ticks/s' if world.running else 'paused'}"
+        return f"{progress}; ended: {world.ended}"
+    return f"{progress}; {f'{world.ticks_per_s:.1f} ticks/s' if world.running else 'paused'}"
 
 
 _PROCESS_WRONG = {
@@ -226,32 +226,32 @@ def fleet_status(look: Look, router: str) -> FleetStatus:
         if simulated
         else None,
         mfow_s=state.mfow_s,
-        robots=tuple(_robot(look, *robot) for robot in robots),
+        robots=tuple(_robot_status(look, *robot) for robot in robots),
         faults=tuple(" ".join(f"{field}={value}" for field, value in fault.items()) for fault in state.faults),
         warnings=(state.note,) if state.note else (),
-        unknown=_unknown(look),
+        unknown=_unknown_notes(look),
     )
 
 
-def _unknown(look: Look) -> tuple[str, ...]:
+def _unknown_notes(look: Look) -> tuple[str, ...]:
     """Say what the look cannot tell."""
     silent = look.undecided
-    heard = f"whether {', '.join(silent)} can be heard: {look.observed_s:.1f} s of this run are too short to tell"
-    return (*((heard,) if silent else ()), *(() if look.static.has_truth else (_NO_WORLD,)))
+    notice = f"whether {', '.join(silent)} can be heard: {look.observed_s:.1f} s of this run are too short to tell"
+    return (*((notice,) if silent else ()), *(() if look.static.has_truth else (_NO_WORLD,)))
 
 
-def _robot(look: Look, shape: RobotShape, robot: RobotState) -> RobotStatus:
+def _robot_status(look: Look, shape: RobotShape, robot: RobotState) -> RobotStatus:
     return RobotStatus(
         name=shape.name,
         status="silent" if robot.status is Status.LOST and not look.static.has_truth else robot.status.name.lower(),
         doing=robot.state,
         heard_s=robot.heard_s,
         place=None if robot.pose is None else (robot.pose.x, robot.pose.y),
-        wrong=_wrong(look, shape, robot),
+        wrong=_robot_problem(look, shape, robot),
     )
 
 
-def _wrong(look: Look, shape: RobotShape, robot: RobotState) -> str:
+def _robot_problem(look: Look, shape: RobotShape, robot: RobotState) -> str:
     """Say what is wrong with a robot; empty if nothing is."""
     simulated = look.static.has_truth
     if robot.status is Status.ABSENT:
@@ -263,8 +263,8 @@ def _wrong(look: Look, shape: RobotShape, robot: RobotState) -> str:
     heard_s = look.observed_s if robot.heard_s is None else robot.heard_s
     if heard_s > look.forget_after_s:
         since = "" if robot.heard_s is not None else "more than "
-        what = "no other robot has heard it" if simulated else "no position"
-        return f"{what} for {since}{duration_text(heard_s)}"
+        problem = "no other robot has heard it" if simulated else "no position"
+        return f"{problem} for {since}{duration_text(heard_s)}"
     if robot.trapped is not None:
         before = "" if robot.trapped.exact else "before "
         return f"trapped since {before}{duration_text(robot.trapped.since_s)}"
@@ -283,7 +283,7 @@ class _Heard:
     def __init__(self, link: Link, air: Air, keys: FleetKeys, name: str, now: float) -> None:
         self.followed_since, self._name = now, name
         position, telemetry = keys.position(name), keys.telemetry(name)
-        self._frames: Mailbox[Position] = Mailbox([position], _position, MAX_FRAME)
+        self._frames: Mailbox[Position] = Mailbox([position], _decode_position, MAX_FRAME)
         self._reports: Mailbox[Telemetry] = Mailbox([telemetry], partial(read, Telemetry), MAX_TELEMETRY)
         self.position: Position | None = None
         self.position_at = 0.0
@@ -327,14 +327,14 @@ class TokenWatch:
 
     def look(self, seconds: float) -> FleetStatus:
         """See `FleetWatch`."""
-        self._follow()
+        self._follow_robots()
         until = self._now() + seconds
-        while (left := until - self._now()) > 0.0 and not self._ending.wait(min(left, _TAKE_S)):
-            self._take()
-        self._take()
-        there, mesh = self._follow(), self._link.mesh
+        while (remaining_s := until - self._now()) > 0.0 and not self._ending.wait(min(remaining_s, _TAKE_S)):
+            self._take_messages()
+        self._take_messages()
+        present, mesh = self._follow_robots(), self._link.mesh
         names = sorted({*self._robots, *(() if mesh is None else mesh.robots)})
-        robots = tuple(self._robot(name, there) for name in names)
+        robots = tuple(self._robot_status(name, present) for name in names)
         new = [robot.name for robot in robots if robot.heard_s is None and not robot.wrong]
         too_new = (
             (f"whether {', '.join(new)} can be heard: followed for less than {self._silent_s:g} s",) if new else ()
@@ -348,26 +348,26 @@ class TokenWatch:
         if self._air is not self._link:
             self._air.close()
 
-    def _follow(self) -> list[str]:
+    def _follow_robots(self) -> list[str]:
         """List the robots that are there, and listen to those that are new."""
-        there = robots_there(self._link, self._keys)
-        for name in there:
+        present = robots_there(self._link, self._keys)
+        for name in present:
             if name not in self._robots:
                 self._robots[name] = _Heard(self._link, self._air, self._keys, name, self._now())
-        return there
+        return present
 
-    def _take(self) -> None:
-        for heard in self._robots.values():
-            heard.take(self._now(), self._hearing)
+    def _take_messages(self) -> None:
+        for watched in self._robots.values():
+            watched.take(self._now(), self._hearing)
 
-    def _robot(self, name: str, there: Collection[str]) -> RobotStatus:
+    def _robot_status(self, name: str, there: Collection[str]) -> RobotStatus:
         if name not in self._robots:
             return RobotStatus(name, "absent", wrong="is not there")
-        heard = self._robots[name]
-        position, report = heard.position, heard.report
+        watched = self._robots[name]
+        position, report = watched.position, watched.report
         now = self._now()
-        heard_s = None if position is None else now - heard.position_at
-        is_new = position is None and now - heard.followed_since < self._silent_s
+        heard_s = None if position is None else now - watched.position_at
+        is_new = position is None and now - watched.followed_since < self._silent_s
         wrong = ""
         if name not in there:
             wrong = "its process has gone"
@@ -392,7 +392,7 @@ class TokenWatch:
         )
 
 
-def _position(frame: bytes) -> Position:
+def _decode_position(frame: bytes) -> Position:
     """Decode a frame; its tag is not checked."""
     try:
         return decode(frame)

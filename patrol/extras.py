@@ -1,4 +1,4 @@
-"""What fogwatch can do without: matplotlib, and the studies. Where one is missing, the error names the extra."""
+"""Optional packages: matplotlib, and the studies. Where one is missing, the error names the extra."""
 
 from __future__ import annotations
 

@@ -60,8 +60,8 @@ class Graph:
         lengths = np.full((self.size, self.size), np.inf)
         np.fill_diagonal(lengths, 0.0)
         for vertex, neighbours in enumerate(self.edges):
-            for other, length in neighbours:
-                lengths[vertex, other] = min(lengths[vertex, other], length)
+            for neighbour, length in neighbours:
+                lengths[vertex, neighbour] = min(lengths[vertex, neighbour], length)
         for by in range(self.size):
             np.minimum(lengths, lengths[:, by, None] + lengths[None, by, :], out=lengths)
         lengths.flags.writeable = False
@@ -70,13 +70,15 @@ class Graph:
     @cached_property
     def hops(self) -> NDArray[np.float64]:
         """float64 (v, v), the least number of edges between vertices; infinity without a way."""
-        return Graph(self.places, tuple(tuple((other, 1.0) for other, _ in row) for row in self.edges)).lengths
+        return Graph(self.places, tuple(tuple((neighbour, 1.0) for neighbour, _ in row) for row in self.edges)).lengths
 
     def step(self, vertex: int, goal: int) -> int:
         """Return the next vertex on the shortest way to a goal; the goal itself when it is there already."""
         if vertex == goal:
             return vertex
-        return min((length + float(self.lengths[other, goal]), other) for other, length in self.edges[vertex])[1]
+        return min(
+            (length + float(self.lengths[neighbour, goal]), neighbour) for neighbour, length in self.edges[vertex]
+        )[1]
 
     def way(self, vertex: int, goal: int) -> list[int]:
         """Return the vertices on the shortest way to a goal, without the first one and with the goal.
@@ -144,11 +146,11 @@ class _Words:
 
     def __init__(self, path: Path) -> None:
         self._path = path
-        self._words = self._split(read_text(path, GRAPH))
+        self._words = self._split_words(read_text(path, GRAPH))
         self._line = 1
 
     @staticmethod
-    def _split(text: str) -> Iterator[tuple[int, str]]:
+    def _split_words(text: str) -> Iterator[tuple[int, str]]:
         for number, line in enumerate(text.splitlines(), 1):
             for word in line.split():
                 yield number, word
@@ -159,10 +161,10 @@ class _Words:
 
     def text(self, what: str) -> str:
         """Return the next word."""
-        found = next(self._words, None)
-        if found is None:
+        token = next(self._words, None)
+        if token is None:
             raise BadInput(f"{self._path}: ends where {what} should be; expected a .graph file of patrolling_sim")
-        self._line, word = found
+        self._line, word = token
         return word
 
     def number(self, what: str) -> float:
@@ -185,8 +187,8 @@ class _Words:
 
     def end(self) -> None:
         """Refuse more words."""
-        if (more := next(self._words, None)) is not None:
-            raise BadInput(f"{self._path}: line {more[0]}: {printable(more[1])[:40]}: more than the vertices above")
+        if (extra := next(self._words, None)) is not None:
+            raise BadInput(f"{self._path}: line {extra[0]}: {printable(extra[1])[:40]}: more than the vertices above")
 
 
 def read_graph(path: Path, map_image: tuple[int, int] | None = None) -> dict[str, Any]:
@@ -214,13 +216,13 @@ def read_graph(path: Path, map_image: tuple[int, int] | None = None) -> dict[str
         x, y = (words.number("a vertex's place in pixels") for _ in range(2))
         places.append((round(x * resolution + offset[0], 6), round(y * resolution + offset[1], 6)))
         for _ in range(words.whole("a vertex's number of neighbours", 0, count - 1)):
-            other = words.whole("a neighbour's number", 0, count - 1)
+            neighbour = words.whole("a neighbour's number", 0, count - 1)
             if words.text("a neighbour's direction") not in DIRECTIONS:
                 raise words.wrong(f"expected a neighbour's direction: {' '.join(DIRECTIONS)}")
             length = round(words.number("the length of an edge in pixels") * resolution, 6)
-            if other == vertex or length <= 0.0:
+            if neighbour == vertex or length <= 0.0:
                 raise words.wrong("expected a neighbour other than the vertex itself, at a length above 0")
-            lengths.setdefault((min(vertex, other), max(vertex, other)), length)
+            lengths.setdefault((min(vertex, neighbour), max(vertex, neighbour)), length)
     words.end()
     edges = [(first, last, length) for (first, last), length in lengths.items()]
     return {"vertices": places, "edges": edges, "pixel": resolution}
@@ -238,11 +240,11 @@ def watching_vertices(
     vertices: Places, terrain: Terrain, by_radius: Mapping[float, StaticFields]
 ) -> dict[float, StaticFields]:
     """Leave nothing patrolled but the points that hold the graph's vertices."""
-    at = [terrain.point_at(*place) for place in vertices]
+    cells = [terrain.point_at(*vertex) for vertex in vertices]
     points = np.zeros(terrain.shape, dtype=np.bool_)
-    points[tuple(np.transpose(at))] = True
+    points[tuple(np.transpose(cells))] = True
     watching = {radius: fields.watching(points) for radius, fields in by_radius.items()}
-    for number, point in enumerate(at):
+    for number, point in enumerate(cells):
         if not any(fields.patrolled[point] for fields in watching.values()):
             x, y = terrain.centre(*point)
             where = f"terrain.graph: vertex {number} near [{x:.4g}, {y:.4g}]"

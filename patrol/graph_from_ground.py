@@ -46,10 +46,10 @@ def on_reach(graph: Graph, terrain: Terrain, reach: BoolGrid) -> Graph:
     x, y = terrain.origin
     across, up = x + (cols + 0.5) * terrain.point, y + (rows + 0.5) * terrain.point
     places = graph.places.copy()
-    for vertex, (there, high) in enumerate(graph.places.tolist()):
-        row, col = terrain.point_at(there, high)
+    for vertex, (vertex_x, high) in enumerate(graph.places.tolist()):
+        row, col = terrain.point_at(vertex_x, high)
         if not terrain.inside(row, col) or not reach[row, col]:
-            nearest = int(np.argmin((across - there) ** 2 + (up - high) ** 2))
+            nearest = int(np.argmin((across - vertex_x) ** 2 + (up - high) ** 2))
             places[vertex] = across[nearest], up[nearest]
     return Graph(places, graph.edges, graph.pixel, graph.visit)
 
@@ -62,11 +62,11 @@ def graph_from_ground(terrain: Terrain, fields: StaticFields, footprint: Footpri
     views = Views(looks, fields.patrolled, max(round(footprint.radius / ROUGH), 1))
     chosen = needed(choose(lattice(part, spacing), views) + complete(views, part, fields.proxy), views)
     exact = Views(looks, fields.patrolled, 1)
-    for place in chosen:
-        exact.add(place)
+    for cell in chosen:
+        exact.add(cell)
     places = sorted(needed(chosen + complete(exact, part, fields.proxy), exact))
     rows, cols = np.divmod(np.array(places, dtype=np.int64), terrain.width)
-    lengths = _lengths(part, rows, cols, NEAR * footprint.radius)
+    lengths = _way_lengths(part, rows, cols, NEAR * footprint.radius)
     edges = []
     for first in range(len(places)):
         for last in range(first + 1, len(places)):
@@ -76,7 +76,7 @@ def graph_from_ground(terrain: Terrain, fields: StaticFields, footprint: Footpri
     return graph_of([terrain.centre(int(row), int(col)) for row, col in zip(rows, cols, strict=True)], edges)
 
 
-def _lengths(part: BoolGrid, rows: Flat, cols: Flat, near: float) -> NDArray[np.int32]:
+def _way_lengths(part: BoolGrid, rows: Flat, cols: Flat, near: float) -> NDArray[np.int32]:
     """Compute the lengths of the ways between places, int32 (v, v), in hundredths of a point; `FAR` without a way.
 
     Ways are searched for up to a length first. A longer one leads through other places then, which does not matter:
@@ -106,22 +106,22 @@ def closed_tour(graph: Graph, vertices: Iterable[int]) -> list[int]:
     leads to from the first one are left out. There must be at least one.
     """
     every = sorted(set(vertices))
-    there = [vertex for vertex in every if graph.lengths[every[0], vertex] < np.inf]
-    lengths = np.rint(1000.0 * graph.lengths[np.ix_(there, there)]).astype(np.int32)
-    best, shortest = list(range(len(there))), None
-    for begin in np.linspace(0, len(there) - 1, min(STARTS, len(there))).astype(int).tolist():
-        tour, left = [begin], set(range(len(there))) - {begin}
-        while left:
-            tour.append(min(left, key=lambda vertex: (int(lengths[tour[-1], vertex]), vertex)))
-            left.remove(tour[-1])
+    reachable = [vertex for vertex in every if graph.lengths[every[0], vertex] < np.inf]
+    lengths = np.rint(1000.0 * graph.lengths[np.ix_(reachable, reachable)]).astype(np.int32)
+    best, shortest = list(range(len(reachable))), None
+    for begin in np.linspace(0, len(reachable) - 1, min(STARTS, len(reachable))).astype(int).tolist():
+        tour, remaining = [begin], set(range(len(reachable))) - {begin}
+        while remaining:
+            tour.append(min(remaining, key=lambda vertex: (int(lengths[tour[-1], vertex]), vertex)))
+            remaining.remove(tour[-1])
         order = np.array(tour, dtype=np.int64)
         length = int(shorten(lengths, order))
         if shortest is None or length < shortest:
             best, shortest = order.tolist(), length
     first = best.index(0)
-    return [there[at] for at in best[first:] + best[:first]]
+    return [reachable[index] for index in best[first:] + best[:first]]
 
 
 def tour_length(graph: Graph, tour: list[int]) -> float:
     """Return the length of a closed tour, m."""
-    return sum(float(graph.lengths[tour[at - 1], vertex]) for at, vertex in enumerate(tour))
+    return sum(float(graph.lengths[tour[index - 1], vertex]) for index, vertex in enumerate(tour))

@@ -86,7 +86,7 @@ def is_stored(name: str, source: Path) -> bool:
     text = source.read_bytes()
     try:
         shipped = _shipped_entry(name, text)
-        return (shipped is not None and (shipped / _LIST).is_file()) or (_entry(name, text) / _LIST).is_file()
+        return (shipped is not None and (shipped / _LIST).is_file()) or (_entry_folder(name, text) / _LIST).is_file()
     except OSError:  # such as a folder that this user may not read
         return False
 
@@ -107,8 +107,8 @@ def cache_home() -> Path:
     """
     if numba_folder := os.environ.get("NUMBA_CACHE_DIR"):
         home = Path(numba_folder) / "fogwatch"
-    elif (found := user_cache("kernels")) is not None:
-        home = found
+    elif (user_folder := user_cache("kernels")) is not None:
+        home = user_folder
     else:
         raise BadInput(
             "the compiled kernels cannot be stored: this user has no home folder; set NUMBA_CACHE_DIR to a folder"
@@ -182,9 +182,9 @@ class _KernelLoader(SourceFileLoader):
         self._source = Path(self.path).read_bytes()
         shipped = _shipped_entry(self.name, self._source)
         if shipped is not None and _is_intact(shipped):
-            self._execute(module, shipped)
+            self._execute_module(module, shipped)
             return
-        entry = _entry(self.name, self._source)
+        entry = _entry_folder(self.name, self._source)
         if not _is_intact(entry):
             with storing():
                 make_folder(entry.parent.parent)
@@ -192,26 +192,26 @@ class _KernelLoader(SourceFileLoader):
                 with (entry.parent / "lock").open("ab") as lock:
                     fcntl.flock(lock, fcntl.LOCK_EX)
                     if not _is_intact(entry):
-                        self._make(entry, module)
+                        self._make_entry(entry, module)
                         return
         _note_use(entry)
-        self._execute(module, entry)
+        self._execute_module(module, entry)
 
-    def _make(self, entry: Path, module: ModuleType) -> None:
+    def _make_entry(self, entry: Path, module: ModuleType) -> None:
         """Compile the module and store its entry; no other process makes an entry of this module meanwhile."""
-        _clean(entry)
+        _clean_entry(entry)
         part = entry.parent / f"{_UNFINISHED}{os.getpid()}"
         part.mkdir()
         try:
-            self._execute(module, part)
-            listed = {file.name: _digest(file) for file in part.iterdir()}
+            self._execute_module(module, part)
+            listed = {file.name: _file_digest(file) for file in part.iterdir()}
             (part / _LIST).write_text(json.dumps(listed), encoding="utf-8")
             part.rename(entry)
         except BaseException:
             shutil.rmtree(part, ignore_errors=True)
             raise
 
-    def _execute(self, module: ModuleType, folder: Path) -> None:
+    def _execute_module(self, module: ModuleType, folder: Path) -> None:
         _register_locator()
         _folders[self.name] = folder
         try:
@@ -284,32 +284,32 @@ class _AnyProcessor:
         return ()
 
 
-def _entry(name: str, source: bytes) -> Path:
+def _entry_folder(name: str, source: bytes) -> Path:
     """Return the folder of a module's entry in the user's cache, whether it is there or not."""
-    return cache_home() / _place(name, source, _processor())
+    return cache_home() / _entry_path(name, source, _processor_facts())
 
 
 def _shipped_entry(name: str, source: bytes) -> Path | None:
     """Return the folder of a module's entry in the wheel; None where there is none, or not for this processor."""
     if not SHIPPED.is_dir() or not runs_shipped():
         return None
-    return SHIPPED / _place(name, source, ("x86_64", SHIPPED_FOR, ""))
+    return SHIPPED / _entry_path(name, source, ("x86_64", SHIPPED_FOR, ""))
 
 
-def _place(name: str, source: bytes, processor: tuple[str, str, str]) -> Path:
-    facts = (name, hashlib.sha256(source).hexdigest(), _versions(), processor, _settings())
+def _entry_path(name: str, source: bytes, processor: tuple[str, str, str]) -> Path:
+    facts = (name, hashlib.sha256(source).hexdigest(), _library_versions(), processor, _numba_settings())
     return Path(name, hashlib.sha256(repr(facts).encode()).hexdigest()[:32])
 
 
 @cache
-def _versions() -> tuple[str, ...]:
+def _library_versions() -> tuple[str, ...]:
     numpy = ".".join(version("numpy").split(".")[:2])  # numba's code goes by these two
     python = str(sys.implementation.cache_tag), getattr(sys, "abiflags", "")
     return (*python, version("numba"), version("llvmlite"), numpy)
 
 
 @cache
-def _processor() -> tuple[str, str, str]:
+def _processor_facts() -> tuple[str, str, str]:
     """Return the machine, the processor and its features that numba compiles for."""
     from llvmlite.binding import get_host_cpu_features, get_host_cpu_name  # type: ignore[import-untyped]
 
@@ -327,11 +327,11 @@ def runs_shipped() -> bool:
     from llvmlite.binding import get_host_cpu_features
 
     features = get_host_cpu_features()
-    asked = "NUMBA_CPU_NAME" in os.environ or "NUMBA_CPU_FEATURES" in os.environ
-    return platform.machine() == "x86_64" and not asked and all(features.get(name) for name in _INSTRUCTIONS)
+    overridden = "NUMBA_CPU_NAME" in os.environ or "NUMBA_CPU_FEATURES" in os.environ
+    return platform.machine() == "x86_64" and not overridden and all(features.get(name) for name in _INSTRUCTIONS)
 
 
-def _settings() -> tuple[object, ...]:
+def _numba_settings() -> tuple[object, ...]:
     """Return numba's settings: variables of the environment, and a file in the current folder."""
     variables = [item for item in os.environ.items() if item[0].startswith("NUMBA_") and item[0] not in NO_SETTINGS]
     try:
@@ -345,12 +345,12 @@ def _is_intact(entry: Path) -> bool:
     """Return whether an entry is there and undamaged."""
     try:
         listed = json.loads((entry / _LIST).read_bytes())
-        return all(_digest(entry / name) == digest for name, digest in listed.items())
+        return all(_file_digest(entry / name) == digest for name, digest in listed.items())
     except (OSError, ValueError, AttributeError, TypeError):
         return False
 
 
-def _digest(file: Path) -> str:
+def _file_digest(file: Path) -> str:
     return hashlib.sha256(file.read_bytes()).hexdigest()
 
 
@@ -361,7 +361,7 @@ def _note_use(entry: Path) -> None:
             os.utime(entry / _LIST)
 
 
-def _clean(entry: Path) -> None:
+def _clean_entry(entry: Path) -> None:
     """Delete what is in the way of a new entry: a damaged one, what killed processes have left, and unused ones."""
     for folder in entry.parent.iterdir():
         if folder == entry or folder.name.startswith(_UNFINISHED) or _is_unused(folder):

@@ -61,7 +61,7 @@ def allow_sensor(spec: SensorSpec) -> None:
         return
     named = sensor_named(spec)
     options_of(named, find(named))
-    record = _record(named)
+    record = _record_name(named)
     _allowed.add(record)
     if (folder := user_cache("sensors")) is not None:
         with suppress(OSError):
@@ -93,9 +93,9 @@ class CheckedSensor:
         try:
             self._sensor: Sensor = made(setup)
         except (Exception, SystemExit) as error:
-            raise self._failed("cannot be made", error) from error
-        self.all_round = self._flag("all_round")
-        self.leaves_age = self._flag("leaves_age")
+            raise self._make_failure("cannot be made", error) from error
+        self.all_round = self._read_flag("all_round")
+        self.leaves_age = self._read_flag("leaves_age")
         offsets = np.arange(-setup.reach, setup.reach + 1)
         self._beyond = offsets[:, None] ** 2 + offsets[None, :] ** 2 > setup.radius**2 + 1e-9
 
@@ -104,13 +104,13 @@ class CheckedSensor:
         try:
             view = self._sensor.visible(pose)
         except (Exception, SystemExit) as error:
-            raise self._failed(f"from {_spelled(pose)}: raised", error) from error
-        if wrong := next(self._problems(view, pose), ""):
-            raise SensorFailed(f"{self._name}: visible(pose) from {_spelled(pose)} returned {wrong}")
+            raise self._make_failure(f"from {_pose_text(pose)}: raised", error) from error
+        if wrong := next(self._view_problems(view, pose), ""):
+            raise SensorFailed(f"{self._name}: visible(pose) from {_pose_text(pose)} returned {wrong}")
         quality = None if view.quality is None else np.array(view.quality, order="C")
         return View(int(view.row0), int(view.col0), np.array(view.mask, order="C"), quality)
 
-    def _problems(self, view: object, pose: Pose) -> Iterator[str]:
+    def _view_problems(self, view: object, pose: Pose) -> Iterator[str]:
         """Give the problems of a view, each with its remedy; those after the first may be wrong."""
         setup, side = self._setup, 2 * self._setup.reach + 1
         if not isinstance(view, View):
@@ -122,7 +122,7 @@ class CheckedSensor:
         if (view.row0, view.col0) != corner:
             yield f"a window at {(view.row0, view.col0)}; let it begin at {corner}, so that the pose is in its middle"
         if not _is_grid(mask, side, np.uint8):
-            yield f"{_kind(mask)} as mask; return uint8 of shape ({side}, {side})"
+            yield f"{_kind_name(mask)} as mask; return uint8 of shape ({side}, {side})"
         if mask.max() > 1:
             yield f"a mask that holds {mask.max()}; mark seen points with 1 and others with 0"
         if mask[self._beyond].any():
@@ -140,18 +140,18 @@ class CheckedSensor:
         if not self.leaves_age:
             yield "a quality, and its leaves_age is False; return None, or set leaves_age to True"
         if not _is_grid(quality, side, np.float64):
-            yield f"{_kind(quality)} as quality; return float64 of shape ({side}, {side}), or None"
+            yield f"{_kind_name(quality)} as quality; return float64 of shape ({side}, {side}), or None"
         shares = quality[mask != 0]
         if (bad := shares[~((shares > 0.0) & (shares <= 1.0))]).size:
             yield f"the quality {bad[0]:g}; give more than 0 and at most 1"
 
-    def _flag(self, name: str) -> bool:
+    def _read_flag(self, name: str) -> bool:
         value = getattr(self._sensor, name, None)
         if not isinstance(value, bool):
             raise SensorFailed(f"{self._name}: {name} is {value!r}; give the class {name} = True or False")
         return value
 
-    def _failed(self, what: str, error: BaseException) -> SensorFailed:
+    def _make_failure(self, what: str, error: BaseException) -> SensorFailed:
         frame = error.__traceback__
         while frame is not None and frame.tb_next is not None:
             frame = frame.tb_next
@@ -163,14 +163,14 @@ def _is_grid(grid: object, side: int, dtype: type[np.generic]) -> bool:
     return isinstance(grid, np.ndarray) and grid.dtype == dtype and grid.shape == (side, side)
 
 
-def _kind(value: object) -> str:
+def _kind_name(value: object) -> str:
     if isinstance(value, np.ndarray):
         array: NDArray[Any] = value
         return f"{array.dtype} of shape {array.shape}"
     return type(value).__name__
 
 
-def _spelled(pose: Pose) -> str:
+def _pose_text(pose: Pose) -> str:
     return f"x = {pose.x:g} m, y = {pose.y:g} m, heading = {math.degrees(pose.heading):g} degrees"
 
 
@@ -197,7 +197,7 @@ def _is_own_file(path: Path) -> bool:
         return False
 
 
-def _record(named: NamedClass) -> str:
+def _record_name(named: NamedClass) -> str:
     """Return the name of the file that records that a user runs a sensor."""
     path = class_file(named.name)
     return _text_digest(named.name) if path is None else check_digest(path, named)

@@ -224,6 +224,14 @@ def is_halt(command: Command) -> bool:
     return command.speed_mps == 0.0 and not (isinstance(command, Twist) and command.turn_rate != 0.0)
 
 
+def scaled(command: Command, share: float) -> Command:
+    """Return the command for the same path at a share of its speed."""
+    if isinstance(command, Drive):
+        return Drive(command.speed * share, command.curvature)
+    first, second = command.numbers
+    return type(command)(first * share, second * share)
+
+
 def slowed(command: Command, top_mps: float) -> Command:
     """Return a command that leads along the same path, but at most at a given speed of the body's centre.
 
@@ -231,13 +239,7 @@ def slowed(command: Command, top_mps: float) -> Command:
         command: Finite.
         top_mps: m/s.
     """
-    if command.speed_mps <= top_mps:
-        return command
-    share = top_mps / command.speed_mps
-    if isinstance(command, Drive):
-        return Drive(command.speed * share, command.curvature)
-    first, second = command.numbers
-    return type(command)(first * share, second * share)
+    return command if command.speed_mps <= top_mps else scaled(command, top_mps / command.speed_mps)
 
 
 def halted(model: str) -> Command:

@@ -92,11 +92,13 @@ class Prepared:
         """The terrain's graph: the scenario's, or one that is made from the ground of the smallest robots."""
         from patrol.graph_from_ground import graph_from_ground  # here: few fleets need a graph
 
-        given = self.scenario.terrain.graph
-        if given is not None:
-            return graph_of(given.vertices, given.edges, given.pixel, given.visit)
-        least = min(self.scenario.roster, key=lambda spec: (spec.radius, spec.number))
-        return graph_from_ground(self.terrain, self.fields[least.number], sensor_footprint(self.scenario, self.terrain))
+        graph_spec = self.scenario.terrain.graph
+        if graph_spec is not None:
+            return graph_of(graph_spec.vertices, graph_spec.edges, graph_spec.pixel, graph_spec.visit)
+        smallest = min(self.scenario.roster, key=lambda spec: (spec.radius, spec.number))
+        return graph_from_ground(
+            self.terrain, self.fields[smallest.number], sensor_footprint(self.scenario, self.terrain)
+        )
 
     def as_operated(self, events: Iterable[Event]) -> Prepared:
         """Return the scenario with what operators have asked for, which changes neither terrain nor robots."""
@@ -119,11 +121,11 @@ class Prepared:
             split_folder = folder / places[id(self.fields[number])] / REGIONS
             if not split_folder.exists():
                 split.save(split_folder)
-        kept: dict[int, str] = {}
+        file_names: dict[int, str] = {}
         for laid_out in self.rounds.values():
-            if laid_out is not None and id(laid_out) not in kept:
-                kept[id(laid_out)] = f"round-{len(kept) + 1}"
-                laid_out.save(folder / kept[id(laid_out)])
+            if laid_out is not None and id(laid_out) not in file_names:
+                file_names[id(laid_out)] = f"round-{len(file_names) + 1}"
+                laid_out.save(folder / file_names[id(laid_out)])
         for number, zoned in enumerate(self.zoned.values()):
             zoned.save(folder / f"{ZONED}-{number}")
         facts = {
@@ -132,7 +134,7 @@ class Prepared:
             "origin": list(self.terrain.origin),
             "starts": [[start.x, start.y, start.heading] for start in self.starts],
             "fields": {str(number): places[id(fields)] for number, fields in self.fields.items()},
-            "rounds": {str(number): laid_out and kept[id(laid_out)] for number, laid_out in self.rounds.items()},
+            "rounds": {str(number): laid_out and file_names[id(laid_out)] for number, laid_out in self.rounds.items()},
             "zoned": [sorted(weighing) for weighing in self.zoned],
         }
         (folder / FACTS).write_text(json.dumps(facts, indent=1), encoding="utf-8")
@@ -146,14 +148,14 @@ class Prepared:
         terrain = Terrain(facts["name"], passable, facts["point"], (x, y), keep_out)
         terrain = replace(terrain, against=steps_against(scenario.zones, terrain)).with_grids(free, blocked)
         bodies = {part: StaticFields.load(folder / part) for part in sorted(set(facts["fields"].values()))}
-        kept = {part: Round.load(folder / part) for part in sorted({*facts["rounds"].values()} - {None})}
+        rounds = {part: Round.load(folder / part) for part in sorted({*facts["rounds"].values()} - {None})}
         return Prepared(
             scenario=scenario,
             terrain=terrain,
             starts=tuple(Pose(*start) for start in facts["starts"]),
             fields={int(number): bodies[part] for number, part in facts["fields"].items()},
             regions=_load_regions(scenario, folder, facts["fields"]),
-            rounds={int(number): part and kept[part] for number, part in facts["rounds"].items()},
+            rounds={int(number): part and rounds[part] for number, part in facts["rounds"].items()},
             zoned={
                 frozenset((name, weight) for name, weight in weighing): ZonedGround.load(folder / f"{ZONED}-{number}")
                 for number, weighing in enumerate(facts["zoned"])
@@ -164,7 +166,7 @@ class Prepared:
 def prepare(scenario: Scenario, terrain: Terrain | None = None) -> Prepared:
     """Load the terrain, place the robots and compute each body's fields; `NotPrepared` where these do not fit."""
     try:
-        return _prepared(scenario, terrain)
+        return _prepare_fields(scenario, terrain)
     except BadInput as error:
         raise NotPrepared(str(error)) from None
 
@@ -184,7 +186,7 @@ CHECKS: Sequence[Callable[[CheckedGround], None]] = (
 """Refuse what a feature asks for and its ground does not have."""
 
 
-def _prepared(scenario: Scenario, terrain: Terrain | None) -> Prepared:
+def _prepare_fields(scenario: Scenario, terrain: Terrain | None) -> Prepared:
     from patrol.starts import starts_of  # here: loading a prepared scenario does not need it
 
     if terrain is None:
@@ -197,9 +199,9 @@ def _prepared(scenario: Scenario, terrain: Terrain | None) -> Prepared:
     starts = starts_of(scenario, terrain)
     by_radius: dict[float, StaticFields] = {}
     for radius in sorted({spec.radius for spec in scenario.roster}):
-        own = [start for spec, start in zip(scenario.roster, starts, strict=True) if spec.radius == radius]
+        group_starts = [start for spec, start in zip(scenario.roster, starts, strict=True) if spec.radius == radius]
         sensor = scenario.sensor
-        by_radius[radius] = compute_fields(terrain, radius, sensor.range, sensor.line_of_sight, own)
+        by_radius[radius] = compute_fields(terrain, radius, sensor.range, sensor.line_of_sight, group_starts)
     if scenario.terrain.patrolled == VERTICES:
         by_radius = watching_vertices(vertices, terrain, by_radius)
     fields = {spec.number: by_radius[spec.radius] for spec in scenario.roster}

@@ -63,7 +63,7 @@ def mix(*values: SupportsIndex) -> int:
         raise TypeError("mix needs at least one value")
     state = 0
     for value in values:
-        state = _finalise(((state ^ (index(value) & _MASK)) + _GOLDEN) & _MASK)
+        state = _finalise_hash(((state ^ (index(value) & _MASK)) + _GOLDEN) & _MASK)
     return state
 
 
@@ -147,7 +147,7 @@ class Draws:
         return sorted(self.shuffled(names)[: self.whole(1, most)])
 
 
-def _finalise(z: int) -> int:
+def _finalise_hash(z: int) -> int:
     z = ((z ^ (z >> 30)) * 0xBF58476D1CE4E5B9) & _MASK
     z = ((z ^ (z >> 27)) * 0x94D049BB133111EB) & _MASK
     return z ^ (z >> 31)

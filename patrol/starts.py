@@ -93,7 +93,7 @@ def place_starts(
         _check_area(terrain, roster, part)
         places = np.flatnonzero(part)
         for spec in sorted(waiting, key=lambda spec: (spec.spare, -spec.radius, spec.number)):
-            pose = _place(terrain, spec, seed, places, placed, all_closed)
+            pose = _place_robot(terrain, spec, seed, places, placed, all_closed)
             if pose is None:
                 fleet = sum(not robot.spare for robot in roster)
                 why = f"no place is left for a body of radius {spec.radius:g} m after {len(placed.bodies)}"
@@ -121,13 +121,13 @@ class _Placed:
     def add(self, number: int, pose: Pose, radius: float) -> None:
         """Place a body."""
         self.bodies[number] = pose, radius
-        self._squares.setdefault(self._square(pose.x, pose.y), []).append(number)
-        for other_radius, left in self._left.items():
-            self._take(left, other_radius, pose, radius)
+        self._squares.setdefault(self._square_of(pose.x, pose.y), []).append(number)
+        for other_radius, free_cells in self._left.items():
+            self._take_places(free_cells, other_radius, pose, radius)
 
     def near(self, x: float, y: float) -> list[int]:
         """Return the numbers of the bodies that may be too near to a place, as they were placed."""
-        col, row = self._square(x, y)
+        col, row = self._square_of(x, y)
         around = ((col + across, row + up) for across in (-1, 0, 1) for up in (-1, 0, 1))
         return [number for square in around for number in self._squares.get(square, ())]
 
@@ -135,8 +135,8 @@ class _Placed:
         """Return True if a body would have its distance from all others."""
         spacing = SPACING * self._terrain.point - TOLERANCE
         for number in self.near(x, y):
-            other, other_radius = self.bodies[number]
-            if math.hypot(x - other.x, y - other.y) < radius + other_radius + spacing:
+            neighbour, other_radius = self.bodies[number]
+            if math.hypot(x - neighbour.x, y - neighbour.y) < radius + other_radius + spacing:
                 return False
         return True
 
@@ -147,17 +147,19 @@ class _Placed:
     def left(self, radius: float, places: NDArray[np.int64]) -> NDArray[np.int64]:
         """Return the places for a body of some radius, of all those that there are, as flat indices."""
         if radius not in self._left:
-            left = np.zeros(self._terrain.shape, dtype=np.bool_)
-            left.flat[places] = True if self._all_closed is None else cspace_of(self._all_closed, radius).flat[places]
+            free_cells = np.zeros(self._terrain.shape, dtype=np.bool_)
+            free_cells.flat[places] = (
+                True if self._all_closed is None else cspace_of(self._all_closed, radius).flat[places]
+            )
             for pose, other_radius in self.bodies.values():
-                self._take(left, radius, pose, other_radius)
-            self._left[radius] = left
+                self._take_places(free_cells, radius, pose, other_radius)
+            self._left[radius] = free_cells
         return np.flatnonzero(self._left[radius])
 
-    def _square(self, x: float, y: float) -> tuple[int, int]:
+    def _square_of(self, x: float, y: float) -> tuple[int, int]:
         return math.floor(x / self._side), math.floor(y / self._side)
 
-    def _take(self, left: BoolGrid, radius: float, pose: Pose, other_radius: float) -> None:
+    def _take_places(self, left: BoolGrid, radius: float, pose: Pose, other_radius: float) -> None:
         """Take the places from a grid that are too near to a body."""
         terrain = self._terrain
         spaced = other_radius + radius + SPACING * terrain.point
@@ -188,8 +190,8 @@ def _check_area(terrain: Terrain, roster: Sequence[RobotSpec], part: BoolGrid) -
         wider = wider | np.roll(wider, 1, axis) | np.roll(wider, -1, axis)
     if taken_m2 > np.count_nonzero(wider) * terrain.point_area:
         area_m2 = np.count_nonzero(ground) * terrain.point_area
-        taken = f"with the distance that they keep they take {taken_m2:.0f} m²"
-        why = f"{taken}, and {area_m2:.0f} m² are free where they start"
+        needed = f"with the distance that they keep they take {taken_m2:.0f} m²"
+        why = f"{needed}, and {area_m2:.0f} m² are free where they start"
         raise BadInput(no_room_for_all(terrain, max(spec.radius for spec in fleet), len(fleet), why))
 
 
@@ -304,7 +306,7 @@ def _shut_door(terrain: Terrain, radius: float, part: BoolGrid) -> Door | None:
     return doors[-1]
 
 
-def _place(
+def _place_robot(
     terrain: Terrain,
     spec: RobotSpec,
     seed: int,
@@ -319,12 +321,14 @@ def _place(
         x, y = terrain.centre(*divmod(int(index), terrain.width))
         if placed.is_apart(x, y, spec.radius) and _is_clear(all_closed, x, y, spec.radius):
             return Pose(x, y, heading)
-    left = placed.left(spec.radius, places)
-    if left.size == 0:
+    candidates = placed.left(spec.radius, places)
+    if candidates.size == 0:
         if not spec.spare:
             return None
-        left = places
-    row, col = divmod(int(left[int(draw(seed, Purpose.START, spec.number, DRAWS + 1) * left.size)]), terrain.width)
+        candidates = places
+    row, col = divmod(
+        int(candidates[int(draw(seed, Purpose.START, spec.number, DRAWS + 1) * candidates.size)]), terrain.width
+    )
     return Pose(*terrain.centre(row, col), heading)
 
 

@@ -134,16 +134,16 @@ def expecting(what: str, bare: bool = False) -> WrapValidator:
         try:
             return handler(value)
         except ValidationError:
-            raise _unexpected(what, bare) from None
+            raise _unexpected_error(what, bare) from None
 
     return WrapValidator(check)
 
 
-def _bare(what: str) -> WrapValidator:
+def _bare_validator(what: str) -> WrapValidator:
     return expecting(what, bare=True)
 
 
-def _unexpected(what: str, bare: bool = False) -> PydanticCustomError:
+def _unexpected_error(what: str, bare: bool = False) -> PydanticCustomError:
     return PydanticCustomError("expected", "{what}", {"what": what, "bare": bare})
 
 
@@ -155,7 +155,7 @@ def at_least(count: int, what: str) -> AfterValidator:
 
     def check(items: tuple[Any, ...]) -> tuple[Any, ...]:
         if len(items) < count:
-            raise _unexpected(f"{count} or more {what}")
+            raise _unexpected_error(f"{count} or more {what}")
         return items
 
     return AfterValidator(check)
@@ -166,39 +166,41 @@ def at_most(count: int, what: str) -> BeforeValidator:
 
     def check(items: Any) -> Any:
         if isinstance(items, list | tuple) and len(items) > count:
-            raise _unexpected(f"at most {count} {what}")
+            raise _unexpected_error(f"at most {count} {what}")
         return items
 
     return BeforeValidator(check)
 
 
-Number = Annotated[float, Strict(), Field(ge=-LARGEST, le=LARGEST), _bare("a number from -1e9 to 1e9")]
-Positive = Annotated[float, Strict(), Field(gt=0, le=LARGEST), _bare("a number above 0 and at most 1e9")]
-NotNegative = Annotated[float, Strict(), Field(ge=0, le=LARGEST), _bare("a number from 0 to 1e9")]
-Exponent = Annotated[float, Strict(), Field(gt=0, le=600), _bare("a number above 0 and at most 600")]
+Number = Annotated[float, Strict(), Field(ge=-LARGEST, le=LARGEST), _bare_validator("a number from -1e9 to 1e9")]
+Positive = Annotated[float, Strict(), Field(gt=0, le=LARGEST), _bare_validator("a number above 0 and at most 1e9")]
+NotNegative = Annotated[float, Strict(), Field(ge=0, le=LARGEST), _bare_validator("a number from 0 to 1e9")]
+Exponent = Annotated[float, Strict(), Field(gt=0, le=600), _bare_validator("a number above 0 and at most 600")]
 AUTO: Final = "auto"
 Auto = Literal["auto"]
-AutoPositive = Annotated[Auto | Positive, _bare("auto, or a number above 0 and at most 1e9")]
-AutoNotNegative = Annotated[Auto | NotNegative, _bare("auto, or a number from 0 to 1e9")]
-Probability = Annotated[float, Strict(), Field(ge=0, le=1), _bare("a number from 0 to 1")]
-Share = Annotated[float, Strict(), Field(gt=0, le=1), _bare("a number above 0 and at most 1")]
-Burst = Annotated[float, Strict(), Field(ge=1, le=LARGEST), _bare("a number from 1 to 1e9")]
-Growth = Annotated[float, Strict(), Field(gt=-1, le=1), _bare("a number above -1 and at most 1")]
-Degrees = Annotated[float, Strict(), Field(gt=0, le=360), _bare("a number above 0 and at most 360")]
-Power = Annotated[float, Strict(), Field(ge=-200, le=100), _bare("a number from -200 to 100")]
-Decibels = Annotated[float, Strict(), Field(ge=0, le=200), _bare("a number from 0 to 200")]
-PathLossExponent = Annotated[float, Strict(), Field(ge=1, le=10), _bare("a number from 1 to 10")]
-Tolerance = Annotated[float, Strict(), Field(ge=0, lt=1), _bare("a number from 0 to below 1")]
-Seed = Annotated[int, Strict(), Field(ge=0, le=MAX_SEED), _bare("a whole number from 0 to 2^63 - 1")]
-Count = Annotated[int, Strict(), Field(ge=1, le=MAX_ROBOTS), _bare(f"a whole number from 1 to {MAX_ROBOTS}")]
-Spares = Annotated[int, Strict(), Field(ge=0, le=MAX_ROBOTS), _bare(f"a whole number from 0 to {MAX_ROBOTS}")]
-Ticks = Annotated[int, Strict(), Field(ge=1, le=10**9), _bare("a whole number from 1 to 1e9")]
-Sectors = Annotated[int, Strict(), Field(ge=3, le=3600), _bare("a whole number from 3 to 3600")]
-Trail = Annotated[int, Strict(), Field(ge=0, le=MAX_TRAIL), _bare(f"a whole number from 0 to {MAX_TRAIL}")]
-TrailEvery = Annotated[int, Strict(), Field(ge=1, le=15), _bare("a whole number from 1 to 15")]
-Overhead = Annotated[int, Strict(), Field(ge=0, le=1000), _bare("a whole number from 0 to 1000")]
-FrameBytes = Annotated[int, Strict(), Field(ge=1, le=MAX_FRAME), _bare(f"a whole number from 1 to {MAX_FRAME}")]
-Flag = Annotated[bool, Strict(), _bare("true or false")]
+AutoPositive = Annotated[Auto | Positive, _bare_validator("auto, or a number above 0 and at most 1e9")]
+AutoNotNegative = Annotated[Auto | NotNegative, _bare_validator("auto, or a number from 0 to 1e9")]
+Probability = Annotated[float, Strict(), Field(ge=0, le=1), _bare_validator("a number from 0 to 1")]
+Share = Annotated[float, Strict(), Field(gt=0, le=1), _bare_validator("a number above 0 and at most 1")]
+Burst = Annotated[float, Strict(), Field(ge=1, le=LARGEST), _bare_validator("a number from 1 to 1e9")]
+Growth = Annotated[float, Strict(), Field(gt=-1, le=1), _bare_validator("a number above -1 and at most 1")]
+Degrees = Annotated[float, Strict(), Field(gt=0, le=360), _bare_validator("a number above 0 and at most 360")]
+Power = Annotated[float, Strict(), Field(ge=-200, le=100), _bare_validator("a number from -200 to 100")]
+Decibels = Annotated[float, Strict(), Field(ge=0, le=200), _bare_validator("a number from 0 to 200")]
+PathLossExponent = Annotated[float, Strict(), Field(ge=1, le=10), _bare_validator("a number from 1 to 10")]
+Tolerance = Annotated[float, Strict(), Field(ge=0, lt=1), _bare_validator("a number from 0 to below 1")]
+Seed = Annotated[int, Strict(), Field(ge=0, le=MAX_SEED), _bare_validator("a whole number from 0 to 2^63 - 1")]
+Count = Annotated[int, Strict(), Field(ge=1, le=MAX_ROBOTS), _bare_validator(f"a whole number from 1 to {MAX_ROBOTS}")]
+Spares = Annotated[int, Strict(), Field(ge=0, le=MAX_ROBOTS), _bare_validator(f"a whole number from 0 to {MAX_ROBOTS}")]
+Ticks = Annotated[int, Strict(), Field(ge=1, le=10**9), _bare_validator("a whole number from 1 to 1e9")]
+Sectors = Annotated[int, Strict(), Field(ge=3, le=3600), _bare_validator("a whole number from 3 to 3600")]
+Trail = Annotated[int, Strict(), Field(ge=0, le=MAX_TRAIL), _bare_validator(f"a whole number from 0 to {MAX_TRAIL}")]
+TrailEvery = Annotated[int, Strict(), Field(ge=1, le=15), _bare_validator("a whole number from 1 to 15")]
+Overhead = Annotated[int, Strict(), Field(ge=0, le=1000), _bare_validator("a whole number from 0 to 1000")]
+FrameBytes = Annotated[
+    int, Strict(), Field(ge=1, le=MAX_FRAME), _bare_validator(f"a whole number from 1 to {MAX_FRAME}")
+]
+Flag = Annotated[bool, Strict(), _bare_validator("true or false")]
 PathText = Annotated[str, Field(min_length=1, pattern=r"^[^\x00-\x1f]+$"), expecting("the path of a file")]
 CLASS_NAME = r"^([A-Za-z0-9][A-Za-z0-9._-]{0,63}|[^\x00-\x1f:][^\x00-\x1f]*:[A-Za-z_][A-Za-z0-9_]*)$"
 PolicyText = Annotated[
@@ -240,7 +242,7 @@ Pace = Annotated[
 ]
 
 
-def _shape(value: Any) -> str:
+def _value_shape(value: Any) -> str:
     """Tell which of a field's alternatives a value is meant to be."""
     if isinstance(value, list | tuple):
         return "=list"
@@ -252,12 +254,12 @@ def by_shape(what: str) -> Discriminator:
 
     The equals sign sets the tags apart from field names where an error's location mentions them.
     """
-    return Discriminator(_shape, "expected", "{what}", {"what": what, "bare": False})
+    return Discriminator(_value_shape, "expected", "{what}", {"what": what, "bare": False})
 
 
-def _increasing(points: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float], ...]:
+def _check_increasing(points: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float], ...]:
     if any(later[0] <= earlier[0] for earlier, later in pairwise(points)):
-        raise _unexpected("distances that increase along the list")
+        raise _unexpected_error("distances that increase along the list")
     return points
 
 
@@ -281,7 +283,7 @@ Quality = Annotated[
         tuple[QualityPoint, ...],
         Field(json_schema_extra={"minItems": 1}),
         at_least(1, "points"),
-        AfterValidator(_increasing),
+        AfterValidator(_check_increasing),
         Tag("=list"),
     ],
     by_shape(_SHARE_OR_LIST),

@@ -93,7 +93,7 @@ class Row:
     def columns(cls) -> Mapping[str, Any]:
         """Return the names and annotated types of its values."""
         kind: Any = cls
-        return _hints(kind)
+        return _type_hints(kind)
 
     @classmethod
     def from_values(cls, *values: Any) -> Self:
@@ -118,10 +118,10 @@ class Row:
         columns = cls.columns()
         items = [handler.generate_schema(column) for column in columns.values()]
         row = schemas.tuple_schema(items, metadata={"names": tuple(columns)})
-        return schemas.no_info_after_validator_function(_maker(cls), row)
+        return schemas.no_info_after_validator_function(_row_maker(cls), row)
 
 
-def _maker(kind: type[Row]) -> Callable[[tuple[Any, ...]], Row]:
+def _row_maker(kind: type[Row]) -> Callable[[tuple[Any, ...]], Row]:
     """Return a function that makes a row of its checked values.
 
     A frozen constructor sets each field by a call, which takes twice as long as all checks of a row together, and a
@@ -185,11 +185,11 @@ def check(kind: type[T], value: object) -> T:
     Raises:
         Malformed: It is no such message; the text names the field.
     """
-    adapter = _adapter(kind)
+    adapter = _adapter_of(kind)
     try:
         message: T = adapter.validate_python(value)
     except ValidationError as error:
-        raise Malformed(_why(error, adapter.core_schema)) from None
+        raise Malformed(_first_problem(error, adapter.core_schema)) from None
     except RecursionError:
         raise Malformed("nested too deeply") from None
     return message
@@ -222,7 +222,7 @@ def read_sparingly(kind: type[T], payload: bytes) -> T:
         Malformed: It is no such message.
     """
     sparing = _Sparing(payload)
-    value = sparing.take(_adapter(kind).core_schema)
+    value = sparing.take(_adapter_of(kind).core_schema)
     sparing.end()
     return check(kind, value)
 
@@ -237,21 +237,21 @@ class _Sparing:
 
     def take(self, schema: Any) -> Any:
         """Take the value that is next, in the shape that its schema has."""
-        schema = _shape(schema)
+        schema = _strip_schema(schema)
         if schema["type"] == "dataclass-args":
             schemas_by_name = {field["name"]: field["schema"] for field in schema["fields"]}
-            names = (self._value() for _ in range(self._length("map", _MAX_FIELDS)))
+            names = (self._take_value() for _ in range(self._take_length("map", _MAX_FIELDS)))
             return {name: self.take(schemas_by_name.get(name, _SINGLE)) for name in names}
         if schema["type"] != "tuple":
-            return self._value()
+            return self._take_value()
         items = schema["items_schema"]
         if "variadic_item_index" not in schema:
-            return [self.take(item) for item in items[: self._length("array", len(items))]]
-        each = range(self._length("array", schema["max_length"]))
+            return [self.take(item) for item in items[: self._take_length("array", len(items))]]
+        slots = range(self._take_length("array", schema["max_length"]))
         return (
-            [self.take(items[0]) for _ in each]
-            if _shape(items[0])["type"] == "tuple"
-            else [self._value() for _ in each]
+            [self.take(items[0]) for _ in slots]
+            if _strip_schema(items[0])["type"] == "tuple"
+            else [self._take_value() for _ in slots]
         )
 
     def end(self) -> None:
@@ -259,7 +259,7 @@ class _Sparing:
         if self._unpacker.tell() != len(self._payload):
             raise Malformed("more than is expected")
 
-    def _value(self) -> Any:
+    def _take_value(self) -> Any:
         """Take the number, text, bytes, truth value or None that is next."""
         offset = self._unpacker.tell()
         if offset >= len(self._payload) or self._payload[offset] in _HOLDS:
@@ -269,7 +269,7 @@ class _Sparing:
         except _ERRORS as error:
             raise Malformed(f"not msgpack ({type(error).__name__})") from None
 
-    def _length(self, what: str, most: int) -> int:
+    def _take_length(self, what: str, most: int) -> int:
         try:
             length = int(getattr(self._unpacker, f"read_{what}_header")())
         except _ERRORS as error:
@@ -279,7 +279,7 @@ class _Sparing:
         return length
 
 
-def _adapter(kind: Any) -> TypeAdapter[Any]:
+def _adapter_of(kind: Any) -> TypeAdapter[Any]:
     """Return the validator of a kind of message, made when the first one comes, which takes about a millisecond."""
     adapter = _adapters.get(kind)
     if adapter is None:
@@ -288,29 +288,29 @@ def _adapter(kind: Any) -> TypeAdapter[Any]:
 
 
 @cache
-def _hints(kind: type) -> Mapping[str, Any]:
+def _type_hints(kind: type) -> Mapping[str, Any]:
     hints = get_type_hints(kind, include_extras=True)
     return {field.name: hints[field.name] for field in fields(kind)}
 
 
 @cache
 def _values_of(kind: type) -> Callable[[object], Any]:
-    return attrgetter(*_hints(kind))
+    return attrgetter(*_type_hints(kind))
 
 
-def _shape(schema: Any) -> Any:
+def _strip_schema(schema: Any) -> Any:
     """Strip what is done with a value from its schema: what is left is that of an array, a map or a single value."""
     while schema["type"] not in ("tuple", "dataclass-args") and "schema" in schema:
         schema = schema["schema"]
     return schema
 
 
-def _why(error: ValidationError, schema: Any) -> str:
+def _first_problem(error: ValidationError, schema: Any) -> str:
     """Give the first error in one line, without the value, which may be long."""
     first = error.errors(include_url=False, include_context=False, include_input=False)[0]
     path = []
     for part in first["loc"]:
-        schema, name = _shape(schema), part
+        schema, name = _strip_schema(schema), part
         if schema["type"] == "tuple" and isinstance(part, int):
             name = schema.get("metadata", {}).get("names", {part: part})[part]
             schema = schema["items_schema"][0 if "variadic_item_index" in schema else part]

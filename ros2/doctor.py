@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Any
@@ -11,6 +12,7 @@ from typing import Any
 from patrol.errors import Malformed
 from patrol.printable import printable
 from ros2.robot.localisation import AHEAD_S, LONGEST_S, Source
+from ros2.robot.options import DriveSettings
 from ros2.wire import messages as ros
 from ros2.wire.codec import CODINGS, decode
 from ros2.wire.definitions import ACTION, NO_HASH, type_hash
@@ -20,8 +22,9 @@ from ros2.wire.mailbox import Ear, Overheard
 from ros2.wire.names import ADMIN_SPACE, Entity, EntityKind, entity_of, full_name
 
 ARROW = " -> "
+TF = ("tf", "tf_static")
 
-_KNOWN = {coding.type_name: kind for kind, coding in CODINGS.items() if coding.unpack is not None}
+_KNOWN = {coding.type_name: kind for kind, coding in CODINGS.items() if coding.longest}
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,7 +45,7 @@ class Topic:
 
 def topics_of(seen: Survey, form: Format, entities: Sequence[Entity]) -> Iterator[Topic]:
     """Yield the topics that matter, as far as there are any."""
-    for name, _ in names_of(seen.namespace, seen.wanted):
+    for name, (usual_kind, _) in topics_wanted(seen.namespace, seen.wanted).items():
         if isinstance(form, Bridge):
             keys = [key for key in seen.heard if key == form.heard(name)]
         else:
@@ -52,56 +55,39 @@ def topics_of(seen: Survey, form: Format, entities: Sequence[Entity]) -> Iterato
         subscribers = sum(entity.kind is EntityKind.SUBSCRIPTION for entity in about)
         for key in keys or [""]:
             origin = form.origin(key) if key else Origin()
-            publisher = next(
-                (entity for entity in about if entity.kind is EntityKind.PUBLISHER), about[0] if about else None
-            )
-            type_name = origin.type_name or (publisher.type_name if publisher else "")
-            hashed = origin.type_hash or (publisher.type_hash if publisher else "")
-            heard = seen.heard.get(key)
-            frames, wrong = _look(name, type_name, heard, seen.wanted)
+            # A publisher's type counts before those of others.
+            told = min(about, key=lambda entity: entity.kind is not EntityKind.PUBLISHER, default=None)
+            type_name = origin.type_name or (told.type_name if told else "")
+            hashed = origin.type_hash or (told.type_hash if told else "")
+            heard = seen.heard.get(key) or Overheard(0.0)
+            frames, wrong = _look(_KNOWN.get(type_name, usual_kind), heard)
             if type_name in _KNOWN and hashed not in {"", NO_HASH, type_hash(type_name)}:
                 wrong = f"its hash is {hashed[:80]}, and so its fields are other than ours"
-            if heard is not None or about:
+            if heard.messages or about:
                 yield Topic(
                     name,
                     printable(type_name[:255]),
                     printable(hashed[:80]),
-                    0.0 if heard is None else heard.rate,
-                    0 if heard is None else heard.messages,
-                    0 if heard is None else heard.size,
+                    heard.rate,
+                    heard.messages,
+                    heard.size,
                     frames,
-                    max(publishers, 0 if heard is None else len(heard.senders)),
+                    max(publishers, len(heard.senders)),
                     subscribers,
                     printable(wrong),
                 )
 
 
-def _look(name: str, type_name: str, heard: Overheard | None, wanted: Wanted) -> tuple[tuple[str, ...], str]:
-    """Return the frames in a topic's messages, and why they cannot be used, if so."""
-    kind = _KNOWN.get(type_name) or _expected(name, wanted)
-    if heard is None or kind is None:
-        return (), ""
+def _look(kind: Any, heard: Overheard) -> tuple[tuple[str, ...], str]:
+    """Return the frames in messages of a class, and why they cannot be used, if so."""
     frames: dict[str, None] = {}
     try:
         for payload in [*(payload for _, payload in list(heard.recent)), heard.newest]:
-            if payload is not None:
+            if payload is not None and kind is not None:
                 frames |= dict.fromkeys(_frames(decode(kind, payload)))
     except Malformed as bad:
         return tuple(frames), str(bad)
     return tuple(frames), ""
-
-
-def _expected(name: str, wanted: Wanted) -> Any:
-    """Return the class of a topic's messages, where its key does not say."""
-    kinds: dict[str, Any] = {
-        "tf": ros.TFMessage,
-        "tf_static": ros.TFMessage,
-        "odom": ros.Odometry,
-        "amcl_pose": ros.PoseWithCovarianceStamped,
-        "map": ros.OccupancyGrid,
-        "clock": ros.Clock,
-    }
-    return {wanted.topic(usual).rpartition("/")[2]: kind for usual, kind in kinds.items()}.get(name.rpartition("/")[2])
 
 
 def _frames(message: Any) -> Iterator[str]:
@@ -117,41 +103,32 @@ def _frames(message: Any) -> Iterator[str]:
 _TOKENS_S = 3.0
 
 
-@dataclass(frozen=True, slots=True)
-class Wanted:
-    """The settings of a robot's agent, which say what a patrol needs of the robot."""
-
-    # names other than the usual, by those (`ros2.robot.options.TOPICS`)
-    topics: Mapping[str, str] = field(default_factory=dict)
-    localisation: Source = Source.TF  # what corrects the odometry
-    map_frame: str = "map"
-    sim_time: bool = False  # the robot's time comes from its clock topic
-
-    def topic(self, usual: str) -> str:
-        """Return the name of a topic by its usual name, relative to the robot's namespace.
-
-        The clock's usual topic, ``/clock``, is absolute.
-        """
-        return self.topics.get(usual, "/clock" if usual == "clock" else usual)
-
-
 @dataclass(slots=True)
 class Survey:
     """All that was seen and overheard of a robot."""
 
     domain: int  # ROS_DOMAIN_ID
     namespace: str
-    wanted: Wanted
+    wanted: DriveSettings  # of the robot's agent, which say what a patrol needs of the robot
     tokens: list[str] = field(default_factory=list)  # of both formats and every domain
     heard: dict[str, Overheard] = field(default_factory=dict)  # by key
     router: RouterSays | None = None  # what the router says of itself; None if it does not answer
 
+    def name(self, usual: str) -> str:
+        """Return the full name of a topic by its usual one."""
+        return full_name(self.namespace, self.wanted.topic(usual))
 
-def survey(link: ZenohRos2Link, domain: int, namespace: str, wanted: Wanted, seconds: float) -> Survey:
+    def odometry(self, form: Format) -> Iterator[Overheard]:
+        """Yield what was heard under the keys of the robot's odometry."""
+        where = form.heard(self.name("odom")).removesuffix("/*/*")
+        yield from (heard for key, heard in self.heard.items() if key == where or key.startswith(f"{where}/"))
+
+
+def survey(link: ZenohRos2Link, domain: int, namespace: str, wanted: DriveSettings, seconds: float) -> Survey:
     """Look at a robot's router and listen there for some seconds; `domain` is the ROS_DOMAIN_ID."""
     ear = Ear()
     for form in (RmwZenoh(domain), Bridge()):
-        for name, latched in names_of(namespace, wanted):
+        for name, (_, latched) in topics_wanted(namespace, wanted).items():
             link.overhear(form.heard(name), ear, latched)
     threading.Event().wait(seconds)
     # A router with access rules answers for our domain, and not for all of them.
@@ -160,15 +137,30 @@ def survey(link: ZenohRos2Link, domain: int, namespace: str, wanted: Wanted, sec
     return Survey(domain, namespace, wanted, list(tokens), ear.heard, link.router(_TOKENS_S))
 
 
-def names_of(namespace: str, wanted: Wanted) -> Iterator[tuple[str, bool]]:
-    """Yield the full names of all topics that matter, and whether they are latched."""
-    for usual, latched in (("odom", False), ("amcl_pose", True), ("cmd_vel", False)):
-        yield full_name(namespace, wanted.topic(usual)), latched
-    for usual, latched in (("tf", False), ("tf_static", True), ("map", True)):
-        name = wanted.topic(usual)
-        yield from dict.fromkeys([(full_name(namespace, name), latched), (full_name("", name), latched)])
+WantedTopic = tuple[type | None, bool]
+"""The class of a topic's messages, where its key does not say (None where there are several), and if it is latched."""
+
+_OWN: dict[str, WantedTopic] = {
+    "odom": (ros.Odometry, False),
+    "amcl_pose": (ros.PoseWithCovarianceStamped, True),
+    "cmd_vel": (None, False),
+}
+_SHARED: dict[str, WantedTopic] = {
+    "tf": (ros.TFMessage, False),
+    "tf_static": (ros.TFMessage, True),
+    "map": (ros.OccupancyGrid, True),
+}
+"""Topics in a robot's namespace, and those that may be outside of it too, by their usual names."""
+
+
+def topics_wanted(namespace: str, wanted: DriveSettings) -> dict[str, WantedTopic]:
+    """Return all topics that matter by their full names."""
+    topics = {full_name(namespace, wanted.topic(usual)): topic for usual, topic in _OWN.items()}
+    for usual, topic in _SHARED.items():
+        topics |= {full_name(space, wanted.topic(usual)): topic for space in (namespace, "")}
     if wanted.sim_time:
-        yield full_name(namespace, wanted.topic("clock")), False
+        topics[full_name(namespace, wanted.topic("clock"))] = (ros.Clock, False)
+    return topics
 
 
 SLOW_HZ = 5.0
@@ -254,7 +246,7 @@ def _of_format(seen: Survey, form: Format, here: Sequence[Entity], ours: Sequenc
         return
     inside = full_name(seen.namespace, "").rstrip("/")
     spaces = _namespaces(here, seen.wanted)
-    if spaces and inside.strip("/") not in spaces and not _speaks(seen, form):
+    if spaces and inside.strip("/") not in spaces and not any(seen.odometry(form)):
         shown = ", ".join(name or "''" for name in spaces[:8])
         yield Finding(Level.MISSING, f"no robot is in the namespace {inside or '/'}", f"give --namespace {shown}")
         return
@@ -273,12 +265,6 @@ def _of_router(seen: Survey) -> Iterator[Finding]:
         yield Finding(Level.WARNING, problem, "start the robot's nodes with the address of this router")
 
 
-def _speaks(seen: Survey, form: Format) -> bool:
-    """Return whether odometry came in the robot's namespace."""
-    where = form.heard(full_name(seen.namespace, seen.wanted.topic("odom"))).removesuffix("/*/*")
-    return any(key == where or key.startswith(f"{where}/") for key in seen.heard)
-
-
 def _elsewhere(entities: Iterable[Entity], usual: str) -> str:
     """Return the remedy where a topic has another name, or no node has it."""
     names = sorted({printable(entity.topic[:255]) for entity in entities})
@@ -288,7 +274,7 @@ def _elsewhere(entities: Iterable[Entity], usual: str) -> str:
     return f"give --topic {usual}={names[0]}{more}"
 
 
-def _namespaces(entities: Iterable[Entity], wanted: Wanted) -> list[str]:
+def _namespaces(entities: Iterable[Entity], wanted: DriveSettings) -> list[str]:
     """Return the namespaces in which there is odometry, or commands are wanted."""
     names = (wanted.topic("odom"), wanted.topic("cmd_vel"))
     namespaces = {entity.topic.rpartition("/")[0].strip("/") for entity in entities if entity.topic.endswith(names)}
@@ -307,7 +293,7 @@ def _usable(topics: Iterable[Topic], names: Iterable[str]) -> list[Topic]:
 
 
 def _of_odometry(seen: Survey, topics: Sequence[Topic], entities: Sequence[Entity]) -> Iterator[Finding]:
-    name = full_name(seen.namespace, seen.wanted.topic("odom"))
+    name = seen.name("odom")
     odometry = _usable(topics, [name])
     if not odometry:
         kind = CODINGS[ros.Odometry].type_name
@@ -343,43 +329,41 @@ def _of_stamps(seen: Survey, form: Format) -> Iterator[Finding]:
 
 def _of_pose(seen: Survey, topics: Sequence[Topic]) -> Iterator[Finding]:
     """Find whether the robot's place on the map is known, by the source that the agent is to use."""
-    wanted = seen.wanted
-    spaces, kinds = (seen.namespace, ""), ("tf", "tf_static")
-    tf = _usable(topics, [full_name(space, wanted.topic(kind)) for space in spaces for kind in kinds])
+    wanted, localisation = seen.wanted, seen.wanted.localisation
+    on_map = localisation.map_frame.lstrip("/")
+    tf = _usable(topics, [full_name(space, wanted.topic(kind)) for space in (seen.namespace, "") for kind in TF])
     links = [frame.partition(ARROW) for topic in tf for frame in topic.frames]
-    corrected = {child.lstrip("/") for parent, _, child in links if parent.lstrip("/") == wanted.map_frame.lstrip("/")}
-    odometry = _usable(topics, [full_name(seen.namespace, wanted.topic("odom"))])
+    corrected = {child.lstrip("/") for parent, _, child in links if parent.lstrip("/") == on_map}
+    odometry = _usable(topics, [seen.name("odom")])
     frames = {frame.partition(ARROW)[0].lstrip("/") for topic in odometry for frame in topic.frames}
-    by_tf = bool(corrected & frames)
-    poses = _usable(topics, [full_name(seen.namespace, wanted.topic("amcl_pose"))])
-    posed = {frame.lstrip("/") for topic in poses for frame in topic.frames}
-    by_pose = wanted.map_frame.lstrip("/") in posed
-    if wanted.localisation is Source.ODOMETRY:
+    posed = {frame.lstrip("/") for topic in _usable(topics, [seen.name("amcl_pose")]) for frame in topic.frames}
+    known = {Source.TF: bool(corrected & frames), Source.POSE: on_map in posed}
+    if localisation.source is Source.ODOMETRY:
         yield Finding(Level.OK, "nothing corrects the odometry, as asked; give the agent --start X,Y,HEADING")
-    elif by_tf if wanted.localisation is Source.TF else by_pose:
+    elif known[localisation.source]:
         yield Finding(Level.OK, "the robot knows its place on the map")
-    elif by_tf or by_pose:
-        other = Source.TF if by_tf else Source.POSE
-        problem = f"the robot knows its place on the map, but not by --localisation {wanted.localisation.value}"
+    elif any(known.values()):
+        other = Source.TF if known[Source.TF] else Source.POSE
+        problem = f"the robot knows its place on the map, but not by --localisation {localisation.source.value}"
         yield Finding(Level.MISSING, problem, f"give --localisation {other.value}")
     else:
-        missing = " or ".join(f"{wanted.map_frame}{ARROW}{printable(frame)}" for frame in sorted(frames))
+        missing = " or ".join(f"{localisation.map_frame}{ARROW}{printable(frame)}" for frame in sorted(frames))
+        missing = missing or "transform from the map"
         pose = f"poses in the frame {printable(', '.join(sorted(posed)))} alone" if posed else "no pose"
-        problem = (
-            f"nothing says where the robot is on the map: no {missing or 'transform from the map'} on tf, and {pose}"
-        )
+        problem = f"nothing says where the robot is on the map: no {missing} on tf, and {pose}"
         remedy = (
             "start its localisation (amcl, slam_toolbox); if it waits for a pose, give the agent a --start; if"
             " there is none, give --localisation odometry and the agent a --start"
         )
         if posed:
-            remedy = f"have it give them in {wanted.map_frame}, or give --map-frame with the frame that is the map's"
+            frame = localisation.map_frame
+            remedy = f"have it give them in {frame}, or give --map-frame with the frame that is the map's"
         yield Finding(Level.MISSING, problem, remedy)
 
 
 def _of_commands(seen: Survey, topics: Sequence[Topic], entities: Sequence[Entity]) -> Iterator[Finding]:
-    name = full_name(seen.namespace, seen.wanted.topic("cmd_vel"))
-    action = f"{full_name(seen.namespace, seen.wanted.topic('navigate_to_pose'))}/_action/send_goal"
+    name = seen.name("cmd_vel")
+    action = f"{seen.name('navigate_to_pose')}/_action/send_goal"
     obeys = [entity for entity in entities if entity.topic == name and entity.kind is EntityKind.SUBSCRIPTION]
     types = sorted({entity.type_name for entity in obeys})
     nav2 = any(entity.topic == action and entity.kind is EntityKind.SERVER for entity in entities)
@@ -422,20 +406,17 @@ def _clock(seen: Survey, form: Format) -> float | None:
 
 def _age_of_odometry(seen: Survey, form: Format) -> float | None:
     """Return the least age by its stamp at which recent odometry arrived, s; None where there is none to be used."""
-    where = form.heard(full_name(seen.namespace, seen.wanted.topic("odom"))).removesuffix("/*/*")
-    for key, heard in seen.heard.items():
-        if (key == where or key.startswith(f"{where}/")) and heard.recent:
-            try:
-                recent = list(heard.recent)  # at once: messages go on coming
+    for heard in seen.odometry(form):
+        recent = list(heard.recent)  # at once: messages go on coming
+        with suppress(Malformed):
+            if recent:
                 return min(at_ns - decode(ros.Odometry, payload).stamp_ns for at_ns, payload in recent) / 1e9
-            except Malformed:
-                continue
     return None
 
 
 def _of_clock(seen: Survey, topics: Sequence[Topic], clock_s: float | None) -> Iterator[Finding]:
     if seen.wanted.sim_time:
-        name = full_name(seen.namespace, seen.wanted.topic("clock"))
+        name = seen.name("clock")
         if _usable(topics, [name]):
             yield Finding(Level.OK, f"{name}: the robot's time comes")
         else:

@@ -18,14 +18,16 @@ from patrol.maps.load import load_terrain
 from patrol.pose import Pose
 from patrol.scenario import RobotSpec
 from patrol.scenario.sections import TerrainSpec
+from ros2.sim.bodies import OwnBodies
 from ros2.sim.node import Habits, RobotNode
 from ros2.sim.odometry import Errors
 from ros2.sim.robot import Build, SimulatedRobot
-from ros2.sim.simulation import STEP_S, CollisionGround, Simulation
+from ros2.sim.simulation import STEP_S, Simulation
 from ros2.wire.formats import format_named
 from ros2.wire.link import ZenohRos2Link, open_ros2
 from ros2.wire.names import NodeName
 from tests.routers import PATIENCE_S
+from worldsim.truth import Truth
 
 NAME = "robot1"
 RADIUS, SPEED = 0.25, 0.5
@@ -65,8 +67,8 @@ class Bench:
         errors = Errors(noise_m=0.01, noise_rad=0.002, drift=0.01, drift_rad=0.002)
         self.robot = SimulatedRobot(Build(spec, Pose(1.5, 1.5, 0.3), errors, 5.0, watchdog_s, 7))
         self.node = RobotNode(link, self.robot, habits, terrain)
-        ground = CollisionGround(terrain, footprint_of(terrain, 3.0, 360.0, True, 1.0), terrain.passable, 0.5)
-        self.simulation = Simulation({NAME: self.node}, ground, time.time())
+        truth = Truth(footprint_of(terrain, 3.0, 360.0, True, 1.0), terrain.passable)
+        self.simulation = Simulation({NAME: self.node}, OwnBodies(terrain), truth, 0.5, time.time())
         self.said: list[str] = []
         self.agents: list[subprocess.Popen[str]] = []
         self._listeners: list[threading.Thread] = []

@@ -42,11 +42,9 @@ class HubSender:
 
     def __init__(self, hub: Hub, topic: str, qos: Qos) -> None:
         self._hub, self._topic, self._qos = hub, topic, qos
-        self.sent = 0
 
     def send(self, message: Any) -> None:
         """Send a message."""
-        self.sent += 1
         if self._qos.latched:
             self._hub.latched[self._topic] = message, time.time_ns()
         self._hub.deliver(self._topic, message)
@@ -57,7 +55,6 @@ class HubLink:
 
     def __init__(self, hub: Hub, node: NodeName) -> None:
         self._hub, self.node = hub, node
-        self.connected = True
 
     def is_ours(self, entity: Entity) -> bool:
         """Whether something is of this node."""

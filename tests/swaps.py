@@ -27,7 +27,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from pydantic import BaseModel
 
-from agent.policies.commitment import NEARER, NO_NEARER_S, GivenUp
+from agent.policies.pursuit import NEARER, NO_NEARER_S, GivenUp
 from agent.ports import Intent, Place, PolicySetup
 from fogwatch.inprocess import run_in_process
 from patrol.ground.terrain import Terrain

@@ -75,12 +75,12 @@ class ControlMailbox:
                 self._mailbox.refused["token"] += 1
                 continue
             if admitted.answered is None:
-                return _request(admitted, question)
+                return _read_request(admitted, question)
             question.answer(admitted.answered)
         return None
 
 
-def _request(admitted: Admitted, question: Question) -> ControlRequest:
+def _read_request(admitted: Admitted, question: Question) -> ControlRequest:
     def answer(answer: Answer) -> None:
         question.answer(admitted.seal(answer))
 
@@ -211,22 +211,22 @@ class Operator:
 
         `stop` is asked again and again whether to stop waiting.
         """
-        asked = False
+        is_asked = False
         while not stop():
             while self._done:
                 yield self._done.popleft()
             wait_s = self._wait_s()
             request = self._deferred.popleft() if self._deferred else self._requests.get(min(wait_s, POLL_S))
             if request is not None:
-                asked = True
-                yield from self._do(request, self._world.tick)
+                is_asked = True
+                yield from self._do_request(request, self._world.tick)
             elif wait_s <= 0.0:
                 break
             else:
                 if self._held:
                     self._fleet.rest()
                 self.rest()
-        if asked:
+        if is_asked:
             self.rest()  # the next tick may be a long one
         if self._held:
             self._steps -= 1
@@ -239,7 +239,7 @@ class Operator:
             if len(self._deferred) >= MOST_DEFERRED or (request := self._requests.get(0.0)) is None:
                 return
             if isinstance(request.control, Pause | Go | Step | Pace | BadInput):
-                self._done.extend(self._do(request, self._world.tick + 1))
+                self._done.extend(self._do_request(request, self._world.tick + 1))
             else:
                 self._deferred.append(request)
 
@@ -251,20 +251,20 @@ class Operator:
             return 0.0
         return max(0.0, self._due - self._now())
 
-    def _do(self, request: ControlRequest, k: int) -> Iterator[Event]:
+    def _do_request(self, request: ControlRequest, k: int) -> Iterator[Event]:
         """Do what is asked for before tick k; whatever that raises refuses the request and ends nothing else."""
         try:
             if isinstance(request.control, BadInput):
                 raise request.control
             detail = as_detail(request.control)
-            text = self._obey(request.control, k)
+            text = self._obey_control(request.control, k)
         except Exception as error:  # noqa: BLE001 - no request ends a world
             request.answer(Answer(False, str(refusal(error))))
             return
         yield Event(k, OPERATOR, None, detail)
         request.answer(Answer(True, text))
 
-    def _obey(self, control: Control, k: int) -> str:
+    def _obey_control(self, control: Control, k: int) -> str:
         """Do what is asked for before tick k; the text of the answer."""
         match control:
             case Pause():
@@ -278,7 +278,7 @@ class Operator:
                 self._held = True
                 return f"paused before tick {k + self._steps}"
             case Pace(factor=factor):
-                return self._hurry(factor)
+                return self._set_pace(factor)
         scenario, text = amended(self._world.scenario, k, control)
         kinds = {fault.kind for fault in scenario.faults if fault not in self._world.scenario.faults}
         if not self._controls_processes and kinds & set(PROCESS_KINDS):
@@ -290,7 +290,7 @@ class Operator:
             text = f"{text}; the changed scenario could not be written ({error.strerror})"
         return text
 
-    def _hurry(self, factor: float | None) -> str:
+    def _set_pace(self, factor: float | None) -> str:
         if factor is None and not self._waits:
             raise BadInput("control: factor = null: this run keeps to the clock; give a factor of real time")
         if factor is not None:

@@ -84,8 +84,8 @@ class Timeline:
         self._names = {spec.name: spec.number for spec in scenario.roster}
         self._of_number = {number: name for name, number in self._names.items()}
         self._spares = scenario.spares
-        asked = [*((0, fault) for fault in scenario.faults), *extra]
-        self.entries = tuple(self._entry(index, k, fault) for index, (k, fault) in enumerate(asked))
+        faults = [*((0, fault) for fault in scenario.faults), *extra]
+        self.entries = tuple(self._make_entry(index, k, fault) for index, (k, fault) in enumerate(faults))
         self.starts_absent = _absent_at_first(self.entries[: len(scenario.faults)]) | self._spares
         self.needs_process_control = any(entry.fault.kind in PROCESS_KINDS for entry in self.entries)
         self._acts = self._all_acts()
@@ -93,8 +93,8 @@ class Timeline:
 
     def at(self, k: int) -> tuple[Entry, ...]:
         """Return the lasting faults of radio, senses, bodies and closures that are active in tick k, by index."""
-        place = bisect_right(self._changes, k) - 1
-        return self._active[place] if place >= 0 else ()
+        index = bisect_right(self._changes, k) - 1
+        return self._active[index] if index >= 0 else ()
 
     def acts(self, k: int) -> tuple[Act, ...]:
         """Return the acts on robots before tick k, by fault and then by robot."""
@@ -108,7 +108,7 @@ class Timeline:
     def beginnings(self, k: int) -> tuple[Event, ...]:
         """Return the faults that happen or begin before tick k."""
         return tuple(
-            Event(k, FAULT_EVENT, None, f"{entry.id} {entry.fault.kind} {_verb(entry)}: {self.describe(entry)}")
+            Event(k, FAULT_EVENT, None, f"{entry.id} {entry.fault.kind} {_entry_verb(entry)}: {self.describe(entry)}")
             for entry in self.entries
             if entry.begin == k
         )
@@ -127,7 +127,7 @@ class Timeline:
 
         Robots may still be dead, paused or gone: that depends on what happens in the run.
         """
-        if any(_lasts(entry) and entry.end is None for entry in self.entries):
+        if any(_is_lasting(entry) and entry.end is None for entry in self.entries):
             return None
         ends = [entry.begin if entry.end is None else entry.end for entry in self.entries]
         return max(ends, default=0)
@@ -137,48 +137,48 @@ class Timeline:
         fault = entry.fault
         parts = []
         if isinstance(fault, OnLinks):
-            parts.append(f"{self._listed(entry.sources)} to {self._listed(entry.targets)}")
+            parts.append(f"{self._name_robots(entry.sources)} to {self._name_robots(entry.targets)}")
         elif isinstance(fault, Partition):
-            parts.append(" | ".join(self._listed(group) for group in entry.groups))
+            parts.append(" | ".join(self._name_robots(group) for group in entry.groups))
         elif isinstance(fault, Spoof):
-            parts.append(f"{fault.by} as {self._listed(entry.who)}")
+            parts.append(f"{fault.by} as {self._name_robots(entry.who)}")
         elif isinstance(fault, OnClosure):
             parts.append(fault.closure)
         else:
-            parts.append(self._listed(entry.who))
+            parts.append(self._name_robots(entry.who))
         shown = {"id", "kind", "at", "for", "who", "from", "to", "as", "by", "groups", "closure"}
         values = fault.model_dump(mode="json", exclude_none=True, exclude_defaults=True)
         parts += [f"{name} {in_flow(value)}" for name, value in values.items() if name not in shown]
         return ", ".join(parts)
 
-    def _listed(self, numbers: Sequence[int]) -> str:
+    def _name_robots(self, numbers: Sequence[int]) -> str:
         if len(numbers) == len(self._names) > 1:
             return "all"
         return " ".join(self._of_number[number] for number in numbers) or "nobody"
 
-    def _entry(self, index: int, k: int, fault: Fault) -> Entry:
+    def _make_entry(self, index: int, k: int, fault: Fault) -> Entry:
         begin = k + tick_of(fault.at, self._step)
         end: int | None = begin
         if isinstance(fault, Lasting):
             end = None if fault.lasts is None else begin + ticks_of(fault.lasts, self._step)
         if isinstance(fault, OnLinks):
-            sources = self._resolve(fault.sources, index, Target.FROM)
-            return Entry(index, fault, begin, end, (), sources, self._resolve(fault.targets, index, Target.TO))
+            sources = self._resolve_target(fault.sources, index, Target.FROM)
+            return Entry(index, fault, begin, end, (), sources, self._resolve_target(fault.targets, index, Target.TO))
         if isinstance(fault, Partition):
-            return Entry(index, fault, begin, end, groups=self._grouped(fault, index))
+            return Entry(index, fault, begin, end, groups=self._resolve_groups(fault, index))
         if isinstance(fault, Spoof):
             forger = 0 if fault.by == STRANGER else self._names[fault.by]
-            return Entry(index, fault, begin, end, self._resolve(fault.victims, index, Target.AS), (forger,))
+            return Entry(index, fault, begin, end, self._resolve_target(fault.victims, index, Target.AS), (forger,))
         if isinstance(fault, OnClosure):
             return Entry(index, fault, begin, end)
         assert isinstance(fault, OnRobots)
-        return Entry(index, fault, begin, end, self._resolve(fault.who, index, Target.WHO))
+        return Entry(index, fault, begin, end, self._resolve_target(fault.who, index, Target.WHO))
 
-    def _resolve(self, who: str | tuple[str, ...] | Some, index: int, field: Target) -> tuple[int, ...]:
+    def _resolve_target(self, who: str | tuple[str, ...] | Some, index: int, field: Target) -> tuple[int, ...]:
         """Return the robots that a target means, ascending."""
         return meant(who, self._names, self._spares, (self._seed, index, field))
 
-    def _grouped(self, fault: Partition, index: int) -> tuple[tuple[int, ...], ...]:
+    def _resolve_groups(self, fault: Partition, index: int) -> tuple[tuple[int, ...], ...]:
         if isinstance(fault.groups, str):
             fleet = (number for number in self._names.values() if number not in self._spares)
             drawn = in_drawn_order(fleet, (self._seed, index, Target.GROUPS))
@@ -202,11 +202,11 @@ class Timeline:
             if isinstance(fault, Pause) and entry.end is not None:
                 acts[entry.end] += [(entry.index, Act("resume", number, entry.id)) for number in entry.who]
         # Stable: a fault's acts are by robot already.
-        return {k: tuple(act for _, act in sorted(due, key=lambda pair: pair[0])) for k, due in acts.items()}
+        return {k: tuple(act for _, act in sorted(pairs, key=lambda pair: pair[0])) for k, pairs in acts.items()}
 
     def _all_active(self) -> tuple[list[int], list[tuple[Entry, ...]]]:
         """Return the ticks at which what is active changes, ascending, and what is active from each of them on."""
-        lasting = [entry for entry in self.entries if _lasts(entry)]
+        lasting = [entry for entry in self.entries if _is_lasting(entry)]
         changes = sorted({k for entry in lasting for k in (entry.begin, entry.end) if k is not None})
         active = [
             tuple(entry for entry in lasting if entry.begin <= k and (entry.end is None or k < entry.end))
@@ -224,7 +224,7 @@ def _absent_at_first(entries: Sequence[Entry]) -> frozenset[int]:
     return frozenset(number for number, joins in comes.items() if joins)
 
 
-def _lasts(entry: Entry) -> bool:
+def _is_lasting(entry: Entry) -> bool:
     """Return True if a fault is active over ticks, and no act between two of them."""
     return entry.fault.kind not in PROCESS_KINDS
 
@@ -237,7 +237,7 @@ def _act_kind(entry: Entry) -> ActKind | None:
             return None
 
 
-def _verb(entry: Entry) -> str:
+def _entry_verb(entry: Entry) -> str:
     return "happens" if entry.end == entry.begin else "begins"
 
 

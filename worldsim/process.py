@@ -44,7 +44,7 @@ JUDGING_S = 3600.0
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one world."""
     options = world_parser().parse_args(arguments)
-    return run_with(options, "world", _run, on_death=lambda: _remove_static(options))
+    return run_with(options, "world", _run_process, on_death=lambda: _remove_static(options))
 
 
 def _remove_static(options: Namespace) -> None:
@@ -54,7 +54,7 @@ def _remove_static(options: Namespace) -> None:
             shutil.rmtree(static, ignore_errors=True)
 
 
-def _run(process: ProcessContext) -> int:
+def _run_process(process: ProcessContext) -> int:
     """Run the world, and leave nothing behind that a launcher would have removed; return the exit code."""
     meeting = process.meet(Kind.WORLD)
     process.follow(fleet=meeting.keys.fleet)
@@ -98,20 +98,20 @@ def _run_and_judge(process: ProcessContext, meeting: Meeting) -> int:
         wiring = Wiring(process, scenario, meeting.keys, link, outward, air)
         try:
             listener = wiring.listener()
-            _record(wiring, prepared, wiring.gather(), listener, token)
+            _record_run(wiring, prepared, wiring.gather(), listener, token)
         except Interrupted:
             return INTERRUPTED
         except Missing as missing:
-            process.log.error(f"{missing}; {_remedy(meeting)}")
+            process.log.error(f"{missing}; {_missing_remedy(meeting)}")
             return UNKNOWN
     if process.launched:
         return 0  # the journal is complete; the launcher judges it
     process.notifier.busy(JUDGING_S)
-    code = _judge(options.out, prepared, process.log)
+    code = _judge_run(options.out, prepared, process.log)
     return INTERRUPTED if process.ending else code
 
 
-def _remedy(meeting: Meeting) -> str:
+def _missing_remedy(meeting: Meeting) -> str:
     """Return what to do about robots that have not come."""
     if meeting.credentials is None:
         return (
@@ -129,7 +129,7 @@ def _check_process_control(scenario: Scenario, options: Namespace) -> None:
         raise BadInput(NEEDS_LAUNCHER)
 
 
-def _record(
+def _record_run(
     wiring: Wiring, prepared: Prepared, sessions: Sessions, listener: Listener | None, token: str | None
 ) -> None:
     """Run the ticks and record what happens."""
@@ -176,7 +176,7 @@ def _record(
             feed.flush()
 
 
-def _judge(out: Path, prepared: Prepared, log: Log) -> int:
+def _judge_run(out: Path, prepared: Prepared, log: Log) -> int:
     """Summarise and judge a run whose robots were not started by a launcher; return the exit code."""
     from patrol.journal import read_journal
     from worldsim.output.summary import summarise

@@ -172,15 +172,15 @@ class Wiring:
     def _ask_launcher(self) -> Callable[[bytes], bytes] | None:
         """Asks the launcher for process control; None without one."""
         descriptor = self.options.process_control
-        return None if descriptor is None else _asking(descriptor, self.process.ending)
+        return None if descriptor is None else _make_asker(descriptor, self.process.ending)
 
     def operator(self, world: World, fleet: LockstepFleet | PacedFleet, token: str | None) -> Operator | None:
         """Make what serves operators and keeps the scenario as they change it; None without a token."""
         if token is None:
             return None
         key, challenge = self.keys.control(ASK), self.keys.control(CHALLENGE)
-        mailbox: Mailbox[Question] = Mailbox([key], _unread, MAX_REQUEST)
-        challenges: Mailbox[Question] = Mailbox([challenge], _unread, NONCE)
+        mailbox: Mailbox[Question] = Mailbox([key], _refuse_decoding, MAX_REQUEST)
+        challenges: Mailbox[Question] = Mailbox([challenge], _refuse_decoding, NONCE)
         gate = ControlGate(self.keys.fleet, token, self.run, os.urandom(32), time.monotonic)
         operator = Operator(
             world,
@@ -213,7 +213,7 @@ class Wiring:
     ) -> Feed:
         """Make the feed, which writes the journal and shows it to viewers, also to those that come late."""
         key = self.keys.truth(FOG)
-        questions: Mailbox[Question] = Mailbox([key], _unread, 0, MOST_ASKING)
+        questions: Mailbox[Question] = Mailbox([key], _refuse_decoding, 0, MOST_ASKING)
 
         def submit(work: Callable[[], None]) -> None:
             threading.Thread(target=work, name="fog", daemon=True).start()
@@ -286,12 +286,12 @@ class Wiring:
         self.log.debug(f"tick {record.k}: {statuses['alive']} robots alive, MFoW {mfow_s:.1f} s")
 
 
-def _unread(_payload: bytes) -> Question:
+def _refuse_decoding(_payload: bytes) -> Question:
     """Raise: questions are put into their mailbox as they are."""
     raise ValueError("no question")
 
 
-def _asking(descriptor: int, ending: Ending) -> Callable[[bytes], bytes]:
+def _make_asker(descriptor: int, ending: Ending) -> Callable[[bytes], bytes]:
     """Make a function that asks the launcher over the inherited socket, one line for each request and answer."""
     end = socket.socket(fileno=descriptor)
     lines = end.makefile("rb")

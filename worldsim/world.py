@@ -119,14 +119,14 @@ class World:
                 contacts[number],
                 senses.clock(number, k),
                 batteries.share(number),
-                self._blocked(body),
+                self._blocked_points(body),
                 zones,
                 weights,
             )
             for number, body in living.items()
         }
 
-    def _blocked(self, body: Body) -> tuple[int, ...]:
+    def _blocked_points(self, body: Body) -> tuple[int, ...]:
         """Return what a robot sees closed."""
         footprint = self.truth.footprint
         return self.closures.blocked(body, footprint) if isinstance(footprint, ChangingFootprint) else ()
@@ -173,7 +173,7 @@ class World:
         self.observe()
         for number in self.living:
             body = self.bodies[number]
-            self._obey(body, replies.get(number))
+            self._obey_reply(body, replies.get(number))
             body.command = slowed(body.command, self._speed_limits.at(body.pose.x, body.pose.y, self._zones))
             if self.batteries.is_empty(number):
                 body.command = standstill(body.spec)
@@ -247,11 +247,11 @@ class World:
         start, radius = self._starts[number], self.bodies[number].spec.radius
         return [
             body.spec.name
-            for other, body in self.bodies.items()
-            if other != number and body.present and overlap(start, radius, body.pose, body.spec.radius)
+            for neighbour, body in self.bodies.items()
+            if neighbour != number and body.present and overlap(start, radius, body.pose, body.spec.radius)
         ]
 
-    def _obey(self, body: Body, reply: Reply | None) -> None:
+    def _obey_reply(self, body: Body, reply: Reply | None) -> None:
         """Apply a reply's command, or handle its absence."""
         body.refused = False
         if reply is None:

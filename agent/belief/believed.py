@@ -76,12 +76,12 @@ class BelievedFog:
 
     def fork(self) -> BelievedFog:
         """Return the same fog with its own grids, for others."""
-        other = copy.copy(self)
-        other.members = set()
-        other.fog = self.fog.fork()
-        other.looked = other.fog.last_seen
-        other._dilated = None if self._dilated is None else self._dilated.fork(other.fog)
-        return other
+        fork = copy.copy(self)
+        fork.members = set()
+        fork.fog = self.fog.fork()
+        fork.looked = fork.fog.last_seen
+        fork._dilated = None if self._dilated is None else self._dilated.fork(fork.fog)
+        return fork
 
     def see(self, looks: Iterable[tuple[int, Pose]], tick: int) -> None:
         """Take in looks, tick and pose of each, one after the other; `tick` is now."""
@@ -101,7 +101,7 @@ class BelievedFog:
         """Take in those of many looks for which `chosen` is not 0; looks must leave no age."""
         self.fog.observe_each(looks, chosen)
         places = [] if self._dilated is None else np.flatnonzero(chosen).tolist()
-        self._changed([looks.views[place].box(self.looked.shape) for place in places], tick)
+        self._changed([looks.views[look].box(self.looked.shape) for look in places], tick)
 
     def dilated_within(self, box: Box) -> NDArray[np.int32]:
         """Return the fog after dilatation, up to date in a box: it is computed only where it is read.
@@ -276,14 +276,14 @@ def _side_by_side(intake: Intake, own: Sequence[Pose], footprint: Footprint) -> 
         return places.setdefault((tick, pose), len(places))
 
     columns = np.flatnonzero(intake.plain.any(axis=0)).tolist()
-    heard = [place(intake.tick, position.pose) for at in columns if (position := intake.said[at]) is not None]
+    numbers = [place(intake.tick, position.pose) for sender in columns if (position := intake.said[sender]) is not None]
     mine = [place(intake.tick, pose) for pose in own]
     past = [(row, place(tick, pose)) for row, _, tick, pose in intake.past]
     chosen = np.zeros((len(own), len(places)), dtype=np.uint8)
-    if len(set(heard)) == len(heard):
-        chosen[:, heard] = intake.plain[:, columns]
+    if len(set(numbers)) == len(numbers):
+        chosen[:, numbers] = intake.plain[:, columns]
     else:
-        for look, column in zip(heard, columns, strict=True):
+        for look, column in zip(numbers, columns, strict=True):
             chosen[:, look] |= intake.plain[:, column]
     chosen[np.arange(len(own)), mine] = 1
     for row, look in past:

@@ -1,7 +1,7 @@
 """Ground that is believed blocked: places that could not be reached, and the last poses of robots not heard any more.
 
 Theory of operation
-    The belief is that of one robot. It tells nobody, because positions are all that robots exchange. A point is
+    The belief is that of one robot. It stays there, because positions are all that robots exchange. A point is
     believed blocked from when the robot sees it blocked or bumps into it, until it sees it free, or until it has not
     seen it for `memory` ticks. The robot's sensor is computed on the map without these points
     (`patrol.closures.ground`). A point that this view shows, and that the robot's senses do not report, is free.
@@ -84,16 +84,16 @@ class Blocked:
         if not sensed.blocked and self.area is None:
             return
         seen_at = self._seen_at.reshape(-1)
-        known = np.array(sensed.blocked, dtype=np.int64)
-        known = known[known < seen_at.size]
-        seen_at[known] = sensed.k
+        blocked = np.array(sensed.blocked, dtype=np.int64)
+        blocked = blocked[blocked < seen_at.size]
+        seen_at[blocked] = sensed.k
         grid = (self._seen_at != UNSEEN) & (self._seen_at >= sensed.k - self._memory)
         self._footprint.close(grid)
         here = as_received(sensed.pose)
         # A full list may leave out points that are blocked.
         while (
             len(sensed.blocked) < MOST_BLOCKED
-            and (free := np.setdiff1d(faces(self._footprint.visible(here), grid), known)).size
+            and (free := np.setdiff1d(faces(self._footprint.visible(here), grid), blocked)).size
         ):
             grid.reshape(-1)[free] = False
             self._footprint.close(grid)
@@ -174,7 +174,7 @@ class Silent:
         self._heard_since = peers.oldest(tick)
         if tick - self._heard_since <= self._patience:
             return []
-        found = []
+        discs = []
         for number in peers.silent(tick - self._patience):
             peer, radius = peers[number], self._radii[number]
             apart = math.hypot(peer.pose.x - pose.x, peer.pose.y - pose.y)
@@ -182,5 +182,5 @@ class Silent:
                 self._bumped_at[number] = tick
             met = max(peer.tick, self._bumped_at.get(number, 0))
             if tick - met <= self._memory and apart >= radius + self._margin:
-                found.append((peer.pose.x, peer.pose.y, radius + self._margin))
-        return found
+                discs.append((peer.pose.x, peer.pose.y, radius + self._margin))
+        return discs

@@ -21,14 +21,14 @@ class Contacts:
 
     def report(self, contact: Position, tick: int) -> None:
         """Take in a report and forget earlier reports of the same intruder."""
-        place = contact.pose.x, contact.pose.y
-        self._seen = {other: k for other, k in self._seen.items() if k == tick or math.dist(other, place) >= SAME}
-        if all(math.dist(other, place) >= SAME for other in self._seen):
-            self._seen[place] = tick
+        spot = contact.pose.x, contact.pose.y
+        self._seen = {earlier: k for earlier, k in self._seen.items() if k == tick or math.dist(earlier, spot) >= SAME}
+        if all(math.dist(earlier, spot) >= SAME for earlier in self._seen):
+            self._seen[spot] = tick
 
     def known(self, tick: int, memory: int) -> list[Place]:
         """Return the places of the intruders reported within the last `memory` ticks, ascending."""
         if not self._seen:
             return []
-        self._seen = {place: k for place, k in self._seen.items() if tick - k <= memory}
+        self._seen = {spot: k for spot, k in self._seen.items() if tick - k <= memory}
         return sorted(self._seen)

@@ -45,8 +45,8 @@ class Posts:
     def stands(self) -> NDArray[np.int64]:
         """int64 (h, w), read-only: flat index of each point's post, or of the point itself where it has none."""
         if self._stands is None:
-            own = np.arange(self._proxy.size).reshape(self._proxy.shape)
-            self._stands = np.where(self._proxy < 0, own, self._proxy)
+            cells = np.arange(self._proxy.size).reshape(self._proxy.shape)
+            self._stands = np.where(self._proxy < 0, cells, self._proxy)
             self._stands.flags.writeable = False
         return self._stands
 
@@ -86,9 +86,9 @@ class Dilated:
         self._carried = np.zeros(ground.shape, dtype=np.int32)
         self._grid: NDArray[np.int32] = np.where(ground, np.int32(0), np.int32(AGELESS))
         rows, cols = (-(-size // SIDE) for size in ground.shape)
-        whole = np.zeros((rows * SIDE, cols * SIDE), dtype=np.bool_)
-        whole[: ground.shape[0], : ground.shape[1]] = ground
-        any_ground = whole.reshape(rows, SIDE, cols, SIDE).any(axis=(1, 3))
+        padded = np.zeros((rows * SIDE, cols * SIDE), dtype=np.bool_)
+        padded[: ground.shape[0], : ground.shape[1]] = ground
+        any_ground = padded.reshape(rows, SIDE, cols, SIDE).any(axis=(1, 3))
         block = posts.rows[:, 2] // SIDE * cols + posts.rows[:, 3] // SIDE
         in_block = np.bincount(block, minlength=rows * cols)
         self._posts_by_block = np.ascontiguousarray(posts.rows[np.argsort(block, kind="stable")])
@@ -102,14 +102,14 @@ class Dilated:
 
     def fork(self, fog: Fog) -> Dilated:
         """Return a copy for another fog, which is now as fresh as this one's."""
-        other = copy.copy(self)
-        other._fog = fog
-        other._carried, other._grid = self._carried.copy(), self._grid.copy()
-        other._outdated, other._due = self._outdated.copy(), self._due.copy()
-        other._freshest = self._freshest.copy()
+        fork = copy.copy(self)
+        fork._fog = fog
+        fork._carried, fork._grid = self._carried.copy(), self._grid.copy()
+        fork._outdated, fork._due = self._outdated.copy(), self._due.copy()
+        fork._freshest = self._freshest.copy()
         # Both may compute at once, in several threads.
-        other._boxes, other._scratch = np.zeros_like(self._boxes), np.zeros_like(self._scratch)
-        return other
+        fork._boxes, fork._scratch = np.zeros_like(self._boxes), np.zeros_like(self._scratch)
+        return fork
 
     def changed(self, looks: list[Box]) -> None:
         """Take in what a tick's looks have changed in the fog."""

@@ -11,9 +11,6 @@ PATROLLED = types.Array(types.boolean, 2, "C", readonly=True)
 TICKS = types.Array(types.int32, 2, "C", readonly=True)
 WORTH = types.Array(types.float64, 1, "C", readonly=True)
 PLACES = types.Array(types.int64, 2, "C", readonly=True)
-SCORE = types.Array(types.float64, 1, "C")
-PLACES_M = types.Array(types.float64, 2, "C", readonly=True)
-FOUND = types.Array(types.int64, 1, "C")
 int64 = types.int64
 float64 = types.float64
 index = types.uint64
@@ -21,33 +18,29 @@ index = types.uint64
 NEVER = np.int32(2**31 - 1)
 SEGMENT = 64
 """Columns that `oldest_that_may_win` looks at in one go."""
-BEST = types.void(
-    POINTS, types.boolean, LENGTHS, int64, int64, int64, LENGTHS, int64, int64, PATROLLED, TICKS, TICKS, int64, WORTH,
-    float64, float64, PLACES, SCORE, FOUND,
+FOUND = types.Tuple((types.float64, *(types.int64,) * 5))  # type: ignore[no-untyped-call]
+BEST = FOUND(
+    POINTS, LENGTHS, int64, int64, int64, LENGTHS, PATROLLED, TICKS, TICKS, int64, WORTH, float64, float64, PLACES,
 )  # fmt: skip
 
 
 @njit(BEST, cache=True, nogil=True)
 def best_of(
-    points, listed, own, row0, col0, limit, rival, rival_row0, rival_col0, patrolled, last_seen, looked, tick, worth,
-    near, others, left_out, score, place,
+    posts, own, row0, col0, limit, rival, patrolled, last_seen, looked, tick, worth, near, others, left_out
 ):  # fmt: skip
-    """Find the best of a box's points, or of points that are listed with where to stand for them.
+    """Find the best of a box's points, and of points that are seen from posts in it.
 
     A point of age a at the end of a way of length L is worth ``worth[a] / (L + near)``, and ``others`` times that where
-    a rival has the shorter way. Of equal points the first counts, row by row, those of the box before listed ones.
+    a rival has the shorter way. Of equal points the first counts, row by row, those of the box before those with posts.
     Points that are in view now, and those around a place that is left out, do not count.
 
     Args:
-        points: int32 (n, 4), row and column of each listed point and of where to stand for it.
-        listed: Only the listed points count; else all points of the box, each seen from where it is.
+        posts: int32 (n, 4), row and column of each point that has a post, and of the post.
         own: int32 (m, k), path lengths from the robot (`agent.routes.wave.BoxPaths`).
         row0: Row of the terrain under row 0 of ``own``.
         col0: Column of the terrain under column 0 of ``own``.
         limit: Longest way that counts, in hundredths of a point.
-        rival: int32 (p, q), path lengths from the nearest rival; (0, 0) without any.
-        rival_row0: Row of the terrain under row 0 of ``rival``.
-        rival_col0: Column of the terrain under column 0 of ``rival``.
+        rival: int32 (m, k), path lengths from the nearest rival; (0, 0) without any.
         patrolled: bool (h, w), the points that have an age.
         last_seen: int32 (h, w), when each point was last seen.
         looked: int32 (h, w), when each point was last in view.
@@ -56,36 +49,40 @@ def best_of(
         near: Added to each way, in hundredths of a point.
         others: Share that a rival's point counts.
         left_out: int64 (s, 3), row, column and squared radius of what is left out, in points.
-        score: float64 (1,), the best score so far; written where a point has more.
-        place: int64 (4,), row and column of that point and of where to stand; written likewise.
+
+    Returns:
+        The best score, row and column of that point and of where to stand, and the length of the way; 0 without any.
     """
-    for k in range(points.shape[0] if listed else own.shape[0]):
-        row, up, first, end, shift = k + row0, k, int64(0), own.shape[1], col0
-        if listed:
-            row, up, first = int64(points[k, 0]), points[k, 2] - row0, points[k, 3] - col0
-            shift = points[k, 1] - first
-            end = first + 1 if 0 <= first < own.shape[1] and 0 <= up < own.shape[0] else first
+    score, rows, cols = 0.0, own.shape[0], own.shape[1]
+    point_row = point_col = stand_row = stand_col = way = int64(0)
+    for k in range(rows + posts.shape[0]):
+        row, up, first, end, shift = k + row0, k, int64(0), cols, col0
+        if k >= rows:
+            post = posts[k - rows]
+            row, up, first = int64(post[0]), post[2] - row0, post[3] - col0
+            shift = post[1] - first
+            end = first + 1 if 0 <= first < cols and 0 <= up < rows else first
         for across in range(first, end):
             length, col = int64(own[index(up), index(across)]), across + shift
             if length > limit:  # such as the frame of the box, which may lie outside of the terrain
                 continue
             age = tick - max(int64(last_seen[index(row), index(col)]), 0)
-            if age <= 0 or not patrolled[index(row), index(col)] or worth[index(age)] <= score[0] * (length + near):
+            if age <= 0 or not patrolled[index(row), index(col)] or worth[index(age)] <= score * (length + near):
                 continue
             if looked[index(row), index(col)] == tick:
                 continue
-            found = worth[index(age)] / (length + near)
-            rival_row, rival_col = up + row0 - rival_row0, across + col0 - rival_col0
-            if 0 <= rival_row < rival.shape[0] and 0 <= rival_col < rival.shape[1]:
-                found *= others if rival[rival_row, rival_col] < length else 1.0
+            value = worth[index(age)] / (length + near)
+            if rival.size != 0 and rival[index(up), index(across)] < length:
+                value *= others
             for place_left_out in range(left_out.shape[0]):
                 off_row = up + row0 - left_out[place_left_out, 0]
                 off_col = across + col0 - left_out[place_left_out, 1]
                 if off_row * off_row + off_col * off_col <= left_out[place_left_out, 2]:
-                    found = 0.0
-            if found > score[0]:
-                score[0] = found
-                place[0], place[1], place[2], place[3] = row, col, up + row0, across + col0
+                    value = 0.0
+            if value > score:
+                score, way = value, length
+                point_row, point_col, stand_row, stand_col = row, col, up + row0, across + col0
+    return score, point_row, point_col, stand_row, stand_col, way
 
 
 @njit(
@@ -130,38 +127,3 @@ def oldest_that_may_win(patrolled, last_seen, tick, row, col, reach, gap, worth,
             if oldest >= most:
                 return oldest
     return oldest
-
-
-@njit(types.boolean(PLACES_M, float64, float64, float64), cache=True, nogil=True)
-def any_nearer(places, x, y, length):
-    """Return True if the path from any of some places to a point would be shorter than a length on open ground.
-
-    Args:
-        places: float64 (n, 2), x and y of each in m.
-        x: Of the point, m.
-        y: Of the point, m.
-        length: m.
-    """
-    for k in range(places.shape[0]):
-        across, up = abs(places[k, 0] - x), abs(places[k, 1] - y)
-        if max(across, up) + 0.41 * min(across, up) < length:
-            return True
-    return False
-
-
-@njit(int64(LENGTHS, LENGTHS, int64), cache=True, nogil=True)
-def farthest_of_own(own, rival, limit):
-    """Return the length of the longest way of a robot, among those that no rival has a shorter one for.
-
-    Args:
-        own: int32 (m, k), path lengths from the robot.
-        rival: int32 (m, k), path lengths from the nearest rival; (0, 0) without any.
-        limit: Longest way that counts, in hundredths of a point.
-    """
-    farthest = int64(0)
-    for k in range(own.shape[0]):
-        for j in range(own.shape[1]):
-            length = int64(own[index(k), index(j)])
-            if farthest < length <= limit and (rival.size == 0 or rival[index(k), index(j)] >= length):
-                farthest = length
-    return farthest

@@ -51,12 +51,12 @@ def note(last_seen, ground, carried, outdated, first_row, last_row, first_col, l
     for up in range(first_row // SIDE, last_row // SIDE + 1):
         before[:] = NOTHING
         for row in range(up * SIDE, min((up + 1) * SIDE, height)):
-            seen, kind, known = last_seen[row, begin:end], ground[row, begin:end], carried[row, begin:end]
+            ticks, kind, stored = last_seen[row, begin:end], ground[row, begin:end], carried[row, begin:end]
             for k in range(before.size):
-                had = known[k]
-                has = max(seen[k], np.int32(0)) if kind[k] == 1 else had
+                had = stored[k]
+                has = max(ticks[k], np.int32(0)) if kind[k] == 1 else had
                 before[k] = min(before[k], had if has != had else np.int32(NOTHING))
-                known[k] = has
+                stored[k] = has
         for across in range(begin // SIDE, last_col // SIDE + 1):
             low, high = across * SIDE - begin, min((across + 1) * SIDE, width) - begin
             outdated[up, across] = min(outdated[up, across], before[low:high].min())
@@ -84,14 +84,14 @@ def carry(posts, ends, last_seen, carried, outdated, first_row, last_row, first_
     cols = outdated.shape[1]
     for up in range(first_row, last_row + 1):
         for across in range(first_col, last_col + 1):
-            at, end = ends[up * cols + across], ends[up * cols + across + 1]
+            post, end = ends[up * cols + across], ends[up * cols + across + 1]
             before = outdated[up, across]
-            while at < end:
-                row, col = posts[at, 2], posts[at, 3]
+            while post < end:
+                row, col = posts[post, 2], posts[post, 3]
                 when = last_seen[row, col]
-                while at < end and posts[at, 2] == row and posts[at, 3] == col:
-                    when = min(when, last_seen[posts[at, 0], posts[at, 1]])
-                    at += 1
+                while post < end and posts[post, 2] == row and posts[post, 3] == col:
+                    when = min(when, last_seen[posts[post, 0], posts[post, 1]])
+                    post += 1
                 when = max(when, 0)
                 had = carried[row, col]
                 if had != when:

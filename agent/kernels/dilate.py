@@ -28,9 +28,9 @@ int64 = types.int64
 def _one_step(value, open_, out, first, end, by):
     """One step along rows (``by`` 1) or columns (``by`` the row's length), for the elements from first to end."""
     before, here, after = value[first - by : end - by], value[first:end], value[first + by : end + by]
-    mask, there = open_[first:end], out[first:end]
-    for j in range(there.size):
-        there[j] = max(max(before[j], here[j]), after[j]) & mask[j]
+    mask, target = open_[first:end], out[first:end]
+    for j in range(target.size):
+        target[j] = max(max(before[j], here[j]), after[j]) & mask[j]
 
 
 @njit(types.void(FLAT, FLAT, FLAT, int64, int64, int64), cache=True, nogil=True)
@@ -39,10 +39,10 @@ def _two_steps(value, open_, out, first, end, by):
     before, here, after = value[first - by : end - by], value[first:end], value[first + by : end + by]
     far_before, far_after = value[first - 2 * by : end - 2 * by], value[first + 2 * by : end + 2 * by]
     mask_before, mask, mask_after = open_[first - by : end - by], open_[first:end], open_[first + by : end + by]
-    there = out[first:end]
-    for j in range(there.size):
+    target = out[first:end]
+    for j in range(target.size):
         near = max(max(before[j], here[j]), after[j])
-        there[j] = max(near, max(far_before[j] & mask_before[j], far_after[j] & mask_after[j])) & mask[j]
+        target[j] = max(near, max(far_before[j] & mask_before[j], far_after[j] & mask_after[j])) & mask[j]
 
 
 @njit(types.boolean(SCRATCH, SCRATCH, SCRATCH, int64, int64, int64), cache=True, nogil=True)
@@ -66,13 +66,13 @@ def _spread(value, open_, other, first_row, end_row, reach):
     now, after, mask = value.ravel(), other.ravel(), open_.ravel()
     swapped = False
     settled = np.zeros(0, dtype=np.uint16) if reach <= LONG else now.copy()
-    left = reach  # steps along columns still to come
+    remaining = reach  # steps along columns still to come
     for turn in range(reach + 1):
         across = turn % 2 == 0
         single = turn in (0, reach)
         if not across:
-            left -= 1 if single else 2
-        margin = left if reach <= LONG else rows
+            remaining -= 1 if single else 2
+        margin = remaining if reach <= LONG else rows
         first = max(FRAME, first_row - margin) * stride
         end = min(rows - FRAME, end_row + margin) * stride
         if single:
@@ -104,16 +104,16 @@ def _largest_along(value, other, first, end, by, reach):
     low, high = first - reach * by, end + reach * by
     while 2 * size <= 2 * reach + 1:
         high -= size * by
-        here, ahead, there = now[low:high], now[low + size * by : high + size * by], after[low:high]
-        for j in range(there.size):
-            there[j] = max(here[j], ahead[j])
+        here, ahead, target = now[low:high], now[low + size * by : high + size * by], after[low:high]
+        for j in range(target.size):
+            target[j] = max(here[j], ahead[j])
         now, after = after, now
         swapped = not swapped
         size *= 2
     behind, ahead = now[low : end - reach * by], now[first + (reach - size + 1) * by : end + (reach - size + 1) * by]
-    there = after[first:end]
-    for j in range(there.size):
-        there[j] = max(behind[j], ahead[j])
+    target = after[first:end]
+    for j in range(target.size):
+        target[j] = max(behind[j], ahead[j])
     return not swapped
 
 
@@ -177,22 +177,22 @@ def dilate(last_seen, source, passable, dilated, first_row, last_row, first_col,
     if passed == (end_row - low_row) * (end_col - low_col) and 0 < reach <= LONG:
         stride = cols + 2 * FRAME
         begin, stop = FRAME * stride + FRAME + reach, (FRAME + rows) * stride - FRAME - reach
-        flat, other = age.ravel(), spare.ravel()
-        if _largest_along(flat, other, begin, stop, 1, reach):
-            age, flat, other = spare, other, flat
-        if _largest_along(flat, other, first * stride, end * stride, stride, reach):
-            age = other.reshape(age.shape)
+        flat, spare_flat = age.ravel(), spare.ravel()
+        if _largest_along(flat, spare_flat, begin, stop, 1, reach):
+            age, flat, spare_flat = spare, spare_flat, flat
+        if _largest_along(flat, spare_flat, first * stride, end * stride, stride, reach):
+            age = spare_flat.reshape(age.shape)
     elif reach > 0 and _spread(age, open_, spare, first, end, reach):
         age = spare
     span = last_col - first_col + 1
     begin = first_col - left + FRAME
     for r in range(first_row, last_row + 1):
         ages, may = age[r - top + FRAME, begin : begin + span], passable[r, first_col : last_col + 1]
-        there = dilated[r, first_col : last_col + 1]
+        target = dilated[r, first_col : last_col + 1]
         for j in range(span):
             oldest = np.int32(ages[j])
             since = np.int32(2147483647) if oldest == 0 else now + np.int32(1) - oldest
-            there[j] = since if may[j] != 0 else there[j]
+            target[j] = since if may[j] != 0 else target[j]
 
 
 @njit(types.void(TICKS, MASK, MASK, TICKS, BOXES, int64, int64, FLAT), cache=True, nogil=True)

@@ -85,11 +85,11 @@ def gather(
         left, right = max(0, start_col - span), min(cols, start_col + span + 1)
     else:
         top, bottom, left, right = 0, posts.shape[0], 0, 1
-    most, most_at = strongest[0], source[0]
+    peak, most_at = strongest[0], source[0]
     # Neighbours often share their bend, and mostly their sector, so its sum stays at hand until another one's turn.
     up, across, turned = 0.0, 0.0, -1
     is_aside = aside_up != 0.0 or aside_across != 0.0
-    place = index(0)
+    slot = index(0)
     total, along, upwards = sums[0], 0.0, 0.0
     if as_vector:
         along, upwards, total = sums[0], sums[1], sums[2]
@@ -124,21 +124,21 @@ def gather(
                     if is_aside:
                         turns = math.floor(math.atan2(up, across) * sums.size / math.tau + 0.5)
                         into = index(turns % sums.size)
-                    if into != place:
-                        sums[place] = total
-                        place, total = into, sums[into]
+                    if into != slot:
+                        sums[slot] = total
+                        slot, total = into, sums[into]
             if as_vector:
                 scale = force / math.sqrt(up * up + across * across)
                 along += scale * across
                 upwards += scale * up
             total += force
-            if force > most and looked[index(seen_row), index(seen_col)] < tick:
-                most, most_at = force, row * cols + col
+            if force > peak and looked[index(seen_row), index(seen_col)] < tick:
+                peak, most_at = force, row * cols + col
     if as_vector:
         sums[0], sums[1], sums[2] = along, upwards, total
     else:
-        sums[place] = total
-    strongest[0], source[0] = most, most_at
+        sums[slot] = total
+    strongest[0], source[0] = peak, most_at
 
 
 # fmt: on

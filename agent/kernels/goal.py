@@ -80,12 +80,12 @@ def refine(state, psi, goal_row, goal_col, from_row, from_col, up, across, side,
         Flat index of the point in ``state``; -1 where none is better than the goal itself, which may lie anywhere.
     """
     rows, cols = state.shape
-    found = int64(-1)
+    cell = int64(-1)
     best = math.inf
     if 0 < goal_row < rows - 1 and 0 < goal_col < cols - 1:
         best = psi[goal_row - 1, goal_col - 1]
     elif not whole:
-        return found
+        return cell
     nearest = 0
     for row in range(max(1, goal_row - side), min(rows - 1, goal_row + side + 1)):
         for col in range(max(1, goal_col - side), min(cols - 1, goal_col + side + 1)):
@@ -105,5 +105,5 @@ def refine(state, psi, goal_row, goal_col, from_row, from_col, up, across, side,
                 if not _reaches(state, from_row, from_col, row + 0.5, col + 0.5):
                     continue
             best, nearest = value, gap
-            found = row * cols + col
-    return found
+            cell = row * cols + col
+    return cell

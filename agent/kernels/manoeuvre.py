@@ -173,8 +173,8 @@ def search(
         samples[index], halves[index] = number, half
         chords[index] = chord * (math.sin(half) / half if abs(half) > 1e-5 else 1.0 - half * half / 6.0)
         like[index] = index
-        for other in range(index - 1, -1, -1):
-            like[index] = other if halves[other] == half else like[index]
+        for earlier in range(index - 1, -1, -1):
+            like[index] = earlier if halves[earlier] == half else like[index]
     across, up = np.empty(arcs.shape[0]), np.empty(arcs.shape[0])
     while size > 0:
         node = heap[0]
@@ -216,13 +216,13 @@ def search(
             cell_turn = turn * 2 + int64(distance < 0.0)
             mixed = uint64(cell_x * 73856093 ^ cell_y * 19349663 ^ cell_turn * 83492791)
             slot = int64((mixed ^ mixed >> uint64(17)) & uint64(slots - 1))
-            other = nodes[slot]
-            while other > 0:
-                if cells[other, 0] == cell_x and cells[other, 1] == cell_y and cells[other, 2] == cell_turn:
+            earlier = nodes[slot]
+            while earlier > 0:
+                if cells[earlier, 0] == cell_x and cells[earlier, 1] == cell_y and cells[earlier, 2] == cell_turn:
                     break
                 slot = (slot + 1) & (slots - 1)
-                other = nodes[slot]
-            if other > 0 and cost[other] <= price:
+                earlier = nodes[slot]
+            if earlier > 0 and cost[earlier] <= price:
                 continue
             if distance != 0.0 and not _is_free(
                 blocked, room, closed, point, ox, oy, px[node], py[node], ph[node], distance, arcs[index, 1],
@@ -235,16 +235,16 @@ def search(
             way = limit + 1
             if 0 <= row < left.shape[0] and 0 <= col < left.shape[1]:
                 way = int64(left[row, col])
-            there = way * (point / 100.0) if way <= limit and distance != 0.0 else pleft[node] + abs(distance)
+            remaining_m = way * (point / 100.0) if way <= limit and distance != 0.0 else pleft[node] + abs(distance)
             if count >= most:
                 size = 0
                 break
             nodes[slot] = count
             cells[count, 0], cells[count, 1], cells[count, 2] = cell_x, cell_y, cell_turn
-            px[count], py[count], ph[count], pleft[count], cost[count] = nx, ny, nh, there, price
+            px[count], py[count], ph[count], pleft[count], cost[count] = nx, ny, nh, remaining_m, price
             parent[count], by[count] = node, index
             # The new entry rises from the end to its place.
-            hole, new_rank = size, price + GREED * there
+            hole, new_rank = size, price + GREED * remaining_m
             while hole > 0 and rank[(hole - 1) // 2] > new_rank:
                 heap[hole], rank[hole] = heap[(hole - 1) // 2], rank[(hole - 1) // 2]
                 hole = (hole - 1) // 2
@@ -259,9 +259,9 @@ def search(
         steps += 1
         node = parent[node]
     node = goal
-    for place in range(steps - 1, -1, -1):
-        if place < found.shape[0]:
-            found[place] = by[node]
+    for entry in range(steps - 1, -1, -1):
+        if entry < found.shape[0]:
+            found[entry] = by[node]
         node = parent[node]
     return min(steps, found.shape[0])
 

@@ -70,11 +70,11 @@ def _draw_below(state, limit):
 @njit(cache=True, nogil=True)
 def _cost(route, count, lead, apart, ages):
     """Return the cost of a route: the sum of the eighth powers of the stations' ages when it visits them."""
-    cost, at = 0.0, 0.0
+    cost, arrival = 0.0, 0.0
     for i in range(count):
         here = route[i]
-        at = lead[here] if i == 0 else at + apart[route[i - 1], here]
-        age = ages[here] + at
+        arrival = lead[here] if i == 0 else arrival + apart[route[i - 1], here]
+        age = ages[here] + arrival
         square = age * age
         fourth = square * square
         cost += fourth * fourth  # the oldest stations count most, and do not count alone
@@ -90,78 +90,78 @@ def _improve(routes, counts, pinned, leads, apart, ages, near, moves, state):
     """
     robots, size = routes.shape[0], ages.size
     cost = np.zeros(robots)
-    owner, place = np.zeros(size, np.int64), np.zeros(size, np.int64)
+    owner, position = np.zeros(size, np.int64), np.zeros(size, np.int64)
     for r in range(robots):
         cost[r] = _cost(routes[r], counts[r], leads[r], apart, ages)
         for i in range(counts[r]):
-            owner[routes[r, i]], place[routes[r, i]] = r, i
+            owner[routes[r, i]], position[routes[r, i]] = r, i
     first, second = np.zeros(size, np.int64), np.zeros(size, np.int64)
     for _ in range(moves):
         u = _draw_below(state, size)
         v = near[u, _draw_below(state, near.shape[1])]
-        r, q, i, j = owner[u], owner[v], place[u], place[v]
+        r, q, i, j = owner[u], owner[v], position[u], position[v]
         kind = _draw_below(state, 4)
-        least, least_other = np.int64(pinned[r]), np.int64(pinned[q])  # the first places that may change
-        one = two = 0
+        first_free, least_other = np.int64(pinned[r]), np.int64(pinned[q])  # the first places that may change
+        first_count = second_count = 0
         if kind < 2:  # put stations from u on behind v
             count = min(1 + _draw_below(state, LONGEST_MOVE), counts[r] - i)
-            if i < least or (r == q and i <= j < i + count):
+            if i < first_free or (r == q and i <= j < i + count):
                 continue
             turned = _draw_below(state, 2) == 1
             if r != q:
                 for k in range(counts[r]):
                     if k < i or k >= i + count:
-                        first[one] = routes[r, k]
-                        one += 1
+                        first[first_count] = routes[r, k]
+                        first_count += 1
             for k in range(counts[q]):
                 if r != q or k < i or k >= i + count:
-                    second[two] = routes[q, k]
-                    two += 1
+                    second[second_count] = routes[q, k]
+                    second_count += 1
                 if k == j:
                     for m in range(count):
-                        second[two] = routes[r, i + (count - 1 - m if turned else m)]
-                        two += 1
+                        second[second_count] = routes[r, i + (count - 1 - m if turned else m)]
+                        second_count += 1
         elif r == q:  # reverse
             low, high = min(i, j) + (kind == 2), max(i, j)
-            low = max(low, least)
+            low = max(low, first_free)
             if high <= low:
                 continue
             for k in range(counts[r]):
                 second[k] = routes[r, low + high - k] if low <= k <= high else routes[r, k]
-            two = counts[r]
+            second_count = counts[r]
         else:  # v follows u, and what followed u follows what came before v
             j = max(j, least_other)
             for k in range(i + 1):
-                first[one] = routes[r, k]
-                one += 1
+                first[first_count] = routes[r, k]
+                first_count += 1
             for k in range(j, counts[q]):
-                first[one] = routes[q, k]
-                one += 1
+                first[first_count] = routes[q, k]
+                first_count += 1
             for k in range(j):
-                second[two] = routes[q, k]
-                two += 1
+                second[second_count] = routes[q, k]
+                second_count += 1
             for k in range(i + 1, counts[r]):
-                second[two] = routes[r, k]
-                two += 1
-        if two == 0 or (r != q and one == 0):
+                second[second_count] = routes[r, k]
+                second_count += 1
+        if second_count == 0 or (r != q and first_count == 0):
             continue  # a robot without a route would get none again
-        new = _cost(second, two, leads[q], apart, ages)
+        new = _cost(second, second_count, leads[q], apart, ages)
         old = cost[q]
-        other = 0.0
+        first_cost = 0.0
         if r != q:
-            other = _cost(first, one, leads[r], apart, ages)
+            first_cost = _cost(first, first_count, leads[r], apart, ages)
             old += cost[r]
-        if new + other > old:
+        if new + first_cost > old:
             continue
-        cost[q], counts[q] = new, two
-        for k in range(two):
+        cost[q], counts[q] = new, second_count
+        for k in range(second_count):
             routes[q, k] = second[k]
-            owner[second[k]], place[second[k]] = q, k
+            owner[second[k]], position[second[k]] = q, k
         if r != q:
-            cost[r], counts[r] = other, one
-            for k in range(one):
+            cost[r], counts[r] = first_cost, first_count
+            for k in range(first_count):
                 routes[r, k] = first[k]
-                owner[first[k]], place[first[k]] = r, k
+                owner[first[k]], position[first[k]] = r, k
     total = 0.0
     for r in range(robots):
         total += cost[r]
@@ -240,11 +240,11 @@ def compare(
                     plans[c, r, count] = routes[r, i]
                     count += 1
             plan_counts[c, r] = count
-        own = plan_counts[c, robot]
-        for i in range(own, 0, -1):
+        route_length = plan_counts[c, robot]
+        for i in range(route_length, 0, -1):
             plans[c, robot, i] = plans[c, robot, i - 1]
         plans[c, robot, 0] = choices[c]
-        plan_counts[c, robot] = own + 1
+        plan_counts[c, robot] = route_length + 1
         state = np.array([seed], dtype=np.uint64)
         cost = _improve(plans[c], plan_counts[c], stays, leads, apart, ages, near, moves, state)
         costs[c] = math.sqrt(math.sqrt(math.sqrt(cost)))

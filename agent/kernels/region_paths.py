@@ -27,11 +27,11 @@ def _rise(heap, at, away, slot, connection):
     """Move a connection up a heap from a slot: nearer ones are above, and among equals the lower numbers."""
     while slot > 0:
         above = (slot - 1) // 2
-        other = heap[above]
-        if away[other] < away[connection] or (away[other] == away[connection] and other < connection):
+        upper = heap[above]
+        if away[upper] < away[connection] or (away[upper] == away[connection] and upper < connection):
             break
-        heap[slot] = other
-        at[other] = slot
+        heap[slot] = upper
+        at[upper] = slot
         slot = above
     heap[slot] = connection
     at[connection] = slot
@@ -46,14 +46,14 @@ def _pop(heap, at, away, size):
     while 2 * slot + 1 < size - 1:
         below = 2 * slot + 1
         if below + 1 < size - 1:
-            one, two = heap[below], heap[below + 1]
-            if away[two] < away[one] or (away[two] == away[one] and two < one):
+            first, second = heap[below], heap[below + 1]
+            if away[second] < away[first] or (away[second] == away[first] and second < first):
                 below += 1
-        other = heap[below]
-        if away[last] < away[other] or (away[last] == away[other] and last < other):
+        lower = heap[below]
+        if away[last] < away[lower] or (away[last] == away[lower] and last < lower):
             break
-        heap[slot] = other
-        at[other] = slot
+        heap[slot] = lower
+        at[lower] = slot
         slot = below
     heap[slot] = last
     at[last] = slot
@@ -214,10 +214,10 @@ def last_legs(
                         shortest[col] = far if nearer else shortest[col]
                         leads[col] = lead if nearer else leads[col]
             for col in range(start, stop):
-                whole = int64(100.0 * shortest[col] + 0.5)
-                if whole <= limit and state[row, col] & 3 != 0:
+                length_cm = int64(100.0 * shortest[col] + 0.5)
+                if length_cm <= limit and state[row, col] & 3 != 0:
                     state[row, col] |= 3
-                    length[row, col] = whole
+                    length[row, col] = length_cm
                     bend[row, col] = row * cols + col
                     if leads[col] >= 0:
                         bend[row, col] = (places[leads[col], 0] - row0) * cols + places[leads[col], 1] - col0

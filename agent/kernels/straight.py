@@ -26,10 +26,10 @@ def open_up(ground, patrolled, state, top, left):
     """
     rows, cols = state.shape[0] - 2, state.shape[1] - 2
     for row in range(rows):
-        known, also = ground[top + row + 1, left + 1 : left + 1 + cols], patrolled[top + row, left : left + cols]
-        there = state[row + 1, 1 : cols + 1]
-        for k in range(there.size):
-            there[k] = known[k] | also[k]
+        ground_row, also = ground[top + row + 1, left + 1 : left + 1 + cols], patrolled[top + row, left : left + cols]
+        target = state[row + 1, 1 : cols + 1]
+        for k in range(target.size):
+            target[k] = ground_row[k] | also[k]
 
 
 @njit(types.void(STATE, GRID, int64, int64, float64, float64, int64, int64), cache=True, nogil=True)
@@ -50,10 +50,10 @@ def rays(state, length, start_row, start_col, up, across, span, limit):
     rows, cols = state.shape
     left, right = max(0, start_col - span), min(cols, start_col + span + 1)
     for row in range(max(0, start_row - span), min(rows, start_row + span + 1)):
-        known, far = state[row, left:right], length[row, left:right]
+        states, far = state[row, left:right], length[row, left:right]
         above = row - start_row - up
-        for k in range(known.size):
+        for k in range(states.size):
             along = left + k - start_col - across
             far[k] = 100.0 * math.sqrt(above * above + along * along) + 0.5
-            known[k] |= 3 if known[k] & 3 != 0 and far[k] <= limit else 0
+            states[k] |= 3 if states[k] & 3 != 0 and far[k] <= limit else 0
     length[start_row, start_col] = 0

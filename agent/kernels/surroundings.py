@@ -83,19 +83,19 @@ def fill_heard(places, ticks, x, y, longest, tick, oldest, heard):
         heard: float32 (k, 4), filled: 1, x and y from the robot, and how long ago; 0 where there are no more.
     """
     heard[:] = 0.0
-    for place in range(heard.shape[0]):
-        nearest, least = -1, np.inf
+    for slot in range(heard.shape[0]):
+        nearest, nearest_square = -1, np.inf
         for k in range(ticks.size):
             dx, dy = places[k, 0] - x, places[k, 1] - y
             square = dx * dx + dy * dy
-            if ticks[k] >= 0 and square < least:
-                nearest, least = k, square
+            if ticks[k] >= 0 and square < nearest_square:
+                nearest, nearest_square = k, square
         if nearest < 0:
             break
-        heard[place, 0] = 1.0
-        heard[place, 1] = min(max((places[nearest, 0] - x) / longest, -1.0), 1.0)
-        heard[place, 2] = min(max((places[nearest, 1] - y) / longest, -1.0), 1.0)
-        heard[place, 3] = min((tick - ticks[nearest]) / oldest, 1.0)
+        heard[slot, 0] = 1.0
+        heard[slot, 1] = min(max((places[nearest, 0] - x) / longest, -1.0), 1.0)
+        heard[slot, 2] = min(max((places[nearest, 1] - y) / longest, -1.0), 1.0)
+        heard[slot, 3] = min((tick - ticks[nearest]) / oldest, 1.0)
         ticks[nearest] = -1
 
 
@@ -204,11 +204,11 @@ def sum_ages(last_seen, patrolled, row, col, half, tick, sums):
                 else:
                     begin, end = near_last, last
                 ages, count = 0, 0
-                seen, counts = last_seen[r, begin:end], patrolled[r, begin:end]
-                for k in range(seen.size):
-                    age = tick - max(seen[k], 0)
+                ticks, counts = last_seen[r, begin:end], patrolled[r, begin:end]
+                for k in range(ticks.size):
+                    age = tick - max(ticks[k], 0)
                     ages += age if counts[k] else 0
                     count += 1 if counts[k] else 0
-                at = 0 if part == 1 else 2
-                sums[sector, at] += ages
-                sums[sector, at + 1] += count
+                column = 0 if part == 1 else 2
+                sums[sector, column] += ages
+                sums[sector, column + 1] += count

@@ -51,27 +51,27 @@ def follow(costs, scratch, tour, spacing, ticks, x, y, across, up):
     """
     size = costs.size
     for _ in range(ticks):
-        least = np.inf
+        cheapest = np.inf
         for k in range(size):
             scratch[k] = costs[k]
-            least = min(least, costs[k])
+            cheapest = min(cheapest, costs[k])
         for k in range(size):
             # Without %, which takes most of the time.
-            one = k - 1 if k > 0 else size - 1
+            previous = k - 1 if k > 0 else size - 1
             two = k - 2 if k > 1 else k + size - 2
             back = k + 1 if k < size - 1 else 0
-            cost = min(scratch[k], scratch[one])
+            cost = min(scratch[k], scratch[previous])
             cost = min(cost, scratch[two] + AHEAD_TWO)
             cost = min(cost, scratch[back] + BACK)
-            costs[k] = min(cost, least + JUMP) * MEMORY
-    best, least = 0, np.inf
+            costs[k] = min(cost, cheapest + JUMP) * MEMORY
+    best, cheapest = 0, np.inf
     for k in range(size):
         off_x, off_y = tour[k, 0] - x, tour[k, 1] - y
         distance = math.sqrt(off_x * off_x + off_y * off_y)
         along = tour[k, 2] * across + tour[k, 3] * up
         costs[k] += min(0.5 * distance / spacing, FAR) + ASTRAY * (1.0 - along)
-        if costs[k] < least:
-            best, least = k, costs[k]
+        if costs[k] < cheapest:
+            best, cheapest = k, costs[k]
     for k in range(size):
-        costs[k] -= least
+        costs[k] -= cheapest
     return best

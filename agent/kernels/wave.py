@@ -1,4 +1,4 @@
-"""Kernel of the wave: path lengths and first bends from one point to all others (paper, "The wave").
+"""Kernel of the wave: path lengths from one point, or several, to all others, and how paths begin (paper, "The wave").
 
 Steps go to the eight neighbours and cost 100 along a row or column and 141 along a diagonal, so that equal lengths are
 equal integers; a diagonal step needs both points beside it. Points are settled nearest first. Two queues hold the steps
@@ -13,6 +13,14 @@ Next to an obstacle all eight are tried. Lengths stay exact.
 
 A path's first bend is its last point that is in sight of the start and no farther than without obstacles; of the path
 to such a point, it is the point itself.
+
+In place of first bends the wave finds first steps. A point's *predecessors* are the neighbours from which a step leads
+to it on a shortest path. Each point takes one of them, and the first step of the path there; what is taken decides
+where paths begin. On open ground, 5 points across and 3 up from the start, a shortest path has 3 diagonal steps and 2
+straight ones in any order:
+
+    last step diagonal wherever possible     straight steps come first: it begins to the right
+    last step drawn for each point           whichever kind lasts longer comes first, mostly the diagonal one here
 """
 
 from __future__ import annotations
@@ -35,6 +43,9 @@ NOWHERE = 8
 EMPTY = 2**63
 """In place of an entry: the end of a queue."""
 
+FIRST_BENDS, DIAGONAL_LAST, DRAWN = 0, 1, 2
+"""What is found besides lengths: first bends, or first steps by the predecessor of a diagonal step, or by a draw."""
+
 GRID = types.Array(types.uint8, 2, "C", readonly=True)
 STATE = types.Array(types.uint8, 2, "C")
 NUMBERS = types.Array(types.int32, 2, "C")
@@ -42,6 +53,7 @@ QUEUES = types.Array(types.uint64, 2, "C")
 FLAT = types.Array(types.uint8, 1, "C")
 FLAT_NUMBERS = types.Array(types.int32, 1, "C")
 QUEUE = types.Array(types.uint64, 1, "C")
+STARTS = types.Array(types.int64, 1, "C", readonly=True)
 int64 = types.int64
 uint64 = types.uint64
 index = types.uint64
@@ -58,76 +70,121 @@ def _put(status, lengths, queue, end, there, way, away, limit):
     return end + 1
 
 
+@njit(types.uint64(types.uint64, types.uint64), cache=True, nogil=True)
+def _mixed(state, value):
+    """Return the next state of the hash; see `patrol.random`."""
+    z = (state ^ value) + uint64(0x9E3779B97F4A7C15)
+    z = (z ^ (z >> uint64(30))) * uint64(0xBF58476D1CE4E5B9)
+    z = (z ^ (z >> uint64(27))) * uint64(0x94D049BB133111EB)
+    return z ^ (z >> uint64(31))
+
+
+@njit(int64(FLAT, FLAT_NUMBERS, int64, int64, int64, uint64), cache=True, nogil=True)
+def _predecessor(status, lengths, here, stride, found, draw):
+    """Return the predecessor that a point takes: one of a diagonal step where there is one, or that of a draw."""
+    step = (stride + 1, stride - 1, -stride - 1, -stride + 1, 1, stride, -1, -stride)
+    count, ways, far = 0, 0, lengths[index(here)]  # four bits each: their places in the order of the steps
+    for way in range(8):
+        before = here - step[way]
+        if lengths[index(before)] + (141 if way < 4 else 100) != far or status[index(before)] & STATUS != SETTLED:
+            continue
+        if way < 4:
+            along, above = 1 if way % 3 == 0 else -1, stride if way < 2 else -stride
+            if status[index(here - along)] == BLOCKED or status[index(here - above)] == BLOCKED:
+                continue
+        ways |= way << 4 * count
+        count += 1
+    # The upper half of the hash, scaled: a division would take longer than all the rest.
+    taken = int64((draw >> uint64(32)) * uint64(count) >> uint64(32)) if found == DRAWN else 0
+    return here - step[ways >> 4 * taken & 15]
+
+
 # fmt: off
 @njit(
-    types.boolean(STATE, GRID, NUMBERS, NUMBERS, QUEUES, int64, int64, int64, int64, int64, int64, int64),
+    types.boolean(
+        STATE, GRID, NUMBERS, NUMBERS, QUEUES, STARTS, int64, int64, int64, int64, int64, int64, uint64, int64, int64,
+    ),
     cache=True,
     nogil=True,
 )
-def settle(state, sight, length, bend, queues, start_row, start_col, limit, top, bottom, left, right):
+def settle(state, sight, length, bend, queues, starts, limit, top, bottom, left, right, found, key, row0, col0):
     """Settle every point whose path is at most ``limit`` long.
 
     Args:
         state: uint8 (m, n), see HEMMED; the outermost points are blocked. SETTLED is set in the box where a path is
             found, and OPEN at all its other open points.
-        sight: uint8 (m, n), 1 where the straight line from the start is free.
+        sight: uint8 (m, n), 1 where the straight line from the start is free; for first bends.
         length: int32 (m, n), overwritten in the box: path lengths in hundredths of a point, FAR where none is settled.
-        bend: int32 (m, n), filled in where a path is settled: flat index of its first bend.
+        bend: int32 (m, n), filled in where a path is settled: flat index of its first bend, or of the start's neighbour
+            on it; of size 0 for lengths alone.
         queues: uint64 (2, k), overwritten, k a power of two: length * 2^32 + index * 16 + direction of the last step.
-        start_row: Row of the start, which is open.
-        start_col: Its column.
+        starts: int64 (s,), flat indices of the starts, which are open: one, or several for lengths alone.
         limit: Longest path to settle, in hundredths of a point; at most 2**26.
         top: First row of a box around all that is as near as the limit without obstacles.
         bottom: End row, exclusive.
         left: First column.
         right: End column, exclusive.
+        found: FIRST_BENDS, DIAGONAL_LAST or DRAWN.
+        key: Of the draws.
+        row0: Row of the terrain's point under row 0, for draws.
+        col0: Column of the terrain's point under column 0.
 
     Returns:
         Whether there was room enough in ``queues``; if not, nothing that was written has any meaning.
     """
     for row in range(top, bottom):
-        known, unknown = state[row, left:right], length[row, left:right]
+        flags, unknown = state[row, left:right], length[row, left:right]
         for k in range(right - left):
-            known[k] &= OPEN | HEMMED
+            flags[k] &= OPEN | HEMMED
             unknown[k] = FAR
     stride = state.shape[1]
     step = (stride + 1, stride - 1, -stride - 1, -stride + 1, 1, stride, -1, -stride)
-    status, seen, lengths, bends = state.reshape(-1), sight.reshape(-1), length.reshape(-1), bend.reshape(-1)
+    status, in_sight, lengths, bends = state.reshape(-1), sight.reshape(-1), length.reshape(-1), bend.reshape(-1)
     diagonal, straight = queues[0], queues[1]
     turn, room = uint64(queues.shape[1] - 1), queues.shape[1] - 10
-    next_diagonal, end_diagonal, next_straight, end_straight = 0, 0, 0, 1
-    start = start_row * stride + start_col
-    lengths[index(start)] = 0
-    straight[0] = start << 4 | NOWHERE
+    next_diagonal, end_diagonal, next_straight, end_straight = 0, 0, 0, starts.size
+    start_row, start_col = 0, 0
+    for place in range(min(starts.size, room)):
+        start = starts[place]
+        lengths[index(start)] = 0
+        straight[place] = start << 4 | NOWHERE
+        start_row, start_col = start // stride, start % stride
     while end_diagonal - next_diagonal < room and end_straight - next_straight < room:
         diagonal[index(end_diagonal) & turn] = straight[index(end_straight) & turn] = EMPTY
-        entry, other = diagonal[index(next_diagonal) & turn], straight[index(next_straight) & turn]
-        if entry >> uint64(32) <= other >> uint64(32):
+        entry, straight_entry = diagonal[index(next_diagonal) & turn], straight[index(next_straight) & turn]
+        if entry >> uint64(32) <= straight_entry >> uint64(32):
             if entry == EMPTY:
                 return True
             next_diagonal += 1
         else:
-            entry = other
+            entry = straight_entry
             next_straight += 1
         far, came = int64(entry >> uint64(32)), int64(entry & uint64(15))
         here = int64(entry >> uint64(4) & uint64(2**28 - 1))
-        known = status[index(here)]
-        if known & STATUS == SETTLED:
+        flags = status[index(here)]
+        if flags & STATUS == SETTLED:
             continue
-        status[index(here)] = known | SETTLED
-        is_bend = came == NOWHERE
-        if not is_bend and seen[index(here)] != 0:
-            row = int64(index(here) // index(stride))
-            up, across = abs(row - start_row), abs(here - row * stride - start_col)
-            is_bend = far == 100 * max(up, across) + 41 * min(up, across)
-        bends[index(here)] = here if is_bend else bends[index(here - step[came])]
+        status[index(here)] = flags | SETTLED
+        if bends.size != 0:
+            before, is_bend = here, came == NOWHERE
+            if not is_bend:
+                before = here - step[came]
+                row = int64(index(here) // index(stride))
+                if found != FIRST_BENDS:
+                    draw = _mixed(_mixed(key, uint64(row0 + row)), uint64(col0 + here - row * stride))
+                    before = _predecessor(status, lengths, here, stride, found, draw)
+                    is_bend = lengths[index(before)] == 0
+                elif in_sight[index(here)] != 0:
+                    up, across = abs(row - start_row), abs(here - row * stride - start_col)
+                    is_bend = far == 100 * max(up, across) + 41 * min(up, across)
+            bends[index(here)] = here if is_bend else bends[index(before)]
         on, aslant = far + 100, far + 141
-        if came == NOWHERE or known & HEMMED != 0:
+        if came == NOWHERE or flags & HEMMED != 0:
             for way in range(4):
                 along, above = 1 if way % 3 == 0 else -1, stride if way < 2 else -stride
                 if status[index(here + along)] != BLOCKED and status[index(here + above)] != BLOCKED:
-                    there = here + step[way]
-                    end_diagonal = _put(status, lengths, diagonal, end_diagonal, there, way, aslant, limit)
+                    ahead = here + step[way]
+                    end_diagonal = _put(status, lengths, diagonal, end_diagonal, ahead, way, aslant, limit)
             for way in range(4, 8):
                 end_straight = _put(status, lengths, straight, end_straight, here + step[way], way, on, limit)
         elif came > 3:

@@ -84,7 +84,7 @@ class Decisions:
         """Return True if an action must be taken before `intent` is asked for; it changes nothing."""
         if not self._lasts or self._place is None:
             return True
-        way = self._way(view, self._place)
+        way = self._way_to(view, self._place)
         if way is None:
             return False  # the body finds back to the reachable ground first
         is_stuck = view.tick - self._since >= self._patience and not self._is_nearer(way, view)
@@ -125,14 +125,14 @@ class Decisions:
             return Stay() if self._bearing is None else Bearing((self._bearing,))
         if not self._lasts:
             return Place(*self._place)
-        way = self._way(view, self._place)
+        way = self._way_to(view, self._place)
         if way is None:
             return Bearing(())
         if self._is_nearer(way, view):
             self._least, self._since = way.length, view.tick
         return Place(*self._place, bend=way.bend)
 
-    def _way(self, view: View, place: Spot) -> Way | None:
+    def _way_to(self, view: View, place: Spot) -> Way | None:
         if self._last_way is None or self._last_way[0] != view.tick:
             self._last_way = view.tick, view.way(place)
         return self._last_way[1]
@@ -161,7 +161,7 @@ class Layers:
         """Evaluate the network: float64 (inputs,) to float64 (outputs,)."""
         for layer, (weights, bias) in enumerate(zip(self.weights, self.biases, strict=True)):
             if layer:
-                values = _activated(values, self.activation)
+                values = _activate_values(values, self.activation)
             # Products are summed by input, one after the other: a matrix product's order depends on the processor.
             values = np.add.reduce(weights * values[:, None], axis=0) + bias
         return values
@@ -219,7 +219,7 @@ def read_layers(content: bytes, path: Path) -> Layers:
         with zipfile.ZipFile(io.BytesIO(content)) as archive:
             if sum(entry.file_size for entry in archive.infolist()) > WEIGHTS.most:
                 raise BadInput(f"{wrong}: decompressed it is larger than {WEIGHTS.what} may be; make it smaller")
-            values = {name.removesuffix(".npy"): _array(archive, name) for name in archive.namelist()}
+            values = {name.removesuffix(".npy"): _read_array(archive, name) for name in archive.namelist()}
     except BadInput:
         raise
     except Exception as error:  # noqa: BLE001 - what a hostile archive can raise has no common type
@@ -231,8 +231,8 @@ def read_layers(content: bytes, path: Path) -> Layers:
     activation = str(values["activation"])
     if activation not in ("tanh", "relu"):
         raise BadInput(f"{wrong}: activation is {activation[:20]!r}; expected tanh or relu")
-    weights = [_numbers(values[f"w{layer}"], 2, f"{wrong}: w{layer}") for layer in range(count)]
-    biases = [_numbers(values[f"b{layer}"], 1, f"{wrong}: b{layer}") for layer in range(count)]
+    weights = [_check_numbers(values[f"w{layer}"], 2, f"{wrong}: w{layer}") for layer in range(count)]
+    biases = [_check_numbers(values[f"b{layer}"], 1, f"{wrong}: b{layer}") for layer in range(count)]
     takes = weights[0].shape[0]
     for layer, (weight, bias) in enumerate(zip(weights, biases, strict=True)):
         if weight.shape != (takes, bias.size) or 0 in weight.shape:
@@ -241,7 +241,7 @@ def read_layers(content: bytes, path: Path) -> Layers:
     return Layers(weights, biases, "tanh" if activation == "tanh" else "relu")
 
 
-def _array(archive: zipfile.ZipFile, name: str) -> NDArray[Any]:
+def _read_array(archive: zipfile.ZipFile, name: str) -> NDArray[Any]:
     """Read an array of an archive; its header must not claim more than the entry holds."""
     content = archive.read(name)
     stream = io.BytesIO(content)
@@ -253,7 +253,7 @@ def _array(archive: zipfile.ZipFile, name: str) -> NDArray[Any]:
     return np.load(io.BytesIO(content), allow_pickle=False)  # type: ignore[no-any-return]
 
 
-def _numbers(array: NDArray[Any], dimensions: int, name: str) -> Vector:
+def _check_numbers(array: NDArray[Any], dimensions: int, name: str) -> Vector:
     if array.dtype.kind != "f" or array.ndim != dimensions or not (np.abs(array) <= MOST).all():
         raise BadInput(
             f"{name} is no array of {dimensions} dimensions with floating-point numbers from -{MOST:g} to {MOST:g}"
@@ -261,7 +261,7 @@ def _numbers(array: NDArray[Any], dimensions: int, name: str) -> Vector:
     return np.ascontiguousarray(array, dtype=np.float64)
 
 
-def _activated(values: Vector, activation: Activation) -> Vector:
+def _activate_values(values: Vector, activation: Activation) -> Vector:
     if activation == "relu":
         return np.maximum(values, 0.0)
     return np.array([math.tanh(value) for value in values.tolist()])

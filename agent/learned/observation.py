@@ -61,7 +61,12 @@ class Observer:
             "sectors": (SECTORS, 5),
         }
         self.shapes = {name: shapes[name] for name in options.inputs}  # in the order of `patrol.options.inputs`
-        makers = {"fog": self._fog, "pose": self._pose, "heard": self._others, "sectors": self._sectors}
+        makers = {
+            "fog": self._fog_input,
+            "pose": self._pose_input,
+            "heard": self._others_input,
+            "sectors": self._sectors_input,
+        }
         self._makers = [(name, makers[name]) for name in options.inputs]
         # The points from the robot's own to the side of its window, in each direction.
         self._rays = np.array(
@@ -92,25 +97,27 @@ class Observer:
             self._ways_at = view.tick
         return self._ways
 
-    def _fog(self, view: View) -> Grid:
+    def _fog_input(self, view: View) -> Grid:
         fog = np.empty(self.shapes["fog"], dtype=np.float32)
         row, col = view.ground.terrain.point_at(view.pose.x, view.pose.y)
         grids = view.fog.last_seen, view.fog.patrolled, view.ground.open_now
         fill_window(*grids, row, col, view.tick, max(view.mfow, 1), fog)
         return fog
 
-    def _pose(self, view: View) -> Grid:
+    def _pose_input(self, view: View) -> Grid:
         pose = view.pose
         x, y = (2.0 * (v - m) / s for v, m, s in zip((pose.x, pose.y), self._middle, self._span, strict=True))
-        return np.array([_bounded(x), _bounded(y), math.cos(pose.heading), math.sin(pose.heading)], dtype=np.float32)
+        return np.array(
+            [_clip_value(x), _clip_value(y), math.cos(pose.heading), math.sin(pose.heading)], dtype=np.float32
+        )
 
-    def _others(self, view: View) -> Grid:
-        heard = np.empty(self.shapes["heard"], dtype=np.float32)
+    def _others_input(self, view: View) -> Grid:
+        rows = np.empty(self.shapes["heard"], dtype=np.float32)
         places, ticks = places_of(view.peers), ticks_of(view.peers)
-        fill_heard(places, ticks, view.pose.x, view.pose.y, self._longest, view.tick, HEARD_S / self._step, heard)
-        return heard
+        fill_heard(places, ticks, view.pose.x, view.pose.y, self._longest, view.tick, HEARD_S / self._step, rows)
+        return rows
 
-    def _sectors(self, view: View) -> Grid:
+    def _sectors_input(self, view: View) -> Grid:
         sectors = np.empty(self.shapes["sectors"], dtype=np.float32)
         pose, fog, sums, half = view.pose, view.fog, self._sums, self._half
         row, col = view.ground.terrain.point_at(pose.x, pose.y)
@@ -121,5 +128,5 @@ class Observer:
         return sectors
 
 
-def _bounded(value: float) -> float:
+def _clip_value(value: float) -> float:
     return min(max(value, -1.0), 1.0)

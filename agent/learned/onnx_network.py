@@ -51,10 +51,10 @@ def onnx_network(
 
     def evaluate(values: NDArray[np.float64]) -> NDArray[np.float64]:
         rows = session.run(None, {name: values[None, :].astype(dtype)})[0]
-        found = np.asarray(rows[0], dtype=np.float64)
-        if not np.isfinite(found).all():
+        row = np.asarray(rows[0], dtype=np.float64)
+        if not np.isfinite(row).all():
             raise ValueError("the network gives values that are no finite numbers")
-        return found
+        return row
 
     try:
         tried = evaluate(np.zeros(sides[0][1])).shape

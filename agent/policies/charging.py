@@ -155,13 +155,15 @@ class Charging:
         self._clear_m = CLEAR_RADII * spec.radius
         routes = Routes(Ground(terrain, setup.ground.fields.reach))
         self._docks: list[_Dock] = []
-        for given in setup.fleet.docks:
-            ways = routes.lengths(given.place, back=True).astype(np.float32)
+        for dock_spec in setup.fleet.docks:
+            ways = routes.lengths(dock_spec.place, back=True).astype(np.float32)
             if np.isfinite(ways).any():
-                point = terrain.point_at(*given.place)
+                point = terrain.point_at(*dock_spec.place)
                 slow_ways = SlowWays(ways, terrain.point, spec.speed, speed_limits)
                 clear = np.isfinite(ways)
-                self._docks.append(_Dock(given.place, given.radius, ways, slow_ways, point, clear, given.place))
+                self._docks.append(
+                    _Dock(dock_spec.place, dock_spec.radius, ways, slow_ways, point, clear, dock_spec.place)
+                )
         self._waiting = Waiting(terrain, setup.ground.fields.reach, spec.radius)
         self._waits_at: Spot | None = None
         for dock in self._docks:
@@ -198,14 +200,14 @@ class Charging:
         for number in [number for number in self._others if number not in view.peers]:
             del self._others[number]
         for number, peer in view.peers.items():
-            other = self._others.setdefault(number, self._newcomer())
-            self._note(other, (peer.pose.x, peer.pose.y), peer.tick)
+            neighbour = self._others.setdefault(number, self._newcomer())
+            self._note(neighbour, (peer.pose.x, peer.pose.y), peer.tick)
         self._note(self._own, (view.reported.x, view.reported.y), view.tick)
         patrolling = self._others.keys() & self._charged - self._off_patrol(view.tick)
         if patrolling != self._patrolling:
             self._patrolling, self._patrolling_since = patrolling, view.tick
         is_open = view.ground.open_now
-        used = {other.at for other in self._others.values()}
+        used = {neighbour.at for neighbour in self._others.values()}
         for index, dock in enumerate(self._docks):
             if index not in used and is_open[dock.point]:
                 dock.used_since = None
@@ -227,11 +229,11 @@ class Charging:
         course.append(_Seen(tick, spot))
         while course[0].tick < tick - COURSE_S / self._step:
             course.popleft()
-        at = next((index for index, dock in enumerate(self._docks) if dock.holds(spot)), None)
-        if at != robot.at:
+        dock_index = next((index for index, dock in enumerate(self._docks) if dock.holds(spot)), None)
+        if dock_index != robot.at:
             if robot.at is not None and self._lasts(robot.since, tick, STOOD_S):
                 robot.rests = robot.at
-            robot.at, robot.since = at, tick
+            robot.at, robot.since = dock_index, tick
         if robot.rests is not None and not self._is_beside(robot.rests, spot):
             robot.rests = None
 
@@ -242,16 +244,16 @@ class Charging:
         gained_j = -battery.idle * passed_s - battery.drive * driven_m
         if robot.at is not None and self._lasts(robot.since, robot.course[-1].tick, STOOD_S):
             gained_j += battery.charge * passed_s
-        most = max(robot.charge, battery.full)
-        robot.charge = min(max(robot.charge + gained_j / battery.capacity_j, 0.0), most)
+        ceiling = max(robot.charge, battery.full)
+        robot.charge = min(max(robot.charge + gained_j / battery.capacity_j, 0.0), ceiling)
 
     def _lasts(self, since: int | None, tick: int, seconds: float) -> bool:
         return since is not None and (tick - since) * self._step >= seconds
 
     def _standing(self, tick: int) -> set[int]:
         """Return the robots that stand at docks."""
-        found = self._others.items()
-        return {n for n, other in found if other.at is not None and self._lasts(other.since, tick, STOOD_S)}
+        robots = self._others.items()
+        return {n for n, robot in robots if robot.at is not None and self._lasts(robot.since, tick, STOOD_S)}
 
     def _is_beside(self, index: int, spot: Spot) -> bool:
         """Return True if x and y in m are at a dock or near enough to wait for it."""
@@ -272,12 +274,12 @@ class Charging:
 
     def _off_patrol(self, tick: int) -> set[int]:
         """Return the robots that stand at docks, beside them after that, or beside them to take over."""
-        found = self._standing(tick)
-        for number, other in self._others.items():
-            still = self._lasts(other.still_since, tick, WAITED_S)
-            if still and (other.rests is not None or self._wants_room(other, tick) is not None):
-                found.add(number)
-        return found
+        numbers = self._standing(tick)
+        for number, robot in self._others.items():
+            still = self._lasts(robot.still_since, tick, WAITED_S)
+            if still and (robot.rests is not None or self._wants_room(robot, tick) is not None):
+                numbers.add(number)
+        return numbers
 
     def _surplus(self, view: View) -> int:
         """Return how many robots more are on patrol than the others can recharge meanwhile; 0 until that is settled."""
@@ -317,8 +319,8 @@ class Charging:
         if left_j <= self._needed_j(nearest, way_m, view):
             return True
         if self._surplus(view) > 0:
-            own = self._own.charge, self._number
-            lowest = all(own < (self._others[number].charge, number) for number in self._patrolling)
+            own_rank = self._own.charge, self._number
+            lowest = all(own_rank < (self._others[number].charge, number) for number in self._patrolling)
             return best is not None and lowest and charge <= battery.full - WORTH
         if best is None or direct_m > PASSING_S * self._speed:
             return False
@@ -341,7 +343,7 @@ class Charging:
         if beside is None or not self._lasts(self._asked_at, tick, PAUSE_S):
             return False
         standing = (self._others[number] for number in self._standing(tick))
-        if not any(other.at == beside and other.charge >= charge + WORTH for other in standing):
+        if not any(neighbour.at == beside and neighbour.charge >= charge + WORTH for neighbour in standing):
             return False
         self._asks, self._asked_at = beside, tick
         return True
@@ -389,7 +391,7 @@ class Charging:
             return self._place(view, view.place_of(dock.point), State.DOCKING)
         near = self._near(pose, view)
         waits_at = self._waits_at
-        if waits_at is not None and any(math.dist(waits_at, other) <= 2.0 * view.spec.radius for other in near):
+        if waits_at is not None and any(math.dist(waits_at, position) <= 2.0 * view.spec.radius for position in near):
             waits_at = None
         if waits_at is None or math.dist(waits_at, pose) > view.stride:
             # It need not go on to where it wanted to wait if others can pass where it is.
@@ -467,11 +469,11 @@ class Charging:
 
     def _claims(self, number: int, index: int, own_m: float, view: View) -> bool:
         """Return True if another robot goes to a dock, and has the shorter way."""
-        other = self._others[number]
-        first, last = other.course[0], other.course[-1]
+        neighbour = self._others[number]
+        first, last = neighbour.course[0], neighbour.course[-1]
         passed_s = (last.tick - first.tick) * self._step
-        if passed_s <= 0.0 or other.at is not None:
-            return other.at == index
+        if passed_s <= 0.0 or neighbour.at is not None:
+            return neighbour.at == index
         way_m = self._length(index, last.spot, view)
         if (way_m, number) > (own_m, self._number):
             return False
@@ -492,8 +494,8 @@ class Charging:
 
         Where there is none, a robot leaves to the nearest clear point, and where all is near docks, not at all.
         """
-        for index, other in enumerate(self._docks):
-            dock.clear &= other.ways > self._clear_of(index)
+        for index, other_dock in enumerate(self._docks):
+            dock.clear &= other_dock.ways > self._clear_of(index)
         if not dock.clear.any():
             return
         row, col = np.unravel_index(int(np.where(dock.clear, dock.ways, np.inf).argmin()), dock.ways.shape)

@@ -1,8 +1,10 @@
-"""The choice of a target: the point with the greatest age squared per way.
+"""Free choice of a target: the point with the greatest age squared per way.
 
 A point of age a (s) at the end of a way of length L (m) counts a^2 / (L + `NEAR_M`), and a tenth of that where another
 robot has the shorter way (`OTHERS`). So robots prefer stale points, finish the ones close by first, and rarely choose
 the same ones, although no robot says which target it has. On ground with zones an age counts times the point's weight.
+For example, a point not seen for 60 s at the end of a way of 9 m counts 60^2 / (9 + 3) = 300; one not seen for 90 s,
+27 m away, 270. The first one is the target.
 
 The search lays one wave of path lengths from the robot and one from all others at once, over a box around the robot.
 Outside of the box a point counts at most its age squared per its distance as the crow flies. Where that is enough to
@@ -22,14 +24,16 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from agent.kernels.best import any_nearer, best_of, farthest_of_own, oldest_that_may_win
+from agent.kernels.best import best_of, oldest_that_may_win
+from agent.policies.pursuit import TRIES, Target, age_of
 from agent.routes.wave import LONGEST, NO_PATHS, Box, BoxPaths, box_around, paths_in
 from patrol.measures.zoned import zoned_ground
+from patrol.radio.peers import places_of
 
 if TYPE_CHECKING:
-    from agent.policies.commitment import GivenUp
+    from agent.policies.pursuit import GivenUp, Pursuit
     from agent.ports import PolicySetup
-    from agent.routes.routes import Element
+    from agent.routes.routes import Element, Way
     from agent.view import View
 
 NEAR_M = 3.0
@@ -50,7 +54,7 @@ MOST_AGE = 1e5
 ROUNDING = 1e-9
 """Share by which a bound is lowered, so that no rounding makes it too high."""
 
-NO_POINTS: NDArray[np.int32] = np.zeros((0, 4), dtype=np.int32)
+NO_RIVALS: NDArray[np.float64] = np.zeros((0, 2))
 
 Point = tuple[int, int]
 """Row and column of the terrain."""
@@ -59,9 +63,10 @@ Point = tuple[int, int]
 class Best(NamedTuple):
     """The best point that a search has found."""
 
+    score: float  # 0 where there is none
     point: Point
     stand: Point  # the point to go to: the same, or its post where no body fits
-    length: int  # of the way there, and a little more, in hundredths of a point
+    length: int  # of the way there, in hundredths of a point
 
 
 class Ages(NamedTuple):
@@ -74,35 +79,56 @@ class Ages(NamedTuple):
     oldest: int  # the greatest age, ticks
 
 
-class TargetChoice:
-    """The search for a robot's targets."""
+class FreeChoice:
+    """The free choice of a robot's targets."""
 
     def __init__(self, setup: PolicySetup) -> None:
         point = setup.ground.terrain.point
         self.posts = setup.ground.posts
+        self._has_claims = "claims" in setup.options.separations
         self._near = 100.0 * NEAR_M / point
         self._least_reach = math.ceil(FIRST_REACH * setup.ground.sight.range_m / point)
         self._reach = self._least_reach
         self._prepared = setup.ground.prepared
 
-    def best(
-        self,
-        view: View,
-        start: Element,
-        rivals: NDArray[np.float64],
-        given_up: GivenUp,
-    ) -> Best | None:
+    def note(self, view: View, pursuit: Pursuit) -> bool:
+        """Return True, as each choice is free."""
+        del view, pursuit
+        return True
+
+    def waits(self, view: View) -> bool:
+        """Return False, as there is nothing to wait for."""
+        del view
+        return False
+
+    def forget(self) -> None:
+        """Do nothing, as nothing is kept."""
+
+    def next(self, view: View, start: Element, pursuit: Pursuit) -> Way | None:
+        """Commit to the best point of all, and return the way there."""
+        rivals = places_of(view.peers) if self._has_claims else NO_RIVALS
+        for _ in range(TRIES):
+            best = self.best(view, start, rivals, pursuit.given_up)
+            if best is None:
+                return None
+            target = Target(best.point, best.stand, age_of(view, best.point))
+            way = pursuit.go_to(view, start, target, best.length + 200)
+            if way is not None:
+                return way
+            pursuit.given_up.add(view.tick, best.stand)
+        return None
+
+    def best(self, view: View, start: Element, rivals: NDArray[np.float64], given_up: GivenUp) -> Best | None:
         """Find the point that counts most, or return None where nothing is stale.
 
         What was given up is left out, unless nothing else is left.
         """
         left_out = given_up.now(view.tick)
         ages = self._ages(view)
-        worth = np.arange(ages.oldest + 1.0) ** 2
-        best = self._search(view, ages, start, rivals, left_out, worth)
+        best = self._search(view, ages, start, rivals, left_out)
         if best is None and left_out.size:
             given_up.clear()
-            best = self._search(view, ages, start, rivals, given_up.now(view.tick), worth)
+            best = self._search(view, ages, start, rivals, left_out[:0])
         return best
 
     def _ages(self, view: View) -> Ages:
@@ -122,16 +148,11 @@ class TargetChoice:
         return Ages(np.ascontiguousarray(counts), last_seen, last_seen, most, most)
 
     def _search(
-        self,
-        view: View,
-        ages: Ages,
-        start: Element,
-        rivals: NDArray[np.float64],
-        left_out: NDArray[np.int64],
-        worth: NDArray[np.float64],
+        self, view: View, ages: Ages, start: Element, rivals: NDArray[np.float64], left_out: NDArray[np.int64]
     ) -> Best | None:
-        if worth[-1] == 0.0:
+        if ages.oldest <= 0:
             return None
+        worth = np.arange(ages.oldest + 1.0) ** 2
         here, shape = (start[0] - 1, start[1] - 1), view.ground.terrain.shape
         reach = self._reach
         while True:
@@ -139,25 +160,30 @@ class TargetChoice:
             if 2 * (box[1] - box[0]) * (box[3] - box[2]) >= shape[0] * shape[1]:
                 box, limit = (0, shape[0], 0, shape[1]), LONGEST
             own, rival = paths_in(view.ground, [here], box, limit), NO_PATHS
-            score, place = self._best_in(ages, own, rival, worth, left_out)
-            if score > 0.0 and _may_be_nearer(view, rivals, place[2:], own.length_to(*place[2:])):
+            best = self._best_in(ages, own, rival, worth, left_out)
+            if best.score > 0.0 and _may_be_nearer(view, rivals, best):
                 rival = _paths_of_rivals(view, rivals, box, limit)
-                score, place = self._best_in(ages, own, rival, worth, left_out)
-                length = own.length_to(*place[2:])
-                if limit != LONGEST and 2 * length > limit and rival.length_to(*place[2:]) >= length:
-                    reach = math.ceil(length / 50)
+                best = self._best_in(ages, own, rival, worth, left_out)
+                is_own = rival.length_to(*best.stand) >= best.length
+                if limit != LONGEST and 2 * best.length > limit and is_own:
+                    reach = math.ceil(best.length / 50)
                     continue
-            patch_ends = 2 * farthest_of_own(own.length, rival.length, limit) <= limit
-            to_beat = score / OTHERS if patch_ends else score
-            enough = self._enough(ages, here, worth, to_beat, 2 * reach) if score > 0.0 else 2 * reach
+            enough = 2 * reach
+            if best.score > 0.0:
+                own_ways = own.length <= limit
+                if rival is not NO_PATHS:
+                    own_ways &= own.length <= rival.length
+                patch_ends = 2 * own.length.max(where=own_ways, initial=0) <= limit
+                to_beat = best.score / OTHERS if patch_ends else best.score
+                enough = self._enough(ages, here, worth, to_beat, 2 * reach)
             if limit == LONGEST or reach >= enough:
                 break
             reach = min(enough, 2 * reach)
-        if score <= 0.0:
+        if best.score <= 0.0:
             return None
         # The next search begins with the box that would have done for this one.
         self._reach = min(max(self._least_reach, enough), max(shape))
-        return Best(place[:2], place[2:], own.length_to(*place[2:]) + 200)
+        return best
 
     def _enough(self, ages: Ages, here: Point, worth: NDArray[np.float64], score: float, most: int) -> int:
         """Return the reach of a box that holds each way at the end of which a point could have a score, or more.
@@ -178,22 +204,14 @@ class TargetChoice:
         return longest(int(oldest))
 
     def _best_in(
-        self,
-        ages: Ages,
-        own: BoxPaths,
-        rival: BoxPaths,
-        worth: NDArray[np.float64],
-        left_out: NDArray[np.int64],
-    ) -> tuple[float, tuple[int, int, int, int]]:
-        """Return the best score in a box, 0 without any, and row and column of the point and of where to stand."""
-        score, place = np.zeros(1), np.zeros(4, dtype=np.int64)
-        known = (own.length, own.row0, own.col0, own.limit, rival.length, rival.row0, rival.col0)
-        grids = (*known, ages.patrolled, ages.last_seen, ages.looked, ages.tick)
+        self, ages: Ages, own: BoxPaths, rival: BoxPaths, worth: NDArray[np.float64], left_out: NDArray[np.int64]
+    ) -> Best:
+        """Return the best point in a box, or one without a score."""
         posts = self.posts.between(own.row0 + 1, own.row0 + own.length.shape[0] - 2)
-        for points, listed in ((NO_POINTS, False), (posts, True)):
-            best_of(points, listed, *grids, worth, self._near, OTHERS, left_out, score, place)
-        row, col, stand_row, stand_col = place.tolist()
-        return float(score[0]), (row, col, stand_row, stand_col)
+        paths = (own.length, own.row0, own.col0, own.limit, rival.length)
+        score, *place = best_of(posts, *paths, *ages[:4], worth, self._near, OTHERS, left_out)
+        row, col, stand_row, stand_col, length = place
+        return Best(score, (row, col), (stand_row, stand_col), length)
 
 
 def _paths_of_rivals(view: View, rivals: NDArray[np.float64], box: Box, limit: int) -> BoxPaths:
@@ -207,10 +225,11 @@ def _paths_of_rivals(view: View, rivals: NDArray[np.float64], box: Box, limit: i
     return paths_in(ground, starts, box, limit) if starts else NO_PATHS
 
 
-def _may_be_nearer(view: View, rivals: NDArray[np.float64], stand: Point, length: int) -> bool:
-    """Return True if another robot could have a shorter way to a point with nothing in between.
+def _may_be_nearer(view: View, rivals: NDArray[np.float64], best: Best) -> bool:
+    """Return True if another robot could have a shorter way to the best point with nothing in between.
 
     No score grows by the rivals' ways. So the best point without them is the best one where this is False.
     """
-    points = length / 100.0 + 1.5 * BESIDE_POINTS
-    return bool(any_nearer(rivals, *view.place_of(stand), view.ground.terrain.point * points))
+    away = np.sort(np.abs(rivals - view.place_of(best.stand)), axis=1)
+    ways_m = away[:, 1] + 0.41 * away[:, 0]
+    return bool((ways_m < view.ground.terrain.point * (best.length / 100.0 + 1.5 * BESIDE_POINTS)).any())

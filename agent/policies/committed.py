@@ -3,7 +3,7 @@
 - *On the round*: the first stale point ahead on a short closed tour that shows all of the ground
   (`agent.policies.committed`). All robots follow the same tour, evenly spaced
   (`agent.policies.spacing`).
-- *Free choice*, commitment and giving up: `agent.policies.commitment`.
+- *Free choice*: `agent.policies.choice`. Commitment and giving up: `agent.policies.pursuit`.
 - *Blocked*: while no way leads on along the round, choices are free; after a while the robot goes on from there.
 
 Where there is no round, because the ground is too large for a tour or the sensor does not look all around, each choice
@@ -41,15 +41,17 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from agent.policies.commitment import NO_NEARER_S, TRIES, Loss, RoundStands, Target
-from agent.policies.shared_round import SharedRound
+from agent.policies.pursuit import NO_NEARER_S, TRIES, Target
+from agent.policies.shared_round import Loss, RoundStands, SharedRound
 from agent.policies.spacing import ZONE_SLACK, Spacing
 from patrol.measures.best_tour import most_planned
 from patrol.scenario import CommittedOptions
 
 if TYPE_CHECKING:
-    from agent.policies.commitment import GivenUp
+    from agent.policies.commitment import Choice
+    from agent.policies.pursuit import GivenUp, Pursuit
     from agent.ports import PolicySetup
+    from agent.routes.ground import Spot
     from agent.routes.routes import Element, Way
     from agent.view import View
     from patrol.tours.round import Flat, Round
@@ -170,16 +172,16 @@ class RoundAhead:
         stretches = [(cursor, last)]
         if end > self.round.length_m:
             stretches.append((0, min(int(np.searchsorted(self.round.along, end - self.round.length_m)), cursor)))
-        least = max(1.0, min(STALE * self.interval(team), 0.5 * view.mfow))
-        overdue = max(least, OVERDUE * self.interval(team))
+        threshold = max(1.0, min(STALE * self.interval(team), 0.5 * view.mfow))
+        overdue = max(threshold, OVERDUE * self.interval(team))
         if view.fog.stands is not None and (stop := self._orphan(view, cursor, overdue, view.fog.stands)) is not None:
             return stop
         for first, until in stretches:
-            if (stop := self._first(view, first, until, least, given_up)) is not None:
+            if (stop := self._first(view, first, until, threshold, given_up)) is not None:
                 return stop
-        place = self._reachable(view, stretches[-1][1] % len(self.round.places))
-        spot = divmod(int(self.round.places[place]), self._width)
-        return Stop(spot, spot, 0, place)
+        stop_index = self._reachable(view, stretches[-1][1] % len(self.round.places))
+        spot = divmod(int(self.round.places[stop_index]), self._width)
+        return Stop(spot, spot, 0, stop_index)
 
     def _reachable(self, view: View, place: int) -> int:
         """Return the first place that the robot gets to, from ``place`` on; ``place`` where there is none."""
@@ -220,11 +222,11 @@ class RoundAhead:
         counts = (ages * self._times[part] >= least) & (view.fog.looked.reshape(-1)[points] != view.tick)
         stands, usable = self._stands.of(view, given_up, part)
         counts &= usable
-        at = int(counts.argmax()) if counts.size else 0
-        if not counts.size or not counts[at]:
+        index = int(counts.argmax()) if counts.size else 0
+        if not counts.size or not counts[index]:
             return None
-        point, stand = divmod(int(points[at]), self._width), divmod(int(stands[at]), self._width)
-        return Stop(point, stand, int(ages[at]), int(self.round.place_of[part][at]))
+        point, stand = divmod(int(points[index]), self._width), divmod(int(stands[index]), self._width)
+        return Stop(point, stand, int(ages[index]), int(self.round.place_of[part][index]))
 
 
 PROMPT_TICKS = 4
@@ -232,114 +234,104 @@ PROMPT_TICKS = 4
 the others."""
 
 
-class Committed(SharedRound):
-    """Follows the round together with the others."""
+class OnRound:
+    """The choice of one robot's targets on a round that it follows together with others.
 
-    Options = CommittedOptions
+    A robot that joins the others on the round begins where most is to be seen. So does one that has found the round
+    ahead blocked for long, for example by a robot that has died there. Robots that meet part before.
+    """
 
-    def __init__(self, setup: PolicySetup) -> None:
-        self.ahead: RoundAhead | None = None  # None where each choice is free
-        self.spacing: Spacing | None = None  # likewise
-        self._rounds_since = 0
+    def __init__(
+        self,
+        ahead: RoundAhead,
+        spacing: Spacing,
+        free: Choice,
+        step: float,
+        since: int,  # tick from which on robots begin the round
+        comparison: Comparison | None,  # None on ground with zones, where ages have several meanings
+    ) -> None:
+        self.ahead = ahead
+        self._spacing = spacing
+        self._free = free
+        self._step = step
+        self._since = since
+        self._comparison = comparison
+        self._loss = Loss(step)
         self._blocked_since: int | None = None
-        self._loss = Loss(setup.fleet.step)
-        self._comparison: Comparison | None = None  # None on ground with zones, where ages have several meanings
-        super().__init__(setup)
+        self._was_at: Spot | None = None
 
-    def _share(self, laid_out: Round, robots: frozenset[int], view: View | None) -> None:
-        if self.spacing is not None and laid_out is self._round:
-            if robots != self.spacing.followers:
-                self.spacing.follow_with(robots)
-            return
-        spec, ground, fleet = self._setup.robot.spec, self._setup.ground, self._setup.fleet
-        stride = max(spec.speed * fleet.step, ground.terrain.point)
-        whole, most_slack = len(robots), ZONE_SLACK
-        if self.division is None:
-            whole, most_slack = max(1, round(len(robots) / len(fleet.roster) * fleet.team)), math.inf
-        self.target = None
-        self.ahead = RoundAhead(self._setup, laid_out)
-        self.spacing = Spacing.on(
-            laid_out, spec, robots, whole, stride, ground.sight.range_m, ground.terrain, most_slack
-        )
-        if self.division is None:
-            most = most_planned(len(laid_out.points) * ground.terrain.point_area, ground.sight.range_m)
-            self._comparison = Comparison(fleet.step, laid_out.length_m / spec.speed, whole, whole > most)
-        if view is not None and self._round is not None:
-            self.ahead.go_to(self.spacing.along_m(self.spacing.nearest((view.reported.x, view.reported.y))))
+    def follow_with(self, robots: frozenset[int]) -> None:
+        """Follow the round with other robots, if they are others than before."""
+        if robots != self._spacing.followers:
+            self._spacing.follow_with(robots)
 
-    def _leave_round(self) -> None:
-        self.ahead = self.spacing = None
+    def forget(self) -> None:
+        """Begin the round anew."""
+        self.ahead.cursor = None
+        self._spacing.robots.clear()
+        self._spacing.heard.clear()
 
-    def _take_note(self, view: View, goes_on: bool) -> bool:
-        if view.weighing != self._weighing:
-            self._rounds_since = view.tick if goes_on else 0
-        super()._take_note(view, goes_on)
-        if self.ahead is None or self.spacing is None:
-            return True
-        self.spacing.listen(view)
+    def note(self, view: View, pursuit: Pursuit) -> bool:
+        """Take note of where the others are; return True while free choices are better than the round."""
+        spacing = self._spacing
+        spacing.listen(view)
         if self._comparison is not None:
-            was_on_round = self._comparison.on_round
-            self._loss.note(view, self.spacing.followers & view.peers.keys())
-            self._comparison.note(view, self.spacing.team, self._loss.is_lossy)
-            if not self._comparison.on_round:
+            was_followed = self._is_followed
+            self._loss.note(view, spacing.followers & view.peers.keys())
+            self._comparison.note(view, spacing.team, self._loss.is_lossy)
+            if not self._is_followed:
                 return True
-            if not was_on_round:
-                self.ahead.cursor, self._rounds_since = None, view.tick
-                self.spacing.robots.clear()
-        if self.ahead.cursor is None and view.tick - self._rounds_since <= PROMPT_TICKS:
-            self.ahead.go_to(self.spacing.along_m(self.spacing.begin(view)))
-            self.target = None
+            if not was_followed:
+                self.ahead.cursor, self._since = None, view.tick
+                spacing.robots.clear()
+        if self.ahead.cursor is None and view.tick - self._since <= PROMPT_TICKS:
+            self.ahead.go_to(spacing.along_m(spacing.begin(view)))
+            pursuit.target = None
         if self.ahead.cursor is not None:
-            self.spacing.note(view)
+            spacing.note(view)
         return False
 
-    def _waits(self, view: View) -> bool:
-        return self.spacing is not None and self._is_on_round and self.spacing.waits(view)
+    def waits(self, view: View) -> bool:
+        """Return True if the robot should stand still, to keep the gaps equal."""
+        waits = self._is_followed and self._spacing.waits(view)
+        if waits:
+            self._was_at = None
+        return waits
 
-    def _forget(self) -> None:
-        super()._forget()
-        if self.ahead is not None and self.spacing is not None:
-            self.ahead.cursor = None
-            self.spacing.robots.clear()
-            self.spacing.heard.clear()
-
-    def _chosen(self, view: View, start: Element) -> Way | None:
-        self.target = None
-        ahead, spacing = self.ahead, self.spacing
-        if ahead is None or spacing is None or not self._is_on_round:
-            return self._free_choice(view, start)
-        if ahead.cursor is not None:
-            way = self._next_on_round(view, start, ahead, spacing)
-            if way is not None:
-                self._blocked_since = None
-                return way
-            if self._blocked_since is None:
-                self._blocked_since = view.tick
-        # A robot that joins the others on the round begins where most is to be seen. So does one that has found the
-        # round ahead blocked for long, for example by a robot that has died there. Robots that meet part before.
-        way = self._free_choice(view, start)
-        if self.target is not None and (ahead.cursor is None or self._is_blocked_for_long(view)):
-            ahead.go_to(spacing.along_m(spacing.nearest(view.place_of(self.target.stand))))
+    def next(self, view: View, start: Element, pursuit: Pursuit) -> Way | None:
+        """Commit to the first stale point ahead, and return the way there; choose freely where none leads there."""
+        if not self._is_followed:
+            return self._free.next(view, start, pursuit)
+        is_beginning = self.ahead.cursor is None
+        if not is_beginning and (way := self._next_ahead(view, start, pursuit)) is not None:
+            self._blocked_since = None
+            return way
+        if not is_beginning and self._blocked_since is None:
+            self._blocked_since = view.tick
+        way = self._free.next(view, start, pursuit)
+        if pursuit.target is not None and (is_beginning or self._is_blocked_for_long(view)):
+            nearest = self._spacing.nearest(view.place_of(pursuit.target.stand))
+            self.ahead.go_to(self._spacing.along_m(nearest))
         return way
 
     @property
-    def _is_on_round(self) -> bool:
+    def _is_followed(self) -> bool:
         return self._comparison is None or self._comparison.on_round
 
     def _is_blocked_for_long(self, view: View) -> bool:
         """Return True if no way has led on along the round for a while."""
         return self._blocked_since is not None and (view.tick - self._blocked_since) * self._step >= NO_NEARER_S
 
-    def _next_on_round(self, view: View, start: Element, ahead: RoundAhead, spacing: Spacing) -> Way | None:
+    def _next_ahead(self, view: View, start: Element, pursuit: Pursuit) -> Way | None:
         """Commit to the first stale point ahead on the round, and return the way there; None where none leads there."""
+        ahead, spacing = self.ahead, self._spacing
         for _ in range(TRIES):
-            stop = ahead.next(view, spacing.team, self.given_up)
-            self._expected = 0
-            way = self._way_to(view, start, stop.stand)
+            stop = ahead.next(view, spacing.team, pursuit.given_up)
+            way = pursuit.go_to(view, start, Target(stop.point, stop.stand, stop.age))
             if way is None:
                 if not self._is_blocked_for_long(view):
                     return None
-                self.given_up.add(view.tick, stop.stand)
+                pursuit.given_up.add(view.tick, stop.stand)
                 continue
             # A car comes no nearer to where it parks. It goes on from there, because nothing is stale.
             parked, self._was_at = self._was_at, (view.pose.x, view.pose.y)
@@ -348,7 +340,27 @@ class Committed(SharedRound):
                 ahead.cursor = stop.place
             else:
                 ahead.come_to(spacing.along_m(spacing.own_place))
-            self._commit(view, Target(stop.point, stop.stand, stop.age))
             return way
         # Robots on a short round may stand in each other's way for good, with nothing stale on it.
-        return None if self.division is None else self._free_choice(view, start)
+        return self._free.next(view, start, pursuit) if self._comparison is None else None
+
+
+class Committed(SharedRound):
+    """Follows the round together with the others."""
+
+    Options = CommittedOptions
+
+    def _begin(self, laid_out: Round, robots: frozenset[int], view: View | None) -> OnRound:
+        setup, spec, step = self._setup, self._setup.robot.spec, self._setup.fleet.step
+        terrain, range_m = setup.ground.terrain, setup.ground.sight.range_m
+        stride = max(spec.speed * step, terrain.point)
+        whole, most_slack, comparison = len(robots), ZONE_SLACK, None
+        if self.division is None:
+            whole, most_slack = max(1, round(len(robots) / len(setup.fleet.roster) * setup.fleet.team)), math.inf
+            most = most_planned(len(laid_out.points) * terrain.point_area, range_m)
+            comparison = Comparison(step, laid_out.length_m / spec.speed, whole, whole > most)
+        ahead = RoundAhead(setup, laid_out)
+        spacing = Spacing.on(laid_out, spec, robots, whole, stride, range_m, terrain, most_slack)
+        if view is not None and self._round is not None:
+            ahead.go_to(spacing.along_m(spacing.nearest((view.reported.x, view.reported.y))))
+        return OnRound(ahead, spacing, self._free, step, self._since, comparison)

@@ -80,8 +80,8 @@ def policy_of(scenario: Scenario) -> PolicyKind:
     resolved with, or it does not take the options.
     """
     named, options = policy_named(scenario), scenario.patrol.options
-    found = find(named)
+    maker = find(named)
     if not isinstance(options, Section):  # those of a built-in policy were checked with the scenario
-        options = options_of(named, found)
-    make = cast(Callable[[PolicySetup], Policy], found)
+        options = options_of(named, maker)
+    make = cast(Callable[[PolicySetup], Policy], maker)
     return PolicyKind(named.name, make, options, named.name in POLICIES.built_in)

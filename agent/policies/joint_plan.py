@@ -28,15 +28,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agent.kernels.plan import compare, improve, weighted_ages
-from agent.policies.commitment import STILL_STALE, Loss, RoundStands, Target
-from patrol.measures.best_tour import most_planned
+from agent.policies.pursuit import STILL_STALE, Target
+from agent.policies.shared_round import Loss, RoundStands
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from agent.policies.commitment import GivenUp
+    from agent.policies.commitment import Choice
+    from agent.policies.pursuit import GivenUp, Pursuit
     from agent.ports import PolicySetup
+    from agent.routes.routes import Element, Way
     from agent.view import View
+    from patrol.pose import Pose
     from patrol.tours.round import Round
     from patrol.tours.stations import Stations
 
@@ -84,8 +87,6 @@ LATE, LATE_S = 3.0, 15.0
 
 Routes = NDArray[np.int64]
 Ages = NDArray[np.float64]
-Inputs = tuple[NDArray[np.float64], NDArray[np.float64], Ages, Routes]
-"""What both kernels know: leads, ways, ages, near stations (`improve`)."""
 
 
 @dataclass(slots=True)
@@ -99,49 +100,134 @@ class Part:
     least_way_s: float = math.inf  # shortest way to the station that the robot has had since
 
 
-class JointPlan:
-    """The plan of one robot for all robots that share its ground."""
+class KnownStations:
+    """The stations of a round, as one robot gets to them and sees them."""
 
     def __init__(
         self, setup: PolicySetup, laid_out: Round, stations: Stations, weights: NDArray[np.float64] | None
     ) -> None:
-        """Begin without a plan; ``weights`` (height, width) are None where all points count the same."""
+        """Find the ways between them; ``weights`` (height, width) are None where all points count the same."""
+        terrain = setup.ground.terrain
+        self._stations, self._points = stations, laid_out.points
+        self._stands = RoundStands(setup, laid_out)
+        self._step, self._width = setup.fleet.step, terrain.width
+        self._pace = 1.0 / setup.robot.spec.speed
+        self._apart_m = np.minimum(stations.apart_m, NO_WAY_M)
+        self.apart_s = np.ascontiguousarray(self._apart_m * self._pace)
+        nearest = np.argsort(self._apart_m, axis=1, kind="stable")
+        self.near = np.ascontiguousarray(nearest[:, 1 : NEAR + 1] if len(nearest) > 1 else nearest)
+        self._spots = np.array([terrain.centre(*divmod(spot, self._width)) for spot in stations.spots.tolist()])
+        self._weights = NO_WEIGHTS if weights is None else weights / weights.reshape(-1)[self._points].min()
+
+    def __len__(self) -> int:
+        return len(self._spots)
+
+    def points_of(self, station: int) -> slice:
+        """Return where the points of a station are among those of the round."""
+        return slice(*self._stations.begins[station : station + 2].tolist())
+
+    def ages_s(self, view: View, span: slice) -> Ages:
+        """Return the weighted ages of some of the round's points, s; 0 for what is in view or out of reach now."""
+        points, fog = self._points[span], view.fog
+        ages = np.empty(points.size)
+        weighted_ages(points, fog.patrolled, fog.last_seen, fog.looked, self._weights, view.tick, self._step, ages)
+        return ages
+
+    def oldest_s(self, view: View) -> Ages:
+        """Return the weighted age of the oldest point of each station, s."""
+        return np.maximum.reduceat(self.ages_s(view, slice(None)), self._stations.begins[:-1])
+
+    def ways_s(self, view: View, pose: Pose) -> NDArray[np.float64]:
+        """Return about how long a robot takes from a pose to each station, s."""
+        away = np.sqrt((self._spots[:, 0] - pose.x) ** 2 + (self._spots[:, 1] - pose.y) ** 2)
+        here = int(self._stations.around[view.point_of((pose.x, pose.y))])
+        here = here if here >= 0 else int(away.argmin())
+        # The way by the station from which the place is seen, and the shortest that there could be.
+        longest = np.minimum(self._apart_m[here] + away[here], NO_WAY_M)
+        return np.asarray(0.5 * (longest + np.maximum(away, self._apart_m[here] - away[here])) * self._pace)
+
+    def visit(self, view: View, station: int, given_up: GivenUp) -> Target | None:
+        """Return the oldest point of a station that the robot has not given up; None where there is none."""
+        span = self.points_of(station)
+        ages = self.ages_s(view, span)
+        stands, usable = self._stands.of(view, given_up, span)
+        ages[~usable] = -1.0
+        oldest = int(ages.argmax())
+        if ages[oldest] < 0.0:
+            return None
+        point, stand = int(self._points[span][oldest]), int(stands[oldest])
+        age = view.tick - max(int(view.fog.last_seen.flat[point]), 0)
+        return Target(divmod(point, self._width), divmod(stand, self._width), max(age, 1))
+
+
+class JointPlan:
+    """The plan of one robot for all robots that share its ground, and its own choices in it."""
+
+    def __init__(
+        self,
+        setup: PolicySetup,
+        laid_out: Round,
+        stations: KnownStations,
+        free: Choice,
+        robots: frozenset[int],  # those that share the stations
+        team: float,  # how many there are of them without spare ones
+        most_robots: float,  # that plan; in a larger fleet choices are free
+    ) -> None:
+        """Begin without a plan."""
         # By robot number; empty before the first tick, and while each choice is free.
         self.parts: dict[int, Part] = {}
-        self.robots: frozenset[int] = frozenset()  # numbers of those that share the stations
-        self.team = 1.0  # how many there are of them without spare ones
-        self._round, self._stations = laid_out, stations
-        spec, ground, fleet = setup.robot.spec, setup.ground, setup.fleet
-        self._number, self._step, self._width = spec.number, fleet.step, ground.terrain.width
-        self._pace = 1.0 / spec.speed
-        self._chance = fleet.chance
+        self._robots, self._team, self._most_robots = robots, team, most_robots
+        self._known, self._free = stations, free
+        self._number, self._step = setup.robot.spec.number, setup.fleet.step
+        self._length_m, self._pace = laid_out.length_m, 1.0 / setup.robot.spec.speed
+        self._chance = setup.fleet.chance
         self._spread = SPREAD * setup.options.unpredictability
-        self._apart_m = np.minimum(stations.apart_m, NO_WAY_M)
-        self._apart_s = np.ascontiguousarray(self._apart_m * self._pace)
-        nearest = np.argsort(self._apart_m, axis=1, kind="stable")
-        self._near = np.ascontiguousarray(nearest[:, 1 : NEAR + 1] if len(nearest) > 1 else nearest)
-        self._spots = np.array([ground.terrain.centre(*divmod(spot, self._width)) for spot in stations.spots.tolist()])
-        self._stands = RoundStands(setup, laid_out)
-        self._weights = NO_WEIGHTS if weights is None else weights / weights.reshape(-1)[laid_out.points].min()
-        ground_m2 = len(laid_out.points) * ground.terrain.point_area
-        # Free choices are not bound to the ground of a zone.
-        self._most_robots = most_planned(ground_m2, ground.sight.range_m) if weights is None else math.inf
-        self._turned_s = TURNED * ground.sight.range_m * self._pace
+        self._turned_s = TURNED * setup.ground.sight.range_m * self._pace
         self._period = -1
         self._interval_s = math.inf
         self._least_s = 0.0
         self._stood: dict[int, tuple[float, float, int]] = {}
-        self._loss = Loss(fleet.step)
+        self._loss = Loss(setup.fleet.step)
 
     @property
     def station(self) -> int | None:
         """Number of the robot's own next station; None without one."""
-        own = self.parts.get(self._number)
-        return own.route[0] if own is not None and own.route else None
+        own_part = self.parts.get(self._number)
+        return own_part.route[0] if own_part is not None and own_part.route else None
 
-    def update(self, view: View) -> None:
-        """Go on with the plan: draw the next station of each robot that has seen its own."""
-        others = [number for number in view.peers if number in self.robots and not self._is_stuck(view, number)]
+    def follow_with(self, robots: frozenset[int]) -> None:
+        """Share the stations with other robots, none of which is spare."""
+        self._robots, self._team = robots, float(len(robots))
+
+    def forget(self) -> None:
+        """Make a new plan at the next tick."""
+        self.parts = {}
+
+    def waits(self, view: View) -> bool:
+        """Return False: a robot that is early goes on to its next station."""
+        del view
+        return False
+
+    def next(self, view: View, start: Element, pursuit: Pursuit) -> Way | None:
+        """Commit to the oldest point of the robot's station, and return the way there, or that of a free choice."""
+        if self.station is not None:
+            visit = self._known.visit(view, self.station, pursuit.given_up)
+            if visit is not None and (way := pursuit.go_to(view, start, visit)) is not None:
+                return way
+        # No way leads there now. Another robot may stand in the door, and the two would wait for each other.
+        return self._free.next(view, start, pursuit)
+
+    def note(self, view: View, pursuit: Pursuit) -> bool:
+        """Go on with the plan; return True if no station is left for the robot, so that it chooses freely."""
+        before = self.station
+        self._go_on(view)
+        if self.station != before:
+            pursuit.target = None
+        return self.station is None
+
+    def _go_on(self, view: View) -> None:
+        """Draw the next station of each robot that has seen its own."""
+        others = [number for number in view.peers if number in self._robots and not self._is_stuck(view, number)]
         robots = sorted({self._number, *others})
         period = int(view.tick * self._step / PERIOD_S)
         self._loss.note(view, others)
@@ -149,7 +235,7 @@ class JointPlan:
             # It would leave to others what they take as seen.
             self.parts = {}
             return
-        self._interval_s = self._round.length_m * self._pace / len(robots)
+        self._interval_s = self._length_m * self._pace / len(robots)
         if robots != sorted(self.parts) or period != self._period:
             self._period = period
             self._begin(view, robots)
@@ -161,37 +247,7 @@ class JointPlan:
         if done or turned:
             idle = [number for number in robots if not self.parts[number].route]
             drawing = sorted([*done, *turned, *idle])
-            self._draw(view, drawing, done, self._oldest_s(view), leads)
-
-    def visit(self, view: View, given_up: GivenUp) -> Target | None:
-        """Return the oldest point of the robot's station that it has not given up; None where there is none."""
-        if self.station is None:
-            return None
-        span = self._points_of(self.station)
-        ages = self._ages_s(view, span)
-        stands, usable = self._stands.of(view, given_up, span)
-        ages[~usable] = -1.0
-        oldest = int(ages.argmax())
-        if ages[oldest] < 0.0:
-            return None
-        point, stand = int(self._round.points[span][oldest]), int(stands[oldest])
-        age = view.tick - max(int(view.fog.last_seen.flat[point]), 0)
-        return Target(divmod(point, self._width), divmod(stand, self._width), max(age, 1))
-
-    def _points_of(self, station: int) -> slice:
-        """Return where the points of a station are among those of the round."""
-        return slice(*self._stations.begins[station : station + 2].tolist())
-
-    def _ages_s(self, view: View, span: slice) -> Ages:
-        """Return the weighted ages of some of the round's points, s; 0 for what is in view or out of reach now."""
-        points, fog = self._round.points[span], view.fog
-        ages = np.empty(points.size)
-        weighted_ages(points, fog.patrolled, fog.last_seen, fog.looked, self._weights, view.tick, self._step, ages)
-        return ages
-
-    def _oldest_s(self, view: View) -> Ages:
-        """Return the weighted age of the oldest point of each station, s."""
-        return np.maximum.reduceat(self._ages_s(view, slice(None)), self._stations.begins[:-1])
+            self._draw(view, drawing, done, self._known.oldest_s(view), leads)
 
     def _is_done(self, view: View, part: Part) -> bool:
         """Return True if a robot's station has been seen, or is taken as given up."""
@@ -199,11 +255,11 @@ class JointPlan:
             return False
         if view.tick >= part.until:
             return True
-        whole = self._points_of(part.route[0])
+        all_points = self._known.points_of(part.route[0])
         # Most often a look at one point shows that the station is not done.
-        looks = [slice(part.oldest, part.oldest + 1)] if whole.start <= part.oldest < whole.stop else []
-        for points in (*looks, whole):
-            ages = self._ages_s(view, points)
+        looks = [slice(part.oldest, part.oldest + 1)] if all_points.start <= part.oldest < all_points.stop else []
+        for points in (*looks, all_points):
+            ages = self._known.ages_s(view, points)
             part.oldest = points.start + int(ages.argmax())
             oldest_s = float(ages.max())
             if oldest_s >= STILL_STALE * part.age_s and oldest_s > self._least_s:
@@ -228,15 +284,15 @@ class JointPlan:
 
     def _begin(self, view: View, robots: Sequence[int]) -> None:
         """Make a new plan: always the robot that is free first goes to the best station that is left."""
-        ages, leads = self._oldest_s(view), self._leads_s(view, robots)
+        ages, leads = self._known.oldest_s(view), self._leads_s(view, robots)
         rows: list[list[int]] = [[] for _ in robots]
         free_at = np.zeros(len(robots))
-        left = np.ones(len(ages), dtype=np.bool_)
+        unassigned = np.ones(len(ages), dtype=np.bool_)
         for _ in range(len(ages)):
             row = int(free_at.argmin())
-            ways = leads[row] if not rows[row] else self._apart_s[rows[row][-1]]
-            best = int(np.where(left, ways - 0.1 * ages, np.inf).argmin())
-            left[best] = False
+            ways = leads[row] if not rows[row] else self._known.apart_s[rows[row][-1]]
+            best = int(np.where(unassigned, ways - 0.1 * ages, np.inf).argmin())
+            unassigned[best] = False
             rows[row].append(best)
             free_at[row] += ways[best]
         self.parts = {number: Part(row) for number, row in zip(robots, rows, strict=True)}
@@ -244,24 +300,15 @@ class JointPlan:
 
     def _leads_s(self, view: View, robots: Sequence[int]) -> NDArray[np.float64]:
         """Return about how long each robot takes to each station, float64 (robots, stations), s."""
-        return np.array([self._ways_s(view, number) for number in robots])
-
-    def _ways_s(self, view: View, number: int) -> NDArray[np.float64]:
-        """Return about how long one robot takes to each station, s."""
-        pose = view.reported if number == self._number else view.peers[number].pose
-        away = np.sqrt((self._spots[:, 0] - pose.x) ** 2 + (self._spots[:, 1] - pose.y) ** 2)
-        here = int(self._stations.around[view.point_of((pose.x, pose.y))])
-        here = here if here >= 0 else int(away.argmin())
-        # The way by the station from which the place is seen, and the shortest that there could be.
-        longest = np.minimum(self._apart_m[here] + away[here], NO_WAY_M)
-        return np.asarray(0.5 * (longest + np.maximum(away, self._apart_m[here] - away[here])) * self._pace)
+        poses = [view.reported if number == self._number else view.peers[number].pose for number in robots]
+        return np.array([self._known.ways_s(view, pose) for pose in poses])
 
     def _draw(
         self,
         view: View,
         drawing: Sequence[int],
         done: Sequence[int],  # those of them that have seen their station, or given it up
-        ages: Ages,  # of `_oldest_s`
+        ages: Ages,  # of all stations
         leads: NDArray[np.float64],  # of `_leads_s`, for all robots
         moves_first: int = 0,  # moves by which the plan is improved before
     ) -> None:
@@ -275,14 +322,14 @@ class JointPlan:
             routes[row, : len(route)], counts[row] = route, len(route)
         _fill(routes, counts)
         pinned = np.array([number not in drawing for number in robots])
-        inputs = (leads, self._apart_s, ages, self._near)
+        inputs = (leads, self._known.apart_s, ages, self._known.near)
         if moves_first:
             improve(routes, counts, pinned, *inputs, moves_first, self._seed(view, 0))
-        spread_s = self._spread * self._interval_s * len(robots) / len(self._spots)
+        spread_s = self._spread * self._interval_s * len(robots) / len(self._known)
         for number in drawing:
-            row, seen = robots.index(number), self.parts[number].route[:1] if number in done else []
-            taken = [*routes[pinned, 0].tolist(), *seen]
-            choices = np.union1d(self._choices(ages, leads, row, taken), routes[row, : counts[row]][:1])
+            row, visited = robots.index(number), self.parts[number].route[:1] if number in done else []
+            occupied = [*routes[pinned, 0].tolist(), *visited]
+            choices = np.union1d(self._choices(ages, leads, row, occupied), routes[row, : counts[row]][:1])
             if not choices.size:
                 continue  # there are fewer stations than robots
             plans = np.zeros((len(choices), *routes.shape), dtype=np.int64)
@@ -315,7 +362,7 @@ class JointPlan:
 
     def _spell(self, view: View) -> int:
         """Return the number of the time in which draws stay the same."""
-        return int(view.tick * self._step * self.team / (SPELL * self._round.length_m * self._pace))
+        return int(view.tick * self._step * self._team / (SPELL * self._length_m * self._pace))
 
 
 def _gone_on(route: list[int], ages: Ages, least_s: float) -> list[int]:
@@ -329,7 +376,7 @@ def _gone_on(route: list[int], ages: Ages, least_s: float) -> list[int]:
 def _fill(routes: Routes, counts: Routes) -> None:
     """Give a robot without a station the last one of the robot that has most."""
     for row in np.flatnonzero(counts == 0).tolist():
-        most = int(counts.argmax())
-        if counts[most] > 1:
-            counts[most] -= 1
-            routes[row, 0], counts[row] = routes[most, counts[most]], 1
+        longest = int(counts.argmax())
+        if counts[longest] > 1:
+            counts[longest] -= 1
+            routes[row, 0], counts[row] = routes[longest, counts[longest]], 1

@@ -32,6 +32,7 @@ from agent.routes.wave import Wave
 from agent.view import View
 from patrol.ground.fields import StaticFields
 from patrol.kernels.elementary import exp
+from patrol.radio.peers import places_of
 from patrol.random import Purpose
 from patrol.scenario import BodyLengths, PotentialFieldOptions
 from patrol.scenario.lengths import PAPER_LENGTHS
@@ -197,13 +198,24 @@ class Field:
             self._settled = last
         span = self._span(last)
         grids = (paths.state, paths.length, paths.bend)
-        place = (paths.start_row, paths.start_col, *paths.aside, paths.row0, paths.col0)
+        window = (paths.start_row, paths.start_col, *paths.aside, paths.row0, paths.col0)
         law = (tick, by_age, self.law.decay, *self._contest, self._sector, self._as_vector)
         here = paths.row0 + paths.start_row
         posts = self._posts.between(here - span, here + span)
         parts = [(None, standing), (posts, beyond)] if len(posts) else [(None, standing)]
-        for points, seen in parts:
-            gather(points, *grids, first, last, span, *place, seen, seen if looked is None else looked, *law, *forces)
+        for points, last_seen in parts:
+            gather(
+                points,
+                *grids,
+                first,
+                last,
+                span,
+                *window,
+                last_seen,
+                last_seen if looked is None else looked,
+                *law,
+                *forces,
+            )
 
 
 class _Contest(NamedTuple):
@@ -308,10 +320,14 @@ class PotentialField:
 
     def _pull(self, view: View, start: tuple[int, int]) -> Pull:
         """Return the forces at this tick, modified by other robots and by close obstacles."""
-        rivals = [(row, col) for row, col in view.ground.static.join_each(self._separation.rivals(view)).tolist()]
+        rivals: list[Place] = []
+        if "claims" in self._options.separations:
+            rivals = [(row, col) for row, col in view.ground.static.join_each(places_of(view.peers)).tolist()]
         fog = view.fog
         dilated = partial(fog.dilated_around, (start[0] - 1, start[1] - 1))
-        seen = fog.last_seen if fog.left_out is None else np.where(fog.left_out, np.int32(view.tick), fog.last_seen)
+        last_seen = (
+            fog.last_seen if fog.left_out is None else np.where(fog.left_out, np.int32(view.tick), fog.last_seen)
+        )
         aside, key = CENTRE, 0
         if self._options.origin == "robot":
             (x, y), point = view.ground.centre(*start), view.ground.terrain.point
@@ -319,7 +335,7 @@ class PotentialField:
         if self._options.ties == "drawn":
             key = int(view.draw(0, Purpose.TIES) * 2.0**53)
         now = (view.tick, view.mfow)
-        pull = self._field.pull(view.ground, *start, seen, dilated, *now, rivals, fog.looked, aside, key)
+        pull = self._field.pull(view.ground, *start, last_seen, dilated, *now, rivals, fog.looked, aside, key)
         if self._fuzzy is not None:
             np.multiply(pull.sums, self._fuzzy.coefficients(start[0] - 1, start[1] - 1), out=pull.sums)
         if "repulsion" in self._options.separations:

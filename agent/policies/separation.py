@@ -40,15 +40,11 @@ class RandomSteps:
         return None
 
 
-NO_RIVALS: NDArray[np.float64] = np.zeros((0, 2), dtype=np.float64)
-
-
 class Separation:
     """The separation of one robot from the others, as the policy's `separations` and `critical_areas` say."""
 
     def __init__(self, setup: PolicySetup) -> None:
         options, terrain, lengths = setup.options, setup.ground.terrain, setup.robot.lengths
-        self.claims = "claims" in options.separations  # points are left to the robot that has the shorter way to them
         self._obstacle_radius = lengths.obstacle_radius if "artificial-obstacles" in options.separations else None
         self._point = terrain.point
         self._areas: list[Area] = []
@@ -70,14 +66,10 @@ class Separation:
             discs = artificial_obstacles(view.pose, view.peers, self._obstacle_radius, self._point)
         areas = []
         if self._numbered is not None:
-            taken = occupied_areas(self._numbered, view.ground.terrain, view.pose, view.peers)
-            areas = [self._areas[number - 1] for number in taken]
+            occupied = occupied_areas(self._numbered, view.ground.terrain, view.pose, view.peers)
+            areas = [self._areas[number - 1] for number in occupied]
         if discs or areas:
             view.ground.close(discs, areas)
-
-    def rivals(self, view: View) -> NDArray[np.float64]:
-        """Return x and y in m of the robots that have claims on ground, float64 (n, 2); none without claims."""
-        return places_of(view.peers) if self.claims else NO_RIVALS
 
 
 def artificial_obstacles(pose: Pose, peers: Mapping[int, Peer], radius: float, point: float) -> list[Disc]:
@@ -105,9 +97,9 @@ def critical_areas(polygons: Polygons | None, terrain: Terrain, reach: BoolGrid,
 
 def occupied_areas(areas: NDArray[np.int32], terrain: Terrain, pose: Pose, peers: Mapping[int, Peer]) -> list[int]:
     """Return which `numbered` areas a peer is in and this robot is not, ascending."""
-    own = _area_at(areas, terrain, pose.x, pose.y)
-    taken = {_area_at(areas, terrain, x, y) for x, y in places_of(peers).tolist()}
-    return sorted(taken - {0, own})
+    own_area = _area_at(areas, terrain, pose.x, pose.y)
+    occupied = {_area_at(areas, terrain, x, y) for x, y in places_of(peers).tolist()}
+    return sorted(occupied - {0, own_area})
 
 
 def _area_at(areas: NDArray[np.int32], terrain: Terrain, x: float, y: float) -> int:

@@ -1,10 +1,7 @@
 """The round that a robot shares with others, on ground with and without zones.
 
-On ground with zones there are several rounds, and robots are divided between them
-(`agent.policies.shared_round`); free choices count the age times the weight. Rounds, division and weights follow
-the zones that are in force.
-
-The division of robots between rounds, on ground whose points count differently, as one of them believes.
+On ground with zones there are several rounds, and robots are divided between them; free choices count the age times
+the weight. Rounds, division and weights follow the zones that are in force.
 
 Every robot divides the robots that it has heard lately, itself among them, between the rounds of the best division
 (`patrol.zones.division`): by number, the lowest numbers to the ground with the greatest weight. All that hear
@@ -17,18 +14,24 @@ of the other five are best in the zone, then 4 joins 1 and 3 there, and 5 and 6 
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from collections.abc import Collection
+from typing import TYPE_CHECKING, NamedTuple, Protocol
 
-from agent.policies.commitment import Commitment
+import numpy as np
+
+from agent.policies.commitment import Choice, Commitment
 from patrol.measures.best_tour import followers_of, round_of
 from patrol.measures.zoned import zoned_ground
 from patrol.zones.division import Group
 from patrol.zones.spec import weighing_at
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from agent.policies.pursuit import GivenUp
     from agent.ports import PolicySetup
     from agent.view import View
-    from patrol.tours.round import Round
+    from patrol.tours.round import Flat, Round
     from patrol.zones.division import Classes, ZonedGround
 
 
@@ -38,6 +41,61 @@ ground."""
 
 LEAST_MEMORY_S = 30.0
 """Lower bound of the same, s."""
+
+LOSSY = 0.05
+"""Share of positions that are lost, over about `LOSSES_S`, from which on robots cannot rely on believing the same. They
+can again once half as many are."""
+
+LOSSES_S = 300.0
+"""Time over which losses are averaged, s."""
+
+
+class Loss:
+    """Notices whether many positions of others are lost. Those that were never sent count as lost."""
+
+    def __init__(self, step: float) -> None:
+        self.is_lossy = False
+        self._share = 0.0
+        self._weight = step / LOSSES_S
+
+    def note(self, view: View, others: Collection[int]) -> None:
+        """Take note of which of some robots, all among `View.peers`, were heard in a tick."""
+        lost = sum(view.peers[number].tick < view.tick for number in others) / max(len(others), 1)
+        self._share += (lost - self._share) * self._weight
+        self.is_lossy = self._share > (0.5 * LOSSY if self.is_lossy else LOSSY)
+
+
+class RoundStands:
+    """The stands of one robot for the points of a round.
+
+    A point is seen from its place on the round. Where that is given up, or no way leads there now, it may be seen from
+    the point itself, or from its post where no body fits.
+    """
+
+    def __init__(self, setup: PolicySetup, laid_out: Round) -> None:
+        """Find the point itself, or its post, for each point of the round."""
+        points = laid_out.points
+        fields = setup.ground.fields
+        own = np.where(fields.reach.reshape(-1)[points], points, fields.proxy.reshape(-1)[points])
+        self._round = laid_out
+        self._own = np.where(own >= 0, own, laid_out.stands)
+        self._width = setup.ground.terrain.width
+
+    def of(self, view: View, given_up: GivenUp, span: slice) -> tuple[Flat, NDArray[np.bool_]]:
+        """Return the flat indices from which to see some of `Round.points` now, and which of them are usable.
+
+        Usable are those that the robot gets to and has not given up.
+        """
+        stands, own = self._round.stands[span], self._own[span]
+        usable = np.ones(stands.shape, dtype=np.bool_)
+        if (now := view.fog.stands) is not None:
+            own = now[self._round.points[span]]
+            usable = own >= 0
+            stands = np.where(now[stands] == stands, stands, own)
+        if given_up.now(view.tick).size:
+            stands = np.where(given_up.covers(view.tick, stands, self._width), own, stands)
+            usable &= ~given_up.covers(view.tick, stands, self._width)
+        return stands, usable
 
 
 class Crew(NamedTuple):
@@ -67,13 +125,13 @@ class Division:
     def divide(self, zoned: ZonedGround) -> None:
         """Divide robots between the rounds of ``zoned``, one or more, from now on."""
         self.zoned = zoned
-        whole = zoned.rounds[0, len(zoned.classes) - 1]
-        self._memory = max(MEMORY * whole.length_m / (self._team * zoned.speed), LEAST_MEMORY_S) / self._step
+        full_round = zoned.rounds[0, len(zoned.classes) - 1]
+        self._memory = max(MEMORY * full_round.length_m / (self._team * zoned.speed), LEAST_MEMORY_S) / self._step
         self._crews: dict[frozenset[int], Crew] = {}
 
     def crew(self, view: View) -> Crew:
         """Return the robots that follow the same round as this robot, and which round that is."""
-        self._heard = {number: at for number, at in self._heard.items() if view.tick - at <= self._memory}
+        self._heard = {number: tick for number, tick in self._heard.items() if view.tick - tick <= self._memory}
         for number in self._robots & view.peers.keys():
             self._heard[number] = view.peers[number].tick
         self._heard[self._number] = view.tick
@@ -92,23 +150,36 @@ class Division:
         raise AssertionError("a division has a group for each robot")
 
 
+class RoundChoice(Choice, Protocol):
+    """The choice of targets on a round that several robots share."""
+
+    def follow_with(self, robots: frozenset[int]) -> None:
+        """Share the round with some robots, this one among them, from now on."""
+        ...
+
+
 class SharedRound(Commitment):
-    """Shares a round with other robots; the base of policies that say what is next on it."""
+    """Chooses on a round that it shares with other robots, and freely where there is none."""
 
     def __init__(self, setup: PolicySetup) -> None:
         super().__init__(setup)
         self.division: Division | None = None  # None where there is at most one round
+        self.on_round: RoundChoice | None = None
         prepared, number = setup.ground.prepared, setup.robot.spec.number
         self._weighing = weighing_at(prepared.scenario.zones, 0.0)
+        self._since = 0  # tick from which on the zones in force count
         self._round: Round | None = None
-        zoned = zoned_ground(prepared, self._weighing)
-        if zoned is not None:
+        self._free = self.choice
+        if (zoned := zoned_ground(prepared, self._weighing)) is not None:
             self._take_zones(zoned)
         elif (laid_out := round_of(prepared, number)) is not None:
-            self._share(laid_out, followers_of(prepared, number), None)
+            self._choose_on(self._begin(laid_out, followers_of(prepared, number), None))
 
-    def _share(self, laid_out: Round, robots: frozenset[int], view: View | None) -> None:
-        """Share a round with some robots, this one among them, from now on.
+    def _choose_on(self, on_round: RoundChoice | None) -> None:
+        self.on_round, self.choice = on_round, on_round or self._free
+
+    def _begin(self, laid_out: Round, robots: frozenset[int], view: View | None) -> RoundChoice | None:
+        """Return the choice on a round that is shared with some robots, this one among them, or None for none.
 
         Meanwhile `_round` is still the one before, None for none. ``view`` is None before the first tick.
         """
@@ -118,16 +189,12 @@ class SharedRound(Commitment):
         """Return the round of a group of robots, on ground with zones."""
         return zoned.round_of(group)
 
-    def _leave_round(self) -> None:
-        """Share no round from now on."""
-        raise NotImplementedError
-
     def _take_zones(self, zoned: ZonedGround) -> None:
         """Go by the zones that are in force now: divide the robots between their rounds."""
         self._round, setup = None, self._setup
         if not zoned.rounds:
             self.division = None
-            self._leave_round()
+            self._choose_on(None)
         elif self.division is None:
             self.division = Division(
                 zoned, setup.robot.spec.number, frozenset(setup.fleet.radii), setup.fleet.team, setup.fleet.step
@@ -135,15 +202,18 @@ class SharedRound(Commitment):
         else:
             self.division.divide(zoned)
 
-    def _take_note(self, view: View, goes_on: bool) -> bool:
+    def _share(self, view: View, goes_on: bool) -> None:
         if view.weighing != self._weighing:
-            self._weighing = view.weighing
+            self._weighing, self._since = view.weighing, view.tick if goes_on else 0
             zoned = zoned_ground(self._setup.ground.prepared, view.weighing)
             assert zoned is not None
             self._take_zones(zoned)
         if self.division is not None:
             crew = self.division.crew(view)
             laid_out = self._round_of(self.division.zoned, crew.group)
-            self._share(laid_out, crew.robots, view)
+            if laid_out is not self._round:
+                self.pursuit.target = None
+                self._choose_on(self._begin(laid_out, crew.robots, view))
+            elif self.on_round is not None:
+                self.on_round.follow_with(crew.robots)
             self._round = laid_out
-        return super()._take_note(view, goes_on)

@@ -127,20 +127,20 @@ class Spacing:
         most_slack: float = math.inf,
     ) -> Spacing:
         """Lay places a stride of driving apart along a round."""
-        spots = np.array([terrain.centre(*divmod(int(place), terrain.width)) for place in laid_out.places])
+        spots = np.array([terrain.centre(*divmod(int(cell), terrain.width)) for cell in laid_out.places])
         lost, slack = np.zeros(len(spots) + 1), SLACK
         if spec.model != "holonomic":
             turns = _turns(spots, laid_out, TURNING_STRIDES * stride)
             lost[1:], slack = TURNING_RADII * spec.radius * np.cumsum(turns), WHEELS_SLACK
         length_m = laid_out.length_m + float(lost[-1])
         count = max(4, min(int(length_m / stride), len(laid_out.places)))
-        at = np.searchsorted(laid_out.along + lost[:-1], np.arange(count) * (length_m / count))
-        at = np.minimum(at, len(laid_out.places) - 1)
-        spots = spots[at]
+        stops = np.searchsorted(laid_out.along + lost[:-1], np.arange(count) * (length_m / count))
+        stops = np.minimum(stops, len(laid_out.places) - 1)
+        spots = spots[stops]
         course = np.roll(spots, -1, axis=0) - np.roll(spots, 1, axis=0)
         length = np.sqrt((course**2).sum(axis=1))[:, None]
         tour = np.ascontiguousarray(np.hstack([spots, course / np.maximum(length, 1e-9)]))
-        slack_m, along = SLACK_RANGES * range_m, laid_out.along[at]
+        slack_m, along = SLACK_RANGES * range_m, laid_out.along[stops]
         return cls(
             laid_out,
             spec.number,
@@ -159,7 +159,7 @@ class Spacing:
     def follow_with(self, followers: frozenset[int]) -> None:
         """Follow the round with other robots than before; those of them that are known stay known."""
         self.followers, self.whole = followers, len(followers)
-        self.heard = {number: heard for number, heard in self.heard.items() if number in followers}
+        self.heard = {number: report for number, report in self.heard.items() if number in followers}
 
     @property
     def count(self) -> int:
@@ -175,9 +175,9 @@ class Spacing:
         """Take note of the positions of the robots on the tour."""
         memory = MEMORY * self.length_m / view.stride / self.whole
         self.heard = {
-            number: heard
-            for number, heard in self.heard.items()
-            if view.tick - heard.tick <= memory and number not in view.charging
+            number: report
+            for number, report in self.heard.items()
+            if view.tick - report.tick <= memory and number not in view.charging
         }
         for number in self.followers & view.peers.keys():
             peer = view.peers[number]
@@ -205,10 +205,10 @@ class Spacing:
         lengths of ways count instead. A robot that hears no other takes the place that its number has among those of
         all robots, and is where the others leave a gap.
         """
-        heard = self.heard
-        numbers = sorted(heard)
+        reports = self.heard
+        numbers = sorted(reports)
         team = len(numbers)
-        here = np.array([heard[number].spot for number in numbers])
+        here = np.array([reports[number].spot for number in numbers])
         best: tuple[float, float] = (math.inf, math.inf)
         chosen: dict[int, int] = {}
         shifts = [offset / OFFSETS for offset in range(OFFSETS)]
@@ -225,7 +225,7 @@ class Spacing:
                 chosen = {number: slots[slot] for number, slot in zip(numbers, pairs, strict=True)}
         self._all_there = view.tick + math.ceil(ON_THE_WAY * best[0] / view.stride)
         for number in numbers:
-            self._enter(number, heard[number].spot, view.tick, chosen[number])
+            self._enter(number, reports[number].spot, view.tick, chosen[number])
         return chosen[self.number]
 
     def _ways(self, view: View, spots: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -288,8 +288,8 @@ class Spacing:
         return waits
 
     def _is_too_near(self, view: View) -> bool:
-        own = self.robots.get(self.number)
-        if own is None or len(self.robots) < 2 or view.tick < self._all_there:
+        own_robot = self.robots.get(self.number)
+        if own_robot is None or len(self.robots) < 2 or view.tick < self._all_there:
             return False
         if view.tick - self._bumped < LONG_BUMPED_S * view.spec.speed / view.stride:
             return False
@@ -298,7 +298,7 @@ class Spacing:
             if number == self.number:
                 continue
             driven = round((view.tick - robot.heard) * view.stride * self.count / self.length_m)
-            gap = (robot.place + driven - own.place) % self.count
+            gap = (robot.place + driven - own_robot.place) % self.count
             if gap == 0 and number > self.number:
                 gap = self.count
             ahead, behind = min(ahead, gap), min(behind, self.count - gap)
@@ -313,23 +313,23 @@ def _turns(spots: NDArray[np.float64], laid_out: Round, stretch_m: float) -> NDA
 
     Its direction is taken over ``stretch_m`` before and after a place, because a tour on points is jagged.
     """
-    along, whole = laid_out.along, laid_out.length_m
-    ahead = np.searchsorted(along, (along + stretch_m) % whole) % len(along)
-    behind = np.searchsorted(along, (along - stretch_m) % whole) % len(along)
+    along, lap_m = laid_out.along, laid_out.length_m
+    ahead = np.searchsorted(along, (along + stretch_m) % lap_m) % len(along)
+    behind = np.searchsorted(along, (along - stretch_m) % lap_m) % len(along)
     onward, before = spots[ahead] - spots, spots - spots[behind]
     cross = onward[:, 1] * before[:, 0] - onward[:, 0] * before[:, 1]
     turned = np.array([abs(math.atan2(*sides)) for sides in zip(cross, (onward * before).sum(axis=1), strict=True)])
-    steps = np.diff(along, append=whole)
+    steps = np.diff(along, append=lap_m)
     return np.asarray(turned * steps / stretch_m)
 
 
 def _pairs(ways: NDArray[np.float64]) -> list[int]:
     """Give each row a column of its own, those first that are nearest to each other."""
-    left = ways.copy()
+    remaining = ways.copy()
     pairs = [0] * len(ways)
     for _ in range(len(ways)):
-        row, column = divmod(int(left.argmin()), len(ways))
+        row, column = divmod(int(remaining.argmin()), len(ways))
         pairs[row] = column
-        left[row, :] = np.inf
-        left[:, column] = np.inf
+        remaining[row, :] = np.inf
+        remaining[:, column] = np.inf
     return pairs

@@ -12,12 +12,14 @@ and for a robot for which no station is left.
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from agent.policies.joint_plan import JointPlan
+from agent.policies.joint_plan import JointPlan, KnownStations
 from agent.policies.shared_round import SharedRound
+from patrol.measures.best_tour import most_planned
 from patrol.measures.zoned import zoned_ground
 from patrol.scenario import StochasticOptions
 from patrol.zones.division import KEPT
@@ -25,8 +27,6 @@ from patrol.zones.division import KEPT
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from agent.ports import PolicySetup
-    from agent.routes.routes import Element, Way
     from agent.view import View
     from patrol.tours.round import Round
     from patrol.zones.division import Group, ZonedGround
@@ -37,55 +37,22 @@ class Stochastic(SharedRound):
 
     Options = StochasticOptions
 
-    def __init__(self, setup: PolicySetup) -> None:
-        self.plan: JointPlan | None = None  # None where each choice is free
-        self._station: int | None = None
-        super().__init__(setup)
-
-    def _share(self, laid_out: Round, robots: frozenset[int], view: View | None) -> None:
+    def _begin(self, laid_out: Round, robots: frozenset[int], view: View | None) -> JointPlan | None:
         del view
-        setup = self._setup
-        if laid_out is not self._round:
-            zoned = zoned_ground(setup.ground.prepared, self._weighing)
-            weights = None if zoned is None else _with_margin(zoned)
-            self._station = self.target = None
-            self.plan = None if laid_out.stations is None else JointPlan(setup, laid_out, laid_out.stations, weights)
-        if self.plan is not None:
-            self.plan.robots = robots
-            spare_too = len(setup.fleet.roster) / setup.fleet.team if self.division is None else 1.0
-            self.plan.team = len(robots) / spare_too
+        if laid_out.stations is None:
+            return None
+        setup, ground, fleet = self._setup, self._setup.ground, self._setup.fleet
+        weights, team, most_robots = None, float(len(robots)), math.inf
+        if (zoned := zoned_ground(ground.prepared, self._weighing)) is not None:
+            weights = _with_margin(zoned)  # free choices are not bound to the ground of a zone
+        else:
+            team /= len(fleet.roster) / fleet.team
+            most_robots = most_planned(len(laid_out.points) * ground.terrain.point_area, ground.sight.range_m)
+        stations = KnownStations(setup, laid_out, laid_out.stations, weights)
+        return JointPlan(setup, laid_out, stations, self._free, robots, team, most_robots)
 
     def _round_of(self, zoned: ZonedGround, group: Group) -> Round:
         return zoned.rounds[group.classes]  # what weighs more is visited more often without being there twice
-
-    def _leave_round(self) -> None:
-        self.plan = self._station = None
-
-    def _forget(self) -> None:
-        super()._forget()
-        if self.plan is not None:
-            self.plan.parts = {}
-
-    def _take_note(self, view: View, goes_on: bool) -> bool:
-        super()._take_note(view, goes_on)
-        if self.plan is None:
-            return True
-        self.plan.update(view)
-        if self.plan.station != self._station:
-            self._station, self.target = self.plan.station, None
-        return self._station is None
-
-    def _chosen(self, view: View, start: Element) -> Way | None:
-        self.target = None
-        visit = None if self.plan is None else self.plan.visit(view, self.given_up)
-        if visit is not None:
-            self._expected = 0
-            way = self._way_to(view, start, visit.stand)
-            if way is not None:
-                self._commit(view, visit)
-                return way
-        # No way leads there now. Another robot may stand in the door, and the two would wait for each other.
-        return self._free_choice(view, start)
 
 
 def _with_margin(zoned: ZonedGround) -> NDArray[np.float64]:

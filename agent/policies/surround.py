@@ -54,7 +54,7 @@ def assign(costs: Sequence[Sequence[int]]) -> list[int]:
     for row in range(1, rows + 1):
         owner[0] = row
         here = 0
-        least: list[int | None] = [None] * (cols + 1)
+        cheapest: list[int | None] = [None] * (cols + 1)
         used = [False] * (cols + 1)
         while owner[here]:
             used[here] = True
@@ -64,20 +64,20 @@ def assign(costs: Sequence[Sequence[int]]) -> list[int]:
                 if used[col]:
                     continue
                 cost = costs[mine - 1][col - 1] - by_row[mine] - by_col[col]
-                known = least[col]
-                if known is None or cost < known:
-                    least[col] = known = cost
+                lowest = cheapest[col]
+                if lowest is None or cost < lowest:
+                    cheapest[col] = lowest = cost
                     came[col] = here
-                if step is None or known < step:
-                    step, nearest = known, col
+                if step is None or lowest < step:
+                    step, nearest = lowest, col
             assert step is not None  # there are no fewer columns than rows
             for col in range(cols + 1):
-                ahead = least[col]
+                ahead = cheapest[col]
                 if used[col]:
                     by_row[owner[col]] += step
                     by_col[col] -= step
                 elif ahead is not None:
-                    least[col] = ahead - step
+                    cheapest[col] = ahead - step
             here = nearest
         while here:
             owner[here] = owner[came[here]]
@@ -117,8 +117,8 @@ def spots_around(sight: Footprint, reach: BoolGrid, x: float, y: float, radius: 
     terrain = sight.terrain
     rows, cols = np.nonzero(view.mask)
     rows, cols = rows + view.row0, cols + view.col0
-    there = reach[rows, cols]
-    rows, cols = rows[there], cols[there]
+    is_reached = reach[rows, cols]
+    rows, cols = rows[is_reached], cols[is_reached]
     across = terrain.origin[0] + (cols + 0.5) * terrain.point - x
     up = terrain.origin[1] + (rows + 0.5) * terrain.point - y
     away = np.hypot(across, up)
@@ -128,10 +128,10 @@ def spots_around(sight: Footprint, reach: BoolGrid, x: float, y: float, radius: 
     sector = np.minimum((bearing * (BEARINGS / TAU)).astype(np.int64), BEARINGS - 1)
     order = np.lexsort((np.abs(away - radius), sector))
     first = order[np.unique(sector[order], return_index=True)[1]]
-    found = [
+    stands = [
         Stand(float(bearing[i]), int(rows[i]), int(cols[i]), *terrain.centre(int(rows[i]), int(cols[i]))) for i in first
     ]
-    return sorted(found, key=lambda spot: (spot.bearing, spot.row, spot.col))
+    return sorted(stands, key=lambda spot: (spot.bearing, spot.row, spot.col))
 
 
 def spread(spots: Sequence[Stand], count: int, spacing: float) -> list[Stand]:
@@ -177,7 +177,7 @@ def _with_gap(spots: Sequence[Stand], count: int, gap: float, spacing: float) ->
 
 
 def _apart(chosen: Sequence[Stand], spot: Stand, spacing: float) -> bool:
-    return all(math.hypot(spot.x - other.x, spot.y - other.y) >= spacing for other in chosen)
+    return all(math.hypot(spot.x - stand.x, spot.y - stand.y) >= spacing for stand in chosen)
 
 
 class Surround:
@@ -236,9 +236,9 @@ class Surround:
         ``pose`` is the robot's own as others hear it, so that all find the same assignment.
         """
         places = {self._number: (pose.x, pose.y)} | {n: (peer.pose.x, peer.pose.y) for n, peer in peers.items()}
-        target = {number: _nearest(place, contacts) for number, place in places.items()}
+        target = {number: _nearest(spot, contacts) for number, spot in places.items()}
         mine = target[self._number]
-        team = sorted(number for number, place in target.items() if place == mine)
+        team = sorted(number for number, spot in target.items() if spot == mine)
         ring = self._ring_of(mine, len(team))
         if not ring.stands:
             return None

@@ -59,19 +59,19 @@ class Regions(PathWindow):
         graph = self._graph
         placed = []
         for row, col in ((row + self.row0, col + self.col0) for row, col in starts):
-            own = int(self._parts[row, col])
-            if own < 0:
+            own_part = int(self._parts[row, col])
+            if own_part < 0:
                 continue
-            here = graph.members[graph.first[own] : graph.first[own + 1]]
+            here = graph.members[graph.first[own_part] : graph.first[own_part + 1]]
             here = here[(graph.places[here] == (row, col)).all(axis=1)]
-            placed += [(row, col, part) for part in sorted({own, *map(int, graph.joined[here].ravel())})]
+            placed += [(row, col, part) for part in sorted({own_part, *map(int, graph.joined[here].ravel())})]
         start = np.array(placed, dtype=np.int32).reshape(-1, 3)
         rows, cols, parts = (np.ascontiguousarray(column) for column in start.T)
         self._sources = _Sources.room(graph, len(start))
         count = len(graph.places)
-        lead, came, heap, at = (np.empty(count, dtype=np.int32) for _ in range(4))
+        lead, came, heap, slots = (np.empty(count, dtype=np.int32) for _ in range(4))
         limit = float(self.span)
-        route(rows, cols, parts, *graph, limit, np.empty(count), lead, came, heap, at, *self._sources)
+        route(rows, cols, parts, *graph, limit, np.empty(count), lead, came, heap, slots, *self._sources)
 
     def _settle(self, top: int, bottom: int, left: int, right: int, limit: int) -> None:
         box = (self.row0, self.col0, top, bottom, left, right)

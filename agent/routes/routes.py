@@ -86,37 +86,37 @@ class Routes:
         """
         ground = self._ground
         if start == target or self._is_straight(start, target):
-            place = ground.centre(*target)
-            return Way(place, place, float(unhindered(start, target)) * ground.terrain.point / 100.0)
-        here, there = (start[0] - 1, start[1] - 1), (target[0] - 1, target[1] - 1)
+            spot = ground.centre(*target)
+            return Way(spot, spot, float(unhindered(start, target)) * ground.terrain.point / 100.0)
+        here, goal = (start[0] - 1, start[1] - 1), (target[0] - 1, target[1] - 1)
         if ground.against.size:
-            return self._way_along(here, there, expected)
+            return self._way_along(here, goal, expected)
         shape = ground.terrain.shape
         if expected is not None:
-            box = box_between(here, there, expected // 100 + 1, shape)
+            box = box_between(here, goal, expected // 100 + 1, shape)
             paths = paths_in(ground, [here], box, expected, bends=True)
-            if paths.length_to(*there) < FAR:
-                return self._way_in(paths, *there)
+            if paths.length_to(*goal) < FAR:
+                return self._way_in(paths, *goal)
         paths = paths_in(ground, [here], (0, shape[0], 0, shape[1]), LONGEST, bends=True)
-        if paths.length_to(*there) < FAR:
-            return self._way_in(paths, *there)
-        return self._way_in(paths, *_nearest_in(paths, there))
+        if paths.length_to(*goal) < FAR:
+            return self._way_in(paths, *goal)
+        return self._way_in(paths, *_nearest_in(paths, goal))
 
     def _way_along(self, here: Place, there: Place, expected: int | None) -> Way:
         """Return the way from one point of the terrain to another on ground with one-way zones, as `way`."""
         ground, shape = self._ground, self._ground.terrain.shape
-        whole = 0, shape[0], 0, shape[1]
+        full_box = 0, shape[0], 0, shape[1]
         if ground.open_now[there]:
             if expected is not None:
                 box = box_between(here, there, expected // 100 + 1, shape)
                 paths = paths_in(ground, [there], box, expected, back=True)
                 if paths.length_to(*here) < FAR:
                     return self._way_down(paths, here, there)
-            paths = paths_in(ground, [there], whole, LONGEST, back=True)
+            paths = paths_in(ground, [there], full_box, LONGEST, back=True)
             if paths.length_to(*here) < FAR:
                 return self._way_down(paths, here, there)
-        there = _nearest_in(paths_in(ground, [here], whole, LONGEST), there)
-        return self._way_down(paths_in(ground, [there], whole, LONGEST, back=True), here, there)
+        there = _nearest_in(paths_in(ground, [here], full_box, LONGEST), there)
+        return self._way_down(paths_in(ground, [there], full_box, LONGEST, back=True), here, there)
 
     def _way_down(self, paths: BoxPaths, here: Place, there: Place) -> Way:
         """Return the way between two points of the terrain, down the lengths of paths to the second one."""

@@ -55,9 +55,9 @@ def _delays(lengths: NDArray[np.float32], point: float, slower: NDArray[np.float
     Lengths are in m, infinity where no way leads; `slower` is how many s each metre takes longer, by point.
     """
     height, width = lengths.shape
-    known = np.isfinite(lengths)
+    is_finite = np.isfinite(lengths)
     length = np.full((height + 2, width + 2), FAR, dtype=np.int64)
-    length[1:-1, 1:-1][known] = np.rint(lengths[known] * (100.0 / point))
+    length[1:-1, 1:-1][is_finite] = np.rint(lengths[is_finite] * (100.0 / point))
     per_step = np.pad(slower * (0.01 * point), 1).ravel()
     delays = np.zeros(length.size)
     near, steps = _neighbours(width + 2)

@@ -94,8 +94,8 @@ class Visits:
         end = advance(pose, command, self._step)
         for number, came_in in self._came_in.items():
             zone = self._zones[number]
-            least = min(came_in - self._back_m, zone.place(pose.x, pose.y))
-            if self._holds(zone, end.x, end.y) and zone.place(end.x, end.y) < least:
+            limit_m = min(came_in - self._back_m, zone.place(pose.x, pose.y))
+            if self._holds(zone, end.x, end.y) and zone.place(end.x, end.y) < limit_m:
                 return False
         return True
 

@@ -51,11 +51,11 @@ class Waiting:
         half = math.ceil(AROUND * self._keep)
         top, left = max(0, row - half), max(0, col - half)
         before = self._reach[top : row + half + 1, left : col + half + 1].astype(np.uint8)
-        for other in standing:
-            there = self._terrain.point_at(*other)
-            if math.dist(there, (row, col)) <= self._keep:
+        for neighbour in standing:
+            cell = self._terrain.point_at(*neighbour)
+            if math.dist(cell, (row, col)) <= self._keep:
                 return False
-            self._take(before, there[0] - top, there[1] - left)
+            self._take(before, cell[0] - top, cell[1] - left)
         if not before[row - top, col - left]:
             return False
         after = before.copy()
@@ -81,9 +81,9 @@ class Waiting:
         rows, cols = np.nonzero(among)
         some = (rows % self._stride == 0) & (cols % self._stride == 0)
         rows, cols = (rows[some], cols[some]) if some.any() else (rows, cols)
-        others = tuple(standing)
+        neighbours = tuple(standing)
         for index in np.argsort(ways[rows, cols], kind="stable"):
             spot = self._terrain.centre(int(rows[index]), int(cols[index]))
-            if self.lets_others_pass(spot, others):
+            if self.lets_others_pass(spot, neighbours):
                 return spot
         return None

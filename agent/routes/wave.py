@@ -8,8 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from agent.kernels.lengths import read, spread
-from agent.kernels.wave import settle
+from agent.kernels.wave import DIAGONAL_LAST, DRAWN, FIRST_BENDS, settle
 from agent.routes.ground import Ground
 from agent.routes.path_window import FAR, Lengths, PathWindow, Place
 from patrol.ground.ways import lengths_along
@@ -32,6 +31,8 @@ Box = tuple[int, int, int, int]
 """First and end row, first and end column of the terrain; ends are exclusive."""
 
 NO_BENDS: NDArray[np.int32] = np.zeros((0, 0), dtype=np.int32)
+NO_SIGHT: NDArray[np.uint8] = np.zeros((0, 0), dtype=np.uint8)
+FOUND = {None: FIRST_BENDS, "diagonal": FIRST_BENDS, "straight": DIAGONAL_LAST, "drawn": DRAWN}
 
 
 class BoxPaths(NamedTuple):
@@ -93,22 +94,18 @@ def paths_in(
         places = [(row - top, col - left) for row, col in starts]
         along = lengths_along(is_open, against, places, limit, back=back)
         return BoxPaths(along, NO_BENDS, top - 1, left - 1, limit)
-    length, bend, room = np.empty(shape, dtype=np.int32), NO_BENDS, ROOM
+    state, length, bend, room = np.zeros(shape, np.uint8), np.empty(shape, np.int32), NO_BENDS, ROOM
+    state[1:-1, 1:-1] = ground.state[top + 1 : bottom + 1, left + 1 : right + 1]
     places, window = [(row - top + 1, col - left + 1) for row, col in sorted(set(starts))], (0, rows, 0, cols)
+    sight = NO_SIGHT
     if bends:
-        state, sight, bend = np.zeros(shape, np.uint8), np.zeros(shape, np.uint8), np.empty(shape, np.int32)
-        state[1:-1, 1:-1] = ground.state[top + 1 : bottom + 1, left + 1 : right + 1]
+        sight, bend = np.zeros(shape, np.uint8), np.empty(shape, np.int32)
         # A look reaches as far as the terrain is long.
         cast(state, *places[0], float(max(ground.terrain.shape)), sight, 0, 0)
-        grids = (state, sight, length, bend)
-        while not settle(*grids, np.empty((2, room), dtype=np.uint64), *places[0], limit, *window):
-            room *= 4
-    else:
-        cells = np.empty(rows * cols, dtype=np.uint32)
-        begin = np.array([row * cols + col for row, col in places], dtype=np.int64)
-        while not spread(ground.state, top, left, cells, cols, np.empty((2, room), np.uint32), begin, limit, *window):
-            room *= 4
-        read(cells, length, limit)
+    begin = np.array([row * cols + col for row, col in places], dtype=np.int64)
+    grids = state, sight, length, bend
+    while not settle(*grids, np.empty((2, room), dtype=np.uint64), begin, limit, *window, FIRST_BENDS, 0, 0, 0):
+        room *= 4
     return BoxPaths(length, bend, top - 1, left - 1, limit)
 
 
@@ -155,10 +152,7 @@ class Wave(PathWindow):
         look = float(min(self.span, 2 * reach)) if self._ties is None else NEXT_TO
         cast(self.state, self.start_row, self.start_col, look, self._sight, 0, 0)
         grids, box = (self.state, self._sight, self.length, self.bend), (top, bottom, left, right)
-        while not settle(*grids, self._queues, self.start_row, self.start_col, limit, *box):
+        start = np.array([self.start_row * cols + self.start_col])
+        how = FOUND[self._ties], self.key, self.row0, self.col0
+        while not settle(*grids, self._queues, start, limit, *box, *how):
             self._queues = np.zeros((2, 4 * self._queues.shape[1]), dtype=np.uint64)
-        if self._ties in ("straight", "drawn"):
-            from agent.kernels.first_steps import begin_paths  # here: compiled where it is needed
-
-            place = (self.start_row, self.start_col, self.row0, self.col0)
-            begin_paths(self.state, self.length, self.bend, *place, self._ties == "drawn", self.key, *box)

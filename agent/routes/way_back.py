@@ -113,10 +113,10 @@ class WayBack:
             for index in np.lexsort((np.hypot(xs - x, ys - y), lengths))[:MOST_TRIED]:
                 # In a slit as wide as the body, the places in line with its own are free, and those at centres not.
                 for across, up in ((0.0, 0.0), off):
-                    place = float(xs[index]) + across, float(ys[index]) + up
-                    if self._is_free(x, y, place):
-                        return place
-        return next((place for place in self._trail if place != (x, y) and self._is_free(x, y, place)), None)
+                    spot = float(xs[index]) + across, float(ys[index]) + up
+                    if self._is_free(x, y, spot):
+                        return spot
+        return next((spot for spot in self._trail if spot != (x, y) and self._is_free(x, y, spot)), None)
 
     def _is_free(self, x: float, y: float, place: Spot) -> bool:
         return line_is_free(self._ground.terrain, (x, y), place, self._radius)

@@ -59,7 +59,7 @@ class HelpfulCommand(TyperCommand):
         try:
             return super().parse_args(ctx, args)
         except Exception as error:
-            line = self._explained(error, ctx, typed)
+            line = self._explain_error(error, ctx, typed)
             if line is None:
                 raise
             raise BadInput(line) from None
@@ -69,9 +69,9 @@ class HelpfulCommand(TyperCommand):
         try:
             return super().invoke(ctx)
         except BadInput as error:
-            raise BadInput(_as_typed(str(error), self._typed(ctx))) from None
+            raise BadInput(_as_typed(str(error), self._typed_options(ctx))) from None
 
-    def _typed(self, ctx: Any) -> dict[str, str]:
+    def _typed_options(self, ctx: Any) -> dict[str, str]:
         """Return the options that were given and set fields of a scenario, by field."""
         set_by_name = [text.partition("=")[0].strip() for text in ctx.params.get("settings") or ()]
         options = {
@@ -81,10 +81,10 @@ class HelpfulCommand(TyperCommand):
         }
         return options | {field: f"--set {field}" for field in set_by_name}
 
-    def _explained(self, error: Exception, ctx: Any, typed: list[str]) -> str | None:
+    def _explain_error(self, error: Exception, ctx: Any, typed: list[str]) -> str | None:
         """Rewrite an error of the parser; None to leave it as it is."""
         if hasattr(error, "possibilities") and hasattr(error, "option_name"):
-            return self._unknown(str(error.option_name))
+            return self._unknown_option(str(error.option_name))
         param = getattr(error, "param", None)
         if param is None:
             extra = _EXTRA.match(str(getattr(error, "message", "")))
@@ -104,9 +104,9 @@ class HelpfulCommand(TyperCommand):
             quantity = replace(quantity, example=f"{param.default:g}")
         return _not_a_number(name, texts, quantity, error)
 
-    def _unknown(self, option: str) -> str:
-        known = [text for param in self.params for text in (*param.opts, *param.secondary_opts) if text[:2] == "--"]
-        return f"{option}: no such option; {_nearest(option, [*known, '--help'], self.example)}"
+    def _unknown_option(self, option: str) -> str:
+        options = [text for param in self.params for text in (*param.opts, *param.secondary_opts) if text[:2] == "--"]
+        return f"{option}: no such option; {_nearest_option(option, [*options, '--help'], self.example)}"
 
 
 def _as_typed(line: str, typed: dict[str, str]) -> str:
@@ -120,15 +120,15 @@ def _as_typed(line: str, typed: dict[str, str]) -> str:
     field, before = match["field"], match["before"]
     option = typed.get(re.sub(r"\.\d+", "", field), "")
     if option and not option.startswith("--set"):
-        rest = re.sub(r"^(-?\d+)\.0:", r"\1:", line[match.end() :])
-        return f"{before or ''}{option}{' ' if match['equals'] else ''}{rest}"
+        tail = re.sub(r"^(-?\d+)\.0:", r"\1:", line[match.end() :])
+        return f"{before or ''}{option}{' ' if match['equals'] else ''}{tail}"
     sections = [f"{name}." for name in typed]
     if before is not None and any(f"{field}.".startswith(name) or name.startswith(f"{field}.") for name in sections):
         return f"{before}--set {line[match.start('field') :]}"
     return line
 
 
-def _nearest(option: str, known: Sequence[str], example: str) -> str:
+def _nearest_option(option: str, known: Sequence[str], example: str) -> str:
     """Suggest the known option that an unknown one begins, or else the one most like it."""
     completions = sorted((name for name in known if name.startswith(option)), key=len)
     words = [name[2:] for name in known]
@@ -141,11 +141,11 @@ def _not_a_number(name: str, texts: Sequence[str], quantity: _Quantity, error: A
     wrong = next((text for text in texts if not _is_number(text, is_whole)), None)
     if wrong is None:  # a number, but out of range
         reason = str(getattr(error, "message", error)).rstrip(".").lower()
-        least = re.search(r"(?:greater than or equal to |x>=)(\S+)", reason)
-        return f"{name} {' '.join(texts)}: {f'expected {least[1]} or more' if least else reason}"
+        bound = re.search(r"(?:greater than or equal to |x>=)(\S+)", reason)
+        return f"{name} {' '.join(texts)}: {f'expected {bound[1]} or more' if bound else reason}"
     kind = "a whole number" if is_whole else f"a number in {quantity.unit}"
     option = f"{name} " if name.startswith("--") else ""
-    return f"{name} {quoted(wrong)[1:-1]}: expected {kind}, such as {option}{_meant(wrong, quantity)}"
+    return f"{name} {quoted(wrong)[1:-1]}: expected {kind}, such as {option}{_meant_number(wrong, quantity)}"
 
 
 def _is_number(text: str, is_whole: bool) -> bool:
@@ -156,7 +156,7 @@ def _is_number(text: str, is_whole: bool) -> bool:
     return True
 
 
-def _meant(text: str, quantity: _Quantity) -> str:
+def _meant_number(text: str, quantity: _Quantity) -> str:
     """Return the number that a text such as "30cm" or "0,3" means in the quantity's unit, or else the example."""
     match = _NUMBER.fullmatch(text)
     if match is None or not quantity.unit:

@@ -54,12 +54,12 @@ def print_side_by_side(
 def _side_by_side(tables: Sequence[tuple[str, Sequence[Sequence[str]]]], heads: Sequence[str], shown: range) -> Table:
     """Return the tables below each other, with the columns of some of the names."""
     table = Table("", box=None, padding=(0, 2, 0, 0), header_style="bold")
-    for place in shown:
-        table.add_column(heads[place], justify="right", overflow="fold", max_width=WIDEST)
+    for column in shown:
+        table.add_column(heads[column], justify="right", overflow="fold", max_width=WIDEST)
     for heading, rows in tables:
         if heading and rows:
             table.add_row()
             table.add_row(heading, style="bold")
         for label, *cells in rows:
-            table.add_row(label, *(cells[place] for place in shown))
+            table.add_row(label, *(cells[column] for column in shown))
     return table

@@ -55,9 +55,9 @@ app = typer.Typer(
 
 def group(name: str, text: str, kind: type[TyperGroup] = TyperGroup) -> typer.Typer:
     """Add a group of commands, such as ``fogwatch map``, whose help is `text`."""
-    made = typer.Typer(cls=kind, help=text, no_args_is_help=True)
-    app.add_typer(made, name=name, rich_help_panel=PANEL_OF[name])
-    return made
+    subgroup = typer.Typer(cls=kind, help=text, no_args_is_help=True)
+    app.add_typer(subgroup, name=name, rich_help_panel=PANEL_OF[name])
+    return subgroup
 
 
 def command(

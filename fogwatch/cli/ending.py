@@ -80,7 +80,7 @@ def _code_of(error: Exception) -> int:
     if isinstance(error, BadInput):
         line = str(error)
     elif isinstance(error, OSError | MemoryError):
-        line = exhausted.told(error) or (_nowhere() if isinstance(error, FileNotFoundError) else None)
+        line = exhausted.told(error) or (_missing_folder() if isinstance(error, FileNotFoundError) else None)
     elif hasattr(error, "format_message"):
         line = error.format_message()  # typer's; without one it has printed the help
     if line is None:
@@ -91,7 +91,7 @@ def _code_of(error: Exception) -> int:
     return BAD_INPUT
 
 
-def _nowhere() -> str | None:
+def _missing_folder() -> str | None:
     """Return the error for a current folder that has been removed; None where it is there."""
     try:
         os.getcwd()  # noqa: PTH109 - the error is what matters

@@ -11,7 +11,7 @@ import signal
 import sys
 
 
-def _leave(_number: int, _frame: object) -> None:
+def _leave_process(_number: int, _frame: object) -> None:
     """End the process at once: there is nothing yet to put in order."""
     os.write(2, b"fogwatch: interrupted\n")
     os._exit(130)  # patrol.process.exit_codes.INTERRUPTED, which is not loaded yet
@@ -21,7 +21,7 @@ _HEEDS_CTRL_C = signal.getsignal(signal.SIGINT) is signal.default_int_handler
 """True if Ctrl-C is meant for this process; not so in the background of a shell."""
 
 if _HEEDS_CTRL_C:
-    signal.signal(signal.SIGINT, _leave)
+    signal.signal(signal.SIGINT, _leave_process)
 
 PROCESSES = ("agent", "robot-sim", "router")
 """The commands of `fogwatch.commands.processes`, which stand on nothing that the other commands load."""
@@ -46,7 +46,7 @@ def main() -> int:
             signal.signal(signal.SIGINT, interrupt)
     code = run_app(app)
     if _HEEDS_CTRL_C:
-        signal.signal(signal.SIGINT, _leave)  # while the interpreter puts itself away
+        signal.signal(signal.SIGINT, _leave_process)  # while the interpreter puts itself away
     if "patrol.net.link" in sys.modules:
         from patrol.net.link import is_closing
 

@@ -48,37 +48,39 @@ def spread(function: Callable[..., Any]) -> Callable[..., Any]:
         parameters += options_of(hints[name]) or [parameter.replace(annotation=hints[name])]
 
     def call(**given: Any) -> Any:
-        return function(**{name: _value(name, hints[name], given) for name in signature(function).parameters})
+        return function(**{name: _parameter_value(name, hints[name], given) for name in signature(function).parameters})
 
     call.__name__ = function.__name__
-    call.__annotations__ = {each.name: each.annotation for each in parameters}
-    taken = [each.replace(kind=Parameter.KEYWORD_ONLY) for each in parameters]
-    call.__signature__ = Signature(taken)  # type: ignore[attr-defined]  # `inspect.signature` reads it
+    call.__annotations__ = {entry.name: entry.annotation for entry in parameters}
+    keywords = [entry.replace(kind=Parameter.KEYWORD_ONLY) for entry in parameters]
+    call.__signature__ = Signature(keywords)  # type: ignore[attr-defined]  # `inspect.signature` reads it
     return call
 
 
 def options_of(group: Any) -> list[Parameter]:
     """Return the options that a dataclass declares, those of dataclasses in it too; none for another type."""
-    found: list[Parameter] = []
+    parameters: list[Parameter] = []
     if is_dataclass(group):
         hints = get_type_hints(group, include_extras=True)
-        for each in fields(group):
-            hint = hints[each.name]
+        for setting in fields(group):
+            hint = hints[setting.name]
             if get_origin(hint) is Annotated:
                 if hint.__metadata__[0].parser is not None:  # typer knows no types but its own
                     hint = Annotated[Any, *hint.__metadata__]
-                found.append(Parameter(each.name, Parameter.KEYWORD_ONLY, default=each.default, annotation=hint))
-            found += options_of(hint)
-    return found
+                parameters.append(
+                    Parameter(setting.name, Parameter.KEYWORD_ONLY, default=setting.default, annotation=hint)
+                )
+            parameters += options_of(hint)
+    return parameters
 
 
-def _value(name: str, hint: Any, given: Mapping[str, Any]) -> Any:
+def _parameter_value(name: str, hint: Any, given: Mapping[str, Any]) -> Any:
     """Return the value of a parameter or field: the one that was given, or the dataclass that its options make."""
     if not isinstance(hint, type) or not is_dataclass(hint):
         return given[name]
     hints = get_type_hints(hint, include_extras=True)
-    names = [each.name for each in fields(hint) if each.name in given or is_dataclass(hints[each.name])]
+    names = [setting.name for setting in fields(hint) if setting.name in given or is_dataclass(hints[setting.name])]
     try:
-        return hint(**{each: _value(each, hints[each], given) for each in names})
+        return hint(**{setting: _parameter_value(setting, hints[setting], given) for setting in names})
     except BadInput as error:  # fields have the names of their options, with a unit
         raise BadInput(re.sub(r"^([a-z]+)(_s|_m)? = ", r"--\1 ", str(error))) from None

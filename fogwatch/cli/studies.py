@@ -17,16 +17,18 @@ def add_studies() -> None:
     try:
         study("commands")
     except BadInput as missing:
-        there = {each.name for each in app.registered_commands} | {each.name for each in app.registered_groups}
-        absent = [(app, name, panel) for name, panel in PANEL_OF.items() if name not in there]
+        names = {command.name for command in app.registered_commands} | {
+            command.name for command in app.registered_groups
+        }
+        absent = [(app, name, panel) for name, panel in PANEL_OF.items() if name not in names]
         for group, name, panel in [*absent, (map_app, "random", None)]:
             accept_all = {"allow_extra_args": True, "ignore_unknown_options": True, "help_option_names": []}
             group.command(name, help=f"{missing}.", context_settings=accept_all, rich_help_panel=panel)(
-                _refuse(missing)
+                _make_refusal(missing)
             )
 
 
-def _refuse(missing: BadInput) -> Callable[[typer.Context], None]:
+def _make_refusal(missing: BadInput) -> Callable[[typer.Context], None]:
     def refuse(ctx: typer.Context) -> None:
         raise BadInput(f"fogwatch {ctx.info_name}: {missing}")
 

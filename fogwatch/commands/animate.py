@@ -74,7 +74,7 @@ def animate(
     ffmpeg = find_ffmpeg(out) if kind == ".mp4" else ""
     heed(None, patience=0)  # any signal raises KeyboardInterrupt, after which no half file stays
     opened, going = open_folder(run, key)
-    first, last = _span(opened, begin, end)
+    first, last = _tick_span(opened, begin, end)
     pace = speed or max(math.ceil((last - first) * opened.step / LENGTH_S), 1)
     if frame_count(first, last, opened.step, pace, fps) > MOST_FRAMES:
         raise BadInput(
@@ -105,7 +105,7 @@ def animate(
     typer.echo(printable(f"film: {out}, {out.stat().st_size / 1e6:.1f} MB, {len(ticks)} frames, {shown}"))
 
 
-def _span(run: Run, begin: float, end: float | None) -> tuple[int, int]:
+def _tick_span(run: Run, begin: float, end: float | None) -> tuple[int, int]:
     """Return the first and the last tick between two times, s; the whole run's last tick if `end` is None."""
     last = run.ticks - 1
     length = last * run.step

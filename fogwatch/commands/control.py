@@ -94,14 +94,14 @@ def control(
     word replaces them or heal ends them, with the id in the answer. A closure closes once all robots are clear of it.
 
     Robots that no world simulates, such as ROS 2 robots, can be told to stop, and to be released. They answer
-    themselves, when they stand; one that is stopped stands until whoever stopped it releases it, also when its agent
-    is started again meanwhile.
+    themselves, when they stand; one that is stopped stands until the same operator
+    releases it, also when its agent is started again meanwhile.
     """
     if do in OF_ROBOTS:
-        return _stop(run, do, value, fleet, wait)
+        return _stop_robots(run, do, value, fleet, wait)
     if fleet is not None:
         raise BadInput(f"--fleet {fleet}: is for stop and release; leave the option out")
-    asked = control_of(do, value)
+    request = control_of(do, value)
     from patrol.messages.stop_orders import robots_there
     from patrol.net.link import LinkDown, open_link
     from patrol.scenario.controls import read_control
@@ -109,7 +109,7 @@ def control(
     from patrol.security.control_auth import ControlClient, Unanswered
     from patrol.security.keys import WORLD, fleet_keys
 
-    read_control(asked)
+    read_control(request)
     access = read_access(run, "control")
     keys = fleet_keys(access.fleet)
     try:
@@ -122,7 +122,7 @@ def control(
             typer.echo(printable(f"fogwatch: {why}, as in: fogwatch control {run} stop"), err=True)
             return UNANSWERED
         client = ControlClient(link, keys, access.token, time.monotonic, os.urandom)
-        operated = client.ask(asked, wait)
+        operated = client.ask(request, wait)
     except Unanswered as unanswered:
         revocable = access.credentials is not None and access.credentials.folder is not None
         typer.echo(f"fogwatch: {unanswered}{', or this operator was revoked' if revocable else ''}", err=True)
@@ -135,7 +135,7 @@ def control(
     return 0 if operated.answer.done else REFUSED
 
 
-def _stop(run: Path, do: str, robot: str | None, fleet: str | None, wait: float) -> int:
+def _stop_robots(run: Path, do: str, robot: str | None, fleet: str | None, wait: float) -> int:
     """Ask robots to stop, or release them; the exit code."""
     from patrol.messages.stop_orders import Order, ask_robots, robots_to_ask
     from patrol.net.link import LinkDown, open_link
@@ -172,11 +172,11 @@ def _stop(run: Path, do: str, robot: str | None, fleet: str | None, wait: float)
         remedy = "; use another way to stop what is left" if do == "stop" else ""
         if silent and simulated:
             hold, kind = ("pause", "pause") if do == "stop" else ("go", "resume")
-            at = run if fleet is None else "RUN"  # a router's address gives no right to control a world
+            target = run if fleet is None else "RUN"  # a router's address gives no right to control a world
             remedy = (
                 f"; a world simulates this fleet, and its robots take no orders: control the world with "
-                f"fogwatch control {at} {hold}, or the robots' processes with "
-                f"fogwatch control {at} fault '{{kind: {kind}, who: {robot or 'all'}}}'"
+                f"fogwatch control {target} {hold}, or the robots' processes with "
+                f"fogwatch control {target} fault '{{kind: {kind}, who: {robot or 'all'}}}'"
             )
         typer.echo(f"fogwatch: fleet {keys.fleet}: {who}{remedy}", err=True)
         return UNANSWERED
@@ -191,8 +191,8 @@ def control_of(do: str, value: str | None) -> dict[str, Any]:
     from patrol.files.yaml_text import parse_yaml
     from patrol.scenario.controls import CONTROLS, EXAMPLES
 
-    if do not in (known := (*CONTROLS, *OF_CLOSURES)):
-        raise BadInput(f"control: {quoted(do)}: {did_you_mean(do, (*known, *OF_ROBOTS))}")
+    if do not in (choices := (*CONTROLS, *OF_CLOSURES)):
+        raise BadInput(f"control: {quoted(do)}: {did_you_mean(do, (*choices, *OF_ROBOTS))}")
     if do in OF_CLOSURES:
         if value is None:
             raise BadInput(f"control {do}: give the name of a closure too, such as door")
@@ -211,9 +211,9 @@ def control_of(do: str, value: str | None) -> dict[str, Any]:
         return {"do": do, field: value}
     if do == "pace" and value == "max":
         return {"do": do, field: None}
-    given = parse_yaml(value, f"control {do}")
-    if do in {"intruder", "zone"} and isinstance(given, dict):
-        return {"do": do, **given}
+    parsed = parse_yaml(value, f"control {do}")
+    if do in {"intruder", "zone"} and isinstance(parsed, dict):
+        return {"do": do, **parsed}
     if do == "zone":
         raise BadInput(FOR_A_ZONE)
-    return {"do": do, field: given}
+    return {"do": do, field: parsed}

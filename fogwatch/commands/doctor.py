@@ -54,9 +54,9 @@ def doctor(
     from patrol.net.link import LinkDown
     from patrol.security.credentials import read_credentials
     from patrol.security.keys import check_locator
-    from ros2.doctor import Wanted, examine, survey
-    from ros2.robot.localisation import Source
-    from ros2.robot.options import topics_given
+    from ros2.doctor import examine, survey
+    from ros2.robot.localisation import LocalisationSettings, Source
+    from ros2.robot.options import DriveSettings, topics_given
     from ros2.wire.formats import RmwZenoh
     from ros2.wire.link import open_ros2
     from ros2.wire.names import NodeName, check_name, domain_given
@@ -64,9 +64,10 @@ def doctor(
     check_locator(connect, "--connect")
     check_name(namespace, "--namespace")
     number = domain_given(domain)
-    if localisation not in (known := [one.value for one in Source]):
-        raise BadInput(f"--localisation {localisation}: unknown; give {', '.join(known)}")
-    wanted = Wanted(topics_given(topic or ()), Source(localisation), map_frame, use_sim_time)
+    if localisation not in (sources := [source.value for source in Source]):
+        raise BadInput(f"--localisation {localisation}: unknown; give {', '.join(sources)}")
+    settings = LocalisationSettings(Source(localisation), map_frame)
+    wanted = DriveSettings(localisation=settings, sim_time=use_sim_time, topics=topics_given(topic or ()))
     if not 0.1 <= seconds <= 600.0:
         raise BadInput(f"--seconds {seconds:g}: expected 0.1 to 600")
     member = None if credentials is None else read_credentials(credentials, "--credentials")
@@ -76,11 +77,11 @@ def doctor(
     except LinkDown as down:
         raise BadInput(f"--connect: {down}; is the robot's router running?") from None
     try:
-        found = examine(survey(link, number, namespace, wanted, seconds))
+        examination = examine(survey(link, number, namespace, wanted, seconds))
     finally:
         link.close()
-    typer.echo(json.dumps(_as_json(found), indent=2) if as_json else _as_text(found, connect))
-    return 0 if found.fit else UNFIT
+    typer.echo(json.dumps(_as_json(examination), indent=2) if as_json else _as_text(examination, connect))
+    return 0 if examination.fit else UNFIT
 
 
 def _as_json(found: Examined) -> dict[str, Any]:

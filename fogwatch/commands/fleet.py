@@ -29,7 +29,7 @@ LONGEST_WAIT_S = 86400.0
 
 @dataclass(frozen=True)
 class FleetOptions:
-    """Where a running fleet is."""
+    """The router or credentials by which a running fleet is reached."""
 
     credentials: Annotated[
         Path | None,
@@ -50,11 +50,11 @@ class FleetOptions:
 
     def check_one_fleet(self, command: str, run: Path | None) -> None:
         """Check that a command is given one of the folder of a run, credentials, or a router and a fleet's name."""
-        others = [each for each in (self.router, self.fleet) if each is not None]
+        addresses = [value for value in (self.router, self.fleet) if value is not None]
         if self.credentials is None and run is None:
-            is_one = len(others) == 2
+            is_one = len(addresses) == 2
         else:
-            is_one = run is None or not (others or self.credentials)
+            is_one = run is None or not (addresses or self.credentials)
         if not is_one:
             raise BadInput(
                 f"{command}: name a run's folder, or --router and --fleet of a running fleet, or --credentials"
@@ -159,23 +159,27 @@ def init(
     without one listen on any free UDP port: where firewalls stand between the robots, give each a HOST. With --host,
     all meet at a router, which has a folder too. Without any address, the router can be reached from this machine only.
 
-    Copy each folder to its machine, readable by its user alone. The folder of the authority stays where it is: whoever
-    has it can make members.
+    Copy each folder to its machine, readable by its user alone. The folder of the authority stays where it is: with it,
+    anyone can make members.
     """
     from fogwatch.fleets.folder import make_fleet
 
     _check_days(days)
-    names, places = _robots(robots)
+    names, places = _read_robots(robots)
     if places and host:
         raise BadInput(
             f"--host {host[0]}: is a router's address, and robots with addresses meet without one; choose one"
         )
-    made = make_fleet(folder, name or folder.name, names, host or [], port, days, places)
+    new_fleet = make_fleet(folder, name or folder.name, names, host or [], port, days, places)
     members = ", ".join(
         sorted(entry.name for entry in folder.iterdir() if entry.is_dir() and entry.name != "authority")
     )
-    where = f"without a router; {', '.join(made.places.values())}" if made.is_mesh else f"router at {made.router}"
-    typer.echo(printable(f"{folder}: fleet {made.fleet}, {where}; copy each folder to its machine: {members}"))
+    where = (
+        f"without a router; {', '.join(new_fleet.places.values())}"
+        if new_fleet.is_mesh
+        else f"router at {new_fleet.router}"
+    )
+    typer.echo(printable(f"{folder}: fleet {new_fleet.fleet}, {where}; copy each folder to its machine: {members}"))
 
 
 @command(app, examples=["fogwatch fleet add yards-1 r4"])
@@ -213,7 +217,7 @@ def add(
             return
         role = member_role(member)
         fleet.add(role, days, host[0] if host else None)
-    typer.echo(printable(f"{folder / role.name}: copy it to its machine; {_restart(fleet)}"))
+    typer.echo(printable(f"{folder / role.name}: copy it to its machine; {_restart_text(fleet)}"))
 
 
 @command(app, examples=["fogwatch fleet revoke yards-1 r2"])
@@ -235,12 +239,12 @@ def revoke(
         )
     role = member_role(member)
     with fleet_to_change(folder) as fleet:
-        other = fleet.revoke(role, DAYS)
-    typer.echo(printable(f"{member}: revoked; {_restart(fleet)}"))
-    if other is not None:
-        restart = ", and restart the world" if other.kind is Kind.WORLD else ""
+        renewed = fleet.revoke(role, DAYS)
+    typer.echo(printable(f"{member}: revoked; {_restart_text(fleet)}"))
+    if renewed is not None:
+        restart = ", and restart the world" if renewed.kind is Kind.WORLD else ""
         typer.echo(
-            printable(f"there is a new token for operators: copy {folder / other.name} to its machine again{restart}")
+            printable(f"there is a new token for operators: copy {folder / renewed.name} to its machine again{restart}")
         )
 
 
@@ -272,7 +276,7 @@ def robot_router(
     """Make the configuration of a ROS 2 robot's Zenoh router, so that only its agent can drive it over the network.
 
     The robot's own programs connect as before, over loopback. Members of the fleet come over TLS with certificates: the
-    robot's agent may command it, a viewer may look. Nobody else is let in.
+    robot's agent may command it, a viewer may look. No other process is let in.
     """
     from fogwatch.fleets.folder import open_fleet_folder
     from fogwatch.robot_router import FILE, make_robot_router
@@ -285,10 +289,10 @@ def robot_router(
     spoken = format_named(form, check_domain(domain, "--domain"), "--format")
     topics = [check_name(topic, "--command") for topic in command_topic or COMMANDS]
     fleet = open_fleet_folder(folder)
-    made = make_robot_router(fleet, robot, spoken, namespace, host or [], port, place, days, commands=topics)
-    lies = made if place is None else place
+    path = make_robot_router(fleet, robot, spoken, namespace, host or [], port, place, days, commands=topics)
+    lies = path if place is None else place
     typer.echo(
-        f"{made}: copy it to the robot as {lies}, and start its router with ZENOH_ROUTER_CONFIG_URI={lies / FILE}; its "
+        f"{path}: copy it to the robot as {lies}, and start its router with ZENOH_ROUTER_CONFIG_URI={lies / FILE}; its "
         f"agent then connects with --connect tls/{(host or ['127.0.0.1'])[0]}:{port} --credentials {folder / robot}"
     )
 
@@ -321,7 +325,7 @@ def key(path: Annotated[Path, typer.Argument(metavar="FILE", help="File to write
 _RESTART = "copy {} to the router's machine, and restart the router"
 
 
-def _restart(fleet: FleetFolder) -> str:
+def _restart_text(fleet: FleetFolder) -> str:
     """Return how others learn of a change."""
     from fogwatch.fleets.folder import THE_ROUTER
     from patrol.security.mesh import MESH
@@ -331,9 +335,9 @@ def _restart(fleet: FleetFolder) -> str:
     return _RESTART.format(fleet.path / THE_ROUTER)
 
 
-def _robots(text: str) -> tuple[list[str], dict[str, str]]:
+def _read_robots(text: str) -> tuple[list[str], dict[str, str]]:
     """Return the robots' names, and the hosts of those that have one."""
-    pairs = [one.strip().partition("=") for one in text.split(",")]
+    pairs = [entry.strip().partition("=") for entry in text.split(",")]
     return [name for name, _, _ in pairs], {name: host for name, equals, host in pairs if equals}
 
 

@@ -51,16 +51,16 @@ def judge(
     from worldsim.verdict.agreement import differences, missing, not_repeated
 
     journal = journal_in(run)
-    stated = read_summary(run / SUMMARY)
+    stated_summary = read_summary(run / SUMMARY)
     warm(("patrol", "worldsim"), lambda line: typer.echo(line, err=True))
     loaded = _with_key(prepared_in(run, journal), key)
-    codes = {} if stated is None else stated.exit_codes
+    codes = {} if stated_summary is None else stated_summary.exit_codes
     edited = not _same_scenario(loaded, journal)
-    verdict, summary = _judged(journal, loaded, codes)
+    verdict, summary = _judge_journal(journal, loaded, codes)
     recomputed = json.loads(json.dumps(summary.document()))
-    as_stated = {} if stated is None else stated.document()
+    as_stated = {} if stated_summary is None else stated_summary.document()
     differing = differences(as_stated, recomputed)
-    unstated = [] if stated is None else missing(as_stated, recomputed)
+    unstated = [] if stated_summary is None else missing(as_stated, recomputed)
     unrepeated = not_repeated(as_stated, recomputed)
     trace = trace_hash(journal.ticks, loaded.scenario.spares)
     if as_json:
@@ -73,20 +73,28 @@ def judge(
             "mfow_mean_s": recomputed["mfow_mean_s"],
             "exit_codes": codes,
             "scenario_agrees": not edited,
-            "summary_agrees": None if stated is None else not differing,
+            "summary_agrees": None if stated_summary is None else not differing,
             "differences": [asdict(difference) for difference in differing],
             "not_in_summary": unstated,
             "not_repeated": unrepeated,
         }
         typer.echo(json.dumps(facts, indent=2))
     else:
-        _print(
-            summary, loaded.scenario.duration, trace, codes, stated is not None, differing, unstated, unrepeated, edited
+        _print_judgement(
+            summary,
+            loaded.scenario.duration,
+            trace,
+            codes,
+            stated_summary is not None,
+            differing,
+            unstated,
+            unrepeated,
+            edited,
         )
     return verdict.exit_code or (DISAGREES if differing or edited else 0)
 
 
-def _judged(journal: Journal, loaded: Prepared, codes: Mapping[str, int | None]) -> tuple[Verdict, Summary]:
+def _judge_journal(journal: Journal, loaded: Prepared, codes: Mapping[str, int | None]) -> tuple[Verdict, Summary]:
     """Return the verdict and the summary."""
     from worldsim.output.summary import summarise
     from worldsim.verdict.judge import judge as judged
@@ -101,8 +109,8 @@ def _with_key(prepared: Prepared, key: Path | None) -> Prepared:
     radio = prepared.scenario.radio
     if radio.key is None:
         return prepared
-    given = radio.model_copy(update={"key": str(key or NO_KEY)})
-    return replace(prepared, scenario=prepared.scenario.model_copy(update={"radio": given}))
+    keyed = radio.model_copy(update={"key": str(key or NO_KEY)})
+    return replace(prepared, scenario=prepared.scenario.model_copy(update={"radio": keyed}))
 
 
 def _same_scenario(loaded: Prepared, journal: Journal) -> bool:
@@ -115,13 +123,13 @@ def _same_scenario(loaded: Prepared, journal: Journal) -> bool:
     return same_but_for_files(loaded.scenario, journalled)
 
 
-def _end(summary: Summary, duration_s: float) -> str:
+def _end_text(summary: Summary, duration_s: float) -> str:
     """Say how much of its time a run lasted: the verdict does not count an early end against it."""
     time = f"after {summary.simulated_s:g} s of {duration_s:g} s"
     return f"{time}: completed" if summary.ended == "completed" else f"early, {time}: {summary.ended or 'cut off'}"
 
 
-def _print(
+def _print_judgement(
     summary: Summary,
     duration_s: float,
     trace: str,
@@ -138,7 +146,7 @@ def _print(
 
     assert summary.verdict is not None
     print_verdict(Console(), summary.verdict)
-    typer.echo(printable(f"ended       {_end(summary, duration_s)}"))
+    typer.echo(printable(f"ended       {_end_text(summary, duration_s)}"))
     typer.echo(f"trace       {trace}")
     if codes:
         typer.echo(f"exit codes  of {len(codes)} processes, as summary.json states them: no journal holds any")

@@ -79,7 +79,7 @@ def check(
     for name, value in (("radius", radius), ("point", point), ("range", sensor_range)):
         if not (math.isfinite(value) and value > 0.0):
             raise BadInput(f"--{name} = {value:g}: expected a finite number above 0, in m")
-    starts = [_start(text) for text in start or []]
+    starts = [_read_start(text) for text in start or []]
     warm(("patrol",), lambda line: typer.echo(line, err=True), SELDOM)
     from fogwatch.grounds.map_check import check_map  # here: it imports kernels, which are compiled first
     from patrol.maps.doubts import doubts
@@ -91,22 +91,22 @@ def check(
     body = {"count": robots, "model": "holonomic", "radius": radius, "speed": speed}
     placed = {"starts": [[start.x, start.y] for start in starts[:robots]]} if starts else {}
     sensor = {"range": sensor_range, "line_of_sight": line_of_sight}
-    fleet = {"terrain": _terrain(what), "point": point, "robots": {**body, **placed}, "sensor": sensor}
+    fleet = {"terrain": _terrain_settings(what), "point": point, "robots": {**body, **placed}, "sensor": sensor}
     if docks is not None:
         if picture is None:
             raise BadInput(f"--docks {docks}: has an effect only with --picture; give it, or drop this one")
-        site["docks"] = _docks(what, docks)
+        site["docks"] = _read_docks(what, docks)
     if zones is not None:
         from fogwatch.grounds.scenario_notes import zone_lines  # here, as most checks have no zones
 
-        prepared = _fleet(fleet, "zones", zones)
+        prepared = _prepare_fleet(fleet, "zones", zones)
         before, report = report, check_map(prepared.terrain, radius, sensor_range, line_of_sight, starts)
         about = list(zone_lines(prepared, before, report))
         site["zones"] = prepared.scenario.zones
     if closures is not None:
         from fogwatch.grounds.scenario_notes import closure_lines  # here, as most checks have no closures
 
-        closing = _fleet(fleet, "closures", closures)
+        closing = _prepare_fleet(fleet, "closures", closures)
         about += closure_lines(closing)
         site["closures"] = closing.scenario.closures
     for line in doubts(terrain):
@@ -129,18 +129,18 @@ def check(
 
 def plain_lines(report: MapReport) -> Iterator[str]:
     """Yield the result of a map check as lines of text."""
-    yield f"{_headline(report.terrain)}; {_body(report)}"
-    for label, value, remark in _areas(report):
+    yield f"{_terrain_headline(report.terrain)}; {_body_text(report)}"
+    for label, value, remark in _area_rows(report):
         yield f"  {label:<12} {value:10.1f} m²  {remark}".rstrip()
     yield _sealed_headline(report)
     for number, part in enumerate(report.parts[:MOST_LINES], start=1):
-        yield f"  {number}: {part.area:.1f} m² around {_place(part)}: {_why(part)}"
+        yield f"  {number}: {part.area:.1f} m² around {_place(part)}: {_why_sealed(part)}"
     yield _doors_headline(report)
     for door in report.doors[:MOST_LINES]:
-        yield f"  {door.width:.2f} m at {_place(door)}: {_passing(door)}, {_consequence(door)}"
+        yield f"  {door.width:.2f} m at {_place(door)}: {_max_radius(door)}, {_door_consequence(door)}"
 
 
-def _headline(terrain: Terrain) -> str:
+def _terrain_headline(terrain: Terrain) -> str:
     """The terrain's name and size."""
     xmin, ymin, xmax, ymax = terrain.bounds
     about = (
@@ -150,13 +150,13 @@ def _headline(terrain: Terrain) -> str:
     return f"{terrain.name}{about}: {size}"
 
 
-def _body(report: MapReport) -> str:
+def _body_text(report: MapReport) -> str:
     """The body and the sensor that the report holds for."""
     sight = "line of sight" if report.line_of_sight else "through walls"
     return f"body radius {report.radius:g} m, sensor range {report.sensor_range:g} m, {sight}"
 
 
-def _areas(report: MapReport) -> list[tuple[str, float, str]]:
+def _area_rows(report: MapReport) -> list[tuple[str, float, str]]:
     """The report's areas: label, area in m² and remark of each."""
     blind = max(report.unseen - report.unseen_sealed, 0.0)
     unseen = f"{report.unseen_sealed:.1f} m² in sealed-off parts, {blind:.1f} m² in blind corners"
@@ -180,13 +180,13 @@ def _sealed_headline(report: MapReport) -> str:
     return f"sealed off: {parts}{shown}{f', and {small}' if small else ''}"
 
 
-def _why(part: SealedPart) -> str:
+def _why_sealed(part: SealedPart) -> str:
     """Tell why a part cannot be reached, and how much of it is seen from outside."""
     reason = part.reason
     if part.door is not None:
-        reason = f"its door at {_place(part.door)} is too narrow, {part.door.width:.2f} m, and {_passing(part.door)}"
+        reason = f"its door at {_place(part.door)} is too narrow, {part.door.width:.2f} m, and {_max_radius(part.door)}"
     where = "; touches the map's border" if part.at_border else ""
-    return f"{reason}{where}; {_share(part)} of it is seen from outside"
+    return f"{reason}{where}; {_seen_share(part)} of it is seen from outside"
 
 
 def _doors_headline(report: MapReport) -> str:
@@ -200,12 +200,12 @@ def _doors_headline(report: MapReport) -> str:
     )
 
 
-def _passing(door: Door) -> str:
+def _max_radius(door: Door) -> str:
     """The largest radius that passes a door, rounded down so that it does."""
     return f"lets a radius of {math.floor(100.0 * door.radius + 1e-6) / 100.0:.2f} m pass"
 
 
-def _consequence(door: Door) -> str:
+def _door_consequence(door: Door) -> str:
     """Tell the area that depends on a door."""
     return f"{'a wider body loses' if door.passes else 'this body loses'} {door.behind:.1f} m²"
 
@@ -215,7 +215,7 @@ def _place(at: SealedPart | Door) -> str:
     return f"({at.x:.2f}, {at.y:.2f})"
 
 
-def _share(part: SealedPart) -> str:
+def _seen_share(part: SealedPart) -> str:
     if part.seen == 0.0:
         return "nothing"
     percent = min(math.floor(100.0 * part.seen / part.area), 99)
@@ -223,48 +223,48 @@ def _share(part: SealedPart) -> str:
 
 
 def _print_tables(console: Console, report: MapReport) -> None:
-    console.print(_headline(report.terrain), style="bold", highlight=False, markup=False)
-    console.print(_body(report), highlight=False)
+    console.print(_terrain_headline(report.terrain), style="bold", highlight=False, markup=False)
+    console.print(_body_text(report), highlight=False)
     table = Table(box=None, show_header=False, pad_edge=False)
     table.add_column(style="cyan")
     table.add_column(justify="right")
     table.add_column(style="dim")
-    for label, value, remark in _areas(report):
+    for label, value, remark in _area_rows(report):
         table.add_row(label, f"{value:.1f} m²", remark)
     console.print(table)
     console.print(f"\n[bold]{_sealed_headline(report)}[/bold]", highlight=False)
     if report.parts:
         rows = [
-            (str(number), f"{part.area:.1f}", _place(part), _why(part))
+            (str(number), f"{part.area:.1f}", _place(part), _why_sealed(part))
             for number, part in enumerate(report.parts[:MOST_LINES], start=1)
         ]
-        console.print(_table(("#", "m²", "around (m)", "why"), rows))
+        console.print(_make_table(("#", "m²", "around (m)", "why"), rows))
     console.print(f"\n[bold]{_doors_headline(report)}[/bold]", highlight=False)
     if report.doors:
         lines = [
-            (f"{door.width:.2f}", _place(door), _yes(door.passes), _passing(door), f"{door.behind:.1f}")
+            (f"{door.width:.2f}", _place(door), _yes_or_no(door.passes), _max_radius(door), f"{door.behind:.1f}")
             for door in report.doors[:MOST_LINES]
         ]
-        console.print(_table(("width (m)", "at (m)", "passes", "", "m² behind"), lines))
+        console.print(_make_table(("width (m)", "at (m)", "passes", "", "m² behind"), lines))
 
 
-def _table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> Table:
+def _make_table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> Table:
     table = Table(*header, box=None, pad_edge=False, header_style="cyan")
     for row in rows:
         table.add_row(*row)
     return table
 
 
-def _yes(passes: bool) -> str:
+def _yes_or_no(passes: bool) -> str:
     return "yes" if passes else "[red]no[/red]"
 
 
-def _terrain(what: str) -> dict[str, str]:
+def _terrain_settings(what: str) -> dict[str, str]:
     """Return a map, or a built-in terrain, as a scenario names it."""
     return {"builtin": what} if what in LAYOUTS else {"map": str(Path(what).absolute())}
 
 
-def _fleet(fleet: Mapping[str, object], listed: str, file: Path) -> Prepared:
+def _prepare_fleet(fleet: Mapping[str, object], listed: str, file: Path) -> Prepared:
     """Return a fleet on a map with the zones or closures of a file."""
     from patrol.prepare import prepare
     from patrol.scenario import naming
@@ -275,17 +275,19 @@ def _fleet(fleet: Mapping[str, object], listed: str, file: Path) -> Prepared:
         return prepare(scenario)
 
 
-def _docks(what: str, file: Path) -> tuple[DockSpec, ...]:
+def _read_docks(what: str, file: Path) -> tuple[DockSpec, ...]:
     """Return the docks of a scenario file."""
     says = parse_yaml(read_text(file), str(file))
     listed = says.get("docks") if isinstance(says, dict) else None
     if not listed:
         raise BadInput(f"--docks {file}: has no docks; write for example 'docks: [{{place: [1, 7]}}]'")
     body = {"count": 1, "battery": {"capacity": 1000, "idle": 1, "charge": 1000}}
-    return load_scenario({"terrain": _terrain(what), "robots": body, "docks": listed}, called=f"--docks {file}").docks
+    return load_scenario(
+        {"terrain": _terrain_settings(what), "robots": body, "docks": listed}, called=f"--docks {file}"
+    ).docks
 
 
-def _start(text: str) -> Pose:
+def _read_start(text: str) -> Pose:
     parts = text.split(",")
     try:
         x, y = (float(part) for part in parts[:2])

@@ -57,7 +57,7 @@ def align(
             raise BadInput(f"--{name} = {value:g}: expected a finite number above 0, in m")
     if tolerance > MOST_OFF_M:
         raise BadInput(f"--tolerance = {tolerance:g}: allows anything; give at most {MOST_OFF_M:g}, in m")
-    pairs = [_pair(text) for text in landmark or []]
+    pairs = [_read_pair(text) for text in landmark or []]
     if picture is not None and picture.suffix.lower() != ".png":
         raise BadInput(f"--picture {picture}: expected a name that ends in .png")
     warm(("patrol",), lambda line: typer.echo(line, err=True), SELDOM)
@@ -92,15 +92,15 @@ def align(
         if agree < LEAST_AGREEMENT:
             typer.echo("few walls agree at these landmarks; look at --picture before you drive by it", err=True)
     else:
-        found = align_maps(a, b)
-        if picture is not None and found:  # also of a place that is refused, so that people see why
-            _draw(names, (a, b), found[0].transform, pairs, picture)
-        best = only_alignment(found)
+        alignments = align_maps(a, b)
+        if picture is not None and alignments:  # also of a place that is refused, so that people see why
+            _draw_overlay(names, (a, b), alignments[0].transform, pairs, picture)
+        best = only_alignment(alignments)
         transform = best.transform
-        others = f"; at the next best place {found[1].agreement:.0%}" if len(found) > 1 else ""
-        typer.echo(f"walls that agree: {best.agreement:.0%}{others}")
+        runner_up = f"; at the next best place {alignments[1].agreement:.0%}" if len(alignments) > 1 else ""
+        typer.echo(f"walls that agree: {best.agreement:.0%}{runner_up}")
     if pairs and picture is not None:
-        _draw(names, (a, b), transform, pairs, picture)
+        _draw_overlay(names, (a, b), transform, pairs, picture)
     turned = f"turned by {transform.heading:.4f} rad ({math.degrees(transform.heading):.1f} degrees)"
     typer.echo(printable(f"{own} on {ours}: its (0, 0) is at ({transform.x:.3f}, {transform.y:.3f}) m, {turned}"))
     typer.echo(f"--transform={spelled(transform)}")
@@ -114,11 +114,11 @@ def _check_places(pairs: list[tuple[Place, Place]], terrains: tuple[Terrain, Ter
             if not (xmin <= x <= xmax and ymin <= y <= ymax):
                 span = f"spans x {xmin:g} to {xmax:g} m and y {ymin:g} to {ymax:g} m"
                 raise BadInput(f"--landmark: ({x:g}, {y:g}) is not on {terrain.name}, which {span}")
-    apart = max(math.dist(one, other) for one, _ in pairs for other, _ in pairs)
+    apart = max(math.dist(first, second) for first, _ in pairs for second, _ in pairs)
     if len(pairs) > 1 and apart < APART_TOLERANCES * tolerance:
-        least = APART_TOLERANCES * tolerance
+        needed_m = APART_TOLERANCES * tolerance
         raise BadInput(
-            f"--landmark: all lie within {apart:.2f} m on A; give some at least {least:g} m apart, "
+            f"--landmark: all lie within {apart:.2f} m on A; give some at least {needed_m:g} m apart, "
             "or a smaller --tolerance"
         )
 
@@ -134,7 +134,7 @@ def _check_picture(picture: Path, terrains: tuple[Terrain, Terrain]) -> None:
                 raise BadInput(f"--picture {picture}: is a file of the map {terrain.name}; give another name")
 
 
-def _draw(
+def _draw_overlay(
     names: tuple[str, str],
     maps: tuple[WallMap, WallMap],
     transform: Pose,
@@ -147,7 +147,7 @@ def _draw(
     typer.echo(printable(f"picture: {picture}"))
 
 
-def _pair(text: str) -> tuple[Place, Place]:
+def _read_pair(text: str) -> tuple[Place, Place]:
     places = [part.split(",") for part in text.split("=")]
     try:
         (ax, ay), (bx, by) = ((float(x), float(y)) for x, y in places)

@@ -66,15 +66,15 @@ def regions(
     with naming(what, overrides):
         terrain = terrain_of(scenario)
     body = cspace_of(terrain, widest)
-    given = scenario.patrol.regions
+    by_hand = scenario.patrol.regions
     begun = time.perf_counter()
-    split = split_regions(terrain, body) if given is None else regions_by_hand(terrain, given)
+    split = split_regions(terrain, body) if by_hand is None else regions_by_hand(terrain, by_hand)
     split = split.for_body(terrain, body)
     took = time.perf_counter() - begun
-    for line in plain_lines(terrain, widest, split, took, given is not None):
+    for line in plain_lines(terrain, widest, split, took, by_hand is not None):
         typer.echo(line)
     if polygons is not None:
-        _write(polygons, split)
+        _write_polygons(polygons, split)
         typer.echo(printable(f"polygons: {polygons}"))
     if picture is not None:
         from fogwatch.pictures.region_map import region_picture  # here: its library is an extra
@@ -96,7 +96,7 @@ def plain_lines(terrain: Terrain, radius: float, split: RegionSplit, took: float
     areas = np.bincount(split.labels[split.labels >= 0], minlength=count) * terrain.point_area
     entered = np.unique(split.labels[split.parts >= 0]).size
     how = "given" if by_hand else "found"
-    yield f"regions: {_count(count, 'convex region')} {how} in {took:.2f} s; the body fits into {entered}"
+    yield f"regions: {_count_text(count, 'convex region')} {how} in {took:.2f} s; the body fits into {entered}"
     if count:
         smallest, middle, largest = areas.min(), float(np.median(areas)), areas.max()
         yield f"areas: {smallest:.1f} to {largest:.1f} m², median {middle:.1f} m²"
@@ -104,22 +104,24 @@ def plain_lines(terrain: Terrain, radius: float, split: RegionSplit, took: float
     shown = np.argsort(-areas, kind="stable")[:MOST_LINES]
     for number in map(int, shown):
         x, y = (float(np.mean(values)) for values in zip(*split.polygons[number], strict=True))
-        beside = sorted({other for link in split.connections if number in link.regions for other in link.regions})
-        names = ", ".join(str(other) for other in beside if other != number) or "none"
+        beside = sorted(
+            {neighbour for link in split.connections if number in link.regions for neighbour in link.regions}
+        )
+        names = ", ".join(str(neighbour) for neighbour in beside if neighbour != number) or "none"
         yield f"  {number}: {areas[number]:.1f} m² around ({x:.2f}, {y:.2f}), connected to {names}"
     if count > MOST_LINES:
         yield f"  and {count - MOST_LINES} smaller ones"
 
 
-def _count(count: int, what: str) -> str:
+def _count_text(count: int, what: str) -> str:
     return f"{count} {what}{'' if count == 1 else 's'}"
 
 
-def _write(out: Path, split: RegionSplit) -> None:
+def _write_polygons(out: Path, split: RegionSplit) -> None:
     """Write the polygons as YAML for a scenario file, to the millimetre."""
     corners = [", ".join(f"[{x:.3f}, {y:.3f}]" for x, y in polygon) for polygon in split.polygons]
     begin = ["patrol:", "  policy: potential-field", "  options:", "    paths: regions", "    regions: # m"]
-    lines = [*begin, *(f"      - [{each}]" for each in corners), ""]
+    lines = [*begin, *(f"      - [{corner}]" for corner in corners), ""]
     try:
         out.write_text("\n".join(lines), encoding="utf-8")
     except OSError as error:

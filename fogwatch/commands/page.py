@@ -25,7 +25,7 @@ EXIT_CODES = "2 bad input, 130 ended by Ctrl-C"
 
 @dataclass(frozen=True)
 class PageOptions:
-    """Where a page is served, and who may see it."""
+    """The address of a page, and the token that lets visitors in."""
 
     host: Annotated[str, option("HOST", "Address to serve on; other than the loopback address it needs --token.")] = (
         "127.0.0.1"
@@ -66,10 +66,10 @@ def replay(
 ) -> int:
     """Replay a run, or two, on a page in the browser, at any speed, forwards or backwards. Ctrl-C ends it."""
     if static is None:
-        return _serve(Namespace(replay=runs, key=key), page)
+        return _serve_page(Namespace(replay=runs, key=key), page)
     if page != PageOptions():
         raise BadInput(f"--static {static}: serves nothing; leave out --host, --page-port, --token and --browser")
-    return _save(runs, static, key)
+    return _save_page(runs, static, key)
 
 
 @command(
@@ -90,10 +90,10 @@ def monitor(
     robots without a world, with their --scenario, stop and release them. Given --credentials of a viewer, or --router
     and --fleet, it only shows the fleet. A fleet may have any number of pages.
     """
-    return _serve(fleet.as_source("monitor", run, wait, key), page)
+    return _serve_page(fleet.as_source("monitor", run, wait, key), page)
 
 
-def _save(folders: list[Path], out: Path, key: Path | None) -> int:
+def _save_page(folders: list[Path], out: Path, key: Path | None) -> int:
     """Write the page of a run, or of two, into a folder."""
     from monitor.replay.run_files import check_runs
 
@@ -115,7 +115,7 @@ def _save(folders: list[Path], out: Path, key: Path | None) -> int:
     return 0
 
 
-def _serve(what: Namespace, page: PageOptions) -> int:
+def _serve_page(what: Namespace, page: PageOptions) -> int:
     from monitor.process import serve, source_opener
     from patrol.process.lifeline import heed
 

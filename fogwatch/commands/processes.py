@@ -71,7 +71,7 @@ def agent(ctx: typer.Context) -> int:
     """
     from agent.process import main
 
-    return _code(main, ctx.args)
+    return _exit_code_of(main, ctx.args)
 
 
 @command(
@@ -88,7 +88,7 @@ def router(ctx: typer.Context) -> int:
     """
     from fogwatch.router import main
 
-    return _code(main, ctx.args)
+    return _exit_code_of(main, ctx.args)
 
 
 @command(
@@ -104,10 +104,10 @@ def robot_sim(ctx: typer.Context) -> int:
     """
     from ros2.sim.process import main
 
-    return _code(main, ctx.args)
+    return _exit_code_of(main, ctx.args)
 
 
-def _code(main: Callable[[Sequence[str]], int], words: Sequence[str]) -> int:
+def _exit_code_of(main: Callable[[Sequence[str]], int], words: Sequence[str]) -> int:
     """Return the exit code of a process's main function; argparse ends the process on help and on usage errors."""
     try:
         return main(words)

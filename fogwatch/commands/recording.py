@@ -48,7 +48,7 @@ def export(
     from monitor.tables.files import FORMATS, write_tables
     from monitor.tables.table import check_pyarrow
 
-    chosen = next((one for one in FORMATS if one == kind), None)
+    chosen = next((candidate for candidate in FORMATS if candidate == kind), None)
     if chosen is None:
         raise BadInput(f"--format {kind}: {did_you_mean(kind, FORMATS)}")
     folder = run / TABLES if out is None else out
@@ -104,7 +104,7 @@ def record(
             raise BadInput("FILE.mcap is missing; for example: fogwatch record --check yards.mcap")
         if out is not None or fleet != FleetOptions():
             raise BadInput("--check: records nothing; leave --out and the options of fleets out")
-        return _inspect(run, repair)
+        return _inspect_recording(run, repair)
     if repair is not None:
         raise BadInput(f"--repair {repair}: mends a recording that is there; add --check")
     fleet.check_one_fleet("record", run)
@@ -180,7 +180,7 @@ def _record_run(run: Path, out: Path | None) -> None:
     )
 
 
-def _inspect(file: Path, repair: Path | None) -> int:
+def _inspect_recording(file: Path, repair: Path | None) -> int:
     """Print what a recording holds and whether it is complete, and repair a damaged one; the exit code."""
     from monitor.recording.mcap_file import inspect_recording
 

@@ -68,7 +68,7 @@ def compare(
 
     check_out(out, "compare.html")
 
-    analyses = [_analysed(folder) for folder in runs]
+    analyses = [_analyse_folder(folder) for folder in runs]
     from monitor.report.compare import cautions, compare_html, contradictions, differences, drawings, names_of, rows_of
     from monitor.report.document import write_page
 
@@ -91,7 +91,7 @@ def compare(
     typer.echo(printable(f"comparison: {out}"))
 
 
-def _analysed(folder: Path) -> Analysis:
+def _analyse_folder(folder: Path) -> Analysis:
     opened, going = open_folder(folder)
     from monitor.report.analysis import analyse
 

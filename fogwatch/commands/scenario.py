@@ -83,9 +83,9 @@ def check(what: What, settings: Settings = None, patrol: Patrol = None) -> None:
         from worldsim.radio.models import model_named
 
         check_without_running(model_named(scenario))
-    given = sum(spec.start is not None for spec in scenario.roster)
+    fixed = sum(spec.start is not None for spec in scenario.roster)
     typer.echo(printable(f"{what}: can run"))
-    typer.echo(f"  {_starts(len(scenario.roster), given)}")
+    typer.echo(f"  {_starts_text(len(scenario.roster), fixed)}")
     unchecked = "" if scenario.patrol.policy in BUILT_IN else ", not run: a run checks its options"
     typer.echo(printable(f"  patrol: {describe_patrol(scenario.patrol.policy)}{unchecked}"))
     if scenario.sensor.kind not in BUILT_IN_SENSORS:
@@ -102,12 +102,12 @@ def check(what: What, settings: Settings = None, patrol: Patrol = None) -> None:
         typer.echo(printable(f"  warning: {line}"))
     if not scenario.docks and any(spec.battery is not None for spec in scenario.roster):
         typer.echo("  no docks, so batteries are never charged")
-    for line in _faults(scenario):
+    for line in _fault_lines(scenario):
         typer.echo(f"  {line}")
     typer.echo(f"  scenario hash {digest}")
 
 
-def _starts(robots: int, given: int) -> str:
+def _starts_text(robots: int, given: int) -> str:
     """Describe the number of robots, and how many of them start at a given place."""
     count = "1 robot" if robots == 1 else f"{robots} robots"
     if given == 0:
@@ -119,7 +119,7 @@ def _starts(robots: int, given: int) -> str:
     )
 
 
-def _faults(scenario: Scenario) -> Iterator[str]:
+def _fault_lines(scenario: Scenario) -> Iterator[str]:
     """The resolved faults: what happens, when and to whom."""
     if not scenario.faults:
         return
@@ -127,7 +127,7 @@ def _faults(scenario: Scenario) -> Iterator[str]:
 
     timeline, step = Timeline(scenario), scenario.step
     count = "1 fault" if len(timeline.entries) == 1 else f"{len(timeline.entries)} faults"
-    remains = _remains(scenario, timeline)
+    remains = _remaining_text(scenario, timeline)
     if timeline.healed is None:
         yield f"{count}, until the end{f'; {remains}' if remains else ''}"
     elif remains:
@@ -141,7 +141,7 @@ def _faults(scenario: Scenario) -> Iterator[str]:
         yield f"  {entry.id:<10} {entry.fault.kind:<10} {when:<16} {timeline.describe(entry)}"
 
 
-def _remains(scenario: Scenario, timeline: Timeline) -> str:
+def _remaining_text(scenario: Scenario, timeline: Timeline) -> str:
     """Which robots do not patrol at the end, and why; empty when all do."""
     from patrol.journal.records import Status
     from worldsim.faults import standing_at_the_end
@@ -150,7 +150,7 @@ def _remains(scenario: Scenario, timeline: Timeline) -> str:
     standing = standing_at_the_end(timeline, names, scenario.ticks)
     parts = []
     for status, words in ((Status.DEAD, "dead"), (Status.PAUSED, "paused"), (Status.LEFT, "away")):
-        who = [names[number] for number, found in standing.items() if found is status]
+        who = [names[number] for number, state in standing.items() if state is status]
         if who:
             all_of_many = len(who) == len(names) > 1
             verb = "stay" if len(who) > 1 else "stays"

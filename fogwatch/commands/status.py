@@ -57,13 +57,13 @@ def status(
     from patrol.process.lifeline import heed
     from patrol.scenario import load_scenario
 
-    what = fleet.as_source("status", run, wait)
+    source = fleet.as_source("status", run, wait)
     if not 0.1 <= seconds <= 600.0:
         raise BadInput(f"--seconds {seconds:g}: expected 0.1 to 600")
     if fleet.scenario is not None:
         load_scenario(fleet.scenario)
     ending = heed(None, patience=1)
-    fleet_watch = _open(what, seconds, 0.0 if watch else PATIENCE_S, ending)
+    fleet_watch = _open_watch(source, seconds, 0.0 if watch else PATIENCE_S, ending)
     if fleet_watch is None:
         return INTERRUPTED
     try:
@@ -75,11 +75,11 @@ def status(
 
 def once(fleet_watch: FleetWatch, seconds: float, ending: Ending, *, as_json: bool) -> int:
     """Listen for some seconds, print the state of a fleet, and return the exit code."""
-    seen = fleet_watch.look(seconds)
-    if ending or seen is None:
+    fleet_status = fleet_watch.look(seconds)
+    if ending or fleet_status is None:
         return INTERRUPTED
-    typer.echo(json.dumps(seen.as_json()) if as_json else seen.as_text())
-    return 0 if seen.well else WRONG
+    typer.echo(json.dumps(fleet_status.as_json()) if as_json else fleet_status.as_text())
+    return 0 if fleet_status.well else WRONG
 
 
 def follow(fleet_watch: FleetWatch, seconds: float, ending: Ending, *, as_json: bool) -> int:
@@ -116,7 +116,7 @@ def follow(fleet_watch: FleetWatch, seconds: float, ending: Ending, *, as_json: 
             live.stop()
 
 
-def _open(what: Namespace, silent_s: float, patience_s: float, ending: Ending) -> FleetWatch | None:
+def _open_watch(what: Namespace, silent_s: float, patience_s: float, ending: Ending) -> FleetWatch | None:
     """Connect to the fleet that the options name; None when asked to end meanwhile."""
     from fogwatch.status import SourceWatch, TokenWatch
     from monitor.live.attach import find_fleet
@@ -126,10 +126,10 @@ def _open(what: Namespace, silent_s: float, patience_s: float, ending: Ending) -
     from patrol.reporting.logs import Log
     from patrol.security.keys import WORLD, check_radio, is_serial
 
-    found = find_fleet(ending, what.access, what.credentials, what.router, what.fleet, what.wait, shown="status")
-    if found is None:
+    answer = find_fleet(ending, what.access, what.credentials, what.router, what.fleet, what.wait, shown="status")
+    if answer is None:
         return None
-    met: Meeting = found[0]
+    met: Meeting = answer[0]
     on_air = None if what.scenario is not None else check_radio(what.radio, "--radio", "direct")
     if on_air is not None and is_serial(on_air):
         raise BadInput(f"--radio {on_air}: robots have no names on a serial line; give their --scenario FILE as well")

@@ -42,7 +42,7 @@ def make_authority(folder: Path, fleet: str) -> None:
     subject = ("-subj", f"/O=fogwatch/CN={fleet[:50]} authority")
     extensions = ("-addext", "basicConstraints=critical,CA:TRUE,pathlen:0", "-addext", "keyUsage=critical,keyCertSign")
     files = ("-keyout", str(folder / KEY), "-out", str(folder / CERTIFICATE))
-    _openssl("req", "-x509", *_CURVE, *subject, *extensions, *files, "-days", str(AUTHORITY_DAYS))
+    _run_openssl("req", "-x509", *_CURVE, *subject, *extensions, *files, "-days", str(AUTHORITY_DAYS))
 
 
 def issue(
@@ -56,8 +56,8 @@ def issue(
     its address.
     """
     _check_regular(authority / KEY)
-    left = int(facts(authority / CERTIFICATE).ends_s - time.time()) // _DAY_S
-    if left < 1:
+    valid_days = int(facts(authority / CERTIFICATE).ends_s - time.time()) // _DAY_S
+    if valid_days < 1:
         raise BadInput(f"{authority}: the authority has expired, or does so within a day; make a new fleet")
     names = ",".join(f"{'IP' if _is_address(host) else 'DNS'}:{host}" for host in hosts)
     usage = "serverAuth,clientAuth" if hosts or listens else "clientAuth"
@@ -69,11 +69,11 @@ def issue(
         wish, extension_file = work / "wish.pem", work / "extensions"
         extension_file.write_text(extensions, encoding="ascii")
         subject = ("-subj", f"/O=fogwatch/CN={common_name}")
-        _openssl("req", "-new", *_CURVE, *subject, "-keyout", str(work / KEY), "-out", str(wish))
+        _run_openssl("req", "-new", *_CURVE, *subject, "-keyout", str(work / KEY), "-out", str(wish))
         signed = ("-CA", str(authority / CERTIFICATE), "-CAkey", str(authority / KEY), "-extfile", str(extension_file))
         serial = ("-set_serial", f"0x{os.urandom(16).hex()}")
-        output = ("-out", str(work / CERTIFICATE), "-days", str(min(days, left)))
-        _openssl("x509", "-req", "-in", str(wish), *signed, *serial, *output)
+        output = ("-out", str(work / CERTIFICATE), "-days", str(min(days, valid_days)))
+        _run_openssl("x509", "-req", "-in", str(wish), *signed, *serial, *output)
         shutil.copyfile(authority / CERTIFICATE, work / AUTHORITY)
         for name in (KEY, CERTIFICATE, AUTHORITY):  # all that can fail has been done: no key without its certificate
             (work / name).replace(folder / name)
@@ -82,7 +82,7 @@ def issue(
 def facts(certificate: Path) -> Facts:
     """Read the holder and the end of a certificate."""
     _check_regular(certificate)
-    text = _openssl("x509", "-noout", "-enddate", "-subject", "-nameopt", "multiline", "-in", str(certificate))
+    text = _run_openssl("x509", "-noout", "-enddate", "-subject", "-nameopt", "multiline", "-in", str(certificate))
     fields = {name.strip(): value.strip() for name, _, value in (line.partition("=") for line in text.splitlines())}
     return Facts(fields.get("commonName", _UNKNOWN_NAME), ssl.cert_time_to_seconds(fields["notAfter"]))
 
@@ -96,10 +96,10 @@ def problem(folder: Path, authority: Path) -> str:
         _check_regular(file)
     certificate, key = str(folder / CERTIFICATE), str(folder / KEY)
     try:
-        _openssl("verify", "-no_check_time", "-CAfile", str(authority), certificate)
+        _run_openssl("verify", "-no_check_time", "-CAfile", str(authority), certificate)
     except BadInput:
         return "is not signed by the fleet's authority"
-    if _openssl("x509", "-noout", "-pubkey", "-in", certificate) != _openssl("pkey", "-pubout", "-in", key):
+    if _run_openssl("x509", "-noout", "-pubkey", "-in", certificate) != _run_openssl("pkey", "-pubout", "-in", key):
         return "does not belong to the key beside it"
     return ""
 
@@ -120,7 +120,7 @@ def _check_regular(file: Path) -> None:
         raise BadInput(f"{file} cannot be read: {error.strerror}; restore it") from None
 
 
-def _openssl(*words: str) -> str:
+def _run_openssl(*words: str) -> str:
     """Run openssl; return what it prints. No secret is among its words, and only this user can read its files."""
     try:
         process = subprocess.run(["openssl", *words], capture_output=True, text=True, check=False, umask=0o077)

@@ -92,7 +92,7 @@ class FleetFolder:
         if not self.is_mesh:
             return None
         roles = {common_name: role_of(user, FILE) for user, common_name in self.members.items()}
-        return Mesh(self.fleet, roles, {user: place for user, place in self.places.items() if user in self.members})
+        return Mesh(self.fleet, roles, {user: address for user, address in self.places.items() if user in self.members})
 
     @property
     def listen(self) -> str:
@@ -118,13 +118,13 @@ class FleetFolder:
         number = self.issued.get(role.user, 0) + 1
         common_name = f"{role.user}.{number}"
         if host is not None:
-            taken = [place for user, place in self.places.items() if user != role.user]
-            self.places[role.user] = mesh_locator(checked_hosts([host], called)[0], self.port, taken)
+            addresses = [address for user, address in self.places.items() if user != role.user]
+            self.places[role.user] = mesh_locator(checked_hosts([host], called)[0], self.port, addresses)
         with _made_whole(folder) as part:
             issue(self.path / AUTHORITY_FOLDER, part, common_name, days, listens=self.is_mesh)
             self._write_member(role, part)
         self.issued[role.user], self.members[role.user] = number, common_name
-        self._save()
+        self._save_files()
 
     def revoke(self, role: Role, days: int) -> Role | None:
         """Take a member's rights away, and return the member whose folder must be copied again, or None.
@@ -136,22 +136,22 @@ class FleetFolder:
             names = ", ".join(sorted(role_of(user, FILE).name for user in self.members))
             raise BadInput(f"{role.name}: is no member of {self.fleet}; members are {names}")
         del self.members[role.user]
-        other = {WORLD_ROLE: OPERATOR, OPERATOR: WORLD_ROLE}.get(role)
-        if other is not None:
+        counterpart = {WORLD_ROLE: OPERATOR, OPERATOR: WORLD_ROLE}.get(role)
+        if counterpart is not None:
             self.token = os.urandom(16).hex()
-        if other is None or other.user not in self.members:
-            other = None
-        elif (self.path / other.name).is_dir():
-            self._write_member(other, self.path / other.name)
+        if counterpart is None or counterpart.user not in self.members:
+            counterpart = None
+        elif (self.path / counterpart.name).is_dir():
+            self._write_member(counterpart, self.path / counterpart.name)
         else:  # its folder was moved away, so the token cannot be written into it
-            del self.members[other.user]
-            self.add(other, days)
-        self._save()
+            del self.members[counterpart.user]
+            self.add(counterpart, days)
+        self._save_files()
         folder = self.path / role.name
         if folder.is_symlink():  # the folder that it leads to is not ours to remove
             folder.unlink()
         shutil.rmtree(folder, ignore_errors=True)
-        return other
+        return counterpart
 
     def renew_router(self, days: int, hosts: Sequence[str] = ()) -> None:
         """Issue a new certificate for the router, valid for `days`.
@@ -170,7 +170,7 @@ class FleetFolder:
             for role in (role_of(user, FILE) for user in self.members):
                 if (self.path / role.name).is_dir():
                     self._write_member(role, self.path / role.name)
-        self._save()
+        self._save_files()
 
     def check(self, now_s: float) -> Iterator[tuple[str, bool, str]]:
         """Check the credentials that lie in the folder; copies on other machines are not seen.
@@ -178,7 +178,7 @@ class FleetFolder:
         Yield the name that a line is about, whether all is well, and the line. `now_s` is Unix time.
         """
         try:
-            yield AUTHORITY_FOLDER, *_expiry(facts(self.path / AUTHORITY_FOLDER / CERTIFICATE).ends_s, now_s)
+            yield AUTHORITY_FOLDER, *_judge_expiry(facts(self.path / AUTHORITY_FOLDER / CERTIFICATE).ends_s, now_s)
         except BadInput as bad:
             yield AUTHORITY_FOLDER, False, str(bad)
         of_router = {} if self.is_mesh else {THE_ROUTER: ""}
@@ -192,7 +192,7 @@ class FleetFolder:
                 if (mesh := self.mesh) is not None and read_mesh(folder / MESH, "fleet") != mesh:
                     yield name, False, f"its {MESH} is an old one; copy {self.path / MESH} into it"
                     continue
-                yield name, *_judge(folder, self.path / AUTHORITY_FOLDER / CERTIFICATE, common_name, now_s)
+                yield name, *_judge_certificate(folder, self.path / AUTHORITY_FOLDER / CERTIFICATE, common_name, now_s)
             except BadInput as bad:
                 yield name, False, str(bad)
 
@@ -201,7 +201,7 @@ class FleetFolder:
         router = "" if self.is_mesh else self.router
         replace_private(folder / MEMBER, as_json(Credentials(self.fleet, router, role, token=token)))
 
-    def _save(self) -> None:
+    def _save_files(self) -> None:
         """Write fleet.json, and what follows from it: the router's rules, or the file of the mesh and its copies."""
         fields = {
             "fleet": self.fleet,
@@ -243,7 +243,7 @@ def make_fleet(
     if path.exists():
         raise BadInput(f"{path}: exists already; to add a member, use: fogwatch fleet add {path} NAME")
     keys = fleet_keys(fleet, "--name")
-    roles = [*map(_robot, robots), *(role for role in roles_of(robots) if role.kind is not Kind.ROBOT)]
+    roles = [*map(_robot_role, robots), *(role for role in roles_of(robots) if role.kind is not Kind.ROBOT)]
     if not _is_port(port):
         raise BadInput(f"--port {port}: ports go from 1 to {_LAST_PORT}; choose one of them")
     router_hosts = [] if places else checked_hosts(hosts) or [*LOCAL]
@@ -327,16 +327,16 @@ def open_fleet_folder(path: Path) -> FleetFolder:
 
 def member_role(name: str) -> Role:
     """Return the role of a member by its name in a fleet's folder: a robot's name, world, viewer or operator."""
-    return Role(Kind(name)) if name in RESERVED and name in list(Kind) else _robot(name)
+    return Role(Kind(name)) if name in RESERVED and name in list(Kind) else _robot_role(name)
 
 
-def _robot(name: str) -> Role:
+def _robot_role(name: str) -> Role:
     if name in RESERVED:
         raise BadInput(f"{name}: is a folder of every fleet, and cannot be a robot's name here; rename the robot")
     return robot_role(name)
 
 
-def _judge(folder: Path, authority: Path, common_name: str, now_s: float) -> tuple[bool, str]:
+def _judge_certificate(folder: Path, authority: Path, common_name: str, now_s: float) -> tuple[bool, str]:
     for name in (KEY, ROUTER if not common_name else MEMBER):
         check_private(folder / name, "fleet")
     if not (folder / AUTHORITY).is_file():
@@ -346,10 +346,10 @@ def _judge(folder: Path, authority: Path, common_name: str, now_s: float) -> tup
     certificate = facts(folder / CERTIFICATE)
     if common_name and certificate.common_name != common_name:
         return False, f"its certificate is for {certificate.common_name}, and the fleet's member is {common_name}"
-    return _expiry(certificate.ends_s, now_s)
+    return _judge_expiry(certificate.ends_s, now_s)
 
 
-def _expiry(ends_s: int, now_s: float) -> tuple[bool, str]:
+def _judge_expiry(ends_s: int, now_s: float) -> tuple[bool, str]:
     """Return whether a certificate is still valid, and until when."""
     day = time.strftime("%Y-%m-%d", time.gmtime(ends_s))
     if ends_s <= now_s:

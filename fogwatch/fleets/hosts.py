@@ -23,12 +23,12 @@ def checked_hosts(hosts: Sequence[str], called: str = "--host") -> list[str]:
 
     Refused is one by which other machines could not reach its machine. Errors name it by `called`.
     """
-    return [*dict.fromkeys(_checked(host, called) for host in hosts)]
+    return [*dict.fromkeys(_check_host(host, called) for host in hosts)]
 
 
 def member_locator(hosts: Sequence[str], port: int) -> str:
     """Return the locator that members use: that of the first of the router's checked hosts."""
-    return f"tls/{_authority(hosts[0], port)}"
+    return f"tls/{_join_authority(hosts[0], port)}"
 
 
 def mesh_locator(host: str, port: int, taken: Collection[str]) -> str:
@@ -37,12 +37,12 @@ def mesh_locator(host: str, port: int, taken: Collection[str]) -> str:
     Positions may be lost on it, the rest not. `port` is the first UDP port to try: one on the same host as a locator in
     `taken` needs another port.
     """
-    while (locator := f"quic/{_authority(host, port)}?mixed_rel=1") in taken:
+    while (locator := f"quic/{_join_authority(host, port)}?mixed_rel=1") in taken:
         port += 1
     return locator
 
 
-def _authority(host: str, port: int) -> str:
+def _join_authority(host: str, port: int) -> str:
     return f"[{host}]:{port}" if ":" in host else f"{host}:{port}"
 
 
@@ -53,7 +53,7 @@ def listening_locator(hosts: Sequence[str], port: int) -> str:
     return f"tls/{'[::]' if any(':' in host for host in hosts) else '0.0.0.0'}:{port}"
 
 
-def _checked(host: str, called: str) -> str:
+def _check_host(host: str, called: str) -> str:
     bare = host[1:-1] if host[:1] == "[" and host[-1:] == "]" else host
     try:
         address = ipaddress.ip_address(bare)

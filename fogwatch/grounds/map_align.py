@@ -111,7 +111,7 @@ def fit_landmarks(pairs: Sequence[tuple[Place, Place]]) -> tuple[Pose, list[floa
     if math.hypot(along, across) < 1e-9:
         raise BadInput("--landmark: all are at one place, or their turn is undecided; give two far from each other")
     heading = math.atan2(across, along)
-    corner = on_b.mean(axis=0) - _turned(on_a.mean(axis=0), heading)
+    corner = on_b.mean(axis=0) - _turn_places(on_a.mean(axis=0), heading)
     pose = Pose(float(corner[0]), float(corner[1]), heading)
     return pose, [float(off) for off in np.hypot(*(moved(on_a, pose) - on_b).T)]
 
@@ -122,11 +122,11 @@ def agreement(a: WallMap, b: WallMap, transform: Pose) -> float:
     `transform` is the pose of A's frame in B's.
     """
     hits = common = 0.0
-    for one, other, pose in ((a, b, transform), (b, a, inverted(transform))):
-        places = moved(one.places(), pose)
-        near = grown(other.walls)
-        hits += _count(near, other, places)
-        common += max(_count(other.known | near, other, places), LEAST_COMMON * len(places))
+    for source, target, pose in ((a, b, transform), (b, a, inverted(transform))):
+        places = moved(source.places(), pose)
+        near = grown(target.walls)
+        hits += _count_marked(near, target, places)
+        common += max(_count_marked(target.known | near, target, places), LEAST_COMMON * len(places))
     return hits / common
 
 
@@ -140,16 +140,16 @@ def align_maps(a: WallMap, b: WallMap) -> list[Alignment]:
     far = _Nearness(b, math.ceil(1.5 * cell / b.point))
     close = _Nearness(b, 3)
     some = walls[:: max(1, len(walls) // _MOST_WALLS)] - centre
-    kept: list[Alignment] = []
-    for pose in _coarse(a, centre, b, cell, radius):
-        found = _settled(some, far, pose, cell, 0.5 * b.point, radius)
-        found = _settled(some, close, found, 2.0 * b.point, 0.05 * b.point, radius)
-        transform = composed(found, Pose(-float(centre[0]), -float(centre[1]), 0.0))
-        kept.append(Alignment(transform, agreement(a, b, transform)))
-    kept.sort(key=lambda one: -one.agreement)
+    alignments: list[Alignment] = []
+    for pose in _coarse_poses(a, centre, b, cell, radius):
+        fitted = _settle_pose(some, far, pose, cell, 0.5 * b.point, radius)
+        fitted = _settle_pose(some, close, fitted, 2.0 * b.point, 0.05 * b.point, radius)
+        transform = composed(fitted, Pose(-float(centre[0]), -float(centre[1]), 0.0))
+        alignments.append(Alignment(transform, agreement(a, b, transform)))
+    alignments.sort(key=lambda one: -one.agreement)
     different: list[Alignment] = []
-    for one in kept:
-        if all(_apart(walls, one.transform, other.transform) > _APART * cell for other in different):
+    for one in alignments:
+        if all(_mean_distance(walls, one.transform, chosen.transform) > _APART * cell for chosen in different):
             different.append(one)
     return different
 
@@ -162,9 +162,9 @@ def only_alignment(found: Sequence[Alignment]) -> Alignment:
             f"the maps do not lie on each other: at best {best.agreement:.0%} of their walls agree, and "
             f"{LEAST_AGREEMENT:.0%} must; give two --landmark or more"
         )
-    rivals = [one for one in found[1:] if one.agreement > best.agreement - LEAST_LEAD]
+    rivals = [rival for rival in found[1:] if rival.agreement > best.agreement - LEAST_LEAD]
     if rivals:
-        places = "; ".join(f"{spelled(one.transform)} with {one.agreement:.0%}" for one in (best, *rivals[:3]))
+        places = "; ".join(f"{spelled(rival.transform)} with {rival.agreement:.0%}" for rival in (best, *rivals[:3]))
         raise BadInput(
             f"the maps lie on each other in {1 + len(rivals)} ways or more, {places} of their walls agreeing; "
             "give two --landmark or more, to say which is right"
@@ -179,25 +179,27 @@ def spelled(pose: Pose) -> str:
 
 def moved(places: Places, pose: Pose) -> Places:
     """Return places in a frame from those in a child of it, whose pose there is `pose`."""
-    return np.asarray(_turned(places, pose.heading) + np.array((pose.x, pose.y)))
+    return np.asarray(_turn_places(places, pose.heading) + np.array((pose.x, pose.y)))
 
 
-def _coarse(a: WallMap, centre: Places, b: WallMap, cell: float, radius: float) -> list[Pose]:
+def _coarse_poses(a: WallMap, centre: Places, b: WallMap, cell: float, radius: float) -> list[Pose]:
     """Return the best places of A's middle on a coarse grid, as poses of A turned about that."""
     walls = a.places() - centre
-    known = (a.places(a.known) - centre)[:: max(1, int(cell / a.point))]
-    known = known[np.hypot(*known.T) < radius]
+    known_points = (a.places(a.known) - centre)[:: max(1, int(cell / a.point))]
+    known_points = known_points[np.hypot(*known_points.T) < radius]
     side = 2 * math.ceil(radius / cell) + 4
     shape = tuple(math.ceil(count * b.point / cell) for count in b.walls.shape)
     sizes = [16 * math.ceil((count + side) / 16) for count in shape]
-    on_b, around_b = (_raster(b.places(mask) - np.array(b.origin), cell, shape) for mask in (b.walls, b.known))
+    on_b, around_b = (_raster_cells(b.places(mask) - np.array(b.origin), cell, shape) for mask in (b.walls, b.known))
     walls_b, near_b, known_b = (np.fft.rfft2(mask, sizes) for mask in (on_b, grown(on_b), around_b | grown(on_b)))
     turns = math.ceil(2.0 * math.pi * radius / (1.5 * cell))
     middle = np.full(2, 0.5 * side * cell)
     peaks: list[tuple[float, Pose]] = []
     for turn in range(turns):
         heading = 2.0 * math.pi * turn / turns
-        on_a, around_a = (_raster(_turned(some, heading) + middle, cell, (side, side)) for some in (walls, known))
+        on_a, around_a = (
+            _raster_cells(_turn_places(some, heading) + middle, cell, (side, side)) for some in (walls, known_points)
+        )
         near_a = grown(on_a)
         of_walls, of_near, of_known = (np.conj(np.fft.rfft2(mask, sizes)) for mask in (on_a, near_a, grown(around_a)))
         hits = np.fft.irfft2(of_walls * near_b + of_near * walls_b, sizes)
@@ -205,15 +207,17 @@ def _coarse(a: WallMap, centre: Places, b: WallMap, cell: float, radius: float) 
         common += np.maximum(np.fft.irfft2(of_known * walls_b, sizes), LEAST_COMMON * np.count_nonzero(on_b))
         score = hits / common
         for _ in range(_PEAKS):
-            place = np.unravel_index(int(score.argmax()), score.shape)
-            up, across = (int(at) - (int(at) >= size - side) * size for at, size in zip(place, sizes, strict=True))
+            peak_cell = np.unravel_index(int(score.argmax()), score.shape)
+            up, across = (
+                int(shift) - (int(shift) >= size - side) * size for shift, size in zip(peak_cell, sizes, strict=True)
+            )
             x, y = b.origin[0] + (across + side // 2) * cell, b.origin[1] + (up + side // 2) * cell
-            peaks.append((float(score[place]), Pose(x, y, heading)))
-            around = (np.arange(at - 2, at + 3) % size for at, size in zip(place, sizes, strict=True))
+            peaks.append((float(score[peak_cell]), Pose(x, y, heading)))
+            around = (np.arange(shift - 2, shift + 3) % size for shift, size in zip(peak_cell, sizes, strict=True))
             score[np.ix_(*around)] = 0.0
     best: list[Pose] = []
     for _, pose in sorted(peaks, key=lambda peak: -peak[0]):
-        if len(best) < _TRIED and all(_apart(walls, pose, other) > _APART * cell for other in best):
+        if len(best) < _TRIED and all(_mean_distance(walls, pose, earlier) > _APART * cell for earlier in best):
             best.append(pose)
     return best
 
@@ -234,10 +238,12 @@ class _Nearness:
     def of(self, places: Places) -> float:
         """Return the mean nearness of places, between points by bilinear interpolation; 0 off the map."""
         height, width = self._field.shape
-        at = (places - self._corner) / self._point - 0.5
-        at = at[(at >= 0.0).all(axis=1) & (at[:, 0] < width - 1) & (at[:, 1] < height - 1)]
-        low = at.astype(np.int64)
-        across, up = (at - low).T
+        positions = (places - self._corner) / self._point - 0.5
+        positions = positions[
+            (positions >= 0.0).all(axis=1) & (positions[:, 0] < width - 1) & (positions[:, 1] < height - 1)
+        ]
+        low = positions.astype(np.int64)
+        across, up = (positions - low).T
         col, row = low.T
         field = self._field
         below = field[row, col] * (1.0 - across) + field[row, col + 1] * across
@@ -245,7 +251,7 @@ class _Nearness:
         return float((below * (1.0 - up) + above * up).sum()) / len(places)
 
 
-def _settled(walls: Places, near: _Nearness, pose: Pose, step: float, least: float, radius: float) -> Pose:
+def _settle_pose(walls: Places, near: _Nearness, pose: Pose, step: float, least: float, radius: float) -> Pose:
     """Return the pose near another where walls are nearest to those of a map; in ever smaller steps, m."""
     best, score = pose, near.of(moved(walls, pose))
     while step >= least:
@@ -255,26 +261,26 @@ def _settled(walls: Places, near: _Nearness, pose: Pose, step: float, least: flo
             for x, y, heading in moves
             for sign in (1.0, -1.0)
         ]
-        scores = [near.of(moved(walls, one)) for one in tried]
-        place = int(np.argmax(scores))
-        if scores[place] > score:
-            best, score = tried[place], scores[place]
+        scores = [near.of(moved(walls, candidate)) for candidate in tried]
+        index = int(np.argmax(scores))
+        if scores[index] > score:
+            best, score = tried[index], scores[index]
         else:
             step *= 0.5
     return best
 
 
-def _apart(walls: Places, one: Pose, other: Pose) -> float:
+def _mean_distance(walls: Places, one: Pose, other: Pose) -> float:
     """Return how far two poses put the same walls apart, m: the mean of all."""
     return float(np.hypot(*(moved(walls, one) - moved(walls, other)).T).mean())
 
 
-def _turned(places: Places, heading: float) -> Places:
+def _turn_places(places: Places, heading: float) -> Places:
     cos, sin = math.cos(heading), math.sin(heading)
     return np.asarray(places @ np.array([[cos, sin], [-sin, cos]]))
 
 
-def _raster(places: Places, cell: float, shape: tuple[int, ...]) -> BoolGrid:
+def _raster_cells(places: Places, cell: float, shape: tuple[int, ...]) -> BoolGrid:
     """Return the cells that hold a place, which count from (0, 0)."""
     cells = np.floor(places / cell).astype(np.int64)
     mask = np.zeros(shape, dtype=np.bool_)
@@ -282,7 +288,7 @@ def _raster(places: Places, cell: float, shape: tuple[int, ...]) -> BoolGrid:
     return mask
 
 
-def _count(mask: BoolGrid, of: WallMap, places: Places) -> float:
+def _count_marked(mask: BoolGrid, of: WallMap, places: Places) -> float:
     """Count the places on marked points of a map."""
     cells = np.floor((places - of.origin) / of.point).astype(np.int64)
     inside = (cells >= 0).all(axis=1) & (cells[:, 0] < mask.shape[1]) & (cells[:, 1] < mask.shape[0])

@@ -92,15 +92,15 @@ def check_map(
         radius=radius,
         sensor_range=sensor_range,
         line_of_sight=line_of_sight,
-        free=_area(terrain, terrain.free),
-        fits=_area(terrain, fields.cspace),
-        reachable=_area(terrain, fields.reach),
-        patrolled=_area(terrain, fields.patrolled),
-        unseen=_area(terrain, unseen),
-        unseen_sealed=_area(terrain, unseen & in_parts),
+        free=_mask_area(terrain, terrain.free),
+        fits=_mask_area(terrain, fields.cspace),
+        reachable=_mask_area(terrain, fields.reach),
+        patrolled=_mask_area(terrain, fields.patrolled),
+        unseen=_mask_area(terrain, unseen),
+        unseen_sealed=_mask_area(terrain, unseen & in_parts),
         parts=tuple(part for part, _ in listed),
         small_parts=len(small) + rooms.crumb_count,
-        small_area=sum(small) + _area(terrain, rooms.crumbs),
+        small_area=sum(small) + _mask_area(terrain, rooms.crumbs),
         doors=tuple(rooms.doors()),
         sealed=sealed,
     )
@@ -119,22 +119,24 @@ def _sealed_parts(rooms: Rooms, fields: StaticFields, radius: float) -> list[tup
             continue
         points = rooms.points_of(rooms.leaves[side])
         why = why_out_of_reach(rooms.terrain, points, joined, fields.cspace, radius)
-        part = _part(rooms.terrain, fields, points, why, door)
+        part = _describe_part(rooms.terrain, fields, points, why, door)
         if part.standable or part.seen < part.area:
             parts.append((part, rooms.leaves[side]))
     return parts
 
 
-def _part(terrain: Terrain, fields: StaticFields, points: BoolGrid, reason: str, door: Door | None) -> SealedPart:
+def _describe_part(
+    terrain: Terrain, fields: StaticFields, points: BoolGrid, reason: str, door: Door | None
+) -> SealedPart:
     """Describe some rooms as one sealed-off part."""
     x, y = middle_of(terrain, points)
-    standable = _area(terrain, points & fields.cspace)
+    standable = _mask_area(terrain, points & fields.cspace)
     edges = (points[0], points[-1], points[:, 0], points[:, -1])
     return SealedPart(
         x=x,
         y=y,
-        area=_area(terrain, points),
-        seen=_area(terrain, points & fields.patrolled),
+        area=_mask_area(terrain, points),
+        seen=_mask_area(terrain, points & fields.patrolled),
         standable=standable,
         at_border=any(bool(edge.any()) for edge in edges),
         reason=reason,
@@ -142,5 +144,5 @@ def _part(terrain: Terrain, fields: StaticFields, points: BoolGrid, reason: str,
     )
 
 
-def _area(terrain: Terrain, mask: BoolGrid) -> float:
+def _mask_area(terrain: Terrain, mask: BoolGrid) -> float:
     return float(np.count_nonzero(mask) * terrain.point_area)

@@ -57,9 +57,9 @@ def zone_lines(prepared: Prepared, before: MapReport, after: MapReport) -> Itera
             slow = np.count_nonzero(points & before.fields.reach) * area
             yield f"  {zone.name}: at most {zone.speed:g} m/s on {slow:.1f} m² of reachable ground{times}"
             continue
-        seen = np.count_nonzero(points & prepared.patrolled) * area
-        wish = "" if zoned is None or zone.age is None else f"; {_wish(zone, zoned, prepared, robots)}"
-        yield f"  {zone.name}: weight {weights[zone.name]:g}, {seen:.1f} m² to patrol{wish}{times}"
+        seen_m2 = np.count_nonzero(points & prepared.patrolled) * area
+        wish = "" if zoned is None or zone.age is None else f"; {_wish_text(zone, zoned, prepared, robots)}"
+        yield f"  {zone.name}: weight {weights[zone.name]:g}, {seen_m2:.1f} m² to patrol{wish}{times}"
     inside = [points_of(zone, prepared.terrain) for zone in zones if zone.keep_out]
     if inside:
         cut = before.fields.reach & ~after.fields.reach & ~np.logical_or.reduce(inside)
@@ -69,18 +69,18 @@ def zone_lines(prepared: Prepared, before: MapReport, after: MapReport) -> Itera
         yield f"  beside and behind keep-outs: {cut_m2:.1f} m² more cannot be reached, {lost}"
 
 
-def _wish(zone: ZoneSpec, zoned: ZonedGround, prepared: Prepared, robots: int) -> str:
+def _wish_text(zone: ZoneSpec, zoned: ZonedGround, prepared: Prepared, robots: int) -> str:
     """Say whether robots can keep a zone's wanted age on the rounds of the best division, or else how many could."""
-    at = f"wanted age {zone.age:g} s"
+    wanted = f"wanted age {zone.age:g} s"
     if not zoned.rounds:
-        return f"{at}: not judged, as there are no rounds over these zones"
+        return f"{wanted}: not judged, as there are no rounds over these zones"
     points = points_of(zone, prepared.terrain) & prepared.patrolled
     number = zoned.classes.index(float(zoned.weights[points].min()))
     if zoned.wish_kept(zoned.divide(robots), number):
-        return f"{at}: {robots} robots can keep it"
+        return f"{wanted}: {robots} robots can keep it"
     enough = [n for n in range(robots + 1, MOST_ROBOTS + 1) if zoned.wish_kept(zoned.divide(n), number)]
     remedy = f"{enough[0]} robots could" if enough else f"nor could {MOST_ROBOTS}"
-    return f"{at}: cannot be kept by {robots} robots; {remedy}"
+    return f"{wanted}: cannot be kept by {robots} robots; {remedy}"
 
 
 def closure_lines(prepared: Prepared) -> Iterator[str]:
@@ -150,9 +150,9 @@ def _not_drawn(prepared: Prepared) -> list[str]:
         return [f"{free}: {why}"]
     if not isinstance(scenario.patrol, StochasticPatrol):
         return []
-    most = most_planned(float(prepared.patrolled.sum()) * scenario.point**2, scenario.sensor.range)
-    if scenario.team > most and not scenario.zones:
-        than = f"more than {math.floor(most)} share this ground" if most >= 1.0 else "the ground is so small"
+    limit = most_planned(float(prepared.patrolled.sum()) * scenario.point**2, scenario.sensor.range)
+    if scenario.team > limit and not scenario.zones:
+        than = f"more than {math.floor(limit)} share this ground" if limit >= 1.0 else "the ground is so small"
         return [f"{free}, while {than} (docs/algorithm.md#drawn-stations)"]
     if scenario.patrol.options.unpredictability == 0.0:
         return [f"patrol.options.unpredictability = 0: the best plan is followed, and nothing is drawn ({MEASURED})"]

@@ -35,7 +35,7 @@ class ProcessControlServer:
         self._children = children
         self._robots = robots
         self._restart = restart
-        self._thread = threading.Thread(target=self._serve, name="process-control", daemon=True)
+        self._thread = threading.Thread(target=self._serve_requests, name="process-control", daemon=True)
         self._thread.start()
 
     def close(self) -> None:
@@ -45,18 +45,18 @@ class ProcessControlServer:
         self._thread.join()
         self._end.close()
 
-    def _serve(self) -> None:
+    def _serve_requests(self) -> None:
         with self._end.makefile("rb") as lines, suppress(OSError):
             for line in lines:
-                self._end.sendall(self._answer(line))
+                self._end.sendall(self._answer_line(line))
 
-    def _answer(self, line: bytes) -> bytes:
+    def _answer_line(self, line: bytes) -> bytes:
         try:
-            return answer_line(state=self._perform(Request.read(line)))
+            return answer_line(state=self._perform_request(Request.read(line)))
         except Exception as error:  # noqa: BLE001 - the world reports any failure
             return answer_line(f"{type(error).__name__}: {error}")
 
-    def _perform(self, request: Request) -> str:
+    def _perform_request(self, request: Request) -> str:
         """Do what is asked for; return the state of a process when its pause begins and ends, and whether it ended."""
         name = self._robots[request.robot - 1]
         if request.do == "start":

@@ -47,11 +47,11 @@ class ForkServer:
         self._control, theirs = socket.socketpair()
         try:
             with theirs:
-                own = theirs.fileno()
-                arguments = ["--control", str(own), "--kernels", ",".join(kernels), "--room", room_for(commands)]
+                descriptor = theirs.fileno()
+                arguments = ["--control", str(descriptor), "--kernels", ",".join(kernels), "--room", room_for(commands)]
                 server = "agent.fork_server", arguments, log
                 self._child = children.spawn(
-                    FORK_SERVER, *server, inherit=[own], reports_start=True, environment=OF_MINDS
+                    FORK_SERVER, *server, inherit=[descriptor], reports_start=True, environment=OF_MINDS
                 )
         except BaseException:
             self._control.close()

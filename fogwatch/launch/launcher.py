@@ -101,22 +101,22 @@ class Launch:
         secrets = self._secrets = Secrets(self.fleet, self.robots)
         if self.alike and len(self.robots) > 1 and can_fork():  # before the others, because it has most to load
             commands = [self.children.command(AGENT, self._agent_arguments(name, LATEST)) for name in self.robots]
-            self._fork_server = ForkServer(self.children, self._log(FORK_SERVER), commands, self.kernels)
+            self._fork_server = ForkServer(self.children, self._log_file(FORK_SERVER), commands, self.kernels)
         self._start_router()
         secrets.for_members(self._endpoint)
         write_pointer(self.folder.access, self.fleet, self._endpoint, secrets.name)
         ours, theirs = socket.socketpair()
         with theirs:
-            own = ["--out", str(self.folder.path), "--process-control", str(theirs.fileno())]
-            arguments = [*self._common_arguments(secrets.of_world), *own]
-            self.children.spawn(WORLD, "worldsim", arguments, self._log(WORLD), inherit=[theirs.fileno()])
+            own_arguments = ["--out", str(self.folder.path), "--process-control", str(theirs.fileno())]
+            arguments = [*self._common_arguments(secrets.of_world), *own_arguments]
+            self.children.spawn(WORLD, "worldsim", arguments, self._log_file(WORLD), inherit=[theirs.fileno()])
         self._control = ProcessControlServer(ours, self.children, self.robots, self.restart)
         if self._fork_server is None:
             self._spawn_agents()
         if self.page:
             arguments = ["--access", str(self.folder.access), "--wait", PAGE_WAIT_S]
             arguments += [] if self.key is None else ["--key", self.key]
-            self._page_child = PageChild(self.children, arguments, self._log(PAGE), self.display.say)
+            self._page_child = PageChild(self.children, arguments, self._log_file(PAGE), self.display.say)
             self._page_child.start()
 
     def watch(self) -> None:
@@ -136,7 +136,7 @@ class Launch:
                 return
             raise LaunchFailed(str(down)) from None
         try:
-            self._watch(link)
+            self._watch_world(link)
         finally:
             link.close()
 
@@ -199,7 +199,7 @@ class Launch:
 
     def _spawn_router(self) -> Child:
         arguments = ["--fleet", str(self._of_run.for_router(self._endpoint))]
-        return self.children.spawn(ROUTER, "fogwatch.router", arguments, self._log(ROUTER), reports_start=True)
+        return self.children.spawn(ROUTER, "fogwatch.router", arguments, self._log_file(ROUTER), reports_start=True)
 
     @property
     def _of_run(self) -> Secrets:
@@ -220,7 +220,7 @@ class Launch:
     def _spawn_agent(self, name: str, incarnation: int) -> None:
         environment = dict(OF_MINDS) if self.alike else {}
         agent = self.children.spawn(
-            name, AGENT, self._agent_arguments(name, incarnation), self._log(name), environment=environment
+            name, AGENT, self._agent_arguments(name, incarnation), self._log_file(name), environment=environment
         )
         agent.incarnation = incarnation
 
@@ -228,12 +228,12 @@ class Launch:
         common = self._common_arguments(self._of_run.of_robot(name))
         return [*common, "--robot", name, "--incarnation", str(incarnation)]
 
-    def _log(self, name: str) -> Path:
+    def _log_file(self, name: str) -> Path:
         return self.folder.robot_log(name) if name in self.robots else self.folder.log(LOGS[name])
 
     # --- watching ----------------------------------------------------------------------------------------------------
 
-    def _watch(self, link: Link) -> None:
+    def _watch_world(self, link: Link) -> None:
         keys = fleet_keys(self.fleet)
         metrics, events = keys.truth(METRICS), keys.truth(EVENTS)
         measures = Mailbox([metrics], partial(read, Metrics), longest_metrics(len(self.robots)), room=1)
@@ -246,11 +246,11 @@ class Launch:
                 break
             if (arrived := measures.get(_TICK_S)) is not None:
                 self.display.metrics(arrived[1])
-            self._show(notices)
+            self._show_notices(notices)
             self._check_children()
-        self._show(notices)
+        self._show_notices(notices)
 
-    def _show(self, notices: Mailbox[Notice]) -> None:
+    def _show_notices(self, notices: Mailbox[Notice]) -> None:
         while (news := notices.get()) is not None:
             self.display.notice(news[1])
 

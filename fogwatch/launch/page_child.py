@@ -39,7 +39,7 @@ class PageChild:
             self._over = True
             self._say(f"no page: {missing[0]} is not installed (pip install 'fogwatch[monitor]')")
             return
-        self._spawn([])
+        self._spawn_page([])
 
     def check(self) -> None:
         """Show the address of a page that is ready; start one that has died again, at its address and with its key."""
@@ -54,9 +54,9 @@ class PageChild:
                 self._address = report.address
                 self._say(f"page: {report.address}?key={self._key}")
         if has_ended:
-            self._restart(page)
+            self._restart_page(page)
 
-    def _restart(self, page: Child) -> None:
+    def _restart_page(self, page: Child) -> None:
         if page.code == INTERRUPTED or self._restarts == MOST_RESTARTS:
             self._over = True
             self._say(page.describe_end())
@@ -64,9 +64,9 @@ class PageChild:
         self._restarts += 1
         self._say(f"{page.describe_exit()}; starting it again ({self._restarts} of {MOST_RESTARTS} times)")
         port = self._address.rpartition(":")[2].strip("/")
-        self._spawn(["--page-port", port] if port and self._announced else [])
+        self._spawn_page(["--page-port", port] if port and self._announced else [])
 
-    def _spawn(self, extra: Sequence[str]) -> None:
+    def _spawn_page(self, extra: Sequence[str]) -> None:
         self._announced = False
         arguments, key = [*self._arguments, *extra], {KEY: self._key}
         self._children.spawn(PAGE, "monitor", arguments, self._log, reports_start=True, environment=key)

@@ -49,11 +49,11 @@ class Secrets:
         self._router = ""
         self._lock = -1
         self._keeping = threading.Lock()  # robots are started again on a thread of its own
-        self.path = self._make()
+        self.path = self._make_folder()
 
     def for_router(self, listen: str) -> Path:
         """Write what the router needs to listen on a locator, and return the folder."""
-        self._keep()
+        self._keep_folder()
         folder = self.path / "router"
         folder.mkdir(mode=0o700, exist_ok=True)
         for file in (folder / USERS, folder / ROUTER):
@@ -66,38 +66,38 @@ class Secrets:
     def for_members(self, router: str) -> None:
         """Write the credentials of all roles; called once."""
         self._router = router
-        self._keep()
+        self._keep_folder()
 
     def of_robot(self, name: str) -> Path:
         """Return the file of a robot's credentials."""
-        return self._file(robot_role(name))
+        return self._credentials_file(robot_role(name))
 
     @property
     def of_world(self) -> Path:
         """The credentials of the world."""
-        return self._file(WORLD_ROLE)
+        return self._credentials_file(WORLD_ROLE)
 
     @property
     def of_viewer(self) -> Path:
         """The credentials of viewers."""
-        return self._file(VIEWER)
+        return self._credentials_file(VIEWER)
 
     def remove(self) -> None:
         """Remove the folder; what has been removed stays so."""
         shutil.rmtree(self.path, ignore_errors=True)
-        self._unlock()
+        self._unlock_folder()
 
-    def _file(self, role: Role) -> Path:
-        self._keep()
+    def _credentials_file(self, role: Role) -> Path:
+        self._keep_folder()
         return self.path / f"{role.user}.json"
 
-    def _keep(self) -> None:
+    def _keep_folder(self) -> None:
         """Make the folder anew if it has been cleared, and write the credentials that are missing in it."""
         with self._keeping:
             if not (self.path / _LOCK).exists():
                 shutil.rmtree(self.path, ignore_errors=True)
-                self._unlock()
-                self.path = self._make()
+                self._unlock_folder()
+                self.path = self._make_folder()
             for user, role in self._roles.items() if self._router else ():
                 file = self.path / f"{user}.json"
                 if not file.exists():
@@ -105,10 +105,10 @@ class Secrets:
                     credentials = Credentials(self._fleet, self._router, role, self._passwords[user], token)
                     replace_private(file, as_json(credentials))
 
-    def _make(self) -> Path:
+    def _make_folder(self) -> Path:
         """Make the folder, locked as long as this process lives. It gets its name last, so no sweep finds it open."""
-        root = _root()
-        _sweep(root)
+        root = _find_root()
+        _sweep_folders(root)
         part = root / f"{_PART}{self.name}"
         try:
             part.mkdir(mode=0o700)
@@ -119,13 +119,13 @@ class Secrets:
             shutil.rmtree(part, ignore_errors=True)
             raise
 
-    def _unlock(self) -> None:
+    def _unlock_folder(self) -> None:
         if self._lock >= 0:
             os.close(self._lock)
         self._lock = -1
 
 
-def _root() -> Path:
+def _find_root() -> Path:
     """Find a folder that private folders can be made in; the first that this user may make or has made."""
     tried = []
     for root in private_roots():
@@ -139,7 +139,7 @@ def _root() -> Path:
     )
 
 
-def _sweep(root: Path) -> None:
+def _sweep_folders(root: Path) -> None:
     """Remove the folders of launchers that are gone."""
     for folder in root.iterdir():
         if folder.name.startswith(_PART):  # of a launcher that is about to lock it, or was killed before it did

@@ -31,8 +31,8 @@ if TYPE_CHECKING:
     from patrol.scenario.policies import LearnedOptions
 
 
-def _raise(number: int, reason: str, error: BaseException | None) -> None:
-    """Let nobody train on a robot that stands because of an error of its own."""
+def _raise_error(number: int, reason: str, error: BaseException | None) -> None:
+    """Stop a training in which a robot stands because of an error of its own."""
     raise RuntimeError(f"r{number}: {reason}") from error
 
 
@@ -87,12 +87,12 @@ class Episode:
         self.over = False
         self._options = options
         self._driven: dict[int, Driven] = {}
-        kind = PolicyKind(LEARNED, self._drive, prepared.scenario.patrol.options, ours=True)
-        self._fleet = fleet_of(self.world, footprint, kind=kind, failure=_raise)
+        kind = PolicyKind(LEARNED, self._make_driven, prepared.scenario.patrol.options, ours=True)
+        self._fleet = fleet_of(self.world, footprint, kind=kind, failure=_raise_error)
         self.journal = MemoryJournal(header_of(self.world), keep)
         self._recorder = Recorder(self.journal, prepared.scenario.spares)
         self._acts = Acts(self.world, self._fleet)
-        self._begin()
+        self._begin_tick()
 
     @property
     def trace_hash(self) -> str:
@@ -129,7 +129,7 @@ class Episode:
         self._recorder.tick(records[0])
         for driven in self._driven.values():
             driven.action = None
-        self._begin()
+        self._begin_tick()
         return records[0]
 
     def will_be_alive(self, number: int) -> bool:
@@ -140,20 +140,20 @@ class Episode:
         """
         return self._acts.will_be_alive(number)
 
-    def _begin(self) -> None:
+    def _begin_tick(self) -> None:
         """Begin the next tick; after the last one only to know what robots see at the end."""
         if self.world.tick >= self.world.ticks:
-            self._end(COMPLETED)
+            self._end_recording(COMPLETED)
         elif not act_between_ticks(self.world, self._acts, self._recorder.event):
-            self._end(DESERTED)
+            self._end_recording(DESERTED)
         self._begun = begin_tick(self.world, self._fleet)
         self.views = self._fleet.look(self.world.tick, self._begun.heard)
 
-    def _end(self, reason: str) -> None:
+    def _end_recording(self, reason: str) -> None:
         self.over = True
         self._recorder.end(reason)
 
-    def _drive(self, setup: PolicySetup) -> Driven:
+    def _make_driven(self, setup: PolicySetup) -> Driven:
         """Make the policy of a robot's new process."""
         self._driven[setup.robot.spec.number] = driven = Driven(Decisions(setup, self._options))
         return driven

@@ -60,8 +60,8 @@ class OneRobotEnv(gymnasium.Env[Parts, Any]):
         agent = self._agent
         if not self.fleet.agents:
             raise gymnasium.error.ResetNeeded(NO_EPISODE)
-        observations, rewards, gone, ended, infos = self.fleet.step({agent: action})
-        return observations[agent], rewards[agent], gone[agent], ended[agent], infos[agent]
+        observations, rewards, terminated, ended, infos = self.fleet.step({agent: action})
+        return observations[agent], rewards[agent], terminated[agent], ended[agent], infos[agent]
 
     def render(self) -> NoReturn:
         """Refuse to draw, as `PatrolEnv.render`."""

@@ -68,7 +68,7 @@ class PatrolEnv(ParallelEnv[str, Parts, Any]):  # type: ignore[misc] # PettingZo
         """
         self._source, self._overrides, self._keep = scenario, dict(overrides), keep
         self._reward = reward_of(reward)
-        self.prepared = self._prepare(None)
+        self.prepared = self._prepare_scenario(None)
         options = self.prepared.scenario.patrol.options
         assert isinstance(options, LearnedOptions)
         self.options = options
@@ -128,12 +128,12 @@ class PatrolEnv(ParallelEnv[str, Parts, Any]):  # type: ignore[misc] # PettingZo
         del options
         seed = self.scenario.seed + (self.episode is not None) if seed is None else operator.index(seed)
         if seed != self.scenario.seed:
-            self.prepared = self._prepare(seed)
+            self.prepared = self._prepare_scenario(seed)
         self._last = None
         self.episode = Episode(self.prepared, self.options, keep=self._keep)
         self.agents = [name for name, number in self._numbers.items() if self.episode.will_be_alive(number)]
         self._due = self._find_due(self.episode)
-        return self._observe(self.episode), self._infos(0)
+        return self._observe_robots(self.episode), self._make_infos(0)
 
     def step(
         self, actions: Mapping[str, Any]
@@ -162,7 +162,7 @@ class PatrolEnv(ParallelEnv[str, Parts, Any]):  # type: ignore[misc] # PettingZo
             if name not in self._numbers:
                 raise BadInput(f"{name}: no such agent; these are {', '.join(self.possible_agents)[:100]}")
             if self._numbers[name] in self._due:
-                episode.take(self._numbers[name], self._checked(name, action))
+                episode.take(self._numbers[name], self._check_action(name, action))
         reward, ticks = 0.0, 0
         waits = self.options.decide == "arrival"
         while not ticks or (waits and not self._due and not episode.over):
@@ -170,12 +170,12 @@ class PatrolEnv(ParallelEnv[str, Parts, Any]):  # type: ignore[misc] # PettingZo
             reward += self._reward(self._last, record, self.scenario.step)
             self._last, ticks = record, ticks + 1
             self._due = self._find_due(episode)
-        observations, infos = self._observe(episode), self._infos(ticks)
-        gone = {name: not episode.will_be_alive(self._numbers[name]) for name in self.agents}
-        ended = {name: episode.over and not gone[name] for name in self.agents}
+        observations, infos = self._observe_robots(episode), self._make_infos(ticks)
+        terminated = {name: not episode.will_be_alive(self._numbers[name]) for name in self.agents}
+        ended = {name: episode.over and not terminated[name] for name in self.agents}
         rewards = dict.fromkeys(self.agents, reward)
-        self.agents = [name for name in self.agents if not gone[name] and not ended[name]]
-        return observations, rewards, gone, ended, infos
+        self.agents = [name for name in self.agents if not terminated[name] and not ended[name]]
+        return observations, rewards, terminated, ended, infos
 
     def render(self) -> NoReturn:
         """Refuse to draw: the page and the pictures of a run show what was learned.
@@ -192,19 +192,19 @@ class PatrolEnv(ParallelEnv[str, Parts, Any]):  # type: ignore[misc] # PettingZo
         """Drop the episode."""
         self.episode, self.agents = None, []
 
-    def _checked(self, name: str, action: Any) -> Any:
+    def _check_action(self, name: str, action: Any) -> Any:
         """Return an action as its space has it; arrays of one number, as networks give them, are that number."""
         space = self._action_spaces[name]
-        given = np.asarray(action)
+        array = np.asarray(action)
         if isinstance(space, spaces.Discrete):
-            taken = given.reshape(-1)[0] if given.size == 1 and given.dtype.kind in "iu" else None
+            converted = array.reshape(-1)[0] if array.size == 1 and array.dtype.kind in "iu" else None
         else:
-            taken = given.astype(np.float32) if given.dtype.kind in "iuf" and given.shape == space.shape else None
-        if taken is None or not space.contains(taken):
+            converted = array.astype(np.float32) if array.dtype.kind in "iuf" and array.shape == space.shape else None
+        if converted is None or not space.contains(converted):
             raise BadInput(f"action of {name} = {action!r}: is not in {space}")
-        return int(taken) if isinstance(space, spaces.Discrete) else taken
+        return int(converted) if isinstance(space, spaces.Discrete) else converted
 
-    def _prepare(self, seed: int | None) -> Prepared:
+    def _prepare_scenario(self, seed: int | None) -> Prepared:
         overrides = self._overrides if seed is None else {**self._overrides, "seed": seed}
         scenario = scenario_of(self._source, overrides)
         check_in_process(scenario)
@@ -214,7 +214,7 @@ class PatrolEnv(ParallelEnv[str, Parts, Any]):  # type: ignore[misc] # PettingZo
     def _find_due(self, episode: Episode) -> set[int]:
         return {number for number, view in episode.views.items() if episode.decisions(number).is_due(view)}
 
-    def _observe(self, episode: Episode) -> dict[str, Parts]:
+    def _observe_robots(self, episode: Episode) -> dict[str, Parts]:
         observations: dict[str, Parts] = {}
         for name in self.agents:
             number = self._numbers[name]
@@ -229,7 +229,7 @@ class PatrolEnv(ParallelEnv[str, Parts, Any]):  # type: ignore[misc] # PettingZo
             observations[name] = parts
         return observations
 
-    def _infos(self, ticks: int) -> dict[str, dict[str, Any]]:
+    def _make_infos(self, ticks: int) -> dict[str, dict[str, Any]]:
         step, last = self.scenario.step, self._last
         mfow_s, mean_age_s = (0.0, 0.0) if last is None else (last.mfow * step, last.fog_mean * step)
         return {
@@ -291,8 +291,8 @@ def parallel_env(
     """
     if render_mode is not None:
         raise WrongArguments(f"render_mode = {quoted(render_mode)}: environments draw nothing; leave it out")
-    given = {"actions": actions, "decide": decide, "inputs": inputs, "window": window, "heard": heard}
-    settings = {f"patrol.options.{name}": value for name, value in given.items() if value is not None}
+    options = {"actions": actions, "decide": decide, "inputs": inputs, "window": window, "heard": heard}
+    settings = {f"patrol.options.{name}": value for name, value in options.items() if value is not None}
     if inputs is not None:
         settings["patrol.options.inputs"] = list(inputs)
     return PatrolEnv(scenario, {**(overrides or {}), "patrol.policy": LEARNED, **settings}, reward, keep=keep)

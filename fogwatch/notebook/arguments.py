@@ -63,7 +63,7 @@ def checked_arguments(function: Callable[P, T]) -> Callable[P, T]:
     def checked(*args: P.args, **kwargs: P.kwargs) -> T:
         name = function.__name__
         try:
-            given = signature.bind(*args, **kwargs)
+            bound = signature.bind(*args, **kwargs)
         except TypeError as error:
             unknown = [argument for argument in kwargs if argument not in signature.parameters]
             raise (
@@ -71,15 +71,15 @@ def checked_arguments(function: Callable[P, T]) -> Callable[P, T]:
                 if unknown
                 else WrongArguments(f"{name}(): {error}; help({name}) explains every argument")
             ) from None
-        for argument, value in given.arguments.items():
-            given.arguments[argument] = plain(value)
+        for argument, value in bound.arguments.items():
+            bound.arguments[argument] = plain(value)
             if argument in MAPPINGS and value is not None:
                 _check_mapping(argument, value)
             if argument == "progress" and value is not None and not callable(value):
                 raise BadInput(f"progress = {quoted(plain(value))}: expected a function, such as print")
             if argument in FOLDERS and not isinstance(value, str | os.PathLike | None):
                 raise BadInput(f"{argument} = {quoted(value)}: expected a folder, such as 'runs/first'")
-        return function(*given.args, **given.kwargs)
+        return function(*bound.args, **bound.kwargs)
 
     return checked
 
@@ -110,7 +110,7 @@ def _check_mapping(argument: str, value: object) -> None:
 def _no_argument(function: str, argument: str, value: object, signature: inspect.Signature) -> WrongArguments:
     field = FIELDS.get(argument, argument)
     ways = {"overrides": f"{{{field!r}: {value!r}}}", "grid": f"{{{field!r}: [{value!r}]}}"}
-    way = next((f"{name}={given}" for name, given in ways.items() if name in signature.parameters), None)
+    way = next((f"{name}={instead}" for name, instead in ways.items() if name in signature.parameters), None)
     if way is not None and field.partition(".")[0] in Scenario.model_fields:
         remedy = f"a field of the scenario is given as {way}"
     else:

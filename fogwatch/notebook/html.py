@@ -30,8 +30,8 @@ def table_html(table: Table) -> str:
         return f"<tr>{''.join(f'<{tag}>{escape(cell)}</{tag}>' for cell in cells)}</tr>"
 
     body = "".join(row("td", cells) for cells in table.rows[:MOST_ROWS])
-    more = len(table.rows) - MOST_ROWS
-    note = f"<p>... and {more} more rows</p>" if more > 0 else ""
+    hidden = len(table.rows) - MOST_ROWS
+    note = f"<p>... and {hidden} more rows</p>" if hidden > 0 else ""
     return f"<table><thead>{row('th', table.heads)}</thead><tbody>{body}</tbody></table>{note}"
 
 
@@ -52,20 +52,20 @@ def run_html(summary: Summary, folder: Path) -> str:
     messages = summary.messages
     rows.append(("frames delivered", f"{messages.delivered} of {messages.sent}"))
     rows.append(("robots", ", ".join(f"{name} {robot.status}" for name, robot in summary.robots.items())))
-    more = len(warnings) - MOST_WARNINGS
+    hidden = len(warnings) - MOST_WARNINGS
     lines = [f"warning: {line}" for line in warnings[:MOST_WARNINGS]]
     return "".join(
         (
             f"<div><b>{escape(summary.name)}</b>: {summary.simulated_s:g} s simulated, {escape(outcome)}</div>",
             table_html(Table(("figure", "value"), rows)),
-            lines_html([*lines, *([f"{more} more warnings"] if more > 0 else [])]),
-            _picture(folder),
+            lines_html([*lines, *([f"{hidden} more warnings"] if hidden > 0 else [])]),
+            _picture_element(folder),
             f"<div><code>{escape(str(folder))}</code></div>",
         )
     )
 
 
-def _picture(folder: Path) -> str:
+def _picture_element(folder: Path) -> str:
     """Return fog.png, made smaller, as an element of the page; nothing where there is none that can be shown."""
     file = folder / "fog.png"
     if not file.is_file() or leads_out(folder, file):

@@ -48,7 +48,7 @@ def with_names(settings: Mapping[str, object]) -> dict[str, object]:
 
     def named(value: object) -> object:
         if isinstance(value, list | tuple | range):
-            return [named(one) for one in value]
+            return [named(entry) for entry in value]
         if isinstance(value, dict) and "label" in value:
             return {key: named(part) for key, part in value.items()}
         return policy_name(value, in_process=False) if isinstance(value, type) else value

@@ -120,32 +120,32 @@ class Run:
     @cached_property
     def ticks(self) -> pa.Table:
         """Table with a row a tick: MFoW, mean fog, robots by status, frames."""
-        return self._table("ticks")
+        return self._read_table("ticks")
 
     @cached_property
     def robots(self) -> pa.Table:
         """Table with a row a tick and robot: pose, command, status, state, goal, frames, charge."""
-        return self._table("robots")
+        return self._read_table("robots")
 
     @cached_property
     def links(self) -> pa.Table:
         """Table with a row a tick, sender and receiver that had frames: sent, delivered, dropped and why."""
-        return self._table("links")
+        return self._read_table("links")
 
     @cached_property
     def events(self) -> pa.Table:
         """Table with a row an event: faults, deaths, controls."""
-        return self._table("events")
+        return self._read_table("events")
 
     @cached_property
     def visits(self) -> pa.Table:
         """Table with a row a visit to a vertex of the scenario's graph; empty without a graph."""
-        return self._table("visits")
+        return self._read_table("visits")
 
     @cached_property
     def ground(self) -> pa.Table:
         """Table with a row a patrolled point: its place, its mean and greatest age, and whether it was ever seen."""
-        return self._table("ground")
+        return self._read_table("ground")
 
     def fog(self, time_s: float = math.inf) -> NDArray[np.float64]:
         """Compute the true age of every point at a time.
@@ -196,10 +196,10 @@ class Run:
                 the same run again.
         """
         on_run = study("intruders.on_run")
-        known = [each.name for each in fields(on_run.Infiltrator)]
+        setting_names = [setting.name for setting in fields(on_run.Infiltrator)]
         for name in settings:
-            if name not in known:
-                raise BadInput(f"{name}: the moving intruder has no such setting; {did_you_mean(name, known)}")
+            if name not in setting_names:
+                raise BadInput(f"{name}: the moving intruder has no such setting; {did_you_mean(name, setting_names)}")
         game = on_run.moving_game(self._replayed, on_run.Infiltrator(**settings))
         if code:
             study("intruders.simulated_futures").add_code(game, self._replayed.prepared)
@@ -233,7 +233,7 @@ class Run:
         mfow = "no ticks" if mean is None else f"MFoW mean {mean:.1f} s (bound {bound:.1f} s)"
         simulated = f"{figures.simulated_s:g} s simulated{', interrupted' if self.interrupted else ''}"
         outcome, warned = (
-            ("unknown", False) if (stated := figures.verdict) is None else (stated.outcome, stated.warnings)
+            ("unknown", False) if (judged := figures.verdict) is None else (judged.outcome, judged.warnings)
         )
         verdict = f"{outcome}{', with warnings' if warned else ''}"
         return f"<Run {figures.name}: {mfow}, {simulated}, verdict {verdict}, in {self.folder}>"
@@ -244,7 +244,7 @@ class Run:
 
         return run_html(self._figures, self.folder)
 
-    def _table(self, name: str) -> pa.Table:
+    def _read_table(self, name: str) -> pa.Table:
         from monitor.tables.arrow import arrow_table
         from monitor.tables.table import check_pyarrow
 

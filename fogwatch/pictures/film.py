@@ -55,9 +55,11 @@ def write_gif(out: Path, frames: Iterable[Pixels], count: int, palette: Pixels, 
             image.putpalette(palette.tobytes())
             yield image
 
-    rest = images()
+    remaining = images()
     with writing(out), replacing(out) as part, part.open("wb") as file:
-        next(rest).save(file, "GIF", save_all=True, append_images=rest, duration=durations, loop=0, optimize=False)
+        next(remaining).save(
+            file, "GIF", save_all=True, append_images=remaining, duration=durations, loop=0, optimize=False
+        )
 
 
 def find_ffmpeg(out: Path) -> str:
@@ -73,23 +75,23 @@ def write_mp4(out: Path, frames: Iterable[Pixels], palette: Pixels, fps: float, 
 
     Frames and palette are as for `write_gif`; both sides of a frame are even.
     """
-    rest = iter(frames)
-    first = next(rest)
+    remaining = iter(frames)
+    first = next(remaining)
     height, width = first.shape
-    given = ["-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{width}x{height}", "-r", f"{fps:g}", "-i", "-"]
-    made = ["-pix_fmt", "yuv420p", "-movflags", "+faststart", "-f", "mp4"]
-    with writing(out), replacing(out) as part, TemporaryFile() as said:
+    input_options = ["-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{width}x{height}", "-r", f"{fps:g}", "-i", "-"]
+    output_options = ["-pix_fmt", "yuv420p", "-movflags", "+faststart", "-f", "mp4"]
+    with writing(out), replacing(out) as part, TemporaryFile() as messages:
         process = subprocess.Popen(
-            [ffmpeg, "-v", "error", "-y", *given, *made, str(part.absolute())],
+            [ffmpeg, "-v", "error", "-y", *input_options, *output_options, str(part.absolute())],
             stdin=subprocess.PIPE,
             stdout=subprocess.DEVNULL,
-            stderr=said,
+            stderr=messages,
         )
         try:
             assert process.stdin is not None
             try:
                 process.stdin.write(palette[first].tobytes())
-                for pixels in rest:
+                for pixels in remaining:
                     process.stdin.write(palette[pixels].tobytes())
                 process.stdin.close()
             except BrokenPipeError:
@@ -99,8 +101,8 @@ def write_mp4(out: Path, frames: Iterable[Pixels], palette: Pixels, fps: float, 
             if process.poll() is None:
                 process.kill()
                 process.wait()
-        said.seek(0)
-        lines = said.read().decode(errors="replace").strip().splitlines()
+        messages.seek(0)
+        lines = messages.read().decode(errors="replace").strip().splitlines()
         if code != 0:
             why = printable(lines[-1]) if lines else f"exit code {code}"
             raise BadInput(f"{out}: ffmpeg cannot write it ({why}); name a .gif file, or use another ffmpeg")
@@ -108,9 +110,9 @@ def write_mp4(out: Path, frames: Iterable[Pixels], palette: Pixels, fps: float, 
 
 def check_length(count: int, size: Sequence[int]) -> None:
     """Check that the frames of a GIF, each of `size` (width and height, pixels), fit into memory."""
-    most = max(MOST_PIXELS // (size[0] * size[1]), 1)
-    if count > most:
+    frame_limit = max(MOST_PIXELS // (size[0] * size[1]), 1)
+    if count > frame_limit:
         raise BadInput(
             f"{count} frames of {size[0]} x {size[1]} pixels are more than a GIF is written with here; give a higher "
-            f"--speed, or a lower --fps or --width, for at most {most} frames, or name an .mp4 file"
+            f"--speed, or a lower --fps or --width, for at most {frame_limit} frames, or name an .mp4 file"
         )

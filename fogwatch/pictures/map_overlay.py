@@ -31,19 +31,19 @@ def overlay_picture(
 
     `transform` is the pose of A's frame in B's; the landmarks are places on B.
     """
-    sheet = _sheet(a, b, transform)
-    walls_a, known_a = (_seen(sheet, a, mask, inverted(transform)) for mask in (a.walls, a.known))
-    walls_b, known_b = (_seen(sheet, b, mask, Pose(0.0, 0.0, 0.0)) for mask in (b.walls, b.known))
+    sheet = _common_sheet(a, b, transform)
+    walls_a, known_a = (_sheet_mask(sheet, a, mask, inverted(transform)) for mask in (a.walls, a.known))
+    walls_b, known_b = (_sheet_mask(sheet, b, mask, Pose(0.0, 0.0, 0.0)) for mask in (b.walls, b.known))
     near_a, near_b = grown(walls_a), grown(walls_b)
-    both = (walls_a & near_b) | (walls_b & near_a)
-    both |= near_a & near_b & ~known_a & ~known_b  # the middle of a thick wall is on neither map
+    common = (walls_a & near_b) | (walls_b & near_a)
+    common |= near_a & near_b & ~known_a & ~known_b  # the middle of a thick wall is on neither map
     layers = [
         Layer(FREE_OWN, f"free on {names[0]} only", known_a & ~known_b),
         Layer(FREE_OURS, f"free on {names[1]} only", known_b & ~known_a),
         Layer(FREE_BOTH, "free on both", known_a & known_b),
-        Layer(OWN, f"wall of {names[0]} only", walls_a & ~both),
-        Layer(OURS, f"wall of {names[1]} only", walls_b & ~both),
-        Layer(WALL, "wall of both", both),
+        Layer(OWN, f"wall of {names[0]} only", walls_a & ~common),
+        Layer(OURS, f"wall of {names[1]} only", walls_b & ~common),
+        Layer(WALL, "wall of both", common),
     ]
     degrees = math.degrees(transform.heading)
     title = f"{names[0]} on {names[1]}: shifted by ({transform.x:.2f}, {transform.y:.2f}) m, turned by {degrees:.1f}°"
@@ -59,15 +59,15 @@ def overlay_picture(
     save(figure, out)
 
 
-def _sheet(a: WallMap, b: WallMap, transform: Pose) -> Terrain:
+def _common_sheet(a: WallMap, b: WallMap, transform: Pose) -> Terrain:
     """Return ground in B's frame that holds all that the maps know, and a rim."""
-    known = np.concatenate([moved(a.places(a.known), transform), b.places(b.known)])
-    low, high = known.min(axis=0) - RIM * b.point, known.max(axis=0) + RIM * b.point
+    known_points = np.concatenate([moved(a.places(a.known), transform), b.places(b.known)])
+    low, high = known_points.min(axis=0) - RIM * b.point, known_points.max(axis=0) + RIM * b.point
     width, height = (math.ceil(length / b.point) for length in high - low)
     return Terrain("overlay", np.ones((height, width), dtype=np.bool_), b.point, (float(low[0]), float(low[1])))
 
 
-def _seen(sheet: Terrain, one: WallMap, mask: BoolGrid, pose: Pose) -> BoolGrid:
+def _sheet_mask(sheet: Terrain, one: WallMap, mask: BoolGrid, pose: Pose) -> BoolGrid:
     """Return a mask of a map as the sheet shows it; the pose is that of the sheet's frame in the map's."""
     cols, rows = np.meshgrid(np.arange(sheet.width) + 0.5, np.arange(sheet.height) + 0.5)
     x, y = sheet.origin[0] + cols * sheet.point, sheet.origin[1] + rows * sheet.point

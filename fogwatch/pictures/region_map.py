@@ -36,13 +36,15 @@ def region_picture(terrain: Terrain, radius: float, split: RegionSplit, out: Pat
     figure, axes = canvas(terrain, title)
     image = np.empty((*terrain.shape, 3), dtype=np.uint8)
     image[:] = rgb(WALL)
-    shades = np.array([rgb(COLOURS[shade]) for shade in _shades(split.labels, count)], dtype=np.float64).reshape(-1, 3)
+    shades = np.array([rgb(COLOURS[shade]) for shade in _region_shades(split.labels, count)], dtype=np.float64).reshape(
+        -1, 3
+    )
     inside, fits = split.labels >= 0, split.parts >= 0
     image[inside] = (255.0 - PALER * (255.0 - shades[split.labels[inside]])).astype(np.uint8)
     image[fits] = shades[split.labels[fits]].astype(np.uint8)
     paint(axes, terrain, image)
     for number, polygon in enumerate(split.polygons):
-        _outline(axes, number, polygon)
+        _draw_outline(axes, number, polygon)
     for link in split.connections:
         axes.plot(link.x, link.y, "o", color=CONNECTION, markersize=4.0, markeredgecolor="white", zorder=5)
     keys = [
@@ -55,7 +57,7 @@ def region_picture(terrain: Terrain, radius: float, split: RegionSplit, out: Pat
     save(figure, out)
 
 
-def _outline(axes: Axes, number: int, polygon: tuple[tuple[float, float], ...]) -> None:
+def _draw_outline(axes: Axes, number: int, polygon: tuple[tuple[float, float], ...]) -> None:
     xs, ys = (np.array(values) for values in zip(*polygon, strict=True))
     axes.fill(xs, ys, fill=False, edgecolor=BORDER, linewidth=0.9, zorder=4)
     left, right = axes.get_xlim()
@@ -63,19 +65,19 @@ def _outline(axes: Axes, number: int, polygon: tuple[tuple[float, float], ...]) 
         label(axes, float(xs.mean()), float(ys.mean()), str(number), size=7.0)
 
 
-def _shades(labels: NDArray[np.int32], count: int) -> list[int]:
+def _region_shades(labels: NDArray[np.int32], count: int) -> list[int]:
     """Return a colour for each region that no neighbour has, as far as the colours suffice; the least used first."""
     beside: list[set[int]] = [set() for _ in range(count)]
-    for here, there in ((labels[:, 2:], labels[:, :-2]), (labels[2:], labels[:-2])):
-        apart = (here != there) & (here >= 0) & (there >= 0)
-        for a, b in np.unique(np.stack([here[apart], there[apart]], axis=1), axis=0):
+    for here, shifted in ((labels[:, 2:], labels[:, :-2]), (labels[2:], labels[:-2])):
+        apart = (here != shifted) & (here >= 0) & (shifted >= 0)
+        for a, b in np.unique(np.stack([here[apart], shifted[apart]], axis=1), axis=0):
             beside[a].add(int(b))
             beside[b].add(int(a))
     shades: list[int] = []
     used = [0] * len(COLOURS)
     for number in range(count):
-        taken = {shades[other] for other in beside[number] if other < number}
-        free = [shade for shade in range(len(COLOURS)) if shade not in taken] or list(range(len(COLOURS)))
+        used_shades = {shades[neighbour] for neighbour in beside[number] if neighbour < number}
+        free = [shade for shade in range(len(COLOURS)) if shade not in used_shades] or list(range(len(COLOURS)))
         shade = min(free, key=lambda shade: (used[shade], shade))
         used[shade] += 1
         shades.append(shade)

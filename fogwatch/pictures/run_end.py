@@ -79,13 +79,13 @@ def map_picture(report: MapReport, out: Path, marks: Sequence[Mark] = ()) -> Non
     terrain, fields = report.terrain, report.fields
     sealed = report.sealed > 0
     unseen = terrain.passable & ~fields.patrolled
-    seen = fields.patrolled & ~fields.reach
+    unreached = fields.patrolled & ~fields.reach
     layers = [
         Layer(WALL, "wall or unknown", ~terrain.passable),
         Layer(REACHABLE, "reached by the body's centre", fields.reach),
-        Layer(SEEN, "seen, but no place for the centre", seen & ~sealed & ~terrain.keep_out),
-        Layer(KEEP_OUT, "keep-out area, but seen", seen & ~sealed & terrain.keep_out),
-        Layer(SEALED_SEEN, "sealed off, but seen", sealed & seen),
+        Layer(SEEN, "seen, but no place for the centre", unreached & ~sealed & ~terrain.keep_out),
+        Layer(KEEP_OUT, "keep-out area, but seen", unreached & ~sealed & terrain.keep_out),
+        Layer(SEALED_SEEN, "sealed off, but seen", sealed & unreached),
         Layer(SEALED, "sealed off and never seen", sealed & unseen),
         Layer(NEVER_SEEN, "never seen: small parts, blind corners", unseen & ~sealed),
         Layer(PERHAPS_UNKNOWN, "read as free, perhaps unknown", report.perhaps_unknown),
@@ -95,11 +95,11 @@ def map_picture(report: MapReport, out: Path, marks: Sequence[Mark] = ()) -> Non
     figure, axes = canvas(shown, title)
     paint(axes, shown, painted(terrain.shape, layers)[window], ~shown.passable)
     doors = sorted(report.doors, key=lambda door: (door.passes, door.width))[:MOST_DOORS]
-    taken: list[Box] = []
+    boxes: list[Box] = []
     for door in doors:
-        _draw_door(axes, door, taken)
+        _draw_door(axes, door, boxes)
     for number, part in enumerate(report.parts, start=1):
-        label(axes, part.x, part.y, str(number), size=9.0, taken=taken)
+        label(axes, part.x, part.y, str(number), size=9.0, taken=boxes)
     keys = [
         Key(layer.colour, f"{layer.label}: {np.count_nonzero(layer.mask) * terrain.point_area:.1f} m²")
         for layer in layers
@@ -164,14 +164,14 @@ def run_picture(run_folder: Path, out: Path, prepared: Prepared | None = None) -
         for facts in journal.header.robots
         if facts.number not in scenario.spares or run.last[facts.number].status != Status.ABSENT
     ]
-    taken: list[Box] = []
+    boxes: list[Box] = []
     for index, facts in enumerate(robots):
         colour = ROBOTS[index % len(ROBOTS)]
         _draw_path(axes, run.tracks[facts.number], recent, colour)
         if run.last[facts.number].status.is_present:
-            _draw_body(axes, run.last[facts.number], facts, colour, taken)
+            _draw_body(axes, run.last[facts.number], facts, colour, boxes)
         if index < MOST_NAMES:
-            keys.append(Key(colour, f"{facts.name}{_fate(run.last[facts.number].status)}", "-"))
+            keys.append(Key(colour, f"{facts.name}{_fate_text(run.last[facts.number].status)}", "-"))
     if len(robots) > MOST_NAMES:
         keys.append(Key("#ffffff", f"and {len(robots) - MOST_NAMES} more", ""))
     key_column(figure, axes, shown, keys, scale, "time since last seen (s)")
@@ -236,7 +236,7 @@ def _draw_body(axes: Axes, robot: RobotTick, facts: RobotFacts, colour: str, tak
     label(axes, robot.x, robot.y, facts.name, above=10.0, taken=taken)
 
 
-def _fate(status: Status) -> str:
+def _fate_text(status: Status) -> str:
     return "" if status == Status.ALIVE else f" ({status.name.lower()})"
 
 

@@ -43,7 +43,7 @@ def write_files(
             derive(journal, prepared, summary, recording, report, display)
         if files.picture:
             display.progress(PICTURE)
-            _draw(folder, prepared, display.say)
+            _draw_pictures(folder, prepared, display.say)
             display.progress(PICTURE, 1.0)
     except InterruptedBySignal:
         commands = f"`fogwatch report {folder.path}` and `fogwatch record {folder.path}` write report and recording"
@@ -69,7 +69,7 @@ def derive(
     display.progress(step)
     try:
         warm(("patrol", "monitor", "experiments"), display.say)
-        _write(journal, prepared, summary, recording, report, _Progress(display, step, prepared.scenario.ticks))
+        _write_files(journal, prepared, summary, recording, report, _Progress(display, step, prepared.scenario.ticks))
     except ImportError as error:
         display.say(f"no recording and no report: {error.name} is not installed (pip install 'fogwatch[monitor]')")
     except (BadInput, MemoryError) as error:
@@ -103,7 +103,7 @@ def show_progress(display: RunDisplay, step: str, done: int, ticks: int) -> None
     display.progress(step, done / ticks if done < ticks else None)
 
 
-def _write(
+def _write_files(
     journal: Journal,
     prepared: Prepared,
     summary: Summary,
@@ -140,7 +140,7 @@ def _write(
         write_report(analysis, report)
 
 
-def _draw(folder: RunFolder, prepared: Prepared, say: Callable[[str], None]) -> None:
+def _draw_pictures(folder: RunFolder, prepared: Prepared, say: Callable[[str], None]) -> None:
     try:
         from fogwatch.pictures.run_end import run_picture
 

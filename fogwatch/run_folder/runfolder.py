@@ -167,14 +167,14 @@ def make_folder(scenario: Scenario, out: Path | None, now: datetime) -> RunFolde
             if out is None and path.exists():
                 continue  # another run has taken the name meanwhile
             if not path.is_dir():
-                raise _unusable(path, out, error) from None
+                raise _unusable_error(path, out, error) from None
             if not _is_empty(path, out):
                 raise BadInput(
                     f"--out {out}: is not empty; choose a folder that is, or that does not exist yet"
                 ) from None
             return RunFolder(path)
         except OSError as error:
-            raise _unusable(path, out, error) from None
+            raise _unusable_error(path, out, error) from None
         return RunFolder(path, made=True)
 
 
@@ -186,17 +186,17 @@ def fill(folder: RunFolder, scenario: Scenario, out: Path | None) -> None:
     try:
         keep_scenario(scenario, folder.path)
     except OSError as error:
-        raise _unusable(folder.path, out, error) from None
+        raise _unusable_error(folder.path, out, error) from None
 
 
 def _is_empty(path: Path, out: Path | None) -> bool:
     try:
         return not any(path.iterdir())
     except OSError as error:
-        raise _unusable(path, out, error) from None
+        raise _unusable_error(path, out, error) from None
 
 
-def _unusable(path: Path, out: Path | None, error: OSError) -> BadInput:
+def _unusable_error(path: Path, out: Path | None, error: OSError) -> BadInput:
     name = f"--out {out}" if out else path
     return BadInput(f"{name}: cannot be written ({error.strerror}); choose another folder")
 

@@ -42,15 +42,15 @@ def kernel_bar(console: Console) -> Callable[[Compiled], None] | None:
     if not console.is_terminal:
         return None
 
-    done = "#" if console.options.ascii_only else "━"
-    left = done if console.color_system else " "
+    full = "#" if console.options.ascii_only else "━"
+    empty = full if console.color_system else " "
 
     def show(compiled: Compiled) -> None:
         console.control(Control(ControlType.CARRIAGE_RETURN, (ControlType.ERASE_IN_LINE, 2)))
         if compiled.kernels < compiled.of:
             filled = WIDTH * compiled.kernels // compiled.of
             line = Text.assemble(
-                (done * filled, "green"), (left * (WIDTH - filled), "dim"), f" {progress_line(compiled)}"
+                (full * filled, "green"), (empty * (WIDTH - filled), "dim"), f" {progress_line(compiled)}"
             )
             line.truncate(console.width - 1)  # a second row would stay
             console.print(line, end="", no_wrap=True)

@@ -114,7 +114,7 @@ class PlainDisplay:
 
     def notice(self, notice: Notice) -> None:
         """Print an event."""
-        self.say(_news(notice))
+        self.say(_notice_text(notice))
 
     def progress(self, step: str, share: float | None = None) -> None:
         """Print that a step begins, and then how far it is, if the last such line is `PLAIN_S` old."""
@@ -143,11 +143,11 @@ class LiveTable:
 
     def metrics(self, metrics: Metrics) -> None:
         """Update the table."""
-        self._show(_table(metrics))
+        self._show_content(_metrics_table(metrics))
 
     def notice(self, notice: Notice) -> None:
         """Print an event above the table."""
-        self.say(_news(notice))
+        self.say(_notice_text(notice))
 
     def progress(self, step: str, share: float | None = None) -> None:
         """Show a bar for each step that goes on, instead of the table."""
@@ -155,7 +155,7 @@ class LiveTable:
         self._steps[step] = began, share
         if share == 1.0:
             del self._steps[step]
-        self._show(_StepBars(self._steps))
+        self._show_content(_StepBars(self._steps))
 
     def close(self) -> None:
         """Remove the table."""
@@ -163,7 +163,7 @@ class LiveTable:
             self._live.stop()
             self._started = False
 
-    def _show(self, content: RenderableType) -> None:
+    def _show_content(self, content: RenderableType) -> None:
         if not self._started:
             self._live.start()
             self._started = True
@@ -199,34 +199,34 @@ class GuardedDisplay:
 
     def say(self, line: str) -> None:
         """Show a line of text."""
-        self._attempt(lambda: self.shown.say(line))
+        self._attempt_show(lambda: self.shown.say(line))
 
     def metrics(self, metrics: Metrics) -> None:
         """Show the measures of the run so far."""
-        self._attempt(lambda: self.shown.metrics(metrics))
+        self._attempt_show(lambda: self.shown.metrics(metrics))
 
     def notice(self, notice: Notice) -> None:
         """Show an event."""
-        self._attempt(lambda: self.shown.notice(notice))
+        self._attempt_show(lambda: self.shown.notice(notice))
 
     def progress(self, step: str, share: float | None = None) -> None:
         """Show how far a step of the run's end is."""
-        self._attempt(lambda: self.shown.progress(step, share))
+        self._attempt_show(lambda: self.shown.progress(step, share))
 
     def close(self) -> None:
         """Stop showing, and report how much could not be shown."""
-        self._attempt(self.shown.close)
+        self._attempt_show(self.shown.close)
         if self.failures > 1:
-            self._attempt(lambda: self.shown.say(f"{self.failures} lines or tables could not be shown"))
+            self._attempt_show(lambda: self.shown.say(f"{self.failures} lines or tables could not be shown"))
 
-    def _attempt(self, show: Callable[[], None]) -> None:
+    def _attempt_show(self, show: Callable[[], None]) -> None:
         try:
             show()
         except Exception as error:  # noqa: BLE001 - a display may fail in any way, and none of them may end a run
             self.failures += 1
             if self.failures == 1:
                 why = f"{type(error).__name__}: {error}"
-                self._attempt(lambda: self.shown.say(f"the display failed ({why}); the run goes on"))
+                self._attempt_show(lambda: self.shown.say(f"the display failed ({why}); the run goes on"))
 
 
 class _QuietOnBrokenPipe(Console):
@@ -250,14 +250,14 @@ def headline(metrics: Metrics) -> str:
     step = metrics.time_s / metrics.k
     parts = [
         f"tick {metrics.k}/{metrics.ticks} ({metrics.time_s:.0f} s)",
-        f"MFoW {metrics.mfow_s:.1f} s{_place(metrics.stalest)}, mean {metrics.mfow_mean_s:.1f} s",
+        f"MFoW {metrics.mfow_s:.1f} s{_place_text(metrics.stalest)}, mean {metrics.mfow_mean_s:.1f} s",
         f"seen {100.0 * metrics.seen_share:.1f} %",
-        _standing(metrics),
+        _standing_text(metrics),
         f"{rate:.1f} ticks/s, {rate * step:.1f} x real time",
     ]
-    left = metrics.ticks - metrics.k
-    if metrics.k > 1 and left and left <= rate * LONGEST_S:  # the first tick says little about the others
-        parts.append(f"{duration_text(left / rate)} to go")
+    remaining = metrics.ticks - metrics.k
+    if metrics.k > 1 and remaining and remaining <= rate * LONGEST_S:  # the first tick says little about the others
+        parts.append(f"{duration_text(remaining / rate)} to go")
     return "; ".join(parts)
 
 
@@ -266,32 +266,32 @@ def duration_text(seconds: float) -> str:
     total_s = round(seconds)
     if total_s < 60:
         return f"{total_s} s"
-    minutes, rest = divmod(total_s, 60)
+    minutes, remainder_s = divmod(total_s, 60)
     if minutes < 60:
-        return f"{minutes} min {rest:02d} s"
+        return f"{minutes} min {remainder_s:02d} s"
     return f"{minutes // 60} h {minutes % 60:02d} min"
 
 
-def _place(place: tuple[float, float] | None) -> str:
+def _place_text(place: tuple[float, float] | None) -> str:
     return "" if place is None else f" at ({place[0]:.1f}, {place[1]:.1f})"
 
 
-def _news(notice: Notice) -> str:
+def _notice_text(notice: Notice) -> str:
     if notice.kind in (TRAPPED, FREE):
         return f"tick {notice.k}: {notice.robot} {notice.kind} {notice.detail}"
     return " ".join(part for part in (f"tick {notice.k}:", notice.robot, f"{notice.kind}:", notice.detail) if part)
 
 
-def _standing(metrics: Metrics) -> str:
+def _standing_text(metrics: Metrics) -> str:
     """Write how many robots are alive, and the statuses of the others that are or were there."""
     count = Counter(robot.status for robot in metrics.robots)
     usual = (Status.ALIVE, Status.ABSENT)  # most of the absent ones are spare, and never asked for
-    others = [f"{count[status]} {status.name.lower()}" for status in Status if status not in usual and count[status]]
+    abnormal = [f"{count[status]} {status.name.lower()}" for status in Status if status not in usual and count[status]]
     alive = f"{count[Status.ALIVE]}/{len(metrics.robots) - count[Status.ABSENT]} robots"
-    return f"{alive} ({', '.join(others)})" if others else alive
+    return f"{alive} ({', '.join(abnormal)})" if abnormal else alive
 
 
-def _table(metrics: Metrics) -> Table:
+def _metrics_table(metrics: Metrics) -> Table:
     outer = Table.grid(padding=(0, 1))
     outer.add_row(ProgressBar(total=metrics.ticks, completed=metrics.k, width=60))
     outer.add_row(Text(headline(metrics)))

@@ -31,7 +31,7 @@ def print_summary(console: Console, summary: Summary, folder: Path) -> None:
     for line in measures(summary):
         console.print(line, markup=False, highlight=False, soft_wrap=True)
     present = {name: robot for name, robot in summary.robots.items() if robot.status != ABSENT}
-    console.print(_robots(present))
+    console.print(_robots_table(present))
     if len(present) > MOST_ROBOTS:
         console.print(f"and {len(present) - MOST_ROBOTS} more robots, which are in summary.json", highlight=False)
     if summary.verdict is not None:
@@ -75,19 +75,19 @@ def measures(summary: Summary) -> list[str]:
         return lines
     text = {key: metric.text(getattr(summary, key)) for key, metric in metrics_of(Summary) if metric.title}
     lines.append(f"MFoW        mean {text.pop('mfow_mean_s')}, maximum {text.pop('mfow_max_s')}")
-    lines.append(_bounds(summary, text.pop("best_tour_s")))
-    lines += _zones(summary)
-    lines += _closures(summary)
-    lines += _stalest(summary)
+    lines.append(_bounds_text(summary, text.pop("best_tour_s")))
+    lines += _zone_lines(summary)
+    lines += _closure_lines(summary)
+    lines += _stalest_lines(summary)
     coverage = f"coverage    {text.pop('seen_share')} of {ground_text(summary)} to patrol"
     if summary.left_out is not None:
         coverage += f"; left out: {summary.left_out.text}"
     lines += [f"{metric.title:<11} {text[key]}" for key, metric in metrics_of(Summary) if key in text]
     lines.append(coverage)
-    lines += _radio(summary)
+    lines += _radio_lines(summary)
     if summary.intruders:
-        lines.append(f"intruders   {_intruders(summary.intruders)}")
-    lines += _batteries(summary.robots)
+        lines.append(f"intruders   {_intruder_text(summary.intruders)}")
+    lines += _battery_lines(summary.robots)
     if deadlines := summary.deadlines:
         frames, commands = sum(deadlines.late_frames.values()), sum(deadlines.late_commands.values())
         late = sum(deadlines.too_late.values())
@@ -100,7 +100,7 @@ def measures(summary: Summary) -> list[str]:
     return lines
 
 
-def _radio(summary: Summary) -> list[str]:
+def _radio_lines(summary: Summary) -> list[str]:
     """Describe the messages: how many were sent, and how many arrived.
 
     One message counts once for each robot that is to get it. A robot sends whether or not there is another one to hear
@@ -119,7 +119,7 @@ def _radio(summary: Summary) -> list[str]:
     return [*lines, f"received    {received}, {messages.dropped} dropped, {messages.rejected} rejected{late}"]
 
 
-def _intruders(intruders: Sequence[IntruderFacts]) -> str:
+def _intruder_text(intruders: Sequence[IntruderFacts]) -> str:
     """Describe how many intruders were reported and how soon, and for how long they were surrounded."""
     reported = [(facts.first_reported_s, facts) for facts in intruders if facts.first_reported_s is not None]
     text = f"{len(reported)} of {len(intruders)} found"
@@ -134,22 +134,22 @@ def _intruders(intruders: Sequence[IntruderFacts]) -> str:
     return f"{text}; surrounded for {surrounded_s:g} s, by at most {robots} robots"
 
 
-def _batteries(robots: Mapping[str, RobotFigures]) -> list[str]:
+def _battery_lines(robots: Mapping[str, RobotFigures]) -> list[str]:
     """Describe how far batteries ran down, how often robots charged, and which got empty; nothing without batteries."""
     batteries = {name: robot.battery for name, robot in robots.items() if robot.battery is not None}
     if not batteries:
         return []
-    name, least = min(batteries.items(), key=lambda item: item[1].least_share)
+    name, lowest = min(batteries.items(), key=lambda item: item[1].least_share)
     charges = sum(battery.charges for battery in batteries.values())
     alive = {name: robots[name].decisions + robots[name].missed for name in batteries}  # ticks
     patrol = sum((battery.patrol_share or 0.0) * alive[name] for name, battery in batteries.items())
-    line = f"batteries   least charge {100.0 * least.least_share:.0f} % ({name}), charged {charges} times"
+    line = f"batteries   least charge {100.0 * lowest.least_share:.0f} % ({name}), charged {charges} times"
     empty = [name for name, battery in batteries.items() if battery.empty_s is not None]
     line += f", {100.0 * patrol / max(sum(alive.values()), 1):.0f} % of the time on patrol"
     return [f"{line}; empty: {', '.join(empty[:MOST_ROBOTS])}" if empty else line]
 
 
-def _bounds(summary: Summary, tour: str) -> str:
+def _bounds_text(summary: Summary, tour: str) -> str:
     """Describe what the mean MFoW can be compared with; with the ratio, once that says something."""
 
     def ratio(yardstick_s: float | None) -> str:
@@ -163,7 +163,7 @@ def _bounds(summary: Summary, tour: str) -> str:
     return f"bounds      {best}{lower}"
 
 
-def _zones(summary: Summary) -> list[str]:
+def _zone_lines(summary: Summary) -> list[str]:
     """Describe the weighted MFoW, and how old the ground of each zone got."""
     mean_s = summary.mfow_weighted_mean_s
     if mean_s is None:
@@ -181,7 +181,7 @@ def _zones(summary: Summary) -> list[str]:
     return lines
 
 
-def _closures(summary: Summary) -> list[str]:
+def _closure_lines(summary: Summary) -> list[str]:
     """Describe what was closed, how much ground was closed out, and how old the other ground got."""
     mean_s = summary.mfow_open_mean_s
     if mean_s is None:
@@ -189,27 +189,27 @@ def _closures(summary: Summary) -> list[str]:
     closings = sum(closure.closings for closure in summary.closures.values())
     names = [name for name, closure in summary.closures.items() if closure.closings]
     longest = max(names, key=lambda name: summary.closures[name].closed_s, default="")
-    most = f", {longest} longest, {summary.closures[longest].closed_s:g} s" if longest else ""
+    longest_text = f", {longest} longest, {summary.closures[longest].closed_s:g} s" if longest else ""
     shut = f"closed out {100.0 * (summary.closed_out_share or 0.0):.1f} % of ground x time"
     return [
         f"open ground MFoW mean {mean_s:.1f} s, maximum {summary.mfow_open_max_s:.1f} s; {shut}",
-        f"closures    closed {closings} times{most}",
+        f"closures    closed {closings} times{longest_text}",
     ]
 
 
-def _stalest(summary: Summary) -> list[str]:
+def _stalest_lines(summary: Summary) -> list[str]:
     """Describe the stalest place over the run and at its end, and the robot nearest to it."""
     sentences = []
-    for head, place in (("over the run", summary.stalest.worst), ("at the end", summary.stalest.end)):
-        if place is not None:
-            unseen = "" if place.seen else ", never seen until then"
-            near = f", nearest robot {place.nearest} {place.nearest_m:.0f} m away" if place.nearest else ""
-            age = f"({place.x:.1f}, {place.y:.1f}), {place.age_s:g} s at {place.at_s:g} s"
+    for head, stalest in (("over the run", summary.stalest.worst), ("at the end", summary.stalest.end)):
+        if stalest is not None:
+            unseen = "" if stalest.seen else ", never seen until then"
+            near = f", nearest robot {stalest.nearest} {stalest.nearest_m:.0f} m away" if stalest.nearest else ""
+            age = f"({stalest.x:.1f}, {stalest.y:.1f}), {stalest.age_s:g} s at {stalest.at_s:g} s"
             sentences.append(f"{head} {age}{unseen}{near}")
     return [f"stalest     {'; '.join(sentences)}"] if sentences else []
 
 
-def _robots(robots: Mapping[str, RobotFigures]) -> Table:
+def _robots_table(robots: Mapping[str, RobotFigures]) -> Table:
     columns = [(key, metric) for key, metric in metrics_of(RobotFigures) if metric.title]
     table = Table("robot", "status", box=None, padding=(0, 2, 0, 0), header_style="bold")
     for _, metric in columns:

@@ -108,24 +108,24 @@ def check_policy(
     """
     checked = class_of(policy, POLICIES)
     runs: list[_Run] = []
-    more = {**{f"patrol.options.{option}": value for option, value in (options or {}).items()}, **(settings or {})}
+    extra = {**{f"patrol.options.{option}": value for option, value in (options or {}).items()}, **(settings or {})}
     for model in models:
-        fleet = _fleet({"robots.model": model, **more})
-        first, second = (_run(checked, fleet, f"a fleet ({model})", number) for number in (1, 2))
-        _compare(first, second)
+        fleet = _fleet_maker({"robots.model": model, **extra})
+        first, second = (_run_policy(checked, fleet, f"a fleet ({model})", number) for number in (1, 2))
+        _compare_runs(first, second)
         runs += [first, second]
         for situation, changes in SITUATIONS.items():
-            if situation in WITH_PLACES and any(field.partition(".")[0] == "terrain" for field in more):
+            if situation in WITH_PLACES and any(field.partition(".")[0] == "terrain" for field in extra):
                 continue
-            changed = _fleet({"robots.model": model, **changes, **more})
-            runs.append(_run(checked, changed, f"{situation} ({model})", 0))
+            changed = _fleet_maker({"robots.model": model, **changes, **extra})
+            runs.append(_run_policy(checked, changed, f"{situation} ({model})", 0))
     ran: list[int] = []
     for seed in seeds:
         model = models[seed % len(models)]
         with tempfile.TemporaryDirectory(prefix="fogwatch-check-") as folder:
-            drawn = _drawn(seed, Path(folder), {"robots.model": model, **more})
+            drawn = _drawn_maker(seed, Path(folder), {"robots.model": model, **extra})
             try:
-                runs.append(_run(checked, drawn, f"random scenario, seeds=[{seed}] ({model})", 0, judged=True))
+                runs.append(_run_policy(checked, drawn, f"random scenario, seeds=[{seed}] ({model})", 0, judged=True))
             except _NotDrawn:
                 continue
         ran.append(seed)
@@ -158,7 +158,7 @@ Make = Callable[[str], "Scenario | Prepared"]
 """Makes a scenario with the policy of a name."""
 
 
-def _fleet(changes: Mapping[str, Any]) -> Make:
+def _fleet_maker(changes: Mapping[str, Any]) -> Make:
     def make(name: str) -> Scenario:
         from patrol.scenario import load_scenario
 
@@ -168,7 +168,7 @@ def _fleet(changes: Mapping[str, Any]) -> Make:
     return make
 
 
-def _drawn(seed: int, folder: Path, settings: Mapping[str, Any]) -> Make:
+def _drawn_maker(seed: int, folder: Path, settings: Mapping[str, Any]) -> Make:
     def make(name: str) -> Prepared:
         from fogwatch.testing.swarm import random_fleet
 
@@ -180,14 +180,14 @@ def _drawn(seed: int, folder: Path, settings: Mapping[str, Any]) -> Make:
     return make
 
 
-def _run(policy: type[Any], make: Make, situation: str, chance: int, *, judged: bool = False) -> _Run:
+def _run_policy(policy: type[Any], make: Make, situation: str, chance: int, *, judged: bool = False) -> _Run:
     """Run a scenario with a policy; raise RuleBroken where it fails."""
     from fogwatch.inprocess import run_in_process
     from patrol.prepare import Prepared
 
     run = _Run(situation)
-    made = make(put_up(_watched(policy, run)))
-    scenario = made.scenario if isinstance(made, Prepared) else made
+    built = make(put_up(_watch_policy(policy, run)))
+    scenario = built.scenario if isinstance(built, Prepared) else built
     failures: list[tuple[str, BaseException | None]] = []
 
     def fail(number: int, reason: str, error: BaseException | None) -> None:
@@ -198,7 +198,7 @@ def _run(policy: type[Any], make: Make, situation: str, chance: int, *, judged: 
 
     outcome = None
     try:
-        outcome = run_in_process(made, failure=fail, look=disturb)
+        outcome = run_in_process(built, failure=fail, look=disturb)
         run.trace = outcome.summary.trace_hash or ""
     except BadInput:
         if not failures:
@@ -212,7 +212,7 @@ def _run(policy: type[Any], make: Make, situation: str, chance: int, *, judged: 
     return run
 
 
-def _watched(policy: type[Any], run: _Run) -> type[Any]:
+def _watch_policy(policy: type[Any], run: _Run) -> type[Any]:
     """Make a class that decides as a policy does, and notes its decisions and their times."""
 
     class Watched:
@@ -232,7 +232,7 @@ def _watched(policy: type[Any], run: _Run) -> type[Any]:
     return Watched
 
 
-def _compare(first: _Run, second: _Run) -> None:
+def _compare_runs(first: _Run, second: _Run) -> None:
     """Raise RuleBroken where two runs of the same scenario differ."""
     nothing = (None, "", None)
     for answer, repeated in zip_longest(first.intents, second.intents, fillvalue=nothing):

@@ -54,30 +54,30 @@ def check_robot(make_robot: Callable[[Site], Robot], *, model: str = "differenti
     """
     _check_early_stop(make_robot, model)
     clock = _Clock()
-    robot = _called("make_robot(site)", make_robot, _site(clock, model))
+    robot = _call_method("make_robot(site)", make_robot, _make_site(clock, model))
     poses: dict[int, Pose] = {}
     for k in TICKS:
-        poses[k] = _sense(robot, clock, k).pose
+        poses[k] = _call_sense(robot, clock, k).pose
         _check_moved(poses, k)
-        _transmit(robot, k)
+        _call_transmit(robot, k)
         if k in COMMANDED:
-            _act(robot, _ahead(model), k)
+            _call_act(robot, _ahead_command(model), k)
     last = poses[TICKS[-1]]
-    _stop(robot, "a check stops it")
+    _call_stop(robot, "a check stops it")
     clock.more(9, 10)
     for k in (9, 10):
-        sensed = _called(f"sense() at tick {k}, after stop", robot.sense)
-        if sensed is not None and _apart(sensed.pose, last) > SLACK_M:
-            moved = _apart(sensed.pose, last)
+        sensed = _call_method(f"sense() at tick {k}, after stop", robot.sense)
+        if sensed is not None and _distance_between(sensed.pose, last) > SLACK_M:
+            moved = _distance_between(sensed.pose, last)
             raise RuleBroken(f"stop ends the last command too: at tick {k} the robot has moved {moved:.3f} m since")
     clock.more()
     for _ in range(2):
         clock.asked = 0
-        sensed = _called("sense() at the end", robot.sense)
+        sensed = _call_method("sense() at the end", robot.sense)
         if sensed is not None:
             raise RuleBroken(f"sense() returned {sensed!r} when the clock had ended; return None")
-    _transmit(robot, None)
-    _stop(robot, "the driver ends")
+    _call_transmit(robot, None)
+    _call_stop(robot, "the driver ends")
 
 
 class _Clock:
@@ -101,7 +101,7 @@ class _Clock:
         return True
 
 
-def _site(clock: _Clock, model: str) -> Site:
+def _make_site(clock: _Clock, model: str) -> Site:
     """Make a site without walls nearby, of a robot by itself."""
     from agent.own_robot import Site
     from patrol.ground.fog import Fog
@@ -122,14 +122,14 @@ def _site(clock: _Clock, model: str) -> Site:
 
 def _check_early_stop(make_robot: Callable[[Site], Robot], model: str) -> None:
     clock = _Clock()
-    robot = _called("make_robot(site)", make_robot, _site(clock, model))
-    _stop(robot, "before its first tick")
-    _stop(robot, "again")
+    robot = _call_method("make_robot(site)", make_robot, _make_site(clock, model))
+    _call_stop(robot, "before its first tick")
+    _call_stop(robot, "again")
 
 
-def _sense(robot: Robot, clock: _Clock, k: int) -> Sensed:
+def _call_sense(robot: Robot, clock: _Clock, k: int) -> Sensed:
     clock.asked = 0
-    sensed = _called(f"sense() at tick {k}", robot.sense)
+    sensed = _call_method(f"sense() at tick {k}", robot.sense)
     if not isinstance(sensed, Sensed):
         raise RuleBroken(f"sense() returned {sensed!r} at tick {k}; return patrol.exchange.Sensed")
     if clock.asked != 1:
@@ -151,7 +151,7 @@ def _check_moved(poses: dict[int, Pose], k: int) -> None:
     """Compare a robot's place with its command of the tick before."""
     if k - 1 not in poses:
         return
-    moved = _apart(poses[k], poses[k - 1])
+    moved = _distance_between(poses[k], poses[k - 1])
     if k - 1 in COMMANDED:
         if abs(moved - SPEED * STEP) > SLACK_M:
             drive = f"told to drive {SPEED * STEP:g} m, at tick {k} it has moved {moved:.3f} m"
@@ -160,28 +160,28 @@ def _check_moved(poses: dict[int, Pose], k: int) -> None:
         raise RuleBroken(f"without a command it must stand: at tick {k} it has moved {moved:.3f} m by itself")
 
 
-def _transmit(robot: Robot, k: int | None) -> None:
+def _call_transmit(robot: Robot, k: int | None) -> None:
     """Call a robot that is its own radio, as a loop does between sensing and acting; at the end k is None."""
     when = "at the end" if k is None else f"at tick {k}"
     if callable(getattr(robot, "send", None)):
-        _called(f"send(()) {when}", robot.send, ())  # type: ignore[attr-defined]
+        _call_method(f"send(()) {when}", robot.send, ())  # type: ignore[attr-defined]
     if callable(getattr(robot, "hear", None)):
-        frames = _called(f"hear() {when}", robot.hear)  # type: ignore[attr-defined]
+        frames = _call_method(f"hear() {when}", robot.hear)  # type: ignore[attr-defined]
         if frames is not None and not (isinstance(frames, list) and all(isinstance(frame, bytes) for frame in frames)):
             raise RuleBroken(f"hear() returned {frames!r} {when}; return a list of bytes, or None")
         if frames and k is None:
             raise RuleBroken(f"hear() returned {len(frames)} frames at the end; return None")
 
 
-def _act(robot: Robot, command: Command, k: int) -> None:
-    _called(f"act({command!r}) at tick {k}", robot.act, command)
+def _call_act(robot: Robot, command: Command, k: int) -> None:
+    _call_method(f"act({command!r}) at tick {k}", robot.act, command)
 
 
-def _stop(robot: Robot, reason: str) -> None:
-    _called(f"stop({reason!r})", robot.stop, reason)
+def _call_stop(robot: Robot, reason: str) -> None:
+    _call_method(f"stop({reason!r})", robot.stop, reason)
 
 
-def _called(call: str, method: Callable[..., Any], *arguments: Any) -> Any:
+def _call_method(call: str, method: Callable[..., Any], *arguments: Any) -> Any:
     """Call a method; any error breaks a rule."""
     try:
         return method(*arguments)
@@ -191,7 +191,7 @@ def _called(call: str, method: Callable[..., Any], *arguments: Any) -> Any:
         raise RuleBroken(f"{call} raised {type(error).__name__}: {error}; a robot raises nothing") from error
 
 
-def _ahead(model: str) -> Command:
+def _ahead_command(model: str) -> Command:
     """Return the command to drive ahead at full speed, from a heading of 0."""
     match model:
         case "holonomic":
@@ -203,5 +203,5 @@ def _ahead(model: str) -> Command:
     raise BadInput(f"model = {model}: no such body; give holonomic, differential or car")
 
 
-def _apart(a: Pose, b: Pose) -> float:
+def _distance_between(a: Pose, b: Pose) -> float:
     return math.hypot(a.x - b.x, a.y - b.y)

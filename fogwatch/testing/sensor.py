@@ -77,22 +77,22 @@ def check_sensor(
         BadInput: The options are wrong.
     """
     checked = class_of(sensor, SENSORS)
-    ground = terrain or _walls()
+    ground = terrain or _walled_hall()
     setup = SensorSetup(
         ground, range_m, line_of_sight, options_of(NamedClass(SENSORS, checked.__name__, None, options or {}), checked)
     )
-    sensor_1, sensor_2 = _made(checked, setup), _made(checked, setup)
-    poses = [*_poses(ground)]
+    sensor_1, sensor_2 = _make_sensor(checked, setup), _make_sensor(checked, setup)
+    poses = [*_sample_poses(ground)]
     times = []
     first: list[View] = []
     for pose in poses:
         began = time.perf_counter()
-        first.append(_view(sensor_1, pose))
+        first.append(_look_from(sensor_1, pose))
         times.append(1000.0 * (time.perf_counter() - began))
     for number, repeated in enumerate((sensor_2, sensor_1)):
         disturb_chance(number + 1)
         for pose, view in reversed([*zip(poses, first, strict=True)]):
-            if differing := _differing(view, _view(repeated, pose)):
+            if differing := _view_difference(view, _look_from(repeated, pose)):
                 raise RuleBroken(
                     f"{checked.__name__}: one pose has one view; from {_at(pose)} {differing} are not as before. Use "
                     "no clock, no chance and nothing from an earlier call"
@@ -103,21 +103,21 @@ def check_sensor(
     return SensorReport(len(times), statistics.median(times))
 
 
-def _made(checked: type[Any], setup: SensorSetup) -> CheckedSensor:
+def _make_sensor(checked: type[Any], setup: SensorSetup) -> CheckedSensor:
     try:
         return CheckedSensor(checked, setup, checked.__name__)
     except SensorFailed as failed:
         raise RuleBroken(str(failed)) from failed.__cause__
 
 
-def _view(sensor: CheckedSensor, pose: Pose) -> View:
+def _look_from(sensor: CheckedSensor, pose: Pose) -> View:
     try:
         return sensor.visible(pose)
     except SensorFailed as failed:
         raise RuleBroken(str(failed)) from failed.__cause__
 
 
-def _differing(view: View, other: View) -> str:
+def _view_difference(view: View, other: View) -> str:
     """Say what differs between two views of a pose; empty where nothing does."""
     if points := np.count_nonzero(view.mask != other.mask):
         return f"{points} points"
@@ -132,7 +132,7 @@ def _differing(view: View, other: View) -> str:
 
 def _check_headings(name: str, sensor: CheckedSensor, poses: Sequence[Pose], views: Sequence[View]) -> None:
     for pose, view in zip(poses, views, strict=True):
-        if differing := _differing(view, _view(sensor, Pose(pose.x, pose.y, 0.0))):
+        if differing := _view_difference(view, _look_from(sensor, Pose(pose.x, pose.y, 0.0))):
             raise RuleBroken(
                 f"{name}: all_round says that headings change nothing; from {_at(pose)} {differing} are not as with "
                 "the heading 0. Set all_round to False"
@@ -142,26 +142,26 @@ def _check_headings(name: str, sensor: CheckedSensor, poses: Sequence[Pose], vie
 def _check_faced(name: str, sensor: CheckedSensor, setup: SensorSetup, places: Sequence[Pose]) -> None:
     ground = setup.terrain
     sight = footprint_of(ground, NEARER * setup.range_m, line_of_sight=setup.line_of_sight)
-    for place in places:
-        row, col = ground.point_at(place.x, place.y)
+    for pose in places:
+        row, col = ground.point_at(pose.x, pose.y)
         if not ground.inside(row, col) or not ground.passable[row, col]:
             continue
-        view = sight.visible(place)
+        view = sight.visible(pose)
         points = np.argwhere(view.mask)
         for up, across in points[:: max(len(points) // FACED, 1)].tolist():
             target = view.row0 + up, view.col0 + across
             x, y = ground.centre(*target)
-            facing = as_received(Pose(place.x, place.y, math.atan2(y - place.y, x - place.x)))
-            facing = Pose(place.x, place.y, facing.heading)
-            if not _view(sensor, facing).shows(*target):
-                away = math.hypot(x - place.x, y - place.y)
+            facing = as_received(Pose(pose.x, pose.y, math.atan2(y - pose.y, x - pose.x)))
+            facing = Pose(pose.x, pose.y, facing.heading)
+            if not _look_from(sensor, facing).shows(*target):
+                away = math.hypot(x - pose.x, y - pose.y)
                 raise RuleBroken(
                     f"{name}: a robot sees what it faces; from {_at(facing)} the point ahead at ({x:g}, {y:g}), "
                     f"{away:.2f} m away and in sight, is not seen. Give a shorter sensor.range, or see it"
                 )
 
 
-def _poses(ground: Terrain) -> Iterator[Pose]:
+def _sample_poses(ground: Terrain) -> Iterator[Pose]:
     """Yield poses all over the ground, at its edges and outside, each with several headings."""
     height, width = ground.shape
     rows = [-3, -1, 0, height - 1, height + 2, *range(1, height, max(height // 7, 1))]
@@ -173,7 +173,7 @@ def _poses(ground: Terrain) -> Iterator[Pose]:
                 yield Pose(*ground.centre(row, col), heading)
 
 
-def _walls() -> Terrain:
+def _walled_hall() -> Terrain:
     """Make a hall of 20 x 15 m with a wall, a door and a pillar."""
     passable = np.ones((30, 40), dtype=np.bool_)
     passable[:, 20] = False

@@ -54,7 +54,7 @@ GIVEN_OTHERWISE = {
 
 @dataclass(frozen=True, slots=True)
 class Situation:
-    """What a policy knows in one tick.
+    """A policy's setup and view in one tick.
 
     Attributes:
         setup: What the policy was made with.
@@ -158,43 +158,43 @@ def draw_situation(
     from patrol.prepare import inboxes_of, prepare
     from patrol.radio.message import Position, as_received, encode
 
-    grid = _grid(drawing)
-    robots = _robots(grid)
-    places = {name: _middle(grid, name, side) for name in sorted(set(map(str, grid.flat)) - {WALL, FLOOR})}
+    grid = _read_drawing(drawing)
+    robots = _robot_numbers(grid)
+    places = {name: _middle_of(grid, name, side) for name in sorted(set(map(str, grid.flat)) - {WALL, FLOOR})}
     poses = {number: Pose(*places[str(number)], heading) for number in robots}
-    scenario = _scenario(policy, options, poses, side, settings)
-    prepared = prepare(scenario, _terrain(grid, scenario.point))
-    kept: list[PolicySetup] = []
+    scenario = _make_scenario(policy, options, poses, side, settings)
+    prepared = prepare(scenario, _drawn_terrain(grid, scenario.point))
+    setups: list[PolicySetup] = []
     kind = policy_of(scenario)
 
     def make(setup: PolicySetup) -> Policy:
-        kept.append(setup)
+        setups.append(setup)
         return kind.make(setup)
 
     shared: Shared = shared_by(prepared)
-    blind = Beliefs(inboxes_of(scenario, [1], prepared.terrain.bounds, None), _blind(shared.footprint))
+    blind = Beliefs(inboxes_of(scenario, [1], prepared.terrain.bounds, None), _blind_footprint(shared.footprint))
     mind = build_mind(
         prepared, 1, shared=replace(shared, beliefs=blind), kind=PolicyKind(kind.name, make, kind.options, kind.ours)
     )
-    ticks_ago = {name: _ticks(age, "ages", name, grid, scenario) for name, age in (ages or {}).items()}
-    silent = {name: _ticks(age, "heard", name, grid, scenario) for name, age in (heard or {}).items()}
+    ticks_ago = {name: _age_ticks(age, "ages", name, grid, scenario) for name, age in (ages or {}).items()}
+    silent = {name: _age_ticks(age, "heard", name, grid, scenario) for name, age in (heard or {}).items()}
     for name in silent:
         if name not in {str(number) for number in robots if number != 1}:
             raise BadInput(f"heard: {name}: is no other robot of the drawing; name one, such as '2'")
     now = max([0, *ticks_ago.values(), *silent.values()])
-    own = as_received(poses[1])
+    own_pose = as_received(poses[1])
     for tick in sorted({now, *(now - ago for ago in silent.values())}):
         heard_now = [number for number in robots if number != 1 and now - silent.get(str(number), 0) == tick]
         frames = [encode(Position.of(n, tick, tick * scenario.step, poses[n])) for n in heard_now]
-        mind.belief.hear(tick, own, frames)
+        mind.belief.hear(tick, own_pose, frames)
     _let_age(mind.belief.shared, grid, ticks_ago, now)
     view = mind.look(Sensed(now, poses[1], clock_s=now * scenario.step))
-    (setup,) = kept
+    (setup,) = setups
     lines = tuple("".join(line) for line in grid)
     return Situation(setup, view, None if policy is None else mind.policy, places, lines, side)
 
 
-def _blind(footprint: Footprint) -> Footprint:
+def _blind_footprint(footprint: Footprint) -> Footprint:
     """Return a footprint that sees nothing, for the same ground and kind of sensor."""
     from patrol.ground.footprint import Footprint, SensorSetup
     from patrol.ground.footprint import View as SensorView
@@ -214,7 +214,7 @@ def _blind(footprint: Footprint) -> Footprint:
     return Footprint(setup, Blind(setup))
 
 
-def _grid(drawing: str) -> Drawn:
+def _read_drawing(drawing: str) -> Drawn:
     """Return the characters of a drawing, row 0 at the top."""
     if not isinstance(drawing, str):
         raise BadInput(f"drawing: {quoted(drawing)}: expected a text with a line for each row, such as '#1..a#'")
@@ -234,7 +234,7 @@ def _grid(drawing: str) -> Drawn:
     return np.array([list(line) for line in lines])
 
 
-def _robots(grid: Drawn) -> list[int]:
+def _robot_numbers(grid: Drawn) -> list[int]:
     """Return the numbers of the robots in a drawing."""
     numbers = sorted(int(character) for character in grid.flat if character.isdigit())
     if numbers != list(range(1, len(numbers) + 1)) or not numbers:
@@ -242,23 +242,23 @@ def _robots(grid: Drawn) -> list[int]:
     return numbers
 
 
-def _middle(grid: Drawn, name: str, side: float) -> tuple[float, float]:
+def _middle_of(grid: Drawn, name: str, side: float) -> tuple[float, float]:
     row, col = np.argwhere(grid == name)[0].tolist()
     return (col + 0.5) * side, (len(grid) - row - 0.5) * side
 
 
-def _points(grid: Drawn) -> Drawn:
+def _point_characters(grid: Drawn) -> Drawn:
     """Return the character of each point, row 0 at the lowest y."""
     return grid[::-1].repeat(POINTS, axis=0).repeat(POINTS, axis=1)
 
 
-def _terrain(grid: Drawn, point: float) -> Terrain:
+def _drawn_terrain(grid: Drawn, point: float) -> Terrain:
     from patrol.ground.terrain import Terrain
 
-    return Terrain("drawing", _points(grid) != WALL, point)
+    return Terrain("drawing", _point_characters(grid) != WALL, point)
 
 
-def _scenario(
+def _make_scenario(
     policy: type[Any] | str | None,
     options: Mapping[str, Any] | None,
     poses: Mapping[int, Pose],
@@ -270,8 +270,8 @@ def _scenario(
     if not (math.isfinite(side) and side > 0.0):
         raise BadInput(f"side = {side}: expected the side of a character in m, above 0")
     for field in settings or {}:
-        for given, instead in GIVEN_OTHERWISE.items():
-            if f"{given}.".startswith(f"{field}.") or f"{field}.".startswith(f"{given}."):
+        for fixed_field, instead in GIVEN_OTHERWISE.items():
+            if f"{fixed_field}.".startswith(f"{field}.") or f"{field}.".startswith(f"{fixed_field}."):
                 raise BadInput(f"settings: {field}: a situation has this from elsewhere; {instead}")
     starts = [[pose.x, pose.y, pose.heading] for pose in poses.values()]
     mapping = {
@@ -288,7 +288,7 @@ def _scenario(
     return load_scenario(mapping, {**chosen, **(settings or {})}, called="situation")
 
 
-def _ticks(age_s: float, what: str, name: str, grid: Drawn, scenario: Scenario) -> int:
+def _age_ticks(age_s: float, what: str, name: str, grid: Drawn, scenario: Scenario) -> int:
     """Return an age in ticks."""
     if not isinstance(name, str) or name == WALL or not (grid == name).any():
         raise BadInput(f"{what}: {name}: is on no floor of the drawing; name a character that is")
@@ -301,7 +301,7 @@ def _let_age(fog: BelievedFog, grid: Drawn, ticks_ago: Mapping[str, int], now: i
     """Have every point of a drawing seen as long ago as asked for."""
     from patrol.ground.footprint import View as SensorView
 
-    points = _points(grid)
+    points = _point_characters(grid)
     seen_at = np.full(points.shape, now, dtype=np.int64)
     for name, ago in ticks_ago.items():
         seen_at[points == name] = now - ago

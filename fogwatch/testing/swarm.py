@@ -105,10 +105,10 @@ class _Drawing:
         self._folder = folder
         self._settings = settings
         self._given = {field.partition(".")[0] for field in settings} - {"robots"}
-        features = set(_half(FEATURES, seed, 1))
+        features = set(_half_of(FEATURES, seed, 1))
         self._rule = Draws(seed, Purpose.CHAOS, -1).choice("age", "one_way", "", "", "") if "zones" in features else ""
         self._features = features - EXCLUDED.get(self._rule, set())
-        self._kinds = _half(FAULT_KINDS, seed, 2)
+        self._kinds = _half_of(FAULT_KINDS, seed, 2)
 
     def scenario(self) -> Scenario:
         """Return the scenario, with its faults written out."""
@@ -119,34 +119,34 @@ class _Drawing:
             "seed": self._seed,
             "step": step,
             "duration": ticks * step,
-            **self._ground(),
+            **self._draw_ground(),
         }
-        ground |= {"sensor": self._sensor(), "patrol": self._patrol()}
+        ground |= {"sensor": self._draw_sensor(), "patrol": self._draw_patrol()}
         mapping = self._not_given(ground)
         base = load_scenario({"terrain": {"builtin": "open"}, **mapping}, self._settings)
         self._terrain = terrain = load_terrain(base.terrain, base.point, base.base)
         part = starting_part(terrain, max(spec.radius for spec in base.roster))
         self._places = [terrain.centre(row, col) for row, col in np.argwhere(part).tolist()]
         self._doors = [(door.x, door.y, door.width) for door in Rooms(terrain, base.roster[0].radius, part).doors()]
-        closures = self._closures(base)
+        closures = self._draw_closures(base)
         if base.spares:
-            mapping["robots"][-1]["start"] = self._place()
+            mapping["robots"][-1]["start"] = self._draw_place()
         mapping |= self._not_given(
             {
-                "radio": self._radio(base),
-                "docks": self._docks(base, [robot["start"] for robot in mapping["robots"] if "start" in robot]),
-                "zones": self._zones(base),
+                "radio": self._draw_radio(base),
+                "docks": self._draw_docks(base, [robot["start"] for robot in mapping["robots"] if "start" in robot]),
+                "zones": self._draw_zones(base),
                 "closures": closures,
-                "intruders": self._intruders(base),
-                "faults": [*self._acts(base), *self._closing(base, closures)],
-                "nemesis": self._nemesis(base),
+                "intruders": self._draw_intruders(base),
+                "faults": [*self._draw_acts(base), *self._draw_closing(base, closures)],
+                "nemesis": self._draw_nemesis(base),
             }
         )
-        if self._takes("graph") and "terrain" not in self._given:
-            mapping["terrain"] = {**mapping["terrain"], **self._graph()}
+        if self._takes_feature("graph") and "terrain" not in self._given:
+            mapping["terrain"] = {**mapping["terrain"], **self._draw_graph()}
         return load_scenario(mapping, self._settings)
 
-    def _takes(self, feature: str) -> bool:
+    def _takes_feature(self, feature: str) -> bool:
         return feature in self._features
 
     def _not_given(self, sections: Mapping[str, Any]) -> dict[str, Any]:
@@ -154,11 +154,11 @@ class _Drawing:
 
     # --- first what the ground depends on ----------------------------------------------------------------------------
 
-    def _ground(self) -> dict[str, Any]:
+    def _draw_ground(self) -> dict[str, Any]:
         """Draw terrain, point and robots, which have to fit together."""
         dice = self._dice
-        models = MODELS if self._takes("mixed bodies") else (dice.choice(*MODELS),)
-        indoors = self._takes("building") or "terrain" in self._given
+        models = MODELS if self._takes_feature("mixed bodies") else (dice.choice(*MODELS),)
+        indoors = self._takes_feature("building") or "terrain" in self._given
         radii = (dice.between(0.2, 0.4),) if indoors else (0.3, 1.0)
         bodies = [
             {
@@ -166,12 +166,12 @@ class _Drawing:
                 "speed": dice.between(0.5, 1.5) if indoors else dice.between(1.0, 5.0),
                 "radius": dice.choice(*radii),
                 "turning_radius": dice.between(0.6, 1.2) if indoors else dice.between(1.0, 4.0),
-                **({"battery": self._battery()} if self._takes("batteries") else {}),
+                **({"battery": self._draw_battery()} if self._takes_feature("batteries") else {}),
             }
-            for _ in range(3 if self._takes("mixed bodies") else 1)
+            for _ in range(3 if self._takes_feature("mixed bodies") else 1)
         ]
         robots = [dict(dice.choice(*bodies)) for _ in range(dice.whole(2, 6))]
-        if self._takes("spares"):
+        if self._takes_feature("spares"):
             robots[-1]["spare"] = True
         if not indoors:
             builtin, point = dice.choice("open", "yards", "clutter", "site"), dice.choice(1.0, 2.0)
@@ -183,36 +183,36 @@ class _Drawing:
         name = f"building-{dice.whole(0, 10**9)}"
         return {"terrain": {"map": str(building.write(self._folder, name))}, "point": point, "robots": robots}
 
-    def _battery(self) -> dict[str, Any]:
+    def _draw_battery(self) -> dict[str, Any]:
         dice = self._dice
         capacity = dice.between(0.3, 3.0)
         return {"capacity": capacity, "idle": 10.0, "drive": 30.0, "charge": 200.0, "start": dice.between(0.5, 1.0)}
 
-    def _sensor(self) -> dict[str, Any]:
+    def _draw_sensor(self) -> dict[str, Any]:
         dice = self._dice
         return {
-            "range": dice.between(4.0, 8.0) if self._takes("building") else dice.between(10.0, 25.0),
-            "angle": dice.choice(180, 90) if self._takes("narrow view") else 360,
-            "line_of_sight": not self._takes("view through walls"),
-            "quality": dice.choice(0.5, [[2, 1.0], [10, 0.3]]) if self._takes("quality") else 1.0,
+            "range": dice.between(4.0, 8.0) if self._takes_feature("building") else dice.between(10.0, 25.0),
+            "angle": dice.choice(180, 90) if self._takes_feature("narrow view") else 360,
+            "line_of_sight": not self._takes_feature("view through walls"),
+            "quality": dice.choice(0.5, [[2, 1.0], [10, 0.3]]) if self._takes_feature("quality") else 1.0,
         }
 
-    def _patrol(self) -> dict[str, Any]:
+    def _draw_patrol(self) -> dict[str, Any]:
         dice = self._dice
         policies = [name for name in POLICIES.built_in if name != DEFAULT]
-        turn, place = divmod(self._seed, len(policies))
-        policy = Draws(turn, Purpose.CHAOS, 3).shuffled(policies)[place]
+        turn, index = divmod(self._seed, len(policies))
+        policy = Draws(turn, Purpose.CHAOS, 3).shuffled(policies)[index]
         if dice.share() < DEFAULT_SHARE:
             policy = DEFAULT
         return {
             "policy": policy,
-            "options": self._options(policy),
+            "options": self._draw_options(policy),
             "avoidance": dice.choice("none", "goal-refinement", "goal-refinement"),
             "give_way": dice.choice(True, True, False),
             "manoeuvres": dice.choice(True, True, False),
         }
 
-    def _options(self, policy: str) -> dict[str, Any]:
+    def _draw_options(self, policy: str) -> dict[str, Any]:
         dice = self._dice
         if policy == LEARNED:
             weights = self._folder / "network.npz"
@@ -234,7 +234,7 @@ class _Drawing:
                 "letter": dice.choice(False, False, ["one-direction", "far-goal"]),
                 "fow": dice.choice("f1", "f2", "f3", "f4", "f5"),
                 "distance": dice.choice("g1", "g2", "g3", "g4", "g5"),
-                "paths": "wave" if self._takes("closures") else paths,
+                "paths": "wave" if self._takes_feature("closures") else paths,
                 "direction": direction,
                 "sectors": dice.choice(8, 5, 16),
                 "dilatation": dice.choice(0, 3, 5),
@@ -245,75 +245,77 @@ class _Drawing:
 
     # --- then what needs to know the ground --------------------------------------------------------------------------
 
-    def _place(self) -> tuple[float, float]:
+    def _draw_place(self) -> tuple[float, float]:
         """Draw a place where the widest body gets to."""
         return self._dice.choice(*self._places)
 
-    def _box(self, half: float, *, at_doors: bool = True) -> list[list[float]]:
+    def _draw_box(self, half: float, *, at_doors: bool = True) -> list[list[float]]:
         """Draw a box around such a place at any angle, or around a door."""
         dice = self._dice
-        (x, y), angle = self._place(), dice.between(0.0, math.pi)
+        (x, y), angle = self._draw_place(), dice.between(0.0, math.pi)
         if self._doors and at_doors and dice.share() < 0.5:
             x, y, width = dice.choice(*self._doors)
             half, angle = 0.5 * width + self._terrain.point, 0.0
         across, up = half * math.cos(angle), half * math.sin(angle)
         return [[x + across, y + up], [x - up, y + across], [x - across, y - up], [x + up, y - across]]
 
-    def _span(self, base: Scenario) -> list[list[float]]:
+    def _draw_span(self, base: Scenario) -> list[list[float]]:
         """Draw a stretch of time within the run."""
         begin, length = self._dice.whole(0, base.ticks - 10), self._dice.whole(4, 60)
         return [[begin * base.step, (begin + length) * base.step]]
 
-    def _radio(self, base: Scenario) -> dict[str, Any]:
+    def _draw_radio(self, base: Scenario) -> dict[str, Any]:
         dice, step = self._dice, base.step
         forget_s = dice.between(10.0 * step, 40.0 * step)
         radio: dict[str, Any] = {"forget_after": forget_s}
-        if self._takes("key"):
+        if self._takes_feature("key"):
             file = self._folder / "fleet.key"
             file.write_bytes(KEY)
             radio["key"] = str(file)
-        if self._takes("adaptive"):
+        if self._takes_feature("adaptive"):
             radio["adaptive"] = {"error": dice.between(0.0, 4.0), "silence": dice.between(step, forget_s)}
-        if self._takes("budget"):
+        if self._takes_feature("budget"):
             needed = 700.0 * len(base.roster) / forget_s
             radio["budget"] = {"bits_per_s": dice.between(2.0, 8.0) * needed, "overhead": dice.choice(0, 8)}
         narrow = base.sensor.angle < 360.0
-        if self._takes("trail") and not (narrow and (self._takes("adaptive") or self._takes("budget"))):
+        if self._takes_feature("trail") and not (
+            narrow and (self._takes_feature("adaptive") or self._takes_feature("budget"))
+        ):
             radio |= {"trail": dice.whole(1, 4), "trail_every": 1 if narrow else dice.whole(1, 3)}
-        if self._takes("path loss"):
+        if self._takes_feature("path loss"):
             radio |= {"model": "path-loss", "options": {"exponent": dice.choice(2.5, 4.0), "redraw": 20.0 * step}}
         return radio
 
-    def _docks(self, base: Scenario, starts: Sequence[tuple[float, float]]) -> list[dict[str, Any]]:
+    def _draw_docks(self, base: Scenario, starts: Sequence[tuple[float, float]]) -> list[dict[str, Any]]:
         """Draw docks, some where a spare robot starts, so that it may have to wait for one that charges there."""
         if all(spec.battery is None for spec in base.roster):
             return []
         dice = self._dice
-        return [{"place": dice.choice(self._place(), *starts), "radius": 1.0} for _ in range(dice.whole(1, 2))]
+        return [{"place": dice.choice(self._draw_place(), *starts), "radius": 1.0} for _ in range(dice.whole(1, 2))]
 
-    def _closures(self, base: Scenario) -> list[dict[str, Any]]:
-        if not self._takes("closures") or base.patrol.paths != "wave":
+    def _draw_closures(self, base: Scenario) -> list[dict[str, Any]]:
+        if not self._takes_feature("closures") or base.patrol.paths != "wave":
             return []
         dice = self._dice
         drawn = []
         for number in range(dice.whole(1, 3)):
             rates: dict[str, Any] = {"closes": dice.between(0.02, 0.2), "opens": dice.between(0.05, 0.3)}
-            when = dice.choice({}, {"closed": self._span(base)}, rates)
-            drawn.append({"name": f"door-{number}", "polygon": self._box(1.5 * base.roster[0].radius), **when})
+            when = dice.choice({}, {"closed": self._draw_span(base)}, rates)
+            drawn.append({"name": f"door-{number}", "polygon": self._draw_box(1.5 * base.roster[0].radius), **when})
         return drawn
 
-    def _closing(self, base: Scenario, closures: Iterable[Mapping[str, Any]]) -> list[dict[str, Any]]:
+    def _draw_closing(self, base: Scenario, closures: Iterable[Mapping[str, Any]]) -> list[dict[str, Any]]:
         """Draw faults that close and open closures."""
         faults = []
         for closure in closures:
             for kind in ("close", "open"):
                 if kind in self._kinds:
-                    ((begin, end),) = self._span(base)
+                    ((begin, end),) = self._draw_span(base)
                     faults.append({"kind": kind, "closure": closure["name"], "at": begin, "for": end - begin})
         return faults
 
-    def _zones(self, base: Scenario) -> list[dict[str, Any]]:
-        if not self._takes("zones"):
+    def _draw_zones(self, base: Scenario) -> list[dict[str, Any]]:
+        if not self._takes_feature("zones"):
             return []
         dice, step = self._dice, base.step
         largest = max(2.0 * spec.radius + spec.speed * step for spec in base.roster)
@@ -332,31 +334,33 @@ class _Drawing:
         for number, rule in enumerate(chosen):
             half = dice.between(0.5, 1.0) * largest if "keep_out" in rule else dice.between(1.0, 4.0) * largest
             is_timed = not rule.keys() & {"keep_out", "one_way", "weights"}
-            times: dict[str, Any] = {"times": self._span(base)} if is_timed else {}
-            polygon = self._box(half, at_doors="one_way" not in rule)
+            times: dict[str, Any] = {"times": self._draw_span(base)} if is_timed else {}
+            polygon = self._draw_box(half, at_doors="one_way" not in rule)
             drawn.append({"name": f"zone-{number}", "polygon": polygon, **rule, **dice.choice({}, times)})
         return drawn
 
-    def _intruders(self, base: Scenario) -> list[dict[str, Any]]:
-        if not self._takes("intruders"):
+    def _draw_intruders(self, base: Scenario) -> list[dict[str, Any]]:
+        if not self._takes_feature("intruders"):
             return []
-        spans = [self._span(base)[0] for _ in range(self._dice.whole(1, 2))]
-        return [{"place": self._place(), "at": begin, "for": end - begin} for begin, end in spans]
+        spans = [self._draw_span(base)[0] for _ in range(self._dice.whole(1, 2))]
+        return [{"place": self._draw_place(), "at": begin, "for": end - begin} for begin, end in spans]
 
-    def _graph(self) -> dict[str, Any]:
+    def _draw_graph(self) -> dict[str, Any]:
         """Draw a graph: some places, each joined with the nearest before it."""
         dice = self._dice
-        places = [self._place() for _ in range(dice.whole(4, 12))]
+        places = [self._draw_place() for _ in range(dice.whole(4, 12))]
         edges = []
         for last in range(1, len(places)):
-            length, first = min((math.dist(places[last], place), number) for number, place in enumerate(places[:last]))
+            length, first = min(
+                (math.dist(places[last], earlier), number) for number, earlier in enumerate(places[:last])
+            )
             if length > 0.0:
                 edges.append([first, last, length])
         graph = {"vertices": places, "edges": edges, "visit": 2.0 * self._terrain.point}
         patrolled = "ground" if self._rule == "age" else dice.choice("ground", "vertices")
         return {"graph": graph, "patrolled": patrolled}
 
-    def _acts(self, base: Scenario) -> list[dict[str, Any]]:
+    def _draw_acts(self, base: Scenario) -> list[dict[str, Any]]:
         """Draw when spare robots join, and acts on robots that, unlike a nemesis's, may come one on top of another."""
         dice, spares = self._dice, [spec.name for spec in base.roster if spec.spare]
         acts: list[dict[str, Any]] = [{"kind": "join", "who": name} for name in spares]
@@ -365,7 +369,7 @@ class _Drawing:
             acts += [{"kind": dice.choice(*kinds), "who": dice.choice("one", "half")} for _ in kinds]
         return [{**act, "at": dice.between(0.0, 0.7 * base.duration)} for act in acts]
 
-    def _nemesis(self, base: Scenario) -> dict[str, Any] | None:
+    def _draw_nemesis(self, base: Scenario) -> dict[str, Any] | None:
         kinds = [kind for kind in self._kinds if kind in DRAWN]
         faults = self._dice.whole(2, 14)
         return {
@@ -375,7 +379,7 @@ class _Drawing:
         }
 
 
-def _half(names: Iterable[str], seed: int, salt: int) -> list[str]:
+def _half_of(names: Iterable[str], seed: int, salt: int) -> list[str]:
     """Return half of some names; the two seeds of a pair share them out."""
     shuffled = Draws(seed // 2, Purpose.CHAOS, salt).shuffled(list(names))
     return shuffled[seed % 2 :: 2]

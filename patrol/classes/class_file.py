@@ -48,21 +48,21 @@ class ClassSection(Section):
     NAMED: ClassVar[str]
     SORT: ClassVar[str]
 
-    def _named(self) -> tuple[str, str, str | None]:
+    def _class_entry(self) -> tuple[str, str, str | None]:
         """Return the field, the name of the class, and the SHA-256 of its file."""
         field = self.NAMED.rpartition(".")[2]
         return field, getattr(self, field), getattr(self, f"{field}_sha256")
 
     def check_digest(self) -> None:
         """Refuse a SHA-256 of a class that comes from no file."""
-        field, name, digest = self._named()
+        field, name, digest = self._class_entry()
         if digest is not None and class_file(name) is None:
             raise wrong(f"{field}_sha256", f"only a {self.SORT} that is a file has a hash; drop it")
 
     def reduce(self, says: dict[str, Any], files: bool) -> None:
         """Let a class enter by its name, and by its file's content."""
         super().reduce(says, files)
-        field, name, digest = self._named()
+        field, name, digest = self._class_entry()
         del says[f"{field}_sha256"]
         class_name = name.rpartition(":")[2]
         if not files:
@@ -72,7 +72,7 @@ class ClassSection(Section):
 
     def with_digests(self) -> Self:
         """Add the SHA-256 of the class's file."""
-        field, name, digest = self._named()
+        field, name, digest = self._class_entry()
         section, path = super().with_digests(), class_file(name)
         if path is None or digest is not None or not path.is_file():
             return section
@@ -80,15 +80,15 @@ class ClassSection(Section):
 
     def with_copies(self, folder: Path) -> Self:
         """Copy the class's file."""
-        field, name, digest = self._named()
+        field, name, digest = self._class_entry()
         section, source = super().with_copies(folder), class_file(name)
         if source is None:
             return section
         if digest not in (None, file_digest(source, self.NAMED)):
             raise BadInput(f"{source}: has changed since the scenario was loaded; start again")
-        own = folder / self.SORT
-        own.mkdir()
-        (own / source.name).write_bytes(class_source(source, self.NAMED))
+        subfolder = folder / self.SORT
+        subfolder.mkdir()
+        (subfolder / source.name).write_bytes(class_source(source, self.NAMED))
         return section.model_copy(update={field: f"./{self.SORT}/{source.name}:{name.rpartition(':')[2]}"})
 
 

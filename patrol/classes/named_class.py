@@ -70,7 +70,7 @@ def find(named: NamedClass) -> type[Any]:
 
     Where the scenario gives a digest, a class's file must have it.
     """
-    named_type = _load(named)
+    named_type = _import_named(named)
     if not inspect.isclass(named_type) or not callable(getattr(named_type, named.sort.method, None)):
         raise no_class(named)
     return named_type
@@ -104,7 +104,7 @@ def entry_point_of(named: NamedClass) -> EntryPoint:
     if name not in offered:
         remedy = "or give package.module:Class or ./file.py:Class"
         raise BadInput(
-            f"{named.field}: no such {sort.noun}; {_offer(name, [*sort.built_in, *sorted(offered)])}, {remedy}"
+            f"{named.field}: no such {sort.noun}; {_offer_names(name, [*sort.built_in, *sorted(offered)])}, {remedy}"
         )
     return offered[name]
 
@@ -134,7 +134,7 @@ def absent_module(named: NamedClass, what: str) -> BadInput:
 
 def absent_class(named: NamedClass, name: str, classes: list[str]) -> BadInput:
     """Make the error for a class that a module does not hold; it offers those that it holds."""
-    return BadInput(f"{named.field}: has no {name}; {_offer(name, classes)}")
+    return BadInput(f"{named.field}: has no {name}; {_offer_names(name, classes)}")
 
 
 def raised(where: str, error: BaseException) -> BadInput:
@@ -142,7 +142,7 @@ def raised(where: str, error: BaseException) -> BadInput:
     return BadInput(f"{where}: raises {type(error).__name__}: {error}; correct it")
 
 
-def _load(named: NamedClass) -> Any:
+def _import_named(named: NamedClass) -> Any:
     """Import whatever the name stands for, of any type."""
     module_name, colon, name = named.sort.built_in.get(named.name, named.name).rpartition(":")
     if not colon:
@@ -189,5 +189,5 @@ def _module_of(path: Path, named: NamedClass) -> Any:
     return module
 
 
-def _offer(name: str, known: list[str]) -> str:
+def _offer_names(name: str, known: list[str]) -> str:
     return did_you_mean(name, known) if known else "there is none in it"

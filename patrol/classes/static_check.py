@@ -85,7 +85,7 @@ def _check_class(source: bytes, name: str, named: NamedClass) -> None:
         raise raised(named.field, error) from None
     method = named.sort.method
     bound: dict[str, ast.stmt] = {}
-    for statement in _statements(module.body):
+    for statement in _walk_statements(module.body):
         for key in _names_bound(statement):
             bound[key] = statement
     if "*" in bound:
@@ -98,15 +98,15 @@ def _check_class(source: bytes, name: str, named: NamedClass) -> None:
         raise no_class(named)
 
 
-def _statements(body: Iterable[ast.stmt]) -> Iterator[ast.stmt]:
+def _walk_statements(body: Iterable[ast.stmt]) -> Iterator[ast.stmt]:
     """Give the statements of a module or class, and those inside of its branches, not of its functions and classes."""
     for statement in body:
         yield statement
         if not isinstance(statement, ast.ClassDef | _Function):
-            yield from _statements(child for child in _children(statement))
+            yield from _walk_statements(child for child in _child_statements(statement))
 
 
-def _children(statement: ast.stmt) -> Iterator[ast.stmt]:
+def _child_statements(statement: ast.stmt) -> Iterator[ast.stmt]:
     for child in ast.iter_child_nodes(statement):
         if isinstance(child, ast.stmt):
             yield child
@@ -131,4 +131,4 @@ def _may_have(made: ast.ClassDef, method: str) -> bool:
     """Return True if a class has a method, or may get it from elsewhere."""
     if made.bases or made.keywords or made.decorator_list:
         return True
-    return any(method in _names_bound(statement) for statement in _statements(made.body))
+    return any(method in _names_bound(statement) for statement in _walk_statements(made.body))

@@ -1,4 +1,4 @@
-"""What is wrong with a scenario's closures beside its other sections, and on its ground."""
+"""Checks of a scenario's closures against its other sections and its ground."""
 
 from __future__ import annotations
 
@@ -41,10 +41,12 @@ def check_closures_on_ground(prepared: CheckedGround) -> None:
         ground = with_closed(terrain, [closure])
         for spec, start in zip(scenario.roster, prepared.starts, strict=True):
             if free_fraction(ground, start, start, spec.radius) < 1.0:
-                at = f"({start.x:g}, {start.y:g})"
-                raise BadInput(f"{where} lies on the start of {spec.name} at {at}; move it, or give robots.starts")
-        for place, dock in enumerate(scenario.docks):
+                coordinates = f"({start.x:g}, {start.y:g})"
+                raise BadInput(
+                    f"{where} lies on the start of {spec.name} at {coordinates}; move it, or give robots.starts"
+                )
+        for index, dock in enumerate(scenario.docks):
             pose = Pose(*dock.place, 0.0)
             widest = max(spec.radius for spec in scenario.roster if spec.battery is not None)
             if free_fraction(ground, pose, pose, widest) < 1.0:
-                raise BadInput(f"{where} lies on docks.{place}; move one of them")
+                raise BadInput(f"{where} lies on docks.{index}; move one of them")

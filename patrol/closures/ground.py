@@ -83,7 +83,9 @@ def faces(view: View, closed: BoolGrid) -> NDArray[np.int64]:
     near = closed[first : last + 1, left : right + 1]
     if not near.any():
         return np.zeros(0, dtype=np.int64)
-    seen = np.pad(view.mask[first - view.row0 : last + 1 - view.row0, left - view.col0 : right + 1 - view.col0] != 0, 1)
-    across = seen[:, :-2] | seen[:, 1:-1] | seen[:, 2:]
+    visible = np.pad(
+        view.mask[first - view.row0 : last + 1 - view.row0, left - view.col0 : right + 1 - view.col0] != 0, 1
+    )
+    across = visible[:, :-2] | visible[:, 1:-1] | visible[:, 2:]
     rows, cols = np.nonzero(near & (across[:-2] | across[1:-1] | across[2:]))
     return np.asarray((rows + first) * closed.shape[1] + cols + left, dtype=np.int64)

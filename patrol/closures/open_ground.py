@@ -58,11 +58,11 @@ class OpenGround:
             self.closed_out = np.zeros(terrain.shape, dtype=np.bool_)
             return
         patrolled = self._prepared.patrolled
-        would, seen = self._seen(self._prepared.terrain, places), self._seen(terrain, places)
-        self._out = {number: patrolled & would[number] & ~seen[number] for number in places}
+        would, visible = self._visible_ground(self._prepared.terrain, places), self._visible_ground(terrain, places)
+        self._out = {number: patrolled & would[number] & ~visible[number] for number in places}
         nobody = np.zeros(terrain.shape, dtype=np.bool_)
         self.closed_out = np.logical_or.reduce([nobody, *self._out.values()])
-        self.closed_out &= ~np.logical_or.reduce([nobody, *seen.values()])
+        self.closed_out &= ~np.logical_or.reduce([nobody, *visible.values()])
 
     def last_seen_or_out(self, number: int, k: int, last_seen: NDArray[np.int32]) -> NDArray[np.int32]:
         """Return the tick in which a robot last had no reason to go and see each point, int32 (height, width).
@@ -78,26 +78,26 @@ class OpenGround:
         half = 0.5 * np.count_nonzero(self._prepared.patrolled)
         return sorted(number for number, out in self._out.items() if np.count_nonzero(out) > half)
 
-    def _seen(self, terrain: Terrain, places: Mapping[int, Place]) -> dict[int, BoolGrid]:
+    def _visible_ground(self, terrain: Terrain, places: Mapping[int, Place]) -> dict[int, BoolGrid]:
         """Return what each robot can get to and see, by number."""
         scenario = self._prepared.scenario
         labels: dict[float, tuple[BoolGrid, NDArray[np.int32]]] = {}
         parts: dict[tuple[float, int], BoolGrid] = {}
-        seen = {}
-        for number, place in places.items():
+        visible = {}
+        for number, spot in places.items():
             radius = scenario.roster[number - 1].radius
             if radius not in labels:
                 cspace = cspace_of(terrain, radius)
                 labels[radius] = cspace, parts_of(cspace)[0]
             cspace, labelled = labels[radius]
-            joined = anchor(terrain, cspace, *place)
+            joined = anchor(terrain, cspace, *spot)
             part = 0 if joined is None else int(labelled[joined])
             if (radius, part) not in parts:
                 reach = (labelled == part) & cspace
                 proxy = proxies_of(terrain, reach, scenario.sensor.range, scenario.sensor.line_of_sight)
                 parts[radius, part] = reach | (proxy >= 0)
-            seen[number] = parts[radius, part]
-        return seen
+            visible[number] = parts[radius, part]
+        return visible
 
 
 class OpenAges:

@@ -67,7 +67,7 @@ class ClosedPoints:
             self.names.add(name)
         else:
             self.names.discard(name)
-        self.grid = _marked(self.points, self.names, self.grid.shape)
+        self.grid = _mark_points(self.points, self.names, self.grid.shape)
         return True
 
 
@@ -104,8 +104,8 @@ class Closings:
 
     def at(self, k: int) -> tuple[frozenset[str], frozenset[str]]:
         """Return the closures that are closed in a tick, and those that wait until bodies are clear of them."""
-        place = bisect_right(self._ticks, k) - 1
-        return self._names[place], self._waiting[place]
+        index = bisect_right(self._ticks, k) - 1
+        return self._names[index], self._waiting[index]
 
     def names(self, k: int) -> frozenset[str]:
         """Return the closures that are closed in a tick."""
@@ -115,11 +115,11 @@ class Closings:
         """Return the points that are closed in a tick, bool (height, width)."""
         names = self.names(k)
         if names != self._grid[0]:
-            self._grid = names, _marked(self.now.points, names, self.now.grid.shape)
+            self._grid = names, _mark_points(self.now.points, names, self.now.grid.shape)
         return self._grid[1]
 
 
-def _marked(points: Mapping[str, NDArray[np.int64]], names: Iterable[str], shape: tuple[int, ...]) -> BoolGrid:
+def _mark_points(points: Mapping[str, NDArray[np.int64]], names: Iterable[str], shape: tuple[int, ...]) -> BoolGrid:
     """Return a grid of the points of some closures."""
     grid = np.zeros(shape, dtype=np.bool_)
     for name in names:

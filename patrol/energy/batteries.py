@@ -6,7 +6,7 @@ wheels drive also while they slip. For example, a battery of 30 Wh (108 kJ) with
 empty after 108,000 / (10 + 35) = 2400 s of driving, 40 minutes.
 
 The world keeps the charge by this, and summaries and pages read it again from a journal's rows. The verdict has an
-arithmetic of its own (`worldsim.verdict.robots.battery_checks`).
+arithmetic of its own (`worldsim.checks.bodies`).
 """
 
 from __future__ import annotations
@@ -94,10 +94,10 @@ class Batteries:
     def _at_docks(self, standing: Iterable[RobotTick]) -> frozenset[int]:
         """Return the robots that docks charge."""
         rows = list(standing)
-        found = set()
+        docked = set()
         for dock in self._docks:
             near = [(round(math.dist(dock.place, (row.x, row.y)), DIGITS), row.number) for row in rows]
             away, number = min(near, default=(math.inf, 0))
             if away <= dock.radius:
-                found.add(number)
-        return frozenset(found)
+                docked.add(number)
+        return frozenset(docked)

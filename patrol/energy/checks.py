@@ -1,4 +1,4 @@
-"""What is wrong with a scenario's docks beside its batteries, and on its ground."""
+"""Checks of a scenario's docks against its batteries and its ground."""
 
 from __future__ import annotations
 
@@ -35,8 +35,8 @@ def check_docks_on_ground(prepared: CheckedGround) -> None:
                 f"docks.{number}.radius = {dock.radius:g}: robots stand at centres of points, and the nearest is "
                 f"{away:.2f} m away; give more, or move the dock to a centre"
             )
-        for earlier, other in enumerate(scenario.docks[:number]):
-            if (apart := math.dist(dock.place, other.place)) < dock.radius + other.radius:
+        for earlier, earlier_dock in enumerate(scenario.docks[:number]):
+            if (apart := math.dist(dock.place, earlier_dock.place)) < dock.radius + earlier_dock.radius:
                 raise BadInput(
                     f"{where}: {apart:g} m from docks.{earlier}, so one robot would stand at both; "
                     "move it, or give both smaller radii"

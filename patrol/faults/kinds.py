@@ -421,7 +421,7 @@ INSTANT = tuple(kind for kind, model in KINDS.items() if not issubclass(model, L
 """The kinds that happen at once and have no `for`."""
 
 
-def _named(faults: Sequence[Fault]) -> tuple[Fault, ...]:
+def _name_faults(faults: Sequence[Fault]) -> tuple[Fault, ...]:
     """Give those without an id one by their place; no two may have the same."""
     named = [f if f.id is not None else f.model_copy(update={"id": f"f{i}"}) for i, f in enumerate(faults, start=1)]
     places: dict[str | None, int] = {}
@@ -436,4 +436,4 @@ if TYPE_CHECKING:
 else:
     _EACH = tuple(Annotated[model, Tag(f"={kind}")] for kind, model in KINDS.items())
     OneFault = Annotated[Union[_EACH], Discriminator(_kind_of), BeforeValidator(_has_a_kind)]  # noqa: UP007 - made here
-Faults = Annotated[tuple[OneFault, ...], AfterValidator(_named)]
+Faults = Annotated[tuple[OneFault, ...], AfterValidator(_name_faults)]

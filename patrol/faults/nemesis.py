@@ -28,19 +28,19 @@ class When:
     @property
     def at(self) -> dict[str, float]:
         """The beginning, as fields of a fault."""
-        return {"at": self._time(self.begin)}
+        return {"at": self._tick_time_s(self.begin)}
 
     @property
     def healed(self) -> dict[str, float]:
         """The beginning of the fault that heals it, as fields."""
-        return {"at": self._time(self.end)}
+        return {"at": self._tick_time_s(self.end)}
 
     @property
     def lasting(self) -> dict[str, float]:
         """Beginning and length, as fields of a fault."""
         return {**self.at, "for": round((self.end - self.begin) * self.step, 6)}
 
-    def _time(self, k: int) -> float:
+    def _tick_time_s(self, k: int) -> float:
         """Return a tick's time in s, with few digits where they say the same."""
         time_s = round(k * self.step, 6)
         return time_s if tick_of(time_s, self.step) == k else k * self.step
@@ -94,44 +94,44 @@ def draw_fault(draws: Draws, kinds: Sequence[str], robots: RobotsHit, when: When
     return []
 
 
-def _kill(draws: Draws, robots: RobotsHit, when: When) -> Found:
+def _draw_kill(draws: Draws, robots: RobotsHit, when: When) -> Found:
     who = robots.take(draws, when.begin, when.end)
     wreck = draws.choice("stays", "removed")
     return [{**when.at, "who": who, "wreck": wreck}, {"kind": "restart", **when.healed, "who": who}] if who else []
 
 
-def _restart(draws: Draws, robots: RobotsHit, when: When) -> Found:
+def _draw_restart(draws: Draws, robots: RobotsHit, when: When) -> Found:
     who = robots.take(draws, when.begin, when.begin, leave=0)
     return [{**when.at, "who": who}] if who else []
 
 
-def _pause(draws: Draws, robots: RobotsHit, when: When) -> Found:
+def _draw_pause(draws: Draws, robots: RobotsHit, when: When) -> Found:
     who = robots.take(draws, when.begin, when.end)
     return [{**when.lasting, "who": who}] if who else []
 
 
-def _resume(draws: Draws, robots: RobotsHit, when: When) -> Found:
+def _draw_resume(draws: Draws, robots: RobotsHit, when: When) -> Found:
     """Draw a pause without an end, which a resume ends."""
     who = robots.take(draws, when.begin, when.end)
     return [{**when.at, "kind": "pause", "who": who}, {"kind": "resume", **when.healed, "who": who}] if who else []
 
 
-def _join(draws: Draws, robots: RobotsHit, when: When) -> Found:
+def _draw_join(draws: Draws, robots: RobotsHit, when: When) -> Found:
     who = robots.take(draws, 0, when.begin)
     return [{**when.at, "who": who}] if who else []
 
 
-def _leave(draws: Draws, robots: RobotsHit, when: When) -> Found:
+def _draw_leave(draws: Draws, robots: RobotsHit, when: When) -> Found:
     who = robots.take(draws, when.begin, when.end)
     return [{**when.at, "who": who}, {"kind": "join", **when.healed, "who": who}] if who else []
 
 
-def _links(draws: Draws, robots: RobotsHit) -> dict[str, Any]:
+def _draw_links(draws: Draws, robots: RobotsHit) -> dict[str, Any]:
     sources, targets = robots.any(draws), robots.any(draws)
     return {"from": sources, "to": "all" if sources == targets else targets}
 
 
-def _wait(draws: Draws, when: When) -> dict[str, Any]:
+def _draw_wait(draws: Draws, when: When) -> dict[str, Any]:
     """Draw delays of some steps."""
     long = 6.0 * when.step
     shape = draws.choice("constant", "uniform", "normal", "exponential")
@@ -139,56 +139,56 @@ def _wait(draws: Draws, when: When) -> dict[str, Any]:
     return {shape: [first, second] if shape in ("uniform", "normal") else second}
 
 
-def _loss(draws: Draws, robots: RobotsHit, when: When) -> Found:
-    fault = {**when.lasting, **_links(draws, robots), "rate": draws.between(0.05, 1.0)}
+def _draw_loss(draws: Draws, robots: RobotsHit, when: When) -> Found:
+    fault = {**when.lasting, **_draw_links(draws, robots), "rate": draws.between(0.05, 1.0)}
     burst = draws.between(1.0, 12.0)
     if fault["rate"] * (1.0 + burst) <= burst and draws.share() < 0.5:
         fault["mean_burst"] = burst
     return [fault]
 
 
-def _delay(draws: Draws, robots: RobotsHit, when: When) -> Found:
-    return [{**when.lasting, **_links(draws, robots), "delay": _wait(draws, when)}]
+def _draw_delay(draws: Draws, robots: RobotsHit, when: When) -> Found:
+    return [{**when.lasting, **_draw_links(draws, robots), "delay": _draw_wait(draws, when)}]
 
 
-def _duplicate(draws: Draws, robots: RobotsHit, when: When) -> Found:
-    fault = {**when.lasting, **_links(draws, robots), "rate": draws.between(0.05, 1.0)}
-    return [fault | draws.choice({}, {"delay": _wait(draws, when)})]
+def _draw_duplicate(draws: Draws, robots: RobotsHit, when: When) -> Found:
+    fault = {**when.lasting, **_draw_links(draws, robots), "rate": draws.between(0.05, 1.0)}
+    return [fault | draws.choice({}, {"delay": _draw_wait(draws, when)})]
 
 
-def _reorder(draws: Draws, robots: RobotsHit, when: When) -> Found:
-    fault = {**when.lasting, **_links(draws, robots), "rate": draws.between(0.05, 1.0)}
+def _draw_reorder(draws: Draws, robots: RobotsHit, when: When) -> Found:
+    fault = {**when.lasting, **_draw_links(draws, robots), "rate": draws.between(0.05, 1.0)}
     return [fault | draws.choice({}, {"hold": draws.between(0.1 * when.step, 5.0 * when.step)})]
 
 
-def _partition(draws: Draws, robots: RobotsHit, when: When) -> Found:
+def _draw_partition(draws: Draws, robots: RobotsHit, when: When) -> Found:
     if len(robots.names) < 2:
         return []
     first = draws.some(robots.names, len(robots.names) - 1)
     outside = [name for name in robots.names if name not in first]
-    more = [draws.some(outside, len(outside))] if draws.share() < 0.5 else []
-    groups: Any = draws.choice([first, *more], [first, *more], "halves", "one")
+    extra = [draws.some(outside, len(outside))] if draws.share() < 0.5 else []
+    groups: Any = draws.choice([first, *extra], [first, *extra], "halves", "one")
     return [{**when.lasting, "groups": groups, "direction": draws.choice("both", "one-way")}]
 
 
-def _silence(draws: Draws, robots: RobotsHit, when: When) -> Found:
+def _draw_silence(draws: Draws, robots: RobotsHit, when: When) -> Found:
     return [{**when.lasting, "who": robots.any(draws), "direction": draws.choice("in", "out", "both")}]
 
 
-def _range(draws: Draws, robots: RobotsHit, when: When) -> Found:
+def _draw_range(draws: Draws, robots: RobotsHit, when: When) -> Found:
     through = draws.choice(True, False)
     return [{**when.lasting, "who": robots.any(draws), "reach": draws.between(5.0, 60.0), "through_walls": through}]
 
 
-def _bandwidth(draws: Draws, robots: RobotsHit, when: When) -> Found:
+def _draw_bandwidth(draws: Draws, robots: RobotsHit, when: When) -> Found:
     return [{**when.lasting, "who": robots.any(draws), "bytes_per_s": draws.between(5.0, 100.0)}]
 
 
-def _spoof(draws: Draws, robots: RobotsHit, when: When) -> Found:
+def _draw_spoof(draws: Draws, robots: RobotsHit, when: When) -> Found:
     by = draws.choice(STRANGER, draws.choice(*robots.names))
     if by == robots.names[0] and len(robots.names) == 1:
         by = STRANGER  # there is no other name to forge
-    others = [name for name in robots.names if name != by]
+    impersonated = [name for name in robots.names if name != by]
     offset = [draws.between(-20.0, 20.0), draws.between(-20.0, 20.0)]
     payload: Any = draws.choice(
         {"offset": offset},
@@ -198,10 +198,10 @@ def _spoof(draws: Draws, robots: RobotsHit, when: When) -> Found:
         {"invented": draws.whole(1, 3)},
         {"ahead": draws.whole(1, 10_000)},
     )
-    return [{**when.lasting, "by": by, "as": draws.some(others, len(others)), "payload": payload}]
+    return [{**when.lasting, "by": by, "as": draws.some(impersonated, len(impersonated)), "payload": payload}]
 
 
-def _drift(draws: Draws, robots: RobotsHit, when: When) -> Found:
+def _draw_drift(draws: Draws, robots: RobotsHit, when: When) -> Found:
     fault = {
         "who": robots.any(draws),
         "bias": [draws.between(-2.0, 2.0), draws.between(-2.0, 2.0)],
@@ -212,12 +212,12 @@ def _drift(draws: Draws, robots: RobotsHit, when: When) -> Found:
     return [{**when.lasting, **fault, **draws.choice({}, jump)}]
 
 
-def _clock(draws: Draws, robots: RobotsHit, when: When) -> Found:
+def _draw_clock(draws: Draws, robots: RobotsHit, when: When) -> Found:
     offset, rate = draws.between(-60.0, 60.0), draws.between(-0.2, 0.2)
     return [{**when.lasting, "who": robots.any(draws), "offset": offset, "rate": rate}]
 
 
-def _motion(draws: Draws, robots: RobotsHit, when: When) -> Found:
+def _draw_motion(draws: Draws, robots: RobotsHit, when: When) -> Found:
     noise = {name: draws.between(0.0, 0.4) for name in ("speed", "turning", "veer")}
     every = {"every": draws.between(when.step, 20.0 * when.step)}
     jitter = draws.choice({}, {"jitter": {"size": draws.between(0.05, 0.9), **every}})
@@ -226,24 +226,24 @@ def _motion(draws: Draws, robots: RobotsHit, when: When) -> Found:
 
 
 DRAWN: Mapping[str, Callable[[Draws, RobotsHit, When], Found]] = {
-    "kill": _kill,
-    "restart": _restart,
-    "pause": _pause,
-    "resume": _resume,
-    "join": _join,
-    "leave": _leave,
-    "loss": _loss,
-    "delay": _delay,
-    "duplicate": _duplicate,
-    "reorder": _reorder,
-    "partition": _partition,
-    "silence": _silence,
-    "range": _range,
-    "bandwidth": _bandwidth,
-    "spoof": _spoof,
-    "drift": _drift,
-    "clock": _clock,
-    "motion": _motion,
+    "kill": _draw_kill,
+    "restart": _draw_restart,
+    "pause": _draw_pause,
+    "resume": _draw_resume,
+    "join": _draw_join,
+    "leave": _draw_leave,
+    "loss": _draw_loss,
+    "delay": _draw_delay,
+    "duplicate": _draw_duplicate,
+    "reorder": _draw_reorder,
+    "partition": _draw_partition,
+    "silence": _draw_silence,
+    "range": _draw_range,
+    "bandwidth": _draw_bandwidth,
+    "spoof": _draw_spoof,
+    "drift": _draw_drift,
+    "clock": _draw_clock,
+    "motion": _draw_motion,
 }
 """Draws of each kind. Another kind or another order changes the faults of every nemesis of `kinds: all`."""
 

@@ -56,8 +56,8 @@ def check_faults(
         if isinstance(fault, OnLinks):
             _check_links(fault, names, spares, seed, index)
         if isinstance(fault, OnClosure) and fault.closure not in closures:
-            known = did_you_mean(fault.closure, closures) if closures else "the scenario has none; list it in closures"
-            raise wrong(f"{where}.closure", f"there is no closure {fault.closure}; {known}")
+            hint = did_you_mean(fault.closure, closures) if closures else "the scenario has none; list it in closures"
+            raise wrong(f"{where}.closure", f"there is no closure {fault.closure}; {hint}")
 
 
 def _check_partition(fault: Partition, names: Sequence[str], fleet: int, where: str) -> None:

@@ -66,13 +66,13 @@ class _Loader(yaml.SafeLoader):
         if isinstance(event, yaml.AliasEvent):
             if event.anchor in self.anchors:
                 if event.anchor not in self._whole:
-                    raise _problem(f"*{event.anchor} is inside of what it stands for", event)
-                self._count(self._whole[event.anchor], event)
+                    raise _make_error(f"*{event.anchor} is inside of what it stands for", event)
+                self._count_nodes(self._whole[event.anchor], event)
             return super().compose_node(parent, index)
         before = self._nodes
-        self._count(1, event)
+        self._count_nodes(1, event)
         if isinstance(event, yaml.ScalarEvent) and len(event.value) > LONGEST:
-            raise _problem(f"a value of {len(event.value)} characters, and at most {LONGEST} are read", event)
+            raise _make_error(f"a value of {len(event.value)} characters, and at most {LONGEST} are read", event)
         self._depth += 1
         if self._depth > DEEPEST:
             raise RecursionError
@@ -82,25 +82,25 @@ class _Loader(yaml.SafeLoader):
             self._whole[event.anchor] = self._nodes - before
         return node
 
-    def _count(self, nodes: int, event: yaml.Event) -> None:
+    def _count_nodes(self, nodes: int, event: yaml.Event) -> None:
         self._nodes += nodes
         if self._nodes > MOST_NODES:
-            raise _problem(f"more than {MOST_NODES} entries, what aliases stand for included", event)
+            raise _make_error(f"more than {MOST_NODES} entries, what aliases stand for included", event)
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Hashable, Any]:
         seen_keys: set[tuple[str, str]] = set()
         for key, _ in node.value:
             if key.tag == f"{_TAG}merge":
-                raise _problem("merge keys (<<) are not read; write the entries out", key)
+                raise _make_error("merge keys (<<) are not read; write the entries out", key)
             name = (key.tag, key.value) if isinstance(key, yaml.ScalarNode) else None
             if name in seen_keys:
-                raise _problem(f"{key.value} occurs twice", key)
+                raise _make_error(f"{key.value} occurs twice", key)
             if name is not None:
                 seen_keys.add(name)
         return super().construct_mapping(node, deep)
 
 
-def _problem(what: str, where: Any) -> yaml.MarkedYAMLError:
+def _make_error(what: str, where: Any) -> yaml.MarkedYAMLError:
     """Make an error at the beginning of a node or an event."""
     return yaml.constructor.ConstructorError(None, None, what, where.start_mark)
 
@@ -128,20 +128,20 @@ def add_core_rules(reader_or_writer: type[yaml.SafeLoader | yaml.SafeDumper]) ->
 add_core_rules(_Loader)
 
 
-def _int(_loader: _Loader, node: yaml.ScalarNode) -> int:
+def _read_integer(_loader: _Loader, node: yaml.ScalarNode) -> int:
     text = node.value
     if len(text) > MOST_DIGITS:
-        raise _problem(f"a number of {len(text)} characters, and at most {MOST_DIGITS} are read", node)
+        raise _make_error(f"a number of {len(text)} characters, and at most {MOST_DIGITS} are read", node)
     return int(text, {"0o": 8, "0x": 16}.get(text[:2], 10))
 
 
-_Loader.add_constructor(f"{_TAG}int", _int)
+_Loader.add_constructor(f"{_TAG}int", _read_integer)
 
 
 def read_text(path: Path, kind: Kind = SCENARIO) -> str:
     """Read the text of a file in UTF-8, or else in Latin-1, as old maps' comments are."""
     try:
-        return _decode(read_untrusted(path, kind))
+        return _decode_text(read_untrusted(path, kind))
     except FileNotFoundError:
         raise BadInput(f"{path}: no such file") from None
     except IsADirectoryError:
@@ -152,7 +152,7 @@ def read_text(path: Path, kind: Kind = SCENARIO) -> str:
         raise BadInput(f"{path}: cannot be read ({getattr(error, 'strerror', None) or error})") from None
 
 
-def _decode(content: bytes) -> str:
+def _decode_text(content: bytes) -> str:
     try:
         return content.decode("utf-8-sig")
     except UnicodeDecodeError:

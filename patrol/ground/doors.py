@@ -1,7 +1,7 @@
 """Rooms and doors: how the free space falls into parts at its narrowest places.
 
 See kernels/doors.py for how they are found. Of two ways between the same rooms only the wider is a door: the narrower
-one keeps nobody out.
+one keeps no body out.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ class Rooms:
         """Split the terrain."""
         self.terrain = terrain
         self.body = needed_level(radius, terrain.point)
-        self.levels, self.nodes, self.labels = _split(terrain, radius)
+        self.levels, self.nodes, self.labels = _split_rooms(terrain, radius)
         count = len(self.nodes)
         areas = np.bincount(self.labels.ravel(), minlength=count + 1)[1:]
         self.areas = areas * terrain.point_area
@@ -86,15 +86,15 @@ class Rooms:
 
     def door(self, number: int, behind: float) -> Door:
         """Return the door that an inner node stands for; `behind` is the area (m2) that it leads to."""
-        at = int(self.nodes[number, SADDLE])
-        x, y = self.terrain.centre(*divmod(at, self.terrain.width))
-        level = int(self.levels.flat[at])
+        cell = int(self.nodes[number, SADDLE])
+        x, y = self.terrain.centre(*divmod(cell, self.terrain.width))
+        level = int(self.levels.flat[cell])
         width = math.sqrt(level) * self.terrain.point
         return Door(x, y, width, max(0.5 * width - 0.5 * self.terrain.point, 0.0), behind, level >= self.body)
 
     def doors(self) -> list[Door]:
         """Return the doors between parts large enough to list, at least one of them reached; narrowest first."""
-        found = []
+        doors = []
         for root in np.flatnonzero(self.is_root & self.reached):
             waiting = [int(root)]
             while waiting:
@@ -107,11 +107,11 @@ class Rooms:
                 if self.areas[sides].min() < LISTED_AREA or not self.reached[sides].any():
                     continue
                 far = [side for side in sides if not self.reached[side]] or sides
-                found.append(self.door(number, float(self.areas[far].min())))
-        return sorted(found, key=lambda door: (door.width, -door.behind, door.x, door.y))
+                doors.append(self.door(number, float(self.areas[far].min())))
+        return sorted(doors, key=lambda door: (door.width, -door.behind, door.x, door.y))
 
 
-def _split(terrain: Terrain, radius: float) -> tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.int32]]:
+def _split_rooms(terrain: Terrain, radius: float) -> tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.int32]]:
     """Clearance levels (h, w), the nodes (see kernels/doors.py) and each point's room, node number + 1 or 0, (h, w)."""
     point = terrain.point
     clearance = max(DOOR_CLEARANCE, 2.0 * planning_radius(radius, point))
@@ -121,8 +121,8 @@ def _split(terrain: Terrain, radius: float) -> tuple[NDArray[np.int32], NDArray[
     order = order[: falling_order(flat, np.empty(int(flat.max()) + 2, dtype=np.int32), order)]
     body = needed_level(radius, point)
     room = max(math.ceil(ROOM_AREA / terrain.point_area), 1)
-    most = 2 * (order.size // room + parts_of(levels >= body)[1] + 1)
-    nodes = np.full((most, 4), -1, dtype=np.int32)
+    capacity = 2 * (order.size // room + parts_of(levels >= body)[1] + 1)
+    nodes = np.full((capacity, 4), -1, dtype=np.int32)
     size, top, node = (np.empty(flat.size, dtype=np.int32) for _ in range(3))
     parent = np.full(flat.size, -1, dtype=np.int32)
     nodes = nodes[: find_doors(flat, order, terrain.width, body, room, WIDER, parent, size, top, node, nodes)]

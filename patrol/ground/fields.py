@@ -70,15 +70,15 @@ def anchor(terrain: Terrain, cspace: BoolGrid, x: float, y: float) -> tuple[int,
     """
     row, col = terrain.point_at(x, y)
     span = math.ceil(MARGIN + 0.5) + 1
-    found = []
+    candidates = []
     for r in range(max(row - span, 0), min(row + span + 1, terrain.height)):
         for c in range(max(col - span, 0), min(col + span + 1, terrain.width)):
             if cspace[r, c]:
                 cx, cy = terrain.centre(r, c)
                 away = math.hypot(cx - x, cy - y) / terrain.point
                 if away <= MARGIN + 0.5 + TOLERANCE:
-                    found.append((away, r, c))
-    for _, r, c in sorted(found):
+                    candidates.append((away, r, c))
+    for _, r, c in sorted(candidates):
         if _open_line(terrain, x, y, *terrain.centre(r, c)):
             return r, c
     return None
@@ -88,8 +88,8 @@ def _open_line(terrain: Terrain, x0: float, y0: float, x1: float, y1: float) -> 
     """Return True if every tenth of a point along a short straight line lies on free points."""
     steps = max(math.ceil(10.0 * math.hypot(x1 - x0, y1 - y0) / terrain.point), 1)
     for i in range(steps + 1):
-        at = terrain.point_at(x0 + (x1 - x0) * i / steps, y0 + (y1 - y0) * i / steps)
-        if not terrain.inside(*at) or not terrain.free[at]:
+        cell = terrain.point_at(x0 + (x1 - x0) * i / steps, y0 + (y1 - y0) * i / steps)
+        if not terrain.inside(*cell) or not terrain.free[cell]:
             return False
     return True
 
@@ -103,18 +103,18 @@ def compute_fields(
     """
     cspace = cspace_of(terrain, radius)
     labels, _ = parts_of(cspace)
-    held = []
+    start_labels = []
     for start in starts:
-        at = anchor(terrain, cspace, start.x, start.y)
-        if at is None:
+        cell = anchor(terrain, cspace, start.x, start.y)
+        if cell is None:
             raise BadInput(
                 f"robots.starts: a body of radius {radius:g} m does not fit at ({start.x:g}, {start.y:g}) on "
                 f"{terrain.name}; start it further from the walls"
             )
-        held.append(int(labels[at]))
-    reach = np.isin(labels, sorted(set(held))) & cspace
+        start_labels.append(int(labels[cell]))
+    reach = np.isin(labels, sorted(set(start_labels))) & cspace
     if terrain.against.size:
-        parts = [ground_with_ways_back(terrain, labels == label, radius) for label in sorted(set(held))]
+        parts = [ground_with_ways_back(terrain, labels == label, radius) for label in sorted(set(start_labels))]
         reach = np.logical_or.reduce(parts)
         for start in starts:
             if not reach[anchor(terrain, cspace, start.x, start.y) or (0, 0)]:

@@ -58,15 +58,15 @@ class Fog:
 
     def fork(self) -> Fog:
         """An independent fog of the same points, now as fresh as this one."""
-        other = copy.copy(self)
-        other.last_seen = self.last_seen.copy()
-        other._oldest = self._oldest.copy()
-        return other
+        fork = copy.copy(self)
+        fork.last_seen = self.last_seen.copy()
+        fork._oldest = self._oldest.copy()
+        return fork
 
     def observe(self, view: View, tick: int) -> None:
         """Take in one robot's footprint."""
-        place = view.row0, view.col0, tick
-        gained, first = observe(self.last_seen, self.patrolled, view.mask, view.quality, *place)
+        window = view.row0, view.col0, tick
+        gained, first = observe(self.last_seen, self.patrolled, view.mask, view.quality, *window)
         if self._totals is not None:
             self._totals = self._totals[0] + gained, self._totals[1] + first
 
@@ -92,13 +92,13 @@ class Fog:
         row = stalest_row(self.last_seen, self.patrolled, self._oldest)
         oldest = self._oldest[row]
         if self.patrolled[self._stalest] == 0 or self.last_seen[self._stalest] != oldest:
-            found = (self.last_seen[row] == oldest) & (self.patrolled[row] != 0)
-            self._stalest = row, int(found.argmax())
+            is_stalest = (self.last_seen[row] == oldest) & (self.patrolled[row] != 0)
+            self._stalest = row, int(is_stalest.argmax())
         return self._stalest
 
     def mean(self, tick: int) -> float:
         """Return the patrolled points' mean age at a tick, in ticks."""
-        return tick - self._counted()[0] / self.points
+        return tick - self._count_seen()[0] / self.points
 
     def age(self, tick: int) -> NDArray[np.int32]:
         """Return the age of every point at a tick, in ticks, int32 (h, w).
@@ -109,10 +109,10 @@ class Fog:
 
     @property
     def seen(self) -> int:
-        """How many patrolled points have been seen at least once."""
-        return self._counted()[1]
+        """Number of patrolled points that have been seen at least once."""
+        return self._count_seen()[1]
 
-    def _counted(self) -> tuple[int, int]:
+    def _count_seen(self) -> tuple[int, int]:
         """The sum of the points' last-seen ticks, and how many have been seen."""
         if self._totals is None:
             counted = self.last_seen[self.patrolled.view(np.bool_)]

@@ -61,8 +61,8 @@ class View:
         rows, cols = self.mask.shape
         top, left = max(0, -self.row0), max(0, -self.col0)
         part = grid[self.row0 + top : self.row0 + rows, self.col0 + left : self.col0 + cols]
-        seen = self.mask[top : top + part.shape[0], left : left + part.shape[1]] != 0
-        part[seen] = np.maximum(part[seen], tick)
+        visible = self.mask[top : top + part.shape[0], left : left + part.shape[1]] != 0
+        part[visible] = np.maximum(part[visible], tick)
 
     def box(self, shape: tuple[int, int]) -> tuple[int, int, int, int] | None:
         """Cut the window to a terrain.
@@ -78,7 +78,7 @@ class View:
         return box if box[0] <= box[1] and box[2] <= box[3] else None
 
     def shows(self, row: int, col: int) -> bool:
-        """Whether the terrain's point (row, col) is seen.
+        """Return True if the terrain's point (row, col) is seen.
 
         Args:
             row: Of the terrain.
@@ -91,7 +91,7 @@ class View:
 
 @dataclass(frozen=True, slots=True)
 class SensorSetup:
-    """What a sensor is made from.
+    """The ground, range and options that a sensor is made from.
 
     Attributes:
         terrain: The ground, and what blocks the view.
@@ -134,12 +134,12 @@ class Sensor(Protocol):
 
     @property
     def all_round(self) -> bool:
-        """Whether a view is the same for every heading."""
+        """True if a view is the same for every heading."""
         ...
 
     @property
     def leaves_age(self) -> bool:
-        """Whether a look may leave some of a point's age: whether views have a quality."""
+        """True if views have a quality: a look may leave some of a point's age."""
         ...
 
     def visible(self, pose: Pose) -> View:
@@ -177,7 +177,7 @@ class Footprint:
         self.all_round = sensor.all_round
         self.leaves_age = sensor.leaves_age
         self._sensor = sensor
-        self._remembered = lru_cache(maxsize=remembered)(self._look)
+        self._remembered = lru_cache(maxsize=remembered)(self._look_from)
 
     def visible(self, pose: Pose) -> View:
         """The points seen from a pose.
@@ -192,7 +192,7 @@ class Footprint:
         row, col = self.terrain.point_at(pose.x, pose.y)
         return self._remembered(row, col, 0.0 if self.all_round else pose.heading)
 
-    def _look(self, row: int, col: int, heading: float) -> View:
+    def _look_from(self, row: int, col: int, heading: float) -> View:
         view = self._sensor.visible(Pose(*self.terrain.centre(row, col), heading))
         view.mask.setflags(write=False)
         if view.quality is not None:

@@ -41,9 +41,9 @@ class LeftOut:
         if self.parts > 1 and self.small_parts:
             small = "each" if self.small_parts == self.parts else f"{self.small_parts} of them"
             parts += f", {small} of less than {LEAST_M2:g} m²"
-        largest = "it is" if self.parts == 1 else f"the largest, {_area(self.largest_m2)}, is"
+        largest = "it is" if self.parts == 1 else f"the largest, {_area_text(self.largest_m2)}, is"
         return (
-            f"{_area(self.area_m2)} of free ground{parts}, which no robot sees; {largest} around ({self.x:.2f}, "
+            f"{_area_text(self.area_m2)} of free ground{parts}, which no robot sees; {largest} around ({self.x:.2f}, "
             f"{self.y:.2f}), {self.why}"
         )
 
@@ -79,7 +79,7 @@ def left_out(terrain: Terrain, patrolled: BoolGrid, narrowest: StaticFields, rad
     )
 
 
-def _area(area_m2: float) -> str:
+def _area_text(area_m2: float) -> str:
     return f"{area_m2:.0f} m²" if area_m2 >= LEAST_M2 else f"{area_m2:.2g} m²"
 
 

@@ -29,7 +29,7 @@ class Mark(NamedTuple):
 
 
 class Look(NamedTuple):
-    """What a mark looks like at a time."""
+    """The look of a mark at a time."""
 
     text: str  # its label
     holds: bool  # what it says holds now: it is drawn strongly, with its label
@@ -48,18 +48,18 @@ def mark_ground(
 def outline(points: BoolGrid, terrain: Terrain) -> NDArray[np.float64]:
     """Return the straight edges between some points and all others, float64 (n, 4): x and y in m of both ends."""
     rims = np.pad(points, 1)
-    lines = [(row, *run) for row, runs in _runs(rims[1:] != rims[:-1]) for run in runs]
+    lines = [(row, *run) for row, runs in _row_runs(rims[1:] != rims[:-1]) for run in runs]
     edges = [(first, row, end, row) for row, first, end in lines]
-    lines = [(col, *run) for col, runs in _runs((rims[:, 1:] != rims[:, :-1]).T) for run in runs]
+    lines = [(col, *run) for col, runs in _row_runs((rims[:, 1:] != rims[:, :-1]).T) for run in runs]
     edges += [(col, first, col, end) for col, first, end in lines]
-    place: NDArray[np.float64] = np.array(edges, dtype=np.float64).reshape(-1, 4)
+    sides: NDArray[np.float64] = np.array(edges, dtype=np.float64).reshape(-1, 4)
     # Edge 0 lies along the border, but runs begin in the padding, one point before it.
-    place[:, [0, 2]] -= np.where(place[:, [1]] == place[:, [3]], 1.0, 0.0)
-    place[:, [1, 3]] -= np.where(place[:, [0]] == place[:, [2]], 1.0, 0.0)
-    return np.asarray(place * terrain.point + np.tile(terrain.origin, 2))
+    sides[:, [0, 2]] -= np.where(sides[:, [1]] == sides[:, [3]], 1.0, 0.0)
+    sides[:, [1, 3]] -= np.where(sides[:, [0]] == sides[:, [2]], 1.0, 0.0)
+    return np.asarray(sides * terrain.point + np.tile(terrain.origin, 2))
 
 
-def _runs(marked: BoolGrid) -> Iterator[tuple[int, list[tuple[int, int]]]]:
+def _row_runs(marked: BoolGrid) -> Iterator[tuple[int, list[tuple[int, int]]]]:
     """Yield each row of a grid that has marks, with the first column and the one after the last of each run of them."""
     for row in np.flatnonzero(marked.any(axis=1)).tolist():
         ends = np.flatnonzero(np.diff(np.pad(marked[row].view(np.int8), 1)))

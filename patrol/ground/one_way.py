@@ -44,16 +44,16 @@ def with_direction(against: Steps, points: BoolGrid, degrees: int) -> Steps:
     Bit w is set where step w leads against a zone; `against` may be `ALL_WAYS`. `degrees` is the zone's direction, a
     multiple of `TURN`.
     """
-    both = against.copy() if against.size else np.zeros(points.shape, dtype=np.uint8)
+    combined = against.copy() if against.size else np.zeros(points.shape, dtype=np.uint8)
     height, width = points.shape
     framed = np.pad(points, 1)
     for turn in (3, 4, 5):
         step = (degrees // TURN + turn) % len(STEPS)
         up, across = STEPS[step]
         reached = framed[1 + up : 1 + up + height, 1 + across : 1 + across + width]
-        both[points | reached] |= np.uint8(1 << step)
-    both.flags.writeable = False
-    return both
+        combined[points | reached] |= np.uint8(1 << step)
+    combined.flags.writeable = False
+    return combined
 
 
 def unit(degrees: int) -> tuple[float, float]:
@@ -76,18 +76,18 @@ def ground_with_ways_back(terrain: Terrain, reach: BoolGrid, radius: float) -> B
 
 
 def _with_ways_back(terrain: Terrain, reach: BoolGrid, radius: float) -> BoolGrid:
-    kept, ways_lead_to = np.zeros_like(reach), np.zeros_like(reach)
-    left = reach & (terrain.against == 0)
-    left = left if left.any() else reach.copy()
+    best, ways_lead_to = np.zeros_like(reach), np.zeros_like(reach)
+    candidates = reach & (terrain.against == 0)
+    candidates = candidates if candidates.any() else reach.copy()
     for _ in range(MOST_PARTS):
-        if np.count_nonzero(left) <= np.count_nonzero(kept):
+        if np.count_nonzero(candidates) <= np.count_nonzero(best):
             break
-        start = [divmod(int(left.argmax()), terrain.width)]
-        to, back = (_reached(terrain, reach, start, back=back) for back in (False, True))
-        if np.count_nonzero(to & back) > np.count_nonzero(kept):
-            kept, ways_lead_to = to & back, to
-        left &= ~(to & back)
-    labels, count = parts_of(reach & ~kept)
+        start = [divmod(int(candidates.argmax()), terrain.width)]
+        to, back = (_reached_ground(terrain, reach, start, back=back) for back in (False, True))
+        if np.count_nonzero(to & back) > np.count_nonzero(best):
+            best, ways_lead_to = to & back, to
+        candidates &= ~(to & back)
+    labels, count = parts_of(reach & ~best)
     sizes = np.bincount(labels.reshape(-1), minlength=count + 1)
     sizes[0] = 0
     if sizes.max() * terrain.point_area > NICHE * math.pi * radius**2:
@@ -99,10 +99,10 @@ def _with_ways_back(terrain: Terrain, reach: BoolGrid, radius: float) -> BoolGri
         raise BadInput(
             f"zones: one_way: {leads} for a body of radius {radius:g} m; turn a zone round, make it shorter or drop it"
         )
-    return frozen_grid(kept)
+    return frozen_grid(best)
 
 
-def _reached(terrain: Terrain, reach: BoolGrid, start: list[tuple[int, int]], *, back: bool) -> BoolGrid:
+def _reached_ground(terrain: Terrain, reach: BoolGrid, start: list[tuple[int, int]], *, back: bool) -> BoolGrid:
     from patrol.kernels.ways import FAR
 
     return np.asarray(lengths_along(reach, terrain.against, start, FAR, back=back)[1:-1, 1:-1] < FAR)

@@ -31,15 +31,15 @@ def narrow_passages(terrain: Terrain, reach: BoolGrid, width: float) -> list[Boo
     covered = fits | (clearance_levels(apart, cap)[cap:-cap, cap:-cap] <= (2.0 * half) ** 2)
     labels, count = parts_of(reach & ~covered)
     wide = reach & covered
-    found = []
+    passages = []
     for label in range(1, count + 1):
         part = labels == label
         if np.count_nonzero(part) * terrain.point_area < SMALLEST_M2:
             continue
         _, mouths = parts_of(grown(part) & wide)
         if mouths >= 2:
-            found.append(part)
-    return found
+            passages.append(part)
+    return passages
 
 
 def check_areas(polygons: Sequence[Polygon], terrain: Terrain, field: str) -> None:

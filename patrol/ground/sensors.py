@@ -41,7 +41,7 @@ class Disc:
 
     @property
     def leaves_age(self) -> bool:
-        """Whether a look may leave some of a point's age (quality below 1)."""
+        """True if a look may leave some of a point's age (quality below 1)."""
         return self._quality is not None
 
     def visible(self, pose: Pose) -> View:
@@ -100,8 +100,8 @@ def footprint_of(
         remembered: How many views to keep.
     """
     setup = SensorSetup(terrain, range_m, line_of_sight)
-    whole = (Disc if line_of_sight else SeeThrough)(setup, quality)
-    return Footprint(setup, whole if angle_deg >= 360.0 else Sector(whole, angle_deg), remembered)
+    full_circle = (Disc if line_of_sight else SeeThrough)(setup, quality)
+    return Footprint(setup, full_circle if angle_deg >= 360.0 else Sector(full_circle, angle_deg), remembered)
 
 
 def _quality_window(quality: Quality, reach: int, point: float) -> NDArray[np.float64] | None:
@@ -113,4 +113,6 @@ def _quality_window(quality: Quality, reach: int, point: float) -> NDArray[np.fl
         return None
     offsets = np.arange(-reach, reach + 1, dtype=np.float64)
     distance = point * np.sqrt(offsets[:, None] ** 2 + offsets[None, :] ** 2)
-    return np.ascontiguousarray(np.interp(distance, [at for at, _ in corners], [share for _, share in corners]))
+    return np.ascontiguousarray(
+        np.interp(distance, [corner_m for corner_m, _ in corners], [share for _, share in corners])
+    )

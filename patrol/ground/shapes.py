@@ -24,11 +24,11 @@ def cover(polygon: Polygon, shape: tuple[int, int], point: float, origin: tuple[
     """Return the points that share some area with a polygon, whose inside is by the even-odd rule."""
     covered = np.zeros(shape, dtype=np.bool_)
     corners = [((x - origin[0]) / point, (y - origin[1]) / point) for x, y in polygon]
-    cols = _span([x for x, _ in corners], shape[1])
-    rows = _span([y for _, y in corners], shape[0])
+    cols = _covered_indices([x for x, _ in corners], shape[1])
+    rows = _covered_indices([y for _, y in corners], shape[0])
     if cols.size == 0 or rows.size == 0:
         return covered
-    return _painted(covered, _edges(corners), rows, cols)
+    return _paint_polygon(covered, _polygon_edges(corners), rows, cols)
 
 
 _Edge = tuple[float, float, float, float]
@@ -38,26 +38,28 @@ _BLOCK = 64
 """Rows of an edge that are looked at together: an edge takes time by its length, not by its bounding box."""
 
 
-def _edges(corners: Sequence[tuple[float, float]]) -> list[_Edge]:
+def _polygon_edges(corners: Sequence[tuple[float, float]]) -> list[_Edge]:
     return [(*start, *end) for start, end in zip(corners, [*corners[1:], corners[0]], strict=True)]
 
 
-def _painted(covered: BoolGrid, edges: Sequence[_Edge], rows: NDArray[np.int64], cols: NDArray[np.int64]) -> BoolGrid:
+def _paint_polygon(
+    covered: BoolGrid, edges: Sequence[_Edge], rows: NDArray[np.int64], cols: NDArray[np.int64]
+) -> BoolGrid:
     """Mark what lies inside of a polygon, and what its edges run through, within some rows and columns."""
     xs = np.asarray(cols + 0.5, dtype=np.float64)
     # Where an edge crosses the middle of a row, inside and outside change places for all that lies left of it.
     flips = np.zeros((rows.size, cols.size + 1), dtype=np.bool_)
     for x0, y0, x1, y1 in edges:
-        between, crossing = _crossings(x0, y0, x1, y1, rows)
+        between, crossing = _row_crossings(x0, y0, x1, y1, rows)
         flips[between, np.searchsorted(xs, crossing)] ^= True
     window = np.logical_xor.accumulate(flips[:, ::-1], axis=1)[:, -2::-1]
     for x0, y0, x1, y1 in edges:
-        low, high = _reached(y0, y1, rows)
-        left, right = _reached(x0, x1, cols)
-        enter_x, leave_x = _crossing(x0, x1, cols[left:right])
+        low, high = _reached_range(y0, y1, rows)
+        left, right = _reached_range(x0, x1, cols)
+        enter_x, leave_x = _slab_crossing(x0, x1, cols[left:right])
         for first in range(low, high, _BLOCK):
             block = slice(first, min(first + _BLOCK, high))
-            enter_y, leave_y = (at[:, None] for at in _crossing(y0, y1, rows[block]))
+            enter_y, leave_y = (bound[:, None] for bound in _slab_crossing(y0, y1, rows[block]))
             near = left + np.flatnonzero((enter_x < leave_y.max()) & (enter_y.min() < leave_x))
             if near.size:
                 part = slice(near[0], near[-1] + 1)
@@ -69,23 +71,23 @@ def _painted(covered: BoolGrid, edges: Sequence[_Edge], rows: NDArray[np.int64],
     return covered
 
 
-def _reached(a0: float, a1: float, index: NDArray[np.int64]) -> tuple[int, int]:
+def _reached_range(a0: float, a1: float, index: NDArray[np.int64]) -> tuple[int, int]:
     """Return the range of rows or columns, as places in `index`, that an edge may run through, and a few more."""
     low, high = np.clip([min(a0, a1) - 2.0, max(a0, a1) + 2.0], float(index[0]), float(index[-1] + 1))
     return math.floor(low) - int(index[0]), math.ceil(high) - int(index[0])
 
 
-def _span(values: Sequence[float], count: int) -> NDArray[np.int64]:
+def _covered_indices(values: Sequence[float], count: int) -> NDArray[np.int64]:
     """Indices of the rows or columns, of `count`, that values in points reach over."""
     low, high = np.clip([min(values), max(values)], 0.0, float(count))
     return np.arange(math.floor(low), math.ceil(high), dtype=np.int64)
 
 
-def _crossings(
+def _row_crossings(
     x0: float, y0: float, x1: float, y1: float, rows: NDArray[np.int64]
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
     """Return the rows, as places in `rows`, whose middle an edge crosses, and where, in points."""
-    low, high = _reached(y0, y1, rows)
+    low, high = _reached_range(y0, y1, rows)
     ys = np.asarray(rows[low:high] + 0.5, dtype=np.float64)
     between = np.flatnonzero((ys >= y0) != (ys >= y1))
     if y0 == y1:
@@ -93,7 +95,7 @@ def _crossings(
     return low + between, x0 + (ys[between] - y0) * ((x1 - x0) / (y1 - y0))
 
 
-def _crossing(a0: float, a1: float, index: NDArray[np.int64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _slab_crossing(a0: float, a1: float, index: NDArray[np.int64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Fractions of an edge from `a0` to `a1` at which it enters and leaves the open slabs [index, index + 1]."""
     low = index + TOLERANCE
     high = index + 1.0 - TOLERANCE
@@ -118,14 +120,16 @@ def touched_points(
     count = np.zeros((cells.shape[0] + 1, cells.shape[1] + 1), dtype=np.int32)
     np.cumsum(cells, axis=0, dtype=np.int32, out=count[1:, 1:])
     np.cumsum(count[1:, 1:], axis=1, out=count[1:, 1:])
-    low_row, high_row = _overlaps(shape[0], cells.shape[0], point / resolution, start[1] / resolution)
-    low_col, high_col = _overlaps(shape[1], cells.shape[1], point / resolution, start[0] / resolution)
+    low_row, high_row = _overlapping_cells(shape[0], cells.shape[0], point / resolution, start[1] / resolution)
+    low_col, high_col = _overlapping_cells(shape[1], cells.shape[1], point / resolution, start[0] / resolution)
     touched = count[np.ix_(high_row, high_col)] - count[np.ix_(low_row, high_col)]
     touched += count[np.ix_(low_row, low_col)] - count[np.ix_(high_row, low_col)]
     return np.asarray(touched > 0)
 
 
-def _overlaps(count: int, cells: int, point: float, start: float) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def _overlapping_cells(
+    count: int, cells: int, point: float, start: float
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """First cell, and the one after the last, that each point along one side shares some area with; both in cells."""
     index = np.arange(count, dtype=np.float64)
     first = np.floor(index * point + start + TOLERANCE).astype(np.int64)

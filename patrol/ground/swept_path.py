@@ -103,5 +103,5 @@ def _arc_end(pose: Pose, distance: float, turn: float) -> Pose:
 
 def _arc_is_free(terrain: Terrain, pose: Pose, distance: float, turn: float, radius: float) -> bool:
     x, y = terrain.origin
-    place = (terrain.blocked, terrain.point, x, y, pose.x, pose.y, pose.heading)
-    return bool(kernels.free_arc(*place, distance, turn, radius))
+    arguments = (terrain.blocked, terrain.point, x, y, pose.x, pose.y, pose.heading)
+    return bool(kernels.free_arc(*arguments, distance, turn, radius))

@@ -54,7 +54,7 @@ def decode(payload: bytes, robots: int) -> Record:
 
 def _check_links(tick: Mapping[str, Any], robots: int) -> None:
     """Refuse links of other robots, and more links than there can be, each of which takes many times its bytes."""
-    links, most, are_known = 0, min(_LEAST_LINKS + 8 * (robots + 1) ** 2, _MOST_LINKS), True
+    links, link_limit, are_known = 0, min(_LEAST_LINKS + 8 * (robots + 1) ** 2, _MOST_LINKS), True
     try:
         for name in _LINKS:
             for source, _, _, destinations in tick.get(name, ()):
@@ -65,7 +65,7 @@ def _check_links(tick: Mapping[str, Any], robots: int) -> None:
         raise Malformed("links: expected robot numbers, sequences, causes and destinations") from None
     if not are_known:
         raise Malformed("links of a robot that the header does not have")
-    if links > most:
+    if links > link_limit:
         raise Malformed("more links than the robots can have")
 
 

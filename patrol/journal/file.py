@@ -61,7 +61,9 @@ class JournalWriter:
         self._file = io.FileIO(path, "xb")
         with suppress(OSError):  # not every network drive has locks
             fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        self._put(MAGIC + self._framed(pack(header)))  # at once: a journal without its header cannot be read
+        self._write_data(
+            MAGIC + self._frame_payload(pack(header))
+        )  # at once: a journal without its header cannot be read
 
     def write(self, record: Record) -> None:
         """Append one record; when this returns the operating system has it.
@@ -84,7 +86,7 @@ class JournalWriter:
             OSError: When the file cannot be written.
             ValueError: For a record longer than a reader takes (`patrol.journal.decode.longest_record`).
         """
-        self._put(self._framed(payload))
+        self._write_data(self._frame_payload(payload))
 
     def close(self) -> None:
         """Close the file; closing twice is fine."""
@@ -101,12 +103,12 @@ class JournalWriter:
     ) -> None:
         self.close()
 
-    def _framed(self, payload: bytes) -> bytes:
+    def _frame_payload(self, payload: bytes) -> bytes:
         if len(payload) > self._longest:
             raise ValueError(f"a record of {len(payload)} bytes is longer than {self._longest}")
         return _FRAME.pack(len(payload), zlib.crc32(payload)) + payload
 
-    def _put(self, data: bytes) -> None:
+    def _write_data(self, data: bytes) -> None:
         unwritten = memoryview(data)
         try:
             while unwritten:
@@ -207,9 +209,9 @@ class _Records:
         try:
             with open_untrusted(self.path, JOURNAL) as file:
                 self._check_magic(file.readline(len(MAGIC) + 8))
-                for number, payload in enumerate(self._payloads(file)):
+                for number, payload in enumerate(self._read_payloads(file)):
                     if not (self._skip_ticks and is_tick(payload)):
-                        yield self._record(number, payload)
+                        yield self._decode_record(number, payload)
         except OSError as error:
             raise BadInput(f"{self.path}: cannot be read ({error.strerror})") from None
 
@@ -221,7 +223,7 @@ class _Records:
         if magic != MAGIC:
             raise BadInput(f"{self.path}: is a journal of another format, while this version reads format 1; {REMEDY}")
 
-    def _payloads(self, file: BinaryIO) -> Iterator[bytes]:
+    def _read_payloads(self, file: BinaryIO) -> Iterator[bytes]:
         while frame := file.read(_FRAME.size):
             self.truncated = True
             if len(frame) < _FRAME.size:
@@ -233,7 +235,7 @@ class _Records:
             self.truncated = False
             yield payload
 
-    def _record(self, number: int, payload: bytes) -> Record:
+    def _decode_record(self, number: int, payload: bytes) -> Record:
         try:
             record = decode(payload, self._robots)
             problem = record.problem if isinstance(record, Header) else ""
@@ -251,7 +253,7 @@ def pack(record: Record) -> bytes:
     Args:
         record: Any record.
     """
-    packed: bytes = msgpack.packb(_plain(record))
+    packed: bytes = msgpack.packb(_plain_record(record))
     return packed
 
 
@@ -267,7 +269,7 @@ def unpack(payload: bytes) -> Record:
     return decode(payload, _MOST_ROBOTS)
 
 
-def _plain(record: Record) -> dict[str, Any]:
+def _plain_record(record: Record) -> dict[str, Any]:
     match record:
         case TickRecord():
             return _plain_tick(record)
@@ -288,10 +290,10 @@ def _plain_tick(record: TickRecord) -> dict[str, Any]:
         "frames": record.frames,
         "delivered": _grouped_links(delivered)
         if isinstance(delivered, Links)
-        else _grouped((*d, "") for d in delivered),
-        "dropped": _grouped_links(dropped) if isinstance(dropped, Drops) else _grouped(dropped),
-        "copies": _grouped(record.copies),
-        "delayed": _grouped(record.delayed),
+        else _group_links((*d, "") for d in delivered),
+        "dropped": _grouped_links(dropped) if isinstance(dropped, Drops) else _group_links(dropped),
+        "copies": _group_links(record.copies),
+        "delayed": _group_links(record.delayed),
         "forged": record.forged,
         "mfow": record.mfow,
         "fog_mean": record.fog_mean,
@@ -300,7 +302,7 @@ def _plain_tick(record: TickRecord) -> dict[str, Any]:
 
 
 def _grouped_links(links: Links | Drops) -> list[tuple[int, int, str, list[int]]]:
-    """Group columns as `_grouped` groups rows."""
+    """Group columns as `_group_links` groups rows."""
     if not len(links):
         return []
     differs = (links.source[1:] != links.source[:-1]) | (links.sequence[1:] != links.sequence[:-1])
@@ -315,7 +317,7 @@ def _grouped_links(links: Links | Drops) -> list[tuple[int, int, str, list[int]]
     return [(*head, destinations[first:end]) for head, (first, end) in zip(heads, spans, strict=True)]
 
 
-def _grouped(links: Iterable[tuple[int, int, int, str]]) -> list[tuple[int, int, str, list[int]]]:
+def _group_links(links: Iterable[tuple[int, int, int, str]]) -> list[tuple[int, int, str, list[int]]]:
     """(source, sequence, cause, destinations): neighbours that differ in the destination alone are drawn together.
 
     A frame that reaches a whole fleet is one entry; any order of links survives.

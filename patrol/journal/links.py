@@ -83,13 +83,13 @@ class _Rows(Sequence[Row], Generic[Row]):
     def _equals(self, other: Any) -> bool:
         """Return True if rows of the same kind that are as many are the same."""
         return (
-            _same(self.sequence, other.sequence)
-            and _same(self.source, other.source)
-            and _same(self.destination, other.destination)
+            _columns_equal(self.sequence, other.sequence)
+            and _columns_equal(self.source, other.source)
+            and _columns_equal(self.destination, other.destination)
         )
 
 
-def _same(mine: Column, theirs: Column) -> bool:
+def _columns_equal(mine: Column, theirs: Column) -> bool:
     return mine is theirs or bool((mine == theirs).all())
 
 
@@ -137,7 +137,7 @@ class WholeLinks(Links):
 
     def _equals(self, other: Any) -> bool:
         if isinstance(other, WholeLinks) and np.array_equal(self.of_frames, other.of_frames):
-            return self.pairs is other.pairs or all(map(_same, self.pairs[:3], other.pairs[:3]))
+            return self.pairs is other.pairs or all(map(_columns_equal, self.pairs[:3], other.pairs[:3]))
         return super()._equals(other)
 
 
@@ -165,7 +165,7 @@ class Drops(_Rows[tuple[int, int, int, str]]):
         if not super()._equals(other):
             return False
         if self.causes == other.causes:
-            return _same(self.cause, other.cause)
+            return _columns_equal(self.cause, other.cause)
         return [self.causes[cause] for cause in self.cause] == [other.causes[cause] for cause in other.cause]
 
 
@@ -221,7 +221,7 @@ def links_of(rows: Iterable[tuple[int, int, int]]) -> Links:
     """Make columns of rows of (source, destination, sequence); rows that are columns already stay as they are."""
     if isinstance(rows, Links):
         return rows
-    columns = _columns(tuple(rows), 3)
+    columns = _as_columns(tuple(rows), 3)
     return Links(columns[0], columns[1], columns[2])
 
 
@@ -232,11 +232,11 @@ def drops_of(rows: Iterable[tuple[int, int, int, str]]) -> Drops:
     links_and_causes = tuple(rows)
     causes = tuple(dict.fromkeys(cause for *_, cause in links_and_causes))
     number = {cause: index for index, cause in enumerate(causes)}
-    columns = _columns(tuple((*link, number[cause]) for *link, cause in links_and_causes), 4)
+    columns = _as_columns(tuple((*link, number[cause]) for *link, cause in links_and_causes), 4)
     return Drops(columns[0], columns[1], columns[2], columns[3], causes)
 
 
-def _columns(rows: Sequence[Sequence[int]], wide: int) -> NDArray[np.int64]:
+def _as_columns(rows: Sequence[Sequence[int]], wide: int) -> NDArray[np.int64]:
     return np.ascontiguousarray(np.array(rows, dtype=np.int64).reshape(-1, wide).T)
 
 

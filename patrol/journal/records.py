@@ -107,13 +107,13 @@ def standing_after(kind: str) -> Status | None:
     return Status.__members__.get(kind.upper())
 
 
-def _links(groups: Any) -> tuple[tuple[int, int, int, str], ...]:
+def _ungroup_links(groups: Any) -> tuple[tuple[int, int, int, str], ...]:
     """Return the links that the writer had grouped by destination, one by one."""
     _check_groups(groups)
     return tuple([(source, to, sequence, why) for source, sequence, why, tos in groups for to in tos])
 
 
-def _deliveries(groups: Any) -> tuple[tuple[int, int, int], ...]:
+def _ungroup_deliveries(groups: Any) -> tuple[tuple[int, int, int], ...]:
     _check_groups(groups)
     return tuple([(source, to, sequence) for source, sequence, _, tos in groups for to in tos])
 
@@ -134,7 +134,7 @@ def _check_groups(groups: Any) -> None:
         raise ValueError("expected groups of links") from None
 
 
-def _scenario(value: Any) -> Any:
+def _check_scenario(value: Any) -> Any:
     if type(value) is not dict:
         raise ValueError("expected a mapping")
     _check_json(value)
@@ -248,14 +248,14 @@ class TickRecord:
     robots: Annotated[tuple[RobotTick, ...], FAIL_FAST]
     frames: Annotated[tuple[tuple[_Source, Bytes], ...], FAIL_FAST]
     deliveries: Annotated[
-        Sequence[tuple[int, int, int]], Field(validation_alias="delivered"), PlainValidator(_deliveries)
+        Sequence[tuple[int, int, int]], Field(validation_alias="delivered"), PlainValidator(_ungroup_deliveries)
     ]
-    dropped: Annotated[Sequence[tuple[int, int, int, str]], PlainValidator(_links)]
+    dropped: Annotated[Sequence[tuple[int, int, int, str]], PlainValidator(_ungroup_links)]
     mfow: _PointTicks
     fog_mean: _Amount
     seen: _PointTicks
-    copies: Annotated[tuple[tuple[int, int, int, str], ...], PlainValidator(_links)] = ()
-    delayed: Annotated[tuple[tuple[int, int, int, str], ...], PlainValidator(_links)] = ()
+    copies: Annotated[tuple[tuple[int, int, int, str], ...], PlainValidator(_ungroup_links)] = ()
+    delayed: Annotated[tuple[tuple[int, int, int, str], ...], PlainValidator(_ungroup_links)] = ()
     forged: Annotated[tuple[Text, ...], FAIL_FAST] = ()
 
 
@@ -329,7 +329,7 @@ class Header:
     """
 
     software: _Short
-    scenario: Annotated[Mapping[str, Any], PlainValidator(_scenario)]
+    scenario: Annotated[Mapping[str, Any], PlainValidator(_check_scenario)]
     scenario_hash: _Short
     robots: Annotated[tuple[RobotFacts, ...], FAIL_FAST]
     terrain: TerrainFacts
@@ -355,14 +355,16 @@ class Header:
         Args:
             record: Of the same journal.
         """
-        most = len(self.robots)
+        robot_count = len(self.robots)
         if isinstance(record, Event):
-            return f"an event of robot {record.robot}" if record.robot is not None and record.robot > most else ""
+            return (
+                f"an event of robot {record.robot}" if record.robot is not None and record.robot > robot_count else ""
+            )
         if not isinstance(record, TickRecord):
             return ""
         if [row.number for row in record.robots] != [robot.number for robot in self.robots]:
             return "rows of other robots than the header's"
-        if any(source > most for source, _ in record.frames):
+        if any(source > robot_count for source, _ in record.frames):
             return "a frame of a robot that the header does not have"
         return ""
 
@@ -404,13 +406,13 @@ class _Notes:
     direct: _Direct = field(default_factory=_Direct)
 
 
-def _keep(value: Any, validate: Callable[[Any], object]) -> Any:
+def _keep_notes(value: Any, validate: Callable[[Any], object]) -> Any:
     """Check notes, and keep those that have no type as well."""
     validate(value)
     return value
 
 
-_NOTES = GetPydanticSchema(lambda _kind, of: schemas.no_info_wrap_validator_function(_keep, of(_Notes)))
+_NOTES = GetPydanticSchema(lambda _kind, of: schemas.no_info_wrap_validator_function(_keep_notes, of(_Notes)))
 
 
 @with_config(_NO_OTHERS)

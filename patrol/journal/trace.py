@@ -42,7 +42,7 @@ class TraceHash:
         ]
         self._hash.update(b"".join(parts))
         links = links_of(record.deliveries)
-        self._hash.update(_packed(links))
+        self._hash.update(_pack_deliveries(links))
         self._hash.update(_LAST.pack(len(links), record.mfow))
 
     def hexdigest(self) -> str:
@@ -50,7 +50,7 @@ class TraceHash:
         return self._hash.hexdigest()
 
 
-def _packed(links: Links) -> bytes:
+def _pack_deliveries(links: Links) -> bytes:
     """Return the deliveries of a tick, sorted."""
     if isinstance(links, WholeLinks) and links.pairs.rises and not (links.of_frames > MAX_SHORT).any():
         return (links.pairs.robots | (links.of_frames << 32)[links.pairs.frame]).astype("<i8", copy=False).tobytes()

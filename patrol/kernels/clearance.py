@@ -95,9 +95,9 @@ def nearest(marked, wanted, cap, limit, along, found):
                         continue
                     aside = along[r, col]
                     square = away * away + aside * aside
-                    at = r * width + col + aside
-                    if square < best or (square == best and index >= 0 and at < index):
+                    candidate = r * width + col + aside
+                    if square < best or (square == best and index >= 0 and candidate < index):
                         best = square
-                        index = at
+                        index = candidate
                 away += 1
             found[row, col] = index

@@ -34,7 +34,7 @@ def _is_frontier(reach, row, col):
     cache=True,
     nogil=True,
 )
-def _look(passable, reach, row, col, quadrant, limit, outward, now, after, proxy, square):
+def _cast_quadrant(passable, reach, row, col, quadrant, limit, outward, now, after, proxy, square):
     """Cast one quadrant from (row, col).
 
     limit: square of the range in points. now, after: scratch for the wedges still open on this line and the next, each
@@ -46,7 +46,7 @@ def _look(passable, reach, row, col, quadrant, limit, outward, now, after, proxy
     several, where it is nearer than square[row, col], which then takes its squared distance; otherwise -1.
     """
     height, width = passable.shape
-    found = int64(-1)
+    nearest = int64(-1)
     now[0, 0], now[0, 1], now[0, 2], now[0, 3] = -1, 1, 1, 1
     wedges = 1
     depth = 1
@@ -88,10 +88,10 @@ def _look(passable, reach, row, col, quadrant, limit, outward, now, after, proxy
                                 square[r, c] = away
                                 proxy[r, c] = row * width + col
                         elif reached:
-                            at = r * width + c
-                            if away < square[row, col] or (away == square[row, col] and at < found):
+                            cell = r * width + c
+                            if away < square[row, col] or (away == square[row, col] and cell < nearest):
                                 square[row, col] = away
-                                found = at
+                                nearest = cell
                 elif before == 1:
                     after[coming, 0], after[coming, 1] = start_up, start_down
                     after[coming, 2], after[coming, 3] = 2 * across - 1, 2 * depth
@@ -104,7 +104,7 @@ def _look(passable, reach, row, col, quadrant, limit, outward, now, after, proxy
         now, after = after, now
         wedges = coming
         depth += 1
-    return found
+    return nearest
 
 
 @njit(types.void(GRID, GRID, int64, WEDGES, WEDGES, INDEX, INDEX), cache=True, nogil=True)
@@ -129,7 +129,7 @@ def see_from_reach(passable, reach, limit, now, after, proxy, square):
         for col in range(width):
             if reach[row, col] != 0 and _is_frontier(reach, row, col):
                 for quadrant in range(4):
-                    _look(passable, reach, row, col, quadrant, limit, 1, now, after, proxy, square)
+                    _cast_quadrant(passable, reach, row, col, quadrant, limit, 1, now, after, proxy, square)
 
 
 @njit(int64(GRID, GRID, int64, WEDGES, WEDGES, LIST, INDEX, INDEX), cache=True, nogil=True)
@@ -169,9 +169,9 @@ def see_back(passable, reach, limit, now, after, work, proxy, square):
                 if passable[r, c] == 0 or reach[r, c] != 0 or proxy[r, c] != -1:
                     continue
                 for quadrant in range(4):
-                    found = _look(passable, reach, r, c, quadrant, limit, 0, now, after, proxy, square)
-                    if found >= 0:
-                        proxy[r, c] = found
+                    nearest = _cast_quadrant(passable, reach, r, c, quadrant, limit, 0, now, after, proxy, square)
+                    if nearest >= 0:
+                        proxy[r, c] = nearest
                 if proxy[r, c] < 0:
                     proxy[r, c] = -2
                 else:

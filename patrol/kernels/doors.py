@@ -36,31 +36,31 @@ def falling_order(level, counts, order):
     """
     highest = counts.shape[0] - 2
     counts[:] = 0
-    for at in range(level.shape[0]):
-        if level[at] > 0:
-            counts[highest - level[at] + 1] += 1
+    for cell in range(level.shape[0]):
+        if level[cell] > 0:
+            counts[highest - level[cell] + 1] += 1
     for rank in range(1, counts.shape[0]):
         counts[rank] += counts[rank - 1]
-    for at in range(level.shape[0]):
-        if level[at] > 0:
-            rank = highest - level[at]
-            order[counts[rank]] = at
+    for cell in range(level.shape[0]):
+        if level[cell] > 0:
+            rank = highest - level[cell]
+            order[counts[rank]] = cell
             counts[rank] += 1
     return int64(counts[highest])
 
 
 @njit(int64(int64, int64, int64, int64), cache=True, nogil=True)
-def _beside(at, side, width, count):
+def _point_beside(at, side, width, count):
     """The point to the left, to the right, above or below (side 0 to 3) of one of `count`; -1 where there is none."""
     col = at % width
     if (side == 0 and col == 0) or (side == 1 and col == width - 1):
         return -1
-    other = at + (side == 1) - (side == 0) + width * ((side == 3) - (side == 2))
-    return other if 0 <= other < count else -1
+    neighbour = at + (side == 1) - (side == 0) + width * ((side == 3) - (side == 2))
+    return neighbour if 0 <= neighbour < count else -1
 
 
 @njit(int64(LIST, int64), cache=True, nogil=True)
-def _root(parent, at):
+def _find_root(parent, at):
     """The root of a point's pool, halving the path on the way."""
     while parent[at] != at:
         parent[at] = parent[parent[at]]
@@ -69,7 +69,7 @@ def _root(parent, at):
 
 
 @njit(int64(LIST, LIST, int64, int64), cache=True, nogil=True)
-def _join(parent, size, a, b):
+def _join_pools(parent, size, a, b):
     """Make one pool of two, given by their roots; its root is that of the larger one."""
     if size[a] < size[b]:
         a, b = b, a
@@ -113,20 +113,20 @@ def find_doors(level, order, width, body, room, wider, parent, size, top, node, 
         The number of nodes.
     """
     count = int64(0)
-    for place in range(order.shape[0]):
-        at = int64(order[place])
-        here = level[at]
-        parent[at] = at
-        size[at] = 1
-        top[at] = at
-        node[at] = -1
+    for rank in range(order.shape[0]):
+        cell = int64(order[rank])
+        here = level[cell]
+        parent[cell] = cell
+        size[cell] = 1
+        top[cell] = cell
+        node[cell] = -1
         high_enough = wider * math.sqrt(here) + 1.0
         for side in range(4):
-            other = _beside(at, side, width, level.shape[0])
-            if other < 0 or parent[other] < 0:
+            neighbour = _point_beside(cell, side, width, level.shape[0])
+            if neighbour < 0 or parent[neighbour] < 0:
                 continue
-            a = _root(parent, at)
-            b = _root(parent, other)
+            a = _find_root(parent, cell)
+            b = _find_root(parent, neighbour)
             if a == b:
                 continue
             low = min(level[top[a]], level[top[b]])
@@ -141,16 +141,16 @@ def find_doors(level, order, width, body, room, wider, parent, size, top, node, 
                     node[b] = count
                     count = _new_node(nodes, count, top[b], -1, -1, -1)
                 joined = count
-                count = _new_node(nodes, count, -1, at, node[a], node[b])
-            root = _join(parent, size, a, b)
+                count = _new_node(nodes, count, -1, cell, node[a], node[b])
+            root = _join_pools(parent, size, a, b)
             smaller = b if root == a else a
             node[root] = joined
             if level[top[smaller]] > level[top[root]]:
                 top[root] = top[smaller]
-    for place in range(order.shape[0]):
-        at = int64(order[place])
-        if parent[at] == at and node[at] < 0 and (size[at] >= room or level[top[at]] >= body):
-            count = _new_node(nodes, count, top[at], -1, -1, -1)
+    for rank in range(order.shape[0]):
+        cell = int64(order[rank])
+        if parent[cell] == cell and node[cell] < 0 and (size[cell] >= room or level[top[cell]] >= body):
+            count = _new_node(nodes, count, top[cell], -1, -1, -1)
     return count
 
 
@@ -167,19 +167,19 @@ def spread_rooms(level, order, width, parent, size, label):
         label: int32 (h * w,), on entry a number above 0 on each room's widest point and 0 elsewhere; on return on each
             of the room's points.
     """
-    for place in range(order.shape[0]):
-        at = int64(order[place])
-        parent[at] = at
-        size[at] = 1
+    for rank in range(order.shape[0]):
+        cell = int64(order[rank])
+        parent[cell] = cell
+        size[cell] = 1
         for side in range(4):
-            other = _beside(at, side, width, level.shape[0])
-            if other < 0 or parent[other] < 0:
+            neighbour = _point_beside(cell, side, width, level.shape[0])
+            if neighbour < 0 or parent[neighbour] < 0:
                 continue
-            a = _root(parent, at)
-            b = _root(parent, other)
+            a = _find_root(parent, cell)
+            b = _find_root(parent, neighbour)
             if a == b or (label[a] > 0 and label[b] > 0):
                 continue
-            label[_join(parent, size, a, b)] = max(label[a], label[b])
-    for place in range(order.shape[0]):
-        at = int64(order[place])
-        label[at] = label[_root(parent, at)]
+            label[_join_pools(parent, size, a, b)] = max(label[a], label[b])
+    for rank in range(order.shape[0]):
+        cell = int64(order[rank])
+        label[cell] = label[_find_root(parent, cell)]

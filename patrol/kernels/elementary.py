@@ -22,30 +22,30 @@ Elementary = Callable[..., NDArray[np.float64]]
 """Takes numbers, or arrays of any shape that fit each other."""
 
 
-def _compiled(signature: Signature) -> Callable[[Callable[..., float]], Elementary]:
+def _compile_elementary(signature: Signature) -> Callable[[Callable[..., float]], Elementary]:
     compiled = vectorize([signature], cache=True)  # type: ignore[no-untyped-call]
     return cast("Callable[[Callable[..., float]], Elementary]", compiled)
 
 
-@_compiled(float64(float64))
+@_compile_elementary(float64(float64))
 def exp(x: float) -> float:
     """Return e to the power of x."""
     return math.exp(x)
 
 
-@_compiled(float64(float64))
+@_compile_elementary(float64(float64))
 def log10(x: float) -> float:
     """Return the decimal logarithm of x."""
     return math.log10(x)
 
 
-@_compiled(float64(float64, float64))
+@_compile_elementary(float64(float64, float64))
 def power(base: float, exponent: float) -> float:
     """Return a base to the power of an exponent."""
     return math.pow(base, exponent)
 
 
-@_compiled(float64(float64, float64))
+@_compile_elementary(float64(float64, float64))
 def arctan2(y: float, x: float) -> float:
     """Return the bearing of (x, y) from the origin, rad, in [-pi, pi]."""
     return math.atan2(y, x)

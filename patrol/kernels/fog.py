@@ -55,18 +55,18 @@ def observe(last_seen, tracked, view, quality, row0, col0, tick):
             end = min(begin + piece, view.shape[1], width - col0)
             # Slices, for an index into one of them cannot be below zero, which would have to be asked of each point.
             in_view, counts = view[i, begin:end], tracked[r, col0 + begin : col0 + end]
-            seen = last_seen[r, col0 + begin : col0 + end]
-            more, new_points = np.int32(0), np.int32(0)
+            ticks = last_seen[r, col0 + begin : col0 + end]
+            gain, new_points = np.int32(0), np.int32(0)
             for j in range(in_view.size):
-                old = seen[j]
+                old = ticks[j]
                 new = now
                 if quality is not None:
                     new = np.int32(tick - int((tick - max(old, _ZERO)) * (1.0 - quality[i, begin + j])))
                 new = max(old, new) if in_view[j] & counts[j] != 0 else old
-                seen[j] = new
-                more = np.int32(more + np.int32(max(new, _ZERO) - max(old, _ZERO)))
+                ticks[j] = new
+                gain = np.int32(gain + np.int32(max(new, _ZERO) - max(old, _ZERO)))
                 new_points = np.int32(new_points + np.int32(np.int32(new >> 31) - np.int32(old >> 31)))
-            gained += int(more)
+            gained += int(gain)
             first += int(new_points)
     return gained, first
 
@@ -94,9 +94,9 @@ def observe_each(last_seen, tracked, views, rows, cols, ticks, chosen):
         for i in range(max(0, -rows[k]), min(size, height - rows[k])):
             r = rows[k] + i
             in_view, counts = views[k, i, begin:end], tracked[r, cols[k] + begin : cols[k] + end]
-            seen = last_seen[r, cols[k] + begin : cols[k] + end]
+            row_ticks = last_seen[r, cols[k] + begin : cols[k] + end]
             for j in range(in_view.size):
-                seen[j] = max(seen[j], now) if in_view[j] & counts[j] != 0 else seen[j]
+                row_ticks[j] = max(row_ticks[j], now) if in_view[j] & counts[j] != 0 else row_ticks[j]
 
 
 @njit(int64(SEEN, TRACKED, OLDEST), cache=True, nogil=True)
@@ -115,10 +115,10 @@ def stalest_row(last_seen, tracked, oldest):
     """
     while True:
         row = np.uint64(oldest.argmin())
-        seen, counts = last_seen[row], tracked[row]
-        least = _LATEST
-        for j in range(seen.size):
-            least = min(least, seen[j] if counts[j] != 0 else _LATEST)
-        if least == oldest[row]:
+        ticks, counts = last_seen[row], tracked[row]
+        earliest = _LATEST
+        for j in range(ticks.size):
+            earliest = min(earliest, ticks[j] if counts[j] != 0 else _LATEST)
+        if earliest == oldest[row]:
             return row
-        oldest[row] = least
+        oldest[row] = earliest

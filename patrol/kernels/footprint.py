@@ -42,9 +42,9 @@ def cast(passable, row, col, radius, view, row0, col0):
         view[row - row0, col - col0] = 1
         return
     across_view = view.shape[1]
-    ground, seen = passable.ravel(), view.ravel()
+    ground, visible = passable.ravel(), view.ravel()
     reach = int(radius + 1e-9)
-    seen[:] = 0
+    visible[:] = 0
     view[row - row0, col - col0] = 1
     limit = radius * radius + 1e-9
     # Wedges of the current and of the next line: start and end slope as numerator and denominator.
@@ -55,11 +55,11 @@ def cast(passable, row, col, radius, view, row0, col0):
         ahead = 1 if quadrant % 2 == 0 else -1
         if quadrant < 2:
             deepest = height - 1 - row if ahead == 1 else row
-            least, most = -col, width - 1 - col
+            lowest, highest = -col, width - 1 - col
             outward, along, view_outward, view_along = ahead * width, 1, ahead * across_view, 1
         else:
             deepest = width - 1 - col if ahead == 1 else col
-            least, most = -row, height - 1 - row
+            lowest, highest = -row, height - 1 - row
             outward, along, view_outward, view_along = ahead, width, ahead, across_view
         here = row * width + col
         shown = (row - row0) * across_view + col - col0
@@ -76,8 +76,8 @@ def cast(passable, row, col, radius, view, row0, col0):
                 last = min(-((end_down - 2 * depth * end_up) // (2 * end_down)), widest + 1)
                 low = max(-((-depth * start_up) // start_down), -widest)
                 high = min((depth * end_up) // end_down, widest)
-                before = 0 if first < least else -1  # beyond the grid nothing is open
-                for across in range(max(first, least), min(last, most) + 1):
+                before = 0 if first < lowest else -1  # beyond the grid nothing is open
+                for across in range(max(first, lowest), min(last, highest) + 1):
                     is_open = ground[index(here + across * along)]
                     if is_open != 0:
                         if before == 0:
@@ -85,7 +85,7 @@ def cast(passable, row, col, radius, view, row0, col0):
                             start_down = 2 * depth
                             low = max(across, -widest)
                         if low <= across <= high:
-                            seen[index(shown + across * view_along)] = 1
+                            visible[index(shown + across * view_along)] = 1
                         before = 1
                     else:
                         if before == 1:
@@ -93,8 +93,8 @@ def cast(passable, row, col, radius, view, row0, col0):
                             coming += 1
                         before = 0
                 if before == 1:
-                    if last > most:
-                        end_up, end_down = 2 * most + 1, 2 * depth
+                    if last > highest:
+                        end_up, end_down = 2 * highest + 1, 2 * depth
                     after[coming] = (start_up, start_down, end_up, end_down)
                     coming += 1
             if coming == 0:

@@ -97,15 +97,15 @@ _NONE = np.uint64(0)
 
 
 @njit(_B(_F, _F, _F, _F, _F), cache=True, nogil=True, error_model="numpy")
-def _beyond(x, y, from_x, from_y, reach):
+def _is_beyond(x, y, from_x, from_y, reach):
     """Return True if a place (cm) is farther from another than m."""
     across, up = x - from_x, y - from_y
     return math.sqrt(across * across + up * up) / 100.0 > reach
 
 
 @njit(_I(_FRAME, _I, _I, _I, _I, _F, _I, _F, _F, _B, _I), cache=True, nogil=True, error_model="numpy")
-def _implausible(frame, sequence, at, x, y, start, tick, step, speed, knows_ticks, span):
-    """Why a frame cannot follow an earlier one of its sender (sequence, tick, cm), or 0.
+def _why_implausible(frame, sequence, at, x, y, start, tick, step, speed, knows_ticks, span):
+    """Return why a frame cannot follow an earlier one of its sender (sequence, tick, cm), or 0.
 
     The time that the sender had is the time between the arrivals and, where the earlier frame was delayed, what the
     sequences say on top: its delay, beyond the least of its sender's frames so far, shows in its sequence.
@@ -117,7 +117,7 @@ def _implausible(frame, sequence, at, x, y, start, tick, step, speed, knows_tick
         return AHEAD
     delay = min(max(before - sequence * step - start, 0.0), span * step)
     held_up = min(max(steps * step - elapsed, 0.0), delay)
-    far = _beyond(frame.x, frame.y, x, y, speed * (elapsed + held_up + step) + ROUNDING)
+    far = _is_beyond(frame.x, frame.y, x, y, speed * (elapsed + held_up + step) + ROUNDING)
     return TOO_FAST if far else 0
 
 
@@ -133,19 +133,19 @@ def _judge_position(cell, frame, tick, step, speed, knows_ticks, span):
             if cell.used >> np.uint64(ago) & _ONE:
                 return OLD
             # It must lead to the newest one in as many steps as lie between them: only its place is new.
-            if _beyond(frame.x, frame.y, cell.x, cell.y, speed * (ago + 1) * step + ROUNDING):
+            if _is_beyond(frame.x, frame.y, cell.x, cell.y, speed * (ago + 1) * step + ROUNDING):
                 return TOO_FAST
             cell.used |= _ONE << np.uint64(ago)
             return ACCEPTED
         if outdated and knows_ticks:
             return OLD
         last = (cell.sequence, cell.at, cell.x, cell.y, cell.start)
-        wrong = OLD if outdated else _implausible(frame, *last, tick, step, speed, knows_ticks, span)
+        wrong = OLD if outdated else _why_implausible(frame, *last, tick, step, speed, knows_ticks, span)
         if wrong != 0:
             agrees = cell.doubts > 0 and number > cell.doubt_sequence
             if agrees:
                 doubt = (cell.doubt_sequence, cell.doubt_at, cell.doubt_x, cell.doubt_y, cell.start)
-                agrees = _implausible(frame, *doubt, tick, step, speed, knows_ticks, span) == 0
+                agrees = _why_implausible(frame, *doubt, tick, step, speed, knows_ticks, span) == 0
             cell.doubts = cell.doubts + 1 if agrees else 1
             cell.doubt_sequence, cell.doubt_at, cell.doubt_x, cell.doubt_y = number, tick, frame.x, frame.y
             if cell.doubts < _STEADY:

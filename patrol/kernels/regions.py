@@ -33,9 +33,9 @@ def _in_cone(ax, ay, bx, by, dx, dy, slack):
     cut = math.sqrt(dx * dx + dy * dy)
     along = math.sqrt(bx * bx + by * by)
     back = math.sqrt(ax * ax + ay * ay)
-    left = bx * dy - by * dx
+    turn = bx * dy - by * dx
     right = ax * dy - ay * dx
-    if left < -min(slack * max(along, cut), 0.25 * along * cut) - FLAT:
+    if turn < -min(slack * max(along, cut), 0.25 * along * cut) - FLAT:
         return False
     if right < -min(slack * max(back, cut), 0.25 * back * cut) - FLAT:
         return False
@@ -102,10 +102,10 @@ def partners(corners, before, after, concave, reach, v, longest, slack, margin, 
             continue
         served = True
         for end in range(2):
-            at = v if end == 0 else w
-            p, q = before[at], after[at]
-            ax, ay = corners[at, 0] - corners[p, 0], corners[at, 1] - corners[p, 1]
-            bx, by = corners[q, 0] - corners[at, 0], corners[q, 1] - corners[at, 1]
+            corner = v if end == 0 else w
+            p, q = before[corner], after[corner]
+            ax, ay = corners[corner, 0] - corners[p, 0], corners[corner, 1] - corners[p, 1]
+            bx, by = corners[q, 0] - corners[corner, 0], corners[q, 1] - corners[corner, 1]
             turn = 1.0 if end == 0 else -1.0
             served = served and _in_cone(ax, ay, bx, by, turn * dx, turn * dy, slack)
         if served and _in_sight(corners, after, v, w, margin):
@@ -132,10 +132,10 @@ def shorten(corners, before, after, concave, begin, end, first, ways):
             ways replace what is there.
     """
     for index in range(concave.shape[0]):
-        at = concave[index]
-        x, y = corners[at, 0], corners[at, 1]
-        ax, ay = x - corners[before[at], 0], y - corners[before[at], 1]
-        bx, by = corners[after[at], 0] - x, corners[after[at], 1] - y
+        corner = concave[index]
+        x, y = corners[corner, 0], corners[corner, 1]
+        ax, ay = x - corners[before[corner], 0], y - corners[before[corner], 1]
+        bx, by = corners[after[corner], 0] - x, corners[after[corner], 1] - y
         back, ahead = math.sqrt(ax * ax + ay * ay), math.sqrt(bx * bx + by * by)
         for k in range(begin.shape[0]):
             px, py = begin[k, 0] - x, begin[k, 1] - y
@@ -159,12 +159,12 @@ def shorten(corners, before, after, concave, begin, end, first, ways):
             share = min(max(share, low), high)
             fx, fy = px + share * dx, py + share * dy
             away = math.sqrt(fx * fx + fy * fy)
-            if 1e-6 < away < ways[at, 0]:
-                ways[at, 0] = away
-                ways[at, 1] = share
-                ways[at, 2] = x + fx
-                ways[at, 3] = y + fy
-                ways[at, 4] = first + k
+            if 1e-6 < away < ways[corner, 0]:
+                ways[corner, 0] = away
+                ways[corner, 1] = share
+                ways[corner, 2] = x + fx
+                ways[corner, 3] = y + fy
+                ways[corner, 4] = first + k
 
 
 GRID = types.Array(types.uint8, 2, "C", readonly=True)
@@ -178,20 +178,20 @@ BANNED = types.Array(types.int64, 2, "C", readonly=True)
 
 
 @njit(boolean(GRID, int64, int64), cache=True, nogil=True)
-def _inside(mask, row, col):
+def _is_inside(mask, row, col):
     return 0 <= row < mask.shape[0] and 0 <= col < mask.shape[1] and mask[row, col] != 0
 
 
 @njit(boolean(GRID, int64, int64, int64), cache=True, nogil=True)
-def _borders(mask, x, y, way):
+def _is_border(mask, x, y, way):
     """Return True if the unit step from (x, y) has the mask on its left and none on its right; ways: +x, +y, -x, -y."""
     if way == 0:
-        return _inside(mask, y, x) and not _inside(mask, y - 1, x)
+        return _is_inside(mask, y, x) and not _is_inside(mask, y - 1, x)
     if way == 1:
-        return _inside(mask, y, x - 1) and not _inside(mask, y, x)
+        return _is_inside(mask, y, x - 1) and not _is_inside(mask, y, x)
     if way == 2:
-        return _inside(mask, y - 1, x - 1) and not _inside(mask, y, x - 1)
-    return _inside(mask, y - 1, x) and not _inside(mask, y - 1, x - 1)
+        return _is_inside(mask, y - 1, x - 1) and not _is_inside(mask, y, x - 1)
+    return _is_inside(mask, y - 1, x) and not _is_inside(mask, y - 1, x - 1)
 
 
 @njit(int64(GRID, MARKS, PAIRS, ENDS), cache=True, nogil=True)
@@ -214,7 +214,7 @@ def trace(mask, passed, corners, ends):
     count = 0
     for first_y in range(mask.shape[0] + 1):
         for first_x in range(mask.shape[1]):
-            if passed[first_y, first_x] != 0 or not _borders(mask, first_x, first_y, 0):
+            if passed[first_y, first_x] != 0 or not _is_border(mask, first_x, first_y, 0):
                 continue
             # The leftmost unseen step to the right begins at a corner.
             x, y, way = int64(first_x), int64(first_y), int64(0)
@@ -224,8 +224,8 @@ def trace(mask, passed, corners, ends):
                 x += (way == 0) - (way == 2)
                 y += (way == 1) - (way == 3)
                 turn = (way + 1) % 4
-                if not _borders(mask, x, y, turn):
-                    turn = way if _borders(mask, x, y, way) else (way + 3) % 4
+                if not _is_border(mask, x, y, turn):
+                    turn = way if _is_border(mask, x, y, way) else (way + 3) % 4
                 if turn != way:
                     corners[count, 0] = x
                     corners[count, 1] = y
@@ -292,8 +292,8 @@ def fewest_corners(xs, ys, first, banned, fill, shave, sums, cost, link, chosen)
                     bearing -= 2.0 * math.pi
                 elif bearing - base < -math.pi:
                     bearing += 2.0 * math.pi
-            whole = i == 0 and j == n
-            if low - 1e-9 <= bearing <= high + 1e-9 and farthest <= away + shave and not whole:
+            is_whole = i == 0 and j == n
+            if low - 1e-9 <= bearing <= high + 1e-9 and farthest <= away + shave and not is_whole:
                 allowed = True
                 for k in range(banned.shape[0]):
                     if banned[k, 0] == (first + i) % n and banned[k, 1] == (first + j) % n:
@@ -319,10 +319,10 @@ def fewest_corners(xs, ys, first, banned, fill, shave, sums, cost, link, chosen)
             if low > high + 1e-9:
                 break
     count = 0
-    at = n
-    while at > 0:
-        at = link[at]
-        chosen[count] = (first + at) % n
+    corner = n
+    while corner > 0:
+        corner = link[corner]
+        chosen[count] = (first + corner) % n
         count += 1
     for k in range(count // 2):
         chosen[k], chosen[count - 1 - k] = chosen[count - 1 - k], chosen[k]

@@ -27,10 +27,10 @@ def measure_room(blocked, room):
         above = room[row - 1 if row > 0 else 0]
         before = 0
         for col in range(width):
-            least = 0
+            distance = 0
             if walls[col] == 0 and row > 0 and col > 0 and col + 1 < width:
-                least = min(before, above[col - 1], above[col], above[col + 1])
-            before = 0 if walls[col] != 0 else min(least + 1, MOST)
+                distance = min(before, above[col - 1], above[col], above[col + 1])
+            before = 0 if walls[col] != 0 else min(distance + 1, MOST)
             line[col] = before
     for row in range(height - 1, -1, -1):
         line = room[row]
@@ -38,8 +38,8 @@ def measure_room(blocked, room):
         before = 0
         for back in range(width):
             col = width - 1 - back
-            least = 0
+            distance = 0
             if row + 1 < height and col > 0 and col + 1 < width:
-                least = min(before, below[col - 1], below[col], below[col + 1])
-            before = min(int(line[col]), least + 1)
+                distance = min(before, below[col - 1], below[col], below[col + 1])
+            before = min(int(line[col]), distance + 1)
             line[col] = before

@@ -97,7 +97,7 @@ def _entry_into_circle(x0, y0, dx, dy, cx, cy, radius):
 
 
 @njit(_F(_F, _F, _F, _F, _F, _F, _F, _F, _F), cache=True, nogil=True, error_model="numpy")
-def _entry(x0, y0, dx, dy, left, low, right, high, radius):
+def _entry_fraction(x0, y0, dx, dy, left, low, right, high, radius):
     """Fraction in [0, 1] at which a centre comes nearer than `radius` to the square; 2 for never."""
     first = min(
         _entry_into_box(x0, y0, dx, dy, left - radius, low, right + radius, high),
@@ -121,9 +121,9 @@ def _free_of_square(x0, y0, dx, dy, left, low, right, high, radius):
         away_x = x0 - min(max(x0, left), right)
         away_y = y0 - min(max(y0, low), high)
         return 1.0 if away_x * dx + away_y * dy > 0.0 else 0.0
-    if _entry(x0, y0, dx, dy, left, low, right, high, inner) > 1.0:
+    if _entry_fraction(x0, y0, dx, dy, left, low, right, high, inner) > 1.0:
         return 1.0
-    return min(_entry(x0, y0, dx, dy, left, low, right, high, radius), 1.0)
+    return min(_entry_fraction(x0, y0, dx, dy, left, low, right, high, radius), 1.0)
 
 
 @njit(_F(_F, _F, _F, _F), cache=True, nogil=True, error_model="numpy")

@@ -42,22 +42,22 @@ def shorten(lengths, tour):
                 before, after = tour[i - 1], tour[(i + size) % n]
                 first, last = tour[i], tour[(i + size - 1) % n]
                 gain = lengths[before, first] + lengths[last, after] - lengths[before, after]
-                best, at, turned = 0, -1, False
+                best, position, turned = 0, -1, False
                 for k in range(size, n - 1):  # the edge from place i + k to the next
                     a, b = tour[(i + k) % n], tour[(i + k + 1) % n]
                     cut = gain + lengths[a, b]
                     if cut - lengths[a, first] - lengths[last, b] > best:
-                        best, at, turned = cut - lengths[a, first] - lengths[last, b], k, False
+                        best, position, turned = cut - lengths[a, first] - lengths[last, b], k, False
                     if cut - lengths[a, last] - lengths[first, b] > best:
-                        best, at, turned = cut - lengths[a, last] - lengths[first, b], k, True
-                if at < 0:
+                        best, position, turned = cut - lengths[a, last] - lengths[first, b], k, True
+                if position < 0:
                     continue
                 for m in range(size):
                     moved[m] = tour[(i + m) % n]
-                for m in range(size, at + 1):  # those between move back
+                for m in range(size, position + 1):  # those between move back
                     tour[(i + m - size) % n] = tour[(i + m) % n]
                 for m in range(size):
-                    tour[(i + at + 1 - size + m) % n] = moved[size - 1 - m] if turned else moved[m]
+                    tour[(i + position + 1 - size + m) % n] = moved[size - 1 - m] if turned else moved[m]
                 better = True
     total = 0
     for i in range(n):

@@ -51,9 +51,9 @@ def wave(is_open, against, starts, back, stop, limit, length, queues):
     step = (1, stride + 1, stride, stride - 1, -1, -stride - 1, -stride, -stride + 1)
     directed = steps.size > 0
     straight_head, straight_tail, diagonal_head, diagonal_tail = 0, starts.size, 0, 0
-    for place in range(starts.size):
-        lengths[starts[place]] = 0
-        straight[place, 0], straight[place, 1] = starts[place], 0
+    for number in range(starts.size):
+        lengths[starts[number]] = 0
+        straight[number, 0], straight[number, 1] = starts[number], 0
     # An entry is out of date when a shorter way has come since. Lengths come in ascending order, so a point is entered
     # into each queue once at most.
     while straight_head < straight_tail or diagonal_head < diagonal_tail:
@@ -71,20 +71,20 @@ def wave(is_open, against, starts, back, stop, limit, length, queues):
         if far != lengths[here]:
             continue
         for way in range(8):
-            there = here + step[way]
+            ahead = here + step[way]
             away = far + (141 if way & 1 else 100)
-            if ground[index(there)] == 0 or away >= lengths[index(there)] or away > limit:
+            if ground[index(ahead)] == 0 or away >= lengths[index(ahead)] or away > limit:
                 continue
             if way & 1 and (ground[index(here + step[way - 1])] == 0 or ground[index(here + step[(way + 1) & 7])] == 0):
                 continue
-            if directed and (steps[there] >> ((way + 4) & 7) if back else steps[here] >> way) & 1:
+            if directed and (steps[ahead] >> ((way + 4) & 7) if back else steps[here] >> way) & 1:
                 continue
-            lengths[index(there)] = away
+            lengths[index(ahead)] = away
             if way & 1:
-                diagonal[diagonal_tail, 0], diagonal[diagonal_tail, 1] = there, away
+                diagonal[diagonal_tail, 0], diagonal[diagonal_tail, 1] = ahead, away
                 diagonal_tail += 1
             else:
-                straight[straight_tail, 0], straight[straight_tail, 1] = there, away
+                straight[straight_tail, 0], straight[straight_tail, 1] = ahead, away
                 straight_tail += 1
     return straight_tail, diagonal_tail
 
@@ -125,8 +125,8 @@ def lengths_between(is_open, places, limit, lengths):
     queues = np.empty((2, is_open.size, 2), dtype=np.int32)
     for first in range(places.size):
         used = wave(is_open, against, places[first : first + 1], False, -1, limit, length, queues)
-        for other in range(places.size):
-            lengths[first, other] = length.ravel()[places[other]]
+        for second in range(places.size):
+            lengths[first, second] = length.ravel()[places[second]]
         forget(length, queues, used)
     missing = 0
     for by in range(places.size):
@@ -161,21 +161,21 @@ def is_clear(is_open, against, first, last):
     row, col = first // stride, first % stride
     up, across = last // stride - row, last % stride - col
     step_row, step_col = (stride if up > 0 else -stride), (1 if across > 0 else -1)
-    taken = 0
+    step_bits = 0
     if steps.size:
         along_row, along_col = (2 if up > 0 else 6), (4 if across < 0 else 0 if up > 0 else 8)
         if up != 0 and across != 0:
-            taken |= 1 << (along_row + along_col) // 2
+            step_bits |= 1 << (along_row + along_col) // 2
         if abs(across) > abs(up):
-            taken |= 1 << along_col % 8
+            step_bits |= 1 << along_col % 8
         if abs(up) > abs(across):
-            taken |= 1 << along_row
+            step_bits |= 1 << along_row
     up, across = abs(up), abs(across)
     here = first
     # How far the line has come across borders of rows and of columns; both are over 2 * up * across.
     next_row, next_col = across, up
     while here != last:
-        if ground[index(here)] == 0 or (taken and steps[index(here)] & taken):
+        if ground[index(here)] == 0 or (step_bits and steps[index(here)] & step_bits):
             return False
         if up == 0 or (across != 0 and next_col < next_row):
             here += step_col
@@ -217,15 +217,15 @@ def corners(is_open, against, first, last, length, way):
     count, here, before = 1, first, first
     while here != last and count < way.size:
         for turn in order:
-            there = here + step[turn]
+            ahead = here + step[turn]
             cost = 141 if turn & 1 else 100
-            if ground[there] == 0 or lengths[there] == FAR or lengths[there] + cost != lengths[here]:
+            if ground[ahead] == 0 or lengths[ahead] == FAR or lengths[ahead] + cost != lengths[here]:
                 continue
             if turn & 1 and (ground[here + step[turn - 1]] == 0 or ground[here + step[(turn + 1) & 7]] == 0):
                 continue
             if steps.size and steps[here] >> turn & 1:
                 continue
-            before, here = here, there
+            before, here = here, ahead
             break
         if not is_clear(is_open, against, way[count - 1], here):
             way[count] = before

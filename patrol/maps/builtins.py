@@ -49,21 +49,21 @@ def builtin_terrain(name: str, point: float) -> Terrain:
     return Terrain(name, passable, point)
 
 
-def _box(left: float, low: float, right: float, high: float) -> Polygon:
+def _box_polygon(left: float, low: float, right: float, high: float) -> Polygon:
     return ((left, low), (right, low), (right, high), (left, high))
 
 
-def _tank(x: float, y: float, radius: float) -> Polygon:
+def _tank_polygon(x: float, y: float, radius: float) -> Polygon:
     """Return a round tank as an octagon."""
     turns = [math.pi * (2 * i + 1) / 8 for i in range(8)]
     return tuple((x + radius * math.cos(turn), y + radius * math.sin(turn)) for turn in turns)
 
 
-def _open() -> Layout:
+def _open_layout() -> Layout:
     return Layout(100.0, 88.0, (), "no obstacles")
 
 
-def _yards() -> Layout:
+def _yards_layout() -> Layout:
     """Five yards side by side between wedge-shaped buildings: 5 convex regions, and no fewer will do.
 
     Each wedge ends in a corner so sharp that only a cut that prolongs the wedge leaves both its sides convex; no cut
@@ -75,7 +75,7 @@ def _yards() -> Layout:
     return Layout(100.0, 88.0, (*from_below, *from_above), "five yards between wedge-shaped buildings")
 
 
-def _clutter() -> Layout:
+def _clutter_layout() -> Layout:
     """Small buildings scattered without order; the gaps between them are 6 m and more."""
     obstacles: tuple[Polygon, ...] = (
         ((78.5, 41.5), (68.5, 41.5), (68.5, 29.5), (78.5, 29.5)),
@@ -114,41 +114,46 @@ def _clutter() -> Layout:
     return Layout(118.0, 118.0, obstacles, "32 small buildings without order")
 
 
-def _site() -> Layout:
+def _site_layout() -> Layout:
     """A works: halls and warehouses along roads 8 m wide and wider, an office around an open court, yards, tanks."""
     obstacles: tuple[Polygon, ...] = (
         # South-west: three workshops side by side.
-        _box(10, 10, 60, 26),
-        _box(10, 34, 60, 50),
-        _box(10, 58, 46, 74),
+        _box_polygon(10, 10, 60, 26),
+        _box_polygon(10, 34, 60, 50),
+        _box_polygon(10, 58, 46, 74),
         # South: the assembly hall with its wing, and beside the yard north of it a store.
         ((72, 8), (142, 8), (142, 32), (94, 32), (94, 50), (72, 50)),
-        _box(58, 60, 82, 76),
+        _box_polygon(58, 60, 82, 76),
         # South-east: warehouses.
-        _box(158, 8, 180, 60),
-        _box(194, 8, 230, 30),
-        _box(194, 40, 230, 62),
+        _box_polygon(158, 8, 180, 60),
+        _box_polygon(194, 8, 230, 30),
+        _box_polygon(194, 40, 230, 62),
         # In the middle: the yard's kiosk and transformer, and a hall along the slanted road.
-        _box(110, 54, 120, 62),
-        _box(136, 58, 144, 70),
+        _box_polygon(110, 54, 120, 62),
+        _box_polygon(136, 58, 144, 70),
         ((92, 104), (128, 84), (137, 100), (101, 120)),
         # North-west: the office around a court that opens to the south.
         ((14, 90), (30, 90), (30, 134), (60, 134), (60, 90), (74, 90), (74, 150), (14, 150)),
         # North: archive.
-        _box(88, 134, 150, 150),
+        _box_polygon(88, 134, 150, 150),
         # North-east: laboratories, tank farm, boiler house.
         ((166, 98), (226, 98), (226, 114), (186, 114), (186, 148), (166, 148)),
-        _tank(176, 78, 6.5),
-        _tank(197, 80, 6.5),
-        _tank(218, 80, 6.5),
-        _box(198, 126, 224, 148),
+        _tank_polygon(176, 78, 6.5),
+        _tank_polygon(197, 80, 6.5),
+        _tank_polygon(218, 80, 6.5),
+        _box_polygon(198, 126, 224, 148),
     )
     return Layout(240.0, 160.0, obstacles, "a works of buildings, roads between them and open yards")
 
 
-def _layouts() -> dict[str, Layout]:
-    makers: dict[str, Callable[[], Layout]] = {"open": _open, "yards": _yards, "clutter": _clutter, "site": _site}
+def _make_layouts() -> dict[str, Layout]:
+    makers: dict[str, Callable[[], Layout]] = {
+        "open": _open_layout,
+        "yards": _yards_layout,
+        "clutter": _clutter_layout,
+        "site": _site_layout,
+    }
     return {name: make() for name, make in makers.items()}
 
 
-LAYOUTS = _layouts()
+LAYOUTS = _make_layouts()

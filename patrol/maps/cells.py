@@ -146,9 +146,9 @@ def single_unknown_cells(image: MapImage, says: MapFile) -> BoolGrid:
     beside = unknown[:-2, inner] | unknown[2:, inner] | unknown[inner, :-2] | unknown[inner, 2:]
     rows, columns = np.nonzero(unknown[inner, inner] & ~beside)
     ring = [(rows + 1 + up, columns + 1 + right) for up, right in _RING]
-    is_free = np.stack([np.pad(free, 1)[place] for place in ring])
+    is_free = np.stack([np.pad(free, 1)[window] for window in ring])
     runs = np.count_nonzero(is_free & ~np.roll(is_free, 1, axis=0), axis=0)
-    alone = ~np.logical_or.reduce([unknown[place] for place in ring]) & ((runs == 1) | is_free.all(axis=0))
+    alone = ~np.logical_or.reduce([unknown[window] for window in ring]) & ((runs == 1) | is_free.all(axis=0))
     specks = np.zeros(free.shape, dtype=np.bool_)
     specks[rows[alone], columns[alone]] = True
     return specks
@@ -160,18 +160,18 @@ _RING = ((0, 1), (1, 1), (1, 0), (1, -1), (0, -1), (-1, -1), (-1, 0), (-1, 1))
 
 def image_size(says: MapFile) -> tuple[int, int]:
     """Return the (rows, columns) of a map's image, from its first bytes."""
-    with _image(says) as image:
+    with _open_image(says) as image:
         return image.height, image.width
 
 
 def read_image(says: MapFile) -> MapImage:
     """Return the pixels of a map's image."""
-    with _image(says) as image:
+    with _open_image(says) as image:
         image.load()
-        return _pixels_of(image, _where(says))
+        return _pixels_of(image, _image_location(says))
 
 
-def _where(says: MapFile) -> str:
+def _image_location(says: MapFile) -> str:
     return f"{says.path}: image = {says.image}"
 
 
@@ -183,9 +183,9 @@ _SMALLER = (
 
 
 @contextmanager
-def _image(says: MapFile) -> Iterator[Image.Image]:
+def _open_image(says: MapFile) -> Iterator[Image.Image]:
     """The image of a map, opened but not decoded; whatever is wrong with it becomes BadInput."""
-    where = _where(says)
+    where = _image_location(says)
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of oddities in what can be read
@@ -195,9 +195,11 @@ def _image(says: MapFile) -> Iterator[Image.Image]:
                 Image.open(cast(BinaryIO, metered := _Metered(file)), formats=FORMATS) as image,
             ):
                 metered.is_plain = isinstance(image, ImageFile) and image.tile[0][0] == "ppm_plain"
-                most = MAX_CELLS if image.mode in ("1", "L") else MAX_CELLS // 4
-                if image.width * image.height > most:
-                    raise BadInput(f"{where}: {image.width} x {image.height} pixels, more than {most}; {_SMALLER}")
+                pixel_limit = MAX_CELLS if image.mode in ("1", "L") else MAX_CELLS // 4
+                if image.width * image.height > pixel_limit:
+                    raise BadInput(
+                        f"{where}: {image.width} x {image.height} pixels, more than {pixel_limit}; {_SMALLER}"
+                    )
                 yield image
     except FileNotFoundError:
         raise BadInput(f"{where}: no such file; correct 'image', which is relative to the YAML file") from None

@@ -63,9 +63,9 @@ def doubts(terrain: Terrain) -> list[str]:
         return []
     says = read_map_file(terrain.source)
     image = read_image(says)
-    settings = (f"{says.path.name}: is this what the map shows? {text}" for text in _settings(says, image))
+    settings = (f"{says.path.name}: is this what the map shows? {text}" for text in _setting_doubts(says, image))
     # The dark greys of a JPEG may be artefacts, so its own warning goes first.
-    greys = list(_jpeg(says, image)) or _dark_free_ground(says, image)
+    greys = list(_jpeg_doubts(says, image)) or _dark_free_ground(says, image)
     return [*_image_elsewhere(says), *greys, *settings]
 
 
@@ -74,12 +74,12 @@ def wrong_settings(says: MapFile, image: MapImage) -> str:
 
     It describes the cells, and is empty where nothing seems wrong.
     """
-    return next(_settings(says, image), "")
+    return next(_setting_doubts(says, image), "")
 
 
 def settings_text(says: MapFile, image: MapImage) -> str:
     """Return the end of an error: what a map's settings make of its cells, and the setting to correct."""
-    return wrong_settings(says, image) or f"{_shares(says, image)}; correct negate, mode or the thresholds"
+    return wrong_settings(says, image) or f"{_shares_text(says, image)}; correct negate, mode or the thresholds"
 
 
 def perhaps_unknown(terrain: Terrain) -> BoolGrid:
@@ -126,20 +126,22 @@ def _dark_free_ground(says: MapFile, image: MapImage) -> Iterator[str]:
     from_light = greys[np.argsort(occupancy[greys])]
     # As many as may stay free without another warning.
     is_enough = np.cumsum(counts[from_light]) > NOTABLE * min(dark_count, free_count - dark_count)
-    least = float(occupancy[from_light[is_enough.argmax()]])
-    cure = math.floor(1000.0 * least - 1e-6) / 1000.0
+    threshold = float(occupancy[from_light[is_enough.argmax()]])
+    cure = math.floor(1000.0 * threshold - 1e-6) / 1000.0
     cured = _Ground(replace(says, free_thresh=cure), image)
     cured_count = int(counts[free_levels(cured.says)].sum())
     meaning = f"unknown; if it does here, set free_thresh: {cure:g}"
     if cured_count < NOTABLE * free_count and cured.core < BROAD:  # a small room in a large image is broad
-        meaning = f"unknown, but then only {_area(says, cured_count)} would be free; if it is floor here, draw it white"
+        meaning = (
+            f"unknown, but then only {_area_m2(says, cured_count)} would be free; if it is floor here, draw it white"
+        )
     yield (
-        f"{says.path.name}: free_thresh = {says.free_thresh:g} reads {named} as free: {_area(says, dark_count)} of "
-        f"{_area(says, free_count)} free ground. In most maps such grey means {meaning}"
+        f"{says.path.name}: free_thresh = {says.free_thresh:g} reads {named} as free: {_area_m2(says, dark_count)} of "
+        f"{_area_m2(says, free_count)} free ground. In most maps such grey means {meaning}"
     )
 
 
-def _jpeg(says: MapFile, image: MapImage) -> Iterator[str]:
+def _jpeg_doubts(says: MapFile, image: MapImage) -> Iterator[str]:
     """Warn of ground whose reading a JPEG's artefacts may have changed."""
     if not image.is_jpeg:
         return
@@ -148,14 +150,14 @@ def _jpeg(says: MapFile, image: MapImage) -> Iterator[str]:
     steps[0][:BLUR], steps[1][-BLUR:] = free[0], free[-1]
     unsure = np.where((free != steps[0]) | (free != steps[1]), counts, 0)
     if unsure.sum() >= NOTABLE * counts[free].sum():
-        is_free, is_not = (_area(says, int(unsure[levels].sum())) for levels in (free, ~free))
+        is_free, is_not = (_area_m2(says, int(unsure[levels].sum())) for levels in (free, ~free))
         yield (
             f"{says.image.name}: a JPEG, which blurs greys: {is_free} read as free and {is_not} read as not free lie "
             f"within {BLUR} greys of free_thresh; export the map as PNG or PGM"
         )
 
 
-def _settings(says: MapFile, image: MapImage) -> Iterator[str]:
+def _setting_doubts(says: MapFile, image: MapImage) -> Iterator[str]:
     """Describe the shares of cells, and the setting whose other value is more likely; nothing where none is."""
     now = _Ground(says, image)
     negated = _Ground(replace(says, negate=not says.negate), image)
@@ -171,7 +173,7 @@ def _settings(says: MapFile, image: MapImage) -> Iterator[str]:
     best = max(freed, key=lambda spelled: freed[spelled])
     if "negate" in best or freed[best] > max(SEVERAL * now.share, NEARLY_NOTHING):
         remedy = "if the image shows something else, correct negate, mode or the thresholds"
-        yield f"{_shares(says, image)}; {remedy} ({best} would make {_percent(freed[best])} free)"
+        yield f"{_shares_text(says, image)}; {remedy} ({best} would make {_percent(freed[best])} free)"
 
 
 def _border_of(grid: NDArray[Any]) -> NDArray[Any]:
@@ -247,7 +249,7 @@ def _free_share(says: MapFile, image: MapImage) -> float:
     return float(image.histogram[free_levels(says)].sum() / image.greys.size)
 
 
-def _shares(says: MapFile, image: MapImage) -> str:
+def _shares_text(says: MapFile, image: MapImage) -> str:
     free = _free_share(says, image)
     occupied = float(image.histogram[occupied_levels(says)].sum() / image.greys.size)
     unknown = max(1.0 - free - occupied, 0.0)
@@ -262,5 +264,5 @@ def _percent(share: float) -> str:
     return f"{100.0 * share:.1f} %"
 
 
-def _area(says: MapFile, cells: int) -> str:
+def _area_m2(says: MapFile, cells: int) -> str:
     return f"{cells * says.resolution**2:.1f} m²"

@@ -27,13 +27,13 @@ def fits_nowhere(terrain: Terrain, radius: float, default: bool = False) -> str:
 
     `default` says that the radius is the default, as the scenario gives none.
     """
-    most = largest_radius(terrain)
+    largest_m = largest_radius(terrain)
     if why := _map_to_blame(terrain, f"a body with a radius of {radius:g} m"):
-        return f"{why}; as it is, the largest radius that fits is {most:g} m" if most >= LEAST_RADIUS else why
-    remedies = _finer_points(most + 0.5 * terrain.point - radius, radius, terrain.point)
+        return f"{why}; as it is, the largest radius that fits is {largest_m:g} m" if largest_m >= LEAST_RADIUS else why
+    remedies = _finer_points(largest_m + 0.5 * terrain.point - radius, radius, terrain.point)
     remedies = remedies or finer_points_where(terrain, radius, lambda finer: bool(cspace_of(finer, radius).any()))
-    if most >= LEAST_RADIUS:
-        remedies.append(f"a radius of at most {most:g} m")
+    if largest_m >= LEAST_RADIUS:
+        remedies.append(f"a radius of at most {largest_m:g} m")
     return (
         f"{_named(radius, default)}: a body this wide fits nowhere on {terrain.name}, on points of {terrain.point:g} "
         f"m; use {' or '.join(remedies or ['a smaller radius'])}"
@@ -50,7 +50,7 @@ def fits_no_door(
     """
     if why := _map_to_blame(terrain, f"a body with a radius of {radius:g} m to move"):
         return why
-    passing = _hundredths(widest.radius)
+    passing = _floor_hundredths(widest.radius)
     lets = f"lets a radius of {passing:g} m pass" if passing >= LEAST_RADIUS else "lets no body pass"
     remedies = _finer_points(0.5 * widest.width - radius, radius, terrain.point)
     remedies = remedies or finer_points_where(terrain, radius, is_let_out)
@@ -96,10 +96,10 @@ def _map_to_blame(terrain: Terrain, what: str) -> str:
 def largest_radius(terrain: Terrain) -> float:
     """Return the largest radius of a body that fits somewhere, in m, rounded down to hundredths; 0 for none."""
     level = int(clearance_levels(terrain.free, max(terrain.shape)).max())
-    return _hundredths(0.5 * terrain.point * (math.sqrt(level) - 1.0))
+    return _floor_hundredths(0.5 * terrain.point * (math.sqrt(level) - 1.0))
 
 
-def _hundredths(length: float) -> float:
+def _floor_hundredths(length: float) -> float:
     return max(math.floor(100.0 * length + 1e-6) / 100.0, 0.0)
 
 
@@ -109,9 +109,9 @@ def _finer_points(spare: float, radius: float, point: float) -> list[str]:
     A body needs half a point more than its radius, and a finer grid may be shifted against the place by a point.
     `spare` is half the width of the place less the radius, m.
     """
-    finer = _nice(spare / 1.5) if spare > 0.0 else 0.0
+    finer = _nice_length(spare / 1.5) if spare > 0.0 else 0.0
     if finer < LEAST_SHARE * radius:  # whether the place is wide enough is unknown, unless points are coarse
-        finer = _nice(0.25 * radius) if point > radius else 0.0
+        finer = _nice_length(0.25 * radius) if point > radius else 0.0
     return [_smaller_point(finer)] if 0.0 < finer < point else []
 
 
@@ -125,11 +125,11 @@ def finer_points_where(terrain: Terrain, radius: float, holds: Callable[[Terrain
         return []
     from patrol.maps.load import read_terrain  # here: it needs the image library
 
-    finer = _nice(0.5 * terrain.point)
+    finer = _nice_length(0.5 * terrain.point)
     while finer >= LEAST_SHARE * radius and terrain.passable.size * (terrain.point / finer) ** 2 <= MOST_TRIED:
         if holds(read_terrain(terrain.source, finer)):
             return [_smaller_point(finer)]
-        finer = _nice(0.5 * finer)
+        finer = _nice_length(0.5 * finer)
     return []
 
 
@@ -137,7 +137,7 @@ def _smaller_point(point: float) -> str:
     return f"a smaller point, such as --point {point:g}"
 
 
-def _nice(length: float) -> float:
+def _nice_length(length: float) -> float:
     """Return the largest of 1, 2 and 5 times a power of ten that is not above a length."""
     power = 10.0 ** math.floor(math.log10(length))
     return next(factor * power for factor in (5.0, 2.0, 1.0) if factor * power <= length * (1.0 + 1e-9))

@@ -67,10 +67,10 @@ def load_terrain(spec: TerrainSource, point: float, base: Path, within: Path | N
     keep_out = np.zeros(terrain.shape, dtype=np.bool_)
     for polygon in spec.keep_out:
         keep_out |= cover(polygon, terrain.shape, point, terrain.origin)
-    kept = Terrain(terrain.name, terrain.passable, point, terrain.origin, keep_out, terrain.source)
-    if not kept.free.any():
+    masked = Terrain(terrain.name, terrain.passable, point, terrain.origin, keep_out, terrain.source)
+    if not masked.free.any():
         raise NotPrepared(f"terrain.keep_out: covers all free space of {terrain.name}; leave some for the robots")
-    return kept
+    return masked
 
 
 def read_terrain(path: Path, point: float, within: Path | None = None) -> Terrain:
@@ -92,7 +92,7 @@ def read_terrain(path: Path, point: float, within: Path | None = None) -> Terrai
             "correct it or choose a larger point"
         )
     image = read_image(says)
-    passable = _passable(image, says, point, (shape[0], shape[1]))
+    passable = _passable_points(image, says, point, (shape[0], shape[1]))
     if not passable.any():
         if not image.histogram[free_levels(says)].any():
             raise BadInput(f"{path}: leaves no free cell in {says.image.name}: {settings_text(says, image)}")
@@ -103,7 +103,7 @@ def read_terrain(path: Path, point: float, within: Path | None = None) -> Terrai
     return Terrain(printable(path.stem), passable, point, says.origin, source=path)
 
 
-def _passable(image: MapImage, says: MapFile, point: float, shape: tuple[int, int]) -> BoolGrid:
+def _passable_points(image: MapImage, says: MapFile, point: float, shape: tuple[int, int]) -> BoolGrid:
     """Return the points on which no cell but free ones and single unknown ones lie, some rows of points at a time."""
     passable = np.empty(shape, dtype=np.bool_)
     cells_a_row = point / says.resolution * image.greys.shape[1]

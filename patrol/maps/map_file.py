@@ -48,7 +48,7 @@ class MapFile:
 
     @property
     def meaning(self) -> dict[str, Any]:
-        """What the file says, but for the image."""
+        """The settings of the file, all but the image."""
         return {
             "resolution": self.resolution,
             "origin": self.origin,
@@ -79,20 +79,20 @@ def read_map_file(path: Path, within: Path | None = None) -> MapFile:
     says = parse_yaml(read_text(path, MAP), str(path))
     if not isinstance(says, dict):
         raise BadInput(f"{path}: is not a map; expected keys and values such as 'image: map.pgm'")
-    image = _value(path, says, "image", "the image's file name")
+    image = _value_of(path, says, "image", "the image's file name")
     if not isinstance(image, str) or not image or "\0" in image:
         raise BadInput(f"{path}: image = {quoted(image)}: expected the image's file name")
     image_path = _existing_image(path, image)
     if within is not None and leads_out(within, image_path):
         raise BadInput(f"{path}: image = {quoted(image)}: lies outside of {within} and is not read; copy it there")
-    resolution = _number(path, says, "resolution", "a finite number above 0 (m per cell)")
+    resolution = _number_of(path, says, "resolution", "a finite number above 0 (m per cell)")
     if resolution <= 0.0:
         raise BadInput(f"{path}: resolution = {resolution:g}: expected a finite number above 0 (m per cell)")
     given_mode = says.get("mode", "trinary")
     mode = next((mode for mode in MODES if mode == str(given_mode).lower()), None)
     if mode is None:
         raise BadInput(f"{path}: mode = {quoted(given_mode)}: unknown; {did_you_mean(str(given_mode), MODES)}")
-    occupied, free = (_number(path, says, f"{name}_thresh", "a number from 0 to 1") for name in ("occupied", "free"))
+    occupied, free = (_number_of(path, says, f"{name}_thresh", "a number from 0 to 1") for name in ("occupied", "free"))
     if not 0.0 <= free <= occupied <= 1.0:
         raise BadInput(
             f"{path}: free_thresh = {free:g}, occupied_thresh = {occupied:g}: expected 0 <= free_thresh <= "
@@ -103,8 +103,8 @@ def read_map_file(path: Path, within: Path | None = None) -> MapFile:
         image=image_path,
         named_image=image,
         resolution=resolution,
-        origin=_origin(path, says),
-        negate=_negate(path, says),
+        origin=_read_origin(path, says),
+        negate=_read_negate(path, says),
         occupied_thresh=occupied,
         free_thresh=free,
         mode=mode,
@@ -131,17 +131,17 @@ def _existing_image(path: Path, image: str) -> Path:
         return named
 
 
-def _value(path: Path, says: Mapping[str, Any], key: str, what: str) -> Any:
+def _value_of(path: Path, says: Mapping[str, Any], key: str, what: str) -> Any:
     if key not in says:
         raise BadInput(f"{path}: {key}: missing; give {what}")
     return says[key]
 
 
-def _number(path: Path, says: Mapping[str, Any], key: str, what: str) -> float:
-    return _finite(path, key, _value(path, says, key, what), what)
+def _number_of(path: Path, says: Mapping[str, Any], key: str, what: str) -> float:
+    return _check_finite(path, key, _value_of(path, says, key, what), what)
 
 
-def _finite(path: Path, key: str, value: Any, what: str) -> float:
+def _check_finite(path: Path, key: str, value: Any, what: str) -> float:
     try:
         number = math.nan if isinstance(value, bool) else float(value)
     except (TypeError, ValueError, OverflowError):
@@ -151,19 +151,19 @@ def _finite(path: Path, key: str, value: Any, what: str) -> float:
     return number
 
 
-def _origin(path: Path, says: Mapping[str, Any]) -> tuple[float, float]:
-    what = "[x, y, yaw] in m and rad of the lower left corner"
-    value = _value(path, says, "origin", what)
+def _read_origin(path: Path, says: Mapping[str, Any]) -> tuple[float, float]:
+    expected = "[x, y, yaw] in m and rad of the lower left corner"
+    value = _value_of(path, says, "origin", expected)
     if not isinstance(value, list) or len(value) != 3:
-        raise BadInput(f"{path}: origin = {quoted(value)}: expected {what}")
-    x, y, yaw = (_finite(path, "origin", part, what) for part in value)
+        raise BadInput(f"{path}: origin = {quoted(value)}: expected {expected}")
+    x, y, yaw = (_check_finite(path, "origin", part, expected) for part in value)
     if abs(math.remainder(yaw, math.tau)) > TURN_TOLERANCE:
         raise BadInput(f"{path}: origin = {quoted(value)}: yaw must be 0; rotate the image instead")
     return x, y
 
 
-def _negate(path: Path, says: Mapping[str, Any]) -> bool:
-    value = _value(path, says, "negate", "0 or 1")
+def _read_negate(path: Path, says: Mapping[str, Any]) -> bool:
+    value = _value_of(path, says, "negate", "0 or 1")
     words = {"0": False, "false": False, "no": False, "off": False, "1": True, "true": True, "yes": True, "on": True}
     word = str(value).lower()
     if word not in words:

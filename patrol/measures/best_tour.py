@@ -153,11 +153,11 @@ def best_tour(prepared: Prepared) -> BestTour:
     uncovered = prepared.patrolled.copy()
     parts = []
     for robots in sorted(groups.values(), key=lambda robots: -specs[robots[0]].radius):
-        own = grounds[robots[0]]
-        part_ground = own.patrolled & uncovered
-        uncovered &= ~own.patrolled
+        robot_ground = grounds[robots[0]]
+        part_ground = robot_ground.patrolled & uncovered
+        uncovered &= ~robot_ground.patrolled
         if part_ground.any():
-            tour = _tour(terrain, own, part_ground, prepared.fields[robots[0]].proxy, *sensor)
+            tour = _find_tour(terrain, robot_ground, part_ground, prepared.fields[robots[0]].proxy, *sensor)
             speed = min(specs[number].speed for number in robots)
             length_m, way = (None, ()) if tour is None else (tour.length_m, tour.way)
             parts.append(PartTour(tuple(robots), speed, length_m, way))
@@ -184,15 +184,15 @@ def tour_over(prepared: Prepared, ground: BoolGrid) -> Tour | None:
     sensor = _sensor_for_rounds(prepared)
     if sensor is None:
         return None
-    number, own = next(iter(own_grounds(prepared).items()))
-    return _tour(prepared.terrain, own, ground, prepared.fields[number].proxy, *sensor)
+    number, robot_ground = next(iter(own_grounds(prepared).items()))
+    return _find_tour(prepared.terrain, robot_ground, ground, prepared.fields[number].proxy, *sensor)
 
 
 def round_over(prepared: Prepared, ground: BoolGrid, tour: Tour) -> Round:
     """Lay a tour of `tour_over` out over its part of the ground, as a round at least a point long."""
     terrain, footprint = prepared.terrain, sensor_footprint(prepared.scenario, prepared.terrain)
-    number, own = next(iter(own_grounds(prepared).items()))
-    laid_out = lay_out(terrain, own.reach, ground, prepared.fields[number].proxy, footprint, tour)
+    number, robot_ground = next(iter(own_grounds(prepared).items()))
+    laid_out = lay_out(terrain, robot_ground.reach, ground, prepared.fields[number].proxy, footprint, tour)
     return replace(laid_out, length_m=max(laid_out.length_m, terrain.point))
 
 
@@ -201,12 +201,12 @@ def followers_of(prepared: Prepared, number: int) -> frozenset[int]:
 
     The rounds of other radii lead much the same way, so robots keep their distances from those on them too.
     """
-    own = round_of(prepared, number)
-    shared = {id(own): True}
+    own_round = round_of(prepared, number)
+    shared = {id(own_round): True}
     for laid_out in prepared.rounds.values():
         if id(laid_out) not in shared:
-            shared[id(laid_out)] = bool(own and laid_out and np.isin(laid_out.points, own.points).any())
-    return frozenset(other for other, laid_out in prepared.rounds.items() if shared[id(laid_out)])
+            shared[id(laid_out)] = bool(own_round and laid_out and np.isin(laid_out.points, own_round.points).any())
+    return frozenset(follower for follower, laid_out in prepared.rounds.items() if shared[id(laid_out)])
 
 
 def _rounds_of(prepared: Prepared) -> dict[int, Round | None]:
@@ -216,17 +216,17 @@ def _rounds_of(prepared: Prepared) -> dict[int, Round | None]:
     footprint, identity = sensor
     rounds: dict[int, Round | None] = {}
     of_ground: dict[int, Round | None] = {}
-    for number, own in own_grounds(prepared).items():
-        if id(own) not in of_ground:
+    for number, ground in own_grounds(prepared).items():
+        if id(ground) not in of_ground:
             proxy = prepared.fields[number].proxy
             tour = None
-            if own.patrolled.any():
-                tour = _tour(terrain, own, own.patrolled, proxy, footprint, identity)
+            if ground.patrolled.any():
+                tour = _find_tour(terrain, ground, ground.patrolled, proxy, footprint, identity)
             if tour is None or tour.length_m == 0.0:
-                of_ground[id(own)] = None
+                of_ground[id(ground)] = None
             else:
-                of_ground[id(own)] = lay_out(terrain, own.reach, own.patrolled, proxy, footprint, tour)
-        rounds[number] = of_ground[id(own)]
+                of_ground[id(ground)] = lay_out(terrain, ground.reach, ground.patrolled, proxy, footprint, tour)
+        rounds[number] = of_ground[id(ground)]
     return rounds
 
 
@@ -236,7 +236,7 @@ def _sensor_for_tours(prepared: Prepared) -> tuple[Footprint, tuple[str, ...]] |
     None for one that does not see all round at one look, or whose code may change under its name.
     """
     scenario = prepared.scenario
-    footprint, identity = sensor_footprint(scenario, prepared.terrain), _identity(scenario.sensor)
+    footprint, identity = sensor_footprint(scenario, prepared.terrain), _sensor_identity(scenario.sensor)
     if not footprint.all_round or footprint.leaves_age or identity is None:
         return None
     return footprint, identity
@@ -266,27 +266,27 @@ def _sensor_for_rounds(prepared: Prepared) -> tuple[Footprint, tuple[str, ...]] 
     return None if why_no_rounds(prepared) else _sensor_for_tours(prepared)
 
 
-def _tour(
+def _find_tour(
     terrain: Terrain, own: OwnGround, ground: BoolGrid, proxy: Any, footprint: Footprint, identity: tuple[str, ...]
 ) -> Tour | None:
     """Find a tour: known to this process, in the cache, or by a search."""
-    digest = _digest(terrain, own.reach, ground, footprint, identity)
+    digest = _tour_digest(terrain, own.reach, ground, footprint, identity)
     if digest not in _known:
-        file = _file(f"{digest}.json")
+        file = _tour_file(f"{digest}.json")
         try:
-            tour = _read(file, terrain, own)
+            tour = _read_tour(file, terrain, own)
         except (OSError, ValueError, LookupError, TypeError):
             from patrol.tours.search import find_tour  # here: most processes need no tour
 
             tour = find_tour(terrain, own.reach, ground, proxy, footprint)
-            _keep(file, tour)
+            _keep_tour(file, tour)
         if len(_known) >= MOST_KNOWN:
             del _known[next(iter(_known))]
         _known[digest] = tour
     return _known[digest]
 
 
-def _read(file: Path, terrain: Terrain, own: OwnGround) -> Tour | None:
+def _read_tour(file: Path, terrain: Terrain, own: OwnGround) -> Tour | None:
     """Read a tour from the cache; raise ValueError or what reading raises where it holds none of this ground."""
     says = json.loads(file.read_text(encoding="utf-8"))
     if says["length_m"] is None:
@@ -299,7 +299,7 @@ def _read(file: Path, terrain: Terrain, own: OwnGround) -> Tour | None:
     return tour
 
 
-def _keep(file: Path, tour: Tour | None) -> None:
+def _keep_tour(file: Path, tour: Tour | None) -> None:
     """Write a tour into the cache, if it can be written."""
     part = file.with_name(f"{file.name}.{os.getpid()}")
     with suppress(OSError):
@@ -309,13 +309,13 @@ def _keep(file: Path, tour: Tour | None) -> None:
         part.replace(file)
 
 
-def _file(name: str) -> Path:
+def _tour_file(name: str) -> Path:
     """Return the file of a tour: the wheel's, or else that in the user's cache, which may not be there."""
     shipped = SHIPPED / "tours" / name
     return shipped if shipped.is_file() else (user_cache("tours") or Path(os.devnull)) / name
 
 
-def _identity(sensor: SensorSpec) -> tuple[str, ...] | None:
+def _sensor_identity(sensor: SensorSpec) -> tuple[str, ...] | None:
     """Tell a sensor of one's own from others of its range; return None if its code may change under its name."""
     if sensor.kind in BUILT_IN_SENSORS:
         return ()
@@ -324,7 +324,7 @@ def _identity(sensor: SensorSpec) -> tuple[str, ...] | None:
     return sensor.kind_sha256, sensor.kind.rpartition(":")[2], json.dumps(sensor.options, sort_keys=True)
 
 
-def _digest(
+def _tour_digest(
     terrain: Terrain, reach: BoolGrid, ground: BoolGrid, footprint: Footprint, identity: tuple[str, ...]
 ) -> str:
     facts = (VERSION, terrain.shape, terrain.point, footprint.radius, footprint.line_of_sight, *identity)

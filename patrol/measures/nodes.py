@@ -92,15 +92,15 @@ class NodeTotals:
         for row in record.robots:
             if row.status is Status.ALIVE:
                 here[row.number] = row.x, row.y
-        self._interfere(here, now)
-        for number, place in here.items():
-            self._visit(number, place, now)
+        self._note_interference(here, now)
+        for number, position in here.items():
+            self._note_visit(number, position, now)
         self._places = here
         idle = now - self._last
         self._mean.append(float(idle.mean()))
         self._worst.append(float(idle.max()))
 
-    def _visit(self, number: int, place: tuple[float, float], now: float) -> None:
+    def _note_visit(self, number: int, place: tuple[float, float], now: float) -> None:
         """Note the vertices that a robot visits in a tick; one that it does not leave is visited all the time."""
         visited = self._graph.within(self._places.get(number, place), place, self._reach[number])
         before = self._inside.get(number, set())
@@ -109,18 +109,21 @@ class NodeTotals:
                 idle_s, first = now - float(self._last[vertex]), vertex not in self._visited
                 self.visits.append(Visit(now, number, vertex, idle_s, first, len(self.interfered_s)))
                 self._visited.add(vertex)
-                if (at := self._at.get(number)) is not None and at != vertex:
-                    self._moves[at, vertex] += 1
+                if (previous := self._at.get(number)) is not None and previous != vertex:
+                    self._moves[previous, vertex] += 1
                 self._at[number] = vertex
             self._last[vertex] = now
         places = self._graph.places
         self._inside[number] = {vertex for vertex in visited if math.dist(places[vertex], place) <= self._reach[number]}
 
-    def _interfere(self, here: Mapping[int, tuple[float, float]], now: float) -> None:
-        for number, place in here.items():
+    def _note_interference(self, here: Mapping[int, tuple[float, float]], now: float) -> None:
+        for number, position in here.items():
             if now - self._interfered.get(number, -math.inf) < AGAIN_S:
                 continue
-            if any(other < number and math.dist(place, there) <= CLOSE_M for other, there in here.items()):
+            if any(
+                neighbour < number and math.dist(position, other_position) <= CLOSE_M
+                for neighbour, other_position in here.items()
+            ):
                 self.interfered_s.append(now)
                 self._interfered[number] = now
 
@@ -138,8 +141,8 @@ class NodeTotals:
             return None
         counts = Counter(visit.vertex for visit in self.visits)
         intervals = self.intervals()
-        means = [statistics.fmean(each) if each else 0.0 for each in intervals]
-        pooled = [interval for each in intervals for interval in each]
+        means = [statistics.fmean(series) if series else 0.0 for series in intervals]
+        pooled = [interval for series in intervals for interval in series]
         half = len(self._worst) // 2
         minutes = len(self._mean) * self._step / 60.0
         return {
@@ -188,11 +191,11 @@ def _entropy_rate(moves: Mapping[tuple[int, int], int]) -> float | None:
 def node_totals(header: Header) -> NodeTotals | None:
     """Make the measures for a run; None where its scenario has no graph."""
     scenario = header.scenario
-    given = scenario["terrain"].get("graph")
-    if given is None:
+    spec = scenario["terrain"].get("graph")
+    if spec is None:
         return None
-    places, edges = ([tuple(entry) for entry in given[key]] for key in ("vertices", "edges"))
-    graph = graph_of(places, edges, visit=given.get("visit", VISIT_M))
+    places, edges = ([tuple(entry) for entry in spec[key]] for key in ("vertices", "edges"))
+    graph = graph_of(places, edges, visit=spec.get("visit", VISIT_M))
     step = float(scenario["step"])
     entries = scenario["robots"]
     speeds = [robots["speed"] for robots in (entries if isinstance(entries, list) else [entries] * len(header.robots))]

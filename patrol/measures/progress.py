@@ -113,7 +113,7 @@ class Traps:
                 grid = self._open_ground.last_seen_or_out(number, k, grid)
             stale_point = None
             if not self._is_on_guard(record, stay):
-                stale_point = stalest_outside(replace(stay, since=since), terrain, self._ground(number), grid)
+                stale_point = stalest_outside(replace(stay, since=since), terrain, self._robot_ground(number), grid)
             if stale_point is None:
                 self._all_seen[number, stay.since] = k
                 if number in self.open:
@@ -151,7 +151,7 @@ class Traps:
                 return True
         return False
 
-    def _ground(self, number: int) -> BoolGrid:
+    def _robot_ground(self, number: int) -> BoolGrid:
         if self._grounds is None:
             self._grounds = own_grounds(self._prepared)
         return self._grounds[number].patrolled

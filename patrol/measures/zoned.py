@@ -53,12 +53,12 @@ def zoned_ground(prepared: Prepared, weighing: Weighing | None = None) -> ZonedG
     if not every:
         return None
     weighing = every if weighing is None else weighing
-    kept = prepared.zoned
-    ground = kept.get(weighing)
+    cache = prepared.zoned
+    ground = cache.get(weighing)
     if ground is None:
-        ground = kept[weighing] = _zoned_ground(prepared, weighing)
-        for oldest in list(kept)[MOST_PREPARED:-MOST_LATER]:  # copied, as minds may ask in several threads
-            kept.pop(oldest, None)
+        ground = cache[weighing] = _zoned_ground(prepared, weighing)
+        for oldest in list(cache)[MOST_PREPARED:-MOST_LATER]:  # copied, as minds may ask in several threads
+            cache.pop(oldest, None)
     return ground
 
 
@@ -76,10 +76,10 @@ def prepare_zones(prepared: Prepared) -> None:
     timed = list(dict.fromkeys(sets))
     by_name = sorted(every, key=itemgetter(0))
     if len(every) <= MOST_COMBINED:
-        others = [frozenset(some) for size in range(len(every) + 1) for some in combinations(by_name, size)]
+        alternatives = [frozenset(some) for size in range(len(every) + 1) for some in combinations(by_name, size)]
     else:
-        others = [_with_switched(weighing, *zone) for weighing in timed for zone in by_name]
-    for weighing in list(dict.fromkeys([*timed, *others]))[:MOST_PREPARED]:
+        alternatives = [_with_switched(weighing, *zone) for weighing in timed for zone in by_name]
+    for weighing in list(dict.fromkeys([*timed, *alternatives]))[:MOST_PREPARED]:
         zoned_ground(prepared, weighing)
 
 
@@ -118,17 +118,17 @@ def _at_first(scenario: Scenario) -> Weighing:
 
 def _with_switched(weighing: Weighing, name: str, weight: float | None) -> Weighing:
     """Return the zones in force once one of them is switched off, or another one on with a weight."""
-    others = frozenset(zone for zone in weighing if zone[0] != name)
-    return others if len(others) < len(weighing) else others | {(name, weight)}
+    remaining = frozenset(zone for zone in weighing if zone[0] != name)
+    return remaining if len(remaining) < len(weighing) else remaining | {(name, weight)}
 
 
 def _zoned_ground(prepared: Prepared, weighing: Weighing) -> ZonedGround:
     terrain, patrolled = prepared.terrain, prepared.patrolled
     grid: NDArray[np.float64] = np.zeros(terrain.shape)
-    given = dict(weighing)
-    by_name = zone_weights(prepared) | {name: weight for name, weight in given.items() if weight is not None}
+    weight_of = dict(weighing)
+    by_name = zone_weights(prepared) | {name: weight for name, weight in weight_of.items() if weight is not None}
     wanted: dict[float, float] = {}
-    zones = [zone for zone in prepared.scenario.zones if zone.name in given]
+    zones = [zone for zone in prepared.scenario.zones if zone.name in weight_of]
     for zone in zones:
         points = points_of(zone, terrain)
         grid[points] = np.maximum(grid[points], by_name[zone.name])
@@ -139,11 +139,11 @@ def _zoned_ground(prepared: Prepared, weighing: Weighing) -> ZonedGround:
             weight = float(grid[points_of(zone, terrain) & patrolled].min())  # other zones may weigh parts of it more
             wanted[weight] = min(zone.age, wanted.get(weight, zone.age))
     classes = tuple(np.unique(grid[patrolled]).tolist())
-    known = _known_ground(prepared, grid, classes)
-    rounds = _rounds(prepared, grid, classes) if known is None else known.rounds
+    earlier = _known_ground(prepared, grid, classes)
+    rounds = _find_rounds(prepared, grid, classes) if earlier is None else earlier.rounds
     speed = min(spec.speed for spec in prepared.scenario.roster)
     wishes = tuple(wanted.get(weight) for weight in classes)
-    laid_out = known.laid_out if known is not None and known.wanted == wishes else {}
+    laid_out = earlier.laid_out if earlier is not None and earlier.wanted == wishes else {}
     visited = [number for number, wish in enumerate(wishes) if wish is not None and rounds and not terrain.against.size]
     ways = {number: _ways_m(prepared, rounds[number, number]) for number in visited}
     return ZonedGround(grid, classes, wishes, rounds, speed, ways, laid_out)
@@ -153,24 +153,26 @@ def _ways_m(prepared: Prepared, laid_out: Round) -> NDArray[np.float32]:
     """Return the length of the way from each point to the nearest place of a round, float32 (height, width), m."""
     from patrol.kernels.ways import FAR  # here: few processes need it
 
-    terrain, own = prepared.terrain, next(iter(own_grounds(prepared).values()))
-    starts = [divmod(place, terrain.width) for place in laid_out.places.tolist()]
-    lengths = lengths_along(own.reach, terrain.against, starts, FAR, back=True)[1:-1, 1:-1]
+    terrain, ground = prepared.terrain, next(iter(own_grounds(prepared).values()))
+    starts = [divmod(cell, terrain.width) for cell in laid_out.places.tolist()]
+    lengths = lengths_along(ground.reach, terrain.against, starts, FAR, back=True)[1:-1, 1:-1]
     return np.where(lengths < FAR, lengths * np.float32(terrain.point / 100.0), np.float32(np.inf))
 
 
 def _known_ground(prepared: Prepared, grid: NDArray[np.float64], classes: tuple[float, ...]) -> ZonedGround | None:
     """Return prepared ground with the same points in each class, so with the same rounds; None without such ground."""
     order = np.searchsorted(classes, grid[prepared.patrolled])
-    for known in list(prepared.zoned.values()):
-        if known.rounds and np.array_equal(np.searchsorted(known.classes, known.weights[prepared.patrolled]), order):
-            return known
+    for earlier in list(prepared.zoned.values()):
+        if earlier.rounds and np.array_equal(
+            np.searchsorted(earlier.classes, earlier.weights[prepared.patrolled]), order
+        ):
+            return earlier
     return None
 
 
-def _rounds(prepared: Prepared, grid: NDArray[np.float64], classes: tuple[float, ...]) -> dict[Classes, Round]:
+def _find_rounds(prepared: Prepared, grid: NDArray[np.float64], classes: tuple[float, ...]) -> dict[Classes, Round]:
     """Find the rounds of all groups; none where the fleet follows no rounds, or has several grounds or many classes."""
-    grounds = list({id(own): own for own in own_grounds(prepared).values()}.values())
+    grounds = list({id(robot_ground): robot_ground for robot_ground in own_grounds(prepared).values()}.values())
     if len(grounds) > 1 or len(classes) > MOST_CLASSES:
         return {}
     count = len(classes)

@@ -158,9 +158,9 @@ def so_far_bytes(so_far: SoFar) -> bytes:
     patrolled = ground.patrolled
     grids = {
         "shape": patrolled.shape,
-        "passable": _bits(ground.passable),
-        "keep_out": _bits(ground.keep_out),
-        "areas": [_bits(area) for area in ground.areas],
+        "passable": _pack_grid(ground.passable),
+        "keep_out": _pack_grid(ground.keep_out),
+        "areas": [_pack_grid(area) for area in ground.areas],
         "area_of": list(ground.area_of.items()),
         "seen": zlib.compress(so_far.last_seen[patrolled].astype("<i4").tobytes(), _LEVEL),
         "mfow": so_far.mfow.astype("<f4").tobytes(),
@@ -191,17 +191,17 @@ def read_so_far(
     if height * width * (7 + len(answer.areas)) > MAX_GRIDS:
         raise Malformed(f"{len(answer.areas)} kinds of bodies on {height} x {width} points take too much memory")
     try:
-        ground = known.ground if known is not None else _ground(answer)
+        ground = known.ground if known is not None else _decode_ground(answer)
         return _so_far(answer, ground)
     except (zlib.error, MemoryError) as error:
         raise Malformed(f"not an answer ({type(error).__name__})") from None
 
 
-def _ground(answer: _Answer) -> Ground:
+def _decode_ground(answer: _Answer) -> Ground:
     if any(area >= len(answer.areas) for _, area in answer.area_of):
         raise Malformed("no patrolled area")
     passable, keep_out, *areas = [
-        _grid(bits, *answer.shape) for bits in (answer.passable, answer.keep_out, *answer.areas)
+        _unpack_grid(bits, *answer.shape) for bits in (answer.passable, answer.keep_out, *answer.areas)
     ]
     return Ground(passable, keep_out, tuple(areas), dict(answer.area_of))
 
@@ -211,9 +211,9 @@ def _so_far(answer: _Answer, ground: Ground) -> SoFar:
     if not patrolled.any():
         raise Malformed("no patrolled ground")
     last_seen = np.full(patrolled.shape, -1, dtype=np.int32)
-    latest = np.frombuffer(_inflated(answer.seen, 4 * int(patrolled.sum())), dtype="<i4")
+    latest = np.frombuffer(_inflate_bytes(answer.seen, 4 * int(patrolled.sum())), dtype="<i4")
     last_seen[patrolled] = latest
-    mfow, fog_mean = _curve(answer.mfow), _curve(answer.fog_mean)
+    mfow, fog_mean = _decode_curve(answer.mfow), _decode_curve(answer.fog_mean)
     ticks = answer.every * len(mfow)
     if len(mfow) != len(fog_mean) or ticks > MAX_TICKS_BEFORE + answer.every:
         raise Malformed("no curves")
@@ -236,24 +236,24 @@ def _so_far(answer: _Answer, ground: Ground) -> SoFar:
     )
 
 
-def _curve(packed: bytes) -> NDArray[np.float32]:
+def _decode_curve(packed: bytes) -> NDArray[np.float32]:
     values = np.frombuffer(packed[: len(packed) // 4 * 4], dtype="<f4").astype(np.float32)
     if len(packed) % 4 or not np.isfinite(values).all():
         raise Malformed("no curve")
     return values
 
 
-def _bits(grid: NDArray[np.bool_]) -> bytes:
+def _pack_grid(grid: NDArray[np.bool_]) -> bytes:
     return zlib.compress(np.packbits(grid).tobytes(), _LEVEL)
 
 
-def _grid(packed: bytes, height: int, width: int) -> NDArray[np.bool_]:
+def _unpack_grid(packed: bytes, height: int, width: int) -> NDArray[np.bool_]:
     points = height * width
-    bits = np.frombuffer(_inflated(packed, -(-points // 8)), dtype=np.uint8)
+    bits = np.frombuffer(_inflate_bytes(packed, -(-points // 8)), dtype=np.uint8)
     return np.unpackbits(bits, count=points).reshape(height, width).astype(np.bool_)
 
 
-def _inflated(packed: bytes, size: int) -> bytes:
+def _inflate_bytes(packed: bytes, size: int) -> bytes:
     """Decompress to at most `size` bytes; Malformed when there are fewer."""
     inflater = zlib.decompressobj()
     data = inflater.decompress(packed, size)

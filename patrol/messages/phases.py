@@ -47,7 +47,7 @@ _LONGEST_INDEX = 5
 """Bytes of a point's index."""
 
 
-def _paired(flat: tuple[float, ...]) -> tuple[tuple[float, float], ...]:
+def _pair_numbers(flat: tuple[float, ...]) -> tuple[tuple[float, float], ...]:
     if len(flat) % 2:
         raise ValueError("contacts are pairs")
     return tuple(zip(flat[::2], flat[1::2], strict=True))
@@ -56,7 +56,9 @@ def _paired(flat: tuple[float, ...]) -> tuple[tuple[float, float], ...]:
 _Count = Annotated[int, Field(strict=True, ge=0, le=2**31 - 1)]
 _Id = Annotated[int, Field(strict=True, ge=0, le=2**63 - 1)]
 _Reason = Annotated[Text, Field(max_length=_MAX_REASON), PRINTABLE]
-_Contacts = Annotated[tuple[Finite, ...], Field(max_length=2 * MAX_CONTACTS, fail_fast=True), AfterValidator(_paired)]
+_Contacts = Annotated[
+    tuple[Finite, ...], Field(max_length=2 * MAX_CONTACTS, fail_fast=True), AfterValidator(_pair_numbers)
+]
 _Blocked = Annotated[tuple[_Count, ...], Field(max_length=MOST_BLOCKED, fail_fast=True)]
 _Weight = Annotated[Finite, Field(ge=LEAST_WEIGHT, le=MOST_WEIGHT)]
 _Weights = Annotated[tuple[tuple[_Count, _Weight], ...], Field(max_length=MOST_ZONES, fail_fast=True)]
@@ -211,7 +213,7 @@ def decode_to_robot(payload: bytes, zones: int = MOST_ZONES) -> ToRobot:
 
     Any other bytes raise `Malformed`, and no other exception.
     """
-    message: ToRobot = _decode(payload, _TO_ROBOT)
+    message: ToRobot = _decode_message(payload, _TO_ROBOT)
     if isinstance(message, PhaseA):
         sensed = message.sensed
         number = max((*(sensed.zones or ()), *(number for number, _ in sensed.weights)), default=-1)
@@ -227,11 +229,11 @@ def decode_to_world(payload: bytes) -> ToWorld:
     """
     if len(payload) > MAX_REPLY:
         raise Malformed(f"{len(payload)} bytes, at most {MAX_REPLY} are allowed")
-    message: ToWorld = _decode(payload, _TO_WORLD)
+    message: ToWorld = _decode_message(payload, _TO_WORLD)
     return message
 
 
-def _decode(payload: bytes, kinds: Mapping[int, type[Any]]) -> Any:
+def _decode_message(payload: bytes, kinds: Mapping[int, type[Any]]) -> Any:
     values = unpack(payload)
     if type(values) is not tuple or not values or type(values[0]) is not int or values[0] not in kinds:
         raise Malformed("no array that begins with a known kind")

@@ -99,14 +99,14 @@ S = TypeVar("S", RobotStage, SeatStage)
 E = TypeVar("E", RobotEvent, SeatEvent)
 
 
-def _steps(stages: type[S], events: type[E], table: str) -> Mapping[tuple[S, E], S]:
+def _read_steps(stages: type[S], events: type[E], table: str) -> Mapping[tuple[S, E], S]:
     """Read a table: a row for each event, a column for each state, and the next state where an event is legal."""
     head, *rows = [line.split() for line in table.strip().splitlines()]
     columns = list(enumerate(head, 1))
     return {(stages[column], events[on[0]]): stages[on[to]] for on in rows for to, column in columns if on[to] != "-"}
 
 
-ROBOT = _steps(
+ROBOT = _read_steps(
     RobotStage,
     RobotEvent,
     """
@@ -125,7 +125,7 @@ ROBOT = _steps(
 )
 """Steps of the robot's end. In DUE, AWAITS_B and AWAITS_A it is bound to a run."""
 
-SEAT = _steps(
+SEAT = _read_steps(
     SeatStage,
     SeatEvent,
     """
@@ -255,7 +255,7 @@ class RobotEnd:
             self._last_news = now
             return ()
         event = self._event_of(message, now)
-        if not self._follow(event):
+        if not self._follow_event(event):
             return () if self.has_left else (Refuse("stranger"),)
         if event is not RobotEvent.OUSTED:
             self._own_news = self._last_news = now
@@ -301,14 +301,14 @@ class RobotEnd:
 
     def leave(self, reason: str) -> Effects:
         """Leave for a reason of the robot's own."""
-        return (Part(reason),) if self._follow(RobotEvent.LEAVES) else ()
+        return (Part(reason),) if self._follow_event(RobotEvent.LEAVES) else ()
 
     def take(self) -> PhaseA | None:
         """Give the mind phase A of the newest tick; None where no tick is due."""
         if self._due is None:
             return None
         phase, has_heard = self._due, self._has_heard(self._due.k)
-        if not self._follow(RobotEvent.TAKEN_HEARD if has_heard else RobotEvent.TAKEN):
+        if not self._follow_event(RobotEvent.TAKEN_HEARD if has_heard else RobotEvent.TAKEN):
             return None
         self._due, self.k = None, phase.k
         return phase
@@ -344,7 +344,7 @@ class RobotEnd:
             self._heard_k = k
             self._early = {early for early in self._early if early > k}
 
-    def _follow(self, event: RobotEvent) -> bool:
+    def _follow_event(self, event: RobotEvent) -> bool:
         following = ROBOT.get((self.stage, event))
         self.stage = following or self.stage
         return following is not None
@@ -432,7 +432,7 @@ class WorldEnd:
         event = self._event_of(message)
         effects: Effects = ()
         match message:
-            case _ if not self._follow(event):
+            case _ if not self._follow_event(event):
                 effects = (Refuse("stranger"),)
             case ReplyA() | ReplyB() if self._run.begun - OLDEST <= message.k < self._run.begun:
                 effects = (Deliver(message),)
@@ -454,19 +454,19 @@ class WorldEnd:
 
     def dismiss(self, reason: str, *, orderly: bool) -> Effects:
         """Tell the process in the seat to leave, orderly where that is as planned; it is told again when it asks."""
-        if self.process is None or not self._follow(SeatEvent.DISMISS):
+        if self.process is None or not self._follow_event(SeatEvent.DISMISS):
             return ()
         self.reason = reason
         return (Send(Stop(*self.process, self._run.k, self._run.number, orderly, reason)),)
 
     def end(self) -> None:
         """Forget the process, which is gone for good, and expect no other."""
-        self._follow(SeatEvent.END)
+        self._follow_event(SeatEvent.END)
         self.process = None
 
     def expect(self, incarnation: int) -> None:
         """Forget the process, and expect one of that incarnation and no other."""
-        self._follow(SeatEvent.EXPECT)
+        self._follow_event(SeatEvent.EXPECT)
         self.process = self.away_since = None
         self._incarnation = incarnation
 
@@ -483,7 +483,7 @@ class WorldEnd:
         """Return whether the process is gone, as far as can be told without a launcher."""
         return self.is_missing(now) and (self.said_farewell or self.is_missing(now, self._run.return_s))
 
-    def _follow(self, event: SeatEvent) -> bool:
+    def _follow_event(self, event: SeatEvent) -> bool:
         following = SEAT.get((self.stage, event))
         self.stage = following or self.stage
         return following is not None

@@ -90,9 +90,9 @@ class StopOrders:
 
     def obey(self, carry_out: Callable[[Order], Outcome]) -> None:
         """Carry out orders from now on, on a thread of its own: an answer may have to wait for the router."""
-        threading.Thread(target=self._obey, args=(carry_out,), name="orders", daemon=True).start()
+        threading.Thread(target=self._obey_orders, args=(carry_out,), name="orders", daemon=True).start()
 
-    def _obey(self, carry_out: Callable[[Order], Outcome]) -> None:
+    def _obey_orders(self, carry_out: Callable[[Order], Outcome]) -> None:
         while True:
             if (message := self._waiting.get(_WAIT_S)) is None:
                 continue

@@ -165,7 +165,7 @@ class Watcher:
             mfow_mean_s=self._sum / ticks_done * self._step,
             mfow_max_s=self._max * self._step,
             seen_share=record.seen / self._points,
-            ticks_per_s=self._rate(now, ticks_done),
+            ticks_per_s=self._tick_rate(now, ticks_done),
             robots=tuple(
                 RobotView(self._names[row.number], int(row.status), row.state, row.x, row.y, row.heading)
                 for row in record.robots
@@ -178,7 +178,7 @@ class Watcher:
         name = "" if event.robot is None else self._names[event.robot]
         return Notice(event.k, event.kind, name, described(event)[:MAX_TEXT])
 
-    def _rate(self, now: float, done: int) -> float:
+    def _tick_rate(self, now: float, done: int) -> float:
         """Return the ticks per wall second over the last `_RATE_S`."""
         while len(self._shown) > 1 and self._shown[1][0] <= now - _RATE_S:
             self._shown.popleft()

@@ -207,7 +207,7 @@ class Link:
             if payload is not None and len(payload) > longest:
                 mailbox.refused["oversized"] += 1
             else:
-                mailbox.put(key, Question(b"" if payload is None else payload.to_bytes(), _answers(query, key)))
+                mailbox.put(key, Question(b"" if payload is None else payload.to_bytes(), _make_answer(query, key)))
 
         handler = zenoh.handlers.Callback(receive, indirect=False)
         self._declared.append(self._session.declare_queryable(key, handler))
@@ -302,7 +302,7 @@ def _await_closing() -> None:
         thread.join(max(0.0, until - time.monotonic()))
 
 
-def _answers(query: zenoh.Query, key: str) -> Post:
+def _make_answer(query: zenoh.Query, key: str) -> Post:
     def answer(payload: bytes) -> None:
         with query, suppress(zenoh.ZError):  # the link has been closed meanwhile, or the asking process has gone
             query.reply(key, payload)
@@ -333,7 +333,7 @@ def open_link(
         return link
     with ExitStack() as undone:
         undone.callback(link.close)
-        if not _wait(link.neighbours.await_any, wait_s, waiting, stopped):
+        if not _wait_until(link.neighbours.await_any, wait_s, waiting, stopped):
             raise LinkDown(f"no member of fleet {credentials.fleet} answers at {router}")
         patrolling = (Kind.ROBOT, Kind.WORLD)
         names = [name for name, role in credentials.mesh.members.items() if role.kind in patrolling]
@@ -359,13 +359,13 @@ def open_session(
 
     def join() -> None:
         try:
-            box.append(zenoh.open(_config(settings)))
+            box.append(zenoh.open(_make_config(settings)))
         except zenoh.ZError as error:
             box.append(error)
         is_open.set()
 
     threading.Thread(target=join, daemon=True).start()
-    if not _wait(is_open.wait, wait_s, waiting, stopped):
+    if not _wait_until(is_open.wait, wait_s, waiting, stopped):
         if not stopped() and listens(router):
             raise NotAdmitted(f"a router at {router} does not let this process in: {_ADMISSION}")
         raise LinkDown(f"no router answers at {router}")
@@ -375,7 +375,7 @@ def open_session(
     return opened
 
 
-def _wait(
+def _wait_until(
     ready: Callable[[float], bool], wait_s: float, waiting: Callable[[float], None], stopped: Callable[[], bool]
 ) -> bool:
     """Wait until something is ready, and say so now and then; False when time is up or `stopped` says so."""
@@ -414,7 +414,7 @@ def open_router(listen: str, security: RouterSecurity | None = None, others: Seq
 
 def _open_listening(settings: Mapping[str, object], listen: str, mesh: Mesh | None = None) -> Link:
     try:
-        return Link(zenoh.open(_config({**settings, "listen/endpoints": [listen]})), mesh)
+        return Link(zenoh.open(_make_config({**settings, "listen/endpoints": [listen]})), mesh)
     except zenoh.ZError as error:
         if mesh is not None and system_error(error) == errno.EADDRNOTAVAIL and everywhere(listen) != listen:
             return _open_listening(settings, everywhere(listen), mesh)
@@ -424,7 +424,7 @@ def _open_listening(settings: Mapping[str, object], listen: str, mesh: Mesh | No
         raise LinkDown(f"{listen}: cannot listen there ({first_line(error)})") from None
 
 
-def _config(values: Mapping[str, object]) -> zenoh.Config:
+def _make_config(values: Mapping[str, object]) -> zenoh.Config:
     config = zenoh.Config()
     for key, value in values.items():
         config.insert_json5(key, json.dumps(value))

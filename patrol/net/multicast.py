@@ -49,7 +49,7 @@ class Group:
         self._own: set[str] = set()
         self._subscriptions: list[tuple[str, Mailbox[Any]]] = []
         self._over = threading.Event()
-        self._thread = threading.Thread(target=self._hear, daemon=True)
+        self._thread = threading.Thread(target=self._hear_frames, daemon=True)
         self._thread.start()
 
     def broadcast(self, key: str) -> Post:
@@ -76,7 +76,7 @@ class Group:
             self._into.close()
         return True
 
-    def _hear(self) -> None:
+    def _hear_frames(self) -> None:
         while not self._over.is_set():
             try:
                 datagram = self._into.recv(_LONGEST)

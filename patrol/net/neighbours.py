@@ -17,7 +17,7 @@ class Neighbours:
         self._links: Counter[str] = Counter()
         self._changed = threading.Condition()
         self._tell: Callable[[str, bool], None] = lambda _name, _there: None
-        handler = zenoh.handlers.Callback(self._take, indirect=False)
+        handler = zenoh.handlers.Callback(self._take_event, indirect=False)
         self.listener = session.info.declare_link_events_listener(handler, history=True)
 
     @property
@@ -35,13 +35,13 @@ class Neighbours:
 
     def await_all(self, names: Collection[str], wait_s: float) -> bool:
         """Wait until all of some are connected; return whether they are."""
-        return self._await(lambda: set(names) <= set(self._links), wait_s)
+        return self._await_change(lambda: set(names) <= set(self._links), wait_s)
 
     def await_any(self, wait_s: float) -> bool:
         """Wait until any other process is connected; return whether one is."""
-        return self._await(lambda: bool(self._links), wait_s)
+        return self._await_change(lambda: bool(self._links), wait_s)
 
-    def _await(self, is_so: Callable[[], bool], wait_s: float) -> bool:
+    def _await_change(self, is_so: Callable[[], bool], wait_s: float) -> bool:
         until = time.monotonic() + wait_s
         with self._changed:
             while not is_so():
@@ -50,7 +50,7 @@ class Neighbours:
                 self._changed.wait(left_s)
             return True
 
-    def _take(self, event: zenoh.LinkEvent) -> None:
+    def _take_event(self, event: zenoh.LinkEvent) -> None:
         """Count a link that has come or gone; called on Zenoh's thread."""
         name = event.link.auth_identifier
         if name is None:
@@ -60,7 +60,7 @@ class Neighbours:
             self._links[name] += 1 if event.kind == zenoh.SampleKind.PUT else -1
             if self._links[name] <= 0:
                 del self._links[name]
-            there, tell = name in self._links, self._tell
+            is_linked, tell = name in self._links, self._tell
             self._changed.notify_all()
-        if there != before:
-            tell(name, there)
+        if is_linked != before:
+            tell(name, is_linked)

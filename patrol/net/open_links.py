@@ -56,7 +56,7 @@ def open_links(
     except LinkDown as down:
         if stopped():
             return None
-        remedy = "" if isinstance(down, PortBusy) else f"; {_remedy(router, credentials)}"
+        remedy = "" if isinstance(down, PortBusy) else f"; {_remedy_text(router, credentials)}"
         raise BadInput(f"{down}{remedy}") from None
     if radio is None:
         return link, link
@@ -90,8 +90,8 @@ def open_air(
     return Link(open_session(settings, radio, wait_s, waiting, stopped))
 
 
-def _remedy(router: str, credentials: Credentials | None) -> str:
-    """Return what to do where nobody answers."""
+def _remedy_text(router: str, credentials: Credentials | None) -> str:
+    """Return the remedy where no router or member answers."""
     if credentials is not None and credentials.mesh is not None:
         return "is one of them running, and are the certificates valid: fogwatch fleet check?"
     how = f"--listen {router}" if credentials is None and is_local(router) else "--fleet FOLDER"
@@ -102,12 +102,14 @@ def _mesh_credentials(radio: str | None, own: Credentials | None) -> Credentials
     """Read the credentials for a mesh that carries positions alone; None for another radio. Raises BadInput."""
     if radio is None or not Path(radio).is_dir():
         return None
-    found = read_credentials(Path(radio), "--radio")
-    if found.mesh is None:
-        raise BadInput(f"--radio {radio}: its fleet meets at a router, {found.router}; name that, or a mesh's folder")
-    if own is not None and (found.fleet, found.role) != (own.fleet, own.role):
+    identity = read_credentials(Path(radio), "--radio")
+    if identity.mesh is None:
         raise BadInput(
-            f"--radio {radio}: is the folder of {found.role.name} in fleet {found.fleet}, and this process is "
+            f"--radio {radio}: its fleet meets at a router, {identity.router}; name that, or a mesh's folder"
+        )
+    if own is not None and (identity.fleet, identity.role) != (own.fleet, own.role):
+        raise BadInput(
+            f"--radio {radio}: is the folder of {identity.role.name} in fleet {identity.fleet}, and this process is "
             f"{own.role.name} in {own.fleet}; give its folder in a mesh made with: fleet init --name {own.fleet}"
         )
-    return found
+    return identity

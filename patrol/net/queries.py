@@ -26,10 +26,10 @@ def all_answers(session: zenoh.Session, key: str, payload: bytes, longest: int, 
 def answers_until(
     session: zenoh.Session, keys: Sequence[str], payload: bytes, longest: int, wait_s: float
 ) -> Iterator[tuple[str, bytes]]:
-    """Give answers as `answers_of` does, and ask again under keys that nobody has answered.
+    """Give answers as `answers_of` does, and ask again under keys without an answer.
 
-    A query ends at once where nobody is connected who could answer, also when that process has just come back, or while
-    this one changes from a router that is lost to another.
+    A query ends at once where no process is connected that could answer, also when that process has just come back, or
+    while this one changes from a router that is lost to another.
     """
     unanswered = dict.fromkeys(keys)
     until = time.monotonic() + wait_s

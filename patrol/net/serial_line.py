@@ -42,7 +42,7 @@ _LONGEST_RUN = 254
 
 def packet(frame: bytes) -> bytes:
     """Pack a frame of at most `MAX_FRAME` bytes for the line."""
-    return _stuffed(frame + _checksum(frame)) + END
+    return _stuff_bytes(frame + _frame_checksum(frame)) + END
 
 
 class Unpacker:
@@ -60,7 +60,7 @@ class Unpacker:
         """Take the next bytes, any number, and yield the frames that end in them."""
         *ended, unfinished = data.split(END)
         for piece in ended:
-            self._add(piece)
+            self._add_piece(piece)
             frame = None if self._skips else _frame_in(bytes(self._begun))
             if frame is not None:
                 yield frame
@@ -68,9 +68,9 @@ class Unpacker:
                 self.spoilt += 1
             self._begun.clear()
             self._skips = False
-        self._add(unfinished)
+        self._add_piece(unfinished)
 
-    def _add(self, piece: bytes) -> None:
+    def _add_piece(self, piece: bytes) -> None:
         if self._skips or len(self._begun) + len(piece) >= MAX_PACKET:
             self._skips = True
             self._begun.clear()
@@ -80,26 +80,26 @@ class Unpacker:
 
 def _frame_in(stuffed: bytes) -> bytes | None:
     """Unpack the frame in a packet without its end; None where it has arrived wrong."""
-    body = _unstuffed(stuffed)
+    body = _unstuff_bytes(stuffed)
     if body is None or len(body) <= _CRC_BYTES:
         return None
     frame, checksum = body[:-_CRC_BYTES], body[-_CRC_BYTES:]
-    return frame if checksum == _checksum(frame) else None
+    return frame if checksum == _frame_checksum(frame) else None
 
 
-def _checksum(frame: bytes) -> bytes:
+def _frame_checksum(frame: bytes) -> bytes:
     return (crc_hqx(frame, _ALL_ONES) ^ _ALL_ONES).to_bytes(_CRC_BYTES, "big")
 
 
-def _stuffed(body: bytes) -> bytes:
+def _stuff_bytes(body: bytes) -> bytes:
     """Remove zero bytes: before each run of others stands its length plus one."""
     runs = body.split(END)
     assert all(len(run) < _LONGEST_RUN for run in runs)
     return b"".join(bytes((len(run) + 1,)) + run for run in runs)
 
 
-def _unstuffed(stuffed: bytes) -> bytes | None:
-    """Undo `_stuffed`; return None where the lengths do not add up."""
+def _unstuff_bytes(stuffed: bytes) -> bytes | None:
+    """Undo `_stuff_bytes`; return None where the lengths do not add up."""
     runs = []
     begin = 0
     while begin < len(stuffed):
@@ -146,11 +146,11 @@ class SerialLine:
         self._over = threading.Event()
         self._fd: int | None = None
         try:
-            self._fd = _opened(device, speed)
+            self._fd = _open_line(device, speed)
         except (OSError, termios.error) as error:
             raise SerialDown(f"cannot open {device} ({error.args[-1]})") from None
         self._wakes, self._wake = os.pipe()
-        self._thread = threading.Thread(target=self._listen, daemon=True)
+        self._thread = threading.Thread(target=self._run_listener, daemon=True)
         self._thread.start()
 
     def broadcast(self, key: str) -> Post:
@@ -159,7 +159,7 @@ class SerialLine:
         The key is not sent: it marks this end's own sender, whose frames `subscribe` leaves out.
         """
         self._own.add(key)
-        return self._send
+        return self._send_frame
 
     def subscribe(self, key: str, mailbox: Mailbox[Any]) -> None:
         """Put frames into a mailbox, under one key or, where it ends in ``*``, under all that begin like it."""
@@ -171,17 +171,17 @@ class SerialLine:
             self._over.set()
             os.write(self._wake, END)
             self._thread.join()
-            self._down()
+            self._take_down()
             os.close(self._wake)
             os.close(self._wakes)
         return True
 
-    def _send(self, frame: bytes) -> None:
+    def _send_frame(self, frame: bytes) -> None:
         with self._writing:
             # What came before was cut off, so it is ended first.
             data = (END if self._cut_off else b"") + packet(frame)
             try:
-                if self._fd is None or _waiting(self._fd) > MAX_WAITING:
+                if self._fd is None or _count_waiting(self._fd) > MAX_WAITING:
                     self.dropped += 1
                     return
                 written = os.write(self._fd, data)
@@ -191,16 +191,16 @@ class SerialLine:
             self._cut_off = written < len(data)
             self.dropped += self._cut_off
 
-    def _listen(self) -> None:
+    def _run_listener(self) -> None:
         unpacker = Unpacker()
         while not self._over.is_set():
-            if self._fd is None and not self._up():
+            if self._fd is None and not self._bring_up():
                 self._over.wait(_AGAIN_S)
                 continue
-            for frame in unpacker.feed(self._read()):
-                self._deliver(frame)
+            for frame in unpacker.feed(self._read_bytes()):
+                self._deliver_frame(frame)
 
-    def _read(self) -> bytes:
+    def _read_bytes(self) -> bytes:
         """Read the bytes that come next; none when the line has gone down, or it is time to leave."""
         fd = self._fd
         assert fd is not None
@@ -214,10 +214,10 @@ class SerialLine:
         except OSError:
             data = b""
         if not data:
-            self._down()
+            self._take_down()
         return data
 
-    def _deliver(self, frame: bytes) -> None:
+    def _deliver_frame(self, frame: bytes) -> None:
         try:
             number = decode(frame).robot
         except Rejected:
@@ -231,16 +231,16 @@ class SerialLine:
             if key == pattern or (pattern.endswith("*") and key.startswith(pattern[:-1])):
                 mailbox.deliver(key, Datagram(frame))
 
-    def _up(self) -> bool:
+    def _bring_up(self) -> bool:
         try:
-            fd = _opened(self._device, self._speed)
+            fd = _open_line(self._device, self._speed)
         except (OSError, termios.error):
             return False
         with self._writing:
             self._fd = fd
         return True
 
-    def _down(self) -> None:
+    def _take_down(self) -> None:
         with self._writing:
             fd, self._fd = self._fd, None
             if fd is not None:
@@ -259,7 +259,7 @@ def open_serial(locator: str, callers: Mapping[int, str]) -> SerialLine:
     return SerialLine(match[1], speed, callers)
 
 
-def _opened(device: str, speed: int) -> int:
+def _open_line(device: str, speed: int) -> int:
     """Open a line that passes all bytes as they are, eight bits each, for this process alone."""
     fd = os.open(device, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
     try:
@@ -277,7 +277,7 @@ def _opened(device: str, speed: int) -> int:
     return fd
 
 
-def _waiting(fd: int) -> int:
+def _count_waiting(fd: int) -> int:
     """Count the bytes that the line has taken and not sent yet."""
     waiting: int = struct.unpack("i", fcntl.ioctl(fd, termios.TIOCOUTQ, struct.pack("i", 0)))[0]
     return waiting

@@ -122,7 +122,7 @@ class ProcessContext:
         from patrol.net.link import Link
         from patrol.net.open_links import open_links
 
-        say = _quietly if quiet else self.log.info
+        say = _say_nothing if quiet else self.log.info
         links = open_links(met.router, radio, self.options.wait, say, self.leaving, met.credentials, callers)
         if links is None:
             raise AskedToLeave
@@ -204,8 +204,8 @@ def run_with(
     """
     process = ProcessContext(options, Log(name), heed(getattr(options, "lifeline", None), on_death, patience=patience))
     try:
-        process.supervision = said = take_supervision(options)
-        process.log = begin_log(name, said.log_format, said.log_level)
+        process.supervision = supervision = take_supervision(options)
+        process.log = begin_log(name, supervision.log_format, supervision.log_level)
         with process.closing:
             return work(process)
     except (AskedToLeave, InterruptedBySignal):
@@ -221,5 +221,5 @@ class PortTaken(BadInput):
     """Another process listens at a port; the starter of this process may try another port."""
 
 
-def _quietly(_line: str) -> None:
+def _say_nothing(_line: str) -> None:
     """Say nothing."""

@@ -48,8 +48,10 @@ class deadline:  # noqa: N801 - a context manager
         if self._limit_s is None:
             return
         self._looked = self._begun = time.monotonic()
-        self._before = signal.setitimer(signal.ITIMER_REAL, 0.0)  # before `_ring` is there: it is for our own timer
-        self._handler = signal.signal(signal.SIGALRM, self._ring)
+        self._before = signal.setitimer(
+            signal.ITIMER_REAL, 0.0
+        )  # before `_raise_late` is there: it is for our own timer
+        self._handler = signal.signal(signal.SIGALRM, self._raise_late)
         signal.setitimer(signal.ITIMER_REAL, self._limit_s / _SLICES, self._limit_s / _SLICES)
 
     def __exit__(self, *_raised: object) -> None:
@@ -62,7 +64,7 @@ class deadline:  # noqa: N801 - a context manager
         if left_s > 0.0:
             signal.setitimer(signal.ITIMER_REAL, max(left_s - (time.monotonic() - self._begun), 1e-3), interval_s)
 
-    def _ring(self, _signal: int, frame: FrameType | None) -> None:
+    def _raise_late(self, _signal: int, frame: FrameType | None) -> None:
         assert self._limit_s is not None
         if frame is not None and frame.f_code in (deadline.__enter__.__code__, deadline.__exit__.__code__):
             return  # the block has not begun, or is over: an exception here would leave the timer running

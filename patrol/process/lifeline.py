@@ -101,7 +101,7 @@ def heed(lifeline: int | None, on_death: Callable[[], None] = lambda: None, *, p
         if number != signal.SIGHUP or signal.getsignal(number) != signal.SIG_IGN:  # as nohup has it
             signal.signal(number, by_signal)
     if lifeline is not None:
-        threading.Thread(target=_hold, args=(lifeline, ending, on_death), daemon=True).start()
+        threading.Thread(target=_hold_lifeline, args=(lifeline, ending, on_death), daemon=True).start()
     return ending
 
 
@@ -197,7 +197,7 @@ def leave(code: int) -> NoReturn:
     os._exit(code)
 
 
-def _hold(lifeline: int, ending: Ending, on_death: Callable[[], None]) -> None:
+def _hold_lifeline(lifeline: int, ending: Ending, on_death: Callable[[], None]) -> None:
     while True:
         try:
             if not os.read(lifeline, 1):
@@ -208,7 +208,7 @@ def _hold(lifeline: int, ending: Ending, on_death: Callable[[], None]) -> None:
             break
     ending.ask("its launcher has died")
     if os.getpgrp() == os.getpid():
-        _signal(_children(), signal.SIGTERM)  # those that foreign code has started in this process
+        _signal_children(_list_children(), signal.SIGTERM)  # those that foreign code has started in this process
     threading.Event().wait(GRACE_S)
     on_death()
     leave(INTERRUPTED)
@@ -231,29 +231,29 @@ def ending_children() -> Iterator[None]:
 
     They have `GRACE_S` to leave in order before they are killed.
     """
-    before = _children()
+    before = _list_children()
     try:
         yield
     finally:
-        _end(_children() - before)
+        _end_children(_list_children() - before)
 
 
-def _end(pids: set[int]) -> None:
+def _end_children(pids: set[int]) -> None:
     waited_s = 0.0
-    _signal(pids, signal.SIGTERM)
-    while waited_s < GRACE_S and any(map(_runs, pids)):
+    _signal_children(pids, signal.SIGTERM)
+    while waited_s < GRACE_S and any(map(_is_running, pids)):
         threading.Event().wait(_POLL_S)
         waited_s += _POLL_S
-    _signal(pids, signal.SIGKILL)
+    _signal_children(pids, signal.SIGKILL)
 
 
-def _signal(children: set[int], number: signal.Signals) -> None:
-    for pid in filter(_runs, children):
+def _signal_children(children: set[int], number: signal.Signals) -> None:
+    for pid in filter(_is_running, children):
         with contextlib.suppress(OSError):
             os.kill(pid, number)
 
 
-def _children() -> set[int]:
+def _list_children() -> set[int]:
     pids: set[int] = set()
     for children in Path("/proc/self/task").glob("*/children"):
         with contextlib.suppress(OSError):  # its thread has ended since
@@ -261,7 +261,7 @@ def _children() -> set[int]:
     return pids
 
 
-def _runs(child: int) -> bool:
+def _is_running(child: int) -> bool:
     """Return True until a child of this process has ended; it is left to be waited for by the code that started it."""
     try:
         return os.waitid(os.P_PID, child, os.WEXITED | os.WNOHANG | os.WNOWAIT) is None

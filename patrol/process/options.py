@@ -63,7 +63,10 @@ class ProcessParser(argparse.ArgumentParser):
         if message.startswith(_REQUIRED):
             names = message.removeprefix(_REQUIRED).split(", ")
             missing = [action for action in self._actions if not set(action.option_strings).isdisjoint(names)]
-            message = "; ".join(f"{one.option_strings[0]} {one.metavar} is missing: {one.help}" for one in missing)
+            message = "; ".join(
+                f"{missing_option.option_strings[0]} {missing_option.metavar} is missing: {missing_option.help}"
+                for missing_option in missing
+            )
         if message.startswith(_ARGUMENT) and message.endswith(_NO_VALUE):
             option = message.removeprefix(_ARGUMENT).removesuffix(_NO_VALUE).split("/")[0]
             message += f", and a value that begins with a minus needs a =, as in {option}=-1"
@@ -132,21 +135,21 @@ def meeting(credentials: Path | None, router: str | None, fleet: str | None, *ki
         if router is None or fleet is None:
             raise BadInput("no fleet named; give --credentials FOLDER, or both --router LOCATOR and --fleet NAME")
         return Meeting(check_locators(router, "--router"), fleet_keys(fleet))
-    found = credentials_at(credentials, "--credentials", Role(kinds[0]))
-    if found.role.kind not in kinds:
-        raise BadInput(f"--credentials {credentials}: of {found.role.user}; give those of a {' or '.join(kinds)}")
-    if fleet not in (None, found.fleet):
-        raise BadInput(f"--fleet {fleet}: the credentials are for fleet {found.fleet}; leave the option out")
+    identity = credentials_at(credentials, "--credentials", Role(kinds[0]))
+    if identity.role.kind not in kinds:
+        raise BadInput(f"--credentials {credentials}: of {identity.role.user}; give those of a {' or '.join(kinds)}")
+    if fleet not in (None, identity.fleet):
+        raise BadInput(f"--fleet {fleet}: the credentials are for fleet {identity.fleet}; leave the option out")
     if router is not None:
-        router = found.check_router(check_locators(router, "--router"), "--router")
-    return Meeting(router or found.router, fleet_keys(found.fleet), found)
+        router = identity.check_router(check_locators(router, "--router"), "--router")
+    return Meeting(router or identity.router, fleet_keys(identity.fleet), identity)
 
 
 def robot_named(name: str | None, credentials: Credentials | None) -> str:
     """Return the name of the robot that a process is for, from its option or its credentials."""
-    own = None if credentials is None else credentials.role.robot
-    if name is None and own is None:
+    owner = None if credentials is None else credentials.role.robot
+    if name is None and owner is None:
         raise BadInput("--robot: name the robot of the scenario that this process is")
-    if own is not None and name not in (None, own):
-        raise BadInput(f"--robot {name}: the credentials are {own}'s; leave the option out, or give {name}'s")
-    return name or own or ""
+    if owner is not None and name not in (None, owner):
+        raise BadInput(f"--robot {name}: the credentials are {owner}'s; leave the option out, or give {name}'s")
+    return name or owner or ""

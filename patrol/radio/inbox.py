@@ -169,7 +169,7 @@ class Inboxes:
         """
         rules, listeners = self.rules, tuple(heard)
         frames, reaches = _as_table(heard)
-        decoded = {frame: self._read(frame, tick) for frame in frames}
+        decoded = {frame: self._read_frame(frame, tick) for frame in frames}
         positions = tuple(decoded[frame][0] for frame in frames)
         facts = np.array([decoded[frame][1] for frame in frames], dtype=FRAME)
         fate, looks = np.zeros_like(reaches), np.zeros_like(reaches)
@@ -177,10 +177,10 @@ class Inboxes:
         rows = np.array([self._row[number] for number in listeners], dtype=np.int64)
         now = (tick, rules.step, rules.speed, rules.ahead is not None, rules.trail_every, SPAN)
         is_past = hear(self._cells, self._refused, rows, self._own, facts, reaches, *now, fate, looks, since)
-        past = list(self._past(tick, positions, looks, since)) if is_past else []
+        past = list(self._past_looks(tick, positions, looks, since)) if is_past else []
         return Intake(tick, listeners, positions, reaches, fate == ACCEPTED, looks == 1, past)
 
-    def _past(
+    def _past_looks(
         self, tick: int, said: Sequence[Position | None], looks: NDArray[np.uint8], since: NDArray[np.int32]
     ) -> Iterator[tuple[int, int, int, Pose]]:
         for row, column in np.argwhere(looks > 1).tolist():
@@ -192,13 +192,13 @@ class Inboxes:
                 if bits >> back & 1:
                     yield row, column, then - back * self.rules.trail_every, Pose(x, y, position.pose.heading)
 
-    def _read(self, frame: bytes, tick: int) -> tuple[Position | None, tuple[int, ...]]:
+    def _read_frame(self, frame: bytes, tick: int) -> tuple[Position | None, tuple[int, ...]]:
         """Decode a frame, and give it as the kernel takes it: with the reason where no listener accepts it."""
         try:
             position = decode(frame, self.rules.key)
         except Rejected as rejected:
             return None, (_CODES[rejected.reason], NO_SENDER, 0, 0, 0, 0, 0, 0, 0)
-        reason = self._refusal(position, tick)
+        reason = self._refusal_reason(position, tick)
         position = position if reason else self._with_plausible_trail(position)
         sender = self._column.get(position.robot, NO_SENDER)
         kind = _CODES[reason] if reason else REPORT if position.robot == CONTACT else POSITION
@@ -206,7 +206,7 @@ class Inboxes:
         rounded_pose = position.x_cm, position.y_cm, position.heading_mrad
         return position, (kind, sender, position.sequence, *rounded_pose, *back, len(position.trail))
 
-    def _refusal(self, position: Position, tick: int) -> RejectReason | None:
+    def _refusal_reason(self, position: Position, tick: int) -> RejectReason | None:
         """Return the reason for which no listener accepts a position, or None."""
         if position.robot != CONTACT and position.robot not in self._column:
             return RejectReason.UNKNOWN
@@ -243,10 +243,10 @@ class Peers(Mapping[int, Peer]):
         return Peer(newest.sequence, newest.pose, self._cells["at"].item(self._column[number]))
 
     def __iter__(self) -> Iterator[int]:
-        return compress(self._column, self._known.tolist())
+        return compress(self._column, self._is_known.tolist())
 
     def __len__(self) -> int:
-        return int(np.count_nonzero(self._known))
+        return int(np.count_nonzero(self._is_known))
 
     def said(self, number: int) -> Position:
         """Return a robot's newest position, with the first place of its trail; `KeyError` where it was not heard."""
@@ -266,7 +266,7 @@ class Peers(Mapping[int, Peer]):
     @property
     def ticks(self) -> NDArray[np.int64]:
         """int64 (len,), the tick at which each was heard, by number."""
-        return self._cells["at"][self._known].astype(np.int64)
+        return self._cells["at"][self._is_known].astype(np.int64)
 
     def lately(self, since: int) -> Peers:
         """List those that were heard at a tick or later."""
@@ -274,14 +274,14 @@ class Peers(Mapping[int, Peer]):
 
     def silent(self, since: int) -> Iterator[int]:
         """List the numbers of those that were not heard at a tick or later, ascending."""
-        return compress(self._column, (self._known & (self._cells["at"] < since)).tolist())
+        return compress(self._column, (self._is_known & (self._cells["at"] < since)).tolist())
 
     def oldest(self, now: int) -> int:
         """Return the earliest tick at which any of them was heard last; now where there are none."""
-        return int(self._cells["at"][self._known].min(initial=now))
+        return int(self._cells["at"][self._is_known].min(initial=now))
 
     @property
-    def _known(self) -> NDArray[np.bool_]:
+    def _is_known(self) -> NDArray[np.bool_]:
         is_heard: NDArray[np.bool_] = self._cells["sequence"] != NOTHING
         return is_heard if self._since <= 0 else is_heard & (self._cells["at"] >= self._since)
 

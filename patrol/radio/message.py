@@ -90,7 +90,7 @@ _NEARER_TO_ZERO = (MAX_HEADING_MRAD + rad_to_mrad(TAU)) / 2.0
 
 
 class RejectReason(StrEnum):
-    """Why a frame was dropped."""
+    """Reasons for which a frame is dropped."""
 
     MALFORMED = "malformed"
     VERSION = "version"
@@ -156,9 +156,11 @@ class Position:
     trail: tuple[tuple[int, int], ...] = ()
 
     def __post_init__(self) -> None:
-        for number, (least, most) in zip(_numbers_of(self), _RANGES, strict=True):
-            if type(number) is not int or not least <= number <= most:
-                raise ValueError(next(wrong for name in FIELDS if (wrong := _wrong(name, getattr(self, name)))))
+        for number, (lower, upper) in zip(_numbers_of(self), _RANGES, strict=True):
+            if type(number) is not int or not lower <= number <= upper:
+                raise ValueError(
+                    next(wrong for name in FIELDS if (wrong := _number_problem(name, getattr(self, name))))
+                )
         if self.trail:
             self._check_trail()
 
@@ -189,7 +191,7 @@ class Position:
             time_ms = round(s_to_ms(time_s))
         except (OverflowError, ValueError):
             raise ValueError(f"the time {time_s} s is not finite") from None
-        return cls(robot, sequence, time_ms, *_rounded(pose), trail=trail)
+        return cls(robot, sequence, time_ms, *_round_pose(pose), trail=trail)
 
     @classmethod
     def of_contact(cls, sequence: int, time_s: float, x: float, y: float) -> Position:
@@ -241,9 +243,9 @@ _RANGES = tuple((field.least, field.most) for field in FIELDS.values())
 _FIELDS = 1 + len(FIELDS)
 
 
-def _longest(field: WireField) -> int:
+def _longest_bytes(field: WireField) -> int:
     """Return the most bytes that a number of a field can have in msgpack."""
-    return max(len(_packed(number)) for number in (field.least, field.most))
+    return max(len(_pack_value(number)) for number in (field.least, field.most))
 
 
 def as_received(pose: Pose) -> Pose:
@@ -260,7 +262,7 @@ def as_received(pose: Pose) -> Pose:
     Raises:
         ValueError: If a frame cannot hold the pose.
     """
-    x_cm, y_cm, heading_mrad = _rounded(pose)
+    x_cm, y_cm, heading_mrad = _round_pose(pose)
     if not (MIN_CM <= x_cm <= MAX_CM and MIN_CM <= y_cm <= MAX_CM):
         raise ValueError(f"{pose} is outside {MIN_CM}..{MAX_CM} cm")
     return Pose(x_cm / CM_PER_M, y_cm / CM_PER_M, wrap(heading_mrad / MRAD_PER_RAD))
@@ -273,8 +275,8 @@ def longest_frame(trail: int, *, tagged: bool) -> int:
         trail: How many past positions it carries.
         tagged: Whether it carries a tag.
     """
-    bare = 1 + len(_packed(VERSION)) + sum(_longest(field) for field in FIELDS.values())
-    return bare + (1 + 2 * _longest(STEP) * trail if trail else 0) + (_TAG_LENGTH if tagged else 0)
+    bare = 1 + len(_pack_value(VERSION)) + sum(_longest_bytes(field) for field in FIELDS.values())
+    return bare + (1 + 2 * _longest_bytes(STEP) * trail if trail else 0) + (_TAG_LENGTH if tagged else 0)
 
 
 def encode(position: Position, key: bytes | None = None) -> bytes:
@@ -292,9 +294,9 @@ def encode(position: Position, key: bytes | None = None) -> bytes:
     if position.trail:
         body.append([delta for step in position.trail for delta in step])
     if key is None:
-        return _packed(body)
-    untagged = _packed([*body, bytes(TAG_BYTES)])[:-_TAG_LENGTH]
-    return untagged + _TAG_HEADER + _tag(untagged, key)
+        return _pack_value(body)
+    untagged = _pack_value([*body, bytes(TAG_BYTES)])[:-_TAG_LENGTH]
+    return untagged + _TAG_HEADER + _frame_tag(untagged, key)
 
 
 def decode(frame: bytes, key: bytes | None = None) -> Position:
@@ -311,7 +313,7 @@ def decode(frame: bytes, key: bytes | None = None) -> Position:
         ValueError: For a key of another length.
     """
     _check_key(key)
-    values = _unpack(frame)
+    values = _unpack_frame(frame)
     if values[0] != VERSION:
         raise Rejected(RejectReason.VERSION, f"version {values[0]}, this is version {VERSION}")
     tagged = type(values[-1]) is bytes
@@ -319,23 +321,23 @@ def decode(frame: bytes, key: bytes | None = None) -> Position:
     if len(values) < _FIELDS + tagged or len(trail_values) > 1:
         raise Rejected(RejectReason.MALFORMED, "wrong number of values")
     try:
-        trail = _trail(trail_values[0]) if trail_values else ()
+        trail = _pair_trail(trail_values[0]) if trail_values else ()
         position = Position(*values[1:_FIELDS], trail=trail)  # type: ignore[misc]  # as many numbers as fields
     except ValueError as error:
         raise Rejected(RejectReason.MALFORMED, str(error)) from None
     if tagged and frame[-_TAG_LENGTH:-TAG_BYTES] != _TAG_HEADER:
         raise Rejected(RejectReason.MALFORMED, f"a tag is a bin of {TAG_BYTES} bytes")
-    if key is not None and not (tagged and _genuine(frame, key)):
+    if key is not None and not (tagged and _is_genuine(frame, key)):
         raise Rejected(RejectReason.TAG, "the tag is wrong" if tagged else "no tag")
     return position
 
 
-def _packed(value: object) -> bytes:
+def _pack_value(value: object) -> bytes:
     packed: bytes = msgpack.packb(value)
     return packed
 
 
-def _unpack(frame: bytes) -> list[Any]:
+def _unpack_frame(frame: bytes) -> list[Any]:
     """Unpack the frame's outermost array, its first value an int."""
     if len(frame) > MAX_FRAME:
         raise Rejected(RejectReason.MALFORMED, f"{len(frame)} bytes, at most {MAX_FRAME} are allowed")
@@ -352,13 +354,13 @@ def _no_extension(code: int, _data: bytes) -> object:
     raise ValueError(f"extension type {code}")
 
 
-def _trail(flat: object) -> tuple[tuple[int, int], ...]:
+def _pair_trail(flat: object) -> tuple[tuple[int, int], ...]:
     if type(flat) is not list or not flat:
         raise ValueError("a trail is an array of pairs")
     return tuple(zip(flat[::2], flat[1::2], strict=True))
 
 
-def _wrong(name: str, value: object) -> str:
+def _number_problem(name: str, value: object) -> str:
     """Say what is wrong with a number of a position; return an empty text where it fits."""
     field = FIELDS[name]
     if type(value) is not int:
@@ -371,7 +373,7 @@ def _check_key(key: bytes | None) -> None:
         raise ValueError(f"a key has 1 to {MAX_KEY} bytes, this one {len(key)}")
 
 
-def _rounded(pose: Pose) -> tuple[int, int, int]:
+def _round_pose(pose: Pose) -> tuple[int, int, int]:
     """Round x and y to cm and the heading to mrad, the latter round the circle of 6283.185 mrad."""
     try:
         mrad = pose.heading % TAU * MRAD_PER_RAD
@@ -380,9 +382,9 @@ def _rounded(pose: Pose) -> tuple[int, int, int]:
         raise ValueError(f"{pose} is not finite") from None
 
 
-def _tag(body: bytes, key: bytes) -> bytes:
+def _frame_tag(body: bytes, key: bytes) -> bytes:
     return blake2b(body, key=key, digest_size=TAG_BYTES).digest()
 
 
-def _genuine(frame: bytes, key: bytes) -> bool:
-    return hmac.compare_digest(frame[-TAG_BYTES:], _tag(frame[:-_TAG_LENGTH], key))
+def _is_genuine(frame: bytes, key: bytes) -> bool:
+    return hmac.compare_digest(frame[-TAG_BYTES:], _frame_tag(frame[:-_TAG_LENGTH], key))

@@ -79,9 +79,9 @@ def overlap(polygon: Floats, other: Floats) -> float:
     It is a length, 0 or less when they are apart.
     """
     deepest = np.inf
-    for one, two in ((polygon, other), (other, polygon)):
-        normals, reach = outward(one)
-        deepest = min(deepest, float((reach - (two @ normals.T).min(axis=0)).min()))
+    for base, facing in ((polygon, other), (other, polygon)):
+        normals, reach = outward(base)
+        deepest = min(deepest, float((reach - (facing @ normals.T).min(axis=0)).min()))
     return deepest
 
 
@@ -98,12 +98,12 @@ def left_of(polygon: Floats, a: Floats, b: Floats) -> Floats:
         return polygon
     aside = cross(b - a, polygon - a)
     aside[np.abs(aside) <= FLAT * np.abs(b - a).max()] = 0.0
-    kept = []
-    for i, (here, place) in enumerate(zip(aside, polygon, strict=True)):
+    corners = []
+    for i, (here, corner) in enumerate(zip(aside, polygon, strict=True)):
         j = (i + 1) % len(polygon)
         # A corner on the line counts beside one that is off it; others are ends of spikes.
         if here > 0.0 or (here == 0.0 and max(aside[i - 1], aside[j]) > 0.0):
-            kept.append(place)
+            corners.append(corner)
         if here * aside[j] < 0.0:
-            kept.append(place + here / (here - aside[j]) * (polygon[j] - place))
-    return np.array(kept).reshape(-1, 2)
+            corners.append(corner + here / (here - aside[j]) * (polygon[j] - corner))
+    return np.array(corners).reshape(-1, 2)

@@ -74,23 +74,23 @@ def convex_pieces(rings: Sequence[Ring]) -> list[Floats]:
     """
     if not rings:
         return []
-    plan = _plan(rings)
+    plan = _make_plan(rings)
     _part_at_touches(plan)
     for v, w in best_set(*_shared_cuts(plan)):
         plan.cuts.append((v, w))
     _cut_off_the_rest(plan)
-    return list(_faces(plan))
+    return list(_walk_faces(plan))
 
 
-def _plan(rings: Sequence[Ring]) -> Plan:
+def _make_plan(rings: Sequence[Ring]) -> Plan:
     corners = np.concatenate([np.array(ring.corners) for ring in rings])
     before = np.empty(len(corners), dtype=np.int64)
     after = np.empty(len(corners), dtype=np.int64)
     first = 0
     for ring in rings:
-        own = np.arange(first, first + len(ring.corners))
-        before[own], after[own] = np.roll(own, 1), np.roll(own, -1)
-        first += len(own)
+        numbers = np.arange(first, first + len(ring.corners))
+        before[numbers], after[numbers] = np.roll(numbers, 1), np.roll(numbers, -1)
+        first += len(numbers)
     to, onward = corners - corners[before], corners[after] - corners
     longer = np.maximum(np.hypot(*to.T), np.hypot(*onward.T))
     turn, ahead = cross(to, onward), np.einsum("ij,ij->i", to, onward) > 0.0
@@ -119,13 +119,13 @@ def _shared_cuts(plan: Plan) -> tuple[list[tuple[int, int]], Floats, Floats]:
     ways = plan.no_ways()
     plan.shorten(plan.concave, begin, end, 0, ways)
     reach = np.ascontiguousarray(ways[:, 0])
-    found = np.empty(plan.concave.size, dtype=np.uint8)
+    is_partner = np.empty(plan.concave.size, dtype=np.uint8)
     cuts: list[tuple[int, int]] = []
     for v in plan.concave:
-        partners(plan.corners, plan.before, plan.after, plan.concave, reach, int(v), LONGEST, SLACK, MARGIN, found)
-        cuts += [(int(v), int(w)) for w in plan.concave[found != 0]]
-    at = np.array(cuts, dtype=np.int64).reshape(-1, 2)
-    first, second = plan.corners[at[:, 0]], plan.corners[at[:, 1]]
+        partners(plan.corners, plan.before, plan.after, plan.concave, reach, int(v), LONGEST, SLACK, MARGIN, is_partner)
+        cuts += [(int(v), int(w)) for w in plan.concave[is_partner != 0]]
+    ends = np.array(cuts, dtype=np.int64).reshape(-1, 2)
+    first, second = plan.corners[ends[:, 0]], plan.corners[ends[:, 1]]
     order = np.argsort(np.hypot(*(second - first).T), kind="stable")
     return [cuts[i] for i in order], first[order], second[order]
 
@@ -136,31 +136,31 @@ def best_set(cuts: Sequence[tuple[int, int]], first: Floats, second: Floats) -> 
     A local optimum: no chosen cut can be exchanged for two others, nor for a shorter one. `cuts` must come shortest
     first; the rows of `first` and `second`, float64 (k, 2), are their ends.
     """
-    at = np.array(cuts, dtype=np.int64).reshape(-1, 2)
-    rivals = [set(map(int, np.flatnonzero(_conflicts(i, at, first, second)))) for i in range(len(cuts))]
-    taken: set[int] = set()
+    ends = np.array(cuts, dtype=np.int64).reshape(-1, 2)
+    rivals = [set(map(int, np.flatnonzero(_cut_conflicts(i, ends, first, second)))) for i in range(len(cuts))]
+    chosen: set[int] = set()
     for i in range(len(cuts)):
-        if not rivals[i] & taken:
-            taken.add(i)
+        if not rivals[i] & chosen:
+            chosen.add(i)
     improved = True
     while improved:
         improved = False
-        for i in sorted(taken):
+        for i in sorted(chosen):
             # Cuts that nothing but this one keeps out: two for one, or a shorter one for a longer.
-            waiting = sorted(j for j in rivals[i] if len(rivals[j] & taken) == 1)
+            waiting = sorted(j for j in rivals[i] if len(rivals[j] & chosen) == 1)
             pair = next((pair for pair in combinations(waiting, 2) if pair[1] not in rivals[pair[0]]), None)
             better = pair or tuple(j for j in waiting[:1] if j < i)
             if not better:
                 continue
-            taken = taken - {i} | set(better)
+            chosen = chosen - {i} | set(better)
             for j in sorted(rivals[i]):
-                if not rivals[j] & taken:
-                    taken.add(j)
+                if not rivals[j] & chosen:
+                    chosen.add(j)
             improved = True
-    return [cuts[i] for i in sorted(taken)]
+    return [cuts[i] for i in sorted(chosen)]
 
 
-def _conflicts(i: int, at: Ints, first: Floats, second: Floats) -> NDArray[np.bool_]:
+def _cut_conflicts(i: int, at: Ints, first: Floats, second: Floats) -> NDArray[np.bool_]:
     """bool (k,): which cuts cannot be made beside cut i. at: int64 (k, 2), their corners."""
     way, ways = second[i] - first[i], second - first
     apart = cross(way, first - first[i]) * cross(way, second - first[i])
@@ -186,21 +186,21 @@ def _cut_off_the_rest(plan: Plan) -> None:
         waiting = waiting[waiting != v]
         if ways[v, 4] < 0.0:
             continue
-        to = _ending(plan, v, ways[v])
+        to = _cut_end(plan, v, ways[v])
         plan.cuts.append((v, to))
-        if to in waiting and _serves(plan, to, v):
+        if to in waiting and _leaves_convex(plan, to, v):
             waiting = waiting[waiting != to]
         start, stop = np.array([plan.place(v)]), np.array([plan.place(to)])
         plan.shorten(waiting, start, stop, n + len(plan.cuts) - 1, ways)
 
 
-def _ending(plan: Plan, v: int, way: Floats) -> int:
+def _cut_end(plan: Plan, v: int, way: Floats) -> int:
     """The number of the place where a cut from corner v ends: an end of the line that it meets, when that is near."""
     n = len(plan.corners)
     share, x, y, line = float(way[1]), float(way[2]), float(way[3]), int(way[4])
     ends = (line, int(plan.after[line])) if line < n else plan.cuts[line - n]
     for number in (*ends, *(stop for _, stop in plan.stops.get(line, ()))):
-        if number != v and math.dist(plan.place(number), (x, y)) < MARGIN and _serves(plan, v, number):
+        if number != v and math.dist(plan.place(number), (x, y)) < MARGIN and _leaves_convex(plan, v, number):
             return number
     plan.ends.append((x, y))
     number = n + len(plan.ends) - 1
@@ -208,41 +208,41 @@ def _ending(plan: Plan, v: int, way: Floats) -> int:
     return number
 
 
-def _serves(plan: Plan, corner: int, other: int) -> bool:
+def _leaves_convex(plan: Plan, corner: int, other: int) -> bool:
     """Return True if a cut from a corner to another place leaves convex angles at the corner."""
-    place = np.array([plan.place(other)])
+    target = np.array([plan.place(other)])
     ways = plan.no_ways()
-    plan.shorten(np.array([corner]), place, place, 0, ways)
+    plan.shorten(np.array([corner]), target, target, 0, ways)
     return bool(ways[corner, 4] == 0.0)
 
 
-def _faces(plan: Plan) -> Iterator[Floats]:
+def _walk_faces(plan: Plan) -> Iterator[Floats]:
     """The pieces between sides and cuts: walk along each with the piece on the left, turning left as much as can be."""
     n = len(plan.corners)
     lines = [(v, int(plan.after[v])) for v in range(n)] + plan.cuts
     onward: dict[int, list[int]] = {}
     for number, (v, w) in enumerate(lines):
         stops = [stop for _, stop in sorted(plan.stops.get(number, ()))]
-        for here, there in pairwise([v, *stops, w]):
-            onward.setdefault(here, []).append(there)
+        for here, ahead in pairwise([v, *stops, w]):
+            onward.setdefault(here, []).append(ahead)
             if number >= n:
-                onward.setdefault(there, []).append(here)
-    bearing = {(here, there): _bearing(plan, here, there) for here, ways in onward.items() for there in ways}
+                onward.setdefault(ahead, []).append(here)
+    bearing = {(here, ahead): _cut_bearing(plan, here, ahead) for here, ways in onward.items() for ahead in ways}
     walked: set[tuple[int, int]] = set()
     for here, ways in sorted(onward.items()):
-        for there in ways:
-            if (here, there) in walked:
+        for ahead in ways:
+            if (here, ahead) in walked:
                 continue
             piece: list[int] = []
-            step = (here, there)
+            step = (here, ahead)
             while step not in walked:
                 walked.add(step)
                 piece.append(step[0])
-                at = step[1]
-                back = _bearing(plan, at, step[0])
+                corner = step[1]
+                back = _cut_bearing(plan, corner, step[0])
                 # The first way clockwise from the one back, which itself comes last.
-                turns = [((back - bearing[at, to]) % math.tau or math.tau, to) for to in onward[at]]
-                step = (at, min(turns)[1])
+                turns = [((back - bearing[corner, to]) % math.tau or math.tau, to) for to in onward[corner]]
+                step = (corner, min(turns)[1])
             loops = [np.array([plan.place(number) for number in loop]) for loop in _simple_loops(piece)]
             # A loop that runs clockwise goes round a hole, which only the whole piece leaves out.
             is_parted = all(area(loop) > -FLAT for loop in loops)
@@ -266,6 +266,6 @@ def _simple_loops(walk: Sequence[int]) -> list[list[int]]:
     return [*loops, path]
 
 
-def _bearing(plan: Plan, here: int, there: int) -> float:
+def _cut_bearing(plan: Plan, here: int, there: int) -> float:
     (x0, y0), (x1, y1) = plan.place(here), plan.place(there)
     return math.atan2(y1 - y0, x1 - x0)

@@ -37,24 +37,24 @@ def connect(terrain: Terrain, labels: Ints, body: BoolGrid) -> tuple[Ints, tuple
     parts = np.empty(labels.shape, dtype=np.int32)
     work = np.empty(labels.size, dtype=np.int32)
     split_parts(np.ascontiguousarray(body).view(np.uint8), np.ascontiguousarray(labels), parts, work)
-    low, high = _borders(parts)
+    low, high = _border_points(parts)
     flat = parts.ravel()
     pairs = np.stack([flat[low], flat[high]], axis=1)
     order = np.lexsort((high, low, pairs[:, 1], pairs[:, 0]))
     low, high, pairs = low[order], high[order], pairs[order]
     starts = np.flatnonzero((np.diff(pairs, axis=0, prepend=-1) != 0).any(axis=1))
-    found = []
+    connections = []
     for start, stop in pairwise([*map(int, starts), low.size]):
-        for index in _middles(low[start:stop], high[start:stop], terrain.width):
+        for index in _border_middles(low[start:stop], high[start:stop], terrain.width):
             first, second = int(low[start + index]), int(high[start + index])
             x, y = terrain.centre(*divmod(first, terrain.width))
             regions = (int(labels.flat[first]), int(labels.flat[second]))
-            found.append(Connection(x, y, regions, (int(flat[first]), int(flat[second])), (first, second)))
+            connections.append(Connection(x, y, regions, (int(flat[first]), int(flat[second])), (first, second)))
     parts.flags.writeable = False
-    return parts, tuple(found)
+    return parts, tuple(connections)
 
 
-def _borders(parts: Ints) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def _border_points(parts: Ints) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Flat indices of the neighbouring points that lie in two parts, that of the lower part first."""
     index = np.arange(parts.size, dtype=np.int64).reshape(parts.shape)
     sides = [
@@ -62,8 +62,8 @@ def _borders(parts: Ints) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         (parts[:-1], parts[1:], index[:-1], index[1:]),
     ]
     ends = []
-    for one, two, at_one, at_two in sides:
-        apart = (one >= 0) & (two >= 0) & (one != two)
+    for region, neighbour, at_one, at_two in sides:
+        apart = (region >= 0) & (neighbour >= 0) & (region != neighbour)
         ends.append(np.stack([at_one[apart], at_two[apart]], axis=1))
     joined = np.concatenate(ends)
     swapped = parts.ravel()[joined[:, 0]] > parts.ravel()[joined[:, 1]]
@@ -71,7 +71,7 @@ def _borders(parts: Ints) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     return joined[:, 0], joined[:, 1]
 
 
-def _middles(first: NDArray[np.int64], second: NDArray[np.int64], width: int) -> list[int]:
+def _border_middles(first: NDArray[np.int64], second: NDArray[np.int64], width: int) -> list[int]:
     """Return the index of the middle pair of points of each stretch of the border between two parts."""
     places = 0.5 * (np.stack(np.divmod(first, width), axis=1) + np.stack(np.divmod(second, width), axis=1))
     # Two convex regions meet along a straight line, so places are in order along the way from one end to the other.

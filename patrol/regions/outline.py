@@ -57,12 +57,12 @@ def simplified(loops: Sequence[Floats], fill: float) -> list[Ring]:
         return []
     everything = np.concatenate(loops)
     everything = everything[np.argsort(everything[:, 1], kind="stable")]
-    rings = [_straighten(loop, everything, fill) for loop in loops]
-    sides = [_sides(ring) for ring in rings]
+    rings = [_straighten_loop(loop, everything, fill) for loop in loops]
+    sides = [_ring_sides(ring) for ring in rings]
     for number, ring in enumerate(rings):
-        if _mergeable(ring, fill).size:
+        if _mergeable_corners(ring, fill).size:
             _merge_close_corners(ring, np.concatenate(sides[:number] + sides[number + 1 :] or [_NO_SIDES]), fill)
-            sides[number] = _sides(ring)
+            sides[number] = _ring_sides(ring)
     return rings
 
 
@@ -87,7 +87,7 @@ def trace_loops(mask: BoolGrid) -> list[Floats]:
     return loops
 
 
-def _straighten(loop: Floats, everything: Floats, fill: float) -> Ring:
+def _straighten_loop(loop: Floats, everything: Floats, fill: float) -> Ring:
     """Return the ring of a loop, so that nothing else of the outline lies between the two.
 
     everything: float64 (m, 2), all corners there are, by y.
@@ -112,25 +112,25 @@ def _straighten(loop: Floats, everything: Floats, fill: float) -> Ring:
         if not bad:
             break
         banned = np.concatenate([banned, np.array(bad, dtype=np.int64)])
-    return Ring([loop[i] for i, _ in sides], [loop[_between(i, j, n)] for i, j in sides])
+    return Ring([loop[i] for i, _ in sides], [loop[_corners_between(i, j, n)] for i, j in sides])
 
 
-def _between(i: int, j: int, n: int) -> Ints:
+def _corners_between(i: int, j: int, n: int) -> Ints:
     """Indices of the corners passed on the way from i to j."""
     return np.arange(i + 1, j if j > i else j + n, dtype=np.int64) % n
 
 
 def _shuts_in(loop: Floats, side: tuple[int, int], everything: Floats) -> bool:
     """Return True if corners of other parts of the outline lie between a side and the corners that it skips."""
-    passed = _between(*side, len(loop))
+    passed = _corners_between(*side, len(loop))
     if passed.size == 0:
         return False
     pocket = loop[np.concatenate([[side[0]], passed, [side[1]]])]
     low, high = pocket.min(axis=0), pocket.max(axis=0)
     near = everything[slice(*np.searchsorted(everything[:, 1], (low[1], np.nextafter(high[1], np.inf))))]
     near = near[(near[:, 0] >= low[0]) & (near[:, 0] <= high[0])]
-    own = (near[:, None, :] == pocket[None, :, :]).all(axis=2).any(axis=1)
-    return bool(_in_polygon(near[~own], pocket).any())
+    is_pocket = (near[:, None, :] == pocket[None, :, :]).all(axis=2).any(axis=1)
+    return bool(_in_polygon(near[~is_pocket], pocket).any())
 
 
 def _in_polygon(places: Floats, polygon: Floats) -> BoolGrid:
@@ -148,13 +148,13 @@ def _in_polygon(places: Floats, polygon: Floats) -> BoolGrid:
     return inside | on
 
 
-def _sides(ring: Ring) -> Floats:
+def _ring_sides(ring: Ring) -> Floats:
     """float64 (n, 2, 2): the ends of a ring's sides."""
     corners = np.array(ring.corners)
     return np.stack([corners, np.roll(corners, -1, axis=0)], axis=1)
 
 
-def _mergeable(ring: Ring, fill: float) -> Ints:
+def _mergeable_corners(ring: Ring, fill: float) -> Ints:
     """Return the corners of short sides between two concave corners, shortest first."""
     corners = np.array(ring.corners)
     back, ahead = np.roll(corners, 1, axis=0), np.roll(corners, -1, axis=0)
@@ -172,7 +172,7 @@ def _merge_close_corners(ring: Ring, others: Floats, fill: float) -> None:
     """
     merging = True
     while merging and len(ring.corners) > 3:
-        merging = any(_merge_at(ring, int(i), others, fill) for i in _mergeable(ring, fill))
+        merging = any(_merge_at(ring, int(i), others, fill) for i in _mergeable_corners(ring, fill))
 
 
 def _merge_at(ring: Ring, i: int, others: Floats, fill: float) -> bool:
@@ -181,14 +181,14 @@ def _merge_at(ring: Ring, i: int, others: Floats, fill: float) -> bool:
     before, j, after = (i - 1) % n, (i + 1) % n, (i + 2) % n
     a, first, second, b = (ring.corners[k] for k in (before, i, j, after))
     chain = np.concatenate([ring.skipped[before], [first], ring.skipped[i], [second], ring.skipped[j]])
-    own = np.delete(_sides(ring), (before, i, j), axis=0)
-    for place in _meeting_places(a, first, second, b, fill):
-        if cross(place - a, b - place) >= -FLAT or not _replaces(chain, a, place, b, fill):
+    sides = np.delete(_ring_sides(ring), (before, i, j), axis=0)
+    for meeting in _meeting_places(a, first, second, b, fill):
+        if cross(meeting - a, b - meeting) >= -FLAT or not _may_replace(chain, a, meeting, b, fill):
             continue
-        if not _is_free(np.concatenate([own, others]), a, first, second, b, place):
+        if not _is_free(np.concatenate([sides, others]), a, first, second, b, meeting):
             continue
-        nearest = int(np.argmin(np.hypot(*(chain - place).T)))
-        ring.corners[i] = place
+        nearest = int(np.argmin(np.hypot(*(chain - meeting).T)))
+        ring.corners[i] = meeting
         ring.skipped[before], ring.skipped[i] = chain[: nearest + 1], chain[nearest + 1 :]
         del ring.corners[j], ring.skipped[j]
         return True
@@ -204,7 +204,7 @@ def _is_free(sides: Floats, a: Floats, first: Floats, second: Floats, b: Floats,
     for triangle in ((a, first, place), (first, second, place), (second, b, place)):
         if _in_triangle(corners, *triangle).any():
             return False
-    return not (_crosses(sides, a, place) or _crosses(sides, place, b))
+    return not (_crosses_sides(sides, a, place) or _crosses_sides(sides, place, b))
 
 
 def _meeting_places(a: Floats, first: Floats, second: Floats, b: Floats, fill: float) -> list[Floats]:
@@ -220,17 +220,17 @@ def _meeting_places(a: Floats, first: Floats, second: Floats, b: Floats, fill: f
     return [middle, meeting] if close else [middle]
 
 
-def _replaces(chain: Floats, a: Floats, place: Floats, b: Floats, fill: float) -> bool:
+def _may_replace(chain: Floats, a: Floats, place: Floats, b: Floats, fill: float) -> bool:
     """Return True if the sides a, place, b, with a concave corner, keep within the tolerances of a chain of corners."""
     spot = place[None, :]
-    if min(float(_distances(spot, here, there)[0]) for here, there in pairwise((a, *chain, b))) > 2.0 * fill:
+    if min(float(_side_distances(spot, here, ahead)[0]) for here, ahead in pairwise((a, *chain, b))) > 2.0 * fill:
         return False  # a long spike, although its sides pass close by the chain
-    away = np.minimum(_distances(chain, a, place), _distances(chain, place, b))
+    away = np.minimum(_side_distances(chain, a, place), _side_distances(chain, place, b))
     is_free = (cross(place - a, chain - a) > 0.0) | (cross(b - place, chain - place) > 0.0)
     return bool((away <= np.where(is_free, fill, SHAVE) + FLAT).all())
 
 
-def _distances(places: Floats, a: Floats, b: Floats) -> Floats:
+def _side_distances(places: Floats, a: Floats, b: Floats) -> Floats:
     """Distances of places, (k, 2), from the straight side from a to b."""
     side = b - a
     share = np.clip((places - a) @ side / max(float(side @ side), 1e-300), 0.0, 1.0)
@@ -246,7 +246,7 @@ def _in_triangle(places: Floats, a: Floats, b: Floats, c: Floats) -> BoolGrid:
     return np.asarray((sides.min(axis=0) >= -FLAT) | (sides.max(axis=0) <= FLAT), dtype=np.bool_)
 
 
-def _crosses(sides: Floats, a: Floats, b: Floats) -> bool:
+def _crosses_sides(sides: Floats, a: Floats, b: Floats) -> bool:
     """Return True if the line from a to b crosses any of some sides, (k, 2, 2)."""
     begin, end = sides[:, 0], sides[:, 1]
     apart = cross(b - a, begin - a) * cross(b - a, end - a)

@@ -52,8 +52,8 @@ class Patchwork:
 
     def is_clear(self, polygon: Floats, *besides: int) -> bool:
         """Return True if a convex polygon at most touches the others, apart from those numbered in `besides`."""
-        others = (self.polygons[number] for number in self.near(polygon) if number not in besides)
-        return all(overlap(polygon, other) <= TOUCHING for other in others)
+        neighbours = (self.polygons[number] for number in self.near(polygon) if number not in besides)
+        return all(overlap(polygon, neighbour) <= TOUCHING for neighbour in neighbours)
 
     def rest(self, number: int, gainer: Floats) -> Floats | None:
         """Return a polygon without what it shares with a convex one; None if no straight cut takes just that."""
@@ -65,7 +65,10 @@ class Patchwork:
         if lost <= TOUCHING:
             return polygon
         rests = (left_of(polygon, b, a) for a, b in sides)
-        return next((rest for rest in rests if len(rest) and area(polygon) - area(rest) - lost <= TOUCHING), None)
+        return next(
+            (remainder for remainder in rests if len(remainder) and area(polygon) - area(remainder) - lost <= TOUCHING),
+            None,
+        )
 
 
 def made_convex(pieces: Sequence[Floats]) -> list[Floats]:
@@ -80,16 +83,16 @@ def made_convex(pieces: Sequence[Floats]) -> list[Floats]:
         if not dents(piece).any():
             continue
         filled = hull(piece)
-        rests = {other: work.rest(other, filled) for other in work.near(filled) if other != number}
-        if all(rest is not None for rest in rests.values()):
-            for other, rest in rests.items():
-                if rest is not None:
-                    work.put(other, rest)
+        rests = {neighbour: work.rest(neighbour, filled) for neighbour in work.near(filled) if neighbour != number}
+        if all(remainder is not None for remainder in rests.values()):
+            for neighbour, remainder in rests.items():
+                if remainder is not None:
+                    work.put(neighbour, remainder)
             work.put(number, filled)
         else:
-            first, *others = _cut_at_dents(piece)
+            first, *offcuts = _cut_at_dents(piece)
             work.put(number, first)
-            for other_piece in others:
+            for other_piece in offcuts:
                 work.add(other_piece)
     return [polygon for polygon in work.polygons.values() if area(polygon) > TOUCHING]
 
@@ -102,11 +105,11 @@ def _cut_at_dents(polygon: Floats) -> list[Floats]:
     i = int(concave[0])
     turned = np.roll(polygon, -i, axis=0)
     ways = (turned[0] - turned[-1], turned[0] - turned[1])
-    halves = max((_split(turned, way) for way in ways), key=lambda pair: max(map(area, pair)))
+    halves = max((_split_polygon(turned, way) for way in ways), key=lambda pair: max(map(area, pair)))
     return [piece for half in halves for piece in _cut_at_dents(half)]
 
 
-def _split(polygon: Floats, way: Floats) -> tuple[Floats, Floats]:
+def _split_polygon(polygon: Floats, way: Floats) -> tuple[Floats, Floats]:
     """Both sides of a straight cut through a polygon, from its first corner, a dent, in a direction."""
     begin, end = polygon[1:-1] - polygon[0], polygon[2:] - polygon[0]
     first, second = cross(way, begin), cross(way, end)
@@ -116,9 +119,9 @@ def _split(polygon: Floats, way: Floats) -> tuple[Floats, Floats]:
     away = places @ way
     away[away <= 0.0] = np.inf
     k = int(np.argmin(away))
-    place = polygon[0] + places[k]
-    at = int(crossed[k]) + 2
-    return np.concatenate([polygon[:at], [place]]), np.concatenate([[polygon[0], place], polygon[at:]])
+    corner = polygon[0] + places[k]
+    cut = int(crossed[k]) + 2
+    return np.concatenate([polygon[:cut], [corner]]), np.concatenate([[polygon[0], corner], polygon[cut:]])
 
 
 def merged(polygons: Sequence[Floats]) -> list[Floats]:
@@ -132,7 +135,7 @@ def merged(polygons: Sequence[Floats]) -> list[Floats]:
         number = waiting.pop(0)
         if number not in work.polygons:
             continue
-        best = max(_mergers(work, number), key=lambda merger: merger[0], default=None)
+        best = max(_find_mergers(work, number), key=lambda merger: merger[0], default=None)
         if best is not None:
             work.put(number, best[2])
             work.drop(best[1])
@@ -140,22 +143,22 @@ def merged(polygons: Sequence[Floats]) -> list[Floats]:
     return list(work.polygons.values())
 
 
-def _mergers(work: Patchwork, number: int) -> Iterator[tuple[float, int, Floats]]:
+def _find_mergers(work: Patchwork, number: int) -> Iterator[tuple[float, int, Floats]]:
     """Give the wholes that a polygon can become: compactness, partner, whole."""
     polygon = work.polygons[number]
     for partner in work.near(polygon, TOUCHING):
-        other = work.polygons[partner]
-        if partner == number or overlap(polygon, other) < -TOUCHING:
+        neighbour = work.polygons[partner]
+        if partner == number or overlap(polygon, neighbour) < -TOUCHING:
             continue
-        whole = hull(np.concatenate([polygon, other]))
-        if _pocket(whole, polygon, other) <= POCKET and work.is_clear(whole, number, partner):
-            yield area(whole) / circumference(whole) ** 2, partner, whole
+        union = hull(np.concatenate([polygon, neighbour]))
+        if _pocket_depth(union, polygon, neighbour) <= POCKET and work.is_clear(union, number, partner):
+            yield area(union) / circumference(union) ** 2, partner, union
 
 
-def _pocket(whole: Floats, polygon: Floats, other: Floats) -> float:
+def _pocket_depth(whole: Floats, polygon: Floats, other: Floats) -> float:
     """Return the reach of two polygons' hull beyond them: from the ends of the border that they share."""
-    own, others = ((whole[:, None] == each[None]).all(axis=2).any(axis=1) for each in (polygon, other))
-    spanning = ~(own & np.roll(own, -1)) & ~(others & np.roll(others, -1))
+    is_own, is_other = ((whole[:, None] == part[None]).all(axis=2).any(axis=1) for part in (polygon, other))
+    spanning = ~(is_own & np.roll(is_own, -1)) & ~(is_other & np.roll(is_other, -1))
     corners = np.concatenate([polygon, other])
     on_both = (depths(polygon, corners) >= -TOUCHING) & (depths(other, corners) >= -TOUCHING)
     normals, reach = outward(whole)
@@ -166,10 +169,10 @@ def _pocket(whole: Floats, polygon: Floats, other: Floats) -> float:
 def stretched(polygons: Sequence[Floats], places: Floats) -> list[Floats]:
     """Stretch convex polygons to hold places just outside them, wherever no other polygon is in the way."""
     work = Patchwork(polygons)
-    for place in places:
-        spot = place[None, :]
+    for target in places:
+        spot = target[None, :]
         wholes = {number: hull(np.concatenate([work.polygons[number], spot])) for number in work.near(spot, POCKET)}
-        gains = {number: area(whole) - area(work.polygons[number]) for number, whole in wholes.items()}
+        gains = {number: area(outline) - area(work.polygons[number]) for number, outline in wholes.items()}
         for number in sorted(gains, key=lambda number: (gains[number], number)):
             if work.is_clear(wholes[number], number):
                 work.put(number, wholes[number])

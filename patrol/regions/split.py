@@ -102,10 +102,10 @@ def split_regions(terrain: Terrain, body: BoolGrid | None = None) -> RegionSplit
             f"{MOST_CORNERS} are allowed; choose wave, or a larger point"
         )
     polygons = merged(made_convex(convex_pieces(rings)))
-    bare = np.argwhere(terrain.free & (_laid(terrain, polygons) < 0))
+    bare = np.argwhere(terrain.free & (_label_points(terrain, polygons) < 0))
     if bare.size:
         polygons = stretched(polygons, np.asarray(bare[:, ::-1] + 0.5, dtype=np.float64))
-    return _split(terrain, polygons, _laid(terrain, polygons), body)
+    return _make_split(terrain, polygons, _label_points(terrain, polygons), body)
 
 
 def regions_by_hand(
@@ -117,23 +117,23 @@ def regions_by_hand(
     not count, and free points up to BY_HAND beside a region belong to it. Gaps between them are refused, but ground to
     which `body` has no access need not be covered; `body` is as in `split_regions`.
     """
-    slack = _slack(terrain)
-    corners = [_checked(terrain, number, polygon) for number, polygon in enumerate(polygons)]
+    slack = _overlap_slack(terrain)
+    corners = [_check_polygon(terrain, number, polygon) for number, polygon in enumerate(polygons)]
     for number, polygon in enumerate(corners):
-        for other in range(number):
-            if (depth := overlap(polygon, corners[other])) > slack:
+        for earlier in range(number):
+            if (depth := overlap(polygon, corners[earlier])) > slack:
                 raise BadInput(
-                    f"patrol.options.regions.{number}: overlaps region {other} by {depth * terrain.point:.2f} m; "
+                    f"patrol.options.regions.{number}: overlaps region {earlier} by {depth * terrain.point:.2f} m; "
                     "move their common border"
                 )
-    labels = _laid(terrain, corners)
+    labels = _label_points(terrain, corners)
     for number in range(len(corners)):
         if not (labels == number).any():
             raise BadInput(
                 f"patrol.options.regions.{number}: holds no free point of {terrain.name}; correct or drop it"
             )
     _check_gaps(terrain, labels, body)
-    return _split(terrain, corners, labels, body)
+    return _make_split(terrain, corners, labels, body)
 
 
 def split_for_bodies(
@@ -145,7 +145,7 @@ def split_for_bodies(
     return {radius: split.for_body(terrain, fields.reach) for radius, fields in by_radius.items()}
 
 
-def _laid(terrain: Terrain, polygons: Sequence[Floats]) -> NDArray[np.int32]:
+def _label_points(terrain: Terrain, polygons: Sequence[Floats]) -> NDArray[np.int32]:
     """int32 (h, w): the polygon that each free point's centre lies in, the first of several, -1 in none."""
     labels = np.full(terrain.shape, -1, dtype=np.int32)
     for number, polygon in enumerate(polygons):
@@ -153,19 +153,19 @@ def _laid(terrain: Terrain, polygons: Sequence[Floats]) -> NDArray[np.int32]:
     return labels
 
 
-def _split(
+def _make_split(
     terrain: Terrain, polygons: Sequence[Floats], labels: NDArray[np.int32], body: BoolGrid | None
 ) -> RegionSplit:
     """Number regions by their first points, give what no polygon holds to a neighbour, and connect."""
     free = terrain.free.view(np.uint8)
     spread(free, labels.size, labels, np.empty(labels.size, dtype=np.int32))
     numbers, first = np.unique(labels, return_index=True)
-    kept = [int(number) for number in numbers[np.argsort(first)] if number >= 0]
+    remaining = [int(number) for number in numbers[np.argsort(first)] if number >= 0]
     renumbered = np.full(len(polygons) + 1, -1, dtype=np.int32)
-    renumbered[kept] = np.arange(len(kept), dtype=np.int32)
+    renumbered[remaining] = np.arange(len(remaining), dtype=np.int32)
     labels = renumbered[labels]
     labels.flags.writeable = False
-    split = RegionSplit(tuple(_in_metres(terrain, polygons[number]) for number in kept), labels, labels, ())
+    split = RegionSplit(tuple(_in_metres(terrain, polygons[number]) for number in remaining), labels, labels, ())
     return split.for_body(terrain, terrain.free if body is None else body)
 
 
@@ -174,25 +174,25 @@ def _in_metres(terrain: Terrain, polygon: Floats) -> Polygon:
     return tuple((ox + float(x) * terrain.point, oy + float(y) * terrain.point) for x, y in polygon)
 
 
-def _checked(terrain: Terrain, number: int, polygon: Sequence[tuple[float, float]]) -> Floats:
+def _check_polygon(terrain: Terrain, number: int, polygon: Sequence[tuple[float, float]]) -> Floats:
     """Return a polygon given by hand, in points, convex and counter-clockwise."""
     where = f"patrol.options.regions.{number}"
     if len(polygon) < 3:
         raise BadInput(f"{where}: has {len(polygon)} corners; give at least 3")
     corners = (np.array(polygon, dtype=np.float64) - terrain.origin) / terrain.point
-    whole = hull(corners)
-    if len(whole) < 3 or area(whole) < 1.0:
+    outline = hull(corners)
+    if len(outline) < 3 or area(outline) < 1.0:
         raise BadInput(f"{where}: covers less than one point; give corners that do not lie on one line")
-    deepest = int(np.argmax(depths(whole, corners)))
-    if depths(whole, corners)[deepest] > _slack(terrain):
+    deepest = int(np.argmax(depths(outline, corners)))
+    if depths(outline, corners)[deepest] > _overlap_slack(terrain):
         x, y = polygon[deepest]
         raise BadInput(f"{where}: is not convex at ({x:g}, {y:g}); split it there into two regions")
-    if area(whole) - abs(area(corners)) > _slack(terrain) * circumference(whole):
+    if area(outline) - abs(area(corners)) > _overlap_slack(terrain) * circumference(outline):
         raise BadInput(f"{where}: its sides cross; list the corners in order along the border")
-    return whole
+    return outline
 
 
-def _slack(terrain: Terrain) -> float:
+def _overlap_slack(terrain: Terrain) -> float:
     """Return the error allowed in polygons given by hand, in points."""
     return max(BY_HAND / terrain.point, 1.0)
 
@@ -200,7 +200,9 @@ def _slack(terrain: Terrain) -> float:
 def _check_gaps(terrain: Terrain, labels: NDArray[np.int32], body: BoolGrid | None) -> None:
     """Give free points beside a region to it; BadInput when points that matter are still in none."""
     bare = terrain.free & (labels < 0)
-    spread(terrain.free.view(np.uint8), math.ceil(_slack(terrain)), labels, np.empty(labels.size, dtype=np.int32))
+    spread(
+        terrain.free.view(np.uint8), math.ceil(_overlap_slack(terrain)), labels, np.empty(labels.size, dtype=np.int32)
+    )
     if body is not None:
         rooms, _ = parts_of(terrain.free)
         bare &= np.isin(rooms, np.unique(rooms[body & terrain.free]))

@@ -50,47 +50,49 @@ class HealthReading:
 def health_line(now: HealthReading, before: HealthReading | None) -> str:
     """Write a health line for people."""
     figures = now.figures
-    parts = _ticks(now, before) + [told(figures[figure]) for figure, told in _TOLD.items() if figure in figures]
+    parts = _tick_texts(now, before) + [
+        phrase(figures[figure]) for figure, phrase in _TOLD.items() if figure in figures
+    ]
     return f"health: {', '.join(parts)}"
 
 
-def _ticks(now: HealthReading, before: HealthReading | None) -> list[str]:
+def _tick_texts(now: HealthReading, before: HealthReading | None) -> list[str]:
     """Write the newest tick and the ticks per second; before the first tick, that there is none."""
     if TICK not in now.figures:
         return ["no tick yet"] if QUEUE in now.figures else []
-    tick = _sum(now.figures[TICK])
+    tick = _sum_value(now.figures[TICK])
     parts = [f"tick {tick:.0f}"]
     if before is not None and TICK in before.figures and now.at > before.at:
-        parts.append(f"{(tick - _sum(before.figures[TICK])) / (now.at - before.at):.1f} ticks/s")
+        parts.append(f"{(tick - _sum_value(before.figures[TICK])) / (now.at - before.at):.1f} ticks/s")
     return parts
 
 
-def _sum(value: Value) -> float:
+def _sum_value(value: Value) -> float:
     return sum(value.values()) if isinstance(value, Mapping) else value
 
 
-def _listed(value: Value) -> str:
+def _list_counts(value: Value) -> str:
     counts = {label: number for label, number in value.items() if number} if isinstance(value, Mapping) else {}
     return " and ".join(f"{number:.0f} {label}" for label, number in counts.items()) or "none"
 
 
 _TOLD: Mapping[Figure, Callable[[Value], str]] = {
-    SINCE_TICK: lambda value: f"last one {_sum(value):.1f} s ago",
-    MFOW: lambda value: f"MFoW {_sum(value):.0f} s",
-    ROBOTS: lambda value: f"robots: {_listed(value)}",
-    PEERS: lambda value: f"peers heard: {_sum(value):.0f}",
-    REFUSED: lambda value: f"frames refused: {_listed(value)}",
-    DROPPED: lambda value: f"messages dropped: {_listed(value)}",
-    QUEUE: lambda value: f"messages waiting: {_sum(value):.0f}",
-    DECISION: lambda value: f"decision {1000.0 * _sum(value):.1f} ms",
-    ROUTER_SILENT: lambda value: f"router silent for {_sum(value):.0f} s in all",
-    STOPPED: lambda value: "stopped" if _sum(value) else "may drive",
-    ODOMETRY_AGE: lambda value: f"odometry {_sum(value):.1f} s ago",
-    UNUSABLE: lambda value: f"robot's messages refused: {_listed(value)}",
-    COMMANDS: lambda value: f"commands received: {_listed(value)}",
-    CONNECTIONS: lambda value: f"connections: {_sum(value):.0f}",
-    PAGES: lambda value: f"pages open: {_sum(value):.0f}",
-    MEMORY: lambda value: f"{_sum(value) / 1e6:.0f} MB",
+    SINCE_TICK: lambda value: f"last one {_sum_value(value):.1f} s ago",
+    MFOW: lambda value: f"MFoW {_sum_value(value):.0f} s",
+    ROBOTS: lambda value: f"robots: {_list_counts(value)}",
+    PEERS: lambda value: f"peers heard: {_sum_value(value):.0f}",
+    REFUSED: lambda value: f"frames refused: {_list_counts(value)}",
+    DROPPED: lambda value: f"messages dropped: {_list_counts(value)}",
+    QUEUE: lambda value: f"messages waiting: {_sum_value(value):.0f}",
+    DECISION: lambda value: f"decision {1000.0 * _sum_value(value):.1f} ms",
+    ROUTER_SILENT: lambda value: f"router silent for {_sum_value(value):.0f} s in all",
+    STOPPED: lambda value: "stopped" if _sum_value(value) else "may drive",
+    ODOMETRY_AGE: lambda value: f"odometry {_sum_value(value):.1f} s ago",
+    UNUSABLE: lambda value: f"robot's messages refused: {_list_counts(value)}",
+    COMMANDS: lambda value: f"commands received: {_list_counts(value)}",
+    CONNECTIONS: lambda value: f"connections: {_sum_value(value):.0f}",
+    PAGES: lambda value: f"pages open: {_sum_value(value):.0f}",
+    MEMORY: lambda value: f"{_sum_value(value) / 1e6:.0f} MB",
 }
 """Text of each figure in a health line, in the line's order."""
 
@@ -116,7 +118,7 @@ class HealthLines:
         self._log = log
         self._every_s = every_s
         self._ending = threading.Event()
-        self._thread = threading.Thread(target=self._run, name="health", daemon=True)
+        self._thread = threading.Thread(target=self._write_lines, name="health", daemon=True)
         self._thread.start()
 
     def close(self) -> None:
@@ -124,7 +126,7 @@ class HealthLines:
         self._ending.set()
         self._thread.join()
 
-    def _run(self) -> None:
+    def _write_lines(self) -> None:
         before: HealthReading | None = None
         while not self._ending.wait(self._every_s):
             now = HealthReading(time.monotonic(), self._vitals.read())

@@ -48,35 +48,37 @@ class Log:
 
     def debug(self, line: str) -> None:
         """Report details for the search for a mistake."""
-        self._report(logging.DEBUG, line)
+        self._report_line(logging.DEBUG, line)
 
     def info(self, line: str, **facts: object) -> None:
         """Report what happens; the facts are more fields of a JSON line, and lines for people leave them out."""
-        self._report(logging.INFO, line, facts=facts)
+        self._report_line(logging.INFO, line, facts=facts)
 
     def warning(self, line: str) -> None:
         """Report something that people may have to look after."""
-        self._report(logging.WARNING, line)
+        self._report_line(logging.WARNING, line)
 
     def error(self, line: str) -> None:
         """Report why the process, or its task, ends."""
-        self._report(logging.ERROR, line)
+        self._report_line(logging.ERROR, line)
 
     def failure(self, error: BaseException) -> None:
         """Report an exception with its traceback."""
-        self._report(logging.ERROR, described(error), error=error)
+        self._report_line(logging.ERROR, described(error), error=error)
 
     def announce(self, line: str) -> None:
         """Tell the starter of this process, on the standard output and at any level, that what it waits for is done."""
-        record = _LOGGER.makeRecord(_LOGGER.name, logging.INFO, "", 0, "%s", (line,), None, extra=self._more())
+        record = _LOGGER.makeRecord(_LOGGER.name, logging.INFO, "", 0, "%s", (line,), None, extra=self._record_extra())
         print(_HANDLER.shape(record), flush=True)
 
-    def _report(
+    def _report_line(
         self, level: int, line: str, facts: Mapping[str, object] | None = None, error: BaseException | None = None
     ) -> None:
-        _LOGGER.log(level, "%s", line, extra=self._more(facts, error))
+        _LOGGER.log(level, "%s", line, extra=self._record_extra(facts, error))
 
-    def _more(self, facts: Mapping[str, object] | None = None, error: BaseException | None = None) -> dict[str, object]:
+    def _record_extra(
+        self, facts: Mapping[str, object] | None = None, error: BaseException | None = None
+    ) -> dict[str, object]:
         return {"process_name": self.process, "prefix": self._prefix, "facts": facts or {}, "error": error}
 
 
@@ -122,15 +124,15 @@ class _AsJson:
             "level": _level_of(record.levelno),
             "process": getattr(record, "process_name", self.process),
             "pid": os.getpid(),
-            "message": _shortened(record.getMessage()),
+            "message": _shorten_text(record.getMessage()),
         }
         if record.name != _LOGGER.name:
             fields["library"] = record.name
         error = getattr(record, "error", None) or (record.exc_info[1] if record.exc_info else None)
         if error is not None:
-            fields["traceback"] = _shortened("".join(traceback.format_exception(error)))
-        more = {name: fact for name, fact in getattr(record, "facts", {}).items() if name not in fields}
-        return json.dumps(fields | more, default=str)
+            fields["traceback"] = _shorten_text("".join(traceback.format_exception(error)))
+        facts = {name: fact for name, fact in getattr(record, "facts", {}).items() if name not in fields}
+        return json.dumps(fields | facts, default=str)
 
 
 def begin_log(process: str, form: Format, level: str) -> Log:
@@ -175,7 +177,7 @@ def _level_of(number: int) -> str:
     return LEVELS[0]
 
 
-def _shortened(text: str) -> str:
+def _shorten_text(text: str) -> str:
     if len(text) <= LONGEST:
         return text
     half = LONGEST // 2

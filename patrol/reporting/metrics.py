@@ -49,17 +49,17 @@ def render(figures: Mapping[Figure, Value], labels: Mapping[str, str]) -> bytes:
         lines += [f"# HELP {figure.name} {figure.says}", f"# TYPE {figure.name} {figure.kind}"]
         numbers = value if isinstance(value, Mapping) else {"": value}
         for name, number in numbers.items():
-            own = {figure.label: name} if figure.label else {}
-            told = ",".join(f'{key}="{_escaped(text)}"' for key, text in {**labels, **own}.items())
-            lines.append(f"{figure.name}{{{told}}} {_written(number)}")
+            label = {figure.label: name} if figure.label else {}
+            pairs = ",".join(f'{key}="{_escape_label(text)}"' for key, text in {**labels, **label}.items())
+            lines.append(f"{figure.name}{{{pairs}}} {_number_text(number)}")
     return "".join(f"{line}\n" for line in lines).encode()
 
 
-def _escaped(text: str) -> str:
+def _escape_label(text: str) -> str:
     return text.replace("\\", "\\\\").replace("\n", "\\n").replace('"', '\\"')
 
 
-def _written(number: float) -> str:
+def _number_text(number: float) -> str:
     if math.isnan(number):
         return "NaN"
     if math.isinf(number):
@@ -122,7 +122,7 @@ class MetricsServer:
         self._selector = selectors.DefaultSelector()
         self._selector.register(listening, selectors.EVENT_READ)
         self._ending = threading.Event()
-        self._thread = threading.Thread(target=self._run, name="metrics", daemon=True)
+        self._thread = threading.Thread(target=self._serve_forever, name="metrics", daemon=True)
         self._thread.start()
 
     @property
@@ -136,31 +136,31 @@ class MetricsServer:
         self._ending.set()
         self._thread.join()
 
-    def _run(self) -> None:
+    def _serve_forever(self) -> None:
         try:
             while not self._ending.wait(REST_S):
-                self._round()
+                self._serve_round()
         finally:
             for connection in list(self._connections):
-                self._drop(connection)
+                self._drop_connection(connection)
             self._selector.close()
             self._listening.close()
 
-    def _round(self) -> None:
+    def _serve_round(self) -> None:
         """Take in at most one connection, and read from or write to each of those that are ready, once."""
         for key, _ in self._selector.select(_POLL_S):
             if key.data is None:
                 self._take_in()
                 continue
             try:
-                done = self._serve(key.data)
+                finished = self._serve_connection(key.data)
             except OSError:  # it has gone
-                done = True
-            if done:
-                self._drop(key.data)
+                finished = True
+            if finished:
+                self._drop_connection(key.data)
         now = time.monotonic()
         for late in [connection for connection in self._connections if now > connection.until]:
-            self._drop(late)
+            self._drop_connection(late)
 
     def _take_in(self) -> None:
         with suppress(OSError):  # it has gone already, or this process has no descriptor left
@@ -170,15 +170,15 @@ class MetricsServer:
             self._connections.append(connection)
             self._selector.register(end, selectors.EVENT_READ, connection)
         if len(self._connections) > MOST_CONNECTIONS:
-            self._drop(self._connections[0])
+            self._drop_connection(self._connections[0])
 
-    def _drop(self, connection: _Connection) -> None:
+    def _drop_connection(self, connection: _Connection) -> None:
         if connection in self._connections:  # it may have been dropped for a newer one in the same round
             self._connections.remove(connection)
             self._selector.unregister(connection.end)
             connection.end.close()
 
-    def _serve(self, connection: _Connection) -> bool:
+    def _serve_connection(self, connection: _Connection) -> bool:
         """Read some of a request or write some of the answer; whether the connection is done with."""
         if connection not in self._connections:
             return True
@@ -189,23 +189,23 @@ class MetricsServer:
                 return True
             if b"\r\n\r\n" not in connection.request and len(connection.request) <= LONGEST_REQUEST:
                 return False
-            connection.answer = memoryview(self._answer(connection.request))
+            connection.answer = memoryview(self._answer_request(connection.request))
             self._selector.modify(connection.end, selectors.EVENT_WRITE, connection)
         connection.answer = connection.answer[connection.end.send(connection.answer) :]
         return not connection.answer
 
-    def _answer(self, request: bytes) -> bytes:
+    def _answer_request(self, request: bytes) -> bytes:
         words = request.partition(b"\r\n")[0].split(b" ")
         if len(request) > LONGEST_REQUEST or len(words) != 3 or not words[2].startswith(b"HTTP/1."):
-            return _response("400 Bad Request", b"bad request\n")
+            return _make_response("400 Bad Request", b"bad request\n")
         if words[0] not in (b"GET", b"HEAD"):
-            return _response("405 Method Not Allowed", b"only GET\n", "Allow: GET, HEAD\r\n")
+            return _make_response("405 Method Not Allowed", b"only GET\n", "Allow: GET, HEAD\r\n")
         if words[1].partition(b"?")[0] != b"/metrics":
-            return _response("404 Not Found", b"the metrics are at /metrics\n")
-        whole = _response("200 OK", self._metrics())
-        return whole[: whole.index(b"\r\n\r\n") + 4] if words[0] == b"HEAD" else whole
+            return _make_response("404 Not Found", b"the metrics are at /metrics\n")
+        response = _make_response("200 OK", self._render_metrics())
+        return response[: response.index(b"\r\n\r\n") + 4] if words[0] == b"HEAD" else response
 
-    def _metrics(self) -> bytes:
+    def _render_metrics(self) -> bytes:
         now = time.monotonic()
         made_s, text = self._text
         if now - made_s > KEEP_S:
@@ -214,7 +214,7 @@ class MetricsServer:
         return text
 
 
-def _response(status: str, body: bytes, more: str = "") -> bytes:
+def _make_response(status: str, body: bytes, more: str = "") -> bytes:
     kind = "text/plain; version=0.0.4; charset=utf-8"
     head = (
         f"HTTP/1.1 {status}\r\nContent-Type: {kind}\r\nContent-Length: {len(body)}\r\nConnection: close\r\n{more}\r\n"

@@ -46,22 +46,22 @@ class Notifier:
         """
         if not self._ready:
             self._ready = True
-            self._send(b"READY=1")
+            self._send_message(b"READY=1")
         if self._every_s is not None and (now := self._now()) >= self._due:
             self._due = now + self._every_s
-            self._send(b"WATCHDOG=1")
+            self._send_message(b"WATCHDOG=1")
 
     def busy(self, limit_s: float) -> None:
         """Ask for patience, since the loop is over and long work follows."""
         if self._every_s is not None:
-            self._send(b"WATCHDOG_USEC=%d" % round(limit_s * 1e6))
+            self._send_message(b"WATCHDOG_USEC=%d" % round(limit_s * 1e6))
 
-    def _send(self, message: bytes) -> None:
+    def _send_message(self, message: bytes) -> None:
         if not self._address:
             return
-        with suppress(OSError), socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM | socket.SOCK_CLOEXEC) as own:
-            own.setblocking(False)  # a manager that does not read holds up no loop
-            own.sendto(message, self._address)
+        with suppress(OSError), socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM | socket.SOCK_CLOEXEC) as sender:
+            sender.setblocking(False)  # a manager that does not read holds up no loop
+            sender.sendto(message, self._address)
 
 
 LEAST_S, MOST_S = 0.1, 86_400.0

@@ -115,7 +115,7 @@ class Vitals:
         for figure, read in list(self._probes):
             with suppress(Exception):  # what it is read from may be closing; the others still count
                 if (value := read()) is not None:
-                    values[figure] = _sum(values.get(figure), value)
+                    values[figure] = _add_values(values.get(figure), value)
         return values | self._of_the_process()
 
     def _of_the_process(self) -> dict[Figure, Value]:
@@ -139,7 +139,7 @@ def version() -> str:
         return "unknown"
 
 
-def _sum(before: Value | None, now: Value) -> Value:
+def _add_values(before: Value | None, now: Value) -> Value:
     if isinstance(before, Mapping) and isinstance(now, Mapping):
         return {label: before.get(label, 0) + now.get(label, 0) for label in {**before, **now}}
     if before is None or isinstance(before, Mapping) or isinstance(now, Mapping):

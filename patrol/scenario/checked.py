@@ -38,12 +38,12 @@ class CheckedScenario(Protocol):
 
     @property
     def patrol(self) -> PatrolSpec:
-        """How robots decide where to go."""
+        """The policy by which robots decide, and its options."""
         ...
 
     @property
     def docks(self) -> tuple[DockSpec, ...]:
-        """Where robots charge."""
+        """The places at which robots charge."""
         ...
 
     @property
@@ -72,7 +72,7 @@ class CheckedGround(Protocol):
 
     @property
     def starts(self) -> tuple[Pose, ...]:
-        """Where the robots start, in roster order."""
+        """The robots' starts, in roster order."""
         ...
 
     @property

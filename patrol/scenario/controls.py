@@ -196,8 +196,8 @@ def read_control(says: object) -> Control:
     """Read the control in a mapping."""
     do = says.get("do") if isinstance(says, Mapping) else None
     if not isinstance(do, str) or do not in CONTROLS:
-        known = did_you_mean(do, CONTROLS) if isinstance(do, str) else f"known are {', '.join(CONTROLS)}"
-        raise BadInput(f"control: do = {quoted(do)}: {known}")
+        hint = did_you_mean(do, CONTROLS) if isinstance(do, str) else f"known are {', '.join(CONTROLS)}"
+        raise BadInput(f"control: do = {quoted(do)}: {hint}")
     refuse_half_characters(says, "control")
     try:
         return _CONTROL.validate_python(says)
@@ -229,26 +229,28 @@ def amended(scenario: Scenario, k: int, control: Control) -> tuple[Scenario, str
         case AddFault():
             return _with_fault(scenario, k, control)
         case Heal():
-            return _healed(scenario, k, control.id), f"{control.id} ends with tick {k}"
+            return _heal_fault(scenario, k, control.id), f"{control.id} ends with tick {k}"
         case AddIntruder():
             if len(scenario.intruders) >= MOST_INTRUDERS:
                 raise BadInput(f"control: intruder: this run has {MOST_INTRUDERS} intruders already and takes no more")
             entry = {"place": control.place, "at": _time_of(k, scenario.step), "for": control.stay}
-            mapping = _mapping(scenario)
+            mapping = _as_mapping(scenario)
             mapping["intruders"] = [*mapping["intruders"], entry]
             x, y = control.place
-            return _loaded(mapping, len(scenario.faults)), (
+            return _load_mapping(mapping, len(scenario.faults)), (
                 f"{intruder_name(len(scenario.intruders))} at ({x:g}, {y:g}) from tick {k} on"
             )
         case SwitchZone(weight=float(weight)):
-            mapping, number = _mapping(scenario), _zone_of(scenario, control.name)
-            mapping["zones"][number]["weights"] = _reweighted(scenario, k, scenario.zones[number], weight)
-            return _loaded(mapping, len(scenario.faults)), f"{control.name} counts {weight:g} times from tick {k} on"
+            mapping, number = _as_mapping(scenario), _zone_of(scenario, control.name)
+            mapping["zones"][number]["weights"] = _reweight_zone(scenario, k, scenario.zones[number], weight)
+            return _load_mapping(
+                mapping, len(scenario.faults)
+            ), f"{control.name} counts {weight:g} times from tick {k} on"
         case SwitchZone():
-            mapping, number = _mapping(scenario), _zone_of(scenario, control.name)
-            mapping["zones"][number]["times"] = _switched(scenario, k, scenario.zones[number], bool(control.on))
-            held = "in force" if control.on else "out of force"
-            return _loaded(mapping, len(scenario.faults)), f"{control.name} is {held} from tick {k} on"
+            mapping, number = _as_mapping(scenario), _zone_of(scenario, control.name)
+            mapping["zones"][number]["times"] = _switch_zone(scenario, k, scenario.zones[number], bool(control.on))
+            state = "in force" if control.on else "out of force"
+            return _load_mapping(mapping, len(scenario.faults)), f"{control.name} is {state} from tick {k} on"
     return scenario, ""
 
 
@@ -310,7 +312,7 @@ def _with_fault(scenario: Scenario, k: int, control: AddFault) -> tuple[Scenario
     if control.instead is not None and _intruder_of(scenario, control.instead) is not None:
         raise BadInput(f"control: instead = {control.instead}: an intruder is no fault to replace; heal it")
     if control.instead is not None and not _is_over(scenario, k, control.instead):
-        scenario = _healed(scenario, k, control.instead)
+        scenario = _heal_fault(scenario, k, control.instead)
     entry = dict(control.fault)
     delay_s = entry.get("at", 0.0)
     if isinstance(delay_s, bool) or not isinstance(delay_s, int | float) or not 0.0 <= delay_s <= LARGEST:
@@ -319,24 +321,24 @@ def _with_fault(scenario: Scenario, k: int, control: AddFault) -> tuple[Scenario
     entry["at"] = _time_of(begin, scenario.step)
     for before in [fault for fault in scenario.faults if isinstance(fault, OnClosure)]:
         if before.closure == entry.get("closure") and _is_active(before, scenario.step, begin):
-            scenario = _healed(scenario, begin, str(before.id))
-    entry.setdefault("id", _fresh([fault.id for fault in scenario.faults]))
-    mapping = _mapping(scenario)
+            scenario = _heal_fault(scenario, begin, str(before.id))
+    entry.setdefault("id", _fresh_name([fault.id for fault in scenario.faults]))
+    mapping = _as_mapping(scenario)
     mapping["faults"] = [*mapping["faults"], entry]
-    more = _loaded(mapping, len(scenario.faults))
-    fault = more.faults[-1]
+    extended = _load_mapping(mapping, len(scenario.faults))
+    fault = extended.faults[-1]
     if isinstance(fault, OnClosure):
-        return more, f"{fault.id} {fault.kind} {fault.closure} from tick {begin} on; heal {fault.id} takes it back"
-    return more, f"{fault.id} {fault.kind} from tick {begin} on"
+        return extended, f"{fault.id} {fault.kind} {fault.closure} from tick {begin} on; heal {fault.id} takes it back"
+    return extended, f"{fault.id} {fault.kind} from tick {begin} on"
 
 
-def _healed(scenario: Scenario, k: int, name: str) -> Scenario:
+def _heal_fault(scenario: Scenario, k: int, name: str) -> Scenario:
     """End a lasting fault before tick k; of one that begins then only its place remains."""
     if len(scenario.faults) > MOST_FAULTS:
         raise BadInput(f"control: id = {name}: this run has more than {MOST_FAULTS} faults, and none can be ended")
     if (number := _intruder_of(scenario, name)) is not None:
         return _without_intruder(scenario, k, number)
-    index, fault = _find(scenario, name)
+    index, fault = _find_entry(scenario, name)
     if not isinstance(fault, Lasting):
         raise BadInput(f"control: id = {name}: a {fault.kind} happens at once and does not end")
     begin = tick_of(fault.at, scenario.step)
@@ -344,12 +346,12 @@ def _healed(scenario: Scenario, k: int, name: str) -> Scenario:
         raise BadInput(f"control: id = {name}: it has not begun yet; it begins at {fault.at:g} s")
     if _is_over(scenario, k, name):
         raise BadInput(f"control: id = {name}: it has ended already")
-    mapping = _mapping(scenario)
+    mapping = _as_mapping(scenario)
     if begin == k:
         mapping["faults"][index] = nothing(name, fault.at, scenario.step, scenario.roster[0].name)
     else:
         mapping["faults"][index]["for"] = (k - begin) * scenario.step
-    return _loaded(mapping, index)
+    return _load_mapping(mapping, index)
 
 
 def _intruder_of(scenario: Scenario, name: str) -> int | None:
@@ -369,12 +371,12 @@ def _without_intruder(scenario: Scenario, k: int, place: int) -> Scenario:
         if intruder.at > k * step:
             raise BadInput(f"{where}: it has not come yet; it comes at {intruder.at:g} s")
         raise BadInput(f"{where}: it has left already")
-    mapping = _mapping(scenario)
+    mapping = _as_mapping(scenario)
     entry = mapping["intruders"][place]
     entry["for"] = k * step - intruder.at
     if entry["for"] <= 0.0:  # it keeps its place in the list, between two ticks, so that others keep their names
         entry["at"], entry["for"] = (k + 0.25) * step, 0.25 * step
-    return _loaded(mapping, len(scenario.faults))
+    return _load_mapping(mapping, len(scenario.faults))
 
 
 def _zone_of(scenario: Scenario, name: str) -> int:
@@ -385,7 +387,7 @@ def _zone_of(scenario: Scenario, name: str) -> int:
     return names.index(name)
 
 
-def _switched(scenario: Scenario, k: int, zone: ZoneSpec, on: bool) -> tuple[Span, ...]:
+def _switch_zone(scenario: Scenario, k: int, zone: ZoneSpec, on: bool) -> tuple[Span, ...]:
     """Return the times of a zone that is switched on or off before tick k: as before up to then."""
     step, begin = scenario.step, _time_of(k, scenario.step)
     if zone.keep_out:
@@ -405,20 +407,20 @@ def _switched(scenario: Scenario, k: int, zone: ZoneSpec, on: bool) -> tuple[Spa
     return tuple(switched)
 
 
-def _reweighted(scenario: Scenario, k: int, zone: ZoneSpec, weight: float) -> list[tuple[float, float]]:
+def _reweight_zone(scenario: Scenario, k: int, zone: ZoneSpec, weight: float) -> list[tuple[float, float]]:
     """Return the later weights of a zone that is given another one before tick k: as before up to then."""
     if zone.weight is None:
         raise BadInput(f"control: name = {zone.name}: is no zone with a weight, so it has none to change")
     begin = _time_of(k, scenario.step)
-    given = zone.weights or ()
-    if zone.weight_at(begin) == weight and all(start <= begin for start, _ in given):
+    weights = zone.weights or ()
+    if zone.weight_at(begin) == weight and all(start <= begin for start, _ in weights):
         raise BadInput(f"control: weight = {weight:g}: {zone.name} counts so many times already")
-    return [*(entry for entry in given if tick_of(entry[0], scenario.step) < k), (begin, weight)]
+    return [*(entry for entry in weights if tick_of(entry[0], scenario.step) < k), (begin, weight)]
 
 
 def _is_over(scenario: Scenario, k: int, name: str) -> bool:
     """Return True if a lasting fault has ended before tick k or does so anyway."""
-    _, fault = _find(scenario, name)
+    _, fault = _find_entry(scenario, name)
     return isinstance(fault, Lasting) and _has_ended(fault, scenario.step, k)
 
 
@@ -430,7 +432,7 @@ def _has_ended(fault: Lasting, step: float, k: int) -> bool:
     return fault.lasts is not None and tick_of(fault.at, step) + ticks_of(fault.lasts, step) <= k
 
 
-def _find(scenario: Scenario, name: str) -> tuple[int, Any]:
+def _find_entry(scenario: Scenario, name: str) -> tuple[int, Any]:
     for index, fault in enumerate(scenario.faults):
         if fault.id == name:
             return index, fault
@@ -439,7 +441,7 @@ def _find(scenario: Scenario, name: str) -> tuple[int, Any]:
     raise BadInput(f"control: id = {name}: no such fault or intruder; the latest are {', '.join(names[-8:]) or 'none'}")
 
 
-def _fresh(taken: Iterable[str | None]) -> str:
+def _fresh_name(taken: Iterable[str | None]) -> str:
     names = set(taken)
     return next(name for n in range(1, MOST_FAULTS + 2) if (name := f"op{n}") not in names)
 
@@ -455,10 +457,10 @@ def _time_of(k: int, step: float) -> float:
     return exact
 
 
-def _mapping(scenario: Scenario) -> dict[str, Any]:
+def _as_mapping(scenario: Scenario) -> dict[str, Any]:
     return scenario.model_dump(mode="json", exclude_none=True)
 
 
-def _loaded(mapping: Mapping[str, Any], place: int) -> Scenario:
+def _load_mapping(mapping: Mapping[str, Any], place: int) -> Scenario:
     """Load the scenario in a mapping, whose entry of `faults` at a place is the one that an operator asks for."""
     return load_scenario(mapping, called="control", aliases={f"faults.{place}": "fault"})

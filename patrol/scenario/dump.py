@@ -47,14 +47,14 @@ def dump_section(section: Section, indent: int = 0, notes: Mapping[str, str] = _
         start = f"{' ' * indent}{name}:"
         note = "; ".join(filter(None, (field.description, notes.get(f"{inside}{name}"))))
         if value is None:
-            lines.append(_beside(f"{' ' * indent}# {field.alias or name}:", note))
+            lines.append(_align_note(f"{' ' * indent}# {field.alias or name}:", note))
         elif isinstance(value, Section):
-            lines += [_beside(start, note), dump_section(value, indent + 2, notes, f"{inside}{name}.")]
+            lines += [_align_note(start, note), dump_section(value, indent + 2, notes, f"{inside}{name}.")]
         elif isinstance(value, tuple) and value and isinstance(value[0], Section):
             entries = [entry.model_dump(mode="json", exclude_none=True) for entry in value]
-            lines += [_beside(start, note), *(f"{' ' * indent}  - {_flow(entry)}" for entry in entries)]
+            lines += [_align_note(start, note), *(f"{' ' * indent}  - {_flow_text(entry)}" for entry in entries)]
         else:
-            lines.append(_beside(f"{start} {_flow(value)}", note))
+            lines.append(_align_note(f"{start} {_flow_text(value)}", note))
     return "\n".join(lines)
 
 
@@ -73,24 +73,24 @@ def notes_on_lengths(scenario: Scenario) -> Mapping[str, str]:
         for spec in scenario.roster:
             robots.setdefault(getattr(scenario.lengths[spec.number], name), []).append(spec.name)
         notes[f"{section}.{name}"] = "here " + ", ".join(
-            f"{length:g} for {_listed(names)}" for length, names in robots.items()
+            f"{length:g} for {_join_names(names)}" for length, names in robots.items()
         )
     return notes
 
 
-def _beside(text: str, note: str) -> str:
+def _align_note(text: str, note: str) -> str:
     return f"{text:<{_COMMENT_COLUMN}} # {note}" if note else text
 
 
-def _flow(value: Any) -> str:
+def _flow_text(value: Any) -> str:
     """Write a value on one line, with escapes for characters that a terminal might act on, as bidirectional marks."""
-    text = _dump(value, allow_unicode=True)
-    return text if text.isprintable() else _dump(value, allow_unicode=False)
+    text = _dump_value(value, allow_unicode=True)
+    return text if text.isprintable() else _dump_value(value, allow_unicode=False)
 
 
-def _dump(value: Any, *, allow_unicode: bool) -> str:
+def _dump_value(value: Any, *, allow_unicode: bool) -> str:
     text = yaml.dump(
-        _plain(value),
+        _plain_value(value),
         Dumper=_Dumper,
         default_flow_style=True,
         sort_keys=False,
@@ -100,11 +100,11 @@ def _dump(value: Any, *, allow_unicode: bool) -> str:
     return text.removesuffix("...\n").strip()
 
 
-def _plain(value: Any) -> Any:
-    return [_plain(item) for item in value] if isinstance(value, tuple) else value
+def _plain_value(value: Any) -> Any:
+    return [_plain_value(item) for item in value] if isinstance(value, tuple) else value
 
 
-def _listed(names: list[str]) -> str:
+def _join_names(names: list[str]) -> str:
     """Join names to ``a, b and c``, or to the first few and how many more there are."""
     if len(names) > _MOST_NAMES:
         names = [*names[:_MOST_NAMES], f"{len(names) - _MOST_NAMES} more"]

@@ -32,7 +32,7 @@ MEANT = {"time": "at", "begin": "at", "start": "at", "duration": "for", "robot":
 """What people call some keys of faults."""
 
 
-def _alternatives(annotation: Any, tag: str = "") -> Iterator[tuple[str, type[Section]]]:
+def _section_alternatives(annotation: Any, tag: str = "") -> Iterator[tuple[str, type[Section]]]:
     """Yield the sections that a field of some type may hold, each with its tag, such as ``=list``."""
     if get_origin(annotation) is Annotated:
         annotation, *notes = get_args(annotation)
@@ -40,12 +40,12 @@ def _alternatives(annotation: Any, tag: str = "") -> Iterator[tuple[str, type[Se
     if isinstance(annotation, type) and issubclass(annotation, Section):
         yield tag, annotation
     for part in get_args(annotation):
-        yield from _alternatives(part, tag)
+        yield from _section_alternatives(part, tag)
 
 
 def _section_of(field: FieldInfo) -> type[Section] | None:
     """Return what all sections that a field may hold have in common; None for a field that holds none."""
-    sections = [section for _, section in _alternatives(field.annotation)]
+    sections = [section for _, section in _section_alternatives(field.annotation)]
     if not sections:
         return None
     return next(base for base in sections[0].mro() if all(issubclass(section, base) for section in sections))
@@ -76,9 +76,9 @@ def one_line(
     were given as overrides and not by the source; `aliases` is what to call a field instead of its dotted name.
     """
     problems = sorted(error.errors(include_url=False), key=lambda problem: problem["type"] not in _UNKNOWN)
-    line = _describe(problems[0], source, overridden, line_of, aliases)
-    more = len(problems) - 1
-    return f"{line} (and {more} more {'problem' if more == 1 else 'problems'})" if more else line
+    line = _describe_problem(problems[0], source, overridden, line_of, aliases)
+    extra = len(problems) - 1
+    return f"{line} (and {extra} more {'problem' if extra == 1 else 'problems'})" if extra else line
 
 
 @contextmanager
@@ -98,7 +98,7 @@ def naming(source: object, overridden: Collection[str] = ()) -> Iterator[None]:
         raise BadInput(f"{name}: {text}") from None
 
 
-def _describe(
+def _describe_problem(
     problem: ErrorDetails,
     source: str,
     overridden: Collection[str],
@@ -106,7 +106,7 @@ def _describe(
     aliases: Mapping[str, str],
 ) -> str:
     context = problem.get("ctx", {})
-    location = _location(problem)
+    location = _locate_problem(problem)
     if problem["type"] == "crossed" and context["field"]:
         location += [int(part) if part.isdecimal() else part for part in context["field"].split(".")]
     field = ".".join(str(part) for part in location)
@@ -114,7 +114,7 @@ def _describe(
         where = f"override {field}"
     else:
         line = line_of(location)
-        field = _called(field, aliases)
+        field = _field_name(field, aliases)
         where = f"{source}: {field}" if line is None else f"{source}: line {line}: {field}"
     section, note = _known_at(problem["loc"])
     match problem["type"]:
@@ -124,13 +124,13 @@ def _describe(
             return f"{where}: missing; give {note or 'it'}"
         case "crossed":
             return f"{where}{context['value']}: {context['problem']}"
-    expected = _expected(problem, section)
+    expected = _expected_text(problem, section)
     if note and (context.get("bare") or problem["type"] == "tuple_type"):
         expected = f"{expected} ({note})"
     return f"{where} = {quoted(problem['input'])}: {expected}"
 
 
-def _location(problem: ErrorDetails) -> list[int | str]:
+def _locate_problem(problem: ErrorDetails) -> list[int | str]:
     """Locate a problem, without the names of kinds (``=kill``), which stand for no key; a key may look like one."""
     location = problem["loc"]
     keys = [part for part in location if not str(part).startswith("=")]
@@ -139,7 +139,7 @@ def _location(problem: ErrorDetails) -> list[int | str]:
     return keys
 
 
-def _expected(problem: ErrorDetails, section: type[Section]) -> str:
+def _expected_text(problem: ErrorDetails, section: type[Section]) -> str:
     context = problem.get("ctx", {})
     match problem["type"]:
         case "expected":
@@ -149,7 +149,7 @@ def _expected(problem: ErrorDetails, section: type[Section]) -> str:
             near = get_close_matches(str(problem["input"]).lower(), re.split(r", | or ", allowed), n=1, cutoff=0.6)
             return f"expected {allowed}{f'; did you mean {near[0]}?' if near else ''}"
         case "model_type":
-            return f"expected keys and values ({', '.join(_keys(section))})"
+            return f"expected keys and values ({', '.join(_section_keys(section))})"
         case "too_long":
             return f"expected at most {context['max_length']} of them"
         case "tuple_type":
@@ -158,7 +158,7 @@ def _expected(problem: ErrorDetails, section: type[Section]) -> str:
             return problem["msg"]
 
 
-def _called(field: str, aliases: Mapping[str, str]) -> str:
+def _field_name(field: str, aliases: Mapping[str, str]) -> str:
     for name, alias in aliases.items():
         if field == name or field.startswith(f"{name}."):
             return f"{alias}{field[len(name) :]}"
@@ -186,9 +186,9 @@ def _known_at(location: Sequence[int | str]) -> tuple[type[Section], str]:
         if part.startswith("="):
             section = alternatives.get(part, section)
             continue
-        field = _fields(section).get(part)
+        field = _section_fields(section).get(part)
         note = (field.description or "") if field else ""
-        alternatives = dict(_alternatives(field.annotation)) if field else {}
+        alternatives = dict(_section_alternatives(field.annotation)) if field else {}
         section = (field and _section_of(field)) or section
     return section, note
 
@@ -206,7 +206,7 @@ def _unknown_key(key: str, section: type[Section]) -> str:
 
 def _nearest_key(key: str, section: type[Section]) -> str:
     """Find the nearest known key, of this section or with the section that it belongs under; or this section's."""
-    if (meant := MEANT.get(key.lower())) in _keys(section):
+    if (meant := MEANT.get(key.lower())) in _section_keys(section):
         return f"did you mean {meant}?"
     everywhere: dict[str, type[Section]] = {
         "closures": SECTIONS["closures"],  # before zones, whose polygon is more often meant
@@ -221,17 +221,17 @@ def _nearest_key(key: str, section: type[Section]) -> str:
     spelled = {
         name: f"{home}.{name}" if home else f"{name} at the top level"
         for home, other_section in everywhere.items()
-        for name in _keys(other_section)
+        for name in _section_keys(other_section)
     }
-    spelled |= {name: name for name in _keys(section)}
+    spelled |= {name: name for name in _section_keys(section)}
     near = get_close_matches(key.lower(), spelled, n=1, cutoff=0.6)
-    return f"did you mean {spelled[near[0]]}?" if near else did_you_mean(key, _keys(section))
+    return f"did you mean {spelled[near[0]]}?" if near else did_you_mean(key, _section_keys(section))
 
 
-def _keys(section: type[Section]) -> list[str]:
-    return list(_fields(section))
+def _section_keys(section: type[Section]) -> list[str]:
+    return list(_section_fields(section))
 
 
-def _fields(section: type[Section]) -> dict[str, FieldInfo]:
+def _section_fields(section: type[Section]) -> dict[str, FieldInfo]:
     """Return a section's fields by the names that a file uses."""
     return {field.alias or name: field for name, field in section.model_fields.items()}

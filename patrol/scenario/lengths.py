@@ -49,11 +49,11 @@ class BodyLengths:
         Of a policy that is not built in only a field `dilatation` counts; BadInput if it is no length.
         """
         names = OPTION_LENGTHS if isinstance(options, PatrolOptions) else OPTION_LENGTHS[:1]
-        stated = {name: getattr(options, name, AUTO) for name in names}
-        for name, length in stated.items():
+        chosen = {name: getattr(options, name, AUTO) for name in names}
+        for name, length in chosen.items():
             if length != AUTO and not (isinstance(length, int | float) and 0.0 <= length <= LARGEST):
                 raise BadInput(f"patrol.options.{name} = {length!r}: expected a length from 0 on, in m, or auto")
-        return replace(self, **{name: float(length) for name, length in stated.items() if length != AUTO})
+        return replace(self, **{name: float(length) for name, length in chosen.items() if length != AUTO})
 
 
 PAPER_LENGTHS = BodyLengths()
@@ -71,10 +71,11 @@ def resolve_lengths(
     They are what the section states, and for each ``auto`` what follows from the body, in multiples of 1 mm. Robots of
     one radius and speed share an object. `point` and `sensor_range` are in m, `step` is in s.
     """
-    ring = _ring(roster, sensor_range)
+    ring = _ring_radius(roster, sensor_range)
     bodies = {(spec.radius, spec.speed) for spec in roster}
     by_body = {
-        (radius, speed): _lengths(patrol, radius, speed * step, min(point, LARGEST), ring) for radius, speed in bodies
+        (radius, speed): _compute_lengths(patrol, radius, speed * step, min(point, LARGEST), ring)
+        for radius, speed in bodies
     }
     return {spec.number: by_body[spec.radius, spec.speed] for spec in roster}
 
@@ -85,7 +86,7 @@ def check_refinement(patrol: PatrolSpec, roster: Sequence[RobotSpec], lengths: M
     Such a side is more than twice a robot's goal distance. The error names the side that the scenario states, because
     ``auto`` never leads to that.
     """
-    mixed = len({each.goal_distance for each in lengths.values()}) > 1
+    mixed = len({body.goal_distance for body in lengths.values()}) > 1
     for spec in roster:
         side, distance = lengths[spec.number].refine_side, lengths[spec.number].goal_distance
         if side > 2.0 * distance:
@@ -94,33 +95,33 @@ def check_refinement(patrol: PatrolSpec, roster: Sequence[RobotSpec], lengths: M
             raise wrong("patrol.refine_side", f"the square must not reach behind the robot: {limit}", side)
 
 
-def _lengths(patrol: PatrolSpec, radius: float, stride: float, point: float, ring: float) -> BodyLengths:
+def _compute_lengths(patrol: PatrolSpec, radius: float, stride: float, point: float, ring: float) -> BodyLengths:
     """Compute the lengths for a radius, a stride, a point and an automatic `surround_distance`, all in m."""
-    goal = _stated(patrol.goal_distance, max(_rounded(max(2.5 * stride, 5.5 * radius)), point))
+    goal = _resolve_length(patrol.goal_distance, max(_round_length(max(2.5 * stride, 5.5 * radius)), point))
     return BodyLengths(
         goal_distance=goal,
-        refine_side=_stated(patrol.refine_side, min(_rounded(2.0 * radius), 2.0 * goal)),
-        refine_reach=_stated(patrol.refine_reach, max(_rounded(10.0 * radius), point)),
-        surround_distance=_stated(patrol.surround_distance, ring),
-        dilatation=_rounded(5.0 * radius),
-        obstacle_radius=_rounded(5.0 * radius),
-        fuzzy_distance=_rounded(5.5 * radius),
-        critical_width=_rounded(8.0 * radius),
+        refine_side=_resolve_length(patrol.refine_side, min(_round_length(2.0 * radius), 2.0 * goal)),
+        refine_reach=_resolve_length(patrol.refine_reach, max(_round_length(10.0 * radius), point)),
+        surround_distance=_resolve_length(patrol.surround_distance, ring),
+        dilatation=_round_length(5.0 * radius),
+        obstacle_radius=_round_length(5.0 * radius),
+        fuzzy_distance=_round_length(5.5 * radius),
+        critical_width=_round_length(8.0 * radius),
     ).with_options(patrol.options)
 
 
-def _ring(roster: Sequence[RobotSpec], sensor_range: float) -> float:
+def _ring_radius(roster: Sequence[RobotSpec], sensor_range: float) -> float:
     """Return the automatic `surround_distance` of a team, m."""
     radii = [spec.radius for spec in roster]
     widest = max(radii)
     side_by_side = len(radii) * (2.0 * widest + STANDING_GAP) / TAU
-    return _rounded(min(max(8.0 * widest, side_by_side), 0.8 * sensor_range))
+    return _round_length(min(max(8.0 * widest, side_by_side), 0.8 * sensor_range))
 
 
-def _stated(value: float | Auto, automatic: float) -> float:
+def _resolve_length(value: float | Auto, automatic: float) -> float:
     return automatic if value == AUTO else value
 
 
-def _rounded(length: float) -> float:
+def _round_length(length: float) -> float:
     """Round a length to whole millimetres, and to what a scenario may state."""
     return min(max(round(length, 3), MILLIMETRE), LARGEST)

@@ -66,11 +66,11 @@ def load_scenario(
     """
     if isinstance(source, Mapping):
         raw = copy.deepcopy(dict(source))
-        scenario = _resolve(raw, overrides or {}, called, base or Path.cwd(), None, None, aliases)
+        scenario = _resolve_scenario(raw, overrides or {}, called, base or Path.cwd(), None, None, aliases)
     else:
         path = Path(source)
         raw, text = _read_mapping(path)
-        scenario = _resolve(raw, overrides or {}, str(path), path.parent, path.stem, text)
+        scenario = _resolve_scenario(raw, overrides or {}, str(path), path.parent, path.stem, text)
     return scenario.with_digests() if opens_classes else scenario
 
 
@@ -173,7 +173,7 @@ def same_but_for_files(one: Scenario, other: Scenario) -> bool:
     return one.meaning(files=False) == other.meaning(files=False)
 
 
-def _resolve(
+def _resolve_scenario(
     raw: dict[str, Any],
     overrides: Overrides,
     source: str,
@@ -190,17 +190,17 @@ def _resolve(
     overrides = translate_overrides(overrides, patrol)
     for section, default in _CLASSES:
         top, _, field = section.NAMED.partition(".")
-        given = raw.get(top)
-        if section.NAMED in overrides and isinstance(given, dict):
-            given.pop(f"{field}_sha256", None)  # it is of the class that is replaced, and so are its settings
-            if overrides[section.NAMED] != given.get(field, default):
-                given.pop("options", None)
+        entry = raw.get(top)
+        if section.NAMED in overrides and isinstance(entry, dict):
+            entry.pop(f"{field}_sha256", None)  # it is of the class that is replaced, and so are its settings
+            if overrides[section.NAMED] != entry.get(field, default):
+                entry.pop("options", None)
                 if section is PatrolSpec:
                     notes.clear()
     if "patrol.options.weights" in overrides and isinstance(patrol, dict) and isinstance(patrol.get("options"), dict):
         patrol["options"].pop("weights_sha256", None)
     for field, value in overrides.items():
-        _override(raw, field, value)
+        _override_field(raw, field, value)
     if "patrol" in overrides and isinstance(raw["patrol"], dict):
         raw["patrol"] = translate_patrol(raw["patrol"], notes)
     raw.setdefault("name", _default_name(raw, name))
@@ -241,7 +241,7 @@ def _default_name(raw: Mapping[str, Any], stem: str | None) -> str:
     return fitting or "scenario"
 
 
-def _override(raw: dict[str, Any], field: str, value: object) -> None:
+def _override_field(raw: dict[str, Any], field: str, value: object) -> None:
     """Set one dotted field of a scenario's raw mapping."""
     if isinstance(value, str):
         value = parse_yaml(value, f"override {field}")
@@ -252,30 +252,30 @@ def _override(raw: dict[str, Any], field: str, value: object) -> None:
     example = SECTIONS[top].EXAMPLE if top in SECTIONS else ""
     if example and parts[1:] and parts[1].isdecimal() and not raw.get(top):
         raise BadInput(f"override {field}: {top} is an empty list; give entries: {top}=[{example}]")
-    _set(raw, parts, copy.deepcopy(value), field)
+    _set_field(raw, parts, copy.deepcopy(value), field)
 
 
-def _set(node: Any, parts: list[str], value: object, field: str) -> None:
-    head, rest = parts[0], parts[1:]
+def _set_field(node: Any, parts: list[str], value: object, field: str) -> None:
+    head, tail = parts[0], parts[1:]
     if isinstance(node, dict):
         if head.isdecimal():
             raise BadInput(f"override {field}: not a list, so there is no entry {head}; leave .{head} out")
-        if not rest:
+        if not tail:
             node[head] = value
             return
         if node.get(head) is None:
             node[head] = {}
-        _set(node[head], rest, value, field)
+        _set_field(node[head], tail, value, field)
     elif isinstance(node, list) and head.isdecimal():
         if int(head) >= len(node):
             raise BadInput(f"override {field}: there is no entry {head}; the list has entries 0 to {len(node) - 1}")
-        if rest:
-            _set(node[int(head)], rest, value, field)
+        if tail:
+            _set_field(node[int(head)], tail, value, field)
         else:
             node[int(head)] = value
     elif isinstance(node, list) and field.startswith("robots.") and head in RobotEntry.model_fields:
         for entry in node:
-            _set(entry, parts, value, field)
+            _set_field(entry, parts, value, field)
     elif isinstance(node, list):
         of_group = field.startswith("robots.") and head in RobotGroup.model_fields
         raise BadInput(

@@ -164,11 +164,11 @@ class Scenario(Section):
             limit = f"too long: at most {int(ms_to_s(MAX_TIME_MS))} s and {MAX_TICKS} steps fit"
             raise wrong("duration", limit, self.duration)
         for field in ("watchdog", "radio.forget_after"):
-            if (value := _at(self, field)) < self.step:
+            if (value := _value_at(self, field)) < self.step:
                 limit = f"shorter than one step of {self.step:g} s, so it would end between two messages; give more"
                 raise wrong(field, limit, value)
         for field in ("sensor.range", "patrol.goal_distance", "patrol.refine_reach"):
-            if (value := _at(self, field)) != AUTO and value < self.point:
+            if (value := _value_at(self, field)) != AUTO and value < self.point:
                 raise wrong(field, f"shorter than one point of {self.point:g} m; give more, or a smaller point", value)
         check_radio_spec(self.radio, self.roster, self.step, self.sensor, intruders=bool(self.intruders))
         self._check_roster()
@@ -210,7 +210,7 @@ class Scenario(Section):
                 raise wrong(f"{spec.section}.speed", limit, spec.speed)
 
 
-def _at(model: BaseModel, field: str) -> Any:
+def _value_at(model: BaseModel, field: str) -> Any:
     value: Any = model
     for part in field.split("."):
         value = getattr(value, part)

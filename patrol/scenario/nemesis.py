@@ -49,7 +49,7 @@ def drawn_faults(scenario: Scenario) -> list[dict[str, Any]]:
         length = max(1, round(width * draws.between(SHORTEST, LONGEST)))
         if begin < end:
             when = When(step, begin, min(end, begin + length))
-            drawn += _numbered(draw_fault(draws, kinds, robots, when), slot + 1, taken_ids)
+            drawn += _number_faults(draw_fault(draws, kinds, robots, when), slot + 1, taken_ids)
     return drawn
 
 
@@ -64,7 +64,7 @@ def _coming_and_going(scenario: Scenario) -> set[str]:
     return coming_and_going
 
 
-def _numbered(faults: list[dict[str, Any]], number: int, taken: set[str | None]) -> list[dict[str, Any]]:
+def _number_faults(faults: list[dict[str, Any]], number: int, taken: set[str | None]) -> list[dict[str, Any]]:
     """Give a fault and what heals it ids that no other fault has."""
     name = f"n{number}"
     while taken.intersection((name, f"{name}-heals")):

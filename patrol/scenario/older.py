@@ -103,7 +103,7 @@ def translate_patrol(patrol: Mapping[str, Any], notes: list[str]) -> dict[str, A
     out. In any other they stay, so that they are refused.
     """
     section = {name: value for name, value in patrol.items() if name not in _MOVED}
-    stated = {name: value for name, value in patrol.items() if name in _MOVED}
+    moved = {name: value for name, value in patrol.items() if name in _MOVED}
     commitment = str(section.get("commitment"))
     if "options" in section and section["options"] is None:
         del section["options"]
@@ -114,12 +114,12 @@ def translate_patrol(patrol: Mapping[str, Any], notes: list[str]) -> dict[str, A
             section["policy"] = _POLICIES[commitment]
     policy = section.get("policy", DEFAULT)
     if section.get("avoidance") == "fuzzy":
-        section["avoidance"], stated["fuzzy"] = "none", True
+        section["avoidance"], moved["fuzzy"] = "none", True
     if of_0_2:
-        stated = _with_effect(stated, policy)
+        moved = _with_effect(moved, policy)
     options = section.get("options")
-    if stated and (options is None or isinstance(options, Mapping)):
-        section["options"] = options = {**stated, **(options or {})}
+    if moved and (options is None or isinstance(options, Mapping)):
+        section["options"] = options = {**moved, **(options or {})}
     # No earlier version has stated `stochastic`, so what such a section has is refused where it is no setting.
     if policy in (COMMITTED, STOCHASTIC) and patrol.get("policy") != STOCHASTIC and isinstance(options, Mapping):
         now, section["options"] = _without_free_choices(policy, options, notes)
@@ -130,18 +130,18 @@ def translate_patrol(patrol: Mapping[str, Any], notes: list[str]) -> dict[str, A
 
 def _without_free_choices(policy: str, options: Mapping[str, Any], notes: list[str]) -> tuple[str, dict[str, Any]]:
     """Return policy and settings of this version for settings of `committed` and `stochastic`; notes: see above."""
-    kept = {name: value for name, value in options.items() if name not in _RANDOM_STEPS}
+    remaining = {name: value for name, value in options.items() if name not in _RANDOM_STEPS}
     if policy == COMMITTED:
         share = options.get(_SHARE, 1.0 if options.keys() >= _STATED_0_3 else 0.0)
         if isinstance(share, int | float) and 0.0 <= share <= 1.0:
-            kept.pop(_SHARE, None)
+            remaining.pop(_SHARE, None)
             if share > 0.0:
                 notes.append(f"patrol.policy: committed with {_SHARE} {share:g} is {STOCHASTIC} now; see {_SEE}")
-                return STOCHASTIC, kept
+                return STOCHASTIC, remaining
     for name, value in _RANDOM_STEPS.items():
         if options.get(name, value) != value:
             notes.append(f"patrol.options.{name} = {options[name]}: left out, as {policy} has it no more; see {_SEE}")
-    return policy, kept
+    return policy, remaining
 
 
 def _with_effect(stated: Mapping[str, Any], policy: object) -> dict[str, Any]:

@@ -482,7 +482,7 @@ def check_letter(patrol: PaperPatrol, models: Iterable[str], intruders: bool) ->
         _check_whole(patrol, bodies)
     elif letter is not False:
         named = patrol.paper_rules
-        for rule, (has_effect, remedy) in _needs(patrol, bodies, intruders).items():
+        for rule, (has_effect, remedy) in _rule_needs(patrol, bodies, intruders).items():
             if rule in named and not has_effect:
                 raise wrong(LETTER_FIELD, f"{rule} has no effect here; drop it, or {remedy}")
 
@@ -497,7 +497,7 @@ def _check_whole(patrol: PaperPatrol, bodies: set[str]) -> None:
             raise wrong(f"patrol.{field}", problem)
 
 
-def _needs(patrol: PaperPatrol, bodies: set[str], intruders: bool) -> dict[PaperRule, tuple[bool, str]]:
+def _rule_needs(patrol: PaperPatrol, bodies: set[str], intruders: bool) -> dict[PaperRule, tuple[bool, str]]:
     """Return, by rule, whether the scenario has what it acts on, and how to get that."""
     options = patrol.options
     return {
@@ -515,8 +515,8 @@ def check_random_steps(options: PotentialFieldOptions, models: Iterable[str]) ->
 
     As for `PatrolOptions.NEEDS` it is accepted where both are stated; so are 0 and the default, which promise nothing.
     """
-    stated, default = options.model_fields_set, type(options).model_fields["random_move"].get_default()
-    if "random_move" not in stated or "random_move_for" in stated or options.random_move in (0.0, default):
+    set_fields, default = options.model_fields_set, type(options).model_fields["random_move"].get_default()
+    if "random_move" not in set_fields or "random_move_for" in set_fields or options.random_move in (0.0, default):
         return
     if options.random_move_for != "all" and "holonomic" not in models:
         problem = "has no effect unless patrol.options.random_move_for is all (no robot is holonomic)"
@@ -537,7 +537,7 @@ class OwnPatrol(PatrolSpec):
     options: dict[str, Any] | None = Field(None, description="settings of a policy of one's own, by name")
 
 
-def _tag(section: Any) -> str:
+def _section_tag(section: Any) -> str:
     policy = section.get("policy", DEFAULT) if isinstance(section, dict) else getattr(section, "policy", DEFAULT)
     return f"={policy}" if policy in (*BUILT_IN, LEARNED) else "=own"
 
@@ -548,6 +548,6 @@ Patrol = Annotated[
     | Annotated[PaperPatrol, Tag("=potential-field")]
     | Annotated[LearnedPatrol, Tag("=learned")]
     | Annotated[OwnPatrol, Tag("=own")],
-    Discriminator(_tag),
+    Discriminator(_section_tag),
 ]
 """The section `patrol` of a scenario."""

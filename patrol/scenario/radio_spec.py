@@ -199,7 +199,7 @@ MODEL_OPTIONS: Mapping[str, type[Section]] = MappingProxyType({PATH_LOSS: PathLo
 """The settings of models that come with fogwatch and have some, by name."""
 
 
-def _tag(section: Any) -> str:
+def _section_tag(section: Any) -> str:
     model = section.get("model", IDEAL) if isinstance(section, dict) else getattr(section, "model", IDEAL)
     return f"={model}" if isinstance(model, str) and model in MODELS else "=own"
 
@@ -208,7 +208,7 @@ Radio = Annotated[
     Annotated[IdealRadio, Tag("=ideal")]
     | Annotated[PathLossRadio, Tag("=path-loss")]
     | Annotated[OwnRadio, Tag("=own")],
-    Discriminator(_tag),
+    Discriminator(_section_tag),
 ]
 """The section `radio` of a scenario."""
 

@@ -107,15 +107,15 @@ class TerrainSpec(Section):
     @field_validator("graph", mode="before")
     @classmethod
     def _from_a_file(cls, value: Any, info: ValidationInfo) -> Any:
-        given = {"file": value} if isinstance(value, str) else value
-        if not isinstance(given, dict) or "file" not in given:
+        entry = {"file": value} if isinstance(value, str) else value
+        if not isinstance(entry, dict) or "file" not in entry:
             return value
-        more = {key: given[key] for key in given if key != "file"}
-        file = given["file"]
-        if not isinstance(file, str) or more.keys() & {"vertices", "edges"}:
+        settings = {key: entry[key] for key in entry if key != "file"}
+        file = entry["file"]
+        if not isinstance(file, str) or settings.keys() & {"vertices", "edges"}:
             raise wrong("", "expected FILE.graph, {file: FILE.graph, visit: M}, or vertices and edges without a file")
         try:
-            return {**read_graph(Path(str(absolute(file, info))), _image_of(info.data.get("map"))), **more}
+            return {**read_graph(Path(str(absolute(file, info))), _image_of(info.data.get("map"))), **settings}
         except BadInput as error:
             raise wrong("", str(error)) from None
 
@@ -324,7 +324,7 @@ class RobotSpec:
 
     @property
     def meaning(self) -> list[Any]:
-        """What enters a scenario's hash."""
+        """The values that enter a scenario's hash."""
         start = None if self.start is None else [self.start.x, self.start.y, self.start.heading]
         turning = self.turning_radius if self.model in TURNS_IN_ARCS else None
         meaning = [self.name, self.model, self.speed, self.radius, turning, start]
@@ -339,13 +339,13 @@ def roster_of(robots: RobotGroup | tuple[RobotEntry, ...]) -> list[RobotSpec]:
     """List the robots of a scenario in the order of their numbers, 1..N."""
     if not isinstance(robots, tuple):
         starts = () if robots.starts == "random" else robots.starts
-        poses = [*map(_pose, starts), *[None] * (robots.whole - len(starts))]
-        return [_spec(number, robots, pose, number > robots.count) for number, pose in enumerate(poses, start=1)]
+        poses = [*map(_read_pose, starts), *[None] * (robots.whole - len(starts))]
+        return [_make_spec(number, robots, pose, number > robots.count) for number, pose in enumerate(poses, start=1)]
     return [
-        _spec(
+        _make_spec(
             number,
             entry,
-            None if entry.start == "random" else _pose(entry.start),
+            None if entry.start == "random" else _read_pose(entry.start),
             bool(entry.spare),
             name=entry.name,
             section=f"robots.{number - 1}",
@@ -354,7 +354,7 @@ def roster_of(robots: RobotGroup | tuple[RobotEntry, ...]) -> list[RobotSpec]:
     ]
 
 
-def _spec(
+def _make_spec(
     number: int, body: Body, start: Pose | None, spare: bool, name: str | None = None, section: str = "robots"
 ) -> RobotSpec:
     name = name or f"r{number}"
@@ -362,6 +362,6 @@ def _spec(
     return RobotSpec(number, name, *shape, start, spare, body.battery, section)
 
 
-def _pose(place: tuple[float, ...]) -> Pose:
+def _read_pose(place: tuple[float, ...]) -> Pose:
     x, y, heading = (*place, 0.0)[:3]
     return Pose(x, y, wrap(heading))

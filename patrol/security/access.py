@@ -57,7 +57,7 @@ def write_pointer(path: Path, fleet: str, router: str, private: str) -> None:
 
 def read_access(path: Path, option: str) -> Access:
     """Read how to reach and control a fleet."""
-    access = _read(path, option, OPERATOR)
+    access = _read_access(path, option, OPERATOR)
     if isinstance(access, Access):
         return access
     if access.token is None:
@@ -73,13 +73,13 @@ def credentials_at(path: Path, option: str, role: Role) -> Credentials:
 
     The path is the member's credentials, or the run's folder or file; only for a run does `role` count.
     """
-    access = _read(path, option, role)
+    access = _read_access(path, option, role)
     if isinstance(access, Access):
         raise BadInput(f"{option}: {path}: holds no credentials; its router asks nobody for any")
     return access
 
 
-def _read(path: Path, option: str, role: Role) -> Access | Credentials:
+def _read_access(path: Path, option: str, role: Role) -> Access | Credentials:
     file = path
     if path.is_dir():
         if (path / MEMBER).exists():

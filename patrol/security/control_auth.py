@@ -105,7 +105,7 @@ class ControlGate:
         if len(nonce) != NONCE:
             raise RequestRefused(f"a nonce has {NONCE} bytes")
         ticket = self._ticket(int(self._now() * 1000.0), nonce)
-        mac = _mac(self._token, b"challenge", self._fleet, self._run, nonce, ticket)
+        mac = _compute_mac(self._token, b"challenge", self._fleet, self._run, nonce, ticket)
         return _CHALLENGED.pack(mac, self._run, ticket)
 
     def open(self, payload: bytes) -> Admitted:
@@ -120,7 +120,9 @@ class ControlGate:
         control = payload[_REQUEST.size :]
         if run != self._run:
             raise RequestRefused("the request is of another run")
-        if not hmac.compare_digest(mac, _mac(self._token, b"request", self._fleet, run, nonce, ticket, control)):
+        if not hmac.compare_digest(
+            mac, _compute_mac(self._token, b"request", self._fleet, run, nonce, ticket, control)
+        ):
             raise RequestRefused("the request's sender does not know the token")
         made_ms = _TICKET.unpack(ticket)[0]
         until = made_ms / 1000.0 + LIFETIME_S
@@ -134,11 +136,11 @@ class ControlGate:
 
         def seal(answer: Answer) -> bytes:
             text = json.dumps({"done": answer.done, "text": answer.text[:_MAX_TEXT]}).encode()
-            sealed = _mac(self._token, b"answer", self._fleet, run, nonce, ticket, control, text) + text
+            sealed = _compute_mac(self._token, b"answer", self._fleet, run, nonce, ticket, control, text) + text
             self._obeyed[nonce] = _Obeyed(until, mac, sealed)
             return sealed
 
-        return Admitted(_parsed(control), seal, None if before is None else before.answer)
+        return Admitted(_parse_control(control), seal, None if before is None else before.answer)
 
     def _ticket(self, made_ms: int, nonce: bytes) -> bytes:
         tag = hashlib.blake2b(struct.pack("<Q", made_ms) + nonce, key=self._secret, digest_size=16).digest()
@@ -152,7 +154,7 @@ class ControlGate:
             raise RequestRefused(f"{MAX_OBEYED} requests within {LIFETIME_S:g} s")
 
 
-def _parsed(control: bytes) -> Any:
+def _parse_control(control: bytes) -> Any:
     try:
         return json.loads(control)
     except (ValueError, RecursionError):
@@ -208,29 +210,29 @@ class ControlClient:
                 break
             strangers += 1
         else:
-            raise Unanswered(self._why(strangers, wait_s))
+            raise Unanswered(self._why_silent(strangers, wait_s))
         run, ticket = run_and_ticket
         text = json.dumps(dict(control)).encode()
-        request = _mac(self.token, b"request", fleet, run, nonce, ticket, text)
+        request = _compute_mac(self.token, b"request", fleet, run, nonce, ticket, text)
         request += struct.pack("<Q", run) + nonce + ticket + text
         left_s = max(until - self.now(), 0.001)
         for _, received in self.link.answers_until((self.keys.control(ASK),), request, MAX_ANSWER, left_s):
             mac, answer_bytes = received[:_MAC], received[_MAC:]
-            right = _mac(self.token, b"answer", fleet, run, nonce, ticket, text, answer_bytes)
-            if hmac.compare_digest(mac, right) and (answer := _answer(answer_bytes)) is not None:
+            right = _compute_mac(self.token, b"answer", fleet, run, nonce, ticket, text, answer_bytes)
+            if hmac.compare_digest(mac, right) and (answer := _read_answer(answer_bytes)) is not None:
                 return Operated(answer, strangers)
             strangers += 1
-        raise Unanswered(self._why(strangers, wait_s))
+        raise Unanswered(self._why_silent(strangers, wait_s))
 
     def _ticket(self, given: bytes, nonce: bytes) -> tuple[int, bytes] | None:
         """Read run and ticket from an answer to a challenge; return None without a valid MAC."""
         if len(given) != _CHALLENGED.size:
             return None
         mac, run, ticket = _CHALLENGED.unpack(given)
-        right = _mac(self.token, b"challenge", self.keys.fleet, run, nonce, ticket)
+        right = _compute_mac(self.token, b"challenge", self.keys.fleet, run, nonce, ticket)
         return (run, ticket) if hmac.compare_digest(mac, right) else None
 
-    def _why(self, strangers: int, wait_s: float) -> str:
+    def _why_silent(self, strangers: int, wait_s: float) -> str:
         if strangers:
             return (
                 f"fleet {self.keys.fleet}: somebody answered who does not know the token, and nobody else did; either "
@@ -239,7 +241,7 @@ class ControlClient:
         return f"the world of fleet {self.keys.fleet} did not answer within {wait_s:g} s"
 
 
-def _answer(said: bytes) -> Answer | None:
+def _read_answer(said: bytes) -> Answer | None:
     """Read a world's answer, its text safe for a terminal; None for anything else."""
     try:
         says = json.loads(said)
@@ -250,12 +252,14 @@ def _answer(said: bytes) -> Answer | None:
     return Answer(says["done"], printable(says["text"][:_MAX_TEXT]))
 
 
-def _mac(token: str, what: bytes, fleet: str, run: int, *parts: bytes) -> bytes:
+def _compute_mac(token: str, what: bytes, fleet: str, run: int, *parts: bytes) -> bytes:
     """HMAC-SHA256 over the parts, each after its length, so that no two lists of parts give the same bytes."""
-    return hmac.digest(token.encode("utf-8", "surrogatepass"), b"".join(_framed(what, fleet, run, parts)), "sha256")
+    return hmac.digest(
+        token.encode("utf-8", "surrogatepass"), b"".join(_frame_parts(what, fleet, run, parts)), "sha256"
+    )
 
 
-def _framed(what: bytes, fleet: str, run: int, parts: Iterable[bytes]) -> Iterator[bytes]:
+def _frame_parts(what: bytes, fleet: str, run: int, parts: Iterable[bytes]) -> Iterator[bytes]:
     for part in (b"fogwatch control", what, fleet.encode(), struct.pack("<Q", run), *parts):
         yield struct.pack("<I", len(part))
         yield part

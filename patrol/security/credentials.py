@@ -71,8 +71,8 @@ class Credentials:
                 "transport/auth/usrpwd/password": self.password,
             }
         if self.mesh is None:
-            return _certified(self.folder, listens=False)
-        return {**_certified(self.folder, listens=True), **self.mesh.session(self.listens_at)}
+            return _certificate_settings(self.folder, listens=False)
+        return {**_certificate_settings(self.folder, listens=True), **self.mesh.session(self.listens_at)}
 
     def check_router(self, router: str, option: str) -> str:
         """Check that a router can ask for these credentials, and return its locator.
@@ -86,7 +86,7 @@ class Credentials:
         return _check_locator_of(router, option, self.folder is None)
 
 
-def _certified(folder: Path, *, listens: bool) -> dict[str, object]:
+def _certificate_settings(folder: Path, *, listens: bool) -> dict[str, object]:
     """Give the settings of a session with a certificate, by key of Zenoh's configuration."""
     ways = ("connect", "listen") if listens else ("connect",)
     return {
@@ -172,7 +172,7 @@ class RouterSecurity:
                 "access_control": access_control(self.keys, self.members, USERNAMES),
             }
         return {
-            **_certified(self.folder, listens=True),
+            **_certificate_settings(self.folder, listens=True),
             "access_control": access_control(self.keys, self.members, COMMON_NAMES),
         }
 
@@ -199,7 +199,7 @@ class RouterSecurity:
 def _check_locator_of(locator: str, option: str, passwords: bool) -> str:
     if passwords and not is_local(locator):
         raise BadInput(f"{option} {locator}: passwords are for one machine; for several, {REMEDY}")
-    unguarded = [one for one in locator.split(",") if not one.startswith(GUARDED)]
+    unguarded = [address for address in locator.split(",") if not address.startswith(GUARDED)]
     if not passwords and unguarded:
         remedy = f"tls/{unguarded[0].partition('/')[2]}"
         raise BadInput(f"{option} {locator}: the members have certificates, which need tls; write {remedy}")

@@ -138,7 +138,7 @@ def is_loopback(host: str) -> bool:
 
 def is_local(locator: str) -> bool:
     """Return True if all addresses of a router, with commas between them, are on this machine alone."""
-    return all(is_loopback(address_of(one)[0]) for one in locator.split(","))
+    return all(is_loopback(address_of(address)[0]) for address in locator.split(","))
 
 
 def is_group(locator: str) -> bool:
@@ -180,17 +180,17 @@ def check_radio(locator: str | None, option: str, via: str) -> str | None:
         raise BadInput(f"{option} {locator}: the scenario's radio.via is {via}; set it to direct, or omit the option")
     if is_serial(locator) or is_group(locator) or (locator and Path(locator).is_dir()):
         return locator
-    for one in locator.split(","):
-        match = _LOCATOR.fullmatch(one)
+    for address in locator.split(","):
+        match = _LOCATOR.fullmatch(address)
         if match is None or not 0 < int(match[1]) < 65536:
             raise BadInput(
-                f"{option} {one!r}: not an address for direct radio; write a multicast group, such as "
+                f"{option} {address!r}: not an address for direct radio; write a multicast group, such as "
                 "udp/224.0.0.225:7448#iface=wlan0, a serial line, serial/dev/ttyUSB0#baud=57600, the folder of a "
                 "member of a mesh, or the address of a router, quic/HOST:PORT?mixed_rel=1"
             )
-        if one.startswith("udp/") and not one.endswith(_LOSSLESS_DECLARATIONS):
+        if address.startswith("udp/") and not address.endswith(_LOSSLESS_DECLARATIONS):
             raise BadInput(
-                f"{option} {one}: a subscription that is lost on its way would never be heard of again; write "
-                f"{one.partition('?')[0]}{_LOSSLESS_DECLARATIONS}"
+                f"{option} {address}: a subscription that is lost on its way would never be heard of again; write "
+                f"{address.partition('?')[0]}{_LOSSLESS_DECLARATIONS}"
             )
     return locator

@@ -3,8 +3,8 @@
 Each member's folder holds the same file `MESH`, which is no secret: who is a member, and known addresses. A member
 listens at its own, if it has one, and connects to all others; gossip tells it of those without. Both ends connect,
 since each lets in one at a time: a connection whose packets are lost can hold up all others for 30 s. A
-member lets in whoever has a certificate of the fleet's authority, and each may do what its role may do at a router:
-each member applies the access rules to what comes in.
+member lets in each process with a certificate of the fleet's authority. That process may do what its role may do at a
+router: each member applies the access rules to what comes in.
 
 The name of a host is not verified, because members may have any address: the certificate's common name says which
 member it is, and nothing is accepted from one that no rule names.
@@ -54,7 +54,7 @@ class Mesh:
 
     def others(self, role: Role) -> tuple[str, ...]:
         """Return the locators that a member connects to."""
-        return tuple(place for user, place in self.places.items() if user != role.user)
+        return tuple(address for user, address in self.places.items() if user != role.user)
 
     def listens_at(self, role: Role, *, beside: bool) -> str:
         """Return where a member listens: at its known address alone, so that what it hears comes by that network.
@@ -62,10 +62,10 @@ class Mesh:
         A name may stand for loopback on its own machine: then, on all addresses. Without a known one, on any free port;
         also where another session of this process listens at the address already (`beside`).
         """
-        place = None if beside else self.places.get(role.user)
-        if place is None:
+        address = None if beside else self.places.get(role.user)
+        if address is None:
             return _HERE if all(map(is_local, self.places.values())) else _ANYWHERE
-        return place if is_address(place) else everywhere(place)
+        return address if is_address(address) else everywhere(address)
 
     def session(self, listen: str) -> dict[str, object]:
         """Give the settings for Zenoh's configuration of a member's session, but for its certificate, by key."""
@@ -93,10 +93,10 @@ def read_mesh(file: Path, option: str) -> Mesh:
     says = read_object(file, option)
     where = f"{option}: {file}"
     fleet = fleet_keys(text_in(says, "fleet's name", "fleet", where), f"{where}: fleet").fleet
-    members, places = (_texts(says, name, where) for name in ("members", "places"))
-    for user, place in places.items():
+    members, places = (_read_texts(says, name, where) for name in ("members", "places"))
+    for user, address in places.items():
         role_of(user, f"{where}: places")
-        check_place(place, f"{where}: places: {user}:")
+        check_place(address, f"{where}: places: {user}:")
     if not places:
         raise BadInput(f"{where}: names no address; give a robot one: fogwatch fleet revoke and add NAME --host HOST")
     return Mesh(fleet, {name: role_of(user, f"{where}: members") for name, user in members.items()}, places)
@@ -110,7 +110,7 @@ def check_place(place: str, option: str) -> str:
     return place
 
 
-def _texts(says: Mapping[str, Any], name: str, where: str) -> dict[str, str]:
+def _read_texts(says: Mapping[str, Any], name: str, where: str) -> dict[str, str]:
     value = says.get(name)
     if not isinstance(value, dict) or not all(isinstance(text, str) for text in value.values()):
         raise BadInput(f'{where}: expected "{name}", an object of texts; {_REMEDY}')
@@ -131,6 +131,6 @@ def is_address(place: str) -> bool:
 def everywhere(place: str) -> str:
     """Return the locator to listen on at a place's port, where its address is not this machine's: on all addresses."""
     host, port = address_of(place)
-    protocol, _, rest = place.partition("/")
-    _, mark, reliability = rest.partition("?")
+    protocol, _, tail = place.partition("/")
+    _, mark, reliability = tail.partition("?")
     return f"{protocol}/{'[::]' if ':' in host else '0.0.0.0'}:{port}{mark}{reliability}"

@@ -27,11 +27,11 @@ def check_private(file: Path, option: str) -> None:
         raise BadInput(f"{option}: {file} cannot be read: {error.strerror}; {REMEDY}") from None
     if not stat.S_ISREG(status.st_mode):
         raise BadInput(f"{option}: {file}: is no regular file; {REMEDY}")
-    if _exposed(file, status.st_mode):
+    if _is_exposed(file, status.st_mode):
         raise BadInput(f"{option}: {file}: others can read it (mode {status.st_mode & 0o777:o}); run chmod 600 {file}")
 
 
-def _exposed(file: Path, mode: int) -> bool:
+def _is_exposed(file: Path, mode: int) -> bool:
     """Return True if others than its owner can read or change a file.
 
     A service manager gives a service its secrets in a folder of their own, by an access list that names the service's
@@ -50,7 +50,7 @@ def read_object(file: Path, option: str, *, secret: bool = False) -> dict[str, A
             text = opened.read(ACCESS.most)
     except OSError as error:
         raise BadInput(f"{option}: {file} cannot be read: {error.strerror}") from None
-    if secret and _exposed(file, mode):
+    if secret and _is_exposed(file, mode):
         raise BadInput(f"{option}: {file}: others can read it (mode {mode:o}); run chmod 600 {file}")
     try:
         says = json.loads(text)

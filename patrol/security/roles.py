@@ -29,6 +29,20 @@ USERNAMES, COMMON_NAMES = "usernames", "cert_common_names"
 """Properties that a router knows a session by: the user of its password, or the common name of its certificate."""
 
 
+BOTH_WAYS = ("ingress", "egress")
+ALL_MESSAGES = (
+    "put",
+    "declare_subscriber",
+    "query",
+    "reply",
+    "declare_queryable",
+    "liveliness_token",
+    "declare_liveliness_subscriber",
+    "liveliness_query",
+)
+"""The messages of a fleet in Zenoh's access rules."""
+
+
 class Kind(StrEnum):
     """The kinds of members that a fleet has."""
 
@@ -108,15 +122,15 @@ class Rights:
 def rights_of(role: Role, keys: FleetKeys) -> Rights:
     """Return the rights of a role; whatever they do not name is denied."""
     everyone = (keys.alive("*"),)
-    own = role.robot
+    robot = role.robot
     match role.kind:
         case Kind.ROBOT:
             return Rights(
-                publish=(keys.reply(own), keys.position(own), keys.telemetry(own)),
-                hear=(keys.tick(own), keys.position("*")),
-                answer=(keys.stop(own),),
-                announce=(keys.alive(own),),
-                watch=(keys.alive(WORLD), keys.alive(own)),
+                publish=(keys.reply(robot), keys.position(robot), keys.telemetry(robot)),
+                hear=(keys.tick(robot), keys.position("*")),
+                answer=(keys.stop(robot),),
+                announce=(keys.alive(robot),),
+                watch=(keys.alive(WORLD), keys.alive(robot)),
             )
         case Kind.WORLD:
             return Rights(
@@ -148,44 +162,36 @@ def access_control(
     `USERNAMES` or `COMMON_NAMES`. Another router of the fleet, which is known by its certificate, may pass on whatever
     belongs to the fleet: it has applied the same rules.
     """
-    rules: list[dict[str, Any]] = []
-    policies: list[dict[str, Any]] = []
-    for name, role in members.items():
-        own = rules_of(name, rights_of(role, keys), (keys.anything,))
-        rules += own
-        policies.append({"subjects": [name], "rules": [rule["id"] for rule in own]})
-    subjects = [{"id": name, known_by: [name]} for name in members]
+    allowed = {name: rules_of(name, rights_of(role, keys), (keys.anything,)) for name, role in members.items()}
     if routers and known_by == COMMON_NAMES:
         router_rule = router_name(keys.fleet)
-        rules.append(_everything(router_rule, keys))
-        policies.append({"subjects": [router_rule], "rules": [router_rule]})
-        subjects.append({"id": router_rule, known_by: [router_rule]})
+        allowed[router_rule] = [rule(router_rule, BOTH_WAYS, [keys.anything])]
+    return deny_all_but(allowed, {name: {known_by: [name]} for name in allowed})
+
+
+def deny_all_but(
+    allowed: Mapping[str, Sequence[Mapping[str, Any]]], subjects: Mapping[str, Mapping[str, Any]]
+) -> dict[str, Any]:
+    """Return access rules for Zenoh's configuration: each subject's own ones, by the properties that it is known by."""
     return {
         "enabled": True,
         "default_permission": "deny",
-        "rules": rules,
-        "subjects": subjects,
-        "policies": policies,
+        "rules": [one for own in allowed.values() for one in own],
+        "subjects": [{"id": name, **known_by} for name, known_by in subjects.items()],
+        "policies": [{"subjects": [name], "rules": [one["id"] for one in own]} for name, own in allowed.items()],
     }
 
 
-def _everything(name: str, keys: FleetKeys) -> dict[str, Any]:
-    """Write the rule for a member that may send and receive all that belongs to the fleet."""
+def rule(
+    name: str, flows: Sequence[str], expressions: Sequence[str], messages: Sequence[str] = ALL_MESSAGES
+) -> dict[str, Any]:
+    """Write a rule that allows messages under key expressions, as Zenoh's configuration takes it."""
     return {
         "id": name,
         "permission": "allow",
-        "flows": ["ingress", "egress"],
-        "messages": [
-            "put",
-            "declare_subscriber",
-            "query",
-            "reply",
-            "declare_queryable",
-            "liveliness_token",
-            "declare_liveliness_subscriber",
-            "liveliness_query",
-        ],
-        "key_exprs": [keys.anything],
+        "flows": list(flows),
+        "messages": list(messages),
+        "key_exprs": list(expressions),
     }
 
 
@@ -212,13 +218,7 @@ def rules_of(name: str, rights: Rights, anything: tuple[str, ...]) -> list[dict[
         ("be-offered", "egress", ("declare_queryable",), anything if rights.ask else ()),
     )
     return [
-        {
-            "id": f"{name} {part}",
-            "permission": "allow",
-            "flows": [flow],
-            "messages": list(messages),
-            "key_exprs": list(expressions),
-        }
+        rule(f"{name} {part}", [flow], expressions, messages)
         for part, flow, messages, expressions in rule_parts
         if expressions
     ]

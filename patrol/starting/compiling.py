@@ -99,7 +99,7 @@ def compile_modules(modules: Mapping[str, Path], show: Callable[[Compiled], None
 
     `show` is called with the progress at each change, and every `LOOK_S`.
     """
-    todo = sorted((_work(name, source) for name, source in modules.items()), key=lambda work: work.size)
+    todo = sorted((_measure_work(name, source) for name, source in modules.items()), key=lambda work: work.size)
     of, size = sum(work.kernels for work in todo), sum(work.size for work in todo)
     ended: list[_Work] = []
     begun = time.monotonic()
@@ -128,6 +128,6 @@ def compile_modules(modules: Mapping[str, Path], show: Callable[[Compiled], None
                 worker.end()
 
 
-def _work(name: str, source: Path) -> _Work:
+def _measure_work(name: str, source: Path) -> _Work:
     text = source.read_text(encoding="utf-8")
     return _Work(name, source, text.count("@njit"), len(text))

@@ -43,8 +43,8 @@ def _hides_a_package(folder: str) -> bool:
     for name in PACKAGES:
         spec = PathFinder.find_spec(name, [folder or "."])
         if spec is not None and spec.origin is not None:
-            own = os.path.join(HOME, name, "__init__.py")  # noqa: PTH118
-            if os.path.realpath(spec.origin) != os.path.realpath(own):
+            package_file = os.path.join(HOME, name, "__init__.py")  # noqa: PTH118
+            if os.path.realpath(spec.origin) != os.path.realpath(package_file):
                 return True
     return False
 
@@ -57,7 +57,7 @@ _NAMED = 2
 
 def room_for(commands: Iterable[Sequence[str]]) -> str:
     """Return an argument of blanks that makes room for longer command lines; a longer one is cut short."""
-    return " " * max(len(_line(words)) for words in commands)
+    return " " * max(len(_join_words(words)) for words in commands)
 
 
 def show_as(words: Sequence[str]) -> None:
@@ -70,8 +70,8 @@ def show_as(words: Sequence[str]) -> None:
         start, end = (int(fields[number - _NAMED - 1]) for number in (_START, _END))
         if 0 < start < end:
             room = end - start
-            ctypes.memmove(start, _line(words)[: room - 1].ljust(room, b"\0"), room)
+            ctypes.memmove(start, _join_words(words)[: room - 1].ljust(room, b"\0"), room)
 
 
-def _line(words: Sequence[str]) -> bytes:
+def _join_words(words: Sequence[str]) -> bytes:
     return b"".join(word.encode(errors="replace") + b"\0" for word in words)

@@ -72,17 +72,17 @@ def serve_forks(descriptor: int) -> tuple[Orders, int] | None:
         _, descriptors, _, _ = socket.recv_fds(control, len(_ASK), 1)
         if not descriptors:
             return None
-        with socket.socket(fileno=descriptors[0]) as own:
+        with socket.socket(fileno=descriptors[0]) as channel:
             between = os.fork()
             if between == 0:
                 control.close()
-                return _become(own)
+                return _become_process(channel)
             if os.waitpid(between, 0)[1] == 0:
                 with suppress(OSError):  # the asking process has gone, which the next request tells
-                    own.sendall(_MADE)
+                    channel.sendall(_MADE)
 
 
-def _become(own: socket.socket) -> tuple[Orders, int] | None:
+def _become_process(own: socket.socket) -> tuple[Orders, int] | None:
     """Fork once more and end; in the new process, return what it is told. Nothing returns to the server from here."""
     if (new_pid := os.fork()) != 0:
         try:
@@ -92,8 +92,8 @@ def _become(own: socket.socket) -> tuple[Orders, int] | None:
     os.setsid()
     with suppress(OSError, ValueError):  # the asking process has gone, perhaps in the middle of the orders
         message, descriptors, _, _ = socket.recv_fds(own, _CHUNK, 1)
-        while more := own.recv(_CHUNK):
-            message += more
+        while chunk := own.recv(_CHUNK):
+            message += chunk
         return Orders(**json.loads(message)), descriptors[0]
     return None
 
@@ -113,9 +113,9 @@ def ask_for_fork(control: socket.socket, orders: Orders, output: int) -> int:
                 socket.send_fds(control, [_ASK], [theirs.fileno()])
             answer = b""
             while len(answer) < _ANSWER_BYTES:
-                if not (more := ours.recv(_ANSWER_BYTES - len(answer))):
+                if not (chunk := ours.recv(_ANSWER_BYTES - len(answer))):
                     raise ConnectionResetError
-                answer += more
+                answer += chunk
         pid = int.from_bytes(answer[:_PID_BYTES], "little")
         os.waitid(os.P_PID, pid, os.WEXITED | os.WNOHANG | os.WNOWAIT)  # raises where it is another's child
         message = json.dumps(asdict(orders)).encode()

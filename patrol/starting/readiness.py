@@ -21,7 +21,7 @@ _REPORT_S = 0.05
 
 
 class StartFailure(StrEnum):
-    """Why a process could not start, as far as its parent acts on it."""
+    """Reasons for which a process could not start, as far as its parent acts on them."""
 
     PORT_BUSY = "port-busy"
     OTHER = "other"
@@ -81,7 +81,7 @@ class StartPipe:
             self.ended = not arrived
             line, newline, _ = self._bytes.partition(b"\n")
             if newline:
-                self._report = _read(line)
+                self._report = _read_report(line)
         return self._report
 
     def await_report(self, limit_s: float, stopped: Callable[[], bool] = lambda: False) -> StartReport | None:
@@ -104,7 +104,7 @@ class StartPipe:
         self.ended = True
 
 
-def _read(line: bytes) -> StartReport:
+def _read_report(line: bytes) -> StartReport:
     fields = json.loads(line)
     failure = fields["failure"]
     return StartReport(fields["address"], None if failure is None else StartFailure(failure), fields["detail"])

@@ -20,7 +20,7 @@ def _follows_forces(scenario: Scenario) -> bool:
     return not scenario.patrol.needs_rounds and scenario.patrol.policy != LEARNED
 
 
-def _dilates(scenario: Scenario) -> bool:
+def _needs_dilation(scenario: Scenario) -> bool:
     """Return True if beliefs spread staleness (`agent.belief.believed.BelievedFog`); an open field has no posts."""
     return _follows_forces(scenario) or scenario.terrain.builtin == "open"
 
@@ -39,16 +39,11 @@ def _goes_straight(scenario: Scenario) -> bool:
     return scenario.patrol.paths == "straight"
 
 
-def _has_ties(scenario: Scenario) -> bool:
-    return getattr(scenario.patrol.options, "ties", "diagonal") != "diagonal"
-
-
 SELDOM: Mapping[str, Callable[[Scenario], bool]] = {
-    "agent.kernels.changes": _dilates,
-    "agent.kernels.dilate": _dilates,
+    "agent.kernels.changes": _needs_dilation,
+    "agent.kernels.dilate": _needs_dilation,
     "agent.kernels.surroundings": _is_learned,
     "agent.kernels.force": _follows_forces,
-    "agent.kernels.first_steps": _has_ties,
     "agent.kernels.region_paths": _has_regions,
     "agent.kernels.straight": _goes_straight,
     "patrol.kernels.doors": lambda _: False,  # where a random start may be shut in

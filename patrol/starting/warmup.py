@@ -48,10 +48,10 @@ def warm(
         return {name: file for name, file in files.items() if not is_stored(name, file)}
 
     if missing():
-        with _lock(cache_home(), say):
+        with _lock_cache(cache_home(), say):
             if todo := missing():
                 say(COMPILING)
-                compile_modules(todo, show or _lines(say))
+                compile_modules(todo, show or _progress_lines(say))
 
 
 def kernel_files(package: str) -> dict[str, Path]:
@@ -72,7 +72,7 @@ def progress_line(compiled: Compiled) -> str:
     return f"compiling the kernels: {compiled.kernels} of {compiled.of}{time_left}"
 
 
-def _lines(say: Callable[[str], None]) -> Callable[[Compiled], None]:
+def _progress_lines(say: Callable[[str], None]) -> Callable[[Compiled], None]:
     """Make a display that says how far compiling is every `LINE_S`."""
     due = time.monotonic() + LINE_S
 
@@ -86,18 +86,18 @@ def _lines(say: Callable[[str], None]) -> Callable[[Compiled], None]:
 
 
 @contextmanager
-def _lock(home: Path, say: Callable[[str], None]) -> Iterator[None]:
+def _lock_cache(home: Path, say: Callable[[str], None]) -> Iterator[None]:
     with storing():
         make_folder(home)
         file = (home / "lock").open("ab")
     with file:
-        if not _locked(file, fcntl.LOCK_NB):
+        if not _try_lock(file, fcntl.LOCK_NB):
             say(WAITING)
-            _locked(file)
+            _try_lock(file)
         yield
 
 
-def _locked(file: BinaryIO, flags: int = 0) -> bool:
+def _try_lock(file: BinaryIO, flags: int = 0) -> bool:
     """Lock a file; return whether that was possible without waiting, where the flags say not to wait."""
     with storing():  # not every file system can lock
         try:

@@ -28,7 +28,7 @@ class _Part(BaseModel):
 
 
 class Stalest(_Part):
-    """The stalest place at some time; see `worldsim.verdict.run.progress.Stalest`."""
+    """The stalest place at some time; see `worldsim.checks.progress.Stalest`."""
 
     x: float
     y: float

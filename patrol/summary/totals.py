@@ -99,8 +99,8 @@ class _Robot:
             decisions=decisions,
             missed=self.living - decisions,
             refused_commands=self.refused,
-            decision_ms_p50=_percentile(self.decision_ms, 50),
-            decision_ms_p99=_percentile(self.decision_ms, 99),
+            decision_ms_p50=_percentile_of(self.decision_ms, 50),
+            decision_ms_p99=_percentile_of(self.decision_ms, 99),
             bytes=self.frame_bytes,
             sent=self.sent,
             delivered=self.delivered,
@@ -172,18 +172,18 @@ class RunTotals:
             seen_share=self._seen / self._patrolled,
             bound_s=header.bound_s,
             patrolled_area_m2=header.patrolled_area_m2,
-            **self._vertices(),
+            **self._count_vertices(),
             point_m=header.terrain.point,
-            messages=self._messages(),
+            messages=self._sum_messages(),
             robots={facts.name: self._robots[facts.number].figures() for facts in header.robots},
         )
 
-    def _vertices(self) -> dict[str, Any]:
+    def _count_vertices(self) -> dict[str, Any]:
         """Return the number of vertices that count; nothing where ground does."""
         terrain = self._header.scenario.get("terrain", {})
         return {"patrolled_vertices": len(terrain["graph"]["vertices"])} if terrain.get("patrolled") == VERTICES else {}
 
-    def _messages(self) -> Messages:
+    def _sum_messages(self) -> Messages:
         robots = list(self._robots.values())
         causes: Counter[str] = Counter()
         for robot in robots:
@@ -215,5 +215,5 @@ def dropped_by_source(record: TickRecord) -> list[tuple[int, str, int]]:
     return [(pair // kinds, drops.causes[pair % kinds], count) for pair, count in rows]
 
 
-def _percentile(values: list[float], percent: float) -> float | None:
+def _percentile_of(values: list[float], percent: float) -> float | None:
     return float(np.percentile(values, percent)) if values else None

@@ -50,38 +50,38 @@ class Views:
         self._every = every
         self._width = ground.shape[1]
         self._looks = looks
-        self._window = lru_cache(maxsize=REMEMBERED * every * every)(self._look)
+        self._window = lru_cache(maxsize=REMEMBERED * every * every)(self._look_from)
 
     def clear(self) -> None:
         """Begin anew, with no chosen place."""
         self.count[:] = 0
 
-    def _look(self, place: int) -> tuple[slice, slice, BoolGrid]:
-        rows, cols, seen = self._looks.window(place, self._every)
-        return rows, cols, seen & self.ground[rows, cols]
+    def _look_from(self, place: int) -> tuple[slice, slice, BoolGrid]:
+        rows, cols, mask = self._looks.window(place, self._every)
+        return rows, cols, mask & self.ground[rows, cols]
 
     def gain(self, place: int) -> int:
         """Count the points that are seen from a place and from no chosen one."""
-        rows, cols, seen = self._window(place)
-        return int(np.count_nonzero(seen & (self.count[rows, cols] == 0)))
+        rows, cols, mask = self._window(place)
+        return int(np.count_nonzero(mask & (self.count[rows, cols] == 0)))
 
     def add(self, place: int) -> None:
         """Count what is seen from a place."""
-        rows, cols, seen = self._window(place)
-        self.count[rows, cols] += seen
+        rows, cols, mask = self._window(place)
+        self.count[rows, cols] += mask
 
     def take(self, place: int) -> bool:
         """Take a chosen place back; return True if all that is seen from it is still seen from another one."""
-        rows, cols, seen = self._window(place)
+        rows, cols, mask = self._window(place)
         count = self.count[rows, cols]
-        count -= seen
-        return not (seen & (count == 0)).any()
+        count -= mask
+        return not (mask & (count == 0)).any()
 
     def unseen(self) -> int | None:
         """Return the first point of the ground, a flat index, that is seen from no chosen place; None without one."""
         missing = self.ground & (self.count == 0)
-        at = int(missing.argmax())
-        row, col = divmod(at, missing.shape[1])
+        index = int(missing.argmax())
+        row, col = divmod(index, missing.shape[1])
         return row * self._every * self._width + col * self._every if missing[row, col] else None
 
     def forget(self, point: int) -> None:
@@ -100,24 +100,24 @@ def lattice(part: BoolGrid, spacing: float) -> list[int]:
     square = (row * part.shape[1] + col)[order]
     first = np.ones(len(order), dtype=np.bool_)
     first[1:] = square[1:] != square[:-1]
-    return [int(place) for place in inside[order[first]]]
+    return [int(cell) for cell in inside[order[first]]]
 
 
 def choose(candidates: list[int], views: Views) -> list[int]:
     """Choose places greedily: always the one that adds most, until none adds anything."""
-    waiting = [(-views.gain(place), place) for place in candidates]
+    waiting = [(-views.gain(cell), cell) for cell in candidates]
     heapq.heapify(waiting)
     chosen = []
     while waiting:
-        gain, place = heapq.heappop(waiting)
-        now = views.gain(place)  # at most what it was when it was put in
+        gain, cell = heapq.heappop(waiting)
+        now = views.gain(cell)  # at most what it was when it was put in
         if now == -gain:
             if now == 0:
                 break
-            views.add(place)
-            chosen.append(place)
+            views.add(cell)
+            chosen.append(cell)
         elif now:
-            heapq.heappush(waiting, (-now, place))
+            heapq.heappush(waiting, (-now, cell))
     return chosen
 
 
@@ -131,17 +131,17 @@ def complete(views: Views, part: BoolGrid, proxy: NDArray[np.int32]) -> list[int
             views.forget(here)
             continue
         last = here
-        place = here if inside[here] else int(posts[here])
-        views.add(place)
-        added.append(place)
+        cell = here if inside[here] else int(posts[here])
+        views.add(cell)
+        added.append(cell)
     return added
 
 
 def needed(chosen: list[int], views: Views) -> list[int]:
     """Return the chosen places without those that see nothing alone."""
     needed = []
-    for place in dict.fromkeys(chosen):
-        if not views.take(place):
-            views.add(place)
-            needed.append(place)
+    for cell in dict.fromkeys(chosen):
+        if not views.take(cell):
+            views.add(cell)
+            needed.append(cell)
     return needed

@@ -85,8 +85,8 @@ def lay_out(
     body fits.
     """
     width = terrain.width
-    places, along, length_m = _places(terrain, reach, tour, max(terrain.point, PLACES * footprint.range_m))
-    owner = _stops(terrain, ground, places, along, Looks(terrain, footprint), SLACK * footprint.range_m)
+    places, along, length_m = _tour_places(terrain, reach, tour, max(terrain.point, PLACES * footprint.range_m))
+    owner = _assign_stops(terrain, ground, places, along, Looks(terrain, footprint), SLACK * footprint.range_m)
     flat_owner = owner.reshape(-1)
     stands = np.where(flat_owner >= 0, places[np.maximum(flat_owner, 0)], -1)
     for point in np.flatnonzero(ground.reshape(-1) & (flat_owner < 0)).tolist():
@@ -99,7 +99,7 @@ def lay_out(
     return replace(laid_out, stations=stations_of(laid_out, terrain, reach, footprint.range_m))
 
 
-def _stops(
+def _assign_stops(
     terrain: Terrain, ground: BoolGrid, places: Flat, along: NDArray[np.float64], looks: Looks, slack_m: float
 ) -> Flat:
     """Return the place to which each patrolled point belongs, int64 (height, width); -1 where no place sees it."""
@@ -107,8 +107,8 @@ def _stops(
 
     def sees(number: int, rows: slice, cols: slice) -> BoolGrid:
         """Return which points of a window are seen from a place."""
-        own_rows, own_cols, seen = looks.window(int(places[number]), 1)
-        window[own_rows, own_cols] = seen
+        own_rows, own_cols, mask = looks.window(int(places[number]), 1)
+        window[own_rows, own_cols] = mask
         within = window[rows, cols].copy()
         window[own_rows, own_cols] = False
         return within
@@ -116,29 +116,29 @@ def _stops(
     # The last places in a row from which each point is seen.
     first = np.full(terrain.shape, -1, dtype=np.int64)
     last = np.full(terrain.shape, -2, dtype=np.int64)
-    for number, place in enumerate(places.tolist()):
-        rows, cols, seen = looks.window(place, 1)
-        seen = seen & ground[rows, cols]
-        first[rows, cols][seen & (last[rows, cols] != number - 1)] = number
-        last[rows, cols][seen] = number
+    for number, cell in enumerate(places.tolist()):
+        rows, cols, mask = looks.window(cell, 1)
+        mask = mask & ground[rows, cols]
+        first[rows, cols][mask & (last[rows, cols] != number - 1)] = number
+        last[rows, cols][mask] = number
     before = np.searchsorted(along, along - slack_m)
     after = np.minimum(np.searchsorted(along, along + slack_m), len(places) - 1)
-    due = np.where(last >= 0, np.maximum(first, before[np.maximum(last, 0)]), -1)
+    stop_of = np.where(last >= 0, np.maximum(first, before[np.maximum(last, 0)]), -1)
 
     owner = np.full(terrain.shape, -1, dtype=np.int64)
     nearest = np.full(terrain.shape, np.iinfo(np.int64).max, dtype=np.int64)
     is_sure = np.zeros(terrain.shape, dtype=np.bool_)
-    points = np.flatnonzero(due >= 0)
-    points = points[np.argsort(due.flat[points], kind="stable")]
-    numbers, begins = np.unique(due.flat[points], return_index=True)
+    points = np.flatnonzero(stop_of >= 0)
+    points = points[np.argsort(stop_of.flat[points], kind="stable")]
+    numbers, begins = np.unique(stop_of.flat[points], return_index=True)
     for number, due_there in zip(numbers.tolist(), np.split(points, begins[1:]), strict=True):
         if (owner.flat[due_there] >= 0).all():
             continue
-        rows, cols, seen = looks.window(int(places[number]), 1)
+        rows, cols, mask = looks.window(int(places[number]), 1)
         row, col = divmod(int(places[number]), terrain.width)
         up, across = np.arange(terrain.height)[rows] - row, np.arange(terrain.width)[cols] - col
         off = up[:, None] ** 2 + across**2
-        free = seen & ground[rows, cols] & ~is_sure[rows, cols]
+        free = mask & ground[rows, cols] & ~is_sure[rows, cols]
         nearer = free & (off < nearest[rows, cols])
         owner[rows, cols][nearer], nearest[rows, cols][nearer] = number, off[nearer]
         sure = free & sees(before[number], rows, cols) & sees(after[number], rows, cols)
@@ -146,7 +146,9 @@ def _stops(
     return owner
 
 
-def _places(terrain: Terrain, reach: BoolGrid, tour: Tour, spacing: float) -> tuple[Flat, NDArray[np.float64], float]:
+def _tour_places(
+    terrain: Terrain, reach: BoolGrid, tour: Tour, spacing: float
+) -> tuple[Flat, NDArray[np.float64], float]:
     """Return the points of a tour at most a spacing (m) apart, how far along it they lie, and its length, m."""
     places: list[int] = []
     along: list[float] = []

@@ -95,7 +95,7 @@ def find_tour(
     tour = _Patrol(best, exact, ways)
     tour.complete(part, proxy)
     tour.tighten()
-    return Tour(tour.length * terrain.point, tuple(looks.place(place) for place in tour.corners))
+    return Tour(tour.length * terrain.point, tuple(looks.place(cell) for cell in tour.corners))
 
 
 class _Ways:
@@ -122,38 +122,38 @@ class _Ways:
 
         It is the same in both directions where there are no one-way zones.
         """
-        pair = self._pair(first, last)
+        pair = self._kept_pair(first, last)
         if pair not in self._known:
-            begin, end = (self._flat(place) for place in pair)
+            begin, end = (self._flat_index(cell) for cell in pair)
             scratch = self._length, self._queues, self._corners
             count: int = way_between(self._framed, self._against, begin, end, *scratch)
             if not count:
                 raise ValueError(f"no way leads from {first} to {last}")
             rows, cols = np.divmod(self._corners[:count].astype(np.int64), self._framed.shape[1])
-            self._known[pair] = self._sampled(rows - 1, cols - 1)
-            self._bends[pair] = tuple(int(place) for place in (rows - 1) * self.width + cols - 1)
+            self._known[pair] = self._sample_way(rows - 1, cols - 1)
+            self._bends[pair] = tuple(int(cell) for cell in (rows - 1) * self.width + cols - 1)
         return self._known[pair]
 
     def corners(self, first: int, last: int) -> tuple[int, ...]:
         """Return the corners of a way that is known, from its first point to before its last; flat indices."""
         if first == last:
             return (first,)
-        pair = self._pair(first, last)
+        pair = self._kept_pair(first, last)
         bends = self._bends[pair]
         return (bends if pair == (first, last) else bends[::-1])[:-1]
 
-    def _pair(self, first: int, last: int) -> tuple[int, int]:
+    def _kept_pair(self, first: int, last: int) -> tuple[int, int]:
         """Return the ends of the way that is kept for two points."""
         return (first, last) if self._against.size or first < last else (last, first)
 
-    def _sampled(self, rows: Flat, cols: Flat) -> tuple[float, tuple[int, ...]]:
+    def _sample_way(self, rows: Flat, cols: Flat) -> tuple[float, tuple[int, ...]]:
         along = np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(rows), np.diff(cols)))])
-        at = np.linspace(0.0, along[-1], math.ceil(along[-1] / self.stride) + 1)[1:-1]
-        on_rows = np.floor(np.interp(at, along, rows) + 0.5).astype(np.int64)
-        on_cols = np.floor(np.interp(at, along, cols) + 0.5).astype(np.int64)
-        return float(along[-1]), tuple(int(place) for place in on_rows * self.width + on_cols)
+        samples = np.linspace(0.0, along[-1], math.ceil(along[-1] / self.stride) + 1)[1:-1]
+        on_rows = np.floor(np.interp(samples, along, rows) + 0.5).astype(np.int64)
+        on_cols = np.floor(np.interp(samples, along, cols) + 0.5).astype(np.int64)
+        return float(along[-1]), tuple(int(cell) for cell in on_rows * self.width + on_cols)
 
-    def _flat(self, place: int) -> int:
+    def _flat_index(self, place: int) -> int:
         row, col = divmod(place, self.width)
         return (row + 1) * (self.width + 2) + col + 1
 
@@ -166,7 +166,7 @@ class _Ways:
         """Return places in the order of a short closed tour, as if there were no one-way zones."""
         if len(places) < 4:
             return places
-        flat = np.array([self._flat(place) for place in places], dtype=np.int64)
+        flat = np.array([self._flat_index(cell) for cell in places], dtype=np.int64)
         lengths = np.empty((len(places), len(places)), dtype=np.int32)
         limit = round(100.0 * self._near)
         while lengths_between(self._framed, flat, limit, lengths):
@@ -175,11 +175,11 @@ class _Ways:
             limit *= 2
         tour = _nearest_neighbours(lengths)
         shorten(lengths, tour)
-        return [places[at] for at in tour]
+        return [places[index] for index in tour]
 
     def length(self, places: list[int]) -> float:
         """Return the length of the closed tour through some places, points."""
-        return sum(self.way(places[at - 1], place)[0] for at, place in enumerate(places))
+        return sum(self.way(places[index - 1], cell)[0] for index, cell in enumerate(places))
 
 
 class _Patrol:
@@ -190,9 +190,9 @@ class _Patrol:
         self._views = views
         self._ways = ways
         views.clear()
-        for index, place in enumerate(self.places):
-            views.add(place)
-            self._add(self.places[index - 1], place)
+        for index, cell in enumerate(self.places):
+            views.add(cell)
+            self._add_views(self.places[index - 1], cell)
 
     @property
     def length(self) -> float:
@@ -202,66 +202,69 @@ class _Patrol:
     @property
     def corners(self) -> list[int]:
         """The corners of the tour in order, flat indices."""
-        pairs = [(place, self.places[(at + 1) % len(self.places)]) for at, place in enumerate(self.places)]
+        pairs = [(cell, self.places[(index + 1) % len(self.places)]) for index, cell in enumerate(self.places)]
         return [corner for pair in pairs for corner in self._ways.corners(*pair)]
 
     def complete(self, part: BoolGrid, proxy: NDArray[np.int32]) -> None:
         """Put in places until all is seen, each where it lengthens the tour least; see `find_tour`."""
         while added := complete(self._views, part, proxy):
-            for place in added:
-                if place in self.places:
-                    self._views.take(place)
+            for cell in added:
+                if cell in self.places:
+                    self._views.take(cell)
                 else:
-                    self._insert(place)
+                    self._insert_place(cell)
 
-    def _insert(self, place: int) -> None:
+    def _insert_place(self, place: int) -> None:
         """Put in a place that is counted already."""
         if not self.places:
             self.places.append(place)
             return
-        _, at = min((self._detour(self.places[at - 1], place, self.places[at]), at) for at in self._beside(place))
-        before, after = self.places[at - 1], self.places[at]
-        self.places.insert(at, place)
-        self._add(before, place)
-        self._add(place, after)
+        _, index = min(
+            (self._detour_over(self.places[index - 1], place, self.places[index]), index)
+            for index in self._places_beside(place)
+        )
+        before, after = self.places[index - 1], self.places[index]
+        self.places.insert(index, place)
+        self._add_views(before, place)
+        self._add_views(place, after)
         for sample in self._ways.way(before, after)[1]:
             self._views.take(sample)
 
     def tighten(self) -> None:
         """Leave places out, and pull others closer to their neighbours, until nothing is gained."""
         for _ in range(PASSES):
-            if not self.drop() + self._pull():
+            if not self.drop() + self._pull_places():
                 break
 
     def drop(self) -> int:
         """Leave out places that are not needed, those first that save most; return how many."""
         saved = {
-            place: self._detour(self.places[at - 1], place, self.places[(at + 1) % len(self.places)])
-            for at, place in enumerate(self.places)
+            place: self._detour_over(self.places[index - 1], place, self.places[(index + 1) % len(self.places)])
+            for index, place in enumerate(self.places)
         }
         return sum(
-            self._replace(self.places.index(place), [])
+            self._replace_place(self.places.index(place), [])
             for place in sorted(saved, key=lambda place: (-saved[place], place))
             if len(self.places) > 1
         )
 
-    def _pull(self) -> int:
+    def _pull_places(self) -> int:
         """Move places towards the middle of their neighbours; return how many."""
         moved = 0
         width = self._ways.width
-        for at in range(len(self.places)):
-            row, col = divmod(self.places[at], width)
+        for index in range(len(self.places)):
+            row, col = divmod(self.places[index], width)
             (row0, col0), (row1, col1) = (
-                divmod(self.places[(at + side) % len(self.places)], width) for side in (-1, 1)
+                divmod(self.places[(index + side) % len(self.places)], width) for side in (-1, 1)
             )
             for share in PULLS:
                 to = round(row + share * (0.5 * (row0 + row1) - row)), round(col + share * (0.5 * (col0 + col1) - col))
-                if self._ways.inside(*to) and self._replace(at, [to[0] * width + to[1]]):
+                if self._ways.inside(*to) and self._replace_place(index, [to[0] * width + to[1]]):
                     moved += 1
                     break
         return moved
 
-    def _replace(self, at: int, new: list[int]) -> bool:
+    def _replace_place(self, at: int, new: list[int]) -> bool:
         """Replace a place by another one or none, if the tour becomes shorter and still sees all; return True if so."""
         before, old, after = self.places[at - 1], self.places[at], self.places[(at + 1) % len(self.places)]
         if new == [old] or set(new) & set(self.places):
@@ -271,12 +274,12 @@ class _Patrol:
         if length > self._ways.way(before, old)[0] + self._ways.way(old, after)[0] - GAIN * self._ways.stride:
             return False
         added = [*new, *(sample for pair in pairwise(now) for sample in self._ways.way(*pair)[1])]
-        gone = [old, *self._ways.way(before, old)[1], *self._ways.way(old, after)[1]]
-        for place in added:
-            self._views.add(place)
-        for count, place in enumerate(gone, start=1):
-            if not self._views.take(place):
-                for back in gone[:count]:
+        removed = [old, *self._ways.way(before, old)[1], *self._ways.way(old, after)[1]]
+        for cell in added:
+            self._views.add(cell)
+        for count, cell in enumerate(removed, start=1):
+            if not self._views.take(cell):
+                for back in removed[:count]:
                     self._views.add(back)
                 for back in added:
                     self._views.take(back)
@@ -284,28 +287,28 @@ class _Patrol:
         self.places[at : at + 1] = new
         return True
 
-    def _beside(self, place: int) -> list[int]:
+    def _places_beside(self, place: int) -> list[int]:
         """Return the numbers of the places next to the `NEIGHBOURS` that are nearest to a point in a straight line."""
         rows, cols = np.divmod(np.array(self.places), self._ways.width)
         row, col = divmod(place, self._ways.width)
         nearest = np.argsort((rows - row) ** 2 + (cols - col) ** 2, kind="stable")[:NEIGHBOURS]
-        return sorted({int(at + side) % len(self.places) for at in nearest for side in (0, 1)})
+        return sorted({int(index + side) % len(self.places) for index in nearest for side in (0, 1)})
 
-    def _detour(self, before: int, place: int, after: int) -> float:
+    def _detour_over(self, before: int, place: int, after: int) -> float:
         """Return the detour over a place between two others, points."""
         way = self._ways.way
         return way(before, place)[0] + way(place, after)[0] - way(before, after)[0]
 
-    def _add(self, first: int, last: int) -> None:
+    def _add_views(self, first: int, last: int) -> None:
         for sample in self._ways.way(first, last)[1]:
             self._views.add(sample)
 
 
 def _nearest_neighbours(lengths: NDArray[np.int32]) -> Flat:
     """Return a first tour: from place 0 always on to the nearest place that is left."""
-    left = np.ones(len(lengths), dtype=np.bool_)
+    unvisited = np.ones(len(lengths), dtype=np.bool_)
     tour = np.zeros(len(lengths), dtype=np.int64)
     for step in range(1, len(tour)):
-        left[tour[step - 1]] = False
-        tour[step] = np.argmin(np.where(left, lengths[tour[step - 1]], FAR))
+        unvisited[tour[step - 1]] = False
+        tour[step] = np.argmin(np.where(unvisited, lengths[tour[step - 1]], FAR))
     return tour

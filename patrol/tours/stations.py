@@ -70,10 +70,10 @@ def stations_of(laid_out: Round, terrain: Terrain, reach: BoolGrid, range_m: flo
     begins = np.append(firsts[heads], len(place_of))
     around = np.full(terrain.shape, -1, dtype=np.int32)
     around.flat[laid_out.points] = np.repeat(np.arange(len(spots), dtype=np.int32), np.diff(begins))
-    return Stations(spots, begins, _apart(terrain, reach, spots, NEAR * range_m), around)
+    return Stations(spots, begins, _distances_between(terrain, reach, spots, NEAR * range_m), around)
 
 
-def _apart(terrain: Terrain, reach: BoolGrid, spots: Flat, near_m: float) -> NDArray[np.float64]:
+def _distances_between(terrain: Terrain, reach: BoolGrid, spots: Flat, near_m: float) -> NDArray[np.float64]:
     """Return the lengths of the ways between points, m."""
     from patrol.kernels.ways import FAR, lengths_between  # here: most processes need no ways
 

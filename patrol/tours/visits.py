@@ -56,20 +56,20 @@ def plan_visits(base: Round, grounds: Mapping[int, Ground], robots: int) -> tupl
     possible: dict[int, list[Visit]] = {}
     for number, ground in grounds.items():
         lengths = 2.0 * ground.ways.reshape(-1)[base.places[candidates]] + ground.round.length_m
-        possible[number] = [Visit(number, *at) for at in zip(candidates.tolist(), lengths.tolist(), strict=True)]
+        possible[number] = [Visit(number, *stop) for stop in zip(candidates.tolist(), lengths.tolist(), strict=True)]
     passed = {number: np.isin(base.points, ground.round.points) for number, ground in grounds.items()}
     fixed = [Visit(n, int(np.median(base.place_of[shown])), 0.0) for n, shown in passed.items() if shown.any()]
 
     def best(number: int, others: Sequence[Visit]) -> Visit:
         """Return the best visit to some ground, besides others."""
         tried = possible[number]
-        return tried[int(_costs(base, grounds, robots, [[*others, visit] for visit in tried]).argmin())]
+        return tried[int(_round_costs(base, grounds, robots, [[*others, visit] for visit in tried]).argmin())]
 
     visits: list[Visit] = []
     plans: list[tuple[float, tuple[Visit, ...]]] = []
     while len(visits) < MOST_VISITS:
         present = [*fixed, *visits]
-        overdue = _overdue(base, grounds, robots, [present])[0] if present else np.ones(len(grounds))
+        overdue = _overdue_factor(base, grounds, robots, [present])[0] if present else np.ones(len(grounds))
         if present and overdue.max() <= 1.0:
             break
         visits.append(best(list(grounds)[int(overdue.argmax())], present))
@@ -79,7 +79,7 @@ def plan_visits(base: Round, grounds: Mapping[int, Ground], robots: int) -> tupl
                 visits.append(best(visit.ground, [*fixed, *visits]))
         plan = tuple(sorted([*fixed, *visits], key=lambda visit: visit.place))
         if {visit.ground for visit in plan} == set(grounds):
-            plans.append((float(_costs(base, grounds, robots, [plan])[0]), plan))
+            plans.append((float(_round_costs(base, grounds, robots, [plan])[0]), plan))
     return min(plans)[1]
 
 
@@ -91,30 +91,32 @@ def longest_gaps_m(base: Round, grounds: Iterable[int], robots: int, plans: Sequ
     """
     table = np.array(plans, dtype=np.float64)  # plans, visits, and the fields of a visit
     table = np.take_along_axis(table, table[:, :, 1].argsort(axis=1, kind="stable")[:, :, None], axis=1)
-    number, place, length_m = np.moveaxis(table, 2, 0)
+    number, stop, length_m = np.moveaxis(table, 2, 0)
     lap_m = ((base.length_m + length_m.sum(axis=1)) / robots)[:, None]
-    middle_m = base.along[place.astype(np.int64)] + length_m.cumsum(axis=1) - 0.5 * length_m
+    middle_m = base.along[stop.astype(np.int64)] + length_m.cumsum(axis=1) - 0.5 * length_m
     gaps = []
     for ground in grounds:
-        own = np.sort(np.where(number == ground, middle_m % lap_m, np.inf), axis=1)
-        last = np.where(np.isfinite(own), own, -np.inf).max(axis=1)
+        visits_m = np.sort(np.where(number == ground, middle_m % lap_m, np.inf), axis=1)
+        last = np.where(np.isfinite(visits_m), visits_m, -np.inf).max(axis=1)
         within = np.where(np.isfinite(last), last, 0.0)[:, None]  # infinity minus infinity is no number
-        spread = np.diff(np.minimum(own, within), axis=1).max(axis=1, initial=0.0)
-        gaps.append(np.where(np.isfinite(last), np.maximum(spread, own[:, 0] + lap_m[:, 0] - last), np.inf))
+        spread = np.diff(np.minimum(visits_m, within), axis=1).max(axis=1, initial=0.0)
+        gaps.append(np.where(np.isfinite(last), np.maximum(spread, visits_m[:, 0] + lap_m[:, 0] - last), np.inf))
     return np.stack(gaps, axis=1)
 
 
-def _overdue(base: Round, grounds: Mapping[int, Ground], robots: int, plans: Sequence[Sequence[Visit]]) -> Lengths:
+def _overdue_factor(
+    base: Round, grounds: Mapping[int, Ground], robots: int, plans: Sequence[Sequence[Visit]]
+) -> Lengths:
     """Return how many times too long a robot drives between two visits of each ground, at least 1: (plans, grounds)."""
     due_m = np.array([ground.due_m for ground in grounds.values()])
     overdue: Lengths = np.maximum(longest_gaps_m(base, grounds, robots, plans) / due_m, 1.0)
     return overdue
 
 
-def _costs(base: Round, grounds: Mapping[int, Ground], robots: int, plans: Sequence[Sequence[Visit]]) -> Lengths:
+def _round_costs(base: Round, grounds: Mapping[int, Ground], robots: int, plans: Sequence[Sequence[Visit]]) -> Lengths:
     """Return the length of the round with visits, times how many times too long it takes to the most overdue ground."""
     lengths = base.length_m + np.array([sum(visit.length_m for visit in plan) for plan in plans])
-    overdue = _overdue(base, grounds, robots, plans)
+    overdue = _overdue_factor(base, grounds, robots, plans)
     costs: Lengths = lengths * np.where(np.isfinite(overdue), overdue, 1.0).max(axis=1)
     return costs
 
@@ -143,14 +145,14 @@ def with_visits(base: Round, grounds: Mapping[int, Ground], visits: Sequence[Vis
         way, lengths = _way_down(ground.ways, int(base.places[visit.place]))
         for place, length_m in zip(way, lengths, strict=True):
             put(place, start_m + length_m)
-        own = ground.round
-        first = int(np.flatnonzero(own.places == way[-1])[0])
-        order = np.roll(np.arange(len(own.places)), -first)
-        own_numbers = np.zeros(len(own.places), dtype=np.int64)
+        ground_round = ground.round
+        first = int(np.flatnonzero(ground_round.places == way[-1])[0])
+        order = np.roll(np.arange(len(ground_round.places)), -first)
+        own_numbers = np.zeros(len(ground_round.places), dtype=np.int64)
         for number in order.tolist():
-            ahead_m = float(own.along[number] - own.along[first]) % own.length_m
-            own_numbers[number] = put(int(own.places[number]), start_m + lengths[-1] + ahead_m)
-        parts.append((own, own_numbers))
+            ahead_m = float(ground_round.along[number] - ground_round.along[first]) % ground_round.length_m
+            own_numbers[number] = put(int(ground_round.places[number]), start_m + lengths[-1] + ahead_m)
+        parts.append((ground_round, own_numbers))
         driven += visit.length_m
         for place, length_m in zip(reversed(way), reversed(lengths), strict=True):
             put(place, start_m + visit.length_m - length_m)
@@ -170,7 +172,7 @@ def with_visits(base: Round, grounds: Mapping[int, Ground], visits: Sequence[Vis
 def _way_down(ways: NDArray[np.float32], place: int) -> tuple[list[int], list[float]]:
     """Return the way from a point to where its length is 0: flat indices, and the length up to each, m."""
     row, col = divmod(place, ways.shape[1])
-    way, whole = [place], float(ways[row, col])
+    way, total = [place], float(ways[row, col])
     lengths = [0.0]
     while ways[row, col] > 0.0:
         steps = []
@@ -181,5 +183,5 @@ def _way_down(ways: NDArray[np.float32], place: int) -> tuple[list[int], list[fl
                 steps.append((float(ways[to_row, to_col]), to_row, to_col))
         _, row, col = min(steps)
         way.append(row * ways.shape[1] + col)
-        lengths.append(whole - float(ways[row, col]))
+        lengths.append(total - float(ways[row, col]))
     return way, lengths

@@ -1,4 +1,4 @@
-"""What is wrong with a scenario's zones beside its other sections, and on its ground."""
+"""Checks of a scenario's zones against its other sections and its ground."""
 
 from __future__ import annotations
 

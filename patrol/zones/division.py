@@ -78,31 +78,33 @@ class ZonedGround:
         """Divide robots, at least 1, between groups: the best division by ascending weight, or none without rounds."""
         if not self.rounds:
             return ()
-        ranked = [(self._rank(groups), number, groups) for number, groups in enumerate(self._divisions(robots))]
+        ranked = [
+            (self._rank_division(groups), number, groups) for number, groups in enumerate(self._list_divisions(robots))
+        ]
         heapify(ranked)
         while True:
             # Visits take long to choose. They are chosen only in the division that may still be the best one.
             rank, number, groups = ranked[0]
-            bounded = next((group for group in groups if self._known(group).round is None), None)
+            bounded = next((group for group in groups if self._known_round(group).round is None), None)
             if bounded is not None:
                 self.round_of(bounded)
-            elif rank == self._rank(groups):
+            elif rank == self._rank_division(groups):
                 return groups
-            heapreplace(ranked, (self._rank(groups), number, groups))
+            heapreplace(ranked, (self._rank_division(groups), number, groups))
 
-    def _rank(self, groups: tuple[Group, ...]) -> tuple[float, float, int]:
+    def _rank_division(self, groups: tuple[Group, ...]) -> tuple[float, float, int]:
         """Return what is least for the best division; a lower bound before all of its visits are chosen.
 
         It begins with how many times too long the robots take for the wish that is kept worst, at least 1.
         """
-        known = [self._known(group) for group in groups]
+        layouts = [self._known_round(group) for group in groups]
         excess, cost_s = 1.0, 0.0
-        for laid_out in known:
+        for laid_out in layouts:
             for number, age_s in laid_out.ages_s.items():
                 cost_s = max(cost_s, self.classes[number] * age_s)
                 if (wanted := self.wanted[number]) is not None:
                     excess = max(excess, age_s / wanted)
-        return excess, (VISITS if any(laid_out.visits for laid_out in known) else 1.0) * cost_s, len(groups)
+        return excess, (VISITS if any(laid_out.visits for laid_out in layouts) else 1.0) * cost_s, len(groups)
 
     def cost_s(self, groups: tuple[Group, ...]) -> float:
         """Return the greatest weight times the time between two robots of a division, s."""
@@ -115,7 +117,7 @@ class ZonedGround:
 
     def round_of(self, group: Group) -> Round:
         """Return the round of a group, the same one for each call."""
-        laid_out = self._known(group)
+        laid_out = self._known_round(group)
         if laid_out.round is None:
             laid_out = self.laid_out[group] = self._with_visits(group)
         assert laid_out.round is not None
@@ -126,16 +128,16 @@ class ZonedGround:
         self.round_of(group)
         return self.laid_out[group].ages_s.items()
 
-    def _known(self, group: Group) -> LaidOut:
+    def _known_round(self, group: Group) -> LaidOut:
         """Return the round of a group, or bounds if it is to have visits that are not chosen yet."""
         if group not in self.laid_out:
-            self.laid_out[group] = self._bounded(group)
+            self.laid_out[group] = self._bounded_round(group)
         return self.laid_out[group]
 
-    def _bounded(self, group: Group) -> LaidOut:
+    def _bounded_round(self, group: Group) -> LaidOut:
         """Return the round of a group without visits, or else what none with visits can do better."""
         (first, last), speed = group.classes, group.robots * self.speed
-        base, due_s = self._visited(group)
+        base, due_s = self._visited_round(group)
         ages_s = dict.fromkeys(range(first, last + 1), base.length_m / speed)
         if not due_s:
             return LaidOut(base, ages_s, visits=False)
@@ -152,27 +154,29 @@ class ZonedGround:
             ages_s[n] = min(gaps_m) / speed
         return LaidOut(None, ages_s, visits=True)
 
-    def _visited(self, group: Group) -> tuple[Round, Mapping[int, float]]:
+    def _visited_round(self, group: Group) -> tuple[Round, Mapping[int, float]]:
         """Return the round of a group before its visits, and by class to be visited how often they are due, s."""
-        (first, last), whole = group.classes, self.rounds[group.classes]
-        round_s = whole.length_m / (group.robots * self.speed)
+        (first, last), full_round = group.classes, self.rounds[group.classes]
+        round_s = full_round.length_m / (group.robots * self.speed)
         wishes = {n: wish for n in range(first, last + 1) if n in self.ways and (wish := self.wanted[n]) is not None}
         late = {n: wish / KEPT for n, wish in wishes.items() if first < last and round_s > wish / KEPT}
         while last in late and last > first:
             last -= 1  # visits alone show that class
-        return self.rounds[first, last] if late else whole, late
+        return self.rounds[first, last] if late else full_round, late
 
     def _with_visits(self, group: Group) -> LaidOut:
-        base, due_s = self._visited(group)
+        base, due_s = self._visited_round(group)
         speed = group.robots * self.speed
-        grounds = {n: Ground(self.rounds[n, n], self.ways[n], due * self.speed) for n, due in due_s.items()}
+        grounds = {
+            n: Ground(self.rounds[n, n], self.ways[n], interval_s * self.speed) for n, interval_s in due_s.items()
+        }
         visits = plan_visits(base, grounds, group.robots)
         laid_out = with_visits(base, grounds, visits)
         gaps_s = longest_gaps_m(base, list(due_s), group.robots, [visits])[0] / self.speed
         ages_s = dict.fromkeys(range(group.classes[0], group.classes[1] + 1), laid_out.length_m / speed)
         return LaidOut(laid_out, ages_s | dict(zip(due_s, gaps_s.tolist(), strict=True)), visits=True)
 
-    def _divisions(self, robots: int) -> Iterator[tuple[Group, ...]]:
+    def _list_divisions(self, robots: int) -> Iterator[tuple[Group, ...]]:
         count = len(self.classes)
         for groups in range(1, min(count, robots) + 1):
             for cuts in combinations(range(1, count), groups - 1):

@@ -97,9 +97,9 @@ def with_zones(terrain: Terrain, zones: Iterable[Zone]) -> Terrain:
     against = steps_against(zones, terrain)
     if not kept_out and not against.size:
         return terrain
-    kept = Terrain(terrain.name, terrain.passable, terrain.point, terrain.origin, keep_out, terrain.source, against)
-    if not kept.free.any():
+    zoned = Terrain(terrain.name, terrain.passable, terrain.point, terrain.origin, keep_out, terrain.source, against)
+    if not zoned.free.any():
         names = ", ".join(kept_out)
-        taken = f"{names} keep robots out of all free space of {terrain.name}"
-        raise NotPrepared(f"zones: {taken}; leave some for the robots")
-    return kept
+        reason = f"{names} keep robots out of all free space of {terrain.name}"
+        raise NotPrepared(f"zones: {reason}; leave some for the robots")
+    return zoned

@@ -102,7 +102,7 @@ class MaskSpec(Section):
             raise wrong(
                 "", f"has {self.rows} x {self.columns} cells, and at most {MOST_CELLS} are read; make it coarser"
             )
-        if self._bits() is None:
+        if self._packed_cells() is None:
             raise wrong("cells", f"are not {self.rows} x {self.columns} cells; name the mask's YAML file again")
         return self
 
@@ -123,13 +123,13 @@ class MaskSpec(Section):
 
     def marked(self) -> BoolGrid:
         """Return the marked cells, bool (rows, columns), the lowest row first."""
-        bits = self._bits()
+        bits = self._packed_cells()
         assert bits is not None
         count = self.rows * self.columns
         packed = np.frombuffer(bits, dtype=np.uint8)
         return np.unpackbits(packed, count=count).view(np.bool_).reshape(self.rows, self.columns)
 
-    def _bits(self) -> bytes | None:
+    def _packed_cells(self) -> bytes | None:
         """Return the packed cells; None where the text does not hold as many."""
         size = (self.rows * self.columns + 7) // 8
         try:
@@ -204,8 +204,8 @@ class ZoneSpec(Section):
     def weight_at(self, time_s: float) -> float | None:
         """Return the weight at a time; None for a zone that has none."""
         changed = self.weights or ()
-        place = bisect_right(changed, (time_s, math.inf))
-        return changed[place - 1][1] if place else self.weight
+        index = bisect_right(changed, (time_s, math.inf))
+        return changed[index - 1][1] if index else self.weight
 
     @property
     def kind(self) -> Literal["keepout", "oneway", "slow", "weight"]:
@@ -245,9 +245,9 @@ class ZoneSpec(Section):
     def labels(self) -> str:
         """The label, and the later weights, for people: ``vault x10, x5 from 60 s``."""
         later = self.weights or ()
-        more = f", and {len(later) - MOST_NAMED} more" if len(later) > MOST_NAMED else ""
+        suffix = f", and {len(later) - MOST_NAMED} more" if len(later) > MOST_NAMED else ""
         return (
-            ", ".join([self.label, *(f"x{weight:g} from {start:g} s" for start, weight in later[:MOST_NAMED])]) + more
+            ", ".join([self.label, *(f"x{weight:g} from {start:g} s" for start, weight in later[:MOST_NAMED])]) + suffix
         )
 
     @property
@@ -255,8 +255,8 @@ class ZoneSpec(Section):
         """The times at which it is in force, for people: ``20 to 60 s, 80 to 90 s``."""
         if not self.times:
             return "always" if self.times is None else "never"
-        more = f" and {len(self.times) - MOST_NAMED} times more" if len(self.times) > MOST_NAMED else ""
-        return ", ".join(f"{first:g} to {end:g} s" for first, end in self.times[:MOST_NAMED]) + more
+        suffix = f" and {len(self.times) - MOST_NAMED} times more" if len(self.times) > MOST_NAMED else ""
+        return ", ".join(f"{first:g} to {end:g} s" for first, end in self.times[:MOST_NAMED]) + suffix
 
     def holds(self, time_s: float) -> bool:
         """Return True if the zone is in force at a time."""
@@ -278,8 +278,8 @@ def is_in_one_of(spans: Sequence[Span], time_s: float) -> bool:
 
     A span includes its beginning and excludes its end.
     """
-    place = bisect_right(spans, (time_s, math.inf))
-    return place > 0 and time_s < spans[place - 1][1]
+    index = bisect_right(spans, (time_s, math.inf))
+    return index > 0 and time_s < spans[index - 1][1]
 
 
 def holds_tick(span: Span, step: float) -> bool:
@@ -319,8 +319,8 @@ def check_names(names: Sequence[str], what: str) -> None:
 
 def has_area(polygon: Sequence[tuple[float, float]]) -> bool:
     """Return True if the corners of a polygon do not all lie on one line."""
-    (x, y), *others = polygon
-    sides = [(to_x - x, to_y - y) for to_x, to_y in others]
+    (x, y), *corners = polygon
+    sides = [(to_x - x, to_y - y) for to_x, to_y in corners]
     across, up = max(sides, key=lambda side: math.hypot(*side))
     return any(abs(across * to_up - up * to_across) > 1e-9 * (across**2 + up**2) for to_across, to_up in sides)
 
@@ -335,7 +335,9 @@ def zones_in_file(value: Any, info: ValidationInfo) -> Any:
     """
     listed = listed_in_file(value, info, "zones", "{name: vault, polygon: ..., weight: 10}")
     return (
-        [_beside(entry, Path(str(absolute(value, info))).parent) for entry in listed] if listed is not value else value
+        [_path_beside(entry, Path(str(absolute(value, info))).parent) for entry in listed]
+        if listed is not value
+        else value
     )
 
 
@@ -358,7 +360,7 @@ def listed_in_file(value: Any, info: ValidationInfo, key: str, example: str) -> 
     return listed
 
 
-def _beside(entry: Any, folder: Path) -> Any:
+def _path_beside(entry: Any, folder: Path) -> Any:
     if isinstance(entry, dict) and isinstance(entry.get("mask"), str):
         return {**entry, "mask": str((folder / entry["mask"]).absolute())}
     return entry

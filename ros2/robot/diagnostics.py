@@ -5,11 +5,12 @@ A thread of its own sends, so that the robot's tools also see a mind that hangs.
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass
+from itertools import islice
 from threading import Event, Thread
-from typing import Protocol
 
 from agent.ports import Decision
 from patrol.exchange import Sensed
@@ -22,7 +23,7 @@ EVERY_S = 1.0
 LATE_TICKS = 3
 """A mind that has decided nothing for so many ticks is late."""
 MISSED_S = 10.0
-"""How long a lost tick is warned of, s."""
+"""Time for which a lost tick is warned of, s."""
 MOST_PEERS = 32
 """Robots that are listed by name."""
 
@@ -38,106 +39,19 @@ class Patrolling:
     forget_after_s: float  # silence after which a robot is forgotten
 
 
-@dataclass(frozen=True, slots=True)
-class DecisionReading:
-    """The last decision."""
-
-    age_s: float  # in our time
-    tick: int
-    state: str
-    mfow_s: float  # as the robot believes it
-    decision_ms: float  # wall time
-    frames_refused: int
-    peers_s: Mapping[str, float]  # ages of the other robots' last positions, by name
-
-
-@dataclass(frozen=True, slots=True)
-class Reading:
-    """The state of a robot at one time."""
-
-    decision: DecisionReading | None  # the last one; None before the first
-    missed: int = 0  # ticks without a decision so far
-    missed_lately: bool = False  # one of these was in the last `MISSED_S`
-    unlocated: str = ""  # why the pose is unknown; empty if it is known
-    odometry_s: float | None = None  # age of the newest odometry; None before the first
-    correction_s: float | None = None  # age of what corrects the odometry; None while unknown
-    # numbers of messages of the robot that could not be used, by reason
-    refused: Mapping[str, float] = field(default_factory=dict)
-    stopped: str = ""  # why the robot may not drive; empty if it may
-
-
-def statuses(facts: Patrolling, reading: Reading) -> tuple[DiagnosticStatus, ...]:
-    """Judge a robot by one status each of patrol, localisation, driving and radio."""
-    parts = {
-        "patrol": _patrol(facts, reading),
-        "localisation": _localisation(reading),
-        "driving": (DiagnosticLevel.WARN, reading.stopped, {})
-        if reading.stopped
-        else (DiagnosticLevel.OK, "may drive", {}),
-        "radio": _radio(facts, reading),
-    }
-    return tuple(
-        DiagnosticStatus(level, f"fogwatch {facts.robot}: {part}", message, facts.robot, tuple(values.items()))
-        for part, (level, message, values) in parts.items()
-    )
-
-
 _Part = tuple[DiagnosticLevel, str, dict[str, str]]
+"""The level of a part of the robot, a word for people, and values by name."""
 
 
-def _patrol(facts: Patrolling, reading: Reading) -> _Part:
-    last = reading.decision
-    if last is None:
-        return DiagnosticLevel.WARN, "no decision yet", {}
-    values = {
-        "tick": str(last.tick),
-        "ticks lost": str(reading.missed),
-        "MFoW believed, s": f"{last.mfow_s:.1f}",
-        "last decision, ms": f"{last.decision_ms:.1f}",
-        "age of the last decision, s": f"{last.age_s:.1f}",
-    }
-    if last.age_s * facts.factor > LATE_TICKS * facts.step_s:
-        return DiagnosticLevel.ERROR, f"no decision for {last.age_s:.1f} s", values
-    if reading.missed_lately:
-        return DiagnosticLevel.WARN, f"{last.state}; ticks were lost", values
-    return DiagnosticLevel.OK, last.state, values
+@dataclass(frozen=True, slots=True)
+class _Report:
+    """A decision, when it came, and the ages of the other robots' last positions then, s, by name."""
 
-
-def _localisation(reading: Reading) -> _Part:
-    values = {
-        "age of the odometry, s": _age(reading.odometry_s),
-        "age of the correction, s": _age(reading.correction_s),
-        **{f"messages refused: {reason}": f"{count:.0f}" for reason, count in reading.refused.items()},
-    }
-    if reading.unlocated:
-        return DiagnosticLevel.ERROR, reading.unlocated, values
-    return DiagnosticLevel.OK, "the pose is known", values
-
-
-def _radio(facts: Patrolling, reading: Reading) -> _Part:
-    last = reading.decision
-    others = len(facts.names) - 1
-    heard = {} if last is None else {name: age for name, age in last.peers_s.items() if age <= facts.forget_after_s}
-    ages = {} if last is None else dict(list(last.peers_s.items())[:MOST_PEERS])
-    values = {
-        "frames refused": "0" if last is None else str(last.frames_refused),
-        **{f"age of the position of {name}, s": _age(age) for name, age in ages.items()},
-    }
-    level = DiagnosticLevel.WARN if others and not heard else DiagnosticLevel.OK
-    return level, f"hears {len(heard)} of {others} other robots", values
-
-
-def _age(seconds: float | None) -> str:
-    return "unknown" if seconds is None else f"{seconds:.1f}"
-
-
-class Watched(Protocol):
-    """A robot that says whether it may drive."""
-
-    @property
-    def stopped(self) -> str:
-        """The reason why it may not drive; empty if it may."""
-        ...
+    at_s: float
+    tick: int
+    decision: Decision
+    decision_ms: float
+    peers_s: Mapping[str, float]
 
 
 class Diagnostics:
@@ -154,58 +68,92 @@ class Diagnostics:
         self._hardware, self._facts, self._peers, self._now = hardware, facts, peers, now
         topic = hardware.settings.topic("diagnostics")
         self._messages = hardware.link.publisher(topic, DiagnosticArray)
-        self._last: tuple[float, DecisionReading] | None = None
-        self._missed, self._missed_at = 0, -MISSED_S
+        self._last: _Report | None = None
+        self._missed, self._missed_at_s = 0, -math.inf
         self._over = Event()
 
     def report(self, sensed: Sensed, decision: Decision, decision_ms: float) -> None:
         """A decision has been taken."""
         now_s, facts = self._now(), self._facts
-        if self._last is not None and (lost := sensed.k - self._last[1].tick - 1) > 0:
-            self._missed, self._missed_at = self._missed + lost, now_s
+        if self._last is not None and (missed := sensed.k - self._last.tick - 1) > 0:
+            self._missed, self._missed_at_s = self._missed + missed, now_s
         peers_s = {
             facts.names[number]: (sensed.k - peer.tick) * facts.step_s
             for number, peer in self._peers.items()
             if number in facts.names
         }
-        reading = DecisionReading(
-            0.0,
-            sensed.k,
-            str(decision.state),
-            decision.mfow * facts.step_s,
-            decision_ms,
-            decision.rejected,
-            peers_s,
-        )
-        self._last = now_s, reading
+        self._last = _Report(now_s, sensed.k, decision, decision_ms, peers_s)
 
-    def watch(self, robot: Watched) -> None:
-        """Begin to publish, once a second."""
-        Thread(target=self._publish, args=(robot,), name="diagnostics", daemon=True).start()
+    def watch(self, stopped: Callable[[], str]) -> None:
+        """Begin to publish, once a second; `stopped` returns why the robot may not drive, empty if it may."""
+        Thread(target=self._publish, args=(stopped,), name="diagnostics", daemon=True).start()
 
     def close(self) -> None:
         """Publish no more."""
         self._over.set()
 
-    def _publish(self, robot: Watched) -> None:
+    def _publish(self, stopped: Callable[[], str]) -> None:
         while not self._over.is_set():
-            reading = self.read(robot.stopped)
-            self._messages.send(DiagnosticArray(self._hardware.stamp_ns(), statuses(self._facts, reading)))
+            self._messages.send(DiagnosticArray(self._hardware.stamp_ns(), self.statuses(stopped())))
             self._over.wait(EVERY_S)
 
-    def read(self, stopped: str) -> Reading:
-        """Return the state of the robot now; called from any thread.
+    def statuses(self, stopped: str) -> tuple[DiagnosticStatus, ...]:
+        """Judge patrol, localisation, driving and radio by one status each; called from any thread.
 
-        `stopped` is the reason why it may not drive, empty if it may.
+        `stopped` is the reason why the robot may not drive, empty if it may.
         """
-        now_s, last, hardware = self._now(), self._last, self._hardware
-        return Reading(
-            decision=None if last is None else replace(last[1], age_s=now_s - last[0]),
-            missed=self._missed,
-            missed_lately=now_s - self._missed_at < MISSED_S,
-            unlocated=hardware.why,
-            odometry_s=hardware.odometry_age_s,
-            correction_s=hardware.correction_age_s,
-            refused=hardware.refused,
-            stopped=stopped,
+        last, robot = self._last, self._facts.robot
+        parts: dict[str, _Part] = {
+            "patrol": self._patrol(last),
+            "localisation": self._localisation(),
+            "driving": (DiagnosticLevel.WARN if stopped else DiagnosticLevel.OK, stopped or "may drive", {}),
+            "radio": self._radio(last),
+        }
+        return tuple(
+            DiagnosticStatus(level, f"fogwatch {robot}: {part}", message, robot, tuple(values.items()))
+            for part, (level, message, values) in parts.items()
         )
+
+    def _patrol(self, last: _Report | None) -> _Part:
+        if last is None:
+            return DiagnosticLevel.WARN, "no decision yet", {}
+        now_s, facts = self._now(), self._facts
+        age_s = now_s - last.at_s
+        values = {
+            "tick": str(last.tick),
+            "ticks lost": str(self._missed),
+            "MFoW believed, s": f"{last.decision.mfow * facts.step_s:.1f}",
+            "last decision, ms": f"{last.decision_ms:.1f}",
+            "age of the last decision, s": f"{age_s:.1f}",
+        }
+        if age_s * facts.factor > LATE_TICKS * facts.step_s:
+            return DiagnosticLevel.ERROR, f"no decision for {age_s:.1f} s", values
+        if now_s - self._missed_at_s < MISSED_S:
+            return DiagnosticLevel.WARN, f"{last.decision.state}; ticks were lost", values
+        return DiagnosticLevel.OK, str(last.decision.state), values
+
+    def _localisation(self) -> _Part:
+        hardware = self._hardware
+        values = {
+            "age of the odometry, s": _age(hardware.odometry_age_s),
+            "age of the correction, s": _age(hardware.correction_age_s),
+            **{f"messages refused: {reason}": f"{count:.0f}" for reason, count in hardware.refused.items()},
+        }
+        if why := hardware.why:
+            return DiagnosticLevel.ERROR, why, values
+        return DiagnosticLevel.OK, "the pose is known", values
+
+    def _radio(self, last: _Report | None) -> _Part:
+        ages = {} if last is None else last.peers_s
+        others = len(self._facts.names) - 1
+        heard = sum(age_s <= self._facts.forget_after_s for age_s in ages.values())
+        values = {
+            "frames refused": "0" if last is None else str(last.decision.rejected),
+            **{f"age of the position of {name}, s": _age(age_s) for name, age_s in islice(ages.items(), MOST_PEERS)},
+        }
+        level = DiagnosticLevel.WARN if others and not heard else DiagnosticLevel.OK
+        return level, f"hears {heard} of {others} other robots", values
+
+
+def _age(seconds: float | None) -> str:
+    return "unknown" if seconds is None else f"{seconds:.1f}"

@@ -1,6 +1,6 @@
 """A ROS 2 robot as a mind's body (`agent.ports.Robot`).
 
-The mind decides once a tick. Between its decisions a thread hears the robot and tells it what is safe, many times a
+The mind decides once a tick. Between its decisions a thread hears the robot and sends it safe commands, many times a
 tick. So the robot stands soon after its odometry, its mind or its radio link has died; when this process dies, the
 robot's own watchdog is the last line.
 """
@@ -9,62 +9,54 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from threading import Event, Lock, Thread
-from typing import Protocol
 
+from agent.mind_loop import Both
+from agent.own_robot import Site
 from agent.ports import Decision, FleetClock, Telemetry
+from patrol.errors import BadInput
 from patrol.exchange import Sensed
 from patrol.messages.phases import PHASE_B_SHARE
 from patrol.messages.stop_orders import Order, Outcome, StopOrders
 from patrol.pose import Command
+from patrol.process.context import ProcessContext
+from patrol.process.lifeline import rest_before_pause
 from patrol.reporting.logs import Log
 from patrol.reporting.vitals import ODOMETRY_AGE, STOPPED, UNUSABLE, Vitals
-from ros2.robot.hardware import Hardware
+from patrol.scenario import Scenario
+from ros2.robot.diagnostics import Diagnostics, Patrolling
+from ros2.robot.fence import Fence, Others
+from ros2.robot.governor import Governor, Response
+from ros2.robot.hardware import Hardware, Rivals
 from ros2.robot.localisation import Fix
-from ros2.robot.steering import Place, Steering
-from ros2.robot.stops import Standing, Stopper
+from ros2.robot.shown import Shown, show_map
+from ros2.robot.steering import GoalSteering, Place, Steering, VelocitySteering
+from ros2.robot.stops import DriverFailed, Standing, Stopper
 
+REACTION_S = 0.1
+"""Time from the reception of a command until the robot brakes, s."""
+
+HOLD_STEPS = 1.5
+"""Number of steps for which a command is obeyed when no other comes."""
 SAY_AFTER_S = 1.0
 """Time that a robot stands before the reason is reported, s."""
 HELD_AFTER_S = 10.0
 """Time that a robot that could drive is held before that is reported, s: at walls and in queues it soon goes round."""
 LONGEST_CYCLE_S = 0.25
-"""The longest time between two commands over which a speed may change, s: who was late does not jump."""
+"""The longest time between two commands over which a speed may change, s: a late cycle must not allow a jump."""
 _JOIN_S = 1.0
 _LOCK_S = 0.2
 
 
-class DriverFailed(Exception):
-    """The thread that drives has failed, so the robot was stopped for good."""
-
-
-@dataclass(frozen=True, slots=True)
-class Pace:
-    """The division of a robot's time."""
-
-    step: float  # of a tick, s of the robot's time
-    factor: float  # seconds of the robot's time in one of ours
-    rate_hz: float  # of commands, in the robot's time
-
-
-class Objection(Protocol):
-    """The reasons besides stops that keep a robot from driving."""
-
-    @property
-    def why(self) -> str:
-        """The reason why the robot must stand, and what ends that, in one line; empty if it need not."""
-        ...
-
-    def release(self) -> None:
-        """Release the robot, by an operator who has looked at it."""
-        ...
+Objection = Rivals | Response
+"""A reason besides stops that keeps a robot from driving."""
 
 
 class Ros2Robot:
     """Drives a ROS 2 robot, and tells `onlooker` of every decision, too.
 
-    `orders` is what operators ask, or None. `objections` may keep the robot from driving besides stops.
+    `step_s` is a tick, in the robot's time. `orders` are those of operators, or None. `objections` may keep the robot
+    from driving besides stops.
     """
 
     def __init__(
@@ -72,7 +64,7 @@ class Ros2Robot:
         hardware: Hardware,
         steering: Steering,
         clock: FleetClock,
-        pace: Pace,
+        step_s: float,
         onlooker: Telemetry | None,
         orders: StopOrders | None,
         log: Log,
@@ -81,7 +73,7 @@ class Ros2Robot:
         self._hardware = hardware
         self._steering = steering
         self._clock = clock
-        self._pace = pace
+        self._step_s = step_s
         self._onlooker = onlooker
         self._orders = orders
         self._log = log
@@ -92,7 +84,7 @@ class Ros2Robot:
         self._over = Event()
         self._failed = ""
         self._stopped = ""
-        self._standing = Standing(pace.factor)
+        self._standing = Standing(hardware.factor)
         self._cycled_s = time.monotonic()
         self._thread = Thread(target=self._drive, name="drive", daemon=True)
 
@@ -107,11 +99,6 @@ class Ros2Robot:
     def stopped(self) -> str:
         """The reason why it may not drive, and what ends that; empty if it may. From any thread."""
         return self._failed or self._stopped
-
-    @property
-    def driving(self) -> bool:
-        """True if its thread drives."""
-        return self._thread.is_alive()
 
     def show(self, vitals: Vitals) -> None:
         """Add the robot's figures to those of the process from now on."""
@@ -132,9 +119,9 @@ class Ros2Robot:
                 if fix is None:
                     continue
                 # The command that is decided on now begins to act only then.
-                pose = self._steering.ahead(fix, PHASE_B_SHARE * self._pace.step)
+                pose = self._steering.ahead(fix, PHASE_B_SHARE * self._step_s)
                 bumped = self._steering.blocked(fix.pose) and not self._hardware.stops
-            return Sensed(k, pose, bumped, clock_s=k * self._pace.step)
+            return Sensed(k, pose, bumped, clock_s=k * self._step_s)
         return None
 
     def report(self, sensed: Sensed, decision: Decision, decision_ms: float) -> None:
@@ -174,17 +161,17 @@ class Ros2Robot:
             self._steering.go_on()
 
     def cycle(self) -> Fix | None:
-        """Hear the robot and tell it what is safe, once; where it is."""
+        """Hear the robot, send it one safe command, and return where it is."""
         with self._lock:
             moment_s = time.monotonic()
-            since_s = min((moment_s - self._cycled_s) * self._pace.factor, LONGEST_CYCLE_S)
+            since_s = min((moment_s - self._cycled_s) * self._hardware.factor, LONGEST_CYCLE_S)
             self._cycled_s = moment_s
             fix = self._hardware.fix()
             now_s = self._hardware.time.now()
             stopped = self._hardware.stops.why or next((one.why for one in self._objections if one.why), "")
             self._stopped = stopped
             if not stopped:
-                self._standing.told()  # whoever stops the robot from now on, for it is about to be driven
+                self._standing.told()  # the robot is about to be driven, so a stop from now on is a new one
             why = self._steering.step(fix, 0.0 if now_s is None else now_s, since_s, stopped)
         if stopped:
             self._standing.look(fix, self._steering.unconfirmed, moment_s)
@@ -194,7 +181,7 @@ class Ros2Robot:
         return fix
 
     def _carry_out(self, order: Order) -> Outcome:
-        """Do what an operator asks; what has come of it, once that is known."""
+        """Carry out an operator's order, and return its outcome once that is known."""
         stops = self._hardware.stops
         if order is Order.RELEASE:
             objected = any(one.why for one in self._objections)
@@ -214,7 +201,7 @@ class Ros2Robot:
         return Outcome(True, stops.why)
 
     def _drive(self) -> None:
-        period_s = 1.0 / (self._pace.rate_hz * self._pace.factor)
+        period_s = 1.0 / (self._hardware.settings.rate_hz * self._hardware.factor)
         due_s = time.monotonic()
         try:
             while not self._over.wait(max(0.0, due_s - time.monotonic())):
@@ -256,3 +243,45 @@ class Sayer:
         if not self._said and moment_s - self._since_s >= after_s:
             self.now(f"stands: {why}")
             self._said = True
+
+
+def assemble(
+    site: Site, hardware: Hardware, scenario: Scenario, rivals: Rivals, process: ProcessContext, *, shows_map: bool
+) -> Ros2Robot:
+    """Return a robot that drives, and is shown to viewers and the robot's own tools."""
+    link, settings, log = hardware.link, hardware.settings, process.log
+    if shows_map and not show_map(link, settings, site.terrain, hardware.stamp_ns()):
+        log.info(f"somebody else publishes {link.resolve(settings.topic('map'))}, so this agent does not")
+    shown = Shown(link, settings, site.terrain, site.fog, hardware.stamp_ns)
+    names = {spec.number: spec.name for spec in scenario.roster}
+    facts = Patrolling(site.spec.name, names, site.step, site.factor, scenario.radio.forget_after)
+    diagnostics = Diagnostics(hardware, facts, site.peers)
+    robot = _driver(site, hardware, Both(shown, diagnostics), log, rivals)
+    diagnostics.watch(lambda: robot.stopped)
+    process.closing.callback(diagnostics.close)
+    if process.supervision.counts:
+        robot.show(process.vitals)
+    rest_before_pause(robot.rest, robot.go_on)
+    return robot
+
+
+def _driver(site: Site, hardware: Hardware, onlooker: Telemetry, log: Log, rivals: Rivals) -> Ros2Robot:
+    settings, spec = hardware.settings, site.spec
+    if settings.margin >= spec.radius:
+        raise BadInput(f"--margin {settings.margin:g}: {spec.name}'s radius of {spec.radius:g} m holds it; give less")
+    if settings.drive == "ackermann" and spec.model != "car":
+        raise BadInput(f"--drive ackermann: steers a car, and {spec.name} is {spec.model}; set its model to car")
+    steering: Steering
+    objections: list[Objection] = [rivals]
+    if settings.drive == "nav2":
+        steering = GoalSteering(hardware)
+    else:
+        period_s = 1.0 / settings.rate_hz
+        # Between two commands the robot goes on; half of the margin is kept for the errors of its pose.
+        fence = Fence(site.terrain, spec.radius - 0.5 * settings.margin, 2.0 * period_s + REACTION_S, settings.braking)
+        others = Others(site.peers, site.radii, site.step, site.foreseen)
+        response = Response(spec.radius, spec.speed / settings.braking)
+        objections.append(response)
+        governor = Governor(spec.model, spec.limits, settings.acceleration, HOLD_STEPS * site.step, fence)
+        steering = VelocitySteering(hardware, governor, others, response)
+    return Ros2Robot(hardware, steering, site.clock, site.step, onlooker, site.orders(), log, objections).start()

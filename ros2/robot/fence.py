@@ -2,7 +2,7 @@
 
 The ground is the map's: where a body of this radius may be without entering a wall, a keep-out area or what lies
 beyond the map. A body that is too near to a wall already may only move away from it; one whose centre is off the ground
-stands. Other robots are taken to go on as they went; who is too near to one already may only move away from it.
+stands. Other robots are taken to go on as they went; a body that is too near to one may only move away from it.
 """
 
 from __future__ import annotations
@@ -13,15 +13,14 @@ from dataclasses import dataclass
 
 from patrol.ground.swept_path import advance, path_is_free
 from patrol.ground.terrain import Terrain
-from patrol.pose import Command, Pose, Twist
+from patrol.pose import Command, Pose, Twist, scaled
 from patrol.radio.peers import Peer
-from ros2.robot.commands import scaled
 
 CARRIED_S = 1.0
 """For how long a robot is taken to go on as it went, s; after that it is taken to stand where that led."""
 
 MOST_TICKS = 4
-"""Positions that are further apart say nothing of a robot's velocity."""
+"""Most ticks between two positions from which a velocity follows."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,7 +75,7 @@ class Others:
         self._seen: dict[int, _Seen] = {}
 
     def look(self, now_s: float) -> None:
-        """Take in what has been heard for this tick."""
+        """Take in the positions heard for this tick."""
         if self._foreseen is not None:
             after = self._foreseen(1)
             for number, peer in self._foreseen(0).items():

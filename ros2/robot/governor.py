@@ -1,7 +1,7 @@
 """The next velocity of the robot, many times a tick: zero in any case of doubt.
 
-A robot whose pose stands still under commands drives blind: its odometry may hang, or its wheels may be blocked: the
-two look the same. The mind tries other directions, as after any bump. When nothing moves the pose for `BLIND_M` and
+A robot whose pose stands still under commands drives blind: its odometry may hang, or its wheels may be blocked, and
+the two look the same. The mind tries other directions, as after any bump. When nothing moves the pose for `BLIND_M` and
 `BLIND_S`, and for as long as weak motors take to turn the body round, the robot stands until its pose moves, or an
 operator who has looked at it releases it.
 """
@@ -10,12 +10,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from typing import assert_never
 
 from patrol.ground.swept_path import advance
-from patrol.pose import Command, Limits, Pose, halted, is_halt, wrap
-from ros2.robot.commands import nearer, velocity_of
+from patrol.pose import Command, Drive, Limits, Pose, Twist, Velocity, halted, is_halt
 from ros2.robot.fence import Fence, Other
+from ros2.wire import messages
+from ros2.wire.frames import apart
 
 ENOUGH_M, ENOUGH_RAD = 0.3, 1.0
 """Commanded motion after which a robot is judged: well beyond the errors of its pose."""
@@ -24,13 +25,30 @@ ENOUGH_S = 0.5
 """For how long, s."""
 
 MOVES_SHARE = 0.25
-"""A robot moves that has come this share of what it was told, wherever to: one with weak motors goes on for a while."""
+"""A robot moves if it has come this share of its commanded way, in any direction: weak motors coast for a while."""
 
 BLIND_M, BLIND_S = 1.0, 1.0
 """Largest commanded way and time without any motion, m and s."""
 
 MOVED_M, MOVED_RAD = 0.2, 0.3
 """Motion of the pose that shows that a standing robot moves again: well beyond its noise."""
+
+
+def velocity_of(command: Command, heading: float) -> messages.Twist:
+    """Return the velocity that a command stands for, in the body's frame.
+
+    A holonomic body's command is in the map's frame, so its heading there (rad) counts; the body keeps it.
+    """
+    match command:
+        case Velocity(vx, vy):
+            cos, sin = math.cos(heading), math.sin(heading)
+            return messages.Twist(cos * vx + sin * vy, cos * vy - sin * vx, 0.0)
+        case Twist(speed, turn_rate):
+            return messages.Twist(speed, 0.0, turn_rate)
+        case Drive(speed, curvature):
+            return messages.Twist(speed, 0.0, speed * curvature)
+        case _:
+            assert_never(command)
 
 
 class Response:
@@ -43,7 +61,7 @@ class Response:
     def __init__(self, radius: float, slow_s: float) -> None:
         self.why = ""
         self._radius = radius
-        self._blind_for_s = BLIND_S + 2.0 * MOVES_SHARE * slow_s  # who turns round is slow for so long
+        self._blind_for_s = BLIND_S + 2.0 * MOVES_SHARE * slow_s  # a body that turns round is slow for so long
         self._begin: Pose | None = None
         self._meant: Pose | None = None
         self._turn = 0.0
@@ -52,18 +70,19 @@ class Response:
         self._blind_s = 0.0
 
     def told(self, command: Command, pose: Pose | None, time_s: float) -> None:
-        """Take in what the robot was told for `time_s`, and its pose now; None if that is unknown."""
+        """Take in the command of the last `time_s`, and the robot's pose now; None if that is unknown."""
         if pose is None or self._begin is None or self._meant is None:
             self._start(pose)
             return
         if self.why:
-            if _apart(self._begin, pose) >= MOVED_M or abs(wrap(pose.heading - self._begin.heading)) >= MOVED_RAD:
+            moved_m, turned = apart(self._begin, pose)
+            if moved_m >= MOVED_M or turned >= MOVED_RAD:
                 self.release()
             return
         self._meant = advance(self._meant, command, time_s)
         self._turn += velocity_of(command, pose.heading).turn_rate * time_s
         self._lasted_s += time_s
-        way = _apart(self._begin, self._meant)
+        way, _ = apart(self._begin, self._meant)
         if self._lasted_s < ENOUGH_S or (way < ENOUGH_M and abs(self._turn) < ENOUGH_RAD):
             return
         if self._moved(self._begin, way, pose):
@@ -89,14 +108,10 @@ class Response:
         self._turn = self._lasted_s = 0.0
 
     def _moved(self, begin: Pose, way: float, pose: Pose) -> bool:
-        turned = abs(wrap(pose.heading - begin.heading))
-        return (way >= ENOUGH_M and _apart(begin, pose) >= MOVES_SHARE * way) or (
+        moved_m, turned = apart(begin, pose)
+        return (way >= ENOUGH_M and moved_m >= MOVES_SHARE * way) or (
             abs(self._turn) >= ENOUGH_RAD and turned >= MOVES_SHARE * ENOUGH_RAD
         )
-
-
-def _apart(one: Pose, other: Pose) -> float:
-    return math.hypot(other.x - one.x, other.y - one.y)
 
 
 OFF_GROUND = (
@@ -105,14 +120,27 @@ OFF_GROUND = (
 TOO_NEAR = "a wall or a robot is too near"
 
 
-@dataclass(frozen=True, slots=True)
-class Rule:
-    """The limits of one body."""
+def nearer(command: Command, wanted: Command, most: float, radius: float) -> Command:
+    """Return the command nearest to a wanted one that a body reaches whose speed changes by a limited amount.
 
-    model: str
-    limits: Limits
-    acceleration: float  # the most by which a speed may change, m/s²
-    hold_s: float  # for which a command is obeyed
+    `command` is what the body obeys now. A speed may change by at most `most` m/s. The wheels of a differential drive
+    are `radius` (m) left and right of its centre, so turning counts with it.
+    """
+    match command, wanted:
+        case Velocity(vx, vy), Velocity(to_x, to_y):
+            change = math.hypot(to_x - vx, to_y - vy)
+            share = 1.0 if change <= most else most / change
+            return wanted if share == 1.0 else Velocity(vx + (to_x - vx) * share, vy + (to_y - vy) * share)
+        case Twist(speed, turn_rate), Twist(to_speed, to_turn_rate):
+            return Twist(_toward(speed, to_speed, most), _toward(turn_rate, to_turn_rate, most / radius))
+        case Drive(speed, _), Drive(to_speed, curvature):
+            return Drive(_toward(speed, to_speed, most), curvature)
+        case _:
+            raise TypeError(f"{command} and {wanted} are of different models")
+
+
+def _toward(value: float, wanted: float, most: float) -> float:
+    return min(max(wanted, value - most), value + most)
 
 
 class Governor:
@@ -122,10 +150,13 @@ class Governor:
     was; `fenced` is True if the fence slowed the robot down.
     """
 
-    def __init__(self, rule: Rule, fence: Fence) -> None:
-        self._rule = rule
+    def __init__(self, model: str, limits: Limits, acceleration: float, hold_s: float, fence: Fence) -> None:
+        """Begin with a halt; speeds change by at most `acceleration` (m/s²), and a command is obeyed for `hold_s`."""
+        self._limits = limits
+        self._acceleration = acceleration
+        self._hold_s = hold_s
         self._fence = fence
-        self._halt = halted(rule.model)
+        self._halt = halted(model)
         self._wanted = self._halt
         self._until_s = 0.0
         self.command: Command = self._halt
@@ -133,9 +164,9 @@ class Governor:
         self.fenced = False
 
     def want(self, command: Command, now_s: float) -> None:
-        """Take in a new command of the mind, which is obeyed for `Rule.hold_s`."""
-        self._wanted = command.limited(self._rule.limits)
-        self._until_s = now_s + self._rule.hold_s
+        """Take in a new command of the mind, which is obeyed for a while."""
+        self._wanted = command.limited(self._limits)
+        self._until_s = now_s + self._hold_s
 
     def step(
         self, pose: Pose | None, now_s: float, since_s: float, stopped: str, others: Sequence[Other] = ()
@@ -150,9 +181,8 @@ class Governor:
             self.command = self._halt
             return self.command
         wanted = self._wanted if now_s < self._until_s else self._halt
-        rule = self._rule
-        eased = nearer(self.command, wanted, rule.acceleration * since_s, rule.limits.radius)
-        self.command = self._fence.allowed(pose, eased.limited(rule.limits), others)
+        eased = nearer(self.command, wanted, self._acceleration * since_s, self._limits.radius)
+        self.command = self._fence.allowed(pose, eased.limited(self._limits), others)
         self.fenced = self.command.speed_mps < eased.speed_mps
         if not self._fence.on_ground(pose):
             self.why = OFF_GROUND

@@ -1,4 +1,4 @@
-"""The robot's side of a link: what it says of itself, its time, what stops it, and its other drivers. Nothing moves it.
+"""The robot's side of a link: its messages, its time, its stops, and its other drivers. Nothing here moves it.
 
 Commands of two senders alternate unpredictably, so there must be only one.
 
@@ -9,19 +9,20 @@ from __future__ import annotations
 
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from threading import Event, Thread
-from typing import Any
+from typing import Any, TypeVar
 
 from patrol.printable import printable
 from ros2.robot.localisation import Fix, Localisation
 from ros2.robot.options import DriveSettings
-from ros2.robot.stop_files import StopFiles
-from ros2.robot.stops import Stopper, Stops, StopTopic
+from ros2.robot.stops import StopFiles, Stopper, Stops, StopTopic
 from ros2.wire.mailbox import RosMailbox
 from ros2.wire.messages import Bool, Clock, Odometry, PoseWithCovarianceStamped, TFMessage
-from ros2.wire.names import LATCHED, SENSOR, USUAL, Entity, EntityKind, full_name
+from ros2.wire.names import LATCHED, SENSOR, USUAL, Entity, EntityKind, Qos, full_name
 from ros2.wire.ports import Ros2Link
+
+M = TypeVar("M")
 
 LOOK_S = 1.0
 """Time between two looks at the graph, s."""
@@ -147,42 +148,47 @@ class Hardware:
     ) -> None:
         self.link = link
         self.settings = settings
+        self.factor = factor
         self.stops = Stops(link.resolve(settings.topic("stop")), stop_files)
         self._say = say
         self._unnoted = ""
-        fresh_s = settings.localisation.fresh_s / factor
-        clock: RosMailbox[Clock] | None = RosMailbox() if settings.sim_time else None
-        self.time = RobotTime(factor, clock, fresh_s)
+        self._mailboxes: list[RosMailbox[Any]] = []
+        self._refusals: set[str] = set()
         self._localisation = Localisation(settings.localisation)
-        self._odometry: RosMailbox[Odometry] = RosMailbox(_ROOM)
-        self._tf: RosMailbox[TFMessage] = RosMailbox(_ROOM)
-        self._tf_static: RosMailbox[TFMessage] = RosMailbox(_ROOM)
-        self._root_tf: RosMailbox[TFMessage] = RosMailbox(_ROOM)
-        self._root_tf_static: RosMailbox[TFMessage] = RosMailbox(_ROOM)
-        self._poses: RosMailbox[PoseWithCovarianceStamped] = RosMailbox(_ROOM)
         self._stop = StopTopic(Stopper.TOPIC in self.stops, time.time_ns)
-        tfs = (self._tf, self._tf_static, self._root_tf, self._root_tf_static)
-        heard: list[RosMailbox[Any]] = [self._stop, self._odometry, self._poses, *tfs]
-        self._refusals = Refusals(heard if clock is None else [*heard, clock])
-        topic = settings.topic
-        if clock is not None:
-            link.subscribe(topic("clock"), Clock, clock, SENSOR)
-        link.subscribe(topic("stop"), Bool, self._stop, LATCHED)
-        link.subscribe(topic("tf_static"), TFMessage, self._tf_static, LATCHED)
-        link.subscribe(topic("tf"), TFMessage, self._tf, USUAL)
-        for usual, mailbox, qos in (("tf", self._root_tf, USUAL), ("tf_static", self._root_tf_static, LATCHED)):
-            # ROS says transforms outside of every namespace, unless a launch file moves them into the robot's.
-            if topic(usual) == usual and link.resolve(usual) != f"/{usual}":
-                link.subscribe(f"/{usual}", TFMessage, mailbox, qos)
-        link.subscribe(topic("amcl_pose"), PoseWithCovarianceStamped, self._poses, LATCHED)
-        link.subscribe(topic("odom"), Odometry, self._odometry, SENSOR)
+        clock: RosMailbox[Clock] | None = None
+        if settings.sim_time:
+            clock = self._listen("clock", Clock, SENSOR, RosMailbox())
+        self.time = RobotTime(factor, clock, settings.localisation.fresh_s / factor)
+        self._listen("stop", Bool, LATCHED, self._stop)
+        self._tf_static = self._listen_for_transforms("tf_static", LATCHED)
+        self._tf = self._listen_for_transforms("tf", USUAL)
+        self._poses = self._listen("amcl_pose", PoseWithCovarianceStamped, LATCHED, RosMailbox(_ROOM))
+        self._odometry = self._listen("odom", Odometry, SENSOR, RosMailbox(_ROOM))
+
+    def _listen(self, usual: str, kind: type[M], qos: Qos, mailbox: RosMailbox[M]) -> RosMailbox[M]:
+        self.link.subscribe(self.settings.topic(usual), kind, mailbox, qos)
+        self._mailboxes.append(mailbox)
+        return mailbox
+
+    def _listen_for_transforms(self, usual: str, qos: Qos) -> tuple[RosMailbox[TFMessage], RosMailbox[TFMessage]]:
+        """Return the transforms in the robot's own namespace, and those outside of every namespace.
+
+        ROS says them outside, unless a launch file moves them into the robot's namespace.
+        """
+        inside: RosMailbox[TFMessage] = self._listen(usual, TFMessage, qos, RosMailbox(_ROOM))
+        outside: RosMailbox[TFMessage] = RosMailbox(_ROOM)
+        if self.settings.topic(usual) == usual and self.link.resolve(usual) != f"/{usual}":
+            self.link.subscribe(f"/{usual}", TFMessage, outside, qos)
+            self._mailboxes.append(outside)
+        return inside, outside
 
     @property
     def why(self) -> str:
         """The reason why the robot's pose is unknown, in one line; empty if it is known."""
         if self.time.now() is None:
             return f"no time on {self.settings.topic('clock')}; leave --use-sim-time out, or start the simulation"
-        refused = [*self._odometry.said.values(), *self._tf.said.values(), *self._poses.said.values()]
+        refused = [*self._odometry.said.values(), *self._tf[0].said.values(), *self._poses.said.values()]
         found = self._localisation.why
         return f"{found} ({refused[0]})" if found and refused else found
 
@@ -194,9 +200,11 @@ class Hardware:
             return None
         while (odometry := self._odometry.take()) is not None:
             self._localisation.odometry(odometry.message, self._arrival(odometry.at_s, now_s), odometry.sender)
-        for mailbox, fixed in self._transforms():
-            while (said := mailbox.take()) is not None:
-                self._localisation.transforms(said.message, self._arrival(said.at_s, now_s), fixed=fixed)
+        for (inside, outside), fixed in ((self._tf_static, True), (self._tf, False)):
+            # Outside they count only while there are none inside: other robots may use the same names there.
+            mailbox = inside if inside.received else outside
+            while (transforms := mailbox.take()) is not None:
+                self._localisation.transforms(transforms.message, self._arrival(transforms.at_s, now_s), fixed=fixed)
         while (pose := self._poses.take()) is not None:
             self._localisation.localised(pose.message, self._arrival(pose.at_s, now_s))
         return self._localisation.at(now_s)
@@ -216,29 +224,12 @@ class Hardware:
     @property
     def refused(self) -> dict[str, float]:
         """Counts of the robot's messages that could not be used, by reason. From any thread."""
-        heard = (
-            self._odometry,
-            self._tf,
-            self._tf_static,
-            self._root_tf,
-            self._root_tf_static,
-            self._poses,
-            self._stop,
-        )
-        return dict(sum((Counter(mailbox.refused) for mailbox in heard), Counter[str]()))
+        return dict(sum((Counter(mailbox.refused) for mailbox in self._mailboxes), Counter[str]()))
 
     def stamp_ns(self) -> int:
         """Return the stamp of a message that is sent now; 0 while the time is unknown."""
         now_s = self.time.now()
         return 0 if now_s is None else max(0, int(now_s * 1e9))
-
-    def _transforms(self) -> Iterator[tuple[RosMailbox[TFMessage], bool]]:
-        """Give the queues of transforms, and whether they hold for ever; those of the robot's own namespace go first.
-
-        Outside of it they count only as long as there are none inside: other robots may use the same names there.
-        """
-        yield (self._tf_static if self._tf_static.received else self._root_tf_static), True
-        yield (self._tf if self._tf.received else self._root_tf), False
 
     def _arrival(self, at_s: float, now_s: float) -> float:
         """Return the arrival time of a message, s of the robot's time."""
@@ -246,35 +237,19 @@ class Hardware:
         return now_s if then_s is None else min(then_s, now_s)
 
     def _heed_stops(self) -> None:
-        for line in self._refusals.new():
-            self._say(f"refused: {line}")
+        for line in [line for mailbox in self._mailboxes for line in list(mailbox.said.values())]:
+            if line not in self._refusals:
+                self._refusals.add(line)
+                self._say(f"refused: {line}")
         stopped, holds, ignored = self._stop.heed()
-        who = self.stops.who(Stopper.TOPIC)
+        source = self.stops.name(Stopper.TOPIC)
         if stopped and self.stops.hold(Stopper.TOPIC):
-            self._say(f"stopped by {who}")
+            self._say(f"stopped by {source}")
         if not holds and self.stops.release(Stopper.TOPIC):
-            self._say(f"released by {who}")
+            self._say(f"released by {source}")
         if (error := self.stops.error) != self._unnoted:
             self._unnoted = error
             if error:
                 self._say(f"stops are not noted: {error}")
         if ignored:
-            self._say(f"still stopped by {who}: {ignored}")
-
-
-class Refusals:
-    """The messages that topics have refused, for people: the first message of each topic for each reason."""
-
-    def __init__(self, mailboxes: list[RosMailbox[Any]]) -> None:
-        self._mailboxes = mailboxes
-        self._said = [0] * len(mailboxes)
-
-    def new(self) -> list[str]:
-        """Lines that are new since this was last asked."""
-        lines: list[str] = []
-        for number, mailbox in enumerate(self._mailboxes):
-            if len(mailbox.said) > self._said[number]:
-                said = list(mailbox.said.values())
-                lines += said[self._said[number] :]
-                self._said[number] = len(said)
-        return lines
+            self._say(f"still stopped by {source}: {ignored}")

@@ -18,9 +18,9 @@ from typing import Any
 from patrol.errors import BadInput, quoted
 from patrol.files.untrusted import POSE
 from patrol.files.yaml_text import parse_yaml, read_text
-from patrol.pose import Pose, wrap
+from patrol.pose import Pose
 from ros2.robot.localisation import VARIANCES, Variances
-from ros2.wire.frames import heading_given
+from ros2.wire.frames import apart, heading_given
 from ros2.wire.messages import PoseWithCovarianceStamped
 from ros2.wire.ports import Sender
 
@@ -31,7 +31,7 @@ SETTLED_S = 1.0
 """Time for the localisation to take in the first message, s; until then it may speak of another place."""
 
 NEAR_M, NEAR_RAD = 1.0, 0.5
-"""Distance and angle within which a localisation agrees: two standard deviations of what it was told."""
+"""Distance and angle within which a localisation agrees: two standard deviations of the pose that it was told."""
 
 _EXPORTS = "the output of 'ros2 topic echo --once /amcl_pose', or Nav2 parameters with amcl's initial_pose"
 
@@ -68,8 +68,7 @@ class InitialPose:
         """
         if self.was_told and moment_s - self._first_s < SETTLED_S:
             return "its localisation has just been told where it is"
-        away_m = math.dist((pose.x, pose.y), (self._start.x, self._start.y))
-        turned = abs(wrap(pose.heading - self._start.heading))
+        away_m, turned = apart(pose, self._start)
         if away_m <= NEAR_M and turned <= NEAR_RAD:
             return ""
         where = f"({pose.x:.2f}, {pose.y:.2f}, {pose.heading:.2f})"

@@ -42,7 +42,7 @@ Variances = tuple[float, float, float]
 """Of x and y, m², and of the heading, rad²."""
 
 VARIANCES: Variances = (0.25, 0.25, (math.pi / 12.0) ** 2)
-"""What RViz says of a pose that is given by hand: half a metre, and 15 degrees."""
+"""The variances that RViz gives a pose that is set by hand: of half a metre, and 15 degrees."""
 
 SAME_MAP = Pose(0.0, 0.0, 0.0)
 """The transform of a robot whose map is ours."""
@@ -72,7 +72,6 @@ class Fix:
 
     pose: Pose  # on the map, now
     twist: Twist  # by its odometry, in its own frame
-    age_s: float  # of the odometry that the pose is carried on from
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,8 +95,10 @@ class LocalisationSettings:
     transform: Pose = SAME_MAP  # pose of the robot's own map on ours, if it has another
     fresh_s: float = 0.3  # longest time since the newest odometry arrived
     delay_s: float | None = None  # age of odometry when it arrives; None to go by its stamps
-    speed: float = SPEED  # top speed, m/s: by how much the odometry may change
-    turn_rate: float = SPEED / RADIUS  # how fast the robot can turn, rad/s
+    speed: float = SPEED  # top speed, m/s; a robot that moves faster must say so in its odometry
+    # how fast the robot can turn, rad/s: while messages are missing, it may have turned like that; between others it
+    # turns as both of them say
+    turn_rate: float = SPEED / RADIUS
 
 
 class Localisation:
@@ -109,7 +110,7 @@ class Localisation:
     def __init__(self, settings: LocalisationSettings) -> None:
         self.why = "no odometry has come"
         self._settings = settings
-        self._odometer = Odometer(settings.speed, settings.turn_rate, settings.fresh_s, settings.delay_s)
+        self._odometer = Odometer(settings)
         self._fixed: dict[str, _Correction] = {}
         self._moving: dict[str, _Correction] = {}
         self._posed: _Correction | None = None
@@ -212,7 +213,7 @@ class Localisation:
         correction = self._correction()
         assert correction is not None  # else there would be a reason
         age_s = max(0.0, now_s - newest.stamp_s)
-        return Fix(travelled(composed(correction.pose, newest.pose), newest.twist, age_s), newest.twist, age_s)
+        return Fix(travelled(composed(correction.pose, newest.pose), newest.twist, age_s), newest.twist)
 
     def correction_age_s(self, now_s: float) -> float | None:
         """Return the age of the correction in use, s, or None without one; called from any thread."""

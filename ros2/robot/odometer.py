@@ -1,8 +1,8 @@
 """The odometry of a robot, as far as it can be believed: of one sender, in its order, and without jumps.
 
-Odometry goes on as a body does. What is farther from what came before than speed and time allow is not: the robot was
-restarted and counts from somewhere else, it was carried, or another node speaks. Then its pose is unknown until
-its odometry has been steady for `SETTLED_S`, and something has said anew where that lies on the map.
+Odometry moves as a body does. A pose that is farther from the last ones than speed and time allow means that the robot
+was restarted and counts from another place, that it was carried, or that another node sends. Then the robot's pose is
+unknown until its odometry has been steady for `SETTLED_S` and a localisation has placed it on the map anew.
 """
 
 from __future__ import annotations
@@ -12,10 +12,11 @@ from collections import deque
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from patrol.pose import wrap
+from ros2.wire.frames import apart
 
 if TYPE_CHECKING:
     from patrol.pose import Pose
+    from ros2.robot.localisation import LocalisationSettings
     from ros2.wire.messages import Odometry, Twist
 
 SETTLED_S = 1.0
@@ -57,21 +58,13 @@ class Odometer:
 
     `readings` holds what is believed, the newest last, without what came before a silence. `frame` is that of its
     poses, empty before the first; `jumped_m` is the length of the last jump.
-
-    `speed` is the robot's top speed, m/s; one that moves faster must say so in its odometry. `turn_rate` is how fast it
-    can turn, rad/s: while messages are missing, it may have turned like that; between others it turns as both of them
-    say. After `fresh_s` without a message the robot counts as silent. `delay_s` is the age of messages when they
-    arrive, so that their stamps mean nothing; None to go by the stamps.
     """
 
-    def __init__(self, speed: float, turn_rate: float, fresh_s: float, delay_s: float | None) -> None:
+    def __init__(self, settings: LocalisationSettings) -> None:
         self.readings: deque[OdometryReading] = deque(maxlen=REMEMBERED)
         self.frame = ""
         self.jumped_m = 0.0
-        self._speed = speed
-        self._turn_rate = turn_rate
-        self._fresh_s = fresh_s
-        self._delay_s = delay_s
+        self._settings = settings
         self._senders: dict[bytes, float] = {}
         self._astray: OdometryReading | None = None
         self._astray_since_s = 0.0
@@ -83,9 +76,9 @@ class Odometer:
         return self.readings[-1] if self.readings else None
 
     def take(self, message: Odometry, arrived_s: float, sender: bytes = b"") -> bool:
-        """Take in a message, and return True if odometry counts from somewhere else from now on.
+        """Take in a message, and return True if odometry counts from another place from now on.
 
-        What was known of its frame is void then. A message older than the last is left out while that is fresh.
+        Corrections of its frame are void then. A message older than the last is left out while that is fresh.
         `sender` stands for the node that sent it, empty where that is not known.
         """
         self._note(sender, arrived_s)
@@ -96,7 +89,7 @@ class Odometer:
             self._begin(reading)
             return False
         latest = self._astray or last
-        renewed = not -BACK_S <= arrived_s - latest.arrived_s <= self._fresh_s
+        renewed = not -BACK_S <= arrived_s - latest.arrived_s <= self._settings.fresh_s
         if not renewed and reading.stamp_s <= latest.stamp_s:
             return False
         if self._follows(last, reading) and self._keeps_its_speed(reading):
@@ -105,7 +98,7 @@ class Odometer:
                 self.readings.clear()
             self.readings.append(reading)
             return False
-        self.jumped_m = math.dist((last.pose.x, last.pose.y), (reading.pose.x, reading.pose.y))
+        self.jumped_m, _ = apart(last.pose, reading.pose)
         if not renewed and not self._settled(reading):
             return False
         self._begin(reading)
@@ -121,7 +114,8 @@ class Odometer:
         return ""
 
     def _read(self, message: Odometry, arrived_s: float, last: OdometryReading | None) -> OdometryReading:
-        stamp_s = message.stamp_ns / 1e9 if self._delay_s is None else arrived_s - self._delay_s
+        delay_s = self._settings.delay_s
+        stamp_s = message.stamp_ns / 1e9 if delay_s is None else arrived_s - delay_s
         driven_m = 0.0
         if last is not None:
             lapsed_s = min(max(0.0, arrived_s - last.arrived_s), _DRIVEN_S)
@@ -140,7 +134,7 @@ class Odometer:
         self.readings.append(reading)
 
     def _settled(self, reading: OdometryReading) -> bool:
-        """Return True if what came astray has been steady for long enough to be where the robot counts from now."""
+        """Return True if poses after a jump have been steady for long enough to count from now on."""
         if self._astray is None or not self._follows(self._astray, reading):
             self._astray_since_s = reading.arrived_s
         self._astray, self._strayed_s = reading, reading.arrived_s
@@ -154,13 +148,12 @@ class Odometer:
     def _follows(self, before: OdometryReading, after: OdometryReading) -> bool:
         """Return True if a body that was at the one can be at the other."""
         lapsed_s = max(after.stamp_s - before.stamp_s, after.arrived_s - before.arrived_s, 0.0)
-        time_s = min(lapsed_s, SETTLED_S) + self._fresh_s  # messages that waited arrive together
-        speed = max(self._speed, min(_speed(before.twist), _speed(after.twist)))
+        time_s = min(lapsed_s, SETTLED_S) + self._settings.fresh_s  # messages that waited arrive together
+        speed = max(self._settings.speed, min(_speed(before.twist), _speed(after.twist)))
         told = min(abs(before.twist.turn_rate), abs(after.twist.turn_rate)) * time_s
-        unseen = self._turn_rate * max(0.0, min(lapsed_s, SETTLED_S) - USUAL_S)
-        moved = math.dist((before.pose.x, before.pose.y), (after.pose.x, after.pose.y))
-        turned = abs(wrap(after.pose.heading - before.pose.heading))
-        long_ago = after.arrived_s - before.arrived_s > self._fresh_s  # it may have turned all round
+        unseen = self._settings.turn_rate * max(0.0, min(lapsed_s, SETTLED_S) - USUAL_S)
+        moved, turned = apart(before.pose, after.pose)
+        long_ago = after.arrived_s - before.arrived_s > self._settings.fresh_s  # it may have turned all round
         return moved <= JUMP_M + speed * time_s and (long_ago or turned <= min(JUMP_RAD + max(told, unseen), MOST_RAD))
 
 

@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import argparse
 import math
+import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from patrol.errors import BadInput, did_you_mean
 from patrol.pose import MODELS, Limits, Pose
+from patrol.process.context import ProcessContext, run_with
 from patrol.process.options import ProcessParser
 from ros2.robot.localisation import RADIUS, SAME_MAP, SPEED, VARIANCES, LocalisationSettings, Source
 from ros2.wire.frames import composed, inverted, pose_given
+from ros2.wire.names import check_name
 
 TOPICS: Mapping[str, str] = {
     "odom": "its odometry",
@@ -30,7 +33,7 @@ TOPICS: Mapping[str, str] = {
     "clock": "the robot's time, read with --use-sim-time",
     "diagnostics": "how the patrol and the robot do, published for rqt_robot_monitor and the like",
 }
-"""The topics by their usual names, and what they hold. All but `OF_ALL_ROBOTS` are relative to the namespace."""
+"""The topics by their usual names, with their contents. All but `OF_ALL_ROBOTS` are relative to the namespace."""
 
 OF_ALL_ROBOTS = ("clock", "diagnostics")
 """Topics that ROS has outside of every namespace."""
@@ -45,7 +48,6 @@ class DriveSettings:
 
     drive: str = "twist-stamped"  # one of `DRIVES`
     base_frame: str = "base_link"  # in which velocities are meant
-    map_frame: str = "map"
     wheelbase: float = 0.3  # of a car, m
     acceleration: float = 1.0  # the most by which the speed that the robot is told may change, m/s²
     braking: float = 1.0  # how hard the robot surely brakes, m/s²; the fence relies on it
@@ -153,6 +155,17 @@ Exit codes: 1 the robot or its policy failed, 2 bad input, 130 interrupted.
 """
 
 
+def main(arguments: Sequence[str]) -> int:
+    """Drive a ROS 2 robot until asked to leave."""
+    return run_with(options_of(arguments), "robot", _drive)
+
+
+def _drive(process: ProcessContext) -> int:
+    from ros2.robot.process import drive  # loads much, and --help need not wait for it
+
+    return drive(process)
+
+
 def options_of(arguments: Sequence[str]) -> argparse.Namespace:
     """Read a command line."""
     return ros2_parser().parse_args(arguments)
@@ -231,21 +244,21 @@ def ros2_parser() -> ProcessParser:
 
 def drive_settings(options: argparse.Namespace) -> DriveSettings:
     """Return how the robot is driven."""
-    for name, least, most in (
-        ("radius", 0.01, 100.0),
-        ("speed", 0.001, 100.0),
-        ("acceleration", 0.01, 100.0),
-        ("margin", 0.0, 10.0),
-        ("wheelbase", 0.01, 100.0),
-        ("rate", 2.0, 50.0),
-        ("fresh", 0.05, 0.4),
-        ("wait", 0.1, 86_400.0),
-    ):
-        _check(f"--{name}", getattr(options, name), least, most)
-    braking = options.acceleration if options.braking is None else options.braking
-    _check("--braking", braking, 0.01, 100.0)
-    if options.delay is not None:
-        _check("--delay", options.delay, 0.0, 0.4)
+    check_ranges(
+        options,
+        {
+            "radius": (0.01, 100.0),
+            "speed": (0.001, 100.0),
+            "acceleration": (0.01, 100.0),
+            "braking": (0.01, 100.0),
+            "margin": (0.0, 10.0),
+            "wheelbase": (0.01, 100.0),
+            "rate": (2.0, 50.0),
+            "fresh": (0.05, 0.4),
+            "delay": (0.0, 0.4),
+            "wait": (0.1, 86_400.0),
+        },
+    )
     _check_robot(options)
     if options.write_scenario is not None and (options.scenario is not None or options.map is None):
         raise BadInput("--write-scenario: needs --map, and no --scenario; leave it out")
@@ -255,24 +268,24 @@ def drive_settings(options: argparse.Namespace) -> DriveSettings:
     if options.transform is not None and options.map is None and options.scenario is None:
         raise BadInput("--transform: places the robot's own map on ours; give ours with --map or --scenario")
     start, variances = None, VARIANCES
-    if options.start == SCENARIO_START and options.scenario is None:
-        raise BadInput("--start scenario: there is none; give --scenario, or a pose")
-    if options.start not in {None, SCENARIO_START} and _is_file(options.start):
+    if options.start == SCENARIO_START:
+        if options.scenario is None:
+            raise BadInput("--start scenario: there is none; give --scenario, or a pose")
+    elif options.start is not None and os.path.isfile(options.start):  # noqa: PTH113 - Path raises for a long name
         from ros2.robot.initial import read_initial_pose
 
         there, variances = read_initial_pose(Path(options.start), "--start", options.map_frame)
         start = composed(transform, there)
-    elif options.start not in {None, SCENARIO_START}:
+    elif options.start is not None:
         start = pose_given("--start", options.start, ", or a file that exists")
     turning_radius = TURNING_RADIUS if options.turning_radius is None else options.turning_radius
     limits = Limits(options.speed, options.radius, turning_radius)
     return DriveSettings(
         drive=options.drive,
         base_frame=options.base_frame,
-        map_frame=options.map_frame,
         wheelbase=options.wheelbase,
         acceleration=options.acceleration,
-        braking=braking,
+        braking=options.acceleration if options.braking is None else options.braking,
         margin=options.margin,
         rate_hz=options.rate,
         localisation=LocalisationSettings(
@@ -307,29 +320,16 @@ def _check_robot(options: argparse.Namespace) -> None:
         raise BadInput("--drive nav2: --robot rclpy sends no goals; give --robot ros2, or --drive twist-stamped")
 
 
-def domain_of(options: argparse.Namespace) -> int:
-    """Return the ROS_DOMAIN_ID."""
-    from ros2.wire.names import domain_given
-
-    return domain_given(options.domain)
-
-
-def _check(option: str, value: float, least: float, most: float) -> None:
-    if not math.isfinite(value) or not least <= value <= most:
-        raise BadInput(f"{option} {value:g}: out of range; give {least:g} to {most:g}")
-
-
-def _is_file(name: str) -> bool:
-    try:
-        return Path(name).is_file()
-    except OSError:  # such as a name that is too long
-        return False
+def check_ranges(options: argparse.Namespace, ranges: Mapping[str, tuple[float, float]]) -> None:
+    """Refuse options that are given and out of their ranges."""
+    for name, (least, most) in ranges.items():
+        value = getattr(options, name.replace("-", "_"))
+        if value is not None and not least <= value <= most:
+            raise BadInput(f"--{name} {value:g}: out of range; give {least:g} to {most:g}")
 
 
 def topics_given(given: Sequence[str]) -> dict[str, str]:
     """Return names of topics, by their usual names, from texts ``NAME=TOPIC``."""
-    from ros2.wire.names import check_name
-
     found: dict[str, str] = {}
     for text in given:
         usual, equals, name = text.partition("=")

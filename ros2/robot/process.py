@@ -6,31 +6,38 @@ import argparse
 import os
 import tempfile
 import time
-from collections.abc import Callable, Sequence
 from contextlib import nullcontext
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from agent.own_robot import Site, Ticks, check_epoch, patrol_with
+from agent.ports import Robot
 from patrol.errors import BadInput, NotPrepared
-from patrol.process.context import AskedToLeave, ProcessContext, run_with
-from patrol.process.lifeline import rest_before_pause
-from patrol.reporting.logs import Log
-from ros2.robot.options import FORMATS, SCENARIO_START, domain_of, drive_settings, options_of
-
-if TYPE_CHECKING:
-    from agent.own_robot import Site
-    from agent.ports import Telemetry
-    from patrol.ground.terrain import Terrain
-    from patrol.pose import Pose
-    from patrol.scenario import RobotSpec, Scenario
-    from ros2.robot.diagnostics import Diagnostics
-    from ros2.robot.driver import Ros2Robot
-    from ros2.robot.hardware import Hardware, Rivals
-    from ros2.robot.initial import InitialPose
-    from ros2.robot.options import DriveSettings
-    from ros2.robot.shown import Shown
-    from ros2.wire.ports import Ros2Link
+from patrol.files.whole_file import writing
+from patrol.ground.terrain import Terrain
+from patrol.net.link import LinkDown
+from patrol.pose import Pose
+from patrol.prepare import terrain_of
+from patrol.process.context import AskedToLeave, ProcessContext
+from patrol.scenario import RobotSpec, Scenario, dump_scenario, load_scenario, naming, parse_overrides
+from patrol.security.credentials import read_credentials
+from patrol.security.keys import check_locator, check_radio
+from patrol.security.roles import Kind, robot_role
+from patrol.starts import place_starts
+from ros2.robot.hardware import Hardware, Rivals
+from ros2.robot.initial import InitialPose
+from ros2.robot.localisation import Source
+from ros2.robot.options import FORMATS, SCENARIO_START, DriveSettings, drive_settings
+from ros2.robot.shown import write_map
+from ros2.robot.stops import DriverFailed, StopFiles, state_folder
+from ros2.wire.formats import format_named
+from ros2.wire.link import open_ros2
+from ros2.wire.mailbox import RosMailbox
+from ros2.wire.messages import OccupancyGrid, PoseWithCovarianceStamped
+from ros2.wire.names import LATCHED, NodeName, check_name, domain_given
+from ros2.wire.ports import Ros2Link
+from ros2.wire.rclpy_link import RclpyLink, import_rclpy
 
 FLEET = "patrol"
 """The fleet's name unless options say otherwise."""
@@ -42,7 +49,7 @@ NODE = "fogwatch"
 """The name of our node in the ROS graph, in the robot's namespace."""
 
 SAY_S = 5.0
-"""Time between two lines about what is waited for, s."""
+"""Time between two lines about a wait, s."""
 
 QUIET_S = 2.0
 """Time for which a robot's localisation has to say nothing, from the first odometry on, before it is told where it is,
@@ -59,25 +66,11 @@ each next one does, s: of robots that start together, all but the first hear ano
 LONGEST_S = 4_000_000.0
 """Longest patrol without a scenario, s: 46 days."""
 
-REACTION_S = 0.1
-"""Time from the reception of a command until the robot brakes, s."""
-
-HOLD_STEPS = 1.5
-"""Number of steps for which a command is obeyed when no other comes."""
-
 _LOOK_S = 0.05
-_Say = Callable[[str], None]
-
-
-def main(arguments: Sequence[str]) -> int:
-    """Drive a ROS 2 robot until asked to leave."""
-    return run_with(options_of(arguments), "robot", _run)
 
 
 def _name(options: argparse.Namespace) -> str:
     """Return the robot's name in its fleet."""
-    from patrol.security.credentials import read_credentials
-
     if options.name is not None:
         return str(options.name)
     if options.credentials is not None:
@@ -86,7 +79,7 @@ def _name(options: argparse.Namespace) -> str:
 
 
 def _check_scenario(scenario: Scenario, drive: str) -> None:
-    """Refuse what a ROS 2 robot does not sense, and zones that Nav2 would drive through as if they were not there."""
+    """Refuse closures and batteries, which a ROS 2 robot does not sense, and zones that Nav2 does not know."""
     if scenario.closures:
         raise NotPrepared("closures: a ROS 2 robot reports nothing blocked here; drop them")
     if any(spec.battery is not None for spec in scenario.roster):
@@ -104,10 +97,8 @@ def _check_scenario(scenario: Scenario, drive: str) -> None:
             raise NotPrepared(f"zones.{number}.one_way = {zone.one_way}: {why}")
 
 
-def _run(process: ProcessContext) -> int:
+def drive(process: ProcessContext) -> int:
     """Find the robot, and patrol with it; return the exit code."""
-    from patrol.scenario import naming, parse_overrides
-
     options = process.options
     overrides = parse_overrides(options.set)
     with nullcontext() if options.scenario is None else naming(options.scenario, overrides):
@@ -116,13 +107,6 @@ def _run(process: ProcessContext) -> int:
 
 def _find_and_patrol(process: ProcessContext, overrides: dict[str, object]) -> int:
     """Check all input, then find the robot, and patrol with it; return the exit code."""
-    from agent.own_robot import check_epoch
-    from patrol.scenario import load_scenario
-    from patrol.security.keys import check_locator, check_radio
-    from patrol.security.roles import robot_role
-    from ros2.robot.hardware import Hardware
-    from ros2.robot.stop_files import StopFiles, state_folder
-
     options = process.options
     name = _name(options)
     process.follow(name)
@@ -161,17 +145,14 @@ def _find_and_patrol(process: ProcessContext, overrides: dict[str, object]) -> i
         folder = Path(process.closing.enter_context(tempfile.TemporaryDirectory(prefix="fogwatch-")))
         map_file = options.map or _robots_map(link, settings, folder, process)
         scenario = _scenario(options, name, map_file, pose, overrides)
-    if options.write_scenario is not None:
-        _write(scenario, options.write_scenario)
+    if (file := options.write_scenario) is not None:
+        with writing(f"--write-scenario {file}", "give another file"):
+            file.write_text(dump_scenario(scenario), encoding="utf-8")
     return _patrol(process, scenario, hardware, has_map)
 
 
 def _patrol(process: ProcessContext, scenario: Scenario, hardware: Hardware, shows_map: bool) -> int:
     """Patrol with a robot that was found; return the exit code."""
-    from agent.mind_loop import Both
-    from agent.own_robot import Ticks, patrol_with
-    from ros2.robot.driver import DriverFailed
-
     name, options = process.log.process, process.options
     numbers = {spec.name: spec.number for spec in scenario.roster}
     alone_s = LISTEN_S + LISTEN_MORE_S * (numbers.get(name, 1) - 1)
@@ -181,16 +162,10 @@ def _patrol(process: ProcessContext, scenario: Scenario, hardware: Hardware, sho
         process.log.info(f"meets its fleet at {where}; give --router if others have another")
     ticks = Ticks(options.epoch, options.wait, alone_s)
 
-    def make(site: Site) -> Ros2Robot:
-        shown = _shown(site, hardware, shows_map, process.log)
-        diagnostics = _diagnostics(site, hardware, scenario)
-        robot = _robot(site, hardware, Both(shown, diagnostics), process.log, rivals)
-        diagnostics.watch(robot)
-        process.closing.callback(diagnostics.close)
-        if process.supervision.counts:
-            robot.show(process.vitals)
-        rest_before_pause(robot.rest, robot.go_on)
-        return robot
+    def make(site: Site) -> Robot:
+        from ros2.robot.driver import assemble  # imports kernels, which were compiled by now
+
+        return assemble(site, hardware, scenario, rivals, process, shows_map=shows_map)
 
     try:
         return patrol_with(process, make, scenario, name, ticks)
@@ -203,8 +178,6 @@ def _patrol(process: ProcessContext, scenario: Scenario, hardware: Hardware, sho
 
 def _alone(hardware: Hardware, process: ProcessContext) -> Rivals:
     """Make sure that no other process drives the robot, from now on. Raises BadInput if one does."""
-    from ros2.robot.hardware import Rivals
-
     settings, link = hardware.settings, hardware.link
     usual = None if settings.is_shared else settings.commands
     rivals = Rivals(link, None if usual is None else link.resolve(settings.topic(usual)))
@@ -220,9 +193,6 @@ def _check_ground(
     options: argparse.Namespace, name: str, scenario: Scenario | None, overrides: dict[str, object]
 ) -> Terrain | None:
     """Check options, map and bodies before anything waits for the robot; return the map, if it is given."""
-    from patrol.prepare import terrain_of
-    from patrol.starts import place_starts
-
     if scenario is None and options.map is None:
         elsewhere = {field: value for field, value in overrides.items() if not field.startswith("terrain.")}
         _scenario(options, name, None, None, elsewhere)
@@ -255,21 +225,13 @@ def _check_start(settings: DriveSettings, terrain: Terrain | None) -> None:
 
 def _link(process: ProcessContext) -> Ros2Link:
     """Join the robot's router, or its ROS. Raises AskedToLeave, or BadInput when there is none."""
-    from patrol.net.link import LinkDown
-    from patrol.security.credentials import read_credentials
-    from patrol.security.keys import check_locator
-    from ros2.wire.formats import format_named
-    from ros2.wire.link import open_ros2
-    from ros2.wire.names import NodeName, check_name
-    from ros2.wire.rclpy_link import RclpyLink, import_rclpy
-
     options = process.options
     namespace = options.namespace.strip("/")
     if namespace:
         check_name(namespace, "--namespace")
     node = NodeName(NODE, namespace)
     if options.robot == "rclpy":
-        return RclpyLink(import_rclpy(), node, domain_of(options), process.ending.ask)
+        return RclpyLink(import_rclpy(), node, domain_given(options.domain), process.ending.ask)
     locator = check_locator(options.connect, "--connect")
     option, proof = "--ros-credentials", options.ros_credentials
     if proof is None and locator.startswith("tls/"):
@@ -278,7 +240,7 @@ def _link(process: ProcessContext) -> Ros2Link:
     try:
         return open_ros2(
             locator,
-            format_named(options.format or FORMATS[0], domain_of(options), "--format"),
+            format_named(options.format or FORMATS[0], domain_given(options.domain), "--format"),
             node,
             options.wait,
             lambda waited: process.log.info(f"waiting for the robot's router at {locator} ({waited:.0f} s)"),
@@ -330,28 +292,19 @@ def _started(settings: DriveSettings, spec: RobotSpec) -> DriveSettings:
 
 
 def _initial_pose(hardware: Hardware) -> InitialPose | None:
-    """Return what tells the robot's localisation where the robot is; None where that is not asked for."""
-    from ros2.robot.initial import InitialPose
-    from ros2.robot.localisation import Source
-    from ros2.wire.messages import PoseWithCovarianceStamped
-
+    """Return the sender of the robot's first pose to its localisation; None where no option asks for it."""
     settings = hardware.settings
     found = settings.localisation
     if found.start is None or found.source is Source.ODOMETRY:
         return None
     place = settings.on_robots_map(found.start)
-    told = PoseWithCovarianceStamped(0, settings.map_frame, place, found.variances)
+    told = PoseWithCovarianceStamped(0, settings.localisation.map_frame, place, found.variances)
     sender = hardware.link.publisher(settings.topic("initialpose"), PoseWithCovarianceStamped)
     return InitialPose(found.start, told, sender)
 
 
 def _robots_map(link: Ros2Link, settings: DriveSettings, folder: Path, process: ProcessContext) -> Path:
     """Return the robot's own map as a file. Raises AskedToLeave, or BadInput when none comes."""
-    from ros2.robot.robot_map import write_map
-    from ros2.wire.mailbox import RosMailbox
-    from ros2.wire.messages import OccupancyGrid
-    from ros2.wire.names import LATCHED
-
     topic = link.resolve(settings.topic("map"))
     mailbox: RosMailbox[OccupancyGrid] = RosMailbox()
     link.subscribe(topic, OccupancyGrid, mailbox, LATCHED)
@@ -369,8 +322,6 @@ def _scenario(
     options: argparse.Namespace, name: str, map_file: Path | None, pose: Pose | None, overrides: dict[str, object]
 ) -> Scenario:
     """Make a scenario for robots of one kind on a map; without one on a stand-in, which checks the rest."""
-    from patrol.scenario import load_scenario
-
     names = sorted({listed.strip() for listed in (options.robots or name).split(",")})
     if name not in names:
         raise BadInput(f"--robots {options.robots}: does not hold {name}, which this robot is; add it, or give --name")
@@ -392,19 +343,8 @@ def _scenario(
     return load_scenario(raw, overrides, called="options", aliases={"terrain.map": "--map", "robots": "--robots"})
 
 
-def _write(scenario: Scenario, path: Path) -> None:
-    from patrol.scenario import dump_scenario
-
-    try:
-        path.write_text(dump_scenario(scenario), encoding="utf-8")
-    except OSError as error:
-        raise BadInput(f"--write-scenario {path}: cannot be written ({error.strerror}); give another file") from None
-
-
 def _choose_router(process: ProcessContext) -> None:
     """Let the fleet meet at the robot's own router, unless an option names another place, and check that place."""
-    from patrol.security.roles import Kind
-
     options = process.options
     if options.credentials is None:
         options.router, options.fleet = options.router or options.connect, options.fleet or FLEET
@@ -413,48 +353,3 @@ def _choose_router(process: ProcessContext) -> None:
                 "--router: missing; --robot rclpy needs one for operators and the fleet, which fogwatch router starts"
             )
     process.meet(Kind.ROBOT)
-
-
-def _shown(site: Site, hardware: Hardware, shows_map: bool, log: Log) -> Shown:
-    from ros2.robot.shown import Shown, show_map
-
-    link, settings = hardware.link, hardware.settings
-    if shows_map and not show_map(link, settings, site.terrain, hardware.stamp_ns()):
-        log.info(f"somebody else publishes {link.resolve(settings.topic('map'))}, so this agent does not")
-    return Shown(link, settings, site.terrain, site.fog, hardware.stamp_ns)
-
-
-def _diagnostics(site: Site, hardware: Hardware, scenario: Scenario) -> Diagnostics:
-    from ros2.robot.diagnostics import Diagnostics, Patrolling
-
-    names = {spec.number: spec.name for spec in scenario.roster}
-    facts = Patrolling(site.spec.name, names, site.step, site.factor, scenario.radio.forget_after)
-    return Diagnostics(hardware, facts, site.peers)
-
-
-def _robot(site: Site, hardware: Hardware, onlooker: Telemetry, log: Log, rivals: Rivals) -> Ros2Robot:
-    from ros2.robot.driver import Objection, Pace, Ros2Robot
-    from ros2.robot.fence import Fence, Others
-    from ros2.robot.governor import Governor, Response, Rule
-    from ros2.robot.steering import GoalSteering, Steering, VelocitySteering
-
-    settings, spec = hardware.settings, site.spec
-    if settings.margin >= spec.radius:
-        raise BadInput(f"--margin {settings.margin:g}: {spec.name}'s radius of {spec.radius:g} m holds it; give less")
-    if settings.drive == "ackermann" and spec.model != "car":
-        raise BadInput(f"--drive ackermann: steers a car, and {spec.name} is {spec.model}; set its model to car")
-    steering: Steering
-    objections: list[Objection] = [rivals]
-    if settings.drive == "nav2":
-        steering = GoalSteering(hardware)
-    else:
-        period_s = 1.0 / settings.rate_hz
-        rule = Rule(spec.model, spec.limits, settings.acceleration, HOLD_STEPS * site.step)
-        # Between two commands the robot goes on; half of the margin is kept for the errors of its pose.
-        fence = Fence(site.terrain, spec.radius - 0.5 * settings.margin, 2.0 * period_s + REACTION_S, settings.braking)
-        others = Others(site.peers, site.radii, site.step, site.foreseen)
-        response = Response(spec.radius, spec.speed / settings.braking)
-        objections.append(response)
-        steering = VelocitySteering(hardware, Governor(rule, fence), others, response)
-    pace = Pace(site.step, site.factor, settings.rate_hz)
-    return Ros2Robot(hardware, steering, site.clock, pace, onlooker, site.orders(), log, objections).start()

@@ -1,7 +1,7 @@
-"""The topics for RViz, Foxglove and the like: the map, what it believes of the fog, and its way.
+"""Maps: the robot's own, read from its latched topic; for RViz and Foxglove the map, the believed fog and the way.
 
-Viewers cost the patrol nothing: a thread of its own sends, what is not sent in time is left out, and a large
-grid is thinned.
+Viewers cost the patrol nothing: a thread of its own sends, pictures that come too soon are left out, and a large grid
+is thinned.
 """
 
 from __future__ import annotations
@@ -11,20 +11,28 @@ import time
 from collections import deque
 from collections.abc import Callable
 from dataclasses import replace
-from threading import Event, Thread
+from pathlib import Path as FilePath
+from queue import Queue
+from threading import Thread
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
+from PIL import Image
 
 from agent.ports import Decision
+from patrol.errors import BadInput
 from patrol.exchange import Sensed
-from patrol.ground.fog import Fog
 from patrol.ground.terrain import Terrain
 from patrol.pose import Pose
 from ros2.robot.options import DriveSettings
+from ros2.wire.frames import apart
 from ros2.wire.messages import OccupancyGrid, Path
 from ros2.wire.names import LATCHED, EntityKind
 from ros2.wire.ports import Ros2Link
+
+if TYPE_CHECKING:
+    from patrol.ground.fog import Fog  # has kernels, which are not compiled when the robot's map is read
 
 EVERY_S = 2.0
 """Wall time between two pictures of the fog, s."""
@@ -38,7 +46,7 @@ OCCUPIED, UNKNOWN = 100, -1
 
 
 class Shown:
-    """Publishes what the robot believes (`agent.ports.Telemetry`)."""
+    """Publishes the robot's belief (`agent.ports.Telemetry`)."""
 
     def __init__(
         self, link: Ros2Link, settings: DriveSettings, terrain: Terrain, fog: Fog, stamp_ns: Callable[[], int]
@@ -51,8 +59,7 @@ class Shown:
         self._grids = link.publisher(settings.topic("fog"), OccupancyGrid, LATCHED)
         self._paths = link.publisher(settings.topic("path"), Path, LATCHED)
         self._due_s = 0.0
-        self._picture: tuple[NDArray[np.int8], tuple[Pose, ...]] | None = None
-        self._wake = Event()
+        self._pictures: Queue[tuple[NDArray[np.int8], tuple[Pose, ...]]] = Queue(1)
         self._thin = max(1, math.ceil(math.sqrt(terrain.height * terrain.width / MOST_CELLS)))
         Thread(target=self._show, name="show", daemon=True).start()
 
@@ -60,24 +67,21 @@ class Shown:
         """A decision has been taken."""
         del decision, decision_ms
         pose = sensed.pose
-        if not self._way or math.dist((pose.x, pose.y), (self._way[-1].x, self._way[-1].y)) >= APART_M:
+        if not self._way or apart(pose, self._way[-1])[0] >= APART_M:
             self._way.append(pose)
         now_s = time.monotonic()
-        if now_s >= self._due_s and not self._wake.is_set():
+        if now_s >= self._due_s and self._pictures.empty():
             self._due_s = now_s + EVERY_S
-            self._picture = fog_cells(self._fog, sensed.k, self._thin), tuple(self._way)
-            self._wake.set()
+            self._pictures.put((fog_cells(self._fog, sensed.k, self._thin), tuple(self._way)))
 
     def _show(self) -> None:
-        while self._wake.wait():
-            if self._picture is not None:
-                cells, way = self._picture
-                stamp_ns = self._stamp_ns()
-                settings, frame = self._settings, self._settings.map_frame
-                grid = grid_of(self._terrain, cells, self._thin, frame, stamp_ns)
-                self._grids.send(replace(grid, origin=settings.on_robots_map(grid.origin)))
-                self._paths.send(Path(stamp_ns, frame, tuple(map(settings.on_robots_map, way))))
-            self._wake.clear()
+        settings, frame = self._settings, self._settings.localisation.map_frame
+        while True:
+            cells, way = self._pictures.get()
+            stamp_ns = self._stamp_ns()
+            grid = grid_of(self._terrain, cells, self._thin, frame, stamp_ns)
+            self._grids.send(replace(grid, origin=settings.on_robots_map(grid.origin)))
+            self._paths.send(Path(stamp_ns, frame, tuple(map(settings.on_robots_map, way))))
 
 
 def show_map(link: Ros2Link, settings: DriveSettings, terrain: Terrain, stamp_ns: int) -> bool:
@@ -86,7 +90,9 @@ def show_map(link: Ros2Link, settings: DriveSettings, terrain: Terrain, stamp_ns
     if any(one.kind is EntityKind.PUBLISHER and one.topic == topic for one in link.graph(GRAPH_S)):
         return False
     cells = np.where(terrain.free, 0, OCCUPIED).astype(np.int8)
-    link.publisher(topic, OccupancyGrid, LATCHED).send(grid_of(terrain, cells, 1, settings.map_frame, stamp_ns))
+    link.publisher(topic, OccupancyGrid, LATCHED).send(
+        grid_of(terrain, cells, 1, settings.localisation.map_frame, stamp_ns)
+    )
     return True
 
 
@@ -106,3 +112,32 @@ def grid_of(terrain: Terrain, cells: NDArray[np.int8], thin: int, frame: str, st
     `cells` is int8 (h, w), with row 0 at the lowest y; the side of a cell is `thin` points.
     """
     return OccupancyGrid(stamp_ns, frame, terrain.point * thin, Pose(*terrain.origin, 0.0), cells)
+
+
+OCCUPIED_SHARE = 0.65
+FREE_SHARE = 0.196
+"""Least share of a wall and largest share of free ground in a cell, as map_server has it. A cell that is unknown,
+a pixel of 205, lies in between, and no robot drives there."""
+_WALL, _UNKNOWN, _FREE = 0, 205, 254
+
+
+def write_map(grid: OccupancyGrid, folder: FilePath) -> FilePath:
+    """Write a map as map_server does, and return the path of the YAML file.
+
+    A map that is turned raises `BadInput`, because a map_server file cannot say that here.
+    """
+    if grid.origin.heading != 0.0:
+        raise BadInput("the robot's map is turned against its frame; give --map FILE with an upright one")
+    share = grid.cells.astype(np.float64) / 100.0
+    pixels = np.full(grid.cells.shape, _UNKNOWN, dtype=np.uint8)
+    pixels[(share >= 0.0) & (share < FREE_SHARE)] = _FREE
+    pixels[share > OCCUPIED_SHARE] = _WALL
+    Image.fromarray(np.ascontiguousarray(pixels[::-1])).save(folder / "map.png")
+    path = folder / "map.yaml"
+    origin = [grid.origin.x, grid.origin.y, 0.0]
+    path.write_text(
+        f"image: map.png\nmode: trinary\nresolution: {grid.resolution!r}\norigin: {origin}\nnegate: 0\n"
+        f"occupied_thresh: {OCCUPIED_SHARE}\nfree_thresh: {FREE_SHARE}\n",
+        encoding="utf-8",
+    )
+    return path

@@ -1,17 +1,20 @@
-"""The steering of a ROS 2 robot: by velocities, or by goals for its Nav2."""
+"""The steering of a ROS 2 robot: by velocities, or by goals for its Nav2.
+
+The mind says once a tick by `want` where it leads; `step` moves on many times a tick, if that is safe, and returns why
+the robot stands though the mind wants to go on. `halt` stops it, whatever else is going on, until `go_on`.
+`unconfirmed` is the part of the last stop that is not confirmed, empty where there is nothing to confirm.
+"""
 
 from __future__ import annotations
 
 import math
 import time
 from collections.abc import Callable
-from typing import Protocol
 
 from patrol.ground.swept_path import advance
 from patrol.pose import Command, Drive, Pose
-from ros2.robot.commands import steering_of, velocity_of
 from ros2.robot.fence import Others
-from ros2.robot.governor import Governor, Response
+from ros2.robot.governor import Governor, Response, velocity_of
 from ros2.robot.hardware import Hardware
 from ros2.robot.localisation import Fix
 from ros2.robot.stops import moves
@@ -25,12 +28,12 @@ Place = tuple[float, float]
 ENOUGH_M = 0.3
 """The way that a robot must have been told to go before it is judged whether it did, m: well beyond pose errors."""
 STUCK_SHARE = 0.25
-"""A robot that has come less far than this share of what it was told stands before something that no map shows."""
+"""A robot that gets less far than this share of its command stands before an obstacle that is on no map."""
 
 LASTING_ZEROS = 5
 """Number of messages of zero velocity at the end: single messages may be lost."""
 ZEROS_S = 0.05
-"""Time between two of them, s. A router with a limit drops what comes too soon after the command before, also a zero
+"""Time between two of them, s. A router with a limit drops commands that come too soon after the last one, zeros too
 (`ros2.wire.access.COMMAND_HZ`)."""
 
 CONFIRM_S = 1.0
@@ -44,45 +47,8 @@ AGAIN_S = 3.0
 HALTED = "it was halted"
 
 
-class Steering(Protocol):
-    """The steering of a robot."""
-
-    def want(self, command: Command, goal: Place | None, now_s: float) -> None:
-        """Take in what the mind wants; `goal` is where it leads in the end, None for nowhere."""
-        ...
-
-    def step(self, fix: Fix | None, now_s: float, since_s: float, stopped: str) -> str:
-        """Move on, if it is safe, and return why the robot stands though the mind wants to go on.
-
-        Called many times a tick. The result is empty if the robot does not stand. `fix` is None if its pose is unknown;
-        `stopped` is the reason why it has to stand, empty if it has not.
-        """
-        ...
-
-    def ahead(self, fix: Fix, lead_s: float) -> Pose:
-        """Predict the robot's pose in `lead_s`."""
-        ...
-
-    def blocked(self, pose: Pose) -> bool:
-        """Return True if something has kept it from moving since it was last asked."""
-        ...
-
-    def halt(self) -> None:
-        """Stop, whatever else is going on, and stay so until `go_on`; takes a moment."""
-        ...
-
-    def go_on(self) -> None:
-        """Obey again after `halt`."""
-        ...
-
-    @property
-    def unconfirmed(self) -> str:
-        """The part of the last stop that is not confirmed, in a few words; empty where there is nothing to confirm."""
-        ...
-
-
 class VelocitySteering:
-    """Tells a robot its velocity (`Steering`)."""
+    """Tells a robot its velocity."""
 
     def __init__(self, hardware: Hardware, governor: Governor, others: Others, response: Response) -> None:
         self._hardware = hardware
@@ -102,7 +68,7 @@ class VelocitySteering:
         self._others.look(now_s)
 
     def step(self, fix: Fix | None, now_s: float, since_s: float, stopped: str) -> str:
-        """Send the velocity that is safe."""
+        """Send the velocity that is safe; `stopped` is the reason why the robot has to stand, empty if it has not."""
         if self._halted:
             return HALTED
         told = self._governor.command
@@ -120,7 +86,7 @@ class VelocitySteering:
         return travelled(fix.pose, velocity_of(self._governor.command, fix.pose.heading), lead_s)
 
     def blocked(self, pose: Pose) -> bool:
-        """Return True if the robot did not get on as commanded, or the fence held it for most of the time."""
+        """Return True if the robot did not get on as commanded, or the fence held it mostly, since the last call."""
         held = self._held > 0.5 * self._steps
         self._steps = self._held = 0
         return self._progress.ended(pose) or held
@@ -140,7 +106,7 @@ class VelocitySteering:
 
     @property
     def unconfirmed(self) -> str:
-        """Nothing: what a robot makes of its velocities only its odometry says."""
+        """Nothing: robots do not answer velocities, so only odometry tells."""
         return ""
 
 
@@ -171,7 +137,7 @@ class MotionCheck:
 
 
 class GoalSteering:
-    """Tells a robot where to go, and leaves the way there to its Nav2 (`Steering`).
+    """Tells a robot where to go, and leaves the way there to its Nav2.
 
     A robot that must stand has its goals cancelled until Nav2 confirms it, and again whenever it moves: a message may
     be lost, and a goal that was on its way may be accepted late.
@@ -215,7 +181,7 @@ class GoalSteering:
             heading = math.atan2(y - fix.pose.y, x - fix.pose.x)
             settings = self._hardware.settings
             place = settings.on_robots_map(Pose(x, y, heading))
-            target = PoseStamped(self._hardware.stamp_ns(), settings.map_frame, place)
+            target = PoseStamped(self._hardware.stamp_ns(), settings.localisation.map_frame, place)
             self._goals.go(target, moment_s)
             self._sent = self._wanted
         return ""
@@ -225,7 +191,7 @@ class GoalSteering:
         return travelled(fix.pose, fix.twist, lead_s)
 
     def blocked(self, pose: Pose) -> bool:
-        """Return True if a goal has failed."""
+        """Return True if a goal has failed since the last call."""
         del pose
         failures, self._failures = self._failures, 0
         return failures > 0
@@ -245,7 +211,7 @@ class GoalSteering:
 
     @property
     def unconfirmed(self) -> str:
-        """True if Nav2 has not confirmed yet that it has cancelled its goals."""
+        """The stop, while Nav2 has not confirmed that it has cancelled its goals."""
         return "Nav2 has not confirmed that it has cancelled its goals" if self._goals.going is Going.STOPPING else ""
 
     def _stand(self, fix: Fix | None, must: bool) -> None:
@@ -257,6 +223,11 @@ class GoalSteering:
         unknown = going in {Going.NOWHERE, Going.THERE} or (going is Going.STOPPED and fix is not None and moves(fix))
         if ours or (must and unknown):
             self._goals.stop(moment_s)
+
+
+def steering_of(command: Drive, wheelbase: float) -> tuple[float, float]:
+    """Return the speed (m/s) and the steering angle (rad) of a car whose axles are `wheelbase` (m) apart."""
+    return command.speed, math.atan(wheelbase * command.curvature)
 
 
 def _sender(hardware: Hardware) -> Callable[[Command, float], None]:
@@ -278,3 +249,6 @@ def _sender(hardware: Hardware) -> Callable[[Command, float], None]:
     return lambda command, heading: stamped.send(
         TwistStamped(hardware.stamp_ns(), frame, velocity_of(command, heading))
     )
+
+
+Steering = VelocitySteering | GoalSteering

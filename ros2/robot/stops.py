@@ -1,19 +1,25 @@
-"""The stops of the robot, by a topic and others, and the check that it stands.
+"""The stops of the robot, by a topic and others, the files that note them, and the check that it stands.
 
-Each source of a stop must release it before it drives again, also after a restart.
+Each source of a stop must release it before the robot drives again, also after a restart: its process can be killed
+while it is held, and started again. So there is a file for each stop that holds. Only that it is there counts: one that
+was damaged, or cannot be read, still holds the robot.
 """
 
 from __future__ import annotations
 
+import errno
 import math
+import os
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from enum import StrEnum
+from pathlib import Path
 from threading import Condition, Thread
 
+from patrol.errors import BadInput
 from ros2.robot.localisation import LONGEST_S, Fix
-from ros2.robot.stop_files import StopFiles
 from ros2.wire.mailbox import Received, RosMailbox
 from ros2.wire.messages import Bool
 
@@ -21,7 +27,7 @@ MOVES = 0.05
 """A robot moves whose speed and turn rate add up to more than this, in m/s and rad/s: odometry is noisy."""
 
 STANDS_S = LONGEST_S + 0.1
-"""For how long odometry must say that a robot stands, s: what it says may be so old, and from before the stop."""
+"""For how long odometry must say that a robot stands, s: its messages may be so old, and from before the stop."""
 
 LIMIT_S = 3.0
 """Time for a robot to come to rest before its operator is told that it has not, s."""
@@ -30,6 +36,10 @@ LOOK_S = 1.0
 """Longest wait of a later request, s: long enough to see a robot stand that has come to rest since."""
 
 _JUST = "it has not come to rest yet"
+
+
+class DriverFailed(Exception):
+    """The thread that drives has failed, so the robot was stopped for good."""
 
 
 def moves(fix: Fix) -> bool:
@@ -56,7 +66,7 @@ class Standing:
         self._doubt = _JUST
 
     def told(self) -> None:
-        """The robot is told to stand from now on; what was seen before does not count."""
+        """The robot is told to stand from now on; earlier odometry does not count."""
         with self._changed:
             self._told_s = time.monotonic()
             self._still_s, self._doubt = None, _JUST
@@ -84,6 +94,87 @@ class Standing:
             left_s = self._told_s + LIMIT_S - time.monotonic()
             self._changed.wait_for(lambda: not self._doubt, max(LOOK_S, left_s))
             return self._doubt
+
+
+_FOLDER = "fogwatch"
+
+
+def state_folder(given: Path | None, environment: Mapping[str, str]) -> Path:
+    """Return the folder for state that must outlive this user's processes.
+
+    It is `given` unless that is None, else the first one of systemd's ``StateDirectory=``, else the user's own.
+    """
+    if given is not None:
+        return given
+    if first := environment.get("STATE_DIRECTORY", "").partition(":")[0]:
+        return Path(first)
+    own = Path(environment.get("XDG_STATE_HOME", ""))
+    if own.is_absolute():  # the XDG rules say to ignore a relative one
+        return own / _FOLDER
+    with suppress(RuntimeError):
+        return Path.home() / ".local" / "state" / _FOLDER
+    raise BadInput("--state: this user has no home where stops could be noted; give a folder")
+
+
+class StopFiles:
+    """The files that note the stops of one robot; their folder is made if there is none."""
+
+    def __init__(self, folder: Path, robot: str) -> None:
+        self._folder = folder
+        self._robot = robot
+        try:
+            folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+            self._sync()
+            if not os.access(folder, os.W_OK | os.X_OK):
+                raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
+        except OSError as error:
+            raise BadInput(
+                f"--state {folder}: stops cannot be noted there ({error.strerror}); give a folder that this user may "
+                "write to"
+            ) from None
+
+    def holds(self, stopper: str) -> bool:
+        """Return True if a stop of `stopper` holds."""
+        return os.path.lexists(self._path(stopper))
+
+    def note(self, stopper: str, source: str) -> str:
+        """Note that a stop holds, on the disk when this returns; return why that failed, empty if it did not.
+
+        `source` is what people call the stopper.
+        """
+        line = f"{self._robot}: stopped by {source}\n"
+        try:
+            if not self.holds(stopper):
+                file = os.open(self._path(stopper), os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o600)
+                try:
+                    os.write(file, line.encode())
+                    os.fsync(file)
+                finally:
+                    os.close(file)
+            self._sync()
+        except OSError as error:
+            return f"{self._path(stopper)}: {error.strerror}"
+        return ""
+
+    def forget(self, stopper: str) -> str:
+        """Note that a stop holds no longer; return why that failed, empty if it did not."""
+        try:
+            self._path(stopper).unlink(missing_ok=True)
+            self._sync()
+        except OSError as error:
+            return f"{self._path(stopper)}: {error.strerror}"
+        return ""
+
+    def _path(self, stopper: str) -> Path:
+        return self._folder / f"{self._robot}.stopped-by-{stopper}"
+
+    def _sync(self) -> None:
+        """A file's name is on the disk only with its folder."""
+        folder = os.open(self._folder, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
+        try:
+            os.fsync(folder)
+        finally:
+            os.close(folder)
 
 
 SAVE_S = 1.0
@@ -128,14 +219,14 @@ class Stops:
         """The stops of the robot and how to release them; empty if there are none."""
         with self._changed:
             held = [self._texts[stopper] for stopper in self._held]
-        return "; ".join(f"stopped by {who} ({release})" for who, release in held)
+        return "; ".join(f"stopped by {source} ({release})" for source, release in held)
 
     @property
     def error(self) -> str:
         """The reason why the files do not say which stops hold; empty if they do, or will in a moment."""
         return self._error
 
-    def who(self, stopper: Stopper) -> str:
+    def name(self, stopper: Stopper) -> str:
         """Name a source of stops, for people."""
         return self._texts[stopper][0]
 
@@ -171,7 +262,7 @@ class Stops:
         return self._noted == set(self._held)
 
     def _note(self, files: StopFiles) -> None:
-        """Have the files say what holds, always; after an error when something changes."""
+        """Keep the files in step with the stops that hold; after an error, once something changes."""
         while True:
             with self._changed:
                 self._changed.wait_for(lambda: not self._error and not self._is_noted())

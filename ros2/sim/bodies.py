@@ -1,4 +1,4 @@
-"""What moves the robots' bodies: our own motion, or a class of one's own that ``--bodies`` names.
+"""Motion of the robots' bodies: our own, or a class of one's own that ``--bodies`` names.
 
 Such a class is made from the terrain and the robots' builds (`ros2.sim.robot.Build`), and has one method. For
 example, bodies without walls, whose wheels count one part in a hundred too much:
@@ -35,7 +35,7 @@ BODIES = ClassSort("bodies", "--bodies", "move(robots, step_s)", "fogwatch.bodie
 
 @dataclass(frozen=True, slots=True)
 class Moved:
-    """What one step has made of a body."""
+    """The result of one step for a body."""
 
     pose: Pose  # the true one after the step
     counted: Pose | None = None  # by its wheels, in the body's frame before the step; None for the true motion
@@ -47,7 +47,7 @@ class Bodies(Protocol):
     """Moves all bodies."""
 
     def move(self, robots: Sequence[SimulatedRobot], step_s: float) -> Sequence[Moved]:
-        """Move the bodies by their commands; return what became of each, in their order.
+        """Move the bodies by their commands; return the result of each, in their order.
 
         Each robot obeys ``body.command`` during the step.
         """

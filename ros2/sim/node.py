@@ -6,14 +6,15 @@ import math
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from patrol.ground.terrain import Terrain
-from patrol.pose import Pose, wrap
+from patrol.pose import Pose
 from ros2.sim.nav2 import THERE_M, Navigator
 from ros2.sim.robot import SimulatedRobot
-from ros2.wire.frames import composed, inverted
+from ros2.wire.frames import apart, composed, inverted
 from ros2.wire.goals import GoalServer, Status
 from ros2.wire.mailbox import RosMailbox
 from ros2.wire.messages import (
@@ -32,7 +33,6 @@ from ros2.wire.names import LATCHED, SENSOR
 from ros2.wire.ports import Ros2Link
 
 MAP, ODOM, BASE = "map", "odom", "base_link"
-DRIVES = ("twist-stamped", "twist", "ackermann")
 
 THE_WORLD = Pose(0.0, 0.0, 0.0)
 """The pose of a map that is the world's."""
@@ -54,7 +54,7 @@ _ROUNDING_S = 1e-3
 class Habits:
     """The settings of a robot's topics."""
 
-    drive: str = "twist-stamped"  # what it is told: one of `DRIVES`
+    drive: str = "twist-stamped"  # its commands: one of `DRIVES`
     wheelbase: float = 0.3  # of a car, m
     odometry_hz: float = 20.0
     delay_s: float = 0.0  # of everything that it says
@@ -65,8 +65,22 @@ class Habits:
     transform: Pose = THE_WORLD
 
 
+def _velocity_of_car(drive: AckermannDriveStamped, habits: Habits) -> Twist:
+    curvature = math.tan(max(-1.5, min(1.5, drive.steering_angle))) / habits.wheelbase
+    return Twist(drive.speed, 0.0, drive.speed * curvature)
+
+
+_COMMANDS: dict[str, tuple[str, type, Callable[[Any, Habits], Twist]]] = {
+    "twist-stamped": ("cmd_vel", TwistStamped, lambda stamped, _habits: stamped.twist),
+    "twist": ("cmd_vel", Twist, lambda twist, _habits: twist),
+    "ackermann": ("ackermann_cmd", AckermannDriveStamped, _velocity_of_car),
+}
+DRIVES = tuple(_COMMANDS)
+"""The commands of a robot: topic, message, and the velocity that it stands for, by the name in options."""
+
+
 class Every:
-    """A clock for what happens at equal intervals."""
+    """A clock for events at equal intervals."""
 
     def __init__(self, period_s: float) -> None:
         self._period_s = period_s
@@ -106,40 +120,27 @@ class RobotNode:
         self._goals = GoalServer(link) if habits.has_nav2 else None
         self._navigator = Navigator(terrain, robot.build.spec) if habits.has_nav2 else None
         self._going_since_s: float | None = None
-        self._stamped: RosMailbox[TwistStamped] = RosMailbox(_ROOM)
-        self._plain: RosMailbox[Twist] = RosMailbox(_ROOM)
-        self._cars: RosMailbox[AckermannDriveStamped] = RosMailbox(_ROOM)
-        if habits.drive == "twist-stamped":
-            link.subscribe("cmd_vel", TwistStamped, self._stamped)
-        elif habits.drive == "twist":
-            link.subscribe("cmd_vel", Twist, self._plain)
-        else:
-            link.subscribe("ackermann_cmd", AckermannDriveStamped, self._cars)
+        topic, kind, self._velocity_of = _COMMANDS[habits.drive]
+        self._commands: RosMailbox[Any] = RosMailbox(_ROOM)
+        link.subscribe(topic, kind, self._commands)
         if habits.has_map:
             cells = np.where(terrain.free, 0, 100).astype(np.int8)
             corner = composed(inverted(habits.transform), Pose(*terrain.origin, 0.0))
             grid = OccupancyGrid(0, MAP, terrain.point, corner, cells)
-            self._map = link.publisher("map", OccupancyGrid, LATCHED)
-            self._map.send(grid)
+            link.publisher("map", OccupancyGrid, LATCHED).send(grid)
 
     def hear(self, now_s: float) -> None:
-        """Take in what the robot was told; the time is s since the epoch."""
+        """Take in the robot's commands; the time is s since the epoch."""
         while (told := self._told.take()) is not None:
             if told.message.frame == MAP:
                 self._localise(told.message.pose)
-        while (stamped := self._stamped.take()) is not None:
-            self.robot.obey(stamped.message.twist, now_s)
-        while (plain := self._plain.take()) is not None:
-            self.robot.obey(plain.message, now_s)
-        while (car := self._cars.take()) is not None:
-            drive = car.message
-            curvature = math.tan(max(-1.5, min(1.5, drive.steering_angle))) / self._habits.wheelbase
-            self.robot.obey(Twist(drive.speed, 0.0, drive.speed * curvature), now_s)
+        while (command := self._commands.take()) is not None:
+            self.robot.obey(self._velocity_of(command.message, self._habits), now_s)
         if self._goals is not None and self._navigator is not None:
             self._navigate(self._goals, self._navigator, now_s)
 
     def say(self, now_s: float) -> None:
-        """Send what is due; the time is s since the epoch."""
+        """Send the messages that are due; the time is s since the epoch."""
         stamp_ns = round(now_s * 1e9)
         if self._clock is not None and self._clock_due.is_so(now_s):
             self._clock.send(Clock(stamp_ns))
@@ -161,8 +162,8 @@ class RobotNode:
     def _localise(self, told: Pose) -> None:
         """Believe a pose on its map; from one that is nearly right its localisation finds the true one."""
         true = composed(inverted(self._habits.transform), self.robot.pose)
-        near = math.dist((true.x, true.y), (told.x, told.y)) <= FOUND_M
-        if near and abs(wrap(told.heading - true.heading)) <= FOUND_RAD:
+        away_m, turned = apart(true, told)
+        if away_m <= FOUND_M and turned <= FOUND_RAD:
             self._believed = self._habits.transform
         else:
             self._believed = composed(self.robot.pose, inverted(told))
@@ -171,8 +172,8 @@ class RobotNode:
     def _say_pose(self, own_map: Pose, now_s: float, stamp_ns: int) -> None:
         pose, last = self.robot.pose, self._localised
         if last is not None:
-            away = math.dist((pose.x, pose.y), (last.x, last.y))
-            if away < ANOTHER_M and abs(wrap(pose.heading - last.heading)) < ANOTHER_RAD:
+            away_m, turned = apart(pose, last)
+            if away_m < ANOTHER_M and turned < ANOTHER_RAD:
                 return
         self._localised = pose
         self.robot.odometry.localise()
@@ -195,7 +196,7 @@ class RobotNode:
         self._going_since_s = now_s if self._going_since_s is None else self._going_since_s
         pose = self.robot.pose
         goal = composed(own_map, target.pose)
-        left = math.dist((pose.x, pose.y), (goal.x, goal.y))
+        left, _ = apart(pose, goal)
         here = PoseStamped(stamp_ns, MAP, composed(inverted(own_map), pose))
         goals.feedback(here, now_s - self._going_since_s, left)
         velocity = navigator.velocity(pose, goal)

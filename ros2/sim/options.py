@@ -5,15 +5,13 @@ from __future__ import annotations
 import argparse
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 from patrol.errors import BadInput
-from patrol.pose import MODELS, Pose
+from patrol.pose import MODELS
 from patrol.process.options import ProcessParser
+from ros2.robot.options import check_ranges
 from ros2.sim.node import DRIVES
-from ros2.sim.odometry import Errors
-from ros2.wire.frames import pose_given
 
 FORMAT = "rmw_zenoh"
 MOST_ROBOTS = 64
@@ -36,14 +34,6 @@ Each robot may have a format of its own; --scenario says body and place of each,
 What is measured counts from when all robots have been driven once. It is written to --out when the time is over, or at
 Ctrl-C. Exit codes: 0 the time is over, 2 bad input, 130 interrupted.
 """
-
-
-@dataclass(frozen=True, slots=True)
-class Named:
-    """A robot on the command line."""
-
-    name: str  # its namespace too
-    format: str  # what it speaks, such as `rmw_zenoh`
 
 
 def parser() -> ProcessParser:
@@ -90,37 +80,13 @@ def parser() -> ProcessParser:
     return made
 
 
-def errors_of(options: argparse.Namespace) -> Errors:
-    """Read the errors of odometry."""
-    return Errors(
-        options.noise,
-        options.noise_heading,
-        options.drift,
-        options.drift_heading,
-        options.pose_noise,
-        options.pose_noise_heading,
-    )
-
-
-def robots_of(options: argparse.Namespace) -> list[Named]:
-    """Return the robots."""
-    found = []
-    for text in options.robots.split(","):
-        name, _, form = text.strip().partition(":")
-        found.append(Named(name, form or FORMAT))
-    if len(found) > MOST_ROBOTS or len({one.name for one in found}) < len(found):
+def robots_of(options: argparse.Namespace) -> dict[str, str]:
+    """Return the format of each robot by its name, which is its namespace too."""
+    texts = [text.strip().partition(":") for text in options.robots.split(",")]
+    formats = {name: form or FORMAT for name, _, form in texts}
+    if len(texts) > MOST_ROBOTS or len(formats) < len(texts):
         raise BadInput(f"--robots {options.robots}: give up to {MOST_ROBOTS} different names")
-    return found
-
-
-def starts_of(options: argparse.Namespace) -> list[Pose]:
-    """Return the starts that are given."""
-    return [pose_given("--start", text) for text in options.start]
-
-
-def transform_of(options: argparse.Namespace) -> Pose:
-    """Return the pose of the robots' map on ours."""
-    return pose_given("--transform", options.transform)
+    return formats
 
 
 def unplugged(options: argparse.Namespace, names: Sequence[str]) -> dict[str, float]:
@@ -135,25 +101,25 @@ def unplugged(options: argparse.Namespace, names: Sequence[str]) -> dict[str, fl
 
 
 def check(options: argparse.Namespace) -> None:
-    """Refuse what is out of range."""
-    for name, least, most in (
-        ("margin", 0.0, 10.0),
-        ("acceleration", 0.01, math.inf),
-        ("watchdog", 0.05, 3600.0),
-        ("wheelbase", 0.01, 100.0),
-        ("odometry-rate", 1.0, 50.0),
-        ("delay", 0.0, 10.0),
-        ("noise", 0.0, 10.0),
-        ("noise-heading", 0.0, 3.0),
-        ("pose-noise", 0.0, 10.0),
-        ("pose-noise-heading", 0.0, 3.0),
-        ("drift", 0.0, 1.0),
-        ("drift-heading", 0.0, 1.0),
-        ("pace", 0.01, 100.0),
-        ("duration", 0.5, math.inf),
-    ):
-        value = getattr(options, name.replace("-", "_"))
-        if value is not None and not least <= value <= most:
-            raise BadInput(f"--{name} {value:g}: out of range; give {least:g} to {most:g}")
+    """Refuse values out of range, and a map together with a scenario."""
+    check_ranges(
+        options,
+        {
+            "margin": (0.0, 10.0),
+            "acceleration": (0.01, math.inf),
+            "watchdog": (0.05, 3600.0),
+            "wheelbase": (0.01, 100.0),
+            "odometry-rate": (1.0, 50.0),
+            "delay": (0.0, 10.0),
+            "noise": (0.0, 10.0),
+            "noise-heading": (0.0, 3.0),
+            "pose-noise": (0.0, 10.0),
+            "pose-noise-heading": (0.0, 3.0),
+            "drift": (0.0, 1.0),
+            "drift-heading": (0.0, 1.0),
+            "pace": (0.01, 100.0),
+            "duration": (0.5, math.inf),
+        },
+    )
     if (options.map is None) == (options.scenario is None):
         raise BadInput("--map, --scenario: give one of the two")

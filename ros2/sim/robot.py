@@ -11,7 +11,7 @@ from patrol.scenario import RobotSpec
 from ros2.sim.bodies import Moved
 from ros2.sim.odometry import DriftingOdometry, Errors
 from ros2.wire import messages
-from ros2.wire.frames import composed, inverted
+from ros2.wire.frames import apart, composed, inverted
 from worldsim.robots.bodies import Body, standstill
 
 __all__ = ["Build", "SimulatedRobot"]
@@ -33,31 +33,12 @@ class Build:
     seed: int
 
 
-@dataclass(slots=True)
-class Touches:
-    """Counts of collisions; each counts once until the robot is free again."""
-
-    walls: int = 0  # and the end of the terrain
-    robots: int = 0
-
-
-@dataclass(slots=True)
-class Strayed:
-    """Distances between where a body is after each tick, and where exact obedience would have led it.
-
-    Each is measured for obedience during that tick alone, from where the body was before it.
-    """
-
-    ticks: int = 0
-    total_m: float = 0.0
-    greatest_m: float = 0.0
-
-
 class SimulatedRobot:
     """A robot in the world.
 
-    `going` is the velocity that its motors reach of what it was told, `velocity` that of the body in its own frame, as
-    its wheels count it.
+    `pose` is the true one. `going` is the velocity that its motors reach of the last command, `velocity` that of the
+    body in its own frame, as its wheels count it. A touch counts once until the robot is free again. `strayed_m` has
+    for each tick the distance between the body and where exact obedience during that tick would have led it.
     """
 
     def __init__(self, build: Build) -> None:
@@ -65,20 +46,16 @@ class SimulatedRobot:
         self.body = Body(build.spec, build.start, standstill(build.spec))
         self.odometry = DriftingOdometry(build.start, build.errors, (build.seed, build.spec.number))
         self.going = STILL
-        self.touches = Touches()
         self.velocity = STILL
-        self.strayed = Strayed()
+        self.walls_touched = 0  # and the end of the terrain
+        self.robots_touched = 0
+        self.strayed_m: list[float] = []
         self.commands = 0
         self.watchdog_stops = 0
-        self._pose = self._ideal = build.start
+        self.pose = self._ideal = build.start
         self._told = STILL
         self._told_s = -math.inf
         self._touching = False
-
-    @property
-    def pose(self) -> Pose:
-        """The true pose. A holonomic robot turns only as it is told."""
-        return self._pose
 
     @property
     def stands(self) -> bool:
@@ -97,18 +74,18 @@ class SimulatedRobot:
             self.watchdog_stops += 1
         spec = self.build.spec
         self.going = eased(self.going, self._told, self.build.acceleration * step_s, spec.radius)
-        self.body.command = command_of(spec, self.going, self._pose.heading).limited(spec.limits)
+        self.body.command = command_of(spec, self.going, self.pose.heading).limited(spec.limits)
         self._ideal = advance(self._ideal, self.body.command, step_s)
 
     def end(self, moved: Moved, step_s: float) -> None:
-        """Take in what became of the body in the world's step."""
-        body, before = self.body, self._pose
-        body.distance_m += math.dist((body.pose.x, body.pose.y), (moved.pose.x, moved.pose.y))  # 0: it did it itself
-        body.pose = self._pose = moved.pose
+        """Take in the body's motion in the world's step."""
+        body, before = self.body, self.pose
+        body.distance_m += apart(body.pose, moved.pose)[0]  # 0: it did it itself
+        body.pose = self.pose = moved.pose
         touching = moved.at_wall or moved.at_robot
         if touching and not self._touching:
-            self.touches.walls += moved.at_wall
-            self.touches.robots += not moved.at_wall
+            self.walls_touched += moved.at_wall
+            self.robots_touched += not moved.at_wall
         self._touching = touching
         if body.bumped:
             self.going = STILL
@@ -117,16 +94,13 @@ class SimulatedRobot:
         self.odometry.move(moved.pose, moved.counted)
 
     def end_tick(self) -> None:
-        """Add to `strayed` how far the body has come from exact obedience; the next tick begins from where it is."""
-        strayed_m = math.dist((self._ideal.x, self._ideal.y), (self._pose.x, self._pose.y))
-        self.strayed.ticks += 1
-        self.strayed.total_m += strayed_m
-        self.strayed.greatest_m = max(self.strayed.greatest_m, strayed_m)
+        """Note how far the body has come from exact obedience; the next tick begins from where it is."""
+        self.strayed_m.append(apart(self._ideal, self.pose)[0])
         self.begin_tick()
 
     def begin_tick(self) -> None:
         """Let exact obedience begin from where the body is."""
-        self._ideal = self._pose
+        self._ideal = self.pose
 
 
 def command_of(spec: RobotSpec, twist: messages.Twist, heading: float) -> Command:
@@ -142,7 +116,7 @@ def command_of(spec: RobotSpec, twist: messages.Twist, heading: float) -> Comman
 
 
 def eased(going: messages.Twist, told: messages.Twist, most: float, radius: float) -> messages.Twist:
-    """Return the velocity nearest to what a body is told that its motors reach.
+    """Return the velocity nearest to the commanded one that the motors reach.
 
     `most` is by how much a speed may change, m/s; a turn rate may change by `most` / `radius`.
     """

@@ -1,47 +1,26 @@
-"""Simulated ROS 2 robots on one terrain: they move together, and what they have seen is measured."""
+"""Simulated ROS 2 robots on one terrain: they move together, and their patrol is measured."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from patrol.ground.fog import Fog
-from patrol.ground.footprint import Footprint
-from patrol.ground.terrain import BoolGrid, Terrain
 from patrol.pose import Pose
-from ros2.sim.bodies import Bodies, OwnBodies
+from ros2.sim.bodies import Bodies
 from ros2.sim.node import RobotNode
-from ros2.wire.frames import composed
+from ros2.wire.frames import apart, composed
 from worldsim.truth import Truth
 
 STEP_S = 0.02
 """A step of the bodies, s."""
 
 
-@dataclass(frozen=True, slots=True)
-class CollisionGround:
-    """The terrain of the simulated robots, and what they collide with."""
-
-    terrain: Terrain
-    footprint: Footprint
-    patrolled: BoolGrid  # (h, w), the points that count
-    look_s: float  # time between two looks: a tick of the fleet
-
-
-@dataclass(slots=True)
-class _Plug:
-    """A robot's odometry that has stopped, and when the robot stood after that, wall time in s."""
-
-    pulled_s: float
-    stood_s: float | None = None
-
-
 class Simulation:
-    """Robots that move by what they are told.
+    """Robots that move by their commands.
+
+    The bodies' fog is measured by `truth`, once in `look_s`, a tick of the fleet.
 
     `time_s` is the robots' time since the beginning, which is `epoch_s` since the epoch. `late_s` is by how much a step
     came too late, at most, in wall time; the process sets it. `note` is called at each look with the time since all
@@ -51,28 +30,26 @@ class Simulation:
     def __init__(
         self,
         nodes: Mapping[str, RobotNode],
-        ground: CollisionGround,
+        bodies: Bodies,
+        truth: Truth,
+        look_s: float,
         epoch_s: float,
-        bodies: Bodies | None = None,
         note: Callable[[float, Mapping[str, Pose]], None] | None = None,
     ) -> None:
         self.nodes = nodes
         self.time_s = 0.0
         self.late_s = 0.0
-        self._ground = ground
+        self._bodies = bodies
+        self._truth = truth
+        self._look_s = look_s
         self._epoch_s = epoch_s
-        self._bodies = OwnBodies(ground.terrain) if bodies is None else bodies
         self._note = note
-        self._truth = Truth(ground.footprint, ground.patrolled)
         self._steps = 0
         self._begun_s: float | None = None
         self._mfow: list[int] = []
-        self._plugs: dict[str, _Plug] = {}
-
-    @property
-    def fog(self) -> Fog:
-        """The true fog."""
-        return self._truth.fog
+        # wall times in s, by name: when a robot's odometry has stopped, and when the robot stood after that
+        self._unplugged_s: dict[str, float] = {}
+        self._stood_s: dict[str, float] = {}
 
     @property
     def patrolled_s(self) -> float:
@@ -87,7 +64,7 @@ class Simulation:
     @property
     def mfow_s(self) -> float | None:
         """Age of the stalest point in the newest of them, s; None before the first."""
-        return self._mfow[-1] * self._ground.look_s if self._mfow else None
+        return self._mfow[-1] * self._look_s if self._mfow else None
 
     def step(self, wall_s: float) -> None:
         """Do one step of all robots: they hear, move, and say where they are."""
@@ -106,14 +83,14 @@ class Simulation:
         self.time_s = self._steps * STEP_S
         for node in self.nodes.values():
             node.say(self._epoch_s + self.time_s)
-        for name, plug in self._plugs.items():
-            if plug.stood_s is None and self.nodes[name].robot.stands:
-                plug.stood_s = wall_s
+        for name in self._unplugged_s:
+            if self.nodes[name].robot.stands:
+                self._stood_s.setdefault(name, wall_s)
 
     def unplug(self, name: str, wall_s: float) -> None:
         """Stop a robot's odometry."""
         self.nodes[name].plugged = False
-        self._plugs[name] = _Plug(wall_s)
+        self._unplugged_s[name] = wall_s
 
     def summary(self) -> dict[str, Any]:
         """Return the measured times and ways, in s and m."""
@@ -123,39 +100,42 @@ class Simulation:
             "late_max_s": self.late_s,
             "mfow_mean_s": self._mean(self._mfow),
             "mfow_late_mean_s": self._mean(self._mfow[len(self._mfow) // 2 :]),
-            "mfow_max_s": max(self._mfow) * self._ground.look_s if self._mfow else None,
+            "mfow_max_s": max(self._mfow) * self._look_s if self._mfow else None,
             "robots": {name: self._of(name, node) for name, node in self.nodes.items()},
         }
 
     def _look(self) -> None:
         """Look around once in each tick since all robots are driven."""
         tick = len(self._mfow)
-        if self._begun_s is None or self.time_s - self._begun_s < tick * self._ground.look_s - 0.5 * STEP_S:
+        if self._begun_s is None or self.time_s - self._begun_s < tick * self._look_s - 0.5 * STEP_S:
             return
         poses = [(node.robot.build.spec.number, node.robot.pose) for node in self.nodes.values()]
         for node in self.nodes.values():
             node.robot.end_tick() if tick else node.robot.begin_tick()
         if self._note is not None:
-            self._note(tick * self._ground.look_s, {name: node.robot.pose for name, node in self.nodes.items()})
+            self._note(tick * self._look_s, {name: node.robot.pose for name, node in self.nodes.items()})
         self._truth.observe(tick, poses)
         self._mfow.append(self._truth.fog.mfow(tick))
 
     def _mean(self, ticks: Sequence[int]) -> float | None:
-        return float(np.mean(ticks)) * self._ground.look_s if ticks else None
+        return float(np.mean(ticks)) * self._look_s if ticks else None
 
     def _of(self, name: str, node: RobotNode) -> dict[str, Any]:
-        robot, plug = node.robot, self._plugs.get(name)
+        robot, strayed_m = node.robot, node.robot.strayed_m
         counted = composed(robot.build.start, robot.odometry.counted)
-        stood_s = None if plug is None or plug.stood_s is None else plug.stood_s - plug.pulled_s
+        unplugged = {}
+        if name in self._unplugged_s:
+            stood_s = self._stood_s.get(name)
+            unplugged["stood_after_s"] = None if stood_s is None else stood_s - self._unplugged_s[name]
         return {
-            "walls_touched": robot.touches.walls,
-            "robots_touched": robot.touches.robots,
+            "walls_touched": robot.walls_touched,
+            "robots_touched": robot.robots_touched,
             "distance_m": robot.body.distance_m,
-            "strayed_mean_m": robot.strayed.total_m / robot.strayed.ticks if robot.strayed.ticks else None,
-            "strayed_max_m": robot.strayed.greatest_m,
-            "odometry_off_m": math.dist((robot.pose.x, robot.pose.y), (counted.x, counted.y)),
+            "strayed_mean_m": sum(strayed_m) / len(strayed_m) if strayed_m else None,
+            "strayed_max_m": max(strayed_m, default=0.0),
+            "odometry_off_m": apart(robot.pose, counted)[0],
             "commands": robot.commands,
             "messages": node.said,
             "watchdog_stops": robot.watchdog_stops,
-            **({} if plug is None else {"stood_after_s": stood_s}),
+            **unplugged,
         }

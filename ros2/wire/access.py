@@ -14,7 +14,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from patrol.security.roles import COMMON_NAMES, Rights, rules_of
+from patrol.security.roles import ALL_MESSAGES, BOTH_WAYS, COMMON_NAMES, Rights, deny_all_but, rule, rules_of
 from ros2.wire.formats import Bridge, Format
 from ros2.wire.goals import NAME
 from ros2.wire.names import ADMIN_SPACE, EntityKind, full_name, mangled
@@ -24,7 +24,7 @@ COMMANDS = ("cmd_vel", "ackermann_cmd")
 TOLD = ("initialpose",)
 """Topics by which an agent tells its robot's localisation where the robot is."""
 SHOWN = ("/map", "map", "fog", "path", "/diagnostics")
-"""Topics by which an agent shows what it knows."""
+"""Topics by which an agent shows its knowledge."""
 HEARD = ("/tf", "/tf_static", "/map", "/clock")
 """Topics outside of the robot's namespace that an agent hears."""
 
@@ -35,17 +35,6 @@ COMMAND_BYTES = 1024
 
 _LOCAL = "this machine"
 _EVERYTHING = ("**", "**/@adv/**", f"{ADMIN_SPACE}/**", f"@/*/{ADMIN_SPACE}/**")
-_ALL_MESSAGES = (
-    "put",
-    "delete",
-    "declare_subscriber",
-    "query",
-    "reply",
-    "declare_queryable",
-    "liveliness_token",
-    "liveliness_query",
-    "declare_liveliness_subscriber",
-)
 
 
 def agent_rights(form: Format, namespace: str, commands: Sequence[str] = COMMANDS) -> Rights:
@@ -81,17 +70,17 @@ def _latched(keys: Sequence[str]) -> tuple[str, ...]:
     return tuple(f"{key}/@adv/**" for key in keys)
 
 
-def _tokens(form: Format, namespace: str, who: str, name: str) -> tuple[str, ...]:
+def _tokens(form: Format, namespace: str, entity: str, name: str) -> tuple[str, ...]:
     """Return the tokens of nodes in the robot's own namespace and of their entities, as key expressions.
 
-    `who` stands for session, node, entity and kind, `name` for the node's name and what follows it. A bridge has no
+    `entity` stands for session, node, entity and kind, `name` for the node's name and what follows it. A bridge has no
     tokens.
     """
     if isinstance(form, Bridge):
         return ()
     inside = namespace.strip("/")
     place = mangled(f"/{inside}" if inside else "")
-    return (f"{ADMIN_SPACE}/{form.domain}/{who}/*/{place}/{name}",)
+    return (f"{ADMIN_SPACE}/{form.domain}/{entity}/*/{place}/{name}",)
 
 
 def access_control(form: Format, namespace: str, members: Mapping[str, Rights]) -> dict[str, Any]:
@@ -99,32 +88,13 @@ def access_control(form: Format, namespace: str, members: Mapping[str, Rights]) 
 
     `members` are rights by the common name of a certificate.
     """
-    rules: list[dict[str, Any]] = [
-        {
-            "id": _LOCAL,
-            "permission": "allow",
-            "flows": ["ingress", "egress"],
-            "messages": list(_ALL_MESSAGES),
-            "key_exprs": list(_EVERYTHING),
-        }
-    ]
-    policies: list[dict[str, Any]] = [{"subjects": [_LOCAL], "rules": [_LOCAL]}]
     heard = _heard(form, namespace)
+    allowed = {_LOCAL: [rule(_LOCAL, BOTH_WAYS, _EVERYTHING, (*ALL_MESSAGES, "delete"))]}
     for name, rights in members.items():
         anything = tuple(dict.fromkeys([*heard, *_latched(heard), *rights.publish, *rights.ask]))
-        own = rules_of(name, rights, anything)
-        rules += own
-        policies.append({"subjects": [name], "rules": [rule["id"] for rule in own]})
-    return {
-        "enabled": True,
-        "default_permission": "deny",
-        "rules": rules,
-        "subjects": [
-            {"id": _LOCAL, "interfaces": ["lo"], "link_protocols": ["tcp"]},
-            *({"id": name, COMMON_NAMES: [name]} for name in members),
-        ],
-        "policies": policies,
-    }
+        allowed[name] = rules_of(name, rights, anything)
+    own_programs = {_LOCAL: {"interfaces": ["lo"], "link_protocols": ["tcp"]}}
+    return deny_all_but(allowed, own_programs | {name: {COMMON_NAMES: [name]} for name in members})
 
 
 def robot_router(

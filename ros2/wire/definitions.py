@@ -5,8 +5,11 @@ Most come with rosbags. Those that do not are described here by their fields: by
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import cache
 from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from patrol.errors import BadInput
 
@@ -20,48 +23,26 @@ ACTION = "nav2_msgs/action/NavigateToPose"
 SEND_GOAL, GET_RESULT, FEEDBACK = (f"{ACTION}_{part}" for part in ("SendGoal", "GetResult", "FeedbackMessage"))
 CANCEL_GOAL = "action_msgs/srv/CancelGoal"
 
-_UUID, _TIME = "unique_identifier_msgs/msg/UUID", "builtin_interfaces/msg/Time"
+_UUID, _GOAL_INFO = "unique_identifier_msgs/msg/UUID", "action_msgs/msg/GoalInfo"
 _POSE, _DURATION = "geometry_msgs/msg/PoseStamped", "builtin_interfaces/msg/Duration"
 _EVENT = "service_msgs/msg/ServiceEventInfo"
 
-_MESSAGES: dict[str, tuple[tuple[str, str], ...]] = {
-    "ackermann_msgs/msg/AckermannDrive": (
-        ("steering_angle", "float32"),
-        ("steering_angle_velocity", "float32"),
-        ("speed", "float32"),
-        ("acceleration", "float32"),
-        ("jerk", "float32"),
-    ),
-    "ackermann_msgs/msg/AckermannDriveStamped": (
-        ("header", "std_msgs/msg/Header"),
-        ("drive", "ackermann_msgs/msg/AckermannDrive"),
-    ),
-    f"{ACTION}_Goal": (("pose", _POSE), ("behavior_tree", "string")),
-    f"{ACTION}_Result": (("error_code", "uint16"),),
-    f"{ACTION}_Feedback": (
-        ("current_pose", _POSE),
-        ("navigation_time", _DURATION),
-        ("estimated_time_remaining", _DURATION),
-        ("number_of_recoveries", "int16"),
-        ("distance_remaining", "float32"),
-    ),
-    FEEDBACK: (("goal_id", _UUID), ("feedback", f"{ACTION}_Feedback")),
+_MESSAGES = {
+    "ackermann_msgs/msg/AckermannDrive": "float32 steering_angle, float32 steering_angle_velocity, float32 speed, "
+    "float32 acceleration, float32 jerk",
+    "ackermann_msgs/msg/AckermannDriveStamped": "std_msgs/msg/Header header, ackermann_msgs/msg/AckermannDrive drive",
+    f"{ACTION}_Goal": f"{_POSE} pose, string behavior_tree",
+    f"{ACTION}_Result": "uint16 error_code",
+    f"{ACTION}_Feedback": f"{_POSE} current_pose, {_DURATION} navigation_time, {_DURATION} estimated_time_remaining, "
+    "int16 number_of_recoveries, float32 distance_remaining",
+    FEEDBACK: f"{_UUID} goal_id, {ACTION}_Feedback feedback",
 }
 """Fields by type, of NavigateToPose as in ROS 2 Jazzy."""
 
-_SERVICES: dict[str, tuple[tuple[tuple[str, str], ...], tuple[tuple[str, str], ...]]] = {
-    SEND_GOAL: (
-        (("goal_id", _UUID), ("goal", f"{ACTION}_Goal")),
-        (("accepted", "bool"), ("stamp", _TIME)),
-    ),
-    GET_RESULT: (
-        (("goal_id", _UUID),),
-        (("status", "int8"), ("result", f"{ACTION}_Result")),
-    ),
-    CANCEL_GOAL: (
-        (("goal_info", "action_msgs/msg/GoalInfo"),),
-        (("return_code", "int8"), ("goals_canceling", "action_msgs/msg/GoalInfo[]")),
-    ),
+_SERVICES = {
+    SEND_GOAL: (f"{_UUID} goal_id, {ACTION}_Goal goal", "bool accepted, builtin_interfaces/msg/Time stamp"),
+    GET_RESULT: (f"{_UUID} goal_id", f"int8 status, {ACTION}_Result result"),
+    CANCEL_GOAL: (f"{_GOAL_INFO} goal_info", f"int8 return_code, {_GOAL_INFO}[] goals_canceling"),
 }
 """Fields of request and response by service."""
 
@@ -85,23 +66,19 @@ def store() -> Typestore:
     return made
 
 
-def service_types(
-    service: str, request: tuple[tuple[str, str], ...], response: tuple[tuple[str, str], ...]
-) -> dict[str, Any]:
-    """Return the types that a service consists of, as rosbags registers them.
+def service_types(service: str, request: str, response: str) -> dict[str, Any]:
+    """Return the types that a service consists of, as rosbags registers them, by the fields of request and response.
 
-    The one of the service's own name has its hash. `request` and `response` are (name, type) of each field.
+    The one of the service's own name has its hash.
     """
     asked, answered, event = (f"{service}_{part}" for part in ("Request", "Response", "Event"))
-    return {
-        asked: ([], _fields(request)),
-        answered: ([], _fields(response)),
-        event: ([], _fields((("info", _EVENT), ("request", f"{asked}[<=1]"), ("response", f"{answered}[<=1]")))),
-        service: (
-            [],
-            _fields((("request_message", asked), ("response_message", answered), ("event_message", event))),
-        ),
+    fields = {
+        asked: request,
+        answered: response,
+        event: f"{_EVENT} info, {asked}[<=1] request, {answered}[<=1] response",
+        service: f"{asked} request_message, {answered} response_message, {event} event_message",
     }
+    return {name: ([], _fields(text)) for name, text in fields.items()}
 
 
 @cache
@@ -110,8 +87,31 @@ def type_hash(name: str) -> str:
     return store().hash_rihs01(name)
 
 
-def _fields(fields: tuple[tuple[str, str], ...]) -> list[tuple[str, Any]]:
-    return [(name, _described(kind)) for name, kind in fields]
+def make(type_name: str, values: Mapping[str, Any]) -> Any:
+    """Return a message of ROS by the paths of its fields, such as ``header.frame_id``; all other fields are zero."""
+    from rosbags.interfaces import Nodetype
+
+    fields: dict[str, Any] = {}
+    node: int
+    kind: Any
+    for name, (node, kind) in store().fielddefs[type_name][1]:
+        if name in values:
+            fields[name] = values[name]
+        elif node == Nodetype.NAME:
+            inside = {path[len(name) + 1 :]: value for path, value in values.items() if path.startswith(f"{name}.")}
+            fields[name] = make(kind, inside)
+        elif node == Nodetype.ARRAY:
+            (_, (dtype, _)), length = kind
+            fields[name] = np.zeros(length, dtype)
+        elif node == Nodetype.SEQUENCE:
+            fields[name] = []
+        else:
+            fields[name] = "" if kind[0] == "string" else 0
+    return store().types[type_name](**fields)
+
+
+def _fields(text: str) -> list[tuple[str, Any]]:
+    return [(name, _described(kind)) for kind, name in map(str.split, text.split(", "))]
 
 
 def _described(kind: str) -> Any:

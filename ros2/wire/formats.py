@@ -1,4 +1,4 @@
-"""The two formats: which keys messages have, and what goes along with them.
+"""The two formats: the keys and attachments of messages.
 
     rmw_zenoh              0/robot1/cmd_vel/geometry_msgs::msg::dds_::Twist_/RIHS01_9c45...   with an attachment
     zenoh-bridge-ros2dds   robot1/cmd_vel
@@ -12,7 +12,6 @@ import hashlib
 import struct
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
 
 from patrol.errors import BadInput
 from ros2.wire.definitions import NO_HASH, type_hash
@@ -46,7 +45,7 @@ class Attachment:
 
 
 def attachment_of(given: bytes) -> Attachment | None:
-    """Return the attachment in some bytes; None for what is none."""
+    """Return the attachment in some bytes; None if there is none."""
     if len(given) != _ATTACHMENT.size or given[16] != _GID:
         return None
     sequence, sent_ns, _, sender = _ATTACHMENT.unpack(given)
@@ -69,69 +68,13 @@ class Origin:
     type_hash: str = ""  # empty where the format does not say
 
 
-class Format(Protocol):
-    """A format. Names are full (`ros2.wire.names.full_name`)."""
-
-    @property
-    def name(self) -> str:
-        """The name for people."""
-        ...
-
-    @property
-    def domain(self) -> int:
-        """The ROS_DOMAIN_ID; 0 where the format has none."""
-        ...
-
-    @property
-    def attaches(self) -> bool:
-        """True if messages have an `Attachment`."""
-        ...
-
-    @property
-    def graph(self) -> str:
-        """The key expression of the tokens of everything in the graph."""
-        ...
-
-    def key(self, topic: str, type_name: str, /) -> str:
-        """Return the key of a topic that we publish, or of a service that we offer."""
-        ...
-
-    def heard(self, topic: str) -> str:
-        """Return the key expression of a topic that others publish."""
-        ...
-
-    def inside(self, namespace: str, /) -> str:
-        """Return the key expression of all topics and services in a namespace."""
-        ...
-
-    def service_key(self, service: str, type_name: str, /) -> str:
-        """Return the key expression of a service that others offer."""
-        ...
-
-    def origin(self, key: str, /) -> Origin:
-        """Read from a key which messages are under it."""
-        ...
-
-    def hash_of(self, type_name: str, /) -> str:
-        """Return the hash of a type in keys and tokens."""
-        ...
-
-    def token(self, entity: Entity, /) -> str | None:
-        """Return the token of an entity of ours; None where there are none."""
-        ...
-
-    def entity(self, token: str, /) -> Entity | None:
-        """Return the entity that a token of any node stands for; None for what is none."""
-        ...
-
-
 @dataclass(frozen=True, slots=True)
 class RmwZenoh:
-    """The format of `rmw_zenoh`."""
+    """The format of `rmw_zenoh`. Names are full (`ros2.wire.names.full_name`)."""
 
     domain: int = 0  # ROS_DOMAIN_ID
     hashed: bool = True  # False for ROS 2 Humble, where types have no hashes
-    attaches = True
+    attaches = True  # messages have an `Attachment`
 
     @property
     def name(self) -> str:
@@ -148,7 +91,10 @@ class RmwZenoh:
         return f"{self.domain}/{topic.strip('/')}/{dds_name(type_name)}/{self.hash_of(type_name)}"
 
     def heard(self, topic: str) -> str:
-        """The key expression of a topic that others publish: of any type and hash, so that a wrong one can be told."""
+        """Return the key expression of a topic that others publish.
+
+        It has any type and hash, so that a wrong one can be reported.
+        """
         return f"{self.domain}/{topic.strip('/')}/*/*"
 
     def inside(self, namespace: str, /) -> str:
@@ -157,7 +103,10 @@ class RmwZenoh:
         return f"{self.domain}/{inside}/**" if inside else f"{self.domain}/**"
 
     def service_key(self, service: str, type_name: str, /) -> str:
-        """The key expression of a service that others offer, of any hash: releases differ in what is not read here."""
+        """Return the key expression of a service that others offer.
+
+        It has any hash: releases differ in fields that are not read here.
+        """
         return f"{self.domain}/{service.strip('/')}/{dds_name(type_name)}/*"
 
     def origin(self, key: str, /) -> Origin:
@@ -170,11 +119,11 @@ class RmwZenoh:
         return type_hash(type_name) if self.hashed else NO_HASH
 
     def token(self, entity: Entity, /) -> str | None:
-        """Return the token of an entity of ours."""
+        """Return the token of an entity of ours; None where there are none."""
         return entity.token
 
     def entity(self, token: str, /) -> Entity | None:
-        """Return the entity that a token stands for."""
+        """Return the entity that a token of any node stands for; None if it is none."""
         return entity_of(token)
 
 
@@ -182,38 +131,32 @@ class RmwZenoh:
 class Bridge:
     """The format of `zenoh-bridge-ros2dds`: a topic's name is its key, and that is all."""
 
-    # what the bridge puts before every name (its option ``namespace``), if that is not a part of the names
-    prefix: str = ""
-    attaches = False
     domain = 0
+    attaches = False
     name = "zenoh-bridge-ros2dds"
     graph = "@/*/@ros2_lv/**"
 
     def key(self, topic: str, _type_name: str, /) -> str:
-        """Return the key of a topic that we publish, or of a service that we offer."""
-        return self.heard(topic)
+        """Return the key of a topic or service, ours or another's."""
+        return topic.strip("/")
 
     def heard(self, topic: str) -> str:
         """Return the key of a topic that others publish."""
-        inside = topic.strip("/")
-        prefix = self.prefix.strip("/")
-        return f"{prefix}/{inside}" if prefix else inside
+        return topic.strip("/")
 
     def inside(self, namespace: str, /) -> str:
         """Return the key expression of all topics and services in a namespace."""
-        inside = self.heard(namespace).strip("/")
+        inside = namespace.strip("/")
         return f"{inside}/**" if inside else "**"
 
-    def service_key(self, service: str, _type_name: str, /) -> str:
-        """Return the key of a service that others offer."""
-        return self.heard(service)
+    service_key = key
 
     def origin(self, _key: str, /) -> Origin:
-        """Keys say nothing."""
+        """Return nothing: keys do not name types."""
         return Origin()
 
     def hash_of(self, _type_name: str, /) -> str:
-        """There are no hashes."""
+        """Return nothing: there are no hashes."""
         return ""
 
     def token(self, _entity: Entity, /) -> str | None:
@@ -229,6 +172,8 @@ class Bridge:
         kind, more = _BRIDGED[parts[3]]
         return Entity(0, parts[1], 0, 0, kind, NodeName(""), f"/{topic}{more}", type_name)
 
+
+Format = RmwZenoh | Bridge
 
 FORMATS: dict[str, Callable[[int], Format]] = {
     "rmw_zenoh": RmwZenoh,

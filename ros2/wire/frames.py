@@ -56,6 +56,11 @@ def inverted(pose: Pose) -> Pose:
     return Pose(-cos * pose.x - sin * pose.y, sin * pose.x - cos * pose.y, wrap(-pose.heading))
 
 
+def apart(pose: Pose, other: Pose) -> tuple[float, float]:
+    """Return the distance of two poses, m, and the angle between their headings, rad."""
+    return math.dist((pose.x, pose.y), (other.x, other.y)), abs(wrap(pose.heading - other.heading))
+
+
 def travelled(pose: Pose, twist: Twist, time_s: float) -> Pose:
     """Return the pose of a body that keeps its velocity for a while: an exact arc.
 

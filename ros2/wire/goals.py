@@ -1,4 +1,4 @@
-"""The action NavigateToPose of Nav2, from both sides: who wants a robot to go somewhere, and who goes.
+"""The action NavigateToPose of Nav2, from both sides: a client that sends a robot somewhere, and the robot's server.
 
 An action is three services (send_goal, get_result, cancel_goal) and two topics (feedback, status). Neither side waits:
 its user calls its `step` now and then.
@@ -115,7 +115,7 @@ class GoalClient:
         self.step(now_s)
 
     def step(self, now_s: float) -> Going:
-        """Take in what the robot has answered."""
+        """Take in the robot's answers."""
         if self.going is Going.STOPPING:
             self._step_stop(now_s)
             return self.going
@@ -189,7 +189,7 @@ class GoalServer:
         return None if goal is None or goal.status.over else goal.target
 
     def step(self, stamp_ns: int) -> PoseStamped | None:
-        """Take in what was asked, and return where to go now; None for nowhere."""
+        """Take in requests, and return where to go now; None for nowhere."""
         while (sent := self._sent.take()) is not None:
             self._accept(sent.message, stamp_ns)
         while (cancel := self._cancels.take()) is not None:

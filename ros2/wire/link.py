@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import threading
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
@@ -34,8 +33,8 @@ if TYPE_CHECKING:
     from patrol.security.credentials import Credentials
 
 LEASE_S = 2.0
-"""A node that is silent for so long is gone for the router, and finds none of what was meant for it when it returns: a
-command or a pose that is seconds old does harm."""
+"""Silence after which a node is gone for the router, s. Messages that wait for it are dropped then: a command or a pose
+that is seconds old does harm."""
 
 BLOCKED_US = 1_000_000
 """Longest time that a latched message waits for a router that does not read; then the link is made anew."""
@@ -50,6 +49,9 @@ M = TypeVar("M")
 Q = TypeVar("Q")
 A = TypeVar("A")
 
+Attacher = Callable[[], "bytes | None"]
+"""Makes the attachment of the next message; None where the format has none."""
+
 
 class ZenohRos2Link:
     """A node of ROS 2 (`ros2.wire.ports.Ros2Link`)."""
@@ -58,31 +60,21 @@ class ZenohRos2Link:
         self._session = session
         store()  # says at once if it cannot be had, and not on Zenoh's thread
         self._format = form
-        self._node = node
+        self.node = node
         self._id = str(session.info.zid())
         self._numbers = count()
         self._node_number = next(self._numbers)
         self._declared: list[Any] = []
-        self._clients: dict[str, _Attacher] = {}
+        self._clients: dict[str, Attacher] = {}
         self._show(Entity(self._format.domain, self._id, self._node_number, self._node_number, EntityKind.NODE, node))
-
-    @property
-    def node(self) -> NodeName:
-        """Its own name."""
-        return self._node
 
     def is_ours(self, entity: Entity) -> bool:
         """Return True if something in the graph is of this link itself."""
         return entity.session == self._id
 
-    @property
-    def connected(self) -> bool:
-        """True if the robot's router is at the other end now; the session finds back to one that returns by itself."""
-        return bool(self._session.info.routers_zid())
-
     def resolve(self, name: str) -> str:
         """Return the full name of a topic or service, which may be relative to the node's namespace."""
-        return full_name(self._node.namespace, name)
+        return full_name(self.node.namespace, name)
 
     def publisher(self, topic: str, kind: type[M], qos: Qos = USUAL) -> Sender[M]:
         """Return a publisher (`ros2.wire.ports.Ros2Link`).
@@ -99,7 +91,7 @@ class ZenohRos2Link:
                 key,
                 congestion_control=zenoh.CongestionControl.BLOCK,
                 priority=zenoh.Priority.DATA_LOW,
-                cache=CacheConfig(max_samples=max(qos.depth, 1)),
+                cache=CacheConfig(max_samples=qos.depth),
                 publisher_detection=True,
             )
         else:
@@ -126,21 +118,14 @@ class ZenohRos2Link:
             elif sample.kind == zenoh.SampleKind.PUT:
                 _deliver(kind, full, sample.payload, sample.attachment, mailbox, _stamp_ns(sample.timestamp))
 
-        handler: Any = zenoh.handlers.Callback(receive, indirect=False)
-        heard = self._format.heard(full)
-        if qos.latched:
-            history = HistoryConfig(detect_late_publishers=True, max_samples=max(qos.depth, 1))
-            subscriber: Any = declare_advanced_subscriber(self._session, heard, handler, history=history)
-        else:
-            subscriber = self._session.declare_subscriber(heard, handler)
-        self._declared.append(subscriber)
+        self._listen(self._format.heard(full), receive, qos.depth if qos.latched else 0)
         self._show(self._entity(EntityKind.SUBSCRIPTION, full, coding.type_name, qos))
 
     def call(self, name: str, service: Service[Q, A], request: Q, limit_s: float) -> RosMailbox[A]:
         """Ask a service, without waiting for the response (`ros2.wire.ports.Ros2Link`).
 
-        All who offer it under its type are asked, whatever hash they have for that. So nobody has to find out first who
-        they are, and nobody who only says that he is one of them keeps a request from the others.
+        All servers under its name and type are asked, whatever their hash. So the link needs no list of them, and a
+        process that only claims to be a server keeps no request from the others.
         """
         full = self.resolve(name)
         payload = encode(request)
@@ -155,7 +140,7 @@ class ZenohRos2Link:
         self._session.get(
             self._format.service_key(full, service.type_name),
             payload=payload,
-            attachment=self._clients[full].next(),
+            attachment=self._clients[full](),
             target=zenoh.QueryTarget.ALL,
             consolidation=zenoh.ConsolidationMode.NONE,
             timeout=limit_s,
@@ -199,7 +184,7 @@ class ZenohRos2Link:
         return list(dict.fromkeys(found))  # the router tells us of our own once more
 
     def router(self, limit_s: float) -> RouterSays | None:
-        """Return what the router says of itself in Zenoh's admin space; None without a valid answer."""
+        """Return the router's description of itself in Zenoh's admin space; None without a valid answer."""
         asked = [f"@/{router}/router" for router in self._session.info.routers_zid()]
         answers = answers_of(self._session, asked, b"", _LONGEST_SAID, limit_s)
         return next((says for _, answer in answers if (says := router_says(answer, self._id)) is not None), None)
@@ -210,13 +195,17 @@ class ZenohRos2Link:
         def receive(sample: zenoh.Sample) -> None:
             ear.note(str(sample.key_expr), sample.payload, _small(sample.attachment), time.monotonic(), time.time_ns())
 
+        self._listen(expression, receive, int(latched))
+
+    def _listen(self, expression: str, receive: Callable[[zenoh.Sample], None], history: int) -> None:
+        """Call a function with each message under a key expression, and with so many that were sent before."""
         handler: Any = zenoh.handlers.Callback(receive, indirect=False)
-        history = HistoryConfig(detect_late_publishers=True, max_samples=1)
-        self._declared.append(
-            declare_advanced_subscriber(self._session, expression, handler, history=history)
-            if latched
-            else self._session.declare_subscriber(expression, handler)
-        )
+        if history:
+            past = HistoryConfig(detect_late_publishers=True, max_samples=history)
+            subscriber: Any = declare_advanced_subscriber(self._session, expression, handler, history=past)
+        else:
+            subscriber = self._session.declare_subscriber(expression, handler)
+        self._declared.append(subscriber)
 
     def close(self, limit_s: float = CLOSE_S) -> bool:
         """Close the session; closing it once more does nothing.
@@ -229,21 +218,25 @@ class ZenohRos2Link:
     def _entity(self, kind: EntityKind, full: str, type_name: str, qos: Qos) -> Entity:
         type_hash = self._format.hash_of(type_name)
         numbers = self._node_number, next(self._numbers)
-        return Entity(self._format.domain, self._id, *numbers, kind, self._node, full, type_name, type_hash, qos)
+        return Entity(self._format.domain, self._id, *numbers, kind, self.node, full, type_name, type_hash, qos)
 
     def _show(self, entity: Entity) -> None:
         """Make something of ours visible in the graph."""
         if (token := self._format.token(entity)) is not None:
             self._declared.append(self._session.liveliness().declare_token(token))
 
-    def _attacher(self, entity: Entity) -> _Attacher:
+    def _attacher(self, entity: Entity) -> Attacher:
+        """Show a publisher or client, and return the maker of its attachments, which count its messages."""
         self._show(entity)
-        return _Attacher(gid_of(entity.token) if self._format.attaches else None)
+        if not self._format.attaches:
+            return lambda: None
+        numbers, gid = count(1), gid_of(entity.token)
+        return lambda: Attachment(next(numbers), time.time_ns(), gid).to_bytes()
 
 
 @dataclass(frozen=True, slots=True)
 class RouterSays:
-    """A Zenoh router, as it describes itself. Whatever answers in its place can forge that."""
+    """A Zenoh router, as it describes itself. A process that answers in its place can forge it."""
 
     version: str  # of Zenoh, such as "v1.5.0"
     others: int  # number of other processes that are connected to it
@@ -263,31 +256,13 @@ def router_says(answer: bytes, own: str) -> RouterSays | None:
         return None
 
 
-class _Attacher:
-    """Makes the attachments of one publisher or client, whose sequence it counts; None where the format has none."""
-
-    def __init__(self, gid: bytes | None) -> None:
-        self._gid = gid
-        self.made = 0
-        self._lock = threading.Lock()
-
-    def next(self) -> bytes | None:
-        with self._lock:
-            self.made += 1
-            return None if self._gid is None else Attachment(self.made, time.time_ns(), self._gid).to_bytes()
-
-
 class _Publisher(Sender[Any]):
-    def __init__(self, publisher: Any, attacher: _Attacher) -> None:
+    def __init__(self, publisher: Any, attach: Attacher) -> None:
         self._publisher = publisher
-        self._attacher = attacher
-
-    @property
-    def sent(self) -> int:
-        return self._attacher.made
+        self._attach = attach
 
     def send(self, message: Any) -> None:
-        self._publisher.put(encode(message), attachment=self._attacher.next())
+        self._publisher.put(encode(message), attachment=self._attach())
 
 
 def _answer(query: zenoh.Query, key: str, given: Attachment | None) -> Callable[[Any], None]:

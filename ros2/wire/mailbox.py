@@ -42,7 +42,7 @@ class Overheard:
 
 
 class Ear:
-    """Notes what is overheard, on one thread; another may look at it.
+    """Notes overheard messages on one thread; another may look at them.
 
     Only the first 64 keys are kept; `more` counts the messages under others.
     """
@@ -98,45 +98,25 @@ class Received(Generic[T]):
 class RosMailbox(Generic[T]):
     """The newest messages of a topic; when `room` of them wait, the oldest makes room for the next.
 
-    `refused` counts the messages that cannot be used, by reason (oversized, malformed, type, hash), and `said` has one
-    line about the first of each. `passed_over` counts the messages that had to make room.
+    `newest` is the newest message ever received, taken out or not; `received` counts the usable ones, those that had to
+    make room included. `refused` counts the messages that cannot be used, by reason (oversized, malformed, type, hash),
+    and `said` has one line about the first of each.
     """
 
     def __init__(self, room: int = 1) -> None:
         self.refused: Counter[str] = Counter()
         self.said: dict[str, str] = {}
-        self.passed_over = 0
+        self.newest: Received[T] | None = None
+        self.received = 0
         self._waiting: deque[Received[T]] = deque(maxlen=room)
-        self._newest: Received[T] | None = None
-        self._senders: dict[bytes, int] = {}
-        self._received = 0
         self._changed = Condition()
-
-    @property
-    def newest(self) -> Received[T] | None:
-        """The newest message ever received, taken out or not."""
-        return self._newest
-
-    @property
-    def received(self) -> int:
-        """The number of usable messages that came, those that were passed over included."""
-        return self._received
-
-    @property
-    def senders(self) -> int:
-        """The number of different senders, counted up to 16."""
-        return len(self._senders)
 
     def put(self, received: Received[T]) -> None:
         """Put a message in; called from any thread."""
         with self._changed:
-            if len(self._waiting) == self._waiting.maxlen:
-                self.passed_over += 1
             self._waiting.append(received)
-            self._newest = received
-            self._received += 1
-            if len(self._senders) < _MOST_SENDERS:
-                self._senders.setdefault(received.sender, 1)
+            self.newest = received
+            self.received += 1
             self._changed.notify()
 
     def refuse(self, reason: str, line: str) -> None:

@@ -4,18 +4,14 @@ from __future__ import annotations
 
 import os
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import StrEnum
 
 from patrol.errors import BadInput
 
 _NAME = re.compile(r"/?[A-Za-z_][A-Za-z0-9_]*(?:/[A-Za-z_][A-Za-z0-9_]*)*")
 _LONGEST_NAME = 255
-_DEFAULT_DEPTH = 42
-"""The depth that 0 stands for, which `rmw_zenoh` leaves out."""
-_MOST_DEPTH = 10_000
-_BEST_EFFORT, _TRANSIENT_LOCAL, _KEEP_ALL = "2", "1", "2"
-_PLAIN_NUMBER = re.compile(r"[0-9]{0,19}")
+_BEST_EFFORT, _TRANSIENT_LOCAL = "2", "1"
 
 ADMIN_SPACE = "@ros2_lv"
 LAST_DOMAIN = 232
@@ -89,33 +85,19 @@ class Qos:
 
     reliable: bool = True
     latched: bool = False  # transient local: a late subscriber still gets the last `depth` messages
-    depth: int = 10  # messages that are kept; 0 stands for 42
-    keep_all: bool = False
+    depth: int = 10  # messages that are kept
 
     @property
     def text(self) -> str:
         """The text of `rmw_zenoh` in a token: usual values are left out."""
-        depth = "" if self.depth in {0, _DEFAULT_DEPTH} else str(self.depth)
         reliability, durability = "" if self.reliable else _BEST_EFFORT, _TRANSIENT_LOCAL if self.latched else ""
-        return f"{reliability}:{durability}:{_KEEP_ALL if self.keep_all else ''},{depth}:,:,:,,"
+        return f"{reliability}:{durability}:,{self.depth}:,:,:,,"
 
 
 USUAL = Qos()
 LATCHED = Qos(latched=True, depth=1)
 SENSOR = Qos(reliable=False, depth=5)
 SERVICE = Qos()
-
-
-def qos_of(text: str) -> Qos | None:
-    """Return the quality of service in a token's last part; None for what cannot be read."""
-    parts = text.split(":")
-    if len(parts) < 6:
-        return None
-    history, comma, depth = parts[2].partition(",")
-    if not comma or not _PLAIN_NUMBER.fullmatch(depth):
-        return None
-    kept = min(int(depth or _DEFAULT_DEPTH), _MOST_DEPTH)
-    return Qos(parts[0] != _BEST_EFFORT, parts[1] == _TRANSIENT_LOCAL, kept, history == _KEEP_ALL)
 
 
 class EntityKind(StrEnum):
@@ -138,7 +120,7 @@ class NodeName:
 
 @dataclass(frozen=True, slots=True)
 class Entity:
-    """A node, or what a node has: a publisher, a subscription, a service's server or client."""
+    """A node, or a part of one: a publisher, a subscription, a service's server or client."""
 
     domain: int  # ROS_DOMAIN_ID
     session: str
@@ -149,7 +131,7 @@ class Entity:
     topic: str = ""  # full name of the topic or service; empty for a node
     type_name: str = ""  # as ROS calls it; empty for a node
     type_hash: str = ""  # empty for a node
-    qos: Qos | None = None  # None for a node, or where it cannot be read
+    qos: Qos = field(default=USUAL, compare=False)  # of ours; that of others is not read
 
     @property
     def token(self) -> str:
@@ -159,8 +141,7 @@ class Entity:
         begin = f"{ADMIN_SPACE}/{self.domain}/{self.session}/{self.node_number}/{self.number}/{self.kind}/{node}"
         if self.kind is EntityKind.NODE:
             return begin
-        end = self.qos.text if self.qos is not None else Qos().text
-        return f"{begin}/{mangled(self.topic)}/{dds_name(self.type_name)}/{self.type_hash}/{end}"
+        return f"{begin}/{mangled(self.topic)}/{dds_name(self.type_name)}/{self.type_hash}/{self.qos.text}"
 
 
 def entity_of(token: str) -> Entity | None:
@@ -177,16 +158,5 @@ def entity_of(token: str) -> Entity | None:
         return Entity(domain, parts[2], node_number, number, kind, node)
     if len(parts) < 13:
         return None
-    topic, type_name, type_hash, qos = parts[9:13]
-    return Entity(
-        domain,
-        parts[2],
-        node_number,
-        number,
-        kind,
-        node,
-        unmangled(topic),
-        ros_name(type_name),
-        type_hash,
-        qos_of(qos),
-    )
+    topic, type_name, type_hash = unmangled(parts[9]), ros_name(parts[10]), parts[11]
+    return Entity(domain, parts[2], node_number, number, kind, node, topic, type_name, type_hash)

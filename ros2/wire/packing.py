@@ -1,37 +1,63 @@
-"""Messages of ours to messages of ROS and back, checked both ways: nothing that is not finite is sent or believed."""
+"""Values of our messages to ROS and back, checked both ways: nothing that is not finite is sent or believed."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
-from typing import Any
+from collections.abc import Callable, Iterable
+from contextlib import suppress
+from operator import attrgetter
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from patrol.errors import Malformed
 from patrol.pose import Pose
-from ros2.wire.definitions import store
-from ros2.wire.messages import (
-    AckermannDriveStamped,
-    DiagnosticArray,
-    OccupancyGrid,
-    Odometry,
-    Path,
-    PoseStamped,
-    TFMessage,
-    Transform,
-    Twist,
-)
+from ros2.wire.definitions import make
 
 LARGEST = 1e9
 """The largest number that means anything in metres, seconds or radians."""
 LONGEST_NAME = 255
-MOST_CELLS = 1 << 26
-"""Cells of the largest grid: 8192 x 8192."""
+LONGEST_TEXT = 4096
 _NS = 1_000_000_000
 _LAST_S = 2**31 - 1
 _UNIT = (0.9, 1.1)
 """Bounds of the length of a quaternion that should have length 1."""
+_PLANE = [0, 7, 35]
+"""Places of the variances of x, y and heading in a covariance of 6 x 6."""
+
+
+class Packing(NamedTuple):
+    """The way of one kind of value to ROS and back; both functions raise Malformed."""
+
+    pack: Callable[[Any], Any]
+    unpack: Callable[[Any], Any]
+
+
+def sent_only(pack: Callable[[Any], Any]) -> Packing:
+    """Return the packing of a value that is never read."""
+
+    def refuse(found: Any) -> Any:
+        raise Malformed(f"{type(found).__name__} is only sent")
+
+    return Packing(pack, refuse)
+
+
+def listed(packing: Packing) -> Packing:
+    """Return the packing of a tuple of values that are all of one kind."""
+    return Packing(lambda values: [*map(packing.pack, values)], lambda values: (*map(packing.unpack, values),))
+
+
+def usable(packing: Packing) -> Packing:
+    """Return the packing of a tuple of values; one that cannot be used costs no other."""
+
+    def unpack(values: Iterable[Any]) -> tuple[Any, ...]:
+        good = []
+        for value in values:
+            with suppress(Malformed):
+                good.append(packing.unpack(value))
+        return tuple(good)
+
+    return Packing(listed(packing).pack, unpack)
 
 
 def number(value: float) -> float:
@@ -48,28 +74,42 @@ def frame(name: str) -> str:
     return name
 
 
-def optional_frame(name: str) -> str:
-    """Return a frame's name, or nothing. Raises Malformed for what cannot be one."""
+def _optional_frame(name: str) -> str:
     return frame(name) if name else ""
 
 
-def goal_id(value: Iterable[int]) -> bytes:
-    """Return a goal's id. Raises Malformed for what cannot be one."""
-    found = bytes(value)
-    if len(found) != 16:
+def _text(value: str) -> str:
+    if len(value) > LONGEST_TEXT:
+        raise Malformed(f"a text of {len(value)} characters")
+    return value
+
+
+def _goal_id(value: Iterable[int]) -> bytes:
+    identity = bytes(value)
+    if len(identity) != 16:
         raise Malformed("a goal's id has 16 bytes")
-    return found
+    return identity
 
 
-def nanoseconds(time: Any) -> int:
-    """Return a time of ROS in ns. Raises Malformed for what cannot be one."""
+def _nanoseconds(time: Any) -> int:
     if time.sec < 0 or not 0 <= time.nanosec < _NS:
         raise Malformed("a time before the epoch, or with more than a second of nanoseconds")
     return int(time.sec) * _NS + int(time.nanosec)
 
 
-def heading(turn: Any) -> float:
-    """Return the heading of a quaternion, rad. Raises Malformed where it is of no use."""
+def _ros_time(stamp_ns: int) -> Any:
+    seconds, rest = divmod(stamp_ns, _NS)
+    if not 0 <= seconds <= _LAST_S:
+        raise Malformed("a time before the epoch or after 2038")
+    return make("builtin_interfaces/msg/Time", {"sec": seconds, "nanosec": rest})
+
+
+def _ros_duration(seconds: float) -> Any:
+    whole, rest = divmod(round(number(seconds) * _NS), _NS)
+    return make("builtin_interfaces/msg/Duration", {"sec": whole, "nanosec": rest})
+
+
+def _heading(turn: Any) -> float:
     x, y, z, w = (float(value) for value in (turn.x, turn.y, turn.z, turn.w))
     length = math.hypot(x, y, z, w)
     if not _UNIT[0] <= length <= _UNIT[1]:
@@ -77,215 +117,57 @@ def heading(turn: Any) -> float:
     return math.atan2(2.0 * (w * z + x * y), w * w + x * x - y * y - z * z)
 
 
-def plane_pose(position: Any, orientation: Any) -> Pose:
-    """Return the pose in the plane. Raises Malformed where it is of no use."""
-    number(position.z)
-    return Pose(number(position.x), number(position.y), heading(orientation))
-
-
-def plane_twist(twist: Any) -> Twist:
-    """Return the velocity in the plane. Raises Malformed where it is of no use."""
-    return Twist(number(twist.linear.x), number(twist.linear.y), number(twist.angular.z))
-
-
-def variances(covariance: Any) -> tuple[float, float, float]:
-    """Variances of x, y and heading; 0, unknown, where they are nonsense, which many robots send."""
-    x, y, turn = (float(covariance[place]) for place in (0, 7, 35))
-    return tuple(value if 0.0 <= value <= LARGEST else 0.0 for value in (x, y, turn))  # type: ignore[return-value]
-
-
-def transforms(message: Any) -> TFMessage:
-    """Return the transforms of a message that can be used."""
-    good: list[Transform] = []
-    for one in message.transforms:
-        try:
-            good.append(
-                Transform(
-                    nanoseconds(one.header.stamp),
-                    frame(one.header.frame_id),
-                    frame(one.child_frame_id),
-                    plane_pose(one.transform.translation, one.transform.rotation),
-                )
-            )
-        except Malformed:
-            continue
-    return TFMessage(tuple(good), len(message.transforms) - len(good))
-
-
-def grid(message: Any) -> OccupancyGrid:
-    """Return a grid. Raises Malformed where it is of no use."""
-    info = message.info
-    width, height = int(info.width), int(info.height)
-    if not 0 < width * height == len(message.data) <= MOST_CELLS:
-        raise Malformed(f"a grid of {width} x {height} with {len(message.data)} cells")
-    if not 0.0 < info.resolution <= LARGEST:
-        raise Malformed(f"a grid with cells of {float(info.resolution)} m")
-    cells = np.asarray(message.data, dtype=np.int8).reshape(height, width).copy()
-    return OccupancyGrid(
-        nanoseconds(message.header.stamp),
-        frame(message.header.frame_id),
-        float(str(np.float32(info.resolution))),  # as it was meant: 0.05, and not the nearest float32
-        plane_pose(info.origin.position, info.origin.orientation),
-        cells,
-    )
-
-
-def path(message: Any) -> Path:
-    """Return a path. Raises Malformed where it is of no use."""
-    poses = tuple(plane_pose(one.pose.position, one.pose.orientation) for one in message.poses)
-    return Path(nanoseconds(message.header.stamp), frame(message.header.frame_id), poses)
-
-
-def make(kind: str, **fields: Any) -> Any:
-    """Return a message of ROS."""
-    return store().types[kind](**fields)
-
-
-def ros_time(stamp_ns: int) -> Any:
-    """Return a builtin_interfaces/Time. Raises Malformed for what cannot be one."""
-    seconds, rest = divmod(stamp_ns, _NS)
-    if not 0 <= seconds <= _LAST_S:
-        raise Malformed("a time before the epoch or after 2038")
-    return make("builtin_interfaces/msg/Time", sec=seconds, nanosec=rest)
-
-
-def ros_duration(seconds: float) -> Any:
-    """Return a builtin_interfaces/Duration. Raises Malformed for what cannot be one."""
-    whole, rest = divmod(round(number(seconds) * _NS), _NS)
-    return make("builtin_interfaces/msg/Duration", sec=whole, nanosec=rest)
-
-
-def ros_header(stamp_ns: int, frame_id: str) -> Any:
-    """Return a std_msgs/Header."""
-    return make("std_msgs/msg/Header", stamp=ros_time(stamp_ns), frame_id=optional_frame(frame_id))
-
-
-def ros_turn(angle: float) -> Any:
-    """Return a geometry_msgs/Quaternion round the vertical axis."""
+def _ros_turn(angle: float) -> Any:
     half = 0.5 * number(angle)
-    return make("geometry_msgs/msg/Quaternion", x=0.0, y=0.0, z=math.sin(half), w=math.cos(half))
+    return make("geometry_msgs/msg/Quaternion", {"z": math.sin(half), "w": math.cos(half)})
 
 
-def ros_vector(x: float, y: float, z: float, kind: str = "Vector3") -> Any:
-    """Return a geometry_msgs/Vector3 or Point."""
-    return make(f"geometry_msgs/msg/{kind}", x=number(x), y=number(y), z=number(z))
+def _variances(covariance: Any) -> tuple[float, ...]:
+    """Return the variances of x, y and heading; 0, unknown, where they are nonsense, which many robots send."""
+    values = [float(covariance[place]) for place in _PLANE]
+    return tuple(value if 0.0 <= value <= LARGEST else 0.0 for value in values)
 
 
-def ros_pose(pose: Pose) -> Any:
-    """Return a geometry_msgs/Pose."""
-    position = ros_vector(pose.x, pose.y, 0.0, "Point")
-    return make("geometry_msgs/msg/Pose", position=position, orientation=ros_turn(pose.heading))
-
-
-def ros_pose_stamped(message: PoseStamped) -> Any:
-    """Return a geometry_msgs/PoseStamped."""
-    header = ros_header(message.stamp_ns, message.frame)
-    return make("geometry_msgs/msg/PoseStamped", header=header, pose=ros_pose(message.pose))
-
-
-def ros_twist(twist: Twist) -> Any:
-    """Return a geometry_msgs/Twist."""
-    linear, angular = ros_vector(twist.vx, twist.vy, 0.0), ros_vector(0.0, 0.0, twist.turn_rate)
-    return make("geometry_msgs/msg/Twist", linear=linear, angular=angular)
-
-
-def ros_uncertain_pose(pose: Pose, spread: tuple[float, float, float]) -> Any:
-    """Return a geometry_msgs/PoseWithCovariance."""
+def _covariance(variances: tuple[float, float, float]) -> Any:
     covariance = np.zeros(36)
-    covariance[[0, 7, 35]] = [number(value) for value in spread]
-    return make("geometry_msgs/msg/PoseWithCovariance", pose=ros_pose(pose), covariance=covariance)
+    covariance[_PLANE] = [number(value) for value in variances]
+    return covariance
 
 
-def ros_odometry(message: Odometry) -> Any:
-    """Return a nav_msgs/Odometry."""
-    kind = "geometry_msgs/msg/TwistWithCovariance"
-    return make(
-        "nav_msgs/msg/Odometry",
-        header=ros_header(message.stamp_ns, message.frame),
-        child_frame_id=optional_frame(message.child_frame),
-        pose=ros_uncertain_pose(message.pose, message.variances),
-        twist=make(kind, twist=ros_twist(message.twist), covariance=np.zeros(36)),
-    )
+def _plane_pose(type_name: str, position: str, orientation: str) -> Packing:
+    """Return the packing of a pose in the plane; its height is not used, but must be a number too."""
+    read_position, read_turn = attrgetter(position), attrgetter(orientation)
+
+    def pack(pose: Pose) -> Any:
+        x, y = number(pose.x), number(pose.y)
+        return make(type_name, {f"{position}.x": x, f"{position}.y": y, orientation: _ros_turn(pose.heading)})
+
+    def unpack(found: Any) -> Pose:
+        place = read_position(found)
+        number(place.z)
+        return Pose(number(place.x), number(place.y), _heading(read_turn(found)))
+
+    return Packing(pack, unpack)
 
 
-def ros_drive(message: AckermannDriveStamped) -> Any:
-    """Return an ackermann_msgs/AckermannDriveStamped."""
-    drive = make(
-        "ackermann_msgs/msg/AckermannDrive",
-        steering_angle=number(message.steering_angle),
-        steering_angle_velocity=0.0,
-        speed=number(message.speed),
-        acceleration=number(message.acceleration),
-        jerk=0.0,
-    )
-    kind = "ackermann_msgs/msg/AckermannDriveStamped"
-    return make(kind, header=ros_header(message.stamp_ns, message.frame), drive=drive)
-
-
-def ros_transforms(message: TFMessage) -> Any:
-    """Return a tf2_msgs/TFMessage."""
-    stamped = [
-        make(
-            "geometry_msgs/msg/TransformStamped",
-            header=ros_header(one.stamp_ns, one.frame),
-            child_frame_id=optional_frame(one.child_frame),
-            transform=make(
-                "geometry_msgs/msg/Transform",
-                translation=ros_vector(one.pose.x, one.pose.y, 0.0),
-                rotation=ros_turn(one.pose.heading),
-            ),
-        )
-        for one in message.transforms
-    ]
-    return make("tf2_msgs/msg/TFMessage", transforms=stamped)
-
-
-def ros_grid(message: OccupancyGrid) -> Any:
-    """Return a nav_msgs/OccupancyGrid."""
-    height, width = message.cells.shape
-    if not 0 < width * height <= MOST_CELLS or message.cells.dtype != np.int8:
-        raise Malformed(f"a grid of {width} x {height} {message.cells.dtype}")
-    info = make(
-        "nav_msgs/msg/MapMetaData",
-        map_load_time=ros_time(message.stamp_ns),
-        resolution=number(message.resolution),
-        width=width,
-        height=height,
-        origin=ros_pose(message.origin),
-    )
-    data = np.ascontiguousarray(message.cells).ravel()
-    return make("nav_msgs/msg/OccupancyGrid", header=ros_header(message.stamp_ns, message.frame), info=info, data=data)
-
-
-def ros_path(message: Path) -> Any:
-    """Return a nav_msgs/Path."""
-    header = ros_header(message.stamp_ns, message.frame)
-    poses = [make("geometry_msgs/msg/PoseStamped", header=header, pose=ros_pose(pose)) for pose in message.poses]
-    return make("nav_msgs/msg/Path", header=header, poses=poses)
-
-
-def ros_diagnostics(message: DiagnosticArray) -> Any:
-    """Return a diagnostic_msgs/DiagnosticArray."""
-    kind, pair = "diagnostic_msgs/msg/DiagnosticStatus", "diagnostic_msgs/msg/KeyValue"
-    statuses = [
-        make(
-            kind,
-            level=int(status.level),
-            name=status.name,
-            message=status.message,
-            hardware_id=status.hardware_id,
-            values=[make(pair, key=key, value=value) for key, value in status.values],
-        )
-        for status in message.statuses
-    ]
-    return make("diagnostic_msgs/msg/DiagnosticArray", header=ros_header(message.stamp_ns, ""), status=statuses)
-
-
-def ros_goal_id(value: bytes) -> Any:
-    """Return a unique_identifier_msgs/UUID. Raises Malformed for what cannot be one."""
-    return make("unique_identifier_msgs/msg/UUID", uuid=np.frombuffer(goal_id(value), dtype=np.uint8))
-
-
-def ros_goal_info(value: bytes, stamp_ns: int) -> Any:
-    """Return an action_msgs/GoalInfo."""
-    return make("action_msgs/msg/GoalInfo", goal_id=ros_goal_id(value), stamp=ros_time(stamp_ns))
+NUMBER = Packing(number, number)
+INTEGER = Packing(int, int)
+YES_NO = Packing(bool, bool)
+TEXT, ANY_TEXT = Packing(_text, _text), Packing(str, str)
+TIME = Packing(_ros_time, _nanoseconds)
+DURATION = sent_only(_ros_duration)
+FRAME = Packing(_optional_frame, frame)
+OPTIONAL_FRAME = Packing(_optional_frame, _optional_frame)
+VARIANCES = Packing(_covariance, _variances)
+GOAL_ID = Packing(lambda value: np.frombuffer(_goal_id(value), dtype=np.uint8), _goal_id)
+POSE = _plane_pose("geometry_msgs/msg/Pose", "position", "orientation")
+TRANSFORM = _plane_pose("geometry_msgs/msg/Transform", "translation", "rotation")
+GOAL_INFO = Packing(
+    lambda identity: make("action_msgs/msg/GoalInfo", {"goal_id.uuid": GOAL_ID.pack(identity)}),
+    lambda found: GOAL_ID.unpack(found.goal_id.uuid),
+)
+GOAL_STATUS = Packing(
+    lambda goal: make("action_msgs/msg/GoalStatus", {"goal_info": GOAL_INFO.pack(goal[0]), "status": goal[1]}),
+    lambda found: (GOAL_INFO.unpack(found.goal_info), int(found.status)),
+)
+KEY_VALUE = sent_only(lambda pair: make("diagnostic_msgs/msg/KeyValue", {"key": pair[0], "value": pair[1]}))

@@ -35,11 +35,6 @@ class Asked(Generic[Q, A]):
 class Sender(Protocol[M_contra]):
     """Sends messages of a topic."""
 
-    @property
-    def sent(self) -> int:
-        """The number of messages."""
-        ...
-
     def send(self, message: M_contra) -> None:
         """Send a message."""
         ...
@@ -55,11 +50,6 @@ class Ros2Link(Protocol):
 
     def is_ours(self, entity: Entity) -> bool:
         """Return True if something in the graph is of this link itself."""
-        ...
-
-    @property
-    def connected(self) -> bool:
-        """True if the robot's router is at the other end now, or none is needed."""
         ...
 
     def resolve(self, name: str) -> str:

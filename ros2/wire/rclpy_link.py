@@ -70,11 +70,6 @@ class RclpyLink:
         self._thread = threading.Thread(target=self._hear, name="rclpy", daemon=True)
         self._thread.start()
 
-    @property
-    def connected(self) -> bool:
-        """True until it is closed, or hears no more: there is no router."""
-        return self._error is None and bool(self._context.ok())
-
     def is_ours(self, entity: Entity) -> bool:
         """Return True if something in the graph is of this link itself."""
         return entity.session == _OURS
@@ -144,9 +139,20 @@ class RclpyLink:
         del limit_s
         left = self._declared.copy()
         left[EntityKind.NODE, ""] = 1
-        found = []
+        ours = self.node.name, self.node.namespace.strip("/")
+        entities: list[Entity] = []
+
+        def note(
+            kind: EntityKind, name: str, namespace: str, topic: str = "", type_name: str = "", hashed: str = ""
+        ) -> None:
+            node = NodeName(name, namespace.strip("/"))
+            is_ours = (node.name, node.namespace) == ours and left[kind, topic] > 0
+            left[kind, topic] -= is_ours
+            session = _OURS if is_ours else _OTHERS
+            entities.append(Entity(self._domain, session, 0, 0, kind, node, topic, type_name, hashed))
+
         for name, namespace in self._node.get_node_names_and_namespaces():
-            found.append(self._entity(left, EntityKind.NODE, NodeName(name, namespace.strip("/"))))
+            note(EntityKind.NODE, name, namespace)
         looks = {
             EntityKind.PUBLISHER: self._node.get_publishers_info_by_topic,
             EntityKind.SUBSCRIPTION: self._node.get_subscriptions_info_by_topic,
@@ -154,10 +160,9 @@ class RclpyLink:
         for topic, _ in self._node.get_topic_names_and_types():
             for kind, look in looks.items():
                 for info in look(topic):
-                    node = NodeName(info.node_name, info.node_namespace.strip("/"))
                     hashed = str(info.topic_type_hash)
-                    found.append(self._entity(left, kind, node, topic, info.topic_type, hashed))
-        return found
+                    note(kind, info.node_name, info.node_namespace, topic, info.topic_type, hashed)
+        return entities
 
     def close(self, limit_s: float = CLOSE_S) -> bool:
         """Close it; False when that takes too long. Raises the error because of which it could hear no more."""
@@ -168,7 +173,7 @@ class RclpyLink:
         return not self._thread.is_alive()
 
     def _hear(self) -> None:
-        """Take in what comes, until `close`."""
+        """Take in messages until `close`."""
         try:
             self._executor.spin()
         except self._rclpy.executors.ExternalShutdownException:
@@ -177,31 +182,15 @@ class RclpyLink:
             self._error = error
             self._leave(f"it hears ROS no more: {type(error).__name__}: {error}")
 
-    def _entity(
-        self,
-        left: Counter[tuple[EntityKind, str]],
-        kind: EntityKind,
-        node: NodeName,
-        topic: str = "",
-        type_name: str = "",
-        type_hash: str = "",
-    ) -> Entity:
-        """Return an entity of the graph; ``left`` counts those of ours that have not been met yet."""
-        place = kind, topic
-        is_ours = (node.name, node.namespace) == (self.node.name, self.node.namespace.strip("/")) and left[place] > 0
-        left[place] -= is_ours
-        whose = _OURS if is_ours else _OTHERS
-        return Entity(self._domain, whose, 0, 0, kind, node, topic, type_name, type_hash)
-
     def _profile(self, qos: Qos) -> Any:
         """Return a quality of service as rclpy has it."""
         of = self._rclpy.qos
-        durability, reliability, history = of.DurabilityPolicy, of.ReliabilityPolicy, of.HistoryPolicy
+        durability, reliability = of.DurabilityPolicy, of.ReliabilityPolicy
         return of.QoSProfile(
             depth=qos.depth,
             durability=durability.TRANSIENT_LOCAL if qos.latched else durability.VOLATILE,
             reliability=reliability.RELIABLE if qos.reliable else reliability.BEST_EFFORT,
-            history=history.KEEP_ALL if qos.keep_all else history.KEEP_LAST,
+            history=of.HistoryPolicy.KEEP_LAST,
         )
 
 
@@ -210,15 +199,9 @@ class _Publisher(Sender[Any]):
 
     def __init__(self, publisher: Any) -> None:
         self._publisher = publisher
-        self._sent = 0
-
-    @property
-    def sent(self) -> int:
-        return self._sent
 
     def send(self, message: Any) -> None:
         self._publisher.publish(encode(message))
-        self._sent += 1
 
 
 def _class_of(type_name: str, topic: str) -> Any:

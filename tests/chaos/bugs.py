@@ -8,10 +8,11 @@ recomputes their fates; `losses` counts them.
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from itertools import count
-from types import MappingProxyType
+from types import MappingProxyType, ModuleType
 from typing import Any
 
 import numpy as np
@@ -50,21 +51,13 @@ Plant = Callable[[pytest.MonkeyPatch], None]
 
 @dataclass(frozen=True)
 class Bug:
-    """A planted fault.
+    """A planted fault."""
 
-    Attributes:
-        check: The check of the verdict that has to find it.
-        plant: Patches this process.
-        kind: The kind of fault that it is planted into; empty for none.
-        needs: Kind of fault or feature without which it cannot show; empty for none.
-        settings: Of the scenarios.
-    """
-
-    check: str
-    plant: Plant
-    kind: str
-    needs: str
-    settings: Mapping[str, Any]
+    check: str  # of the verdict, which has to find it
+    plant: Plant  # patches this process
+    kind: str  # of fault that it is planted into; empty for none
+    needs: str  # kind of fault or feature without which it cannot show; empty for none
+    settings: Mapping[str, Any]  # of the scenarios
 
 
 BUGS: dict[str, Bug] = {}
@@ -116,18 +109,20 @@ def _bug(
     BUGS[what] = Bug(check, plant, kind, needs or kind, settings)
 
 
-def _put(owner: Any, name: str, make: Callable[[Any], Any]) -> Plant:
-    """Put something in the place of an attribute.
+def put(owner: Any, name: str, make: Callable[[Any], Any]) -> Plant:
+    """Put something in the place of an attribute, and of a module's own function wherever that was imported."""
 
-    Args:
-        owner: The module or class.
-        name: The attribute.
-        make: Makes what takes its place from it.
-    """
-    return lambda patch: patch.setattr(owner, name, make(getattr(owner, name)))
+    def plant(patch: pytest.MonkeyPatch) -> None:
+        real = getattr(owner, name)
+        is_function = isinstance(owner, ModuleType) and getattr(real, "__module__", "") == owner.__name__
+        importers = [module for module in list(sys.modules.values()) if vars(module).get(name) is real]
+        for each in importers if is_function else [owner]:
+            patch.setattr(each, name, make(real))
+
+    return plant
 
 
-def _with(**changed: Any) -> Callable[[Any], Any]:
+def altered(**changed: Any) -> Callable[[Any], Any]:
     """Make a change of a frozen model or dataclass."""
     return lambda value: value.model_copy(update=changed) if hasattr(value, "model_copy") else replace(value, **changed)
 
@@ -135,7 +130,7 @@ def _with(**changed: Any) -> Callable[[Any], Any]:
 # --- what faults do --------------------------------------------------------------------------------------------------
 
 
-def _stood_down(expected: Status, **changed: Any) -> Plant:
+def alter_stood_down(expected: Status, **changed: Any) -> Plant:
     """Change a body when its robot is stood down with a status."""
 
     def make(real: Any) -> Any:
@@ -147,7 +142,7 @@ def _stood_down(expected: Status, **changed: Any) -> Plant:
 
         return stand_down
 
-    return _put(World, "stand_down", make)
+    return put(World, "stand_down", make)
 
 
 def _resumes(real: Any) -> Any:
@@ -183,14 +178,14 @@ def _clock(real: Any) -> Any:
     return clock
 
 
-def _drawn(purpose: int, change: Callable[[float], float]) -> Plant:
+def alter_draws(purpose: int, change: Callable[[float], float]) -> Plant:
     """Change the draws of motion noise for a purpose."""
-    return _put(noise, "draw", lambda real: lambda *of: change(real(*of)) if of[-1] == purpose else real(*of))
+    return put(noise, "draw", lambda real: lambda *of: change(real(*of)) if of[-1] == purpose else real(*of))
 
 
 def _held(ignored: bool) -> Plant:
     """Ignore the faults that close closures, or those that open them."""
-    return _put(
+    return put(
         Closures,
         "_held",
         lambda real: lambda of, k: {name: is_ for name, is_ in real(of, k).items() if is_ is not ignored},
@@ -199,69 +194,65 @@ def _held(ignored: bool) -> Plant:
 
 def _untold(owner: Any, method: str, *kinds: str) -> Plant:
     """Leave out the events of some kinds that a method yields."""
-    return _put(owner, method, lambda real: lambda *of: (event for event in real(*of) if event.kind not in kinds))
+    return put(owner, method, lambda real: lambda *of: (event for event in real(*of) if event.kind not in kinds))
 
 
-_dropped = _put(InProcessFleet, "kill", lambda _: lambda *_: None)
-_bug("a killed robot goes on", "statuses", _stood_down(Status.DEAD, status=Status.ALIVE), _dropped, kind="kill")
+_dropped = put(InProcessFleet, "kill", lambda _: lambda *_: None)
+_bug("a killed robot goes on", "statuses", alter_stood_down(Status.DEAD, status=Status.ALIVE), _dropped, kind="kill")
 _bug(
     "the event of a kill names no fault",
     "events",
-    _put(World, "stand_down", lambda real: lambda of, number, status, _, **how: real(of, number, status, "", **how)),
+    put(World, "stand_down", lambda real: lambda of, number, status, _, **how: real(of, number, status, "", **how)),
     kind="kill",
 )
 _bug("an act that makes no sense is skipped unseen", "events", _untold(Acts, "due", SKIPPED))
-_bug("a wreck that is to stay is removed", "moves", _stood_down(Status.DEAD, away=True), kind="kill")
+_bug("a wreck that is to stay is removed", "moves", alter_stood_down(Status.DEAD, away=True), kind="kill")
 _bug(
     "a restarted robot never comes",
     "statuses",
-    _put(InProcessFleet, "arrived", lambda _: lambda *_: False),
+    put(InProcessFleet, "arrived", lambda _: lambda *_: False),
     kind="restart",
 )
 _bug(
     "a restarted robot keeps what it has heard",
     "refused frames",
-    _put(InProcessFleet, "_drop", lambda _: lambda *_: None),
-    _put(
+    put(InProcessFleet, "_drop_robot", lambda _: lambda *_: None),
+    put(
         InProcessFleet, "start", lambda real: lambda of, number, n: None if number in of.minds else real(of, number, n)
     ),
     kind="restart",
 )
-_bug("a paused robot drives on", "statuses", _stood_down(Status.PAUSED, status=Status.ALIVE), kind="pause")
-_bug("a resumed robot stays paused", "statuses", _put(World, "wake", _resumes), kind="resume")
-_bug("a robot joins beside its start", "moves", _put(World, "wake", _joins), kind="join")
+_bug("a paused robot drives on", "statuses", alter_stood_down(Status.PAUSED, status=Status.ALIVE), kind="pause")
+_bug("a resumed robot stays paused", "statuses", put(World, "wake", _resumes), kind="resume")
+_bug("a robot joins beside its start", "moves", put(World, "wake", _joins), kind="join")
 _bug(
     "a robot that has left is still in the way",
     "moves",
-    _put(Body, "present", lambda _: property(lambda _: True)),
+    put(Body, "present", lambda _: property(lambda _: True)),
     kind="leave",
 )
 _bug(
     "a loss drops half as much",
     "losses",
-    _put(rules, "below", lambda real: lambda *of: real(*of[:3], 0.5 * of[3])),
+    put(rules, "below", lambda real: lambda *of: real(*of[:3], 0.5 * of[3])),
     kind="loss",
     settings=LOSSY,
 )
 _bug(
     "a burst lasts half as long",
     "losses",
-    _put(rules, "chain_of", lambda real: lambda rate, mean: real(rate, max(0.5 * mean, 1.0))),
+    put(rules, "chain_of", lambda real: lambda rate, mean: real(rate, max(0.5 * mean, 1.0))),
     kind="loss",
     settings=LONG_BURSTS,
 )
-_bug(
-    "a delay is half as long", "on time", _put(rules, "waited", lambda real: lambda *of: 0.5 * real(*of)), kind="delay"
-)
+_bug("a delay is half as long", "on time", put(rules, "waited", lambda real: lambda *of: 0.5 * real(*of)), kind="delay")
 _copies = rules.RadioRules, "copies"
-_bug("a duplicate makes no copy", "delays and copies", _put(*_copies, lambda _: lambda *_: []), kind="duplicate")
-_bug(
-    "a duplicate makes two copies", "on time", _put(*_copies, lambda real: lambda *of: 2 * real(*of)), kind="duplicate"
-)
+_bug("a duplicate makes no copy", "delays and copies", put(*_copies, lambda _: lambda *_: []), kind="duplicate")
+_bug("a duplicate makes two copies", "on time", put(*_copies, lambda real: lambda *of: 2 * real(*of)), kind="duplicate")
 _bug(
     "a frame that is held back is held for two steps more",
     "on time",
-    _put(
+    put(
         rules.RadioRules, "delays", lambda real: lambda of, *link: [(n, s + 2.0 * of._step) for n, s in real(of, *link)]
     ),
     kind="reorder",
@@ -269,54 +260,58 @@ _bug(
 _bug(
     "a one-way partition cuts both ways",
     "nothing crossed",
-    _put(rules, "_cut", lambda real: lambda entry, fault, *of: real(entry, _with(direction="both")(fault), *of)),
+    put(rules, "_mark_cuts", lambda real: lambda entry, fault, *of: real(entry, altered(direction="both")(fault), *of)),
     kind="partition",
 )
 _bug(
     "a silence does not stop what robots hear",
     "nothing crossed",
-    _put(rules.RadioRules, "_hit", _hears),
+    put(rules.RadioRules, "_mark_hits", _hears),
     kind="silence",
 )
 _bug(
     "a reach is a tenth longer",
     "reach",
-    _put(
+    put(
         rules.RadioRules,
         "_is_out_of_reach",
-        lambda real: lambda of, fault, *link: real(of, _with(reach=1.1 * fault.reach)(fault), *link),
+        lambda real: lambda of, fault, *link: real(of, altered(reach=1.1 * fault.reach)(fault), *link),
     ),
     kind="range",
 )
-_bug("a radio reaches through walls", "reach", _put(rules, "walls_on_line", lambda _: lambda *_: 0), kind="range")
+_bug("a radio reaches through walls", "reach", put(rules, "walls_on_line", lambda _: lambda *_: 0), kind="range")
 _bug(
     "a bandwidth is twice as wide",
     "bandwidth",
-    _put(rules.Bucket, "__init__", lambda real: lambda of, rate, *more: real(of, 2.0 * rate, *more)),
+    put(rules.Bucket, "__init__", lambda real: lambda of, rate, *more: real(of, 2.0 * rate, *more)),
     kind="bandwidth",
 )
 _bug(
     "a forged place is a metre off",
     "forgeries",
-    _put(forging, "Pose", lambda real: lambda x, *of: real(x - 1.0, *of)),
+    put(forging, "Pose", lambda real: lambda x, *of: real(x - 1.0, *of)),
     kind="spoof",
 )
 _bug(
     "a drift does not grow",
     "senses",
-    _put(Senses, "_error", lambda real: lambda of, e, fault, *at: real(of, e, _with(growth=(0.0, 0.0))(fault), *at)),
+    put(
+        Senses,
+        "_pose_error",
+        lambda real: lambda of, e, fault, *at: real(of, e, altered(growth=(0.0, 0.0))(fault), *at),
+    ),
     kind="drift",
     settings=DRIFTING,
 )
-_bug("a clock does not gain", "senses", _put(Senses, "clock", _clock), kind="clock")
+_bug("a clock does not gain", "senses", put(Senses, "clock", _clock), kind="clock")
 _bug(
     "jitter is half as large",
     "motion",
-    _drawn(noise._JITTER, lambda share: 0.25 + 0.5 * share),
+    alter_draws(noise._JITTER, lambda share: 0.25 + 0.5 * share),
     kind="motion",
     settings=UNEVEN,
 )
-_bug("a body slips half as often", "motion", _drawn(noise._SLIP, math.sqrt), kind="motion", settings=UNEVEN)
+_bug("a body slips half as often", "motion", alter_draws(noise._SLIP, math.sqrt), kind="motion", settings=UNEVEN)
 _bug("a closure that is to be closed stays as it is", "closures", _held(True), kind="close")
 _bug("a closure that is to be open stays as it is", "closures", _held(False), kind="open")
 
@@ -324,18 +319,18 @@ _bug("a closure that is to be open stays as it is", "closures", _held(False), ki
 # --- what else checks look at ----------------------------------------------------------------------------------------
 
 
-def _recorded(change: Callable[[Any], Any]) -> Plant:
+def alter_recorded(change: Callable[[Any], Any]) -> Plant:
     """Change what the world records of a tick."""
-    return _put(World, "end_tick", lambda real: lambda *of: change(real(*of)))
+    return put(World, "end_tick", lambda real: lambda *of: change(real(*of)))
 
 
-def _rows(where: Callable[[Any, int], bool], **changed: Any) -> Plant:
+def alter_rows(where: Callable[[Any, int], bool], **changed: Any) -> Plant:
     """Change the rows of some robots in each tick's record."""
-    change = _with(**changed)
-    return _recorded(lambda of: replace(of, robots=tuple(change(r) if where(r, of.k) else r for r in of.robots)))
+    change = altered(**changed)
+    return alter_recorded(lambda of: replace(of, robots=tuple(change(r) if where(r, of.k) else r for r in of.robots)))
 
 
-def _init(owner: Any, change: Callable[[Any], None]) -> Plant:
+def alter_new(owner: Any, change: Callable[[Any], None]) -> Plant:
     """Change objects of a class once they are made."""
 
     def make(real: Any) -> Any:
@@ -345,7 +340,7 @@ def _init(owner: Any, change: Callable[[Any], None]) -> Plant:
 
         return init
 
-    return _put(owner, "__init__", make)
+    return put(owner, "__init__", make)
 
 
 def _ends_early(of: World) -> None:
@@ -356,9 +351,9 @@ def _stays_silent(of: Any) -> None:
     of._sending = replace(of._sending, silence=of._sending.silence + 2)
 
 
-def _decides(change: Callable[[Any, Any, Any], Any]) -> Plant:
+def alter_decisions(change: Callable[[Any, Any, Any], Any]) -> Plant:
     """Change minds' decisions, by the mind, what it senses and its decision."""
-    return _put(Mind, "decide", lambda real: lambda of, sensed, *more: change(of, sensed, real(of, sensed, *more)))
+    return put(Mind, "decide", lambda real: lambda of, sensed, *more: change(of, sensed, real(of, sensed, *more)))
 
 
 def _fails(_mind: Any, sensed: Any, decision: Any) -> Any:
@@ -371,7 +366,7 @@ def _stops(since: int) -> Plant:
     def change(mind: Any, sensed: Any, decision: Any) -> Any:
         return replace(decision, command=standstill(mind.spec)) if sensed.k >= since else decision
 
-    return _decides(change)
+    return alter_decisions(change)
 
 
 def _trace(real: Any) -> Any:
@@ -386,7 +381,9 @@ def _trace(real: Any) -> Any:
 def _driven(_: Any) -> Any:
     def driven(of: Any, k: int, commands: Any) -> Any:
         speed = 0.9 if k % 7 == 0 else 1.0
-        return {number: noise._changed(command, speed, 1.0, 0.0, of._step) for number, command in commands.items()}
+        return {
+            number: noise._change_command(command, speed, 1.0, 0.0, of._step) for number, command in commands.items()
+        }
 
     return driven
 
@@ -409,7 +406,7 @@ def _sent(**moved: int) -> Plant:
 
         return encode
 
-    return _put(sender, "encode", make)
+    return put(sender, "encode", make)
 
 
 def _drives_blindly(mind: Any, sensed: Any, decision: Any) -> Any:
@@ -441,52 +438,54 @@ def _free(real: Any, ground_of: Callable[[Any], Any]) -> Any:
 
 
 _path_is_free = motion, "path_is_free"
-_blind = _decides(_drives_blindly)
-_bug("the run ends a tick early", "complete", _init(World, _ends_early))
-_bug("the trace leaves out a tick", "trace", _put(record, "TraceHash", _trace))
-_bug("a mind fails", "nobody lost", _decides(_fails))
+_blind = alter_decisions(_drives_blindly)
+_bug("the run ends a tick early", "complete", alter_new(World, _ends_early))
+_bug("the trace leaves out a tick", "trace", put(record, "TraceHash", _trace))
+_bug("a mind fails", "nobody lost", alter_decisions(_fails))
 _bug(
     "a robot that is down decides",
     "the down are silent",
-    _rows(lambda row, _: row.status is not Status.ALIVE, state="patrolling"),
+    alter_rows(lambda row, _: row.status is not Status.ALIVE, state="patrolling"),
 )
-_bug("a robot leaves the terrain", "robots there", _rows(lambda row, k: row.number == 1 and k == 5, x=-1000.0))
+_bug("a robot leaves the terrain", "robots there", alter_rows(lambda row, k: row.number == 1 and k == 5, x=-1000.0))
 _bug(
-    "a delivery is not recorded", "links add up", _recorded(lambda of: replace(of, deliveries=list(of.deliveries)[1:]))
+    "a delivery is not recorded",
+    "links add up",
+    alter_recorded(lambda of: replace(of, deliveries=list(of.deliveries)[1:])),
 )
-_bug("faults last a tick longer", "fault times", _put(timeline, "ticks_of", lambda real: lambda *of: real(*of) + 1))
-_bug("bodies pass through each other", "bodies apart", _put(motion, "_cancel_meeting", lambda _: lambda *_: None))
-_bug("bodies pass through walls", "bodies apart", _put(*_path_is_free, lambda _: lambda *_: True))
+_bug("faults last a tick longer", "fault times", put(timeline, "ticks_of", lambda real: lambda *of: real(*of) + 1))
+_bug("bodies pass through each other", "bodies apart", put(motion, "_cancel_meeting", lambda _: lambda *_: None))
+_bug("bodies pass through walls", "bodies apart", put(*_path_is_free, lambda _: lambda *_: True))
 _bug(
     "bodies get a little farther",
     "moves",
-    _put(motion, "advance", lambda real: lambda at, of, step: real(at, of, 1.001 * step)),
+    put(motion, "advance", lambda real: lambda at, of, step: real(at, of, 1.001 * step)),
 )
 _bug(
     "a robot exceeds its top speed",
     "moves",
-    _put(world, "within_limits", lambda _: lambda _, command: noise._changed(command, 1.5, 1.0, 0.0, 1.0)),
+    put(world, "within_limits", lambda _: lambda _, command: noise._change_command(command, 1.5, 1.0, 0.0, 1.0)),
 )
-_bug("moves are uneven without a fault", "moves", _put(noise.MotionNoise, "driven", _driven))
-_bug("the fog counts a tick less", "fog", _put(Fog, "mfow", lambda real: lambda *of: real(*of) - 1))
+_bug("moves are uneven without a fault", "moves", put(noise.MotionNoise, "driven", _driven))
+_bug("the fog counts a tick less", "fog", put(Fog, "mfow", lambda real: lambda *of: real(*of) - 1))
 _bug(
     "robots drive with an empty battery",
     "batteries",
-    _put(Batteries, "is_empty", lambda _: lambda *_: False),
+    put(Batteries, "is_empty", lambda _: lambda *_: False),
     needs="feature batteries",
 )
 _bug(
     "bodies pass through keep-outs",
     "keep-outs",
     _blind,
-    _put(*_path_is_free, lambda real: _free(real, lambda t: Terrain(t.name, t.passable, t.point, t.origin))),
+    put(*_path_is_free, lambda real: _free(real, lambda t: Terrain(t.name, t.passable, t.point, t.origin))),
     needs="feature zone: keep-out",
 )
 _bug(
     "slow zones slow nothing",
     "slow zones",
     _blind,
-    _put(world, "slowed", lambda _: lambda command, _: command),
+    put(world, "slowed", lambda _: lambda command, _: command),
     needs="feature zone: slow",
 )
 _bug("minds drive blindly", "one-way zones", _blind, settings=ONE_WAY)
@@ -500,7 +499,7 @@ _bug(
     "bodies pass through what is closed",
     "closures",
     _blind,
-    _put(*_path_is_free, lambda real: _free(real, lambda t: getattr(t, "base", t))),
+    put(*_path_is_free, lambda real: _free(real, lambda t: getattr(t, "base", t))),
     needs="feature closures by times",
 )
 _bug(
@@ -512,7 +511,7 @@ _bug(
 _bug(
     "closures close on robots",
     "bodies apart",
-    _put(Closures, "_overlaps", lambda _: lambda *_: False),
+    put(Closures, "_overlaps_body", lambda _: lambda *_: False),
     needs="feature closures by rates",
 )
 _bug("robots send places a centimetre off", "frames", _sent(x_cm=1))
@@ -520,77 +519,77 @@ _bug("robots send their clock a millisecond late", "frames", _sent(time_ms=1))
 _bug(
     "robots report no intruder",
     "frames",
-    _put(sender.Sender, "frames", lambda real: lambda *of: real(*of)[:1]),
+    put(sender.Sender, "frames", lambda real: lambda *of: real(*of)[:1]),
     needs="feature intruders",
 )
 _bug(
     "adaptive robots stay silent for too long",
     "frames",
-    _init(sender.Sender, _stays_silent),
+    alter_new(sender.Sender, _stays_silent),
     needs="feature adaptive sending",
 )
 _bug(
     "the world's draws are not repeated",
     "radio",
-    _put(world, "ether_of", lambda real: lambda of, *more, **named: real(_with(seed=of.seed + 1)(of), *more, **named)),
+    put(world, "ether_of", lambda real: lambda of, *more, **named: real(altered(seed=of.seed + 1)(of), *more, **named)),
     needs="loss",
 )
 _bug(
     "a drop names a fault that was not there",
     "drops",
-    _put(rules, "cause", lambda _: lambda entry: f"loss:{entry.id}x"),
+    put(rules, "cause", lambda _: lambda entry: f"loss:{entry.id}x"),
     needs="loss",
 )
 _bug(
     "strangers know the key",
     "forged frames",
-    _put(inbox, "decode", lambda real: lambda frame, _: real(frame, None)),
+    put(inbox, "decode", lambda real: lambda frame, _: real(frame, None)),
     needs="spoof",
 )
 _bug(
     "a forged frame comes twice",
     "forgeries",
-    _put(forging.Forger, "forge", lambda real: lambda *of: 2 * real(*of)),
+    put(forging.Forger, "forge", lambda real: lambda *of: 2 * real(*of)),
     needs="spoof",
 )
 _bug(
     "walls do not weaken the radio",
     "path loss",
-    _put(path_loss, "walls_between", lambda _: lambda *of: np.zeros((len(of[4]),) * 2)),
+    put(path_loss, "walls_between", lambda _: lambda *of: np.zeros((len(of[4]),) * 2)),
     needs="feature path loss",
 )
 _bug(
     "a frame meets twice the noise",
     "path loss",
-    _put(path_loss.PathLoss, "_noise", lambda real: lambda *of: real(*of) + 3.0),
+    put(path_loss.PathLoss, "_noise_levels", lambda real: lambda *of: real(*of) + 3.0),
     needs="feature path loss",
 )
 _bug(
     "robots send more than their share",
     "budget",
-    _put(Allowance, "suffices", lambda _: lambda *_: True),
-    _put(Allowance, "take", lambda _: lambda *_: True),
+    put(Allowance, "suffices", lambda _: lambda *_: True),
+    put(Allowance, "take", lambda _: lambda *_: True),
     needs="feature radio budget",
 )
 _bug(
     "late frames come a tick early",
     "on time",
-    _put(ether, "arrival", lambda real: lambda k, *of: max(real(k, *of) - 1, k)),
+    put(ether, "arrival", lambda real: lambda k, *of: max(real(k, *of) - 1, k)),
     needs="delay",
 )
 _bug(
     "one robot sees nothing",
     "fog",
-    _put(Truth, "observe", lambda real: lambda of, k, poses: real(of, k, [pose for pose in poses if pose[0] != 1])),
+    put(Truth, "observe", lambda real: lambda of, k, poses: real(of, k, [pose for pose in poses if pose[0] != 1])),
 )
 _bug(
     "a robot counts a refused frame too many",
     "refused frames",
-    _rows(lambda row, k: row.rejected is not None and k > 10, rejected=1000),
+    alter_rows(lambda row, k: row.rejected is not None and k > 10, rejected=1000),
     needs="feature key",
 )
-_bug("inboxes accept a frame again and again", "refused frames", _put(inbox, "hear", _accepts_again), needs="duplicate")
-_bug("minds count what others decide", TRACES_DIFFER, _decides(_hesitates))
-_bug("minds drive east, whatever is there", "bumps", _decides(_drives_east), settings=HOLONOMIC)
+_bug("inboxes accept a frame again and again", "refused frames", put(inbox, "hear", _accepts_again), needs="duplicate")
+_bug("minds count what others decide", TRACES_DIFFER, alter_decisions(_hesitates))
+_bug("minds drive east, whatever is there", "bumps", alter_decisions(_drives_east), settings=HOLONOMIC)
 _bug("minds stop deciding", "progress", _stops(0), settings=CALM)
 _bug("minds stop deciding after a fault", "recovery", _stops(20), settings=SHORT_PAUSE)

@@ -20,8 +20,8 @@ from tests.chaos.coverage import SINGLES
 from tests.chaos.examine import Breakage, Ran, attempt
 from tests.chaos.planted import Seeds, find
 from tests.chaos.table import ENOUGH, ENOUGH_FOR_PAIRS, missing
+from worldsim.checks.check import CheckResult
 from worldsim.run_record import COMPLETED, INTERRUPTED
-from worldsim.verdict.common.check import CheckResult
 from worldsim.verdict.judge import CHECKS, Verdict
 
 GOOD = Ran("trace", Verdict("valid", (CheckResult("complete", True, ""),)), COMPLETED)

@@ -15,10 +15,10 @@ from monitor.replay.run_files import journal_in
 from patrol.journal import Event
 from patrol.prepare import Prepared
 from patrol.scenario import load_scenario
+from worldsim.checks.journal import SILENT
 from worldsim.faults import LOOKED_AT, process_name
 from worldsim.run_record import MemoryJournal
 from worldsim.verdict.judge import judge
-from worldsim.verdict.run.router_answers import SILENT
 
 pytestmark = pytest.mark.processes
 

@@ -25,7 +25,7 @@ from ros2.sim.bodies import bodies_named
 from ros2.sim.node import Habits, RobotNode
 from ros2.sim.odometry import Errors
 from ros2.sim.robot import Build, SimulatedRobot
-from ros2.sim.simulation import STEP_S, CollisionGround, Simulation
+from ros2.sim.simulation import STEP_S, Simulation
 from ros2.wire.messages import Twist, TwistStamped
 from tests.ros2_hub import Hub
 from worldsim.truth import Truth
@@ -70,9 +70,9 @@ class Driven:
         self.robot = SimulatedRobot(Build(spec, start, Errors(), math.inf, 0.5, 7))
         node = RobotNode(self.hub.link("robot_sim", "robot1"), self.robot, Habits(), terrain)
         self.footprint = footprint_of(terrain, 3.0, 360.0, True, 1.0)
-        ground = CollisionGround(terrain, self.footprint, terrain.passable, 0.5)
+        self.truth = Truth(self.footprint, terrain.passable)
         self.bodies: Any = bodies_named(f"{BODIES}:MujocoBodies", terrain, [self.robot.build])
-        self.simulation = Simulation({"robot1": node}, ground, 0.0, self.bodies, self.note)
+        self.simulation = Simulation({"robot1": node}, self.bodies, self.truth, 0.5, 0.0, self.note)
 
     def note(self, _time_s: float, poses: Any) -> None:
         self.noted.append(poses["robot1"])
@@ -124,9 +124,9 @@ def test_a_wall_stops_a_robot_whose_wheels_spin_on(terrain: Terrain) -> None:
     driven.drive(6.0, Twist(1.0, 0.0, 0.0))
     robot = driven.robot
     assert robot.pose.x == pytest.approx(23.8 - RADIUS, abs=0.01)
-    assert (robot.touches.walls, robot.touches.robots) == (1, 0)
+    assert (robot.walls_touched, robot.robots_touched) == (1, 0)
     assert robot.odometry.counted.x > 3.0
-    assert robot.strayed.greatest_m > 0.3
+    assert max(robot.strayed_m) > 0.3
 
 
 @needs_mujoco
@@ -134,7 +134,7 @@ def test_odometry_drifts_and_the_true_pose_is_scored(terrain: Terrain) -> None:
     driven = Driven(terrain, Pose(2.0, 7.0, 0.0))
     for twist in (Twist(0.8, 0.0, 0.0), Twist(0.0, 0.0, 1.5)) * 4:
         driven.drive(2.1, twist)
-    robot, fog = driven.robot, driven.simulation.fog
+    robot, fog = driven.robot, driven.truth.fog
     assert driven.simulation.summary()["robots"]["robot1"]["odometry_off_m"] > 0.05
     assert (robot.pose.x, robot.pose.y) == tuple(driven.bodies.data.body("robot1").xpos[:2])
     truth = Truth(driven.footprint, terrain.passable)

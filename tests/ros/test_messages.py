@@ -28,8 +28,6 @@ POSE = Pose(1.5, -2.25, 0.75)
 TWIST = ours.Twist(0.5, -0.25, 0.125)
 MESSAGES: list[Any] = [
     ours.Bool(True),
-    ours.Empty(),
-    ours.String("grüße"),
     ours.Clock(STAMP),
     TWIST,
     ours.TwistStamped(STAMP, "base_link", TWIST),
@@ -90,7 +88,7 @@ def test_messages_pass_through_the_codecs_of_both(message: Any) -> None:
         again, direct = (replace(grid, cells=message.cells) for grid in (again, direct))
         again, direct = str(again), str(direct)
     assert again == direct
-    assert theirs != kind() or isinstance(message, ours.Empty)
+    assert theirs != kind()
 
 
 def test_what_ros_reads_of_our_odometry() -> None:

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from patrol.pose import Pose
-from ros2.doctor import Examined, Level, Survey, Wanted, examine
-from ros2.robot.localisation import Source
+from ros2.doctor import Examined, Level, Survey, examine
+from ros2.robot.localisation import LocalisationSettings, Source
+from ros2.robot.options import DriveSettings
 from ros2.wire import messages as ros
 from ros2.wire.codec import CODINGS, encode
 from ros2.wire.formats import Bridge, Format, RmwZenoh
@@ -27,7 +28,7 @@ class Robot:
 
     def __init__(self, form: Format, namespace: str = "robot1") -> None:
         self.form = form
-        self.seen = Survey(form.domain, namespace, Wanted())
+        self.seen = Survey(form.domain, namespace, DriveSettings())
 
     def sends(self, topic: str, message: object, rate: float = 20.0, age_s: float = 0.001, senders: int = 1) -> Robot:
         payload = encode(message)
@@ -57,6 +58,10 @@ class Robot:
 
     def examined(self) -> Examined:
         return examine(self.seen)
+
+
+def located_by(source: Source, map_frame: str = "map") -> DriveSettings:
+    return DriveSettings(localisation=LocalisationSettings(source, map_frame))
 
 
 def says(found: Examined, level: Level) -> str:
@@ -156,18 +161,18 @@ def test_a_robot_without_a_map_can_patrol_and_one_without_a_place_cannot() -> No
     found = robot.examined()
     assert "there is no latched map; give the agent a map's file with --map" in says(found, Level.WARNING)
     assert "nothing says where the robot is on the map: no map -> odom on tf, and no pose" in says(found, Level.MISSING)
-    robot.seen.wanted = Wanted(localisation=Source.ODOMETRY)
+    robot.seen.wanted = located_by(Source.ODOMETRY)
     assert robot.examined().fit
     robot.sends("/robot1/amcl_pose", PLACED)
     assert robot.examined().fit
-    robot.seen.wanted = Wanted()
+    robot.seen.wanted = DriveSettings()
     assert "but not by --localisation tf; give --localisation pose" in says(robot.examined(), Level.MISSING)
-    robot.seen.wanted = Wanted(localisation=Source.POSE)
+    robot.seen.wanted = located_by(Source.POSE)
     assert robot.examined().fit
-    robot.seen.wanted = Wanted(localisation=Source.POSE, map_frame="site")
+    robot.seen.wanted = located_by(Source.POSE, "site")
     assert "and poses in the frame map alone; have it give them in site" in says(robot.examined(), Level.MISSING)
     elsewhere = ros.TFMessage((ros.Transform(NOW_NS, "map", "robot2/odom", Pose(0.0, 0.0, 0.0)),))
-    robot.sends("/tf", elsewhere).seen.wanted = Wanted()
+    robot.sends("/tf", elsewhere).seen.wanted = DriveSettings()
     assert not robot.examined().fit
 
 
@@ -217,7 +222,7 @@ def test_stamps_that_an_agent_would_not_take_are_missing(form: Format, age_s: fl
     for heard in robot.seen.heard.values():
         arrive(heard, age_s)
     assert words in says(robot.examined(), Level.MISSING)
-    robot.seen.wanted = Wanted(sim_time=True)
+    robot.seen.wanted = DriveSettings(sim_time=True)
     assert "no time comes on /clock; start the simulation" in says(robot.examined(), Level.MISSING)
     robot.sends("/clock", ros.Clock(NOW_NS))
     assert robot.examined().fit

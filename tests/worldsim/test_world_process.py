@@ -14,7 +14,7 @@ from patrol.process.options import Meeting
 from patrol.security.credentials import Credentials
 from patrol.security.keys import fleet_keys
 from patrol.security.roles import WORLD_ROLE
-from worldsim.process import _remedy, main
+from worldsim.process import _missing_remedy, main
 
 
 class FakeLink:
@@ -51,7 +51,7 @@ def test_a_link_is_closed_once_where_the_next_does_not_come(
 
 def test_robots_that_have_not_come_are_started_as_the_world_was(tmp_path: Path) -> None:
     here = Meeting("tcp/127.0.0.1:7447", fleet_keys("f"))
-    assert "fogwatch agent --router tcp/127.0.0.1:7447 --fleet f --robot NAME" in _remedy(here)
+    assert "fogwatch agent --router tcp/127.0.0.1:7447 --fleet f --robot NAME" in _missing_remedy(here)
     guarded = Meeting("tls/a:7447", fleet_keys("f"), Credentials("f", "tls/a:7447", WORLD_ROLE, folder=tmp_path))
-    assert "fogwatch agent --credentials FOLDER" in _remedy(guarded)
-    assert "--router" not in _remedy(guarded)
+    assert "fogwatch agent --credentials FOLDER" in _missing_remedy(guarded)
+    assert "--router" not in _missing_remedy(guarded)

@@ -72,12 +72,12 @@ class Acts:
         yield from (*timeline.endings(k), *timeline.beginnings(k))
         for act in timeline.acts(k):
             if self._control is not None:
-                yield from self._act(act, self._control)
+                yield from self._carry_out(act, self._control)
         for number in list(self._coming):
             if self._control is not None:
                 yield from self._bring_in(number, self._control)
 
-    def _act(self, act: Act, control: ProcessControl) -> Iterator[Event]:
+    def _carry_out(self, act: Act, control: ProcessControl) -> Iterator[Event]:
         world, number = self._world, act.number
         body = world.bodies[number]
         reason = f"{act.fault} {act.kind}"
@@ -123,10 +123,10 @@ class Acts:
             yield world.stand_down(number, Status.LOST, str(why))
             return
         body = world.bodies[number]
-        if body.away and (others := world.in_the_way(number)):
+        if body.away and (blockers := world.in_the_way(number)):
             if number not in self._waiting:
                 self._waiting.add(number)
-                yield Event(world.tick, WAITING, number, f"its start is taken by {', '.join(others)}")
+                yield Event(world.tick, WAITING, number, f"its start is taken by {', '.join(blockers)}")
             return
         self._waiting.discard(number)
         yield world.wake(number, self._coming.pop(number))

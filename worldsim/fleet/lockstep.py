@@ -47,12 +47,12 @@ class LockstepFleet:
 
     def phase_a(self, k: int, reports: Mapping[int, Sensed]) -> Mapping[int, Sequence[bytes]]:
         """Send phase A and return the frames of the robots that answer in time, by number."""
-        answers = self._ask(k, "A", reports, ReplyA)
+        answers = self._ask_robots(k, "A", reports, ReplyA)
         return {number: answer.frames for number, answer in answers.items()}
 
     def phase_b(self, k: int, heard: Mapping[int, list[bytes]]) -> Mapping[int, Reply]:
         """Send phase B and return the replies of the robots that answer in time, by number."""
-        answers = self._ask(k, "B", heard, ReplyB, self.aside)
+        answers = self._ask_robots(k, "B", heard, ReplyB, self.aside)
         return {number: answer.reply for number, answer in answers.items()}
 
     def lost(self) -> list[tuple[int, Status, str]]:
@@ -75,7 +75,7 @@ class LockstepFleet:
         """Return notes on the pace for the journal's end: for how long the router was silent, if it was."""
         return router_notes(self._router)
 
-    def _ask(
+    def _ask_robots(
         self,
         k: int,
         phase: str,
@@ -113,7 +113,7 @@ class LockstepFleet:
             if waited_s >= deadline_s:
                 lost = dict.fromkeys(waiting, f"no answer in phase {phase} of tick {k} for {deadline_s:g} s") | lost
             for number, reason in lost.items():
-                self._lose(number, reason)
+                self._lose_robot(number, reason)
                 del sent[number]
             if now >= resend:
                 resend = now + RESEND_S
@@ -125,7 +125,7 @@ class LockstepFleet:
     def _router_answers(self) -> bool:
         return self._router is None or self._router.answers()
 
-    def _lose(self, number: int, reason: str) -> None:
+    def _lose_robot(self, number: int, reason: str) -> None:
         self._lost.append((number, Status.LOST, reason))
         self._sessions.dismiss(number, f"left out: {reason}", orderly=False)
 

@@ -89,18 +89,18 @@ class PacedFleet:
         self._k = k
         self._closed = False
         self._held_up_s = 0.0
-        self._begin()
+        self._begin_tick()
         for number, report in reports.items():
             self._sessions.send(number, k, report)
         told_at = self._sessions.now
         self.aside()
         frames: dict[int, Sequence[bytes]] = {}
         answering = reports.keys() if self._listener is None else None
-        self._collect(frames, told_at, PHASE_B_SHARE, PHASE_B_SHARE, answering)
+        self._collect_answers(frames, told_at, PHASE_B_SHARE, PHASE_B_SHARE, answering)
         self._closed = True
         if self._listener is not None:
-            heard = self._listener.frames(k)
-            return {number: heard.get(number, ()) for number in reports}
+            received = self._listener.frames(k)
+            return {number: received.get(number, ()) for number in reports}
         self.late_frames.update(number for number in reports if number not in frames)
         return {number: frames.get(number, ()) for number in reports}
 
@@ -108,7 +108,7 @@ class PacedFleet:
         """Return the newest commands that have come when the step ends, None for robots that sent none."""
         for number, frames in heard.items():
             self._sessions.send(number, k, frames)
-        self._collect({}, self._sessions.now, 1.0, COMMAND_SHARE)
+        self._collect_answers({}, self._sessions.now, 1.0, COMMAND_SHARE)
         commands, self._commands = self._commands, {}
         self.late_commands.update(number for number in heard if number not in commands or commands[number].k != k)
         return {number: commands[number].reply if number in commands else None for number in heard}
@@ -122,11 +122,11 @@ class PacedFleet:
         """
         if self._router is not None:
             self._router.answers()
-        gone = dict.fromkeys(self._sessions.gone(self._living), "its process was gone")
-        gone |= self._sessions.failed(self._living)
-        for number, reason in gone.items():
+        reasons = dict.fromkeys(self._sessions.gone(self._living), "its process was gone")
+        reasons |= self._sessions.failed(self._living)
+        for number, reason in reasons.items():
             self._sessions.dismiss(number, f"left out: {reason}", orderly=False)
-        return [(number, Status.LOST, reason) for number, reason in sorted(gone.items())]
+        return [(number, Status.LOST, reason) for number, reason in sorted(reasons.items())]
 
     def rest(self) -> None:
         """Deal with messages that arrive while no tick is due; the next tick begins when it is asked for."""
@@ -157,17 +157,17 @@ class PacedFleet:
             **({} if self._listener is None else self._listener.notes()),
         }
 
-    def _begin(self) -> None:
+    def _begin_tick(self) -> None:
         """Set when this tick begins: a step after the last one, or now when that is more than a step ago."""
         now = self._sessions.now
-        due = now if self._begins is None else self._begins + self._tick_s
+        start_s = now if self._begins is None else self._begins + self._tick_s
         self._tick_s = self._step_s
-        if now > due + self._step_s:
-            self.slipped_s += now - due
-            due = now
-        self._begins = due
+        if now > start_s + self._step_s:
+            self.slipped_s += now - start_s
+            start_s = now
+        self._begins = start_s
 
-    def _collect(
+    def _collect_answers(
         self,
         frames: dict[int, Sequence[bytes]],
         told_at: float,
@@ -185,23 +185,23 @@ class PacedFleet:
         held_up_s = 0.0
         while answering is None or not answering <= frames.keys():
             now = self._sessions.now
-            left = max(self._begins + share * self._tick_s, told_at + least * self._tick_s) + held_up_s - now
-            if left <= 0.0:
+            remaining_s = max(self._begins + share * self._tick_s, told_at + least * self._tick_s) + held_up_s - now
+            if remaining_s <= 0.0:
                 # No more than waits now, so that a flood of messages keeps no tick open.
                 for _ in range(self._sessions.waiting):
-                    self._take(0.0, frames)
+                    self._take_answer(0.0, frames)
                 return
-            look_s = min(left, LOOK_S)
-            arrived = self._take(look_s, frames)
+            look_s = min(remaining_s, LOOK_S)
+            arrived = self._take_answer(look_s, frames)
             held_up_s += self._woken_late(self._sessions.now - now - look_s)
             if not arrived:
                 self.meanwhile()
 
-    def _take(self, timeout_s: float, frames: dict[int, Sequence[bytes]]) -> bool:
+    def _take_answer(self, timeout_s: float, frames: dict[int, Sequence[bytes]]) -> bool:
         """Take one answer, if one comes in time; return whether it did."""
         arrived = self._sessions.take(timeout_s)
         if arrived is not None:
-            self._note(*arrived, frames)
+            self._note_answer(*arrived, frames)
         return arrived is not None
 
     def _woken_late(self, late_s: float) -> float:
@@ -214,7 +214,7 @@ class PacedFleet:
         self.longest_held_up_s = max(self.longest_held_up_s, self._held_up_s)
         return credit
 
-    def _note(self, number: int, answer: ReplyA | ReplyB, frames: dict[int, Sequence[bytes]]) -> None:
+    def _note_answer(self, number: int, answer: ReplyA | ReplyB, frames: dict[int, Sequence[bytes]]) -> None:
         if isinstance(answer, ReplyA):
             if answer.k == self._k and not self._closed:
                 frames[number] = answer.frames

@@ -119,28 +119,28 @@ class LauncherControl:
 
     def kill(self, number: int) -> None:
         """Have SIGKILL sent and the end waited for."""
-        self._do("kill", number)
+        self._request_action("kill", number)
         self._sessions.end(number)
 
     def pause(self, number: int) -> str:
         """Have SIGSTOP sent and the state of the process read."""
-        return _seen(self._do("pause", number))
+        return _state_text(self._request_action("pause", number))
 
     def resume(self, number: int) -> str:
         """Have the state of the process read and SIGCONT sent."""
-        return _seen(self._do("resume", number))
+        return _state_text(self._request_action("resume", number))
 
     def leave(self, number: int) -> None:
         """Tell the process to leave, and have its end waited for."""
-        self._do("resume", number)
+        self._request_action("resume", number)
         self._sessions.dismiss(number, "it leaves the fleet", orderly=True)
-        self._do("leave", number)
+        self._request_action("leave", number)
         self._sessions.end(number)
 
     def start(self, number: int, incarnation: int) -> None:
         """Have a new process started; in lockstep wait up to `START_S` for its session, or until it has ended."""
         self._sessions.expect(number, incarnation)
-        self._do("start", number, incarnation)
+        self._request_action("start", number, incarnation)
         self._until[number] = self._sessions.now + START_S
         self._look_at[number] = self._sessions.now + _LOOK_S
         while self._waits and not self._sessions.is_open(number) and not self._why_given_up(number):
@@ -166,7 +166,7 @@ class LauncherControl:
         if now < self._look_at[number]:
             return ""
         self._look_at[number] = now + _LOOK_S
-        return "its new process has ended" if self._do("look", number) == ENDED else ""
+        return "its new process has ended" if self._request_action("look", number) == ENDED else ""
 
     def release(self, paused: Iterable[int]) -> None:
         """Have SIGCONT sent to each of them, unless the launcher is gone."""
@@ -176,7 +176,7 @@ class LauncherControl:
             except (Interrupted, ControlFailed):
                 return
 
-    def _do(self, action: str, number: int, incarnation: int = 0) -> str:
+    def _request_action(self, action: str, number: int, incarnation: int = 0) -> str:
         """Have something done; return the state of the process, where the launcher reports it."""
         return _have_done(self._ask, Request(action, number, incarnation))
 
@@ -196,6 +196,6 @@ def _have_done(ask: Callable[[bytes], bytes], request: Request) -> str:
     return str(answer["state"])
 
 
-def _seen(state: str) -> str:
+def _state_text(state: str) -> str:
     """Put the state of a process that should be stopped into words."""
     return {"T": STOPPED, "": UNSEEN}.get(state, f"its process has the state {state} and does not stand still")

@@ -190,10 +190,10 @@ class Sessions:
         staying = [end for end in self._ends.values() if end.stage in (SeatStage.SEATED, SeatStage.FAILING)]
         until = self.now + DISMISSAL_S
         sent_at = -HELLO_S
-        while self.now < until and (left := [end for end in staying if end.present]):
+        while self.now < until and (present := [end for end in staying if end.present]):
             if self.now >= sent_at + HELLO_S / 2:
                 sent_at = self.now
-                for end in left:
+                for end in present:
                     self.dismiss(end.number, reason, orderly=True)
             self._take_in(POLL_S, leaving=True)
 
@@ -230,10 +230,10 @@ class Sessions:
     def _call_off(self, unlike: WorldEnd, difference: str) -> NoReturn:
         """Tell the others that the run cannot begin, wait until they have gone, and raise BadInput."""
         why = f"{unlike.name} was started with another {difference}"
-        others = [end for end in self._ends.values() if end.process is not None]
-        for end in others:
+        running = [end for end in self._ends.values() if end.process is not None]
+        for end in running:
             self.dismiss(end.number, f"the run cannot begin: {why}", orderly=False)
         until = self.now + DISMISSAL_S
-        while self.now < until and any(end.present for end in (unlike, *others)):
+        while self.now < until and any(end.present for end in (unlike, *running)):
             self._take_in(POLL_S, leaving=True)  # the link must not close before they have been told
         raise BadInput(why)

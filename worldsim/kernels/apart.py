@@ -31,10 +31,10 @@ def first_overlap(places, radii, slack):
         widest = max(widest, radii[i])
     order = np.argsort(places[:, 0])
     first, second = count, count
-    for place in range(count):
-        i = order[place]
-        for other in range(place + 1, count):
-            j = order[other]
+    for rank in range(count):
+        i = order[rank]
+        for next_rank in range(rank + 1, count):
+            j = order[next_rank]
             if places[j, 0] - places[i, 0] >= radii[i] + widest:
                 break
             distance = math.hypot(places[j, 0] - places[i, 0], places[j, 1] - places[i, 1])

@@ -17,7 +17,7 @@ _F = types.float64
 
 
 @njit(types.boolean(_F, _F, _F, _F, _F), cache=True, nogil=True, error_model="numpy")
-def _meet(ax, ay, bx, by, limit):
+def _bodies_meet(ax, ay, bx, by, limit):
     """Return True if a body comes nearer to another than `limit`, moving from (ax, ay) to (bx, by) relative to it, m.
 
     Two bodies that are nearer from the start meet unless they move apart.
@@ -61,10 +61,10 @@ def cancel_meeting(paths, radii, stands):
     stopped = np.zeros(count, dtype=np.uint8)
     while True:
         changed = False
-        for place in range(count):
-            i = order[place]
-            for other in range(place + 1, count):
-                j = order[other]
+        for rank in range(count):
+            i = order[rank]
+            for next_rank in range(rank + 1, count):
+                j = order[next_rank]
                 if paths[j, 0, 0] - paths[i, 0, 0] > spread[i] + widest:
                     break
                 if stands[i] != 0 and stands[j] != 0:
@@ -76,7 +76,7 @@ def cancel_meeting(paths, radii, stands):
                 for k in range(1, places):
                     ki, kj = (0 if stands[i] != 0 else k), (0 if stands[j] != 0 else k)
                     next_x, next_y = paths[i, ki, 0] - paths[j, kj, 0], paths[i, ki, 1] - paths[j, kj, 1]
-                    if _meet(x, y, next_x, next_y, limit):
+                    if _bodies_meet(x, y, next_x, next_y, limit):
                         stopped[i] = stopped[j] = 1
                         changed = True
                         break

@@ -15,7 +15,7 @@ _NORMALS = types.Array(types.float64, 2, "C")
 
 
 @njit(types.uint64(types.uint64, types.uint64), cache=True, nogil=True)
-def _mixed(state, value):
+def _mix_state(state, value):
     """Return the next state of the hash; see `patrol.random`."""
     z = (state ^ value) + np.uint64(0x9E3779B97F4A7C15)
     z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
@@ -24,7 +24,7 @@ def _mixed(state, value):
 
 
 @njit(types.float64(types.uint64), cache=True, nogil=True)
-def _share(state):
+def _draw_share(state):
     """Return the draw of a hash, in [0, 1)."""
     return float(state >> np.uint64(11)) * 2.0**-53
 
@@ -47,8 +47,8 @@ def below(states, receivers, sequences, rates):
         state, sequence = states[frame], np.uint64(sequences[frame])
         row = hit[frame]
         for receiver in range(receivers.size):
-            mixed = _mixed(_mixed(state, np.uint64(receivers[receiver])), sequence)
-            row[receiver] = _share(mixed) < rates[frame, receiver]
+            mixed = _mix_state(_mix_state(state, np.uint64(receivers[receiver])), sequence)
+            row[receiver] = _draw_share(mixed) < rates[frame, receiver]
     return hit
 
 
@@ -66,7 +66,7 @@ def normals(states, receivers):
     drawn = np.empty((states.size, receivers.size))
     for sender in range(states.size):
         for receiver in range(receivers.size):
-            state = _mixed(states[sender], np.uint64(receivers[receiver]))
-            radius = math.sqrt(-2.0 * math.log(1.0 - _share(_mixed(state, np.uint64(0)))))
-            drawn[sender, receiver] = radius * math.cos(2.0 * math.pi * _share(_mixed(state, np.uint64(1))))
+            state = _mix_state(states[sender], np.uint64(receivers[receiver]))
+            radius = math.sqrt(-2.0 * math.log(1.0 - _draw_share(_mix_state(state, np.uint64(0)))))
+            drawn[sender, receiver] = radius * math.cos(2.0 * math.pi * _draw_share(_mix_state(state, np.uint64(1))))
     return drawn

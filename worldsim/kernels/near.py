@@ -27,10 +27,10 @@ def near_others(discs):
     for i in range(count):
         widest = max(widest, discs[i, 2])
     order = np.argsort(discs[:, 0])
-    for place in range(count):
-        i = order[place]
-        for other in range(place + 1, count):
-            j = order[other]
+    for rank in range(count):
+        i = order[rank]
+        for next_rank in range(rank + 1, count):
+            j = order[next_rank]
             if discs[j, 0] - discs[i, 0] > discs[i, 2] + widest:
                 break
             distance = math.hypot(discs[j, 0] - discs[i, 0], discs[j, 1] - discs[i, 1])

@@ -22,7 +22,7 @@ _F = types.float64
 
 
 @njit(types.int64(_ANY, _F, _F, _F, _F, _F), cache=True, nogil=True, error_model="numpy")
-def _stretches(mask, u0, v0, u1, v1, margin):
+def _count_stretches(mask, u0, v0, u1, v1, margin):
     """Count the stretches of columns in which a line touches a set point; all in points, |v1 - v0| <= |u1 - u0|."""
     if u0 > u1:
         u0, v0, u1, v1 = u1, v1, u0, v0
@@ -61,8 +61,8 @@ def walls_on_line(mask, point, ox, oy, x0, y0, x1, y1, margin):
     """
     u0, v0, u1, v1 = (x0 - ox) / point, (y0 - oy) / point, (x1 - ox) / point, (y1 - oy) / point
     if abs(v1 - v0) > abs(u1 - u0):
-        return _stretches(mask.T, v0, u0, v1, u1, margin / point)
-    return _stretches(mask, u0, v0, u1, v1, margin / point)
+        return _count_stretches(mask.T, v0, u0, v1, u1, margin / point)
+    return _count_stretches(mask, u0, v0, u1, v1, margin / point)
 
 
 @njit(_COUNTS(_MASK, _F, _F, _F, _PLACES, _F), cache=True, nogil=True, error_model="numpy")

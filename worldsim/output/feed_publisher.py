@@ -82,7 +82,7 @@ class Feed:
         self._answering = False
         self._before: SoFar | None = None
         """The run before the tick that is under way, if that is long."""
-        self._keep()
+        self._keep_state()
 
     def write(self, record: Record) -> None:
         """Write a record to the journal, and send a batch when one is due."""
@@ -107,8 +107,8 @@ class Feed:
 
     def between(self) -> None:
         """Between two ticks: answer viewers that have asked for the fog."""
-        self._keep()
-        self._answer(self._so_far)
+        self._keep_state()
+        self._answer_questions(self._so_far)
 
     def during(self) -> None:
         """While a tick is waited for: send what there is, and answer viewers with the fog before it, if it is long."""
@@ -116,7 +116,7 @@ class Feed:
             self.flush()
         before, state = self._before, self._run_state()
         if before is not None:
-            self._answer(lambda: replace(before, running=state.running, pace=state.pace))
+            self._answer_questions(lambda: replace(before, running=state.running, pace=state.pace))
 
     def rest(self) -> None:
         """Send what there is while no tick is due, so that viewers need not wait for it."""
@@ -124,11 +124,11 @@ class Feed:
             self.flush()
         self.between()
 
-    def _keep(self) -> None:
+    def _keep_state(self) -> None:
         pace = self._run_state().pace
         self._before = self._so_far() if pace is not None and self._world.step >= LONG_TICK_S * pace else None
 
-    def _answer(self, so_far: Callable[[], SoFar]) -> None:
+    def _answer_questions(self, so_far: Callable[[], SoFar]) -> None:
         while len(self._asking) < MOST_ASKING and (arrived := self._questions.get()) is not None:
             self._asking.append(arrived[1])
         if not self._asking or self._answering or self._now() < self._answer_due:
@@ -181,6 +181,6 @@ class Feed:
 def ground_of(prepared: Prepared) -> Ground:
     """Return the grids of a prepared scenario, for viewers."""
     areas = {id(fields): fields.patrolled for fields in prepared.fields.values()}
-    places = {key: place for place, key in enumerate(areas)}
+    places = {key: index for index, key in enumerate(areas)}
     area_of = {number: places[id(fields)] for number, fields in prepared.fields.items()}
     return Ground(prepared.terrain.passable, prepared.terrain.keep_out, tuple(areas.values()), area_of)

@@ -19,13 +19,13 @@ def check(scenario: Path, out: Path) -> None:
     try:
         out.mkdir(parents=True, exist_ok=True)
         is_taken = any((out / name).exists() for name in ("journal", "ticks.csv"))
-        others = [name for name in (FILE, MAP) if (out / name).exists() and not _is_in(out, scenario)]
+        foreign = [name for name in (FILE, MAP) if (out / name).exists() and not _is_in(out, scenario)]
     except OSError as error:
         raise BadInput(f"--out {out}: cannot be written ({error.strerror}); choose another folder") from None
     if is_taken:
         raise BadInput(f"--out {out}: already holds a run; choose another folder")
-    if others:
-        raise BadInput(f"--out {out}: holds {others[0]}, which belongs to another run; choose another folder")
+    if foreign:
+        raise BadInput(f"--out {out}: holds {foreign[0]}, which belongs to another run; choose another folder")
     if not os.access(out, os.W_OK):
         raise BadInput(f"--out {out}: cannot be written; choose another folder")
 

@@ -59,9 +59,9 @@ class IntruderTotals:
         self._intruders: list[_Intruder] = []
         self._beside = 0.0
         if header.scenario.get("intruders") or any(event.kind == OPERATOR for event in events):
-            self._expect(operated(load_scenario(header.scenario), events))
+            self._expect_intruders(operated(load_scenario(header.scenario), events))
 
-    def _expect(self, scenario: Scenario) -> None:
+    def _expect_intruders(self, scenario: Scenario) -> None:
         self._beside = BESIDE * scenario.lengths[scenario.roster[0].number].surround_distance
         for spec in scenario.intruders:
             until_s = None if spec.stay is None else spec.at + spec.stay
@@ -72,7 +72,9 @@ class IntruderTotals:
         present = [intruder for intruder in self._intruders if intruder.is_there(record.k * self._step)]
         if not present:
             return
-        reported = {id(nearest): nearest for nearest in (_nearest(present, place) for place in _contacts(record))}
+        reported = {
+            id(nearest): nearest for nearest in (_nearest_intruder(present, spot) for spot in _contact_places(record))
+        }
         for intruder in reported.values():
             intruder.reported += 1
             if intruder.first_reported is None:
@@ -80,8 +82,8 @@ class IntruderTotals:
         places = [(row.x, row.y) for row in record.robots if row.status is Status.ALIVE and row.state == SURROUNDING]
         for intruder in present:
             around = sum(
-                math.dist(place, intruder.place) <= self._beside and _nearest(present, place) is intruder
-                for place in places
+                math.dist(spot, intruder.place) <= self._beside and _nearest_intruder(present, spot) is intruder
+                for spot in places
             )
             intruder.most_robots = max(intruder.most_robots, around)
             intruder.surrounded += around >= RING
@@ -98,22 +100,22 @@ class IntruderTotals:
         return {"intruders": [intruder.facts(self._step) for intruder in self._intruders]}
 
 
-def _nearest(intruders: Sequence[_Intruder], place: tuple[float, float]) -> _Intruder:
+def _nearest_intruder(intruders: Sequence[_Intruder], place: tuple[float, float]) -> _Intruder:
     return min(intruders, key=lambda intruder: math.dist(intruder.place, place))
 
 
-def _contacts(record: TickRecord) -> list[tuple[float, float]]:
+def _contact_places(record: TickRecord) -> list[tuple[float, float]]:
     """Return the places of the intruders that robots report in a tick, m; a robot's contacts follow its position."""
     places = []
     earlier = FORGED
     for source, frame in record.frames:
-        if source == earlier != FORGED and (position := _read(frame)) is not None and position.robot == CONTACT:
+        if source == earlier != FORGED and (position := _read_frame(frame)) is not None and position.robot == CONTACT:
             places.append((position.pose.x, position.pose.y))
         earlier = source
     return places
 
 
-def _read(frame: bytes) -> Position | None:
+def _read_frame(frame: bytes) -> Position | None:
     try:
         return decode(frame)
     except Rejected:

@@ -41,17 +41,17 @@ class LiveProgress:
         # A robot that has already stayed long in the next circle is still trapped.
         still_trapped = {trap.robot for trap in traps if trap.until is None}
         notices = [
-            self._notice(record.k, trap) for trap in traps if trap.until is None or trap.robot not in still_trapped
+            self._make_notice(record.k, trap) for trap in traps if trap.until is None or trap.robot not in still_trapped
         ]
-        return self._watcher.take(record, self._stalest), notices
+        return self._watcher.take(record, self._stalest_place), notices
 
     def event(self, event: Event) -> Notice:
         """Return an event of the journal as a notice."""
         return self._watcher.notice(event)
 
-    def _stalest(self) -> tuple[float, float]:
+    def _stalest_place(self) -> tuple[float, float]:
         return self._world.terrain.centre(*self._world.truth.fog.stalest())
 
-    def _notice(self, k: int, trap: Trap) -> Notice:
+    def _make_notice(self, k: int, trap: Trap) -> Notice:
         kind = TRAPPED if trap.until is None else FREE
         return Notice(k, kind, self._names[trap.robot], trap.told(self._world.step))

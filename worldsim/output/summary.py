@@ -18,10 +18,10 @@ from worldsim.output.traffic import Traffic, as_measured
 
 if TYPE_CHECKING:
     from patrol.prepare import Prepared
+    from worldsim.checks.progress import RunProgress
     from worldsim.run_record import RunRecord
+    from worldsim.verdict.ages import ZoneFacts
     from worldsim.verdict.judge import Verdict
-    from worldsim.verdict.run.progress import RunProgress
-    from worldsim.verdict.run.zone_ages import ZoneFacts
 
 
 class Totals:
@@ -63,13 +63,13 @@ class Totals:
             "wall_s": wall_s,
             "realtime_factor": document["simulated_s"] / wall_s if wall_s else None,
             "sensor_range_m": float(header.scenario["sensor"]["range"]),
-            **_tour(prepared),
+            **_tour_figures(prepared),
             **_left_out(prepared),
             **({} if self._nodes is None else {"nodes": self._nodes.figures()}),
-            **_progress(verdict.progress),
-            **_zones(verdict.zones),
+            **_progress_figures(verdict.progress),
+            **_zone_figures(verdict.zones),
             **({} if verdict.open_ages is None else verdict.open_ages.figures()),
-            **_closures(header, journal.events, round(document["simulated_s"] / header.scenario["step"])),
+            **_closure_figures(header, journal.events, round(document["simulated_s"] / header.scenario["step"])),
             "links": self._traffic.links(),
             "faults": self._traffic.faults(),
             **self._intruders.facts(),
@@ -103,7 +103,7 @@ def summarise(journal: RunRecord, verdict: Verdict, prepared: Prepared | None = 
     return totals.summary(journal, verdict, prepared)
 
 
-def _tour(prepared: Prepared | None) -> dict[str, float | None]:
+def _tour_figures(prepared: Prepared | None) -> dict[str, float | None]:
     """Return the MFoW on the best tour found for all robots that are not spare, and its length."""
     if prepared is None:
         return {"best_tour_s": None, "best_tour_m": None}
@@ -117,18 +117,18 @@ def _left_out(prepared: Prepared | None) -> dict[str, Any]:
     return {"left_out": None if left_out is None else asdict(left_out)}
 
 
-def _progress(progress: RunProgress | None) -> dict[str, Any]:
+def _progress_figures(progress: RunProgress | None) -> dict[str, Any]:
     """Return where robots were trapped, and the stalest places; a verdict may not have looked for them."""
     if progress is None:
         return {"trapped": [], "stalest": {}}
     places = {"worst": progress.worst, "end": progress.end}
     return {
         "trapped": [{**asdict(robot), "stale": list(robot.stale)} for robot in progress.trapped],
-        "stalest": {name: None if place is None else asdict(place) for name, place in places.items()},
+        "stalest": {name: None if stalest is None else asdict(stalest) for name, stalest in places.items()},
     }
 
 
-def _zones(zones: ZoneFacts | None) -> dict[str, Any]:
+def _zone_figures(zones: ZoneFacts | None) -> dict[str, Any]:
     """Return the figures of the zones; none without zones."""
     if zones is None:
         return {}
@@ -136,7 +136,7 @@ def _zones(zones: ZoneFacts | None) -> dict[str, Any]:
     return {name: value for name, value in vars(zones).items() if name != "ages_s"} | {"zones": figures}
 
 
-def _closures(header: Header, events: Sequence[Event], ticks: int) -> dict[str, Any]:
+def _closure_figures(header: Header, events: Sequence[Event], ticks: int) -> dict[str, Any]:
     """Return how often and how long each closure was closed; nothing without closures."""
     figures = closure_figures(header, events, ticks)
     return {"closures": figures} if figures else {}

@@ -88,7 +88,7 @@ class Traffic:
         """Count from zero; the events are all of the run, as operators may have added faults."""
         self._names = {FORGED: FORGER, **{robot.number: robot.name for robot in header.robots}}
         self._counted = len(header.robots) <= MOST_ROBOTS
-        self._place = {number: place for place, number in enumerate(self._names)} if self._counted else {}
+        self._place = {number: index for index, number in enumerate(self._names)} if self._counted else {}
         side = len(self._place)
         self._sent, self._delivered = np.zeros((2, side, side), dtype=np.int64)
         self._dropped: dict[tuple[int, int], Counter[str]] = defaultdict(Counter)
@@ -128,7 +128,7 @@ class Traffic:
         """Return the counts by the ids of faults."""
         return {name: fault.facts() for name, fault in self._faults.items()}
 
-    def _reached(self, entry: Entry, origin: int, here: frozenset[int]) -> int:
+    def _count_reached(self, entry: Entry, origin: int, here: frozenset[int]) -> int:
         """Count the others that a sender's frames reach over the links that a fault acts on."""
         if here is not self._here and here != self._here:
             self._here = here
@@ -147,7 +147,7 @@ class Traffic:
         for entry in timeline.at(record.k):
             if not isinstance(entry.fault, Spoof):
                 self._faults[entry.id].frames += sum(
-                    frames * self._reached(entry, origin, here) for origin, frames in senders.items()
+                    frames * self._count_reached(entry, origin, here) for origin, frames in senders.items()
                 )
         for _, cause, count in dropped_by_source(record):
             if (fault := cause.partition(":")[2]) in self._faults:

@@ -127,8 +127,8 @@ class Ether:
         to_all = to_others(tuple(sent.source.tolist()), receivers)
         deaf = {number: _DEAF[statuses[number]] for number in receivers if statuses[number] in _DEAF}
         if rules is None and self._model is None and not (forged or self._flying or deaf or sent.oversized.any()):
-            heard = Heard(sent.frames, receivers, to_all.reaches)
-            return Delivery(heard, WholeLinks(to_all.pairs, sent.sequence), NO_DROPS)
+            received = Heard(sent.frames, receivers, to_all.reaches)
+            return Delivery(received, WholeLinks(to_all.pairs, sent.sequence), NO_DROPS)
         numbers = np.array(receivers, dtype=np.int64)
         fates = Fates(to_all.reaches.T)
         fates.stop(sent.oversized[:, None], OVERSIZED)
@@ -147,11 +147,11 @@ class Ether:
             fates.stop(np.array([deaf.get(number) == cause for number in receivers], dtype=np.bool_), cause)
         landing = sorted(self._flying.pop(tick, ()))
         in_vain = [(f, _DEAF[statuses[f.destination]]) for f in landing if statuses[f.destination] in _DEAF]
-        dropped = _dropped(sent, numbers, fates, in_vain)
+        dropped = _list_drops(sent, numbers, fates, in_vain)
         hearing = [number for number in receivers if number not in deaf]
         landing = [f for f in landing if statuses[f.destination] not in _DEAF]
-        heard, arrived = _arrived(sent, numbers, fates.on_the_way, hearing, landing)
-        return Delivery(heard, arrived, dropped, tuple(forged), tuple(copies), tuple(delayed))
+        received, arrived = _arrived_frames(sent, numbers, fates.on_the_way, hearing, landing)
+        return Delivery(received, arrived, dropped, tuple(forged), tuple(copies), tuple(delayed))
 
     def _hold_up(
         self,
@@ -170,18 +170,20 @@ class Ether:
             link = (source, destination, sequence)
             delays = rules.delays(origin, *link)
             delay_s = sum(seconds for _, seconds in delays)
-            due = arrival(tick, delay_s, self._step)
-            if due > tick:
-                self._flying[due].append(_Flying(source, sequence, destination, 0, frame))
+            arrival_tick = arrival(tick, delay_s, self._step)
+            if arrival_tick > tick:
+                self._flying[arrival_tick].append(_Flying(source, sequence, destination, 0, frame))
                 fates.on_the_way[index, column] = False
                 delayed += ((*link, fault) for fault, seconds in delays if seconds > 0.0)
             for copy, (fault, more_s) in enumerate(rules.copies(origin, *link), start=1):
                 copies.append((*link, fault))
-                due = arrival(tick, delay_s + more_s, self._step)
-                self._flying[due].append(_Flying(source, sequence, destination, copy, frame))
+                arrival_tick = arrival(tick, delay_s + more_s, self._step)
+                self._flying[arrival_tick].append(_Flying(source, sequence, destination, copy, frame))
 
 
-def _dropped(sent: Sent, receivers: NDArray[np.int64], fates: Fates, in_vain: Sequence[tuple[_Flying, str]]) -> Drops:
+def _list_drops(
+    sent: Sent, receivers: NDArray[np.int64], fates: Fates, in_vain: Sequence[tuple[_Flying, str]]
+) -> Drops:
     """List the frames that were stopped, and those that were in flight to a robot that does not hear."""
     frame, receiver = np.nonzero(fates.cause >= 0)
     causes = fates.causes
@@ -195,7 +197,7 @@ def _dropped(sent: Sent, receivers: NDArray[np.int64], fates: Fates, in_vain: Se
     return Drops(source[order], destination[order], sequence[order], cause[order], tuple(causes))
 
 
-def _arrived(
+def _arrived_frames(
     sent: Sent,
     receivers: NDArray[np.int64],
     on_the_way: NDArray[np.bool_],

@@ -39,9 +39,9 @@ class Sent:
         """Put the frames of a tick together."""
         rows = [(forgery.origin, FORGED, frame_sequence(tick, k), forgery.frame) for k, forgery in enumerate(forged)]
         rows += [
-            (source, source, frame_sequence(tick, place), frame)
+            (source, source, frame_sequence(tick, index), frame)
             for source in sorted(frames)
-            for place, frame in enumerate(frames[source])
+            for index, frame in enumerate(frames[source])
         ]
         origin, source, sequence = (np.array([row[i] for row in rows], dtype=np.int64) for i in range(3))
         sent = [row[3] for row in rows]

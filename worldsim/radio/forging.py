@@ -60,14 +60,14 @@ class Forger:
         self._senses = senses
         self._key = key
         self._tags = scenario.radio.key is not None
-        self._depth = max((memory, *(self._age(entry) for entry in timeline.entries)))
+        self._depth = max((memory, *(self._frame_age(entry) for entry in timeline.entries)))
         self._sent: deque[Mapping[int, Sequence[bytes]]] = deque(maxlen=self._depth + 1)
         self._frozen: dict[tuple[int, int], Pose] = {}
 
     def follow(self, timeline: Timeline) -> None:
         """Go on with another timeline; refuse one with a replay older than what is kept."""
         spoofs = [entry for entry in timeline.entries if isinstance(entry.fault, Spoof)]
-        if any(self._age(entry) > self._depth for entry in spoofs):
+        if any(self._frame_age(entry) > self._depth for entry in spoofs):
             kept_s = self._depth * self._step
             raise BadInput(f"control: fault.payload.replay: at most {kept_s:g} s are kept; choose a smaller number")
         if self._key is None and any(entry.sources[0] != STRANGER for entry in spoofs):
@@ -90,34 +90,35 @@ class Forger:
             origin = entry.sources[0]
             if origin == STRANGER or statuses[origin] is Status.ALIVE:
                 forged += (
-                    Forged(origin, entry.id, frame) for frame in self._frames(entry, entry.fault, k, poses, unknown)
+                    Forged(origin, entry.id, frame)
+                    for frame in self._forge_frames(entry, entry.fault, k, poses, unknown)
                 )
         return forged
 
-    def _frames(
+    def _forge_frames(
         self, entry: Entry, fault: Spoof, k: int, poses: Mapping[int, Pose], unknown: Collection[int]
     ) -> Iterator[bytes]:
         payload = fault.payload
         if isinstance(payload, Forgery) and payload.invented is not None:
             last = min(self._robots + payload.invented, MAX_ROBOT)
             for number in range(self._robots + 1, last + 1):
-                yield self._sign(entry, Position.of(number, k, k * self._step, self._anywhere(entry, number, k)))
+                yield self._sign_frame(entry, Position.of(number, k, k * self._step, self._draw_pose(entry, number, k)))
             return
         for victim in entry.who:
             if victim in unknown:
                 continue
             if isinstance(payload, Forgery) and payload.replay is not None:
-                yield from self._repeated(self._age(entry), victim)
+                yield from self._repeat_frames(self._frame_age(entry), victim)
                 continue
-            pose = self._claimed(entry, fault, victim, k, poses)
+            pose = self._claimed_pose(entry, fault, victim, k, poses)
             if pose is not None:
                 ahead = (isinstance(payload, Forgery) and payload.ahead) or 0
-                yield self._sign(entry, Position.of(victim, k + ahead, self._senses.clock(victim, k), pose))
+                yield self._sign_frame(entry, Position.of(victim, k + ahead, self._senses.clock(victim, k), pose))
 
-    def _claimed(self, entry: Entry, fault: Spoof, victim: int, k: int, poses: Mapping[int, Pose]) -> Pose | None:
+    def _claimed_pose(self, entry: Entry, fault: Spoof, victim: int, k: int, poses: Mapping[int, Pose]) -> Pose | None:
         """Return the pose that a forged frame claims for the victim; None while it is nowhere."""
         if fault.payload == "random":
-            return self._anywhere(entry, victim, k)
+            return self._draw_pose(entry, victim, k)
         true = poses.get(victim)
         if isinstance(fault.payload, Forgery):
             if true is None:
@@ -130,17 +131,17 @@ class Forger:
             self._frozen[key] = self._senses.pose(victim, k, true)
         return self._frozen.get(key)
 
-    def _repeated(self, ago: int, victim: int) -> Iterator[bytes]:
+    def _repeat_frames(self, ago: int, victim: int) -> Iterator[bytes]:
         """Yield the position that the victim sent `ago` ticks before, byte by byte; nothing if it sent none."""
         if ago < len(self._sent):
             yield from self._sent[-1 - ago].get(victim, ())[:1]
 
-    def _anywhere(self, entry: Entry, number: int, k: int) -> Pose:
+    def _draw_pose(self, entry: Entry, number: int, k: int) -> Pose:
         x_min, y_min, x_max, y_max = self._bounds
         across, up = (draw(self._seed, Purpose.SPOOF, entry.index, number, k, axis) for axis in (0, 1))
         return Pose(x_min + across * (x_max - x_min), y_min + up * (y_max - y_min), 0.0)
 
-    def _sign(self, entry: Entry, position: Position) -> bytes:
+    def _sign_frame(self, entry: Entry, position: Position) -> bytes:
         if entry.sources[0] != STRANGER:
             return encode(position, self._key)
         if not self._tags:
@@ -148,7 +149,7 @@ class Forger:
         guess = mix(self._seed, Purpose.SPOOF, entry.index, _WRONG_KEY)
         return encode(position, guess.to_bytes(8, "little"))
 
-    def _age(self, entry: Entry) -> int:
+    def _frame_age(self, entry: Entry) -> int:
         """Return the age of the frames that a fault sends again, ticks; 0 when it does not."""
         payload = entry.fault.payload if isinstance(entry.fault, Spoof) else None
         if not isinstance(payload, Forgery) or payload.replay is None:

@@ -56,8 +56,8 @@ class _Counts:
                 self.sent += last.sent
                 self.refused += last.refused
                 self.heard.update(last.heard)
-        heard = {sender: count for sender, count in traffic.heard.items() if sender in self.senders}
-        self.last = replace(traffic, heard=heard)
+        counts = {sender: count for sender, count in traffic.heard.items() if sender in self.senders}
+        self.last = replace(traffic, heard=counts)
 
     @property
     def has_left(self) -> bool:
@@ -68,9 +68,9 @@ class _Counts:
         """Return the sums, for the journal; where they are not final they may lack the last frames."""
         last = self.last
         assert last is not None
-        heard = {sender: self.heard[sender] + count for sender, count in sorted(last.heard.items())}
+        counts = {sender: self.heard[sender] + count for sender, count in sorted(last.heard.items())}
         refused, final = self.refused + last.refused, last.final and self.is_whole
-        return {"sent": self.sent + last.sent, "heard": heard, "refused": refused, "final": final}
+        return {"sent": self.sent + last.sent, "heard": counts, "refused": refused, "final": final}
 
 
 class Listener:
@@ -107,12 +107,12 @@ class Listener:
             if (arrived := self._positions.get()) is None:
                 break
             number = self._numbers[arrived[0]]
-            place = _place(arrived[1], k)
-            if place is None or (place == CONTACT) is (number not in frames):
+            origin = _robot_of(arrived[1], k)
+            if origin is None or (origin == CONTACT) is (number not in frames):
                 self.missed[number] += 1
             else:
                 frames.setdefault(number, []).append(arrived[1])
-        self._listen()
+        self._take_reports()
         return frames
 
     def notes(self) -> dict[str, Any]:
@@ -121,14 +121,16 @@ class Listener:
         Waits up to `LAST_REPORTS_S` for robots that are leaving now.
         """
         until = self._now() + LAST_REPORTS_S
-        self._listen()
-        while not all(counts.has_left for counts in self._counts.values()) and (left := until - self._now()) > 0.0:
-            self._listen(left)
+        self._take_reports()
+        while (
+            not all(counts.has_left for counts in self._counts.values()) and (remaining_s := until - self._now()) > 0.0
+        ):
+            self._take_reports(remaining_s)
         totals = {name: counts.total() for name, counts in self._counts.items() if counts.last is not None}
         missed = {robot_of(key): self.missed[number] for key, number in self._numbers.items()}
         return {"direct": {"said": totals, "missed": missed}}
 
-    def _listen(self, wait_s: float = 0.0) -> None:
+    def _take_reports(self, wait_s: float = 0.0) -> None:
         """Take the reports that wait now; where none does, wait so long for one, s."""
         for _ in range(max(1, self._telemetry.waiting)):
             if (arrived := self._telemetry.get(wait_s)) is None:
@@ -136,7 +138,7 @@ class Listener:
             self._counts[robot_of(arrived[0])].take(arrived[1])
 
 
-def _place(frame: bytes, k: int) -> int | None:
+def _robot_of(frame: bytes, k: int) -> int | None:
     """Return the robot number in a frame of tick k; None for any other frame."""
     try:
         position = decode(frame)

@@ -44,7 +44,7 @@ OWN_MODEL = "model"
 
 
 def cause_of(model: str) -> str:
-    """How journals name what a model has lost: its own name if it comes with fogwatch, else `OWN_MODEL`.
+    """Return the name in journals of frames that a model has lost: its own if it comes with fogwatch, else `OWN_MODEL`.
 
     Args:
         model: As the scenario names it.
@@ -54,7 +54,7 @@ def cause_of(model: str) -> str:
 
 @dataclass(frozen=True, slots=True)
 class ModelSetup:
-    """What a model is made from.
+    """The options, seed and step that a model is made from.
 
     Attributes:
         options: The scenario's `radio.options`, as the class's `Options` if it has such a pydantic model; else empty.
@@ -158,8 +158,8 @@ class _Own:
         except (Exception, SystemExit) as error:
             raise raised(f"{RADIO_MODELS.field} = {self.name}", error) from error
         if lost.shape != air.on_the_way.shape or lost.dtype != np.bool_:
-            given, wanted = (f"{what.dtype} {what.shape}" for what in (lost, air.on_the_way))
-            raise BadInput(f"radio.model = {self.name}: lost(air) gave {given} in tick {air.k}; return {wanted}")
+            returned, wanted = (f"{array.dtype} {array.shape}" for array in (lost, air.on_the_way))
+            raise BadInput(f"radio.model = {self.name}: lost(air) gave {returned} in tick {air.k}; return {wanted}")
         return lost
 
 

@@ -42,7 +42,7 @@ _MOST = 700.0
 
 
 class Drawn(IntEnum):
-    """What a draw of this model is for: the value after the seed and `Purpose.RADIO`, before those named here."""
+    """Purposes of this model's draws: the value after the seed and `Purpose.RADIO`, before those named here."""
 
     SHADOWING = 0
     """Window, sender, receiver."""
@@ -78,16 +78,16 @@ class PathLoss:
             return np.zeros(air.on_the_way.shape, dtype=np.bool_)
         options = self.options
         numbers = sorted({*air.receivers.tolist(), *air.origin.tolist()} - {STRANGER})
-        levels = self._levels(air, numbers)
+        levels = self._received_levels(air, numbers)
         senders = np.searchsorted(numbers, np.where(of_robot, air.origin, numbers[0]))
         received = levels[senders[:, None], np.searchsorted(numbers, air.receivers)[None, :]]
-        margin = received - self._noise(air, received, of_robot) - (options.sensitivity - options.noise)
+        margin = received - self._noise_levels(air, received, of_robot) - (options.sensitivity - options.noise)
         states = [mix(self._seed, Purpose.RADIO, Drawn.RECEPTION, source) for source in air.source.tolist()]
-        heard = below(np.array(states, dtype=np.uint64), air.receivers, air.sequence, self._chance(margin))
-        lost: NDArray[np.bool_] = (heard == 0) & of_robot[:, None]
+        is_heard = below(np.array(states, dtype=np.uint64), air.receivers, air.sequence, self._reception_chance(margin))
+        lost: NDArray[np.bool_] = (is_heard == 0) & of_robot[:, None]
         return lost
 
-    def _levels(self, air: OnAir, numbers: list[int]) -> NDArray[np.float64]:
+    def _received_levels(self, air: OnAir, numbers: list[int]) -> NDArray[np.float64]:
         """The power that each robot receives from each, dBm, float64 (senders, receivers)."""
         options = self.options
         places = np.array([(air.poses[number].x, air.poses[number].y) for number in numbers])
@@ -106,7 +106,9 @@ class PathLoss:
         np.fill_diagonal(levels, options.power)
         return levels
 
-    def _noise(self, air: OnAir, received: NDArray[np.float64], of_robot: NDArray[np.bool_]) -> NDArray[np.float64]:
+    def _noise_levels(
+        self, air: OnAir, received: NDArray[np.float64], of_robot: NDArray[np.bool_]
+    ) -> NDArray[np.float64]:
         """Noise and interference that each frame meets at each receiver, dBm, float64 (f, r)."""
         options = self.options
         noise = np.full(received.shape, 10.0 ** (options.noise / 10.0))
@@ -115,14 +117,14 @@ class PathLoss:
             begins = [self._step * draw(self._seed, Purpose.RADIO, Drawn.MOMENT, *frame) for frame in sent]
             overlap = np.abs(np.subtract.outer(begins, begins)) < options.airtime
             overlap &= np.not_equal.outer(air.origin, air.origin) & np.logical_and.outer(of_robot, of_robot)
-            own = np.equal.outer(air.origin, air.receivers) & np.any(air.on_the_way, axis=1, keepdims=True)
-            disturbing = np.where(air.on_the_way | own, power(10.0, received / 10.0), 0.0)
-            frames, others = np.nonzero(overlap)
-            np.add.at(noise, frames, disturbing[others])
+            is_own = np.equal.outer(air.origin, air.receivers) & np.any(air.on_the_way, axis=1, keepdims=True)
+            disturbing = np.where(air.on_the_way | is_own, power(10.0, received / 10.0), 0.0)
+            frames, disturbers = np.nonzero(overlap)
+            np.add.at(noise, frames, disturbing[disturbers])
         levels: NDArray[np.float64] = 10.0 * log10(noise)
         return levels
 
-    def _chance(self, margin: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _reception_chance(self, margin: NDArray[np.float64]) -> NDArray[np.float64]:
         """With which probability a frame is received."""
         edge = self.options.edge
         if edge == 0.0:

@@ -31,8 +31,8 @@ def links_of(counts: Mapping[str, Mapping[str, Any]]) -> dict[tuple[str, str], d
     `counts` are as `reported` returns them; the result has ``sent`` and ``heard`` for each link.
     """
     return {
-        (sender, hearer): {"sent": counts[sender]["sent"], "heard": heard}
+        (sender, hearer): {"sent": counts[sender]["sent"], "heard": count}
         for hearer, report in counts.items()
-        for sender, heard in report["heard"].items()
+        for sender, count in report["heard"].items()
         if sender in counts
     }

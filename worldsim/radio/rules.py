@@ -65,12 +65,12 @@ def arrival(k: int, delay_s: float, step: float) -> int:
 
 def waited(wait: Wait, *values: int) -> float:
     """Draw the length of a wait, s, at least 0; the draw is a hash of `values`."""
-    first, *rest = wait.values
+    first, *parameters = wait.values
     match wait.shape:
         case "uniform":
-            return first + (rest[0] - first) * draw(*values)
+            return first + (parameters[0] - first) * draw(*values)
         case "normal":
-            return max(first + rest[0] * gauss(*values), 0.0)
+            return max(first + parameters[0] * gauss(*values), 0.0)
         case "exponential":
             return -first * math.log(1.0 - draw(*values))
     return first
@@ -168,31 +168,35 @@ class RadioRules:
 
         `receivers` are the numbers of those to whom the fates belong, int64 (r,).
         """
-        jams = self._jams(sent)
+        jams = self._charge_frames(sent)
         for entry in self._dropping:
             if isinstance(entry.fault, Bandwidth):
                 hit = np.array([jam is entry for jam in jams], dtype=np.bool_)[:, None]
             else:
-                hit = self._hit(entry, sent, receivers, fates.on_the_way)
+                hit = self._mark_hits(entry, sent, receivers, fates.on_the_way)
             fates.stop(hit, cause(entry))
 
-    def _hit(
+    def _mark_hits(
         self, entry: Entry, sent: Sent, receivers: NDArray[np.int64], on_the_way: NDArray[np.bool_]
     ) -> NDArray[np.bool_]:
         """Mark the frames on their way that a fault drops, bool (f, r)."""
         fault = entry.fault
         if isinstance(fault, Silence):
-            silenced = _among(sent.origin, entry.who) & (fault.direction in ("out", "both"))
-            return silenced[:, None] | (_among(receivers, entry.who) & (fault.direction in ("in", "both")))
+            silenced = _mark_members(sent.origin, entry.who) & (fault.direction in ("out", "both"))
+            return silenced[:, None] | (_mark_members(receivers, entry.who) & (fault.direction in ("in", "both")))
         if isinstance(fault, Partition):
-            return _cut(entry, fault, sent.origin, receivers)
+            return _mark_cuts(entry, fault, sent.origin, receivers)
         if isinstance(fault, Range):
-            links: NDArray[np.bool_] = on_the_way & _among(sent.origin, entry.who)[:, None]
-            return self._each(links, sent, receivers, partial(self._is_out_of_reach, fault))
+            links: NDArray[np.bool_] = on_the_way & _mark_members(sent.origin, entry.who)[:, None]
+            return self._ask_each(links, sent, receivers, partial(self._is_out_of_reach, fault))
         assert isinstance(fault, Loss)
-        links = on_the_way & _among(sent.origin, entry.sources)[:, None] & _among(receivers, entry.targets)
+        links = (
+            on_the_way & _mark_members(sent.origin, entry.sources)[:, None] & _mark_members(receivers, entry.targets)
+        )
         if fault.mean_burst is not None:
-            return self._each(links, sent, receivers, partial(self._is_in_a_burst, entry, fault.rate, fault.mean_burst))
+            return self._ask_each(
+                links, sent, receivers, partial(self._is_in_a_burst, entry, fault.rate, fault.mean_burst)
+            )
         states = [mix(self._seed, Purpose.ETHER, entry.index, source) for source in sent.source.tolist()]
         rates = np.broadcast_to(fault.rate, links.shape)
         lost = below(np.array(states, dtype=np.uint64), receivers, sent.sequence, rates)
@@ -200,7 +204,7 @@ class RadioRules:
         return links
 
     @staticmethod
-    def _each(
+    def _ask_each(
         links: NDArray[np.bool_], sent: Sent, receivers: NDArray[np.int64], drops: Callable[[int, int], bool]
     ) -> NDArray[np.bool_]:
         """Ask about each link by its origin and receiver; every frame of an origin has the same answer."""
@@ -213,7 +217,7 @@ class RadioRules:
             hit[frame, column] = dropped[link]
         return hit
 
-    def _jams(self, sent: Sent) -> list[Entry | None]:
+    def _charge_frames(self, sent: Sent) -> list[Entry | None]:
         """Charge each frame to its sender's bandwidths; return the one that it does not fit into, or None.
 
         A sender that is silenced sends nothing, and an oversized frame is not sent.
@@ -221,14 +225,14 @@ class RadioRules:
         if not self._active.get(Bandwidth):
             return [None] * len(sent.frames)
         numbers = zip(sent.origin.tolist(), sent.frames, sent.oversized.tolist(), strict=True)
-        return [None if oversized else self._jam(origin, len(frame)) for origin, frame, oversized in numbers]
+        return [None if oversized else self._charge_frame(origin, len(frame)) for origin, frame, oversized in numbers]
 
-    def _jam(self, origin: int, size: int) -> Entry | None:
+    def _charge_frame(self, origin: int, size: int) -> Entry | None:
         """Charge a frame to its sender's bandwidths; return the one that it does not fit into, or None."""
         entries = [entry for entry in self._active[Bandwidth] if origin in entry.who]
-        if not entries or any(_silences(entry, origin) for entry in self._active.get(Silence, ())):
+        if not entries or any(_is_silenced(entry, origin) for entry in self._active.get(Silence, ())):
             return None
-        buckets = [self._bucket(entry, origin) for entry in entries]
+        buckets = [self._bucket_of(entry, origin) for entry in entries]
         for entry, bucket in zip(entries, buckets, strict=True):
             if not bucket.holds(size, self._k):
                 return entry
@@ -282,7 +286,7 @@ class RadioRules:
             self._bursts[key] = Burst(self._seed, entry, rate, mean_burst, (origin, destination))
         return self._bursts[key].bad(self._k)
 
-    def _bucket(self, entry: Entry, number: int) -> Bucket:
+    def _bucket_of(self, entry: Entry, number: int) -> Bucket:
         bucket = self._buckets.get((entry.index, number))
         if bucket is None:
             assert isinstance(entry.fault, Bandwidth)
@@ -296,18 +300,20 @@ def cause(entry: Entry) -> str:
     return f"{entry.fault.kind}:{entry.id}"
 
 
-def _silences(entry: Entry, sender: int) -> bool:
+def _is_silenced(entry: Entry, sender: int) -> bool:
     return isinstance(entry.fault, Silence) and entry.fault.direction in ("out", "both") and sender in entry.who
 
 
-def _cut(entry: Entry, fault: Partition, origins: NDArray[np.int64], receivers: NDArray[np.int64]) -> NDArray[np.bool_]:
+def _mark_cuts(
+    entry: Entry, fault: Partition, origins: NDArray[np.int64], receivers: NDArray[np.int64]
+) -> NDArray[np.bool_]:
     """Mark the links that a partition cuts, bool (f, r); a stranger is in every group."""
-    there = np.array([_group(entry.groups, number) for number in receivers.tolist()])
+    receiver_groups = np.array([_group_of(entry.groups, number) for number in receivers.tolist()])
     hit = np.zeros((origins.size, receivers.size), dtype=np.bool_)
     for frame, origin in enumerate(origins.tolist()):
         if origin != STRANGER:
-            here = _group(entry.groups, origin)
-            hit[frame] = here < there if fault.direction == "one-way" else here != there
+            here = _group_of(entry.groups, origin)
+            hit[frame] = here < receiver_groups if fault.direction == "one-way" else here != receiver_groups
     return hit
 
 
@@ -315,13 +321,13 @@ def _on_link(entry: Entry, origin: int, destination: int) -> bool:
     return origin in entry.sources and destination in entry.targets
 
 
-def _among(numbers: NDArray[np.int64], members: Collection[int]) -> NDArray[np.bool_]:
+def _mark_members(numbers: NDArray[np.int64], members: Collection[int]) -> NDArray[np.bool_]:
     """Mark the numbers that belong to a collection."""
     return np.isin(numbers, np.array(sorted(members), dtype=np.int64))
 
 
-def _group(groups: Sequence[Collection[int]], number: int) -> int:
-    return next(place for place, group in enumerate(groups) if number in group)
+def _group_of(groups: Sequence[Collection[int]], number: int) -> int:
+    return next(index for index, group in enumerate(groups) if number in group)
 
 
 def receivers(entry: Entry, origin: int, here: frozenset[int]) -> frozenset[int]:
@@ -339,8 +345,10 @@ def receivers(entry: Entry, origin: int, here: frozenset[int]) -> frozenset[int]
                 return here
             return here.intersection(entry.who) if direction != "out" else frozenset()
         case Partition(direction=direction):
-            places = [place for place, group in enumerate(entry.groups) if origin in group]
+            places = [index for index, group in enumerate(entry.groups) if origin in group]
             groups = enumerate(entry.groups) if places else ()
-            other = [g for place, g in groups if place > places[0] or (place < places[0] and direction == "both")]
-            return here.intersection(number for group in other for number in group)
+            reached_groups = [
+                g for index, g in groups if index > places[0] or (index < places[0] and direction == "both")
+            ]
+            return here.intersection(number for group in reached_groups for number in group)
     return frozenset()

@@ -60,7 +60,7 @@ class Closures:
 
         The footprint, on the ground where bodies move, is changed accordingly.
         """
-        happened = list(self._due(k, bodies))
+        happened = list(self._due_changes(k, bodies))
         for event in happened:
             self._closed.take(event)
         footprint.close(self._closed.grid)
@@ -75,21 +75,21 @@ class Closures:
         if body.bumped:
             reach = body.spec.radius + body.spec.speed * self._step + self._terrain.point
             points = np.flatnonzero(grid)
-            felt = points[self._gaps(points, body) <= reach]
+            felt = points[self._point_gaps(points, body) <= reach]
             shown = np.concatenate([felt, np.setdiff1d(shown, felt)])
         return tuple(sorted(shown[:MOST_BLOCKED].tolist()))
 
-    def _due(self, k: int, bodies: Mapping[int, Body]) -> Iterator[Event]:
-        held = self._held(k)
+    def _due_changes(self, k: int, bodies: Mapping[int, Body]) -> Iterator[Event]:
+        held_closed = self._held(k)
         for number, spec in enumerate(self._specs):
             by_itself = self._closes_by_itself(number, spec, k)
             is_closed, is_waiting = spec.name in self._closed.names, spec.name in self._closed.waiting
-            if not held.get(spec.name, by_itself):
+            if not held_closed.get(spec.name, by_itself):
                 if is_closed or is_waiting:
                     yield Event(k, OPENED if is_closed else STAYS_OPEN, None, spec.name)
             elif not is_closed:
                 points = self._closed.points[spec.name]
-                in_the_way = [body for body in bodies.values() if body.present and self._overlaps(points, body)]
+                in_the_way = [body for body in bodies.values() if body.present and self._overlaps_body(points, body)]
                 if not in_the_way:
                     yield Event(k, CLOSED, None, spec.name)
                 elif not is_waiting:
@@ -112,10 +112,10 @@ class Closures:
             self._drawn[number] = not self._drawn[number]
         return self._drawn[number]
 
-    def _overlaps(self, points: NDArray[np.int64], body: Body) -> bool:
-        return bool((self._gaps(points, body) < body.spec.radius).any())
+    def _overlaps_body(self, points: NDArray[np.int64], body: Body) -> bool:
+        return bool((self._point_gaps(points, body) < body.spec.radius).any())
 
-    def _gaps(self, points: NDArray[np.int64], body: Body) -> NDArray[np.float64]:
+    def _point_gaps(self, points: NDArray[np.int64], body: Body) -> NDArray[np.float64]:
         """Return the distance of each point's square from a body's centre, m."""
         terrain = self._terrain
         rows, cols = np.divmod(points, terrain.width)

@@ -36,5 +36,5 @@ class Intruders:
             return ()
         sent = as_received(pose)
         view = self._footprint.visible(sent)
-        seen = [place for place in here if view.shows(*self._footprint.terrain.point_at(*place))]
-        return tuple(sorted(seen, key=lambda place: (math.dist(place, (sent.x, sent.y)), place))[:MAX_CONTACTS])
+        spots = [place for place in here if view.shows(*self._footprint.terrain.point_at(*place))]
+        return tuple(sorted(spots, key=lambda place: (math.dist(place, (sent.x, sent.y)), place))[:MAX_CONTACTS])

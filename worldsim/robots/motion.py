@@ -86,12 +86,12 @@ def _cancel_meeting(
         return
     pieces = max((chords(command, step) for command, moves in zip(commands, moving, strict=True) if moves), default=1)
     paths = np.empty((len(near), pieces + 1, 2), dtype=np.float64)
-    for path, at in zip(paths, near, strict=True):
-        pose = bodies[at].pose
-        if moving[at]:
-            lay_path(path, pose, commands[at], step)
+    for path, index in zip(paths, near, strict=True):
+        pose = bodies[index].pose
+        if moving[index]:
+            lay_path(path, pose, commands[index], step)
         else:
             path[:] = (pose.x, pose.y)
     stopped = stands[near]
-    cancel_meeting(paths, np.array([bodies[at].spec.radius for at in near], dtype=np.float64), stopped)
+    cancel_meeting(paths, np.array([bodies[index].spec.radius for index in near], dtype=np.float64), stopped)
     stands[near] = stopped

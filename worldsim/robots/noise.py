@@ -48,26 +48,26 @@ class MotionNoise:
             if isinstance(entry.fault, Motion):
                 for number in entry.who:
                     if number in driven and not is_halt(driven[number]):
-                        driven[number] = self._disturbed(driven[number], entry, entry.fault, number, k)
+                        driven[number] = self._disturb_command(driven[number], entry, entry.fault, number, k)
         return driven
 
-    def _disturbed(self, command: Command, entry: Entry, fault: Motion, number: int, k: int) -> Command:
-        what = (self._seed, Purpose.MOTION, entry.index, number)
+    def _disturb_command(self, command: Command, entry: Entry, fault: Motion, number: int, k: int) -> Command:
+        draw_key = (self._seed, Purpose.MOTION, entry.index, number)
         slip, jitter = fault.slip, fault.jitter
-        if slip is not None and draw(*what, stretch_of(entry, slip.every, self._step, k), _SLIP) < slip.rate:
+        if slip is not None and draw(*draw_key, stretch_of(entry, slip.every, self._step, k), _SLIP) < slip.rate:
             return halted(self._models[number])
         speed = turning = 1.0
         veer = 0.0
         if jitter is not None:
             stretch = stretch_of(entry, jitter.every, self._step, k)
-            speed += jitter.size * (2.0 * draw(*what, stretch, _JITTER) - 1.0)
+            speed += jitter.size * (2.0 * draw(*draw_key, stretch, _JITTER) - 1.0)
         if fault.speed > 0.0:
-            speed += fault.speed * gauss(*what, k, _SPEED)
+            speed += fault.speed * gauss(*draw_key, k, _SPEED)
         if fault.turning > 0.0:
-            turning += fault.turning * gauss(*what, k, _TURNING)
+            turning += fault.turning * gauss(*draw_key, k, _TURNING)
         if fault.veer > 0.0:
-            veer = fault.veer * gauss(*what, k, _VEER)
-        return _changed(command, _share(speed), _share(turning), veer, self._step)
+            veer = fault.veer * gauss(*draw_key, k, _VEER)
+        return _change_command(command, _clip_share(speed), _clip_share(turning), veer, self._step)
 
 
 def stretch_of(entry: Entry, every: float | None, step: float, k: int) -> int:
@@ -79,11 +79,11 @@ def stretch_of(entry: Entry, every: float | None, step: float, k: int) -> int:
     return elapsed if every is None else math.floor(elapsed * step / every + 1e-9)
 
 
-def _share(share: float) -> float:
+def _clip_share(share: float) -> float:
     return min(max(share, SLOWEST), FASTEST)
 
 
-def _changed(command: Command, speed: float, turning: float, veer: float, step: float) -> Command:
+def _change_command(command: Command, speed: float, turning: float, veer: float, step: float) -> Command:
     """Multiply a command's speed and turning by shares, and turn its path by `veer` rad per m driven."""
     match command:
         case Velocity(vx, vy):

@@ -44,11 +44,11 @@ class Senses:
         x, y, wrong = true.x, true.y, False
         for entry in self.timeline.at(k):
             if isinstance(entry.fault, Drift) and number in entry.who:
-                dx, dy = self._error(entry, entry.fault, number, k)
+                dx, dy = self._pose_error(entry, entry.fault, number, k)
                 x, y, wrong = x + dx, y + dy, True
         if not wrong:
             return true
-        return Pose(_within(x, self._x_limits), _within(y, self._y_limits), true.heading)
+        return Pose(_clip_value(x, self._x_limits), _clip_value(y, self._y_limits), true.heading)
 
     def clock(self, number: int, k: int) -> float:
         """Return the time that a robot's clock shows, s."""
@@ -57,20 +57,20 @@ class Senses:
         for entry in self.timeline.at(k):
             if isinstance(entry.fault, Clock) and number in entry.who:
                 ahead += entry.fault.offset + entry.fault.rate * (k - entry.begin) * self._step
-        return _within(time_s + ahead, (0.0, ms_to_s(MAX_TIME_MS))) if ahead else time_s
+        return _clip_value(time_s + ahead, (0.0, ms_to_s(MAX_TIME_MS))) if ahead else time_s
 
-    def _error(self, entry: Entry, fault: Drift, number: int, k: int) -> tuple[float, float]:
+    def _pose_error(self, entry: Entry, fault: Drift, number: int, k: int) -> tuple[float, float]:
         elapsed = (k - entry.begin) * self._step
         dx, dy = (bias + growth * elapsed for bias, growth in zip(fault.bias, fault.growth, strict=True))
         if fault.noise > 0.0:
             dx += fault.noise * gauss(self._seed, Purpose.SENSES, entry.index, number, k, _NOISE, 0)
             dy += fault.noise * gauss(self._seed, Purpose.SENSES, entry.index, number, k, _NOISE, 1)
         if fault.jump is not None:
-            jumped = self._jumped(entry, number, math.floor(elapsed / fault.jump.every + 1e-9), fault.jump.size)
+            jumped = self._sum_jumps(entry, number, math.floor(elapsed / fault.jump.every + 1e-9), fault.jump.size)
             dx, dy = dx + jumped[0], dy + jumped[1]
         return dx, dy
 
-    def _jumped(self, entry: Entry, number: int, times: int, size: float) -> tuple[float, float]:
+    def _sum_jumps(self, entry: Entry, number: int, times: int, size: float) -> tuple[float, float]:
         """Return the sum of the first `times` jumps, added up in their order, m."""
         sums = self._jumps.setdefault((entry.index, number), [(0.0, 0.0)])
         while len(sums) <= times:
@@ -80,5 +80,5 @@ class Senses:
         return sums[times]
 
 
-def _within(value: float, limits: tuple[float, float]) -> float:
+def _clip_value(value: float, limits: tuple[float, float]) -> float:
     return min(max(value, limits[0]), limits[1])

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from worldsim.verdict.common.check import TAGS_NOT_JUDGED
+from worldsim.checks.check import TAGS_NOT_JUDGED
 
 WALL_TIMES = ("wall_s", "realtime_factor")
 """Fields that only a journal with an end gives, and of a run in one process only since version 0.2.0."""
@@ -73,8 +73,8 @@ def _missing(stated: Any, found: Any, prefix: str) -> Iterator[str]:
             else:
                 yield f"{prefix}{name}"
     elif isinstance(stated, list) and isinstance(found, list) and len(stated) == len(found):
-        for place, pair in enumerate(zip(stated, found, strict=True)):
-            yield from _missing(*pair, f"{prefix}{place}.")
+        for index, pair in enumerate(zip(stated, found, strict=True)):
+            yield from _missing(*pair, f"{prefix}{index}.")
 
 
 def not_repeated(stated: Mapping[str, Any], found: Mapping[str, Any]) -> list[str]:
@@ -101,8 +101,8 @@ def _between_verdicts(stated: Mapping[str, Any], found: Mapping[str, Any]) -> It
     if "warnings" in stated:
         unchecked = [line for check in unrepeated for line in check.get("warnings", ())]
         warnings = [line for line in stated["warnings"] if line not in unchecked]
-        known = {check["name"] for check in stated["checks"]}
-        comparable = [line for check in found["checks"] if check["name"] in known for line in check["warnings"]]
+        names = {check["name"] for check in stated["checks"]}
+        comparable = [line for check in found["checks"] if check["name"] in names for line in check["warnings"]]
         yield from _between(warnings, comparable, "verdict.warnings")
     checks = {check["name"]: check for check in found["checks"]}
     for stated_check in stated["checks"]:
@@ -123,8 +123,8 @@ def _between(stated: Any, found: Any, field: str) -> Iterator[Difference]:
         return
     if isinstance(stated, Sequence) and isinstance(found, Sequence) and not isinstance(stated, str):
         if len(stated) == len(found):
-            for place, (stated_item, found_item) in enumerate(zip(stated, found, strict=True)):
-                yield from _between(stated_item, found_item, f"{field}.{place}")
+            for index, (stated_item, found_item) in enumerate(zip(stated, found, strict=True)):
+                yield from _between(stated_item, found_item, f"{field}.{index}")
             return
     elif _is_number(stated) and _is_number(found):
         if math.isclose(stated, found, rel_tol=ROUNDING):

@@ -7,39 +7,29 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
 from patrol.process.exit_codes import UNKNOWN
+from worldsim.checks.arrivals import DelaysAsAsked, LossesAsAsked, OnTime
+from worldsim.checks.bodies import BatteriesLast, BodiesApart, BumpsRare, MovesAreTrue
+from worldsim.checks.check import Check, CheckResult, JudgedRun, RobotsThere
+from worldsim.checks.disturbed import MotionAsAsked, SensesAsAsked
+from worldsim.checks.fates import DropsExplained, NothingCrossed, WithinBandwidth
+from worldsim.checks.ground import FogIsTrue
+from worldsim.checks.heard import FatesAsRecomputed, ForgedAsConfigured, Hearing, LinksAddUp
+from worldsim.checks.journal import (
+    Complete,
+    DirectLinks,
+    ExitCodes,
+    FaultsOnTime,
+    PausedStandStill,
+    RouterAnswers,
+    TraceAgrees,
+)
+from worldsim.checks.progress import ProgressCheck, Recovers, RunProgress
+from worldsim.checks.reach import PathLossAsAsked, WithinReach
+from worldsim.checks.sent import FramesAreTrue, SpoofsAsAsked, WithinBudget
+from worldsim.checks.statuses import DownAreSilent, EventsFollow, NobodyLost, StatusesFollow
+from worldsim.checks.zones import ClosuresKept, KeepOutsKept, OneWayZonesKept, SlowZonesKept, ZoneTimesTold
 from worldsim.faults import Timeline
-from worldsim.verdict.common.check import Check, CheckResult, JudgedRun, Readings
-from worldsim.verdict.common.robots_there import RobotsThere
-from worldsim.verdict.frames.budget import WithinBudget
-from worldsim.verdict.frames.direct_links import DirectLinks
-from worldsim.verdict.frames.drops import DropsExplained, NothingCrossed
-from worldsim.verdict.frames.forgeries import SpoofsAsAsked
-from worldsim.verdict.frames.hearing import ForgedAsConfigured, Hearing
-from worldsim.verdict.frames.path_loss import PathLossAsAsked
-from worldsim.verdict.frames.reach import WithinReach
-from worldsim.verdict.frames.recomputed import FatesAsRecomputed, WithinBandwidth
-from worldsim.verdict.frames.sent import FramesAreTrue, LinksAddUp
-from worldsim.verdict.frames.shares import DelaysAsAsked, LossesAsAsked
-from worldsim.verdict.frames.timing import OnTime
-from worldsim.verdict.robots.battery_checks import BatteriesLast
-from worldsim.verdict.robots.body_checks import BodiesApart, MovesAreTrue
-from worldsim.verdict.robots.closure_checks import ClosuresKept
-from worldsim.verdict.robots.event_checks import EventsFollow
-from worldsim.verdict.robots.motion_checks import MotionAsAsked
-from worldsim.verdict.robots.sense_checks import SensesAsAsked
-from worldsim.verdict.robots.status_checks import DownAreSilent, NobodyLost, PausedStandStill, StatusesFollow
-from worldsim.verdict.robots.zone_checks import KeepOutsKept, OneWayZonesKept, SlowZonesKept
-from worldsim.verdict.run.bumps import BumpsRare
-from worldsim.verdict.run.exit_codes import ExitCodes
-from worldsim.verdict.run.fault_times import FaultsOnTime
-from worldsim.verdict.run.fog_check import FogIsTrue
-from worldsim.verdict.run.journal_checks import Complete, TraceAgrees
-from worldsim.verdict.run.open_ages import AgesOpen, OpenFacts
-from worldsim.verdict.run.progress import ProgressCheck, RunProgress
-from worldsim.verdict.run.recovery import Recovers
-from worldsim.verdict.run.router_answers import RouterAnswers
-from worldsim.verdict.run.zone_ages import ZoneAges, ZoneFacts
-from worldsim.verdict.run.zone_times import ZoneTimesTold
+from worldsim.verdict.ages import AgesOpen, OpenFacts, ZoneAges, ZoneFacts
 
 if TYPE_CHECKING:
     from patrol.ground.fog import Fog
@@ -164,40 +154,25 @@ class Judge:
         verdict lacks these checks. That is for a sweep, whose world has just computed the same numbers from the same
         poses with the same code in the same process. The true `fog` of that world lets progress be judged all the same.
         """
-        self._journal = journal
-        known = None if verify_fog else fog
-        run = JudgedRun(journal, prepared, Timeline(prepared.scenario), exit_codes, verify_fog, baseline_s, known)
-        readings = Readings()
-        listed = [kind for kind in CHECKS if kind.applies(run)]
-        for kind in listed:
-            readings.add(kind, run)
-        zoned = ZoneAges.applies(run) and (verify_fog or fog is not None)
-        if zoned:
-            readings.add(ZoneAges, run)
-        self._zones = readings[ZoneAges] if zoned else None
-        closing = AgesOpen.applies(run) and (verify_fog or fog is not None)
-        if closing:
-            readings.add(AgesOpen, run)
-        self._open_ages = readings[AgesOpen] if closing else None
-        self._checks = [readings[kind] for kind in listed]
-        self._readings = readings.in_order()
+        stated_fog = None if verify_fog else fog
+        run = JudgedRun(journal, prepared, Timeline(prepared.scenario), exit_codes, verify_fog, baseline_s, stated_fog)
+        self._run = run
+        self._checks = [run.reading(kind) for kind in CHECKS if kind.applies(run)]
+        has_fog = verify_fog or fog is not None
+        self._zones = run.reading(ZoneAges) if has_fog and ZoneAges.applies(run) else None
+        self._open_ages = run.reading(AgesOpen) if has_fog and AgesOpen.applies(run) else None
 
     def tick(self, record: TickRecord) -> None:
         """Take in the next tick."""
-        for reading in self._readings:
-            for other in reading.needed:
-                if not other.usable:
-                    break
-            else:
-                reading.tick(record)
+        self._run.tick(record)
 
     def verdict(self) -> Verdict:
         """Return the verdict, once all ticks are in and the journal has ended."""
         checks = tuple(check.result() for check in self._checks)
         zones = None if self._zones is None else self._zones.facts()
         open_ages = None if self._open_ages is None else self._open_ages.facts()
-        progress = [check.facts() for check in self._checks if isinstance(check, ProgressCheck)]
-        return Verdict(_outcome(self._journal, checks), checks, progress[0] if progress else None, zones, open_ages)
+        progress = next((check.facts() for check in self._checks if isinstance(check, ProgressCheck)), None)
+        return Verdict(_outcome(self._run.journal, checks), checks, progress, zones, open_ages)
 
 
 def judge(

@@ -10,9 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from agent.kernels.best import best_of, farthest_of_own, oldest_that_may_win
-from agent.policies.choice import NEAR_M, OTHERS, Best, TargetChoice
-from agent.policies.commitment import GivenUp
+from agent.kernels.best import best_of, oldest_that_may_win
+from agent.policies.choice import NEAR_M, OTHERS, Best, FreeChoice
+from agent.policies.pursuit import GivenUp
 from agent.routes.path_window import FAR
 from agent.routes.wave import LONGEST, NO_BENDS, BoxPaths, Wave
 from patrol.pose import Pose
@@ -20,7 +20,7 @@ from tests.agent.plans import Robots, cluttered, prepared_in
 
 
 def scores_by_looking_everywhere(
-    choice: TargetChoice, view: Any, start: Any, rivals: NDArray[np.float64]
+    choice: FreeChoice, view: Any, start: Any, rivals: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """The score of each point of the terrain, by the wave of the whole of it and plain numpy."""
     terrain = view.ground.terrain
@@ -55,11 +55,9 @@ def test_it_is_the_best_point_of_the_whole_terrain(
     body = {"radius": 0.3, "speed": 1.5, "model": model, **({"turning_radius": 1.0} if model == "car" else {})}
     patrol = {"policy": "agent.policies.commitment:Commitment", "options": {"separation": separation}}
     robots = Robots(prepared_in(terrain, starts, body, patrol=patrol, sensor={"range": 3.0}))
-    real, searched = TargetChoice.best, []
+    real, searched = FreeChoice.best, []
 
-    def checked(
-        self: TargetChoice, view: Any, start: Any, rivals: NDArray[np.float64], given_up: GivenUp
-    ) -> Best | None:
+    def checked(self: FreeChoice, view: Any, start: Any, rivals: NDArray[np.float64], given_up: GivenUp) -> Best | None:
         leaves_out = given_up.now(view.tick).size
         best = real(self, view, start, rivals, given_up)
         if best is not None and not leaves_out:
@@ -68,7 +66,7 @@ def test_it_is_the_best_point_of_the_whole_terrain(
             searched.append(best)
         return best
 
-    monkeypatch.setattr(TargetChoice, "best", checked)
+    monkeypatch.setattr(FreeChoice, "best", checked)
     for _ in range(240 // columns):  # as many decisions, whatever the number of robots
         robots.tick()
     assert len(searched) > 20
@@ -86,8 +84,8 @@ def test_the_kernel_finds_what_plain_python_finds(seed: int) -> None:
     def lengths(shape: tuple[int, int]) -> NDArray[np.int32]:
         return np.where(dice.random(shape) < 0.8, dice.integers(0, 1000, shape), FAR).astype(np.int32)
 
-    own, rival = BoxPaths(lengths((8, 9)), NO_BENDS, 2, 3, limit), BoxPaths(lengths((6, 7)), NO_BENDS, 4, 1, limit)
-    points = np.array([[0, 0, 5, 6], [11, 13, 3, 4], [1, 1, 40, 40]], dtype=np.int32)
+    own, rival = (BoxPaths(lengths((8, 9)), NO_BENDS, 2, 3, limit) for _ in range(2))
+    posts = np.array([[0, 0, 5, 6], [11, 13, 3, 4], [1, 1, 40, 40]], dtype=np.int32)
     left_out = np.array([[5, 5, 2], [8, 9, 0]], dtype=np.int64)
     worth, near, others = np.arange(60.0) ** 2, 300.0, 0.1
 
@@ -101,27 +99,17 @@ def test_the_kernel_finds_what_plain_python_finds(seed: int) -> None:
         is_rivals = rival.length_to(stand_row, stand_col) < way
         return float(worth[age] / (way + near)) * (others if is_rivals else 1.0)
 
-    every = [(row, col, row, col) for row in range(2, 10) for col in range(3, 12)]
-    for listed, rows in ((False, every), (True, points.tolist())):
-        score, place = np.zeros(1), np.zeros(4, dtype=np.int64)
-        grids = (
-            own.length,
-            own.row0,
-            own.col0,
-            limit,
-            rival.length,
-            rival.row0,
-            rival.col0,
-            patrolled,
-            last_seen,
-            looked,
-            tick,
-        )
-        best_of(points, listed, *grids, worth, near, others, left_out, score, place)
-        scores = [score_of(*row) for row in rows]
-        assert score[0] == max(scores)
-        if score[0] > 0.0:
-            assert tuple(place.tolist()) == tuple(rows[scores.index(max(scores))])
+    rows = [(row, col, row, col) for row in range(2, 10) for col in range(3, 12)] + [
+        tuple(row) for row in posts.tolist()
+    ]
+    paths = own.length, own.row0, own.col0, limit, rival.length
+    grids = patrolled, last_seen, looked, tick
+    score, *place, length = best_of(posts, *paths, *grids, worth, near, others, left_out)
+    scores = [score_of(*row) for row in rows]
+    assert score == max(scores)
+    if score > 0.0:
+        assert tuple(place) == rows[scores.index(max(scores))]
+        assert length == own.length_to(*place[2:])
 
 
 @settings(max_examples=60)
@@ -147,16 +135,6 @@ def test_the_bound_holds_for_each_point_and_a_patrolled_one_reaches_it(seed: int
     assert enough == found if found < most else enough >= most
 
 
-@given(seed=st.integers(0, 2**32 - 1))
-def test_the_longest_own_way_is_that_of_plain_numpy(seed: int) -> None:
-    dice = np.random.default_rng(seed)
-    shape = (2, 6, 7)
-    own, rival = np.where(dice.random(shape) < 0.8, dice.integers(0, 900, shape), FAR).astype(np.int32)
-    limit = int(dice.integers(1, 900))
-    assert farthest_of_own(own, rival, limit) == own[(own <= limit) & (own <= rival)].max(initial=0)
-    assert farthest_of_own(own, NO_BENDS, limit) == own[own <= limit].max(initial=0)
-
-
 def test_an_age_counts_as_many_times_as_its_weight() -> None:
     """A weight draws a robot to a zone that it would not go to yet, and a low one keeps it away."""
     terrain = cluttered(1, (40, 120), 0)
@@ -171,7 +149,7 @@ def test_an_age_counts_as_many_times_as_its_weight() -> None:
         for _ in range(3):
             robots.tick()
         mind: Any = robots.minds[0]
-        best.append(mind.policy.otherwise.target.point[1] * terrain.point)
+        best.append(mind.policy.otherwise.pursuit.target.point[1] * terrain.point)
     plain, heavy, light = best
     assert heavy >= 20.0
     assert light < 20.0

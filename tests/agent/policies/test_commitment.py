@@ -12,7 +12,8 @@ import numpy as np
 import pytest
 
 from agent.build import build_mind
-from agent.policies.commitment import AT_HAND_S, LEFT_OUT_S, NO_NEARER_S, Commitment, GivenUp, Target
+from agent.policies.commitment import Commitment
+from agent.policies.pursuit import AT_HAND_S, LEFT_OUT_S, NO_NEARER_S, GivenUp, Pursuit, Target
 from agent.policies.surround import Surround
 from patrol.ground.terrain import Terrain
 from patrol.pose import MODELS, Pose
@@ -53,8 +54,12 @@ def policy_of(robots: Robots, robot: int = 0) -> Commitment:
     return policy
 
 
+def pursuit_of(robots: Robots, robot: int = 0) -> Pursuit:
+    return policy_of(robots, robot).pursuit
+
+
 def target_of(robots: Robots, robot: int = 0) -> Target | None:
-    return policy_of(robots, robot).target
+    return pursuit_of(robots, robot).target
 
 
 def seen_share(robots: Robots) -> float:
@@ -139,7 +144,7 @@ def test_who_comes_no_nearer_gives_up_and_leaves_the_place_out() -> None:
     waits = np.diff([robots.held_from, *(change.k for change in stuck)]) * STEP
     assert (waits >= AT_HAND_S).all()
     assert (waits <= AT_HAND_S + NO_NEARER_S + 2.5).all()
-    given_up = policy_of(robots).given_up.places
+    given_up = pursuit_of(robots).given_up.places
     assert {place[:2] for place in given_up} == {change.old.stand for change in stuck}
     spells = [(place[2] - change.k) * STEP for place, change in zip(given_up, stuck, strict=True)]
     assert spells == [LEFT_OUT_S] * len(stuck)
@@ -152,14 +157,14 @@ def test_what_was_given_up_is_tried_again_where_nothing_else_is_left() -> None:
     robots = Robots(alone(two_rooms()))
     for _ in range(3):
         robots.tick()
-    policy, target = policy_of(robots), target_of(robots)
+    pursuit, target = pursuit_of(robots), target_of(robots)
     assert target is not None
-    policy.given_up = GivenUp(1000.0, POINT, STEP)
-    policy.given_up.add(robots.k, target.point)
-    policy.target = None
+    pursuit.given_up = GivenUp(1000.0, POINT, STEP)
+    pursuit.given_up.add(robots.k, target.point)
+    pursuit.target = None
     robots.tick()
     assert target_of(robots) is not None
-    assert policy.given_up.places == []
+    assert pursuit.given_up.places == []
 
 
 def test_a_target_to_which_no_way_leads_any_more_is_dropped_at_once() -> None:
@@ -167,7 +172,7 @@ def test_a_target_to_which_no_way_leads_any_more_is_dropped_at_once() -> None:
     robots.tick()
     robots.tick()
     mind = robots.minds[0]
-    far = policy_of(robots)
+    far = pursuit_of(robots)
     target = target_of(robots)
     assert target is not None
     # A wreck in the corridor: the target in the other room cannot be reached.
@@ -226,7 +231,7 @@ def test_a_small_room_is_patrolled_without_a_stop() -> None:
     late = [change for change in changed if change.k * STEP > 100.0]
     assert all(change.age < 0.5 * change.old.age for change in changed)
     assert len(late) >= 25
-    assert policy_of(robots).given_up.places == []
+    assert pursuit_of(robots).given_up.places == []
 
 
 # --- sensors and places ----------------------------------------------------------------------------------------

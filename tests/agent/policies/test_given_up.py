@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from agent.policies.commitment import LEFT_OUT_S, LONGEST_S, MOST_PLACES, GivenUp
+from agent.policies.pursuit import LEFT_OUT_S, LONGEST_S, MOST_PLACES, GivenUp
 
 STEP = 0.5
 

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from agent.policies.commitment import NO_NEARER_S
-from agent.policies.committed import Committed
+from agent.policies.committed import Committed, OnRound
+from agent.policies.pursuit import NO_NEARER_S
 from agent.policies.surround import Surround
 from experiments.random_building import Building
 from fogwatch.inprocess import run_in_process
@@ -116,7 +116,7 @@ def test_a_sensor_that_shows_no_tour_leaves_every_choice_free(kind: dict[str, ob
     scenario = open_scenario("yards", {**ROUND, **kind, "duration": 5})
 
     def look(_world: object, by_number: object) -> None:
-        assert all(mind.policy.otherwise.ahead is None for mind in by_number.values())  # type: ignore[attr-defined]
+        assert all(mind.policy.otherwise.on_round is None for mind in by_number.values())  # type: ignore[attr-defined]
 
     run_in_process(scenario, look=look)
 
@@ -127,7 +127,7 @@ def test_robots_of_several_speeds_choose_freely(second: float, free: bool) -> No
 
     def look(_world: object, by_number: object) -> None:
         minds = by_number.values()  # type: ignore[attr-defined]
-        assert {mind.policy.otherwise.ahead is None for mind in minds} == {free}
+        assert {mind.policy.otherwise.on_round is None for mind in minds} == {free}
 
     run_in_process(scenario, look=look)
 
@@ -143,7 +143,7 @@ def test_a_robot_drives_on_along_the_round_while_others_see_everything(model: st
         one.tick()
         fog.last_seen[prepared.patrolled] = one.k
         moved.append(one.apart((before.x, before.y)) > 0.0)
-    assert policy_of(one).ahead is not None
+    assert policy_of(one).on_round is not None
     halts = [len(list(run)) for drives, run in itertools.groupby(moved) if not drives]
     assert max(halts, default=0) <= 5
 
@@ -158,11 +158,11 @@ def test_a_robot_keeps_its_place_on_the_round_while_the_way_ahead_is_blocked_for
     )
     robots = Robots(prepared)
     policy, mind = policy_of(robots), robots.minds[0]
-    ahead = policy.ahead
-    assert ahead is not None
+    assert isinstance(policy.on_round, OnRound)
+    ahead = policy.on_round.ahead
 
     def leaves_the_room() -> bool:
-        target = policy.target
+        target = policy.pursuit.target
         return target is not None and target.stand[1] * POINT > 9.6 and robots.bodies[0].pose.x < 9.0
 
     robots.until(leaves_the_room, 100)
@@ -171,7 +171,7 @@ def test_a_robot_keeps_its_place_on_the_round_while_the_way_ahead_is_blocked_for
     mind.body.obstacles = lambda *_: [(11.0, 4.0, 1.5)]  # type: ignore[method-assign]
     for _ in range(round(NO_NEARER_S / STEP)):
         robots.tick()
-        target = policy.target
+        target = policy.pursuit.target
         # Meanwhile it looks at its own room.
         assert target is None or target.stand[1] * POINT < 9.6
         assert ahead.cursor == place

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from agent.policies.joint_plan import STUCK_S
+from agent.policies.joint_plan import STUCK_S, JointPlan
 from agent.policies.stochastic import Stochastic
 from agent.policies.surround import Surround
 from patrol.ground.terrain import Terrain
@@ -50,12 +50,18 @@ def policy_of(robots: Robots, robot: int = 0) -> Stochastic:
     return policy
 
 
+def plan_of(robots: Robots, robot: int = 0) -> JointPlan | None:
+    on_round = policy_of(robots, robot).on_round
+    assert on_round is None or isinstance(on_round, JointPlan)
+    return on_round
+
+
 def stations(robots: Robots, ticks: int) -> list[int | None]:
     """The first robot's stations in order."""
     visited: list[int | None] = []
     for _ in range(ticks):
         robots.tick()
-        plan_ = policy_of(robots).plan
+        plan_ = plan_of(robots)
         assert plan_ is not None
         if not visited or visited[-1] != plan_.station:
             visited.append(plan_.station)
@@ -96,7 +102,7 @@ def test_robots_that_hear_each_other_hold_the_same_plan() -> None:
     robots = Robots(patrol())
     for _ in range(300):
         robots.tick()
-        plans = [policy_of(robots, number).plan for number in range(2)]
+        plans = [plan_of(robots, number) for number in range(2)]
         parts = [plan_.parts for plan_ in plans if plan_ is not None]
         assert [part.route for part in parts[0].values()] == [part.route for part in parts[1].values()]
 
@@ -107,7 +113,7 @@ def test_where_many_positions_are_lost_each_choice_is_free(share: float, free: b
     dice = np.random.default_rng(1)
     lossy.is_lost = lambda _k, _sender, _hearer: bool(dice.random() < share)
     assert mean_oldest(lossy) < 1.2 * mean_oldest(whole)
-    plans = [policy_of(lossy, number).plan for number in range(2)]
+    plans = [plan_of(lossy, number) for number in range(2)]
     assert all(plan_ is None or plan_.station is None for plan_ in plans) == free
 
 
@@ -116,7 +122,7 @@ def test_a_robot_that_stands_still_is_left_out_of_the_plan() -> None:
     for tick in range(round(2 * STUCK_S / STEP)):
         robots.tick()
         robots.bodies[1].pose = STARTS[1]
-        plan_ = policy_of(robots).plan
+        plan_ = plan_of(robots)
         assert plan_ is not None
         assert (2 in plan_.parts) == (tick * STEP <= STUCK_S), tick
 
@@ -128,7 +134,7 @@ def test_robots_share_the_stations_out() -> None:
 
 def test_where_there_is_no_tour_each_choice_is_free() -> None:
     robots = Robots(patrol(sensor={"range": 4.0, "kind": "sector", "angle": 90.0}))
-    assert policy_of(robots).plan is None
+    assert plan_of(robots) is None
     fog = robots.minds[0].belief.fog
     robots.until(lambda: fog.seen > 0.9 * fog.points, 900)
 
@@ -149,7 +155,7 @@ def test_more_robots_than_stations_go_on() -> None:
     robots.tick()
     fewer = 0
     for _ in range(200):
-        shared = policy_of(robots).plan
+        shared = plan_of(robots)
         assert shared is not None
         routes = [part.route for part in shared.parts.values()]
         stations = sum(map(len, routes))
@@ -168,5 +174,5 @@ def test_where_robots_are_crowded_each_choice_is_free(range_m: float, crowded: b
     robots = small(range_m)
     for _ in range(100):
         robots.tick()
-    plans = [policy_of(robots, number).plan for number in range(4)]
+    plans = [plan_of(robots, number) for number in range(4)]
     assert all(plan_ is None or plan_.station is None for plan_ in plans) == crowded

@@ -312,7 +312,7 @@ from itertools import product
 from pathlib import Path
 import fogwatch.inprocess, fogwatch.api, fogwatch.pictures.run_end, matplotlib.figure
 from fogwatch.cli.app import main
-from worldsim.verdict.robots.status_checks import CheckResult, NobodyLost
+from worldsim.checks.statuses import CheckResult, NobodyLost
 
 def run(number, ok, options, output, errors):
     os.dup2(output, 1)

@@ -12,7 +12,7 @@ from patrol.ground.terrain import Terrain
 from patrol.prepare import prepare
 from patrol.scenario import load_scenario
 from tests.ring import LOWER, UPPER, ring, zone
-from worldsim.verdict.common.check import CheckResult
+from worldsim.checks.check import CheckResult
 
 RIGHT_ROUND = (zone("aisle", LOWER, 0), zone("back", UPPER, 180))
 

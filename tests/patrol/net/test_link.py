@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 import pytest
 import zenoh
 
-from patrol.net.link import Link, LinkDown, _answers, open_link, open_router
+from patrol.net.link import Link, LinkDown, _make_answer, open_link, open_router
 from patrol.net.mailbox import Mailbox, Presence
 from patrol.net.settings import MAX_MESSAGE, QUEUE
 from tests.routers import PATIENCE_S, free_endpoint
@@ -26,7 +26,7 @@ def test_an_answer_that_comes_too_late_is_nobody_s_failure() -> None:
             tried.append((key, payload))
             raise zenoh.ZError("closed")
 
-    _answers(Closed(), "k")(b"late")  # type: ignore[arg-type]
+    _make_answer(Closed(), "k")(b"late")  # type: ignore[arg-type]
     assert tried == [("k", b"late")]
 
 

@@ -112,10 +112,6 @@ def test_every_module_that_is_needed_seldom_exists() -> None:
             {"agent.kernels.region_paths", "patrol.kernels.regions"},
         ),
         ({"patrol.policy": "potential-field", "patrol.options.paths": "straight"}, {"agent.kernels.straight"}),
-        (
-            {"patrol.policy": "potential-field", "patrol.options.letter": True, "patrol.options.ties": "drawn"},
-            {"agent.kernels.first_steps"},
-        ),
         ({"patrol.policy": "learned"}, {"agent.kernels.surroundings"}),
     ],
 )

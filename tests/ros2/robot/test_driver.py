@@ -19,13 +19,14 @@ from patrol.reporting.logs import Log
 from patrol.scenario import RobotSpec
 from ros2.robot import localisation, steering
 from ros2.robot import stops as standing
-from ros2.robot.driver import DriverFailed, Objection, Pace, Ros2Robot
+from ros2.robot.driver import Objection, Ros2Robot
 from ros2.robot.fence import Fence, Others
-from ros2.robot.governor import Governor, Response, Rule
+from ros2.robot.governor import Governor, Response
 from ros2.robot.hardware import Hardware
 from ros2.robot.localisation import LocalisationSettings
 from ros2.robot.options import DriveSettings
 from ros2.robot.steering import ENOUGH_M, GoalSteering, MotionCheck, Steering, VelocitySteering
+from ros2.robot.stops import DriverFailed
 from ros2.wire import messages
 from ros2.wire.goals import GoalServer, Status
 from ros2.wire.messages import AckermannDriveStamped, Bool, Clock, Odometry, TFMessage, Transform, TwistStamped
@@ -93,14 +94,13 @@ class Bench:
         if nav2:
             self.steering = GoalSteering(self.hardware)
         else:
-            rule = Rule(model, spec.limits, 1e6, 60.0)
-            governor = Governor(rule, Fence(terrain, 0.3, 0.1, 1e6))
+            governor = Governor(model, spec.limits, 1e6, 60.0, Fence(terrain, 0.3, 0.1, 1e6))
             self.response = Response(spec.radius, 0.0)
             self.steering = VelocitySteering(self.hardware, governor, Others({}, {}, STEP_S), self.response)
             self.objections.append(self.response)
         self.ticks = Ticks(*range(1000))
         self.driver = Ros2Robot(
-            self.hardware, self.steering, self.ticks, Pace(STEP_S, 1.0, 20.0), None, orders, self.log, self.objections
+            self.hardware, self.steering, self.ticks, STEP_S, None, orders, self.log, self.objections
         )
 
     def at(self, pose: Pose, twist: messages.Twist = STILL) -> None:
@@ -337,7 +337,7 @@ def test_a_driver_that_fails_stops_the_robot_and_tells_the_mind_and_the_log() ->
     bench.driver.start()
     bench.until(lambda: len(bench.hub.sent["/robot1/cmd_vel"]) == 5)
     assert bench.told == STILL
-    bench.until(lambda: not bench.driver.driving)
+    bench.until(lambda: bool(bench.driver.stopped))
     with pytest.raises(DriverFailed, match="a wire is loose"):
         bench.driver.sense()
     assert [str(error) for error in bench.log.failures] == ["a wire is loose"]

@@ -20,7 +20,7 @@ from ros2.sim.odometry import DriftingOdometry
 from ros2.wire.formats import format_named
 from ros2.wire.link import open_ros2
 from ros2.wire.mailbox import RosMailbox
-from ros2.wire.messages import Bool, CancelRequest, CancelResponse, OccupancyGrid, String, TwistStamped
+from ros2.wire.messages import Bool, CancelRequest, CancelResponse, Clock, OccupancyGrid, TwistStamped
 from ros2.wire.messages import Path as Way
 from ros2.wire.names import LATCHED, EntityKind, NodeName
 from ros2.wire.ports import Asked
@@ -74,7 +74,7 @@ def test_a_robot_patrols_and_stands_when_the_agent_is_interrupted(
         stops = made.robot.watchdog_stops
         made.until(lambda: made.robot.stands)
         assert made.robot.watchdog_stops == stops  # it was told to, and not left alone
-        assert made.robot.touches.walls == 0
+        assert made.robot.walls_touched == 0
         assert any(f"stopped for good: told to by {number.name}" in line for line in made.said)
 
 
@@ -206,9 +206,9 @@ def test_a_stop_outlives_the_agent_that_was_told_of_it(driven: Bench) -> None:
 def test_whatever_is_said_on_the_stop_topic_and_cannot_be_read_stops_the_robot(driven: Bench) -> None:
     link = open_ros2(driven.endpoint, format_named("rmw_zenoh", 0, ""), NodeName("hand", NAME), PATIENCE_S)
     try:
-        link.publisher("stop", String, LATCHED).send(String("stop"))
+        link.publisher("stop", Clock, LATCHED).send(Clock(0))
         driven.until(lambda: any("stopped by the topic /robot1/stop" in line for line in driven.said))
-        assert any("refused: /robot1/stop: is a std_msgs/msg/String" in line for line in driven.said)
+        assert any("refused: /robot1/stop: is a rosgraph_msgs/msg/Clock" in line for line in driven.said)
         driven.stays()
     finally:
         assert link.close(PATIENCE_S)

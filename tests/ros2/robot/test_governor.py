@@ -12,10 +12,10 @@ from hypothesis import strategies as st
 
 from patrol.ground.swept_path import advance, path_is_free
 from patrol.ground.terrain import Terrain
-from patrol.pose import Command, Drive, Limits, Pose, Twist, Velocity, halted, is_halt
-from ros2.robot.commands import scaled, steering_of, velocity_of
+from patrol.pose import Command, Drive, Limits, Pose, Twist, Velocity, halted, is_halt, scaled
 from ros2.robot.fence import Fence
-from ros2.robot.governor import Governor, Rule
+from ros2.robot.governor import Governor, velocity_of
+from ros2.robot.steering import steering_of
 from ros2.wire import messages
 
 RADIUS = 0.3
@@ -36,7 +36,7 @@ def terrain() -> Terrain:
 
 
 def governor(model: str, acceleration: float = 1.0) -> Governor:
-    return Governor(Rule(model, LIMITS, acceleration, 0.75), Fence(terrain(), RADIUS, 0.2, acceleration))
+    return Governor(model, LIMITS, acceleration, 0.75, Fence(terrain(), RADIUS, 0.2, acceleration))
 
 
 def driven(one: Governor, pose: Pose, wanted: Command, steps: int) -> list[tuple[Pose, Command]]:
@@ -106,7 +106,7 @@ def test_the_fence_brakes_before_walls_and_keep_out_areas(model: str, wanted: Co
 @pytest.mark.parametrize(("braking", "stops"), [(1.0, True), (4.0, False)])
 def test_the_fence_relies_on_how_hard_a_body_brakes(braking: float, stops: bool) -> None:
     """Its motors change its speed by 1 m/s², whatever it is told; one that is said to brake harder hits the wall."""
-    one = Governor(Rule("differential", Limits(2.0, RADIUS, 0.5), 4.0, 0.75), Fence(terrain(), RADIUS, 0.2, braking))
+    one = Governor("differential", Limits(2.0, RADIUS, 0.5), 4.0, 0.75, Fence(terrain(), RADIUS, 0.2, braking))
     pose, speed = Pose(1.0, 5.0, 0.0), 0.0
     for number in range(400):
         one.want(Twist(2.0, 0.0), number * PERIOD_S)

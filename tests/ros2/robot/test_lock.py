@@ -11,7 +11,7 @@ import pytest
 from patrol.ground.terrain import Terrain
 from patrol.pose import Limits, Pose, Twist
 from ros2.robot.fence import Fence, Others
-from ros2.robot.governor import Governor, Response, Rule
+from ros2.robot.governor import Governor, Response
 from ros2.robot.hardware import Hardware
 from ros2.robot.localisation import Fix
 from ros2.robot.options import DriveSettings
@@ -54,9 +54,9 @@ def test_zero_velocity_arrives_however_soon_after_the_last_command(site: Site) -
     site.robot().subscribe("cmd_vel", TwistStamped, heard)
     hardware = Hardware(site.member("r1"), DriveSettings(), 1.0, lambda _: None)
     ground = Terrain("t", np.ones((100, 100), dtype=np.bool_), 0.1)
-    governor = Governor(Rule("differential", Limits(1.0, 0.3, 1.0), 1e6, 1e6), Fence(ground, 0.3, 0.1, 1e6))
+    governor = Governor("differential", Limits(1.0, 0.3, 1.0), 1e6, 1e6, Fence(ground, 0.3, 0.1, 1e6))
     steering = VelocitySteering(hardware, governor, Others({}, {}, 0.5), Response(0.3, 0.0))
-    fix = Fix(Pose(5.0, 5.0, 0.0), messages.Twist(0.0, 0.0, 0.0), 0.0)
+    fix = Fix(Pose(5.0, 5.0, 0.0), messages.Twist(0.0, 0.0, 0.0))
 
     def told() -> float:
         return 0.0 if heard.newest is None else heard.newest.message.twist.vx

@@ -21,12 +21,11 @@ from patrol.pose import Pose
 from patrol.scenario import load_scenario
 from patrol.scenario.sections import TerrainSpec
 from ros2.robot.localisation import LocalisationSettings, Source
-from ros2.robot.options import FORMATS, DriveSettings, domain_of, drive_settings, options_of
-from ros2.robot.robot_map import write_map
-from ros2.robot.shown import Shown, fog_cells, grid_of, show_map
+from ros2.robot.options import FORMATS, DriveSettings, drive_settings, options_of
+from ros2.robot.shown import Shown, fog_cells, grid_of, show_map, write_map
 from ros2.wire.formats import FORMATS as KNOWN
 from ros2.wire.messages import OccupancyGrid
-from ros2.wire.names import LATCHED
+from ros2.wire.names import LATCHED, domain_given
 from tests.ros2_hub import Hub
 from tests.routers import PATIENCE_S
 
@@ -91,8 +90,8 @@ def test_the_formats_are_those_of_the_link() -> None:
 
 def test_the_domain_is_the_environments_unless_it_is_given(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("ROS_DOMAIN_ID", "7")
-    assert domain_of(options()) == 7
-    assert domain_of(options("--domain", "3")) == 3
+    assert domain_given(options().domain) == 7
+    assert domain_given(options("--domain", "3").domain) == 3
 
 
 @pytest.mark.parametrize(

@@ -8,11 +8,10 @@ from pathlib import Path
 import pytest
 
 from patrol.errors import BadInput
-from ros2.robot.hardware import Hardware, Refusals
+from ros2.robot.hardware import Hardware
 from ros2.robot.options import DriveSettings
-from ros2.robot.stop_files import StopFiles, state_folder
-from ros2.robot.stops import OLDER, TIMELESS, Stopper, Stops, StopTopic
-from ros2.wire.mailbox import Received, RosMailbox
+from ros2.robot.stops import OLDER, TIMELESS, StopFiles, Stopper, Stops, StopTopic, state_folder
+from ros2.wire.mailbox import Received
 from ros2.wire.messages import Bool
 from ros2.wire.names import LATCHED
 from tests.ros2_hub import Hub
@@ -197,11 +196,14 @@ def test_a_stop_that_cannot_be_noted_is_said_once(tmp_path: Path) -> None:
 
 
 def test_refusals_are_said_once_for_each_reason() -> None:
-    box: RosMailbox[int] = RosMailbox()
-    refusals = Refusals([RosMailbox(), box])
-    assert refusals.new() == []
+    hub, lines = Hub(), list[str]()
+    hardware = Hardware(hub.link("f", "r1"), DriveSettings(), 1.0, lines.append)
+    ((_, box),) = hub.listening["/r1/odom"]
+    hardware.fix()
+    assert lines == []
     box.refuse("hash", "a")
     box.refuse("hash", "b")
     box.refuse("type", "c")
-    assert refusals.new() == ["a", "c"]
-    assert refusals.new() == []
+    for _ in range(2):
+        hardware.fix()
+        assert lines == ["refused: a", "refused: c"]

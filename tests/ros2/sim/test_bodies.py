@@ -81,13 +81,13 @@ def test_our_own_bodies_stray_only_where_something_stops_them() -> None:
     for count in range(20):
         tell(hub, Twist(1.0 - 0.1 * (count % 4), 0.0, 0.3 * (count % 3)))
         run(simulation, 0.1)
-    assert one.strayed.ticks == 3
-    assert one.strayed.greatest_m < 1e-9
+    assert len(one.strayed_m) == 3
+    assert max(one.strayed_m) < 1e-9
     for _ in range(60):
         tell(hub, Twist(1.0, 0.0, 0.0))
         run(simulation, 0.1)
-    assert one.touches.walls == 1
-    assert one.strayed.greatest_m == pytest.approx(0.5)
+    assert one.walls_touched == 1
+    assert max(one.strayed_m) == pytest.approx(0.5)
 
 
 @pytest.mark.parametrize(

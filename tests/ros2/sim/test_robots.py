@@ -12,12 +12,12 @@ from patrol.ground.sensors import footprint_of
 from patrol.ground.terrain import Terrain
 from patrol.pose import Pose
 from patrol.scenario import RobotSpec
-from ros2.sim.bodies import Bodies
+from ros2.sim.bodies import Bodies, OwnBodies
 from ros2.sim.nav2 import Navigator
 from ros2.sim.node import Habits, RobotNode
 from ros2.sim.odometry import DriftingOdometry, Errors
 from ros2.sim.robot import Build, SimulatedRobot
-from ros2.sim.simulation import STEP_S, CollisionGround, Simulation
+from ros2.sim.simulation import STEP_S, Simulation
 from ros2.wire.frames import composed
 from ros2.wire.goals import GoalClient, Going
 from ros2.wire.mailbox import RosMailbox
@@ -34,6 +34,7 @@ from ros2.wire.messages import (
 )
 from ros2.wire.names import LATCHED
 from tests.ros2_hub import Hub
+from worldsim.truth import Truth
 
 EPOCH_S = 1_700_000_000.0
 PLACE = Pose(2.0, 5.0, 0.0)
@@ -71,8 +72,8 @@ def simulated(
         one.build.spec.name: RobotNode(hub.link("robot_sim", one.build.spec.name), one, habits, terrain())
         for one in robots
     }
-    ground = CollisionGround(terrain(), footprint_of(terrain(), 3.0, 360.0, True, 1.0), terrain().passable, 0.5)
-    return Simulation(nodes, ground, EPOCH_S, bodies, note)
+    truth = Truth(footprint_of(terrain(), 3.0, 360.0, True, 1.0), terrain().passable)
+    return Simulation(nodes, bodies or OwnBodies(terrain()), truth, 0.5, EPOCH_S, note)
 
 
 def run(simulation: Simulation, time_s: float) -> None:
@@ -134,15 +135,15 @@ def test_walls_and_other_robots_stop_it_and_each_touch_counts_once() -> None:
         run(simulation, 0.1)
     assert one.pose.x == pytest.approx(4.7, abs=0.021)
     assert other.pose.x == pytest.approx(one.pose.x - 0.6, abs=0.021)
-    assert (one.touches.walls, one.touches.robots) == (1, 0)
-    assert (other.touches.walls, other.touches.robots) == (0, 1)
+    assert (one.walls_touched, one.robots_touched) == (1, 0)
+    assert (other.walls_touched, other.robots_touched) == (0, 1)
     for _ in range(3):
         tell(hub, Twist(-0.1, 0.0, 0.0), "robot2")
         run(simulation, 0.1)
     for _ in range(10):
         tell(hub, Twist(1.0, 0.0, 0.0), "robot2")
         run(simulation, 0.1)
-    assert other.touches.robots == 2
+    assert other.robots_touched == 2
     said = simulation.summary()["robots"]["robot1"]
     assert (said["walls_touched"], said["robots_touched"]) == (1, 0)
 
@@ -254,7 +255,7 @@ def test_its_nav2_goes_round_the_wall(model: str) -> None:
             break
     assert client.going is Going.THERE
     assert math.dist((one.pose.x, one.pose.y), (8.0, 5.0)) < 0.3
-    assert one.touches.walls == 0
+    assert one.walls_touched == 0
 
 
 def test_its_nav2_gives_up_where_there_is_no_way() -> None:

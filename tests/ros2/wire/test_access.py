@@ -19,8 +19,9 @@ from fogwatch.robot_router import FILE, make_robot_router
 from patrol.errors import BadInput
 from patrol.net.link import LinkDown
 from patrol.pose import Pose
-from ros2.doctor import Wanted, examine, survey
-from ros2.robot.localisation import Source
+from ros2.doctor import examine, survey
+from ros2.robot.localisation import LocalisationSettings, Source
+from ros2.robot.options import DriveSettings
 from ros2.wire.access import COMMAND_HZ, agent_rights, robot_router, viewer_rights
 from ros2.wire.formats import Bridge, Format, RmwZenoh
 from ros2.wire.goals import GoalClient, GoalServer, Going
@@ -149,7 +150,7 @@ def test_the_doctor_sees_through_the_lock_with_the_agent_s_credentials(fleet: Fl
         driving = threading.Thread(target=drive)
         driving.start()
         try:
-            wanted = Wanted(localisation=Source.ODOMETRY)
+            wanted = DriveSettings(localisation=LocalisationSettings(Source.ODOMETRY))
             topics = {"/robot1/odom", "/robot1/cmd_vel", "/map"}
             r1 = site.member("r1")
             end = time.monotonic() + PATIENCE_S
@@ -247,7 +248,7 @@ def test_rights_are_as_narrow_as_they_can_be() -> None:
     assert bridged.announce == tuple(f"{key}/@adv/**" for key in bridged.publish)
 
 
-@pytest.mark.parametrize("form", [RmwZenoh(), RmwZenoh(4, hashed=False), Bridge(), Bridge("fleet")], ids=str)
+@pytest.mark.parametrize("form", [RmwZenoh(), RmwZenoh(4, hashed=False), Bridge()], ids=str)
 def test_one_rule_alone_makes_a_command_rare(form: Format) -> None:
     """Zenoh's issue 2200: of several rules of downsampling for a key, any one may hold."""
     commands = ("cmd_vel", "ackermann_cmd", "cmd_vel/stamped", "base/cmd_vel")

@@ -7,8 +7,8 @@ from ros2.wire.mailbox import Ear, Received, RosMailbox
 from tests.routers import PATIENCE_S
 
 
-def received(message: int, sender: bytes = b"") -> Received[int]:
-    return Received(message, float(message), sender=sender)
+def received(message: int) -> Received[int]:
+    return Received(message, float(message))
 
 
 def test_the_newest_stays_and_what_is_old_makes_room() -> None:
@@ -17,7 +17,7 @@ def test_the_newest_stays_and_what_is_old_makes_room() -> None:
     assert mailbox.newest is None
     for number in range(5):
         mailbox.put(received(number))
-    assert (mailbox.received, mailbox.passed_over) == (5, 3)
+    assert mailbox.received == 5
     taken = [mailbox.take(), mailbox.take(), mailbox.take(0.01)]
     assert [one.message if one else None for one in taken] == [3, 4, None]
     assert mailbox.newest is not None
@@ -40,16 +40,6 @@ def test_what_is_refused_is_counted_and_said_once() -> None:
     assert mailbox.refused["hash"] == 100
     assert mailbox.said["hash"] == "line 0"
     assert len(mailbox.said) == 16
-
-
-def test_senders_are_told_apart_up_to_a_limit() -> None:
-    mailbox: RosMailbox[int] = RosMailbox()
-    for number in range(100):
-        mailbox.put(received(number, bytes([number % 3])))
-    assert mailbox.senders == 3
-    for number in range(100):
-        mailbox.put(received(number, bytes([number])))
-    assert mailbox.senders == 16
 
 
 class Payload(bytes):

@@ -21,7 +21,6 @@ from ros2.wire.names import (
     dds_name,
     entity_of,
     full_name,
-    qos_of,
     ros_name,
 )
 
@@ -74,7 +73,6 @@ def test_keys_are_those_of_the_design_text() -> None:
 
 def test_the_bridge_s_keys_are_names() -> None:
     assert Bridge().key("/robot1/cmd_vel", "geometry_msgs/msg/Twist") == "robot1/cmd_vel"
-    assert Bridge("/fleet/robot1/").heard("/odom") == "fleet/robot1/odom"
     assert Bridge().service_key("/add_two_ints", ADD_TYPE) == "add_two_ints"
 
 
@@ -115,23 +113,16 @@ def test_an_id_stands_for_one_entity() -> None:
         (USUAL, "::,10:,:,:,,"),
         (LATCHED, ":1:,1:,:,:,,"),
         (SENSOR, "2::,5:,:,:,,"),
-        (Qos(depth=0), "::,:,:,:,,"),
-        (Qos(keep_all=True, depth=3), "::2,3:,:,:,,"),
     ],
 )
 def test_quality_of_service(qos: Qos, text: str) -> None:
     assert qos.text == text
-    read = qos_of(text)
-    assert read is not None
-    assert (read.reliable, read.latched, read.keep_all) == (qos.reliable, qos.latched, qos.keep_all)
-    assert read.depth == (qos.depth or 42)
 
 
 @given(st.text(alphabet="@ros2_lv/MPNSC%:,0123abc\x1b ", max_size=120) | st.text(max_size=60))
 def test_any_token_is_read_or_is_none(token: str) -> None:
     entity_of(token)
     entity_of(f"@ros2_lv/0/a/0/1/MP/%/%/n/%t/a::msg::dds_::B_/h/{token}")
-    qos_of(token)
 
 
 @pytest.mark.parametrize(

@@ -81,4 +81,3 @@ def test_a_link_that_can_hear_no_more_says_so_and_raises_the_error_when_it_is_cl
     with pytest.raises(KeyError):
         link.close(PATIENCE_S)
     assert said == ["it hears ROS no more: KeyError: 'publisher_gid'"]
-    assert not link.connected

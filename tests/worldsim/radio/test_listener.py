@@ -17,13 +17,13 @@ from patrol.prepare import prepare
 from patrol.radio.message import Position, encode
 from patrol.scenario import load_scenario
 from patrol.security.keys import FleetKeys
-from tests.worldsim.verdict.judged import result_of
+from tests.worldsim.checks.judged import result_of
+from worldsim.checks.check import CheckResult
+from worldsim.checks.journal import DirectLinks
 from worldsim.output.record import header_of
 from worldsim.output.traffic import as_measured
 from worldsim.radio.listener import LAST_REPORTS_S, Listener
 from worldsim.run_record import COMPLETED, MemoryJournal
-from worldsim.verdict.common.check import CheckResult
-from worldsim.verdict.frames.direct_links import DirectLinks
 from worldsim.world import World
 
 KEYS = FleetKeys("f")

@@ -16,7 +16,7 @@ from patrol.errors import BadInput
 from patrol.scenario import Scenario, dump_scenario, load_scenario, scenario_hash
 from patrol.scenario.load import keep_scenario
 from patrol.scenario.radio_spec import PathLossOptions
-from tests.worldsim.verdict.judged import change, failures
+from tests.worldsim.checks.judged import change, failures
 from worldsim.radio.models import Ideal, ModelSetup, model_class, model_named, model_of
 from worldsim.verdict.judge import judge
 

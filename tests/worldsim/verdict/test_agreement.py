@@ -6,8 +6,8 @@ from typing import Any
 
 import pytest
 
+from worldsim.checks.check import TAGS_NOT_JUDGED
 from worldsim.verdict.agreement import WALL_TIMES, differences, missing, not_repeated
-from worldsim.verdict.common.check import TAGS_NOT_JUDGED
 
 WARNED = "r1 is slow"
 

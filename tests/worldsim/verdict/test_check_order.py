@@ -8,7 +8,7 @@ import pytest
 
 from patrol.random import draw
 from tests.worldsim.verdict.test_judge import change, moved
-from worldsim.verdict.common.check import CheckResult
+from worldsim.checks.check import CheckResult
 from worldsim.verdict.judge import CHECKS, judge
 
 if TYPE_CHECKING:

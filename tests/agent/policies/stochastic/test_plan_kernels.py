@@ -12,7 +12,6 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from agent.kernels.plan import compare, improve
-from agent.policies.joint_plan import Inputs
 
 Whole = NDArray[np.int64]
 NOT_PINNED = np.zeros(8, dtype=np.bool_)
@@ -28,7 +27,7 @@ class Fleet:
     near: Whole
 
     @property
-    def inputs(self) -> Inputs:
+    def inputs(self) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], Whole]:
         return self.leads, self.apart, self.ages, self.near
 
     def cost(self, routes: Whole, counts: Whole) -> float:

@@ -1,0 +1,389 @@
+"""The verdict's checks of when frames arrive, and how often they are lost, copied and delayed, by docs/faults.md."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter, defaultdict
+from collections.abc import Iterable, Iterator, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from patrol.faults.kinds import FRAME_KINDS, Delay, Duplicate, Loss, Reorder, Wait
+from patrol.journal.links import drops_of, places_of
+from patrol.journal.records import FORGED, MAX_TICKS, sent_at
+from worldsim.checks.chance import FAMILY, Series
+from worldsim.checks.check import Check, on_link
+from worldsim.checks.fates import BEFORE_THE_AIR, airborne, arrived, fault_of, kind_of, sent_links
+
+if TYPE_CHECKING:
+    from patrol.journal.links import Drops, Links
+    from patrol.journal.records import TickRecord
+    from worldsim.checks.check import JudgedRun
+    from worldsim.faults import Entry, Timeline
+    from worldsim.radio.ether import Link
+
+SOON = 0.2
+"""A frame that takes at most this share of a step is heard in its own tick."""
+
+_NEVER = 2**31 - 1
+"""Above the index of every fault."""
+
+Span = tuple[float, float]
+"""The least and the most, in s or ticks; the most may be infinite."""
+
+Row = tuple[int, int, int, str]
+"""(source, destination, sequence, fault)."""
+
+
+class OnTime(Check):
+    """Each frame arrives when the faults of its tick let it; in its own tick, and once, where none acts on it.
+
+    A fault that delayed it by the journal must be able to: a delay within its bounds, a reorder by its `hold`. A copy
+    takes as long as the frame, and its own delay more.
+    """
+
+    name = "on time"
+    kinds = (Delay, Duplicate, Reorder)
+
+    def __init__(self, run: JudgedRun) -> None:
+        super().__init__(run)
+        self._due: dict[Link, list[Span]] = {}
+        self._last: dict[float, list[Link]] = defaultdict(list)
+        self._arrived = 0
+
+    @classmethod
+    def applies(cls, run: JudgedRun) -> bool:
+        """Return True if the world carried the frames and there is any fault of the radio."""
+        return run.by_ether and any(entry.fault.kind in FRAME_KINDS for entry in run.timeline.entries)
+
+    def _tick(self, record: TickRecord) -> None:
+        entries = self._active(record.k)
+        landed = arrived(record)
+        self._arrived += len(landed)
+        if not entries and not self._due:
+            self._at_once(record, landed)
+            return
+        self._expect(record, entries)
+        for link in landed:
+            self._land(link, record.k)
+        for link in self._last.pop(record.k, ()):
+            if any(last <= record.k for _, last in self._due.get(link, ())):
+                self._wrong(link, f"should have arrived by tick {record.k}")
+
+    def _end(self) -> str:
+        return f"{self._arrived} frames arrived in time"
+
+    def _at_once(self, record: TickRecord, landed: Links) -> None:
+        """Judge a tick in which nothing is delayed, copied or in flight."""
+        places = places_of(landed)
+        if places is None or (landed.sequence != record.k).any() or (np.diff(np.sort(places)) == 0).any():
+            for link, times in Counter(landed).items():
+                if sent_at(link[2]) != record.k:
+                    self._wrong(link, f"arrived in tick {record.k}")
+                elif times > 1:
+                    self._wrong(link, f"arrived {times} times")
+        for row in (*record.copies, *record.delayed):
+            self._wrong(row[:3], f"was copied or delayed by {row[3]}, which is not active")
+
+    def _expect(self, record: TickRecord, entries: Sequence[Entry]) -> None:
+        """Note the ticks in which the frames of a tick may arrive."""
+        delayed, copied = _by_link(record.delayed), _by_link(record.copies)
+        for origin, link in airborne(record, self._run.forgers):
+            on = {entry.id: entry for entry in entries if on_link(entry, origin, link[1])}
+            holders = delayed.pop(link, [])
+            takes = self._takes(link, on, holders)
+            spans = [takes]
+            copies = copied.pop(link, [])
+            for fault in copies:
+                entry = on.get(fault)
+                if entry is None or not isinstance(entry.fault, Duplicate) or copies.count(fault) > 1:
+                    self._wrong(link, f"was copied by {fault}, which does not copy it")
+                    continue
+                extra = (0.0, 0.0) if entry.fault.delay is None else bounds(entry.fault.delay)
+                spans.append((takes[0] + extra[0], takes[1] + extra[1]))
+            soonest = record.k + bool(holders)
+            ticks = [
+                (self._heard_in(record.k, shortest), self._heard_in(record.k, longest)) for shortest, longest in spans
+            ]
+            self._due[link] = [(max(first, soonest), last) for first, last in ticks]
+            for _, last in self._due[link]:
+                if last < math.inf:
+                    self._last[last].append(link)
+        for link in (*delayed, *copied):
+            self._wrong(link, "was copied or delayed, but was not in flight")
+
+    def _takes(self, link: Link, on: dict[str, Entry], delayers: Sequence[str]) -> Span:
+        """Return the least and the longest time (s) of a frame that, by the journal, these faults delayed, or none."""
+        lowest = greatest = 0.0
+        for fault, entry in on.items():
+            if isinstance(entry.fault, Delay):
+                shortest, longest = bounds(entry.fault.delay)
+                lowest, greatest = lowest + shortest, greatest + longest
+            elif isinstance(entry.fault, Reorder):
+                hold = self._step if entry.fault.hold is None else entry.fault.hold
+                # The journal does not name the reorders of a frame that arrived in its own tick.
+                lowest += hold * (fault in delayers)
+                greatest += hold * (fault in delayers or not delayers)
+        for fault in delayers:
+            if fault not in on or isinstance(on[fault].fault, Duplicate):
+                self._wrong(link, f"was delayed by {fault}, which does not delay it")
+        if delayers and self._heard_in(0, greatest) < 1:
+            self._wrong(link, "was recorded as delayed, but by too little to arrive in a later tick")
+        if not delayers and self._heard_in(0, lowest) > 0:
+            self._wrong(link, "was not delayed and should have been")
+        at_once_s = SOON * self._step
+        return (max(lowest, at_once_s), greatest) if delayers else (lowest, min(greatest, at_once_s))
+
+    def _heard_in(self, k: int, seconds: float) -> float:
+        """Return the tick in which a frame is heard that was sent in tick k and takes a time in seconds."""
+        if math.isinf(seconds):
+            return math.inf
+        return k + max(0, math.ceil((seconds - SOON * self._step) / self._step - 1e-9))
+
+    def _land(self, link: Link, k: int) -> None:
+        """Match an arriving copy of a frame to the span that is open now and closes first."""
+        spans = self._due.get(link, [])
+        fitting = [span for span in spans if span[0] <= k]
+        if not fitting:
+            first = min((first for first, _ in spans), default=None)
+            late = "once too often" if first is None else f"and should not have before tick {first:g}"
+            self._wrong(link, f"arrived in tick {k} {late}")
+            return
+        spans.remove(min(fitting, key=lambda span: span[1]))
+        if not spans:
+            del self._due[link]
+
+    def _wrong(self, link: Link, problem: str) -> None:
+        self._fail(f"frame {link[2]} {self._way(link)} {problem}")
+
+
+class ShareCheck(Check):
+    """A check of how often faults act on frames, as far as chance allows (`chance.py`).
+
+    A subclass counts in `_series`, by the indices of its faults, and says in `_details` what it found.
+    """
+
+    of_ether = True
+
+    def __init__(self, run: JudgedRun) -> None:
+        super().__init__(run)
+        self._series: dict[int, list[Series]] = {}
+        self._alarm = alarm_of(run.timeline)
+
+    def _add(self, entry: Entry, p: float, what: str) -> None:
+        """Begin to count how often a fault acts; `p` is its probability."""
+        words, expected = f"{entry.id}: {{hits}} of {{draws}} {what}", f", {100.0 * p:.4g} % configured"
+        self._series.setdefault(entry.index, []).append(Series(p, words, expected))
+
+    def _details(self) -> Iterator[str]:
+        """Say what was counted; nothing where no fault acts by chance."""
+        return (series.found() for of_fault in self._series.values() for series in of_fault)
+
+    def _end(self) -> str:
+        counted = [series for of_fault in self._series.values() for series in of_fault]
+        self._fail("; ".join(filter(None, (series.problem(self._alarm) for series in counted))))
+        details = "; ".join(self._details())
+        if not details:
+            self._unknown = "none of these faults is random"
+        elif not any(series.is_told(self._alarm) for series in counted):
+            self._unknown = f"{details}; too few to judge"
+        return details
+
+
+class LossesAsAsked(ShareCheck):
+    """Frames are lost as often as the faults say, and in bursts as long.
+
+    A fault without bursts is one series of draws, one for each frame that got as far as it. A fault with bursts is
+    three: from one tick to the next on the same link, from good to bad, and from bad to good; and which links are bad
+    when it begins.
+    """
+
+    name = "losses"
+    kinds = (Loss,)
+
+    def __init__(self, run: JudgedRun) -> None:
+        super().__init__(run)
+        self._index = {entry.id: entry.index for entry in run.timeline.entries}
+        self._frames: Counter[int] = Counter()
+        self._lost: Counter[int] = Counter()
+        # The last tick of each link, and whether it was bad then, by the index of the fault.
+        self._bad: dict[int, dict[tuple[int, int], tuple[int, bool]]] = defaultdict(dict)
+        for entry in self._entries:
+            assert isinstance(entry.fault, Loss)
+            rate = entry.fault.rate
+            if entry.fault.mean_burst is None:
+                self._add(entry, rate, "frames were lost")
+                continue
+            recovers = 1.0 / entry.fault.mean_burst
+            self._add(entry, min(rate * recovers / (1.0 - rate), 1.0), "good ticks turned bad")
+            self._add(entry, recovers, "bad ticks turned good")
+            self._add(entry, rate, "links were bad to begin with")
+
+    def _details(self) -> Iterator[str]:
+        for entry in self._entries:
+            lost, frames = self._lost[entry.index], self._frames[entry.index]
+            share = f"{100.0 * lost / frames:.1f} % of {frames} frames lost" if frames else "no frames"
+            yield f"{entry.id}: {share}"
+
+    def _tick(self, record: TickRecord) -> None:
+        entries = self._active(record.k)
+        if not entries:
+            return
+        sent, dropped = sent_links(record), drops_of(record.dropped)
+        now = (dropped.sequence % (MAX_TICKS + 1) == record.k) & (dropped.source != FORGED)
+        stop = np.array([self._stop(why) for why in dropped.causes], dtype=np.int64)[dropped.cause]
+        for entry in entries:
+            reached = _between(entry, sent) & (sent.source != FORGED)
+            on = now & _between(entry, dropped)
+            before, lost = on & (stop < entry.index), on & (stop == entry.index)
+            frames, hits = int(np.count_nonzero(reached) - np.count_nonzero(before)), int(np.count_nonzero(lost))
+            self._frames[entry.index] += frames
+            self._lost[entry.index] += hits
+            series = self._series[entry.index]
+            if len(series) == 1:
+                series[0].draws += frames
+                series[0].hits += hits
+                continue
+            # All frames of a tick share a link's fate, so the first of each sender tells it.
+            first = dropped.sequence == record.k
+            bad = _ends(dropped, lost & first)
+            for link in _ends(sent, reached & (sent.sequence == record.k)) - _ends(dropped, before & first):
+                self._turn(entry, record.k, link, link in bad)
+
+    def _stop(self, cause: str) -> int:
+        """Return the index of the loss that is a cause; below all of them where a frame never got as far as a loss."""
+        if kind_of(cause) in BEFORE_THE_AIR:
+            return -1
+        return self._index.get(fault_of(cause), _NEVER) if kind_of(cause) == "loss" else _NEVER
+
+    def _turn(self, entry: Entry, k: int, link: tuple[int, int], is_bad: bool) -> None:
+        """Count how a link has turned since the tick before."""
+        to_bad, to_good, first = self._series[entry.index]
+        before = self._bad[entry.index].get(link)
+        self._bad[entry.index][link] = k, is_bad
+        if k == entry.begin:
+            first.add(is_bad)
+        if before is not None and before[0] == k - 1:
+            (to_good if before[1] else to_bad).add(is_bad != before[1])
+
+
+class DelaysAsAsked(ShareCheck):
+    """Frames are copied, held back and delayed as often as the faults say.
+
+    Counted are reorders whose `hold` alone makes a frame late, and for random delays, of frames that nothing else
+    delays or copies, how many are still in flight after about the median. Such a frame counts when that time is over,
+    also if it arrived sooner: else the last ticks would add early frames, and no late ones.
+    """
+
+    name = "delays and copies"
+    kinds = (Delay, Duplicate, Reorder)
+
+    def __init__(self, run: JudgedRun) -> None:
+        super().__init__(run)
+        step = run.step
+        self._patience: dict[int, int] = {}
+        for entry in self._entries:
+            fault = entry.fault
+            if isinstance(fault, Duplicate):
+                self._add(entry, fault.rate, "frames were copied")
+            elif isinstance(fault, Reorder) and (step if fault.hold is None else fault.hold) > (SOON + 1e-6) * step:
+                self._add(entry, fault.rate, "frames were held back")
+            elif isinstance(fault, Delay) and bounds(fault.delay)[0] < bounds(fault.delay)[1]:
+                ticks = math.floor(_median(fault.delay) / step)
+                self._patience[entry.index] = ticks
+                self._add(entry, longer(fault.delay, (ticks + SOON) * step), f"frames took longer than {ticks} ticks")
+        self._awaited: set[Link] = set()
+        self._until: dict[int, list[tuple[Link, Series]]] = defaultdict(list)
+
+    def _tick(self, record: TickRecord) -> None:
+        entries = self._active(record.k)
+        if any(entry.index in self._series for entry in entries):
+            befell = {*record.copies, *record.delayed}
+            copied = {row[:3] for row in record.copies}
+            for origin, link in airborne(record, self._run.forgers):
+                on = [entry for entry in entries if on_link(entry, origin, link[1])]
+                for entry in on:
+                    if entry.index in self._series and not isinstance(entry.fault, Delay):
+                        self._series[entry.index][0].add((*link, entry.id) in befell)
+                if link not in copied:
+                    self._await(on, link, record.k)
+        self._awaited.difference_update(arrived(record))
+        for link, series in self._until.pop(record.k, ()):
+            series.add(link in self._awaited)
+            self._awaited.discard(link)
+
+    def _await(self, on: Iterable[Entry], link: Link, k: int) -> None:
+        """Look for a frame when the median delay is over, if a random delay is the only fault that acts on it."""
+        holding = [entry.index for entry in on if not isinstance(entry.fault, Duplicate)]
+        if len(holding) == 1 and holding[0] in self._patience:
+            self._awaited.add(link)
+            self._until[k + self._patience[holding[0]]].append((link, self._series[holding[0]][0]))
+
+
+def alarm_of(timeline: Timeline) -> float:
+    """Return the probability of a false alarm for each series of draws: `FAMILY`, shared equally."""
+    series = sum(
+        3 if isinstance(entry.fault, Loss) and entry.fault.mean_burst is not None else 1
+        for entry in timeline.entries
+        if isinstance(entry.fault, Loss | Delay | Duplicate | Reorder)
+    )
+    return FAMILY / max(series, 1)
+
+
+def bounds(wait: Wait) -> Span:
+    """Return the least and the greatest length of a wait, s."""
+    first, *parameters = wait.values
+    match wait.shape:
+        case "constant":
+            return first, first
+        case "uniform":
+            return first, parameters[0]
+        case "normal" if parameters[0] == 0.0:
+            return first, first
+    return 0.0, (math.inf if first > 0.0 or wait.shape == "normal" else 0.0)
+
+
+def longer(wait: Wait, seconds: float) -> float:
+    """Return the probability that a random wait is longer than a time of 0 s or more.
+
+    The wait's distribution must not be constant.
+    """
+    first, *parameters = wait.values
+    match wait.shape:
+        case "uniform":
+            return min(max((parameters[0] - seconds) / (parameters[0] - first), 0.0), 1.0)
+        case "normal":
+            return 0.5 * math.erfc((seconds - first) / (parameters[0] * math.sqrt(2.0)))
+    return math.exp(-seconds / first)
+
+
+def _median(wait: Wait) -> float:
+    """Return the median of a wait, s."""
+    first, *parameters = wait.values
+    match wait.shape:
+        case "uniform":
+            return 0.5 * (first + parameters[0])
+        case "exponential":
+            return first * math.log(2.0)
+    return first
+
+
+def _between(entry: Entry, links: Links | Drops) -> NDArray[np.bool_]:
+    """Mark the links that a fault acts on."""
+    on: NDArray[np.bool_] = np.isin(links.source, entry.sources) & np.isin(links.destination, entry.targets)
+    return on
+
+
+def _ends(links: Links | Drops, of: NDArray[np.bool_]) -> set[tuple[int, int]]:
+    """Return the sources and destinations of some links."""
+    return set(zip(links.source[of].tolist(), links.destination[of].tolist(), strict=True))
+
+
+def _by_link(rows: Sequence[Row]) -> dict[Link, list[str]]:
+    """Return the faults of rows, by link."""
+    faults: dict[Link, list[str]] = defaultdict(list)
+    for source, to, sequence, fault in rows:
+        faults[source, to, sequence].append(fault)
+    return faults

@@ -1,0 +1,199 @@
+"""The ages of the ground of each zone in a run, and of ground while it was open to view, recomputed from the poses."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass, field
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from patrol.closures.open_ground import OpenAges
+from patrol.measures.zoned import MOST_LATER, best_weighted_s, zone_weights, zoned_ground
+from patrol.summary.model import ZoneFigures
+from patrol.zones.ground import points_of
+from patrol.zones.spec import ELSEWHERE, Weighing, weighing_at, zones_in_force
+from worldsim.checks.check import JournalReading
+from worldsim.checks.ground import GroundOpen, TrueFog
+
+if TYPE_CHECKING:
+    from patrol.journal import TickRecord
+    from worldsim.checks.check import JudgedRun
+
+Ages = NDArray[np.float64]
+"""(ticks,), s: the age of the stalest point of some ground in each tick, NaN where it does not count."""
+
+
+@dataclass(frozen=True, eq=False)
+class ZoneFacts:
+    """The figures of a run's zones."""
+
+    mfow_weighted_mean_s: float  # mean over all ticks of the greatest age times weight
+    mfow_weighted_late_mean_s: float  # the same over the second half
+    mfow_weighted_max_s: float  # the greatest of all ticks
+    best_weighted_s: float | None  # mean over all ticks on the best weighted tours; None if there are none at some time
+    # of each zone that weighs and was in force, by name, and of the ground in none of them
+    zones: dict[str, ZoneFigures]
+    ages_s: dict[str, Ages]  # of each of these; not in the summary
+
+
+@dataclass(frozen=True, eq=False)
+class OpenFacts:
+    """The figures of a run with closures."""
+
+    mfow_open_mean_s: float  # mean over all ticks of the greatest open age
+    mfow_open_late_mean_s: float  # the same over the second half
+    mfow_open_max_s: float  # the greatest open age of all ticks
+    closed_out_share: float  # share of ground times time that was closed out
+    ages_s: Ages  # greatest open age in each tick; not in the summary
+    zones_s: dict[str, Ages]  # the same by zone with a wanted age; not in the summary
+
+    def figures(self) -> dict[str, float]:
+        """Return what the summary has of it."""
+        return {name: value for name, value in vars(self).items() if name not in ("ages_s", "zones_s")}
+
+
+@dataclass(slots=True)
+class _Part:
+    """A part of the ground."""
+
+    points: NDArray[np.int64]  # flat indices
+    # age of its stalest point in each tick, ticks; NaN where it does not count
+    stalest: list[float] = field(default_factory=list)
+    mean: float = 0.0  # sum over these ticks of the mean age, ticks
+
+
+class ZoneAges(JournalReading):
+    """The ages of the ground of each zone, and the weighted MFoW, tick by tick."""
+
+    def __init__(self, run: JudgedRun) -> None:
+        super().__init__(run)
+        prepared = run.prepared
+        self._weighing = [zone for zone in prepared.scenario.zones if zone.weighs]
+        self._classes = lru_cache(maxsize=MOST_LATER)(self._find_classes)
+        self._bests: dict[Weighing, float | None] = {}
+        self._ticks: Counter[Weighing] = Counter()
+        self._fog = run.reading(TrueFog).fog
+        self._weights = zone_weights(prepared)
+        self._wanted = {zone.name: zone.age for zone in prepared.scenario.zones}
+        self._weighted: list[float] = []
+        elsewhere = prepared.patrolled.copy()
+        self._parts: dict[str, _Part] = {}
+        for zone in self._weighing:
+            points = points_of(zone, prepared.terrain)
+            elsewhere &= ~points
+            self._parts[zone.name] = _Part(np.flatnonzero(prepared.patrolled & points))
+        if elsewhere.any():
+            self._parts[ELSEWHERE] = _Part(np.flatnonzero(elsewhere))
+
+    @classmethod
+    def applies(cls, run: JudgedRun) -> bool:
+        """Return True if some zone has a weight or a wanted age."""
+        return any(zone.weighs for zone in run.prepared.scenario.zones)
+
+    def tick(self, record: TickRecord) -> None:
+        """Look at the fog after the tick's observations."""
+        last_seen = self._fog.last_seen.reshape(-1)
+        weighing = weighing_at(self._weighing, record.k * self._step)
+        names = dict(weighing)
+        self._weights |= {name: weight for name, weight in weighing if weight is not None}
+        if weighing not in self._bests:
+            self._bests[weighing] = best_weighted_s(self._run.prepared, weighing)
+        self._ticks[weighing] += 1
+        ages = ((weight, record.k - max(int(last_seen[points].min()), 0)) for weight, points in self._classes(weighing))
+        self._weighted.append(max(weight * age for weight, age in ages))
+        for name, part in self._parts.items():
+            if name not in names and name != ELSEWHERE:
+                part.stalest.append(np.nan)
+                continue
+            ticks = np.maximum(last_seen[part.points], 0)
+            part.stalest.append(record.k - int(ticks.min()))
+            part.mean += record.k - float(ticks.mean())
+
+    def facts(self) -> ZoneFacts | None:
+        """Return the figures; None before the first tick."""
+        ticks, step = len(self._weighted), self._step
+        if not ticks:
+            return None
+        parts = {name: part for name, part in self._parts.items() if not np.isnan(part.stalest).all()}
+        return ZoneFacts(
+            mfow_weighted_mean_s=float(np.mean(self._weighted)) * step,
+            mfow_weighted_late_mean_s=float(np.mean(self._weighted[ticks // 2 :])) * step,
+            mfow_weighted_max_s=max(self._weighted) * step,
+            best_weighted_s=self._best_weighted_s(),
+            zones={name: self._figures(name, part) for name, part in parts.items()},
+            ages_s={name: np.array(part.stalest) * step for name, part in parts.items()},
+        )
+
+    def _find_classes(self, weighing: Weighing) -> list[tuple[float, NDArray[np.int64]]]:
+        """Return the weights of the ground while some zones are in force, and the points of each."""
+        prepared = self._run.prepared
+        zoned = zoned_ground(prepared, weighing)
+        assert zoned is not None
+        return [(weight, np.flatnonzero(prepared.patrolled & (zoned.weights == weight))) for weight in zoned.classes]
+
+    def _best_weighted_s(self) -> float | None:
+        bests = {weighing: best for weighing, best in self._bests.items() if best is not None}
+        if len(bests) < len(self._bests):
+            return None
+        if len(bests) == 1:
+            return next(iter(bests.values()))
+        return sum(best * self._ticks[weighing] for weighing, best in bests.items()) / self._ticks.total()
+
+    def _figures(self, name: str, part: _Part) -> ZoneFigures:
+        wanted = self._wanted.get(name)
+        stalest = np.array(part.stalest)
+        ages = stalest[~np.isnan(stalest)] * self._step
+        return ZoneFigures(
+            weight=self._weights.get(name, 1.0),
+            area_m2=len(part.points) * self._run.prepared.terrain.point_area,
+            fog_mean_s=part.mean / len(ages) * self._step,
+            mfow_mean_s=float(ages.mean()),
+            mfow_late_mean_s=float(ages[len(ages) // 2 :].mean()),
+            mfow_max_s=float(ages.max()),
+            wanted_s=wanted,
+            kept_share=None if wanted is None else float(np.mean(ages <= wanted)),
+        )
+
+
+class AgesOpen(JournalReading):
+    """The ages of the ground while it was open to view, tick by tick."""
+
+    def __init__(self, run: JudgedRun) -> None:
+        super().__init__(run)
+        self._open_ground = run.reading(GroundOpen).open_ground
+        self._fog = run.reading(TrueFog).fog
+        self._ages = OpenAges(run.prepared.patrolled)
+        self._zones = [zone for zone in run.prepared.scenario.zones if zone.age is not None]
+        grounds = {z.name: points_of(z, run.prepared.terrain).reshape(-1)[self._ages.points] for z in self._zones}
+        self._grounds = {name: ground for name, ground in grounds.items() if ground.any()}
+        self._in_zones: dict[str, list[float]] = {name: [] for name in self._grounds}
+
+    @classmethod
+    def applies(cls, run: JudgedRun) -> bool:
+        """Return True if the scenario has closures."""
+        return bool(run.prepared.scenario.closures)
+
+    def tick(self, record: TickRecord) -> None:
+        """Look at the fog after the tick's observations."""
+        assert self._open_ground is not None
+        self._ages.tick(record.k, self._open_ground.closed_out, self._fog.last_seen)
+        in_force = zones_in_force(self._zones, record.k * self._step)
+        for name, ground in self._grounds.items():
+            self._in_zones[name].append(float(self._ages.now[ground].max()) if name in in_force else np.nan)
+
+    def facts(self) -> OpenFacts | None:
+        """Return the figures; None before the first tick."""
+        ages = np.array(self._ages.greatest) * self._step
+        if not ages.size:
+            return None
+        return OpenFacts(
+            mfow_open_mean_s=float(ages.mean()),
+            mfow_open_late_mean_s=float(ages[ages.size // 2 :].mean()),
+            mfow_open_max_s=float(ages.max()),
+            closed_out_share=float(np.mean(self._ages.closed_share)),
+            ages_s=ages,
+            zones_s={name: np.array(of_zone) * self._step for name, of_zone in self._in_zones.items()},
+        )

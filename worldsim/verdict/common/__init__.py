@@ -1,1 +1,0 @@
-"""The code that all checks of the verdict share."""
