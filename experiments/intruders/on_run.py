@@ -13,7 +13,7 @@ from experiments.intruders.infiltrator import Infiltrator
 from experiments.intruders.learned import Advance, Learned, Trials, Watched, learned_games
 from experiments.intruders.sightings import Sightings
 from experiments.intruders.standing import Successes, intruder_games
-from monitor.replay.replay import play
+from monitor.replay.replay import Watcher, play
 from monitor.replay.run import Run
 from patrol.errors import BadInput
 from patrol.graph import Graph
@@ -86,7 +86,7 @@ class Moving:
     prepare: Callable[[Game], None] = lambda _game: None  # called before the game is played, to add predictors
 
 
-class Looks:
+class Looks(Watcher):
     """Notes the sightings of each tick while a run is replayed; a `Watcher`."""
 
     def __init__(
@@ -103,9 +103,6 @@ class Looks:
     def before(self, k: int, fog: Fog, views: Sequence[View]) -> None:  # noqa: ARG002 - a Watcher gets it
         """See `Watcher`."""
         self.sightings.look(k, self._run.alive(k))
-
-    def after(self, k: int, fog: Fog) -> None:
-        """See `Watcher`."""
 
 
 def games_of(

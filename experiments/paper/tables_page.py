@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 
 from experiments.paper.orderings import Judged
-from experiments.paper.printed import Remark, paper
+from experiments.paper.printed import paper
 from experiments.paper.tables import (
     FAR_OFF,
     Cell,
@@ -127,7 +127,8 @@ def _far_off(comparisons: Sequence[TableComparison]) -> Iterator[str]:
         number = comparison.table.number
         for cell in comparison.cells:
             if cell.far_off:
-                remark = remark_on(number, cell, paper().remarks)
+                remarks = (each for each in paper().remarks if each.applies_to(number, cell.row, cell.column))
+                remark = next(remarks, None)
                 name = f"Table {number} {cell.row}, {comparison.table.columns_are} {cell.column} (x {cell.ratio:.2f})"
                 by_remark.setdefault(remark.says if remark else UNEXPLAINED, []).append(name)
     total = sum(cell.ratio is not None for comparison in comparisons for cell in comparison.cells)
@@ -135,11 +136,6 @@ def _far_off(comparisons: Sequence[TableComparison]) -> Iterator[str]:
     yield f"{sum(map(len, by_remark.values()))} of {total} cells."
     for reason, names in by_remark.items():
         yield f"- {reason}: {'; '.join(names)}."
-
-
-def remark_on(number: int, cell: Cell, remarks: Sequence[Remark]) -> Remark | None:
-    """Return the first remark about a cell of a table, given by its number, or None."""
-    return next((remark for remark in remarks if remark.applies_to(number, cell.row, cell.column)), None)
 
 
 def _orderings(judged: Sequence[Judged]) -> Iterator[str]:

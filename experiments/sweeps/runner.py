@@ -110,16 +110,15 @@ def _make(
 
     warm(PACKAGES, say, SELDOM)
     settings = {run.key: dict(run.settings) for run in todo}
+    tasks: list[Task] = [
+        {"key": run.key, "case": run.case, "seed": run.seed, "scenario": as_mapping(run.scenario), "games": run.games}
+        for run in todo
+    ]
     with workers:
         if observer is not None:
             observer.begin(todo, done, min(workers.size, len(todo)))
-        for answer in workers.work([_task(run) for run in todo]):
+        for answer in workers.work(tasks):
             result = RunResult(**answer, settings=settings[answer["key"]])
             results.add(result)
             if observer is not None:
                 observer.result(result)
-
-
-def _task(run: Run) -> Task:
-    scenario = as_mapping(run.scenario)
-    return {"key": run.key, "case": run.case, "seed": run.seed, "scenario": scenario, "games": run.games}

@@ -163,7 +163,9 @@ class Hub:
             return
         _, ready = self._viewers_and_ready()
         self._update_maps(ready)
-        self._send(ready)
+        for viewer in ready:
+            if messages := self._new_messages(viewer, self._state):
+                viewer.post(messages)
 
     def _viewers_and_ready(self) -> tuple[list[Viewer], list[Viewer]]:
         """Return the open pages, and those of them that are ready. Maps that no page shows are dropped.
@@ -185,11 +187,6 @@ class Hub:
                 if layer not in self._maps:
                     self._maps[layer] = TiledMap(layer_number(layer), now.shape)
                 self._maps[layer].update(now, self.source.tick(layer))
-
-    def _send(self, ready: list[Viewer]) -> None:
-        for viewer in ready:
-            if self._state is not None and (messages := self._new_messages(viewer, self._state)):
-                viewer.post(messages)
 
     def _drop_hidden(self, shown: set[Layer]) -> None:
         """Drop the maps that no page shows; when shown again they are sent as a whole."""
@@ -250,8 +247,9 @@ class Hub:
         if events:
             messages.append(events_message(events, viewer.events))
             viewer.events += len(events)
-            bands = bands_of(self.source.events(0), self.static.step, self._end_s(state))
-            messages.append(bands_message(bands))
+            # A fault in force is drawn up to the end of the run or, if that is unknown, to now.
+            end_s = (state.k if self.static.ticks is None else self.static.ticks) * self.static.step
+            messages.append(bands_message(bands_of(self.source.events(0), self.static.step, end_s)))
         series = self.source.series(viewer.ticks)
         if len(series.ticks):
             viewer.ticks = int(series.ticks[-1])
@@ -259,7 +257,3 @@ class Hub:
         if state.links is not None and state.k != viewer.links_k:
             viewer.links_k = state.k
             messages.append(links_message(state.links, state.k))
-
-    def _end_s(self, state: State) -> float:
-        """Return the time up to which a fault in force is drawn: the end of the run or, if unknown, now, s."""
-        return (state.k if self.static.ticks is None else self.static.ticks) * self.static.step

@@ -17,7 +17,7 @@ from monitor.kernels.tiles import KEEP, take_over
 from monitor.observation.source import Layer
 
 SIDE = 128
-"""Points along a tile's side."""
+"""Points along a tile's side; so few that the length of a run fits into its uint16."""
 
 TRUTH, HEARD, TERRAIN = 0, -1, -2
 PASSABLE, COUNTED = 1, 2

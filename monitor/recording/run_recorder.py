@@ -28,13 +28,13 @@ from numpy.typing import NDArray
 
 from monitor.recording import ros_messages as ros
 from monitor.recording.ros_file import RosFile
+from monitor.replay.replay import Watcher
 from monitor.replay.run import Run
 from monitor.replay.run_files import RECORDING, SCENARIO, check_out
 from patrol.errors import BadInput
 from patrol.files.untrusted import SCENARIO as SCENARIO_FILE
 from patrol.files.untrusted import read_untrusted
 from patrol.ground.fog import Fog
-from patrol.ground.footprint import View
 from patrol.journal.records import Event, Status
 from patrol.pose import Pose
 
@@ -58,7 +58,7 @@ RESERVED_NAMES = frozenset(
 """Names that no robot may have in a recording: the map's frame, topics, and other loggers."""
 
 
-class Recorder:
+class Recorder(Watcher):
     """Writes a recording while `monitor.replay.replay.play` replays the run; close() completes it.
 
     It writes to a temporary file, so a file with the final name is always complete.
@@ -81,9 +81,6 @@ class Recorder:
         self._area = int(np.count_nonzero(self._counted))
         self._events = {k: [e for e in run.events if e.k == k] for k in {event.k for event in run.events}}
         self._begin()
-
-    def before(self, k: int, fog: Fog, views: Sequence[View]) -> None:
-        """See `Watcher`; nothing to do."""
 
     def after(self, k: int, fog: Fog) -> None:
         """See `Watcher`; writes the tick."""

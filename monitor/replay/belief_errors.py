@@ -15,9 +15,10 @@ from numpy.typing import NDArray
 
 from monitor.observation.beliefs import GONE, BeliefFollower
 from monitor.observation.listener import Listener
+from monitor.replay.replay import Watcher
 from monitor.replay.run import Run
 from patrol.ground.fog import Fog
-from patrol.ground.footprint import Footprint, View
+from patrol.ground.footprint import Footprint
 from patrol.journal.records import Status, standing_after
 from patrol.prepare import inboxes_of
 
@@ -65,7 +66,7 @@ def chosen_robots(run: Run, work: int = WORK) -> tuple[int, ...]:
     return tuple(sorted(np.argsort(-missed, kind="stable")[:robot_limit].tolist()))
 
 
-class BeliefWatcher:
+class BeliefWatcher(Watcher):
     """Rebuilds beliefs from frames and deliveries while `monitor.replay.replay.play` replays the run."""
 
     def __init__(
@@ -96,9 +97,6 @@ class BeliefWatcher:
         self._ticks: list[int] = []
         self._mean: list[list[float]] = []
         self._mfow: list[list[float]] = []
-
-    def before(self, k: int, fog: Fog, views: Sequence[View]) -> None:
-        """See `Watcher`; beliefs follow from frames, so there is nothing to do."""
 
     def after(self, k: int, fog: Fog) -> None:
         """See `Watcher`; updates the beliefs and, at some ticks, compares them."""

@@ -59,7 +59,8 @@ class Player:
         self._asked_at = now()
         self._running = False
         self._autoplay = autoplay
-        self._pace = _pace_for(run.ticks * run.step) if autoplay else 1.0
+        whole_s = run.ticks * run.step
+        self._pace = next((pace for pace in PACES if whole_s <= pace * WHOLE_S), PACES[-1]) if autoplay else 1.0
         self._returned: tuple[int, bool, float] | None = None
         self._is_ahead = False
         """True if the last state had no links and traps because the journal was not read that far."""
@@ -260,10 +261,6 @@ def open_player(folder: Path, key: Path | None = None) -> Player:
     from monitor.replay.run import open_run
 
     return Player(open_run(folder, key), autoplay=True)
-
-
-def _pace_for(duration_s: float) -> float:
-    return next((pace for pace in PACES if duration_s <= pace * WHOLE_S), PACES[-1])
 
 
 def _since(tick: int, k: int, step: float) -> float | None:

@@ -22,18 +22,18 @@ MEMORY = 256 << 20
 
 
 class Watcher(Protocol):
-    """Receives each tick that `play` replays."""
+    """Receives each tick that `play` replays; a subclass may leave out what it does not need."""
 
-    def before(self, k: int, fog: Fog, views: Sequence[View]) -> None:
+    def before(self, k: int, fog: Fog, views: Sequence[View]) -> None:  # noqa: ARG002 - for those that need it
         """Take in a tick before its observations.
 
         `fog` is the true fog before them, and `views` are the footprints of the robots that take part.
         """
-        ...
+        return
 
-    def after(self, k: int, fog: Fog) -> None:
+    def after(self, k: int, fog: Fog) -> None:  # noqa: ARG002 - likewise
         """Take in a tick after its observations, with the true fog after them."""
-        ...
+        return
 
 
 def play(run: Run, watchers: Sequence[Watcher], footprint: Footprint | None = None) -> int | None:

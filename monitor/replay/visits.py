@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from monitor.kernels.visits import settle, visit
+from monitor.replay.replay import Watcher
 from patrol.ground.fog import Fog
 from patrol.ground.footprint import View
 
@@ -24,7 +25,7 @@ class Visits:
     never: NDArray[np.bool_]  # (h, w), patrolled points that no robot ever saw
 
 
-class VisitCounter:
+class VisitCounter(Watcher):
     """Computes the statistics while `monitor.replay.replay.play` replays the run."""
 
     def __init__(self, patrolled: NDArray[np.bool_], ticks: int) -> None:

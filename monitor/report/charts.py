@@ -93,7 +93,9 @@ def radio_chart(run: Run, bands: Sequence[Band]) -> Figure:
     """Draw the delivered share of the robots' frames over time, below the faults."""
     chart, axes, _ = _with_lanes(run, bands, 2.2)
     width = max(1, run.ticks // 240)
-    delivered, dropped = (_summed(counts, width) for counts in (run.links.delivered_in, run.links.dropped_in))
+    delivered, dropped = (
+        np.add.reduceat(counts, range(0, run.ticks, width)) for counts in (run.links.delivered_in, run.links.dropped_in)
+    )
     share = np.where(delivered + dropped > 0, delivered / np.maximum(delivered + dropped, 1), np.nan)
     times = (np.arange(len(share)) + 0.5) * width * run.step
     axes.plot(times, 100.0 * share, color=ACCENT)
@@ -318,10 +320,6 @@ def _legend(axes: Axes, rows: int) -> None:
         axes.set_ylim(low, high * 1.12)
     else:
         axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=10, borderaxespad=0.2)
-
-
-def _summed(counts: NDArray[np.int64], width: int) -> NDArray[np.int64]:
-    return np.add.reduceat(counts, np.arange(0, len(counts), width))
 
 
 def _percent(value: float) -> str:

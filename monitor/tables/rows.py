@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from monitor.replay.replay import play
+from monitor.replay.replay import Watcher, play
 from monitor.replay.visits import VisitCounter
 from monitor.tables.columns import EVENTS, FORGER, GROUND, LINKS, ROBOTS, TICKS, VISITS
 from patrol.energy.batteries import Batteries
@@ -24,7 +24,6 @@ if TYPE_CHECKING:
 
     from monitor.replay.run import Run
     from patrol.ground.fog import Fog
-    from patrol.ground.footprint import View
     from patrol.journal.records import RobotTick, TickRecord
 
 Row = tuple[object, ...]
@@ -252,16 +251,13 @@ def _event_rows(run: Run) -> list[Row]:
     ]
 
 
-class _ReplayShare:
-    """Says how far a replay is (`monitor.replay.replay.Watcher`), and keeps its fog."""
+class _ReplayShare(Watcher):
+    """Says how far a replay is, and keeps its fog."""
 
     def __init__(self, ticks: int, share: Callable[[float], None]) -> None:
         self._ticks = ticks
         self._share = share
         self.fog: Fog | None = None
-
-    def before(self, k: int, fog: Fog, views: Sequence[View]) -> None:
-        """Do nothing."""
 
     def after(self, k: int, fog: Fog) -> None:
         """Say how far the replay is."""

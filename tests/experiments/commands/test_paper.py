@@ -149,5 +149,6 @@ def test_a_picture_that_cannot_be_written_is_bad_input(tmp_path: Path) -> None:
     setup = PaperSetup(0.5, 12.0, (1,))
     table = paper().table(7)
     plan = plan_of([table], {"": setup})
-    with pytest.raises(BadInput, match="choose another --out"):
-        table_picture(compare(table, setup, SweepOutcome(plan, {}, 0, 0.0)), [tmp_path / "absent" / "table_7.png"])
+    (tmp_path / "file").touch()
+    with pytest.raises(BadInput, match="choose another folder"):
+        table_picture(compare(table, setup, SweepOutcome(plan, {}, 0, 0.0)), [tmp_path / "file" / "table_7.png"])

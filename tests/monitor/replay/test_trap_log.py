@@ -87,7 +87,6 @@ def test_a_replay_says_it_after_a_jump_and_a_fleet_while_it_runs(
 
 def test_a_replay_says_it_by_itself_once_it_is_known(trapped: Seen, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("monitor.replay.run_log.BUDGET_S", -1.0)
-    monkeypatch.setattr("monitor.replay.run_log.BUDGET_S", math.inf)
     player = Player(trapped.open(), Wall())
     assert at(player, 380).robots[1].trapped is None
     state = next(state for _ in range(500) if (state := player.wait(1.0)) is not None)
