@@ -119,7 +119,7 @@ class CarBody(BodyBase):
         bearings: Iterable[float] = intent.bearings
         centre = view.ground.centre(*start)
         if intent.bend is not None and self.stand_off.keeps_happening(view.tick):
-            across, up = (there - here for there, here in zip(intent.bend, centre, strict=True))
+            across, up = (corner - here for corner, here in zip(intent.bend, centre, strict=True))
             bearings = chain((math.atan2(up, across),), bearings)
         strongest: tuple[float, Goal] | None = None
         for bearing in bearings:
@@ -132,12 +132,12 @@ class CarBody(BodyBase):
 
     def _approach(self, place: Place, view: View) -> Choice:
         """Return the way to a place, and parking there."""
-        found = way_of(place, view)
-        if found is None and not self._unstuck.active:
+        way = way_of(place, view)
+        if way is None and not self._unstuck.active:
             return self._proceed(place.state, view) or self._come_back(view)
-        if found is None:
+        if way is None:
             return self._drive(view, None, None, place.state)
-        spot, bend = found
+        spot, bend = way
         pose = view.pose
         if place.wander is not None and not view.bumped and not self._unstuck.active:
             aside = self._steering.turning(pose, place.wander, self.spec.speed)

@@ -210,16 +210,16 @@ class DifferentialBody(BodyBase):
 
     def _approach(self, place: Place, view: View) -> Choice:
         """Return a step towards a place, round others that are in the way."""
-        pose, start, found = view.pose, view.start, way_of(place, view)
-        if found is None or start is None:
+        pose, start, way = view.pose, view.start, way_of(place, view)
+        if way is None or start is None:
             return self._proceed(place.state, view) or self._come_back(view)
-        spot, bend = found
+        spot, bend = way
         bearing, goal = math.atan2(bend[1] - pose.y, bend[0] - pose.x), Goal(spot, bend)
         if math.dist((pose.x, pose.y), spot) < BARELY:
             return Choice(halted(self.spec.model), place.state, bearing, goal)
         if place.wander is not None:
             return Choice(self._steering.turning(pose, place.wander), place.state, place.wander)
-        if (command := self._manoeuvre(place, found, view)) is not None:
+        if (command := self._manoeuvre(place, way, view)) is not None:
             return Choice(command, place.state, bearing, goal)
         enough = CLEAR_SHARE * min(self.stride, math.dist((pose.x, pose.y), bend))
         targets = [bend, view.ground.centre(*start)]

@@ -91,16 +91,16 @@ class HolonomicBody(BodyBase):
         """
         pose, ground = view.pose, view.ground
         here, target = (pose.x, pose.y), view.point_of(spot)
-        farthest = at = bend
+        farthest = goal = bend
         for _ in range(math.ceil(self.stride / self._point)):
-            row, col = view.point_of(at)
-            if math.dist(here, at) >= self.stride or (row, col) == target or not ground.open_now[row, col]:
+            row, col = view.point_of(goal)
+            if math.dist(here, goal) >= self.stride or (row, col) == target or not ground.open_now[row, col]:
                 break
-            expected = round(100.0 * (2.0 * math.dist(at, spot) + self.stride) / self._point)
-            at = view.routes.way((row + 1, col + 1), (target[0] + 1, target[1] + 1), expected).bend
-            gets_there = self.straight.towards(pose, at)[1] >= min(self.stride, math.dist(here, at)) - BARELY
-            if gets_there and not self._is_closed_to(at, view):
-                farthest = at
+            expected = round(100.0 * (2.0 * math.dist(goal, spot) + self.stride) / self._point)
+            goal = view.routes.way((row + 1, col + 1), (target[0] + 1, target[1] + 1), expected).bend
+            gets_there = self.straight.towards(pose, goal)[1] >= min(self.stride, math.dist(here, goal)) - BARELY
+            if gets_there and not self._is_closed_to(goal, view):
+                farthest = goal
         return farthest
 
     def _is_closed_to(self, spot: Spot, view: View) -> bool:

@@ -134,9 +134,9 @@ class KeepingRight:
         self._own = self._own.after(view.tick, here, self._stride)
         before, self._others = self._others, {}
         for number, peer in view.peers.items():
-            place = peer.pose.x, peer.pose.y
-            was = before.get(number) or Motion(peer.sequence, peer.sequence, place)
-            self._others[number] = was.after(peer.sequence, place, self._strides[number])
+            spot = peer.pose.x, peer.pose.y
+            was = before.get(number) or Motion(peer.sequence, peer.sequence, spot)
+            self._others[number] = was.after(peer.sequence, spot, self._strides[number])
 
     def room(self, command: Command, view: View) -> float:
         """Return the share of a step that stays on this robot's side of a line between it and each other one.
@@ -144,13 +144,13 @@ class KeepingRight:
         Both robots find the same line, so two that do so never touch, whatever each of them does next.
         """
         free, x, y = SAMPLES, view.pose.x, view.pose.y
-        for number, other in self._others.items():
-            if math.dist((x, y), other.place) >= self._both(number) + self._stride + self._strides[number]:
+        for number, neighbour in self._others.items():
+            if math.dist((x, y), neighbour.place) >= self._both(number) + self._stride + self._strides[number]:
                 continue
-            across, up, most = self._side(number, other)
+            across, up, limit = self._side(number, neighbour)
             for sample in range(1, free + 1):
                 end = advance(view.pose, command, sample / SAMPLES * self._step)
-                if (end.x - x) * across + (end.y - y) * up > most:
+                if (end.x - x) * across + (end.y - y) * up > limit:
                     free = sample - 1
                     break
         return free / SAMPLES
@@ -161,23 +161,23 @@ class KeepingRight:
         The line is square to where the robots would be nearest to each other in the next step if both went on, or to
         where they are if they would touch. Each may go on as before if there is room for both, and half of the rest.
         """
-        own, both = self._own, self._both(number) + HEARD_M
-        x, y = other.place[0] - own.place[0], other.place[1] - own.place[1]
-        right, up = other.moved[0] - own.moved[0], other.moved[1] - own.moved[1]
+        own_motion, radii = self._own, self._both(number) + HEARD_M
+        x, y = other.place[0] - own_motion.place[0], other.place[1] - own_motion.place[1]
+        right, up = other.moved[0] - own_motion.moved[0], other.moved[1] - own_motion.moved[1]
         speed = right**2 + up**2
         when = min(max(-(x * right + y * up) / speed, 0.0), 1.0) if speed > 0.0 else 0.0
         across, along = x + when * right, y + when * up
-        if math.hypot(across, along) < both:
+        if math.hypot(across, along) < radii:
             across, along = x, y
         length = math.hypot(across, along)
         if length == 0.0:
             return 0.0, 0.0, 0.0
         across, along = across / length, along / length
-        gap = max(0.0, x * across + y * along - both)
-        mine = max(0.0, own.moved[0] * across + own.moved[1] * along)
-        others = max(0.0, -other.moved[0] * across - other.moved[1] * along)
-        rest = gap - mine - others
-        return across, along, mine + 0.5 * rest if rest >= 0.0 else gap * mine / (mine + others)
+        gap = max(0.0, x * across + y * along - radii)
+        mine = max(0.0, own_motion.moved[0] * across + own_motion.moved[1] * along)
+        their_share = max(0.0, -other.moved[0] * across - other.moved[1] * along)
+        spare = gap - mine - their_share
+        return across, along, mine + 0.5 * spare if spare >= 0.0 else gap * mine / (mine + their_share)
 
     def past(self, place: Place, view: View) -> Place | int:
         """Return a place with the way to it that leads past a robot which comes towards this one.
@@ -190,9 +190,9 @@ class KeepingRight:
             return place
         ground, point = view.ground, self._ground.terrain.point
         row, col = ground.terrain.nearest_point(place.x, place.y)
-        target, both = (row + 1, col + 1), self._both(meeting.other)
+        target, radii = (row + 1, col + 1), self._both(meeting.other)
         direct = view.routes.way(view.start, target, self._expected)
-        longest = direct.length + LONGER * both
+        longest = direct.length + LONGER * radii
         self._expected = math.ceil(100.0 * (longest + self._stride) / point)
         for discs in self._barriers(meeting, (view.pose.x, view.pose.y)):
             closed = Ground(self._ground.terrain, ground.open_now, ground)
@@ -213,37 +213,37 @@ class KeepingRight:
         ahead = math.dist((x, y), bend)
         if ahead == 0.0:
             return None
-        across, up = ((there - here) / ahead * self._stride for here, there in zip((x, y), bend, strict=True))
+        across, up = ((corner - here) / ahead * self._stride for here, corner in zip((x, y), bend, strict=True))
         meetings = []
-        for number, other in sorted(self._others.items()):
-            (other_x, other_y), (moved_x, moved_y) = other.place, other.moved
+        for number, neighbour in sorted(self._others.items()):
+            (other_x, other_y), (moved_x, moved_y) = neighbour.place, neighbour.moved
             apart_x, apart_y = other_x - x, other_y - y
             closer_x, closer_y = moved_x - across, moved_y - up
-            both, speed = self._both(number), closer_x**2 + closer_y**2
+            radii, speed = self._both(number), closer_x**2 + closer_y**2
             ticks = -(apart_x * closer_x + apart_y * closer_y) / speed if speed > 0.0 else 0.0
-            if not 0.0 < ticks <= LOOK_AHEAD + LOOK_AHEAD_BODIES * both / self._stride:
+            if not 0.0 < ticks <= LOOK_AHEAD + LOOK_AHEAD_BODIES * radii / self._stride:
                 continue
-            if math.hypot(apart_x + ticks * closer_x, apart_y + ticks * closer_y) < both + self._margin:
-                here, there = (
+            if math.hypot(apart_x + ticks * closer_x, apart_y + ticks * closer_y) < radii + self._margin:
+                here, corner = (
                     (x + ticks * across, y + ticks * up),
                     (other_x + ticks * moved_x, other_y + ticks * moved_y),
                 )
                 comes = apart_x * moved_x + apart_y * moved_y < 0.0
-                meetings.append(Meeting(ticks, number, here, there, comes))
+                meetings.append(Meeting(ticks, number, here, corner, comes))
         return min(meetings, key=lambda meeting: meeting.ticks, default=None)
 
     def _barriers(self, meeting: Meeting, here: Spot) -> Iterator[list[Disc]]:
         """Give what to close so that the way leads past another robot, best first."""
-        point, both = self._ground.terrain.point, self._both(meeting.other)
-        other = self._others[meeting.other]
-        now = other.place
+        point, radii = self._ground.terrain.point, self._both(meeting.other)
+        neighbour = self._others[meeting.other]
+        now = neighbour.place
         apart = math.dist(here, now)
-        if math.hypot(*other.moved) <= STILL * self._strides[meeting.other] or apart == 0.0:
-            yield [disc_round(now, here, both, point)]
+        if math.hypot(*neighbour.moved) <= STILL * self._strides[meeting.other] or apart == 0.0:
+            yield [disc_round(now, here, radii, point)]
             return
         left = -(now[1] - here[1]) / apart, (now[0] - here[0]) / apart
         half = 0.5 * (meeting.here[0] + meeting.there[0]), 0.5 * (meeting.here[1] + meeting.there[1])
-        for (x, y), radius in ((meeting.there, both), (half, self._radii[self._number])):
+        for (x, y), radius in ((meeting.there, radii), (half, self._radii[self._number])):
             shift = BARRIER_GAP * (radius + self._margin)
             centres = ((x + number * shift * left[0], y + number * shift * left[1]) for number in range(BARRIER))
             yield [disc_round(centre, here, radius, point) for centre in centres]

@@ -124,10 +124,10 @@ def wheel_moves(spec: RobotSpec, step: float, *, reverses: bool) -> Moves:
         if length > 0.0 or reverses:
             twist = Twist(speed, speed * curvature)
             moves.append(Move(twist, ticks, (slower * length, curvature, 0.0, cost)))
-    most = spec.speed / spec.radius * step
+    fastest = spec.speed / spec.radius * step
     for share in TURNS:
         turn = share * math.pi
-        needed = max(1, math.ceil(abs(turn) / most))
+        needed = max(1, math.ceil(abs(turn) / fastest))
         cost = stride * needed * TURNING
         moves.append(Move(Twist(0.0, turn / (needed * step)), needed, (0.0, 0.0, turn, cost)))
     return Moves(moves, turning, 0.5 * stride * ticks * SHORT)
@@ -245,17 +245,17 @@ class Manoeuvres:
             end = ground.join(*place)
         if start is None or end is None:
             return
-        point, here, there = ground.terrain.point, (start[0] - 1, start[1] - 1), (end[0] - 1, end[1] - 1)
+        point, here, goal = ground.terrain.point, (start[0] - 1, start[1] - 1), (end[0] - 1, end[1] - 1)
         margin = MARGIN * turning
         within = 2.0 * math.dist((pose.x, pose.y), place) + margin
-        paths = _paths_to(there, ground, within)
+        paths = _paths_to(goal, ground, within)
         if paths.length_to(*here) == FAR:
-            paths = _paths_to(there, ground, math.inf)
+            paths = _paths_to(goal, ground, math.inf)
         if paths.length_to(*here) == FAR:
             return
         first = paths.length_to(*here) * (point / 100.0)
         if paths.limit < LONGEST and first + margin > within:
-            paths = _paths_to(there, ground, first + margin)
+            paths = _paths_to(goal, ground, first + margin)
         # The search measures where arcs end from the point of the pose as others hear it. Measured from another point,
         # where the body is might be no nearer than where it began, search after search.
         reported = view.point_of((view.reported.x, view.reported.y))
@@ -274,7 +274,7 @@ class Manoeuvres:
         point. The way left has to become at most `near`, or else shorter by `progress`, both in m.
         """
         pose, terrain = view.pose, self._terrain
-        found = np.zeros(MOST_ARCS, dtype=np.int64)
+        arcs = np.zeros(MOST_ARCS, dtype=np.int64)
         closed = self._closed(view)
         begins = np.array([self._is_free(pose, move.command) for move in self._moves], dtype=np.uint8)
         count = 0
@@ -306,9 +306,9 @@ class Manoeuvres:
                     progress,
                     CM_PER_M,
                     MOST_NODES,
-                    found,
+                    arcs,
                 )
-        for index in found[:count]:
+        for index in arcs[:count]:
             move = self._moves[index]
             self._plan.extend([move.command] * move.ticks)
 

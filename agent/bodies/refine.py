@@ -40,10 +40,10 @@ def psi_field(terrain: Terrain, reach_m: float) -> NDArray[np.float32]:
 def _smooth(size: int) -> int:
     """Return the next size with no prime factor above 5, for which Fourier transforms are quick."""
     while True:
-        rest = size
+        remaining = size
         for prime in (2, 3, 5):
-            while rest % prime == 0:
-                rest //= prime
-        if rest == 1:
+            while remaining % prime == 0:
+                remaining //= prime
+        if remaining == 1:
             return size
         size += 1

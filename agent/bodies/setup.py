@@ -166,8 +166,8 @@ class BodyBase(ABC):
             case Steer(command, state):
                 if not isinstance(command, self.command):
                     robot = "car" if self.spec.model == "car" else f"{self.spec.model} robot"
-                    given, wanted = type(command).__name__, self.command.__name__
-                    raise PolicyFailed(f"returned Steer({given}) for a {robot}; give a {wanted}")
+                    given_name, wanted = type(command).__name__, self.command.__name__
+                    raise PolicyFailed(f"returned Steer({given_name}) for a {robot}; give a {wanted}")
                 allowed = self._allowed(view.pose, command.limited(self.spec.limits))
                 return self._stand(State.HOLDING) if allowed is None else Choice(allowed, state)
             case Stay(state):

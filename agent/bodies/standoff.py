@@ -181,14 +181,14 @@ class StandOff:
 
     def lead(self, intent: Intent, view: View) -> Intent:
         """Return where to go instead of a place, or the intent itself where no robot is in the way."""
-        self._place = place = intent if isinstance(intent, Place) and view.start is not None else None
-        if place is None or not self._considers_others:
+        self._place = target = intent if isinstance(intent, Place) and view.start is not None else None
+        if target is None or not self._considers_others:
             return intent
         if self.is_settled and self._is_over(view):
             self.role = Role.GOES_ON
         if view.bumped and self.role is not Role.GOES_BACK:
-            self._settle(place, view, self._in_reach(view.pose, view.peers))
-        return self._act(place, view)
+            self._settle(target, view, self._in_reach(view.pose, view.peers))
+        return self._act(target, view)
 
     def meet(self, place: Place, other: int, view: View) -> Place:
         """Settle with a robot that comes towards this one where they cannot pass, and return where to go."""
@@ -246,8 +246,8 @@ class StandOff:
             share = self._chance(Purpose.UNSTUCK, tick, index)
             direction = TAU * share
             if other is not None:
-                there = view.peers[other].pose
-                direction = math.atan2(pose.y - there.y, pose.x - there.x) + (share - 0.5) * math.pi
+                other_pose = view.peers[other].pose
+                direction = math.atan2(pose.y - other_pose.y, pose.x - other_pose.x) + (share - 0.5) * math.pi
             across, up = self._stride * math.cos(direction), self._stride * math.sin(direction)
             free = room((pose.x + across, pose.y + up))
             if free > best:
@@ -283,21 +283,21 @@ class StandOff:
         """Return where to go in the role that the robot has."""
         if not self.is_settled:
             return place
-        there = view.peers[self._other].pose
+        other_pose = view.peers[self._other].pose
         if self.role is Role.GOES_BACK:
-            if self._is_blocked(place, view.pose, there, self._other):
+            if self._is_blocked(place, view.pose, other_pose, self._other):
                 x, y = self._refuge
                 return replace(place, x=x, y=y, bend=None, lean=None, wander=None, exact=True)
             self.role = Role.GOES_FIRST
-        view.ground.close([self._disc(view.pose, there, self._other)])
+        view.ground.close([self._disc(view.pose, other_pose, self._other)])
         return replace(place, bend=None, lean=None, wander=None)
 
     def _is_over(self, view: View) -> bool:
         """Return True if the other robot has gone, or has stood still for long."""
         if self._other not in view.peers or view.tick - self._begun > LONGEST_S / self._step:
             return True
-        there, here = view.peers[self._other].pose, view.pose
-        spot = there.x, there.y
+        other_pose, here = view.peers[self._other].pose, view.pose
+        spot = other_pose.x, other_pose.y
         on_the_way = self.role is Role.GOES_BACK and math.dist((here.x, here.y), self._refuge) > self._stride
         if on_the_way or math.dist(spot, self._seen) > STILL * self._stride:
             self._moved_at = view.tick
@@ -311,13 +311,15 @@ class StandOff:
         """Take the role that follows from another robot on the way to a place."""
         if other is None:
             return
-        there = view.peers[other].pose
-        if self._is_blocked(place, view.pose, there, other):
+        other_pose = view.peers[other].pose
+        if self._is_blocked(place, view.pose, other_pose, other):
             last, situation = self._settled.get(other, (-math.inf, Situation.HIGHER))
             lately = view.tick - last <= AGAIN_S / self._step
             if lately and situation is Situation.NO_REFUGE:
                 return
-            situation = self._compare_refuges((view.reported.x, view.reported.y), (there.x, there.y), other, lately)
+            situation = self._compare_refuges(
+                (view.reported.x, view.reported.y), (other_pose.x, other_pose.y), other, lately
+            )
             self._settled[other] = view.tick, situation
         elif self.count >= AGAIN:
             situation = Situation.AGAIN
@@ -325,17 +327,17 @@ class StandOff:
             self.role = Role.GOES_ON  # a robot that gives way has closed the ground around the other already
             return
         self.role = ROLES[situation, self._moves]
-        self._other, self._seen = other, (there.x, there.y)
+        self._other, self._seen = other, (other_pose.x, other_pose.y)
         self._begun = self._moved_at = view.tick
 
     def _compare_refuges(self, here: Spot, there: Spot, other: int, by_number: bool) -> Situation:
         """Find which of two robots has less far to a refuge, or by number where both have one; keep the own one."""
-        own, others = self._way_to_refuge(here, there, other), self._way_to_refuge(there, here, other)
-        if own is None or others is None:
+        own_way, other_way = self._way_to_refuge(here, there, other), self._way_to_refuge(there, here, other)
+        if own_way is None or other_way is None:
             by_number = False
-        if own is not None:
-            self._refuge = own[1]
-        lengths = [math.inf if way is None else 0.0 if by_number else way[0] for way in (own, others)]
+        if own_way is not None:
+            self._refuge = own_way[1]
+        lengths = [math.inf if way is None else 0.0 if by_number else way[0] for way in (own_way, other_way)]
         if lengths == [math.inf, math.inf]:
             return Situation.NO_REFUGE
         is_own = (lengths[0], other) < (lengths[1], self._number)
@@ -365,8 +367,8 @@ class StandOff:
 
         `here` is the robot that goes back, `there` the one that it lets through.
         """
-        point, both = self._ground.terrain.point, self._both(other)
-        ground = self._closed(disc_round(there, here, both, point))
+        point, radii = self._ground.terrain.point, self._both(other)
+        ground = self._closed(disc_round(there, here, radii, point))
         lengths = Routes(ground).lengths(here, FARTHEST_M)
         rows, cols = np.nonzero(np.isfinite(lengths))
         order = np.argsort(lengths[rows, cols], kind="stable")
@@ -374,7 +376,7 @@ class StandOff:
         # The nearest place of each square of a quarter of a radius stands for the square.
         side = max(1, round(0.25 * self._radii[self._number] / point))
         _, nearest_ones = np.unique(rows // side * lengths.shape[1] + cols // side, return_index=True)
-        wide = both / point + 1.5
+        wide = radii / point + 1.5
         for index in np.sort(nearest_ones):
             row, col = int(rows[index]), int(cols[index])
             if len(parts_around(self._ground.static.open_now, (row, col), wide, math.ceil(wide) + AROUND)) == 1:
@@ -411,7 +413,10 @@ def nearest(pose: Pose, peers: Mapping[int, Peer], radii: Mapping[int, float]) -
     # Arrays round in ways of their own, so they only tell which robots are worth a closer look.
     worth = np.flatnonzero(~(gaps > np.fmin.reduce(gaps) + ROUNDING_M))
     near = [(numbers[index], peers[numbers[index]].pose) for index in worth]
-    return min((math.hypot(there.x - pose.x, there.y - pose.y) - radii[number], number) for number, there in near)
+    return min(
+        (math.hypot(other_pose.x - pose.x, other_pose.y - pose.y) - radii[number], number)
+        for number, other_pose in near
+    )
 
 
 def disc_round(there: Spot, here: Spot, radii: float, point: float) -> Disc:

@@ -139,14 +139,14 @@ class CarSteering:
 
         Its speed is zero where no step brings the car nearer.
         """
-        best, least = Drive(0.0, 0.0), math.dist((pose.x, pose.y), place) - WORTH_IT
+        best, nearest_m = Drive(0.0, 0.0), math.dist((pose.x, pose.y), place) - WORTH_IT
         for speed in PARKING_SPEEDS:
             for turn in PARKING_TURNS:
                 drive = Drive(speed * self._spec.speed, turn / self._spec.turning_radius)
                 end = advance(pose, drive, self._step)
                 left = math.dist((end.x, end.y), place)
-                if left < least and self.is_free(pose, drive):
-                    best, least = drive, left
+                if left < nearest_m and self.is_free(pose, drive):
+                    best, nearest_m = drive, left
         return best
 
     def is_free(self, pose: Pose, drive: Drive) -> bool:

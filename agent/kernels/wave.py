@@ -95,8 +95,8 @@ def _predecessor(status, lengths, here, stride, found, draw):
         ways |= way << 4 * count
         count += 1
     # The upper half of the hash, scaled: a division would take longer than all the rest.
-    taken = int64((draw >> uint64(32)) * uint64(count) >> uint64(32)) if found == DRAWN else 0
-    return here - step[ways >> 4 * taken & 15]
+    pick = int64((draw >> uint64(32)) * uint64(count) >> uint64(32)) if found == DRAWN else 0
+    return here - step[ways >> 4 * pick & 15]
 
 
 # fmt: off

@@ -143,9 +143,9 @@ class FreeChoice:
         if oldest > MOST_AGE:
             weighted *= MOST_AGE / oldest
         ages = np.rint(weighted).astype(np.int32)
-        most = int(ages.max())
-        last_seen = np.ascontiguousarray(np.int32(most) - ages)
-        return Ages(np.ascontiguousarray(counts), last_seen, last_seen, most, most)
+        greatest = int(ages.max())
+        last_seen = np.ascontiguousarray(np.int32(greatest) - ages)
+        return Ages(np.ascontiguousarray(counts), last_seen, last_seen, greatest, greatest)
 
     def _search(
         self, view: View, ages: Ages, start: Element, rivals: NDArray[np.float64], left_out: NDArray[np.int64]
@@ -159,21 +159,21 @@ class FreeChoice:
             box, limit = box_around(here, reach, shape), 100 * reach
             if 2 * (box[1] - box[0]) * (box[3] - box[2]) >= shape[0] * shape[1]:
                 box, limit = (0, shape[0], 0, shape[1]), LONGEST
-            own, rival = paths_in(view.ground, [here], box, limit), NO_PATHS
-            best = self._best_in(ages, own, rival, worth, left_out)
+            own_paths, rival = paths_in(view.ground, [here], box, limit), NO_PATHS
+            best = self._best_in(ages, own_paths, rival, worth, left_out)
             if best.score > 0.0 and _may_be_nearer(view, rivals, best):
                 rival = _paths_of_rivals(view, rivals, box, limit)
-                best = self._best_in(ages, own, rival, worth, left_out)
+                best = self._best_in(ages, own_paths, rival, worth, left_out)
                 is_own = rival.length_to(*best.stand) >= best.length
                 if limit != LONGEST and 2 * best.length > limit and is_own:
                     reach = math.ceil(best.length / 50)
                     continue
             enough = 2 * reach
             if best.score > 0.0:
-                own_ways = own.length <= limit
+                own_ways = own_paths.length <= limit
                 if rival is not NO_PATHS:
-                    own_ways &= own.length <= rival.length
-                patch_ends = 2 * own.length.max(where=own_ways, initial=0) <= limit
+                    own_ways &= own_paths.length <= rival.length
+                patch_ends = 2 * own_paths.length.max(where=own_ways, initial=0) <= limit
                 to_beat = best.score / OTHERS if patch_ends else best.score
                 enough = self._enough(ages, here, worth, to_beat, 2 * reach)
             if limit == LONGEST or reach >= enough:
@@ -209,8 +209,8 @@ class FreeChoice:
         """Return the best point in a box, or one without a score."""
         posts = self.posts.between(own.row0 + 1, own.row0 + own.length.shape[0] - 2)
         paths = (own.length, own.row0, own.col0, own.limit, rival.length)
-        score, *place = best_of(posts, *paths, *ages[:4], worth, self._near, OTHERS, left_out)
-        row, col, stand_row, stand_col, length = place
+        score, *point = best_of(posts, *paths, *ages[:4], worth, self._near, OTHERS, left_out)
+        row, col, stand_row, stand_col, length = point
         return Best(score, (row, col), (stand_row, stand_col), length)
 
 

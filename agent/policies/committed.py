@@ -354,13 +354,13 @@ class Committed(SharedRound):
         setup, spec, step = self._setup, self._setup.robot.spec, self._setup.fleet.step
         terrain, range_m = setup.ground.terrain, setup.ground.sight.range_m
         stride = max(spec.speed * step, terrain.point)
-        whole, most_slack, comparison = len(robots), ZONE_SLACK, None
+        team, most_slack, comparison = len(robots), ZONE_SLACK, None
         if self.division is None:
-            whole, most_slack = max(1, round(len(robots) / len(setup.fleet.roster) * setup.fleet.team)), math.inf
-            most = most_planned(len(laid_out.points) * terrain.point_area, range_m)
-            comparison = Comparison(step, laid_out.length_m / spec.speed, whole, whole > most)
+            team, most_slack = max(1, round(len(robots) / len(setup.fleet.roster) * setup.fleet.team)), math.inf
+            most_robots = most_planned(len(laid_out.points) * terrain.point_area, range_m)
+            comparison = Comparison(step, laid_out.length_m / spec.speed, team, team > most_robots)
         ahead = RoundAhead(setup, laid_out)
-        spacing = Spacing.on(laid_out, spec, robots, whole, stride, range_m, terrain, most_slack)
+        spacing = Spacing.on(laid_out, spec, robots, team, stride, range_m, terrain, most_slack)
         if view is not None and self._round is not None:
             ahead.go_to(spacing.along_m(spacing.nearest((view.reported.x, view.reported.y))))
         return OnRound(ahead, spacing, self._free, step, self._since, comparison)

@@ -227,10 +227,10 @@ class JointPlan:
 
     def _go_on(self, view: View) -> None:
         """Draw the next station of each robot that has seen its own."""
-        others = [number for number in view.peers if number in self._robots and not self._is_stuck(view, number)]
-        robots = sorted({self._number, *others})
+        neighbours = [number for number in view.peers if number in self._robots and not self._is_stuck(view, number)]
+        robots = sorted({self._number, *neighbours})
         period = int(view.tick * self._step / PERIOD_S)
-        self._loss.note(view, others)
+        self._loss.note(view, neighbours)
         if self._loss.is_lossy or len(robots) > self._most_robots:
             # It would leave to others what they take as seen.
             self.parts = {}
@@ -240,14 +240,16 @@ class JointPlan:
             self._period = period
             self._begin(view, robots)
             return
-        done = [number for number in robots if self._is_done(view, self.parts[number])]
+        arrived = [number for number in robots if self._is_done(view, self.parts[number])]
         leads = self._leads_s(view, robots)
         ways = dict(zip(robots, leads, strict=True))
-        turned = [number for number in robots if number not in done and self._turned(self.parts[number], ways[number])]
-        if done or turned:
+        turned = [
+            number for number in robots if number not in arrived and self._turned(self.parts[number], ways[number])
+        ]
+        if arrived or turned:
             idle = [number for number in robots if not self.parts[number].route]
-            drawing = sorted([*done, *turned, *idle])
-            self._draw(view, drawing, done, self._known.oldest_s(view), leads)
+            drawing = sorted([*arrived, *turned, *idle])
+            self._draw(view, drawing, arrived, self._known.oldest_s(view), leads)
 
     def _is_done(self, view: View, part: Part) -> bool:
         """Return True if a robot's station has been seen, or is taken as given up."""

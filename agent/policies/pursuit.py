@@ -69,15 +69,15 @@ class GivenUp:
 
     def add(self, tick: int, point: Point) -> None:
         """Leave a point and its surroundings out from now on."""
-        remembered = [place for place in self.places if tick < place[2] + self._most]
-        before = max((place[3] for place in remembered if self._is_beside(place, point)), default=0)
+        remembered = [entry for entry in self.places if tick < entry[2] + self._most]
+        before = max((entry[3] for entry in remembered if self._is_beside(entry, point)), default=0)
         spell = min(max(2 * before, self._least), self._most)
-        others = [place for place in remembered if not self._is_beside(place, point)]
-        self.places = [*others, (*point, tick + spell, spell)][-MOST_PLACES:]
+        elsewhere = [entry for entry in remembered if not self._is_beside(entry, point)]
+        self.places = [*elsewhere, (*point, tick + spell, spell)][-MOST_PLACES:]
 
     def forgive(self, point: Point) -> None:
         """Forget what is around a point."""
-        self.places = [place for place in self.places if not self._is_beside(place, point)]
+        self.places = [entry for entry in self.places if not self._is_beside(entry, point)]
 
     def clear(self) -> None:
         """Forget everything."""

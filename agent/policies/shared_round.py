@@ -76,9 +76,9 @@ class RoundStands:
         """Find the point itself, or its post, for each point of the round."""
         points = laid_out.points
         fields = setup.ground.fields
-        own = np.where(fields.reach.reshape(-1)[points], points, fields.proxy.reshape(-1)[points])
+        own_stands = np.where(fields.reach.reshape(-1)[points], points, fields.proxy.reshape(-1)[points])
         self._round = laid_out
-        self._own = np.where(own >= 0, own, laid_out.stands)
+        self._own = np.where(own_stands >= 0, own_stands, laid_out.stands)
         self._width = setup.ground.terrain.width
 
     def of(self, view: View, given_up: GivenUp, span: slice) -> tuple[Flat, NDArray[np.bool_]]:
@@ -86,14 +86,14 @@ class RoundStands:
 
         Usable are those that the robot gets to and has not given up.
         """
-        stands, own = self._round.stands[span], self._own[span]
+        stands, own_stands = self._round.stands[span], self._own[span]
         usable = np.ones(stands.shape, dtype=np.bool_)
         if (now := view.fog.stands) is not None:
-            own = now[self._round.points[span]]
-            usable = own >= 0
-            stands = np.where(now[stands] == stands, stands, own)
+            own_stands = now[self._round.points[span]]
+            usable = own_stands >= 0
+            stands = np.where(now[stands] == stands, stands, own_stands)
         if given_up.now(view.tick).size:
-            stands = np.where(given_up.covers(view.tick, stands, self._width), own, stands)
+            stands = np.where(given_up.covers(view.tick, stands, self._width), own_stands, stands)
             usable &= ~given_up.covers(view.tick, stands, self._width)
         return stands, usable
 

@@ -168,9 +168,9 @@ class DirectRadio:
 
     def traffic(self, incarnation: int, *, final: bool) -> Traffic:
         """Return the counts of what has been sent and heard so far."""
-        heard = {robot_of(key): self.heard[key] for key in self._numbers}
+        heard_frames = {robot_of(key): self.heard[key] for key in self._numbers}
         refused = self._mailbox.refused.total() + self.skew.late
-        return Traffic(incarnation, self.sent, heard, refused, final)
+        return Traffic(incarnation, self.sent, heard_frames, refused, final)
 
 
 def tune_in(
@@ -187,8 +187,8 @@ def tune_in(
     `step_s` is the wall time of a tick; `key` is that of the fleet's tags, or None.
     """
     names = {number: name for name, number in numbers.items() if name != own}
-    others = {keys.position(name): number for name, number in numbers.items() if name != own}
-    mailbox = FrameMailbox(others, ROOM)
-    radio = DirectRadio(mailbox, air.broadcast(keys.position(own)), others, clock, Skew(names, step_s, key))
+    neighbours = {keys.position(name): number for name, number in numbers.items() if name != own}
+    mailbox = FrameMailbox(neighbours, ROOM)
+    radio = DirectRadio(mailbox, air.broadcast(keys.position(own)), neighbours, clock, Skew(names, step_s, key))
     air.subscribe(keys.position("*"), mailbox)
     return radio

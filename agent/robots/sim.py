@@ -134,8 +134,8 @@ class SimRobot:
             pass
         if self._session.stage is not RobotStage.AWAITS_A:
             return None
-        heard, self._frames = self._frames, []
-        return heard
+        frames, self._frames = self._frames, []
+        return frames
 
     def report(self, sensed: Sensed, decision: Decision, decision_ms: float) -> None:
         """Keep the diagnostics for the answer that carries the command."""

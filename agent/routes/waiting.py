@@ -41,13 +41,13 @@ def parts_around(
     ground = is_open[top : row + half + 1, left : col + half + 1].copy()
     rows, cols = np.ogrid[top : top + ground.shape[0], left : left + ground.shape[1]]
     labels, work = np.empty(ground.shape, dtype=np.int32), np.empty(ground.size, dtype=np.int32)
-    for other in standing:
-        ground &= (rows - other[0]) ** 2 + (cols - other[1]) ** 2 >= wide**2
+    for neighbour in standing:
+        ground &= (rows - neighbour[0]) ** 2 + (cols - neighbour[1]) ** 2 >= wide**2
     label_parts(ground.view(np.uint8), labels, work)
-    own = ground & (labels == labels[row - top, col - left])
-    own &= (rows - row) ** 2 + (cols - col) ** 2 >= wide**2
-    label_parts(own.view(np.uint8), labels, work)
-    return np.bincount(labels[own])[1:]
+    own_part = ground & (labels == labels[row - top, col - left])
+    own_part &= (rows - row) ** 2 + (cols - col) ** 2 >= wide**2
+    label_parts(own_part.view(np.uint8), labels, work)
+    return np.bincount(labels[own_part])[1:]
 
 
 class Waiting:
@@ -68,11 +68,11 @@ class Waiting:
 
         What it cuts off counts only if it is larger than what a disc leaves in a corner.
         """
-        place, others = self._terrain.point_at(*spot), [self._terrain.point_at(*other) for other in standing]
+        point, points = self._terrain.point_at(*spot), [self._terrain.point_at(*neighbour) for neighbour in standing]
         wide = math.nextafter(self._keep, math.inf)  # a point just as far away is taken as well
-        if not self._reach[place] or any(math.dist(other, place) < wide for other in others):
+        if not self._reach[point] or any(math.dist(neighbour, point) < wide for neighbour in points):
             return False
-        sizes = parts_around(self._reach, place, wide, math.ceil(AROUND * self._keep), others)
+        sizes = parts_around(self._reach, point, wide, math.ceil(AROUND * self._keep), points)
         return int((sizes > CORNER * self._keep**2).sum()) <= 1
 
     def nearest(self, ways: NDArray[np.float32], among: NDArray[np.bool_], standing: Iterable[Spot]) -> Spot | None:
