@@ -157,9 +157,9 @@ class Architect:
             rooms = self._along_a_corridor(*size)
         else:
             size = 1.3 * size[0], 1.3 * size[1]
-            rooms = self._scattered(*size)
+            rooms = self._scatter_rooms(*size)
         for room in rooms:
-            self._furnish(room)
+            self._furnish_room(room)
         return self._on_grid(*size)
 
     # --- layouts -----------------------------------------------------------------------------------------------------
@@ -167,31 +167,33 @@ class Architect:
     def _side_by_side(self, width: float, height: float) -> list[Room]:
         """Rooms that fill a rectangle, with doors in the walls between them."""
         half = 0.5 * self._wall
-        parts = list(self._split(Room(0.0, 0.0, width, height), float(self._rng.uniform(2.0, 3.5))))
+        parts = list(self._split_room(Room(0.0, 0.0, width, height), float(self._rng.uniform(2.0, 3.5))))
         rooms = [Room(r.left + half, r.bottom + half, r.right - half, r.top - half) for r in parts]
         for room in rooms:
-            self._open(room.slab)
+            self._open_slab(room.slab)
         pairs = [(i, j) for j in range(len(rooms)) for i in range(j)]
-        self._join(rooms, [pair for pair in pairs if self._border(rooms[pair[0]], rooms[pair[1]]) is not None])
+        self._join_rooms(
+            rooms, [pair for pair in pairs if self._shared_wall(rooms[pair[0]], rooms[pair[1]]) is not None]
+        )
         return rooms
 
-    def _split(self, room: Room, least: float) -> Iterator[Room]:
+    def _split_room(self, room: Room, least: float) -> Iterator[Room]:
         across, up = room.right - room.left, room.top - room.bottom
         longer = max(across, up)
         if longer < 2.2 * least or (longer < 3.5 * least and self._rng.random() < 0.15):
             yield room
             return
-        at = float(self._rng.uniform(least, longer - least))
+        offset = float(self._rng.uniform(least, longer - least))
         if across >= up:
-            yield from self._split(Room(room.left, room.bottom, room.left + at, room.top), least)
-            yield from self._split(Room(room.left + at, room.bottom, room.right, room.top), least)
+            yield from self._split_room(Room(room.left, room.bottom, room.left + offset, room.top), least)
+            yield from self._split_room(Room(room.left + offset, room.bottom, room.right, room.top), least)
         else:
-            yield from self._split(Room(room.left, room.bottom, room.right, room.bottom + at), least)
-            yield from self._split(Room(room.left, room.bottom + at, room.right, room.top), least)
+            yield from self._split_room(Room(room.left, room.bottom, room.right, room.bottom + offset), least)
+            yield from self._split_room(Room(room.left, room.bottom + offset, room.right, room.top), least)
 
     def _along_a_corridor(self, width: float, height: float) -> list[Room]:
         """Rooms on both sides of a corridor, some of them no more than dead ends."""
-        wide = self._gap("wide")
+        wide = self._gap_width("wide")
         low, high = 0.5 * (height - wide), 0.5 * (height + wide)
         corridor = Room(0.0, low, width, high)
         rooms = [corridor]
@@ -199,16 +201,16 @@ class Architect:
             left = 0.0
             while left < width - 2.0:
                 dead_end = self._rng.random() < 0.25
-                side = self._gap("fits") if dead_end else float(self._rng.uniform(2.0, 5.5))
+                side = self._gap_width("fits") if dead_end else float(self._rng.uniform(2.0, 5.5))
                 rooms.append(Room(left, bottom, min(left + side, width), top))
                 left += side + self._wall
         for room in rooms:
-            self._open(room.slab)
-        beside = [(i, j) for j in range(2, len(rooms)) for i in range(1, j) if self._border(rooms[i], rooms[j])]
-        self._join(rooms, [(0, j) for j in range(1, len(rooms))], beside)
+            self._open_slab(room.slab)
+        beside = [(i, j) for j in range(2, len(rooms)) for i in range(1, j) if self._shared_wall(rooms[i], rooms[j])]
+        self._join_rooms(rooms, [(0, j) for j in range(1, len(rooms))], beside)
         return rooms
 
-    def _scattered(self, width: float, height: float) -> list[Room]:
+    def _scatter_rooms(self, width: float, height: float) -> list[Room]:
         """Rooms here and there, joined by straight corridors from middle to middle."""
         rooms: list[Room] = []
         for _ in range(100):
@@ -216,31 +218,31 @@ class Architect:
             left, bottom = float(self._rng.uniform(0.0, width - across)), float(self._rng.uniform(0.0, height - up))
             room = Room(left, bottom, left + across, bottom + up)
             if all(
-                room.left > other.right + 1.5
-                or other.left > room.right + 1.5
-                or room.bottom > other.top + 1.5
-                or other.bottom > room.top + 1.5
-                for other in rooms
+                room.left > earlier.right + 1.5
+                or earlier.left > room.right + 1.5
+                or room.bottom > earlier.top + 1.5
+                or earlier.bottom > room.top + 1.5
+                for earlier in rooms
             ):
                 rooms.append(room)
         for room in rooms:
-            self._open(room.slab)
+            self._open_slab(room.slab)
         ways = sorted((math.dist(rooms[i].middle, rooms[j].middle), i, j) for j in range(len(rooms)) for i in range(j))
-        for _, i, j in self._tree(len(rooms), ways):
-            self._corridor(rooms[i].middle, rooms[j].middle, self._gap(self._fitting()))
+        for _, i, j in self._spanning_tree(len(rooms), ways):
+            self._add_corridor(rooms[i].middle, rooms[j].middle, self._gap_width(self._fitting_gap()))
         for _, i, j in ways[: len(rooms)]:
             if self._rng.random() < 0.2:
-                self._corridor(rooms[i].middle, rooms[j].middle, self._gap(self._any()))
+                self._add_corridor(rooms[i].middle, rooms[j].middle, self._gap_width(self._any_gap()))
         for room in rooms:
             if self._rng.random() < 0.3:
                 away = float(self._rng.uniform(3.0, 6.0))
                 angle = float(self._rng.uniform(0.0, math.tau))
                 end = room.middle[0] + away * math.cos(angle), room.middle[1] + away * math.sin(angle)
                 if 0.0 < end[0] < width and 0.0 < end[1] < height:
-                    self._corridor(room.middle, end, self._gap(self._any()))
+                    self._add_corridor(room.middle, end, self._gap_width(self._any_gap()))
         return rooms
 
-    def _open(self, slab: Slab) -> None:
+    def _open_slab(self, slab: Slab) -> None:
         self._drawn.append((slab, True))
 
     def _wall_off(self, slab: Slab) -> None:
@@ -248,13 +250,13 @@ class Architect:
 
     # --- openings ----------------------------------------------------------------------------------------------------
 
-    def _any(self) -> Gap:
+    def _any_gap(self) -> Gap:
         return str(self._rng.choice(["wide", "fits", "narrow"]))
 
-    def _fitting(self) -> Gap:
+    def _fitting_gap(self) -> Gap:
         return str(self._rng.choice(["wide", "fits"]))
 
-    def _gap(self, gap: Gap) -> float:
+    def _gap_width(self, gap: Gap) -> float:
         """The width of an opening, m."""
         if gap == "wide":
             return self._needed * float(self._rng.uniform(1.2, 2.2))
@@ -262,30 +264,30 @@ class Architect:
             return self._needed + self._point * float(self._rng.uniform(0.0, 2.5))
         return max(self._needed - self._point * float(self._rng.uniform(0.5, 3.0)), self._point)
 
-    def _join(
+    def _join_rooms(
         self, rooms: Sequence[Room], pairs: Sequence[tuple[int, int]], more: Sequence[tuple[int, int]] = ()
     ) -> None:
         """Put doors that fit the body between as many rooms as it takes to join them, and any doors elsewhere."""
         order = [(float(self._rng.random()), *pair) for pair in pairs]
-        tree = {(i, j) for _, i, j in self._tree(len(rooms), sorted(order))}
+        tree = {(i, j) for _, i, j in self._spanning_tree(len(rooms), sorted(order))}
         for i, j in (*pairs, *more):
             if (i, j) in tree:
-                self._door(rooms[i], rooms[j], self._fitting())
+                self._add_door(rooms[i], rooms[j], self._fitting_gap())
             elif self._rng.random() < 0.35:
-                self._door(rooms[i], rooms[j], self._any())
+                self._add_door(rooms[i], rooms[j], self._any_gap())
 
     @staticmethod
-    def _tree(count: int, ways: Sequence[tuple[float, int, int]]) -> list[tuple[float, int, int]]:
+    def _spanning_tree(count: int, ways: Sequence[tuple[float, int, int]]) -> list[tuple[float, int, int]]:
         """The least spanning tree, of ways that are sorted."""
         part = list(range(count))
         tree = []
         for way, i, j in ways:
             if part[i] != part[j]:
                 tree.append((way, i, j))
-                part = [part[i] if other == part[j] else other for other in part]
+                part = [part[i] if number == part[j] else number for number in part]
         return tree
 
-    def _border(self, one: Room, other: Room) -> tuple[float, float, float, bool] | None:
+    def _shared_wall(self, one: Room, other: Room) -> tuple[float, float, float, bool] | None:
         """The wall between two rooms: start, end, its middle line, and whether it is upright; None without one."""
         thick = 1.01 * self._wall
         low, high = max(one.bottom, other.bottom), min(one.top, other.top)
@@ -298,25 +300,25 @@ class Architect:
                 return low, high, 0.5 * (below.top + above.bottom), False
         return None
 
-    def _door(self, one: Room, other: Room, gap: Gap) -> None:
-        border = self._border(one, other)
+    def _add_door(self, one: Room, other: Room, gap: Gap) -> None:
+        border = self._shared_wall(one, other)
         if border is None:
             return
         low, high, line, upright = border
-        width = min(self._gap(gap), high - low)
-        at = low + 0.5 * width + float(self._rng.random()) * (high - low - width)
+        width = min(self._gap_width(gap), high - low)
+        centre = low + 0.5 * width + float(self._rng.random()) * (high - low - width)
         through = 2.0 * self._wall + 2.0 * self._point
-        self._open(Slab(line, at, through, width) if upright else Slab(at, line, width, through))
+        self._open_slab(Slab(line, centre, through, width) if upright else Slab(centre, line, width, through))
 
-    def _corridor(self, start: tuple[float, float], end: tuple[float, float], width: float) -> None:
+    def _add_corridor(self, start: tuple[float, float], end: tuple[float, float], width: float) -> None:
         middle = 0.5 * (start[0] + end[0]), 0.5 * (start[1] + end[1])
         angle = math.atan2(end[1] - start[1], end[0] - start[0])
         slanting = self._point * 1.5 * abs(math.sin(2.0 * angle))
-        self._open(Slab(*middle, math.dist(start, end) + width, width + slanting, angle))
+        self._open_slab(Slab(*middle, math.dist(start, end) + width, width + slanting, angle))
 
     # --- furniture ---------------------------------------------------------------------------------------------------
 
-    def _furnish(self, room: Room) -> None:
+    def _furnish_room(self, room: Room) -> None:
         across, up = room.right - room.left, room.top - room.bottom
         if min(across, up) < 2.0 * self._needed:
             return
@@ -326,11 +328,11 @@ class Architect:
                 side = float(self._rng.uniform(0.1, 0.6))
                 self._wall_off(Slab(x, y, side, side, float(self._rng.uniform(0.0, math.pi))))
         if self._rng.random() < 0.4:
-            self._pocket(room)
+            self._add_pocket(room)
         if self._rng.random() < 0.3:
-            self._slit(room)
+            self._add_slit(room)
         if self._rng.random() < 0.25:
-            self._closet(room)
+            self._add_closet(room)
         if self._rng.random() < 0.2:
             x, y = self._place_in(room)
             length = float(self._rng.uniform(0.3, 0.6)) * min(across, up)
@@ -339,20 +341,20 @@ class Architect:
     def _place_in(self, room: Room) -> tuple[float, float]:
         return float(self._rng.uniform(room.left, room.right)), float(self._rng.uniform(room.bottom, room.top))
 
-    def _pocket(self, room: Room) -> None:
+    def _add_pocket(self, room: Room) -> None:
         """A niche in a wall, straight or slanting."""
         x, y = self._place_in(room)
         deep = float(self._rng.uniform(0.3, 1.5))
-        width = self._gap(self._any())
+        width = self._gap_width(self._any_gap())
         angle = float(self._rng.uniform(-0.6, 0.6)) if self._rng.random() < 0.4 else 0.0
         side = int(self._rng.integers(4))
         x = (room.left, room.right, x, x)[side]
         y = (y, y, room.bottom, room.top)[side]
-        self._open(Slab(x, y, 2.0 * deep, width, angle + (0.0 if side < 2 else 0.5 * math.pi)))
+        self._open_slab(Slab(x, y, 2.0 * deep, width, angle + (0.0 if side < 2 else 0.5 * math.pi)))
 
-    def _slit(self, room: Room) -> None:
+    def _add_slit(self, room: Room) -> None:
         """A long piece of furniture that leaves a slit along a wall, parallel to it or nearly so."""
-        gap, thick = self._gap(self._any()), float(self._rng.uniform(0.2, 0.6))
+        gap, thick = self._gap_width(self._any_gap()), float(self._rng.uniform(0.2, 0.6))
         askew = float(self._rng.uniform(-0.15, 0.15)) if self._rng.random() < 0.5 else 0.0
         away = gap + 0.5 * thick
         x, y = room.middle
@@ -363,14 +365,16 @@ class Architect:
             x = room.left + away if self._rng.random() < 0.5 else room.right - away
             self._wall_off(Slab(x, y, 0.5 * (room.top - room.bottom), thick, askew + 0.5 * math.pi))
 
-    def _closet(self, room: Room) -> None:
+    def _add_closet(self, room: Room) -> None:
         """A box in a corner with a door of any width."""
         side = self._needed + float(self._rng.uniform(0.2, 1.0))
         if min(room.right - room.left, room.top - room.bottom) < 2.5 * side:
             return
         self._wall_off(Slab(room.left + side, room.bottom + 0.5 * side, self._wall, side + self._wall))
         self._wall_off(Slab(room.left + 0.5 * side, room.bottom + side, side + self._wall, self._wall))
-        self._open(Slab(room.left + side, room.bottom + 0.5 * side, 3.0 * self._wall, self._gap(self._any())))
+        self._open_slab(
+            Slab(room.left + side, room.bottom + 0.5 * side, 3.0 * self._wall, self._gap_width(self._any_gap()))
+        )
 
     # --- the grid ----------------------------------------------------------------------------------------------------
 
@@ -385,12 +389,12 @@ class Architect:
         y = up * cos - across * sin + 0.5 * height
         free = np.zeros((rows, cols), dtype=np.bool_)
         for slab, is_free in self._drawn:
-            free[_inside(slab, x, y)] = is_free
+            free[_inside_slab(slab, x, y)] = is_free
         free &= (x > 0.0) & (x < width) & (y > 0.0) & (y < height)
         return Building(free, self._point)
 
 
-def _inside(slab: Slab, x: NDArray[np.float64], y: NDArray[np.float64]) -> BoolGrid:
+def _inside_slab(slab: Slab, x: NDArray[np.float64], y: NDArray[np.float64]) -> BoolGrid:
     cos, sin = math.cos(slab.angle), math.sin(slab.angle)
     along = (x - slab.x) * cos + (y - slab.y) * sin
     across = (y - slab.y) * cos - (x - slab.x) * sin

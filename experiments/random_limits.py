@@ -15,6 +15,6 @@ def check_building(seed: int, radius: float, point: float, shown: str = "{} =") 
     """
     if seed < 0:
         raise BadInput(f"{shown.format('seed')} {seed}: expected an integer from 0")
-    for name, value, (least, most) in (("radius", radius, RADII), ("point", point, POINTS)):
-        if not least <= value <= most:
-            raise BadInput(f"{shown.format(name)} {value:g}: expected m from {least:g} to {most:g}")
+    for name, value, (lower, upper) in (("radius", radius, RADII), ("point", point, POINTS)):
+        if not lower <= value <= upper:
+            raise BadInput(f"{shown.format(name)} {value:g}: expected m from {lower:g} to {upper:g}")

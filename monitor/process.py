@@ -110,7 +110,7 @@ def serve(
         raise BadInput(f"{key_name}: has {len(key)} characters; give {MIN_TOKEN_LENGTH} or more, chosen at random")
     if key and not (key.isascii() and key.isalnum()):
         raise BadInput(f"{key_name}: has characters that do not fit into an address; use ASCII letters and digits only")
-    listening = _listen(host, port)
+    listening = _open_listener(host, port)
     try:
         authorisation = Authorisation(host, listening.getsockname()[1], key or os.urandom(16).hex(), local)
         address = authorisation.address_without_key if announced else authorisation.address
@@ -222,7 +222,7 @@ def source_opener(options: argparse.Namespace, ending: Ending) -> Callable[[], S
     return open_sources
 
 
-def _listen(host: str, port: int) -> socket.socket:
+def _open_listener(host: str, port: int) -> socket.socket:
     """Return a listening socket; raises BadInput if there can be none."""
     if not 0 <= port <= MAX_PORT:
         raise BadInput(f"--page-port {port}: ports go from 1 to {MAX_PORT}; choose one of them, or 0 for a free one")

@@ -32,8 +32,8 @@ def check_condition(name: str) -> None:
     for part in parts:
         if (
             part not in (NONE, SILENCE, DEATHS, SPOOF)
-            and _percent(part, LOSS) is None
-            and _percent(part, JITTER) is None
+            and _percent_of(part, LOSS) is None
+            and _percent_of(part, JITTER) is None
         ):
             hint = f"{did_you_mean(part, ALL)}, or join several, as in loss-90+deaths"
             raise BadInput(f"--conditions {name}: {part}: no such condition; {hint}")
@@ -43,15 +43,17 @@ def check_condition(name: str) -> None:
 
 def least_team(name: str) -> int:
     """Return the smallest team that a condition makes sense for."""
-    return max(3 if part == DEATHS else 1 if part == NONE or _percent(part, JITTER) else 2 for part in name.split("+"))
+    return max(
+        3 if part == DEATHS else 1 if part == NONE or _percent_of(part, JITTER) else 2 for part in name.split("+")
+    )
 
 
 def faults_of(name: str, duration_s: float) -> Faults:
     """Return a condition's faults, as in a scenario."""
-    return [fault for part in name.split("+") for fault in _part(part, duration_s)]
+    return [fault for part in name.split("+") for fault in _part_faults(part, duration_s)]
 
 
-def _part(part: str, duration_s: float) -> Faults:
+def _part_faults(part: str, duration_s: float) -> Faults:
     if part == SILENCE:
         return [{"kind": "silence", "who": "all"}]
     if part == SPOOF:
@@ -62,13 +64,13 @@ def _part(part: str, duration_s: float) -> Faults:
             {"kind": "kill", "who": f"r{number}", "at": round(at_s * earlier, 3), "wreck": "removed"}
             for number, at_s in enumerate(DEATHS_S, start=1)
         ]
-    if (size := _percent(part, JITTER)) is not None:
+    if (size := _percent_of(part, JITTER)) is not None:
         return [{"kind": "motion", "who": "all", "jitter": {"size": size, "every": JITTER_S}}]
-    rate = _percent(part, LOSS)
+    rate = _percent_of(part, LOSS)
     return [] if rate is None else [{"kind": "loss", "rate": rate}]
 
 
-def _percent(part: str, prefix: str) -> float | None:
+def _percent_of(part: str, prefix: str) -> float | None:
     """Return the share that `loss-P` or `jitter-P` means; None for another text. All frames may be lost."""
     percent = part.removeprefix(prefix)
     if part == percent or not re.fullmatch("[1-9][0-9]?|100" if prefix == LOSS else "[1-9][0-9]?", percent):

@@ -17,10 +17,10 @@ def page(
 
     `computing_s` is the processor time of all runs together.
     """
-    return "\n\n".join(_parts(matrix, results, command, computing_s, preset)) + "\n"
+    return "\n\n".join(_page_parts(matrix, results, command, computing_s, preset)) + "\n"
 
 
-def _parts(
+def _page_parts(
     matrix: Matrix, results: BenchmarkResults, command: str, computing_s: float, preset: Preset | None
 ) -> Iterator[str]:
     yield "# Benchmark"
@@ -36,7 +36,7 @@ succeed because it watches."""
     for team, condition, cells in results.groups:
         yield f"## {describe(team, condition)}"
         table = policy_table(cells)
-        rows = [[f"*{name}*" if name == BEST_TOUR else f"`{name}`", *more] for name, *more in table.rows]
+        rows = [[f"*{name}*" if name == BEST_TOUR else f"`{name}`", *values] for name, *values in table.rows]
         yield replace(table, rows=rows).markdown()
     if preset is not None:
         yield f"## Beside {preset.title}"

@@ -126,10 +126,10 @@ def robots_text(team: int) -> str:
 def plan_of(matrix: Matrix) -> Plan:
     """Return the plan of all runs, with intruder games."""
     for condition in matrix.conditions:
-        if max(matrix.teams) < (least := least_team(condition)):
-            given = ",".join(map(str, matrix.teams))
+        if max(matrix.teams) < (needed := least_team(condition)):
+            teams = ",".join(map(str, matrix.teams))
             raise BadInput(
-                f"--teams {given}: {condition} needs {least} robots or more; give a larger team or drop the condition"
+                f"--teams {teams}: {condition} needs {needed} robots or more; give a larger team or drop the condition"
             )
     cases = [Case(cell.name, cell.settings) for cell in matrix.cells]
     plan = make_plan("benchmark", Base({"name": "benchmark"}, Path.cwd(), CALLED), cases, matrix.seeds)
@@ -142,7 +142,7 @@ def read_policies(text: str) -> tuple[NamedSettings, ...]:
     Names and options that do not exist are found only when the plan is made.
     """
     policies = []
-    for name in _listed(text, "--policies", "stochastic,even-tour"):
+    for name in _read_list(text, "--policies", "stochastic,even-tour"):
         words = name.split(":")
         options = [word for word in words if "=" in word]
         policy = ":".join(word for word in words if "=" not in word)
@@ -164,14 +164,14 @@ def read_terrains(text: str) -> tuple[NamedSettings, ...]:
     They are built-in ones and maps (MAP.yaml), and either with a graph (FILE.graph+MAP.yaml).
     """
     terrains = []
-    for given in _listed(text, "--terrains", "open,yards,plan.yaml"):
-        parts = given.split("+")
+    for choice in _read_list(text, "--terrains", "open,yards,plan.yaml"):
+        parts = choice.split("+")
         graphs = [part for part in parts if part.endswith(".graph")]
         grounds = [part for part in parts if part not in graphs]
         if len(graphs) > 1 or len(grounds) != 1:
-            raise BadInput(f"--terrains {given}: expected a terrain, or a graph and a terrain: FILE.graph+MAP.yaml")
-        terrains.append(terrain_choice(given, grounds[0], graphs[0] if graphs else None))
-    stems = [_stem(terrain) for terrain in terrains]
+            raise BadInput(f"--terrains {choice}: expected a terrain, or a graph and a terrain: FILE.graph+MAP.yaml")
+        terrains.append(terrain_choice(choice, grounds[0], graphs[0] if graphs else None))
+    stems = [_file_stem(terrain) for terrain in terrains]
     return tuple(
         replace(terrain, name=stem) if stems.count(stem) == 1 else terrain
         for terrain, stem in zip(terrains, stems, strict=True)
@@ -195,7 +195,7 @@ def terrain_choice(name: str, ground: str, graph: object = None) -> NamedSetting
 
 def read_teams(text: str) -> tuple[int, ...]:
     """Read a list of numbers of robots."""
-    words = _listed(text, "--teams", "1,2,4,6,8,12")
+    words = _read_list(text, "--teams", "1,2,4,6,8,12")
     for word in words:
         if not (word.isascii() and word.isdecimal() and 1 <= int(word[:9]) <= MAX_ROBOTS):
             raise BadInput(f"--teams {text}: {word}: expected a number of robots from 1 to {MAX_ROBOTS}")
@@ -204,13 +204,13 @@ def read_teams(text: str) -> tuple[int, ...]:
 
 def read_conditions(text: str) -> tuple[str, ...]:
     """Read a list of conditions."""
-    names = _listed(text, "--conditions", "none,loss-50")
+    names = _read_list(text, "--conditions", "none,loss-50")
     for name in names:
         check_condition(name)
     return tuple(names)
 
 
-def _listed(text: str, option: str, example: str) -> Sequence[str]:
+def _read_list(text: str, option: str, example: str) -> Sequence[str]:
     words = [word.strip() for word in text.split(",")]
     for word, count in Counter(words).items():
         if not word or not word.isprintable():
@@ -220,6 +220,6 @@ def _listed(text: str, option: str, example: str) -> Sequence[str]:
     return words
 
 
-def _stem(terrain: NamedSettings) -> str:
+def _file_stem(terrain: NamedSettings) -> str:
     file = terrain.settings.get("terrain.map")
     return terrain.name if file is None else Path(str(file)).stem

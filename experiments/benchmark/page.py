@@ -57,28 +57,28 @@ def drawings(matrix: Matrix, results: BenchmarkResults) -> list[Drawing]:
         ("plane", "Freshness against intruders", WORST),
         ("plane-gain", "Freshness against an intruder that watches", WATCHED),
     ):
-        if _measured(shown_metric.metric, first):
+        if _is_measured(shown_metric.metric, first):
             caption = f"Each policy is a point; the lower left is better. Hollow: some ground was never seen. {where}."
-            fill = partial(_plane, matrix=matrix, upward=shown_metric)
-            figures.append(Drawing(name, heading, caption, partial(_facets, first, fill)))
-    if any(_measured(game_metric("worst", attack_s), first) for attack_s in ATTACKS_S):
+            fill = partial(_draw_plane, matrix=matrix, upward=shown_metric)
+            figures.append(Drawing(name, heading, caption, partial(_draw_facets, first, fill)))
+    if any(_is_measured(game_metric("worst", attack_s), first) for attack_s in ATTACKS_S):
         figures.append(
             Drawing(
                 "attacks",
                 "Intruder success over the duration of the attack",
                 f"Share of attacks that succeed, of the intruder that does best. {where}.",
-                lambda: _facets(first, lambda axes, cells: _attacks(axes, cells, matrix), legend=True),
+                lambda: _draw_facets(first, lambda axes, cells: _draw_attacks(axes, cells, matrix), legend=True),
             )
         )
-    measures = [measure for measure in (*MEASURES, WORST) if _measured(measure.metric, of_team)]
+    measures = [measure for measure in (*MEASURES, WORST) if _is_measured(measure.metric, of_team)]
     figures += [_dots_drawing(matrix, measure, of_team, team) for measure in measures]
     if len({result.cell.team for result in over_teams}) > 1:
-        measures = [measure for measure in (MEASURES[0], WORST) if _measured(measure.metric, over_teams)]
+        measures = [measure for measure in (MEASURES[0], WORST) if _is_measured(measure.metric, over_teams)]
         figures += [_teams_drawing(matrix, measure, over_teams, condition) for measure in measures]
     return figures
 
 
-def _measured(metric: str, results: Sequence[CellResult]) -> bool:
+def _is_measured(metric: str, results: Sequence[CellResult]) -> bool:
     """Return True if some cell has a metric: in short runs there are no long attacks, for example."""
     return any(metric in result.row.metrics for result in results)
 
@@ -97,9 +97,9 @@ def page(
     """
     outcome = results.outcome
     sections = [
-        ("published", "" if preset is None else f"Beside {preset.title}", _published(preset, results)),
+        ("published", "" if preset is None else f"Beside {preset.title}", _published_section(preset, results)),
         *(
-            (f"cells-{number}", describe(team, condition), _cells(cells))
+            (f"cells-{number}", describe(team, condition), _cells_section(cells))
             for number, (team, condition, cells) in enumerate(results.groups, start=1)
         ),
         *((drawing.name, drawing.heading, html.figure(drawing)) for drawing in figures),
@@ -117,15 +117,15 @@ def page(
     return html.page("fogwatch: benchmark", (part for part in body if part))
 
 
-def _published(preset: Preset | None, results: BenchmarkResults) -> str:
+def _published_section(preset: Preset | None, results: BenchmarkResults) -> str:
     if preset is None:
         return ""
     notes = [html.text(line.replace("`", ""), "note") for line in preset.differs]
-    return "\n".join([_table(beside_published(preset, results.cells)), *notes])
+    return "\n".join([_html_table(beside_published(preset, results.cells)), *notes])
 
 
-def _cells(cells: Sequence[CellResult]) -> str:
-    shown = [measure for measure in MEASURES if _measured(measure.metric, cells)]
+def _cells_section(cells: Sequence[CellResult]) -> str:
+    shown = [measure for measure in MEASURES if _is_measured(measure.metric, cells)]
     titles = ["policy", "terrain", "runs", "with warnings", *(measure.title for measure in shown)]
     every = [
         [
@@ -140,18 +140,18 @@ def _cells(cells: Sequence[CellResult]) -> str:
     commands = "\n".join(f"# {cell.cell.name}\n{cell.command}" for cell in cells)
     return "\n".join(
         [
-            _table(policy_table(cells)),
+            _html_table(policy_table(cells)),
             html.details("all measures", html.table(titles, every, range(2, len(titles)))),
             html.details("commands that make the first run of each cell again", html.preformatted(commands)),
         ]
     )
 
 
-def _table(table: Table) -> str:
+def _html_table(table: Table) -> str:
     return html.table(table.heads, table.rows, table.numbers)
 
 
-def _facets(
+def _draw_facets(
     results: Sequence[CellResult],
     fill: Callable[[Axes, list[CellResult]], None],
     *,
@@ -175,7 +175,7 @@ def _facets(
     return chart
 
 
-def _plane(axes: Axes, results: list[CellResult], matrix: Matrix, upward: ShownMetric) -> None:
+def _draw_plane(axes: Axes, results: list[CellResult], matrix: Matrix, upward: ShownMetric) -> None:
     for result in results:
         x, y = result.row.metrics.get(LATE), result.row.metrics.get(upward.metric)
         if x is None or y is None:
@@ -196,7 +196,7 @@ def _plane(axes: Axes, results: list[CellResult], matrix: Matrix, upward: ShownM
         axes.annotate(
             result.cell.policy.name, (x.mean, y.mean), (4, 3), textcoords="offset points", fontsize=7, color=INK
         )
-    _tour(axes, results)
+    _draw_tour(axes, results)
     scale(axes, [result.mean(LATE) for result in results])
     axes.set_xlabel(MEASURES[0].title)
     axes.set_ylabel(upward.title)
@@ -205,7 +205,7 @@ def _plane(axes: Axes, results: list[CellResult], matrix: Matrix, upward: ShownM
     plain(axes)
 
 
-def _attacks(axes: Axes, results: list[CellResult], matrix: Matrix) -> None:
+def _draw_attacks(axes: Axes, results: list[CellResult], matrix: Matrix) -> None:
     for result in results:
         points = [(s, mean) for s in ATTACKS_S if (mean := result.mean(game_metric("worst", s))) is not None]
         if points:
@@ -225,46 +225,46 @@ def _dots_drawing(matrix: Matrix, measure: ShownMetric, results: Sequence[CellRe
 
     def fill(axes: Axes, cells: list[CellResult]) -> None:
         dots = [
-            Dot(cell.cell.policy.name, found, cell.cell.condition, hollow=hollow and not cell.seen_all)
+            Dot(cell.cell.policy.name, estimate, cell.cell.condition, hollow=hollow and not cell.seen_all)
             for condition in conditions
             for cell in cells
-            if cell.cell.condition == condition and (found := cell.row.metrics.get(measure.metric)) is not None
+            if cell.cell.condition == condition and (estimate := cell.row.metrics.get(measure.metric)) is not None
         ]
         if measure.metric == LATE:
-            _tour(axes, cells)
+            _draw_tour(axes, cells)
         draw_dots(axes, policies, dots, conditions, measure.title)
         scale(axes, [cell.mean(measure.metric) for cell in cells])
 
     height = 0.9 + 0.19 * len(policies)
-    more = " Hollow: some ground was never seen." if hollow else ""
-    more += " Dotted: the best tour found." if measure.metric == LATE else ""
+    legend = " Hollow: some ground was never seen." if hollow else ""
+    legend += " Dotted: the best tour found." if measure.metric == LATE else ""
     return Drawing(
         f"dots-{measure.metric}",
         measure.title[0].upper() + measure.title[1:],
-        f"Means over seeds with their 95 % intervals, {robots_text(team)}.{more}",
-        lambda: _facets(results, fill, legend=len(conditions) > 1, height=height),
+        f"Means over seeds with their 95 % intervals, {robots_text(team)}.{legend}",
+        lambda: _draw_facets(results, fill, legend=len(conditions) > 1, height=height),
     )
 
 
 def _teams_drawing(matrix: Matrix, measure: ShownMetric, results: Sequence[CellResult], condition: str) -> Drawing:
     def fill(axes: Axes, cells: list[CellResult]) -> None:
         curves = []
-        for place, policy in enumerate(matrix.policies):
-            own = [cell for cell in cells if cell.cell.policy == policy and measure.metric in cell.row.metrics]
-            if own:
-                points = [(float(cell.cell.team), cell.row.metrics[measure.metric]) for cell in own]
-                curves.append(Curve(policy.name, points, place))
+        for index, policy in enumerate(matrix.policies):
+            policy_cells = [cell for cell in cells if cell.cell.policy == policy and measure.metric in cell.row.metrics]
+            if policy_cells:
+                points = [(float(cell.cell.team), cell.row.metrics[measure.metric]) for cell in policy_cells]
+                curves.append(Curve(policy.name, points, index))
         draw_curves(axes, curves, "robots", measure.title)
 
     return Drawing(
         f"teams-{measure.metric}",
         f"{measure.title[0].upper()}{measure.title[1:]} over the size of the team",
         f"Means over seeds with their 95 % intervals, {'no fault' if condition == 'none' else condition}.",
-        lambda: _facets(results, fill, legend=True),
+        lambda: _draw_facets(results, fill, legend=True),
     )
 
 
-def _tour(axes: Axes, results: Sequence[CellResult]) -> None:
+def _draw_tour(axes: Axes, results: Sequence[CellResult]) -> None:
     """Draw the MFoW of the best tour found as a dotted line."""
     tour = next((mean for result in results if (mean := result.mean(TOUR)) is not None), None)
     if tour is not None:

@@ -58,7 +58,7 @@ class Preset:
         return 6
 
 
-def _m2bench(system: str, policy: str | None, *values: str) -> Published:
+def _m2bench_row(system: str, policy: str | None, *values: str) -> Published:
     return Published(system, policy, "none", values)
 
 
@@ -113,20 +113,20 @@ _M2BENCH = Preset(
         ShownMetric("nodes_worst_end_s", "IWI (s)"),
     ),
     published=(
-        _m2bench("TWLO (learned; after 50 s)", None, "95.85", "-", "-", "-"),
-        _m2bench("AHPA*", "ahpa", "131.4", "27.3", "25.6", "81.4"),
-        _m2bench("BAPS", None, "135.7", "27.1", "26.1", "117.5"),
-        _m2bench("DTASSI*", "dtap", "192.8", "40.7", "44.4", "127.8"),
-        _m2bench("SEBS", "sebs", "199.4", "43.7", "49.7", "130.7"),
-        _m2bench("GBS", "gbs", "207.0", "46.2", "57.3", "176.7"),
-        _m2bench("CC", None, "209.3", "43.4", "51.5", "167.5"),
-        _m2bench("CR", "cr", "231.0", "53.9", "86.2", "219.2"),
-        _m2bench("CBLS*", "cbls", "233.5", "49.8", "73.6", "208.2"),
-        _m2bench("DTAG", "dtag", "266.6", "64.5", "100.4", "266.6"),
-        _m2bench("HCR", "hcr", "298.8", "49.6", "52.6", "243.9"),
-        _m2bench("ER", "er", "335.6", "68.1", "91.8", "272.3"),
-        _m2bench("HPCC", "hpcc", "371.6", "99.5", "155.3", "358.2"),
-        _m2bench("random", "random", "475.0", "74.7", "103.1", "457.8"),
+        _m2bench_row("TWLO (learned; after 50 s)", None, "95.85", "-", "-", "-"),
+        _m2bench_row("AHPA*", "ahpa", "131.4", "27.3", "25.6", "81.4"),
+        _m2bench_row("BAPS", None, "135.7", "27.1", "26.1", "117.5"),
+        _m2bench_row("DTASSI*", "dtap", "192.8", "40.7", "44.4", "127.8"),
+        _m2bench_row("SEBS", "sebs", "199.4", "43.7", "49.7", "130.7"),
+        _m2bench_row("GBS", "gbs", "207.0", "46.2", "57.3", "176.7"),
+        _m2bench_row("CC", None, "209.3", "43.4", "51.5", "167.5"),
+        _m2bench_row("CR", "cr", "231.0", "53.9", "86.2", "219.2"),
+        _m2bench_row("CBLS*", "cbls", "233.5", "49.8", "73.6", "208.2"),
+        _m2bench_row("DTAG", "dtag", "266.6", "64.5", "100.4", "266.6"),
+        _m2bench_row("HCR", "hcr", "298.8", "49.6", "52.6", "243.9"),
+        _m2bench_row("ER", "er", "335.6", "68.1", "91.8", "272.3"),
+        _m2bench_row("HPCC", "hpcc", "371.6", "99.5", "155.3", "358.2"),
+        _m2bench_row("random", "random", "475.0", "74.7", "103.1", "457.8"),
     ),
     differs=tuple(M2BENCH_DIFFERS),
 )
@@ -220,12 +220,18 @@ def preset_matrix(
     if preset.visit_m != VISIT_M:
         graph = {"file": graph, "visit": preset.visit_m}
     starts = [list(places[vertex]) for vertex in preset.starts]
-    shared = {"point": preset.point_m, **preset.body, "robots.starts": starts, **_sight(preset, settings), **settings}
+    shared = {
+        "point": preset.point_m,
+        **preset.body,
+        "robots.starts": starts,
+        **_sight_settings(preset, settings),
+        **settings,
+    }
     terrain = terrain_choice("cumberland", str(map_file), graph)
     return Matrix(policies, (terrain,), (preset.team,), preset.conditions, seeds, preset.duration_s, shared)
 
 
-def _sight(preset: Preset, settings: Mapping[str, object]) -> dict[str, object]:
+def _sight_settings(preset: Preset, settings: Mapping[str, object]) -> dict[str, object]:
     """Return the settings with which seeing a vertex is visiting it, if the preset has them.
 
     Sight is between the centres of points, and robot and vertex may each be half a point's diagonal off theirs.
@@ -244,19 +250,25 @@ def beside_published(preset: Preset, cells: Sequence[CellResult]) -> Table:
     heads += [f"{measure.title} {whose}" for measure in preset.measures for whose in ("theirs", "ours")]
     by_place = {(result.cell.policy.name, result.cell.condition): result for result in cells}
     rows = []
-    for one in preset.published:
-        result = by_place.pop((one.policy or "", one.condition), None)
+    for printed in preset.published:
+        result = by_place.pop((printed.policy or "", printed.condition), None)
         rows.append(
-            [one.system, one.condition, "-" if one.policy is None else one.policy, *_beside(preset, result, one.values)]
+            [
+                printed.system,
+                printed.condition,
+                "-" if printed.policy is None else printed.policy,
+                *_paired_texts(preset, result, printed.values),
+            ]
         )
     nothing = ("-",) * len(preset.measures)
     rows += [
-        ["-", condition, name, *_beside(preset, result, nothing)] for (name, condition), result in by_place.items()
+        ["-", condition, name, *_paired_texts(preset, result, nothing)]
+        for (name, condition), result in by_place.items()
     ]
     return Table(heads, rows, range(3, len(heads)))
 
 
-def _beside(preset: Preset, result: CellResult | None, values: Sequence[str]) -> list[str]:
+def _paired_texts(preset: Preset, result: CellResult | None, values: Sequence[str]) -> list[str]:
     """Return published numbers and ours, in turns."""
     row = []
     for measure, value in zip(preset.measures, values, strict=True):

@@ -82,15 +82,15 @@ class CellResult:
         A late MFoW of runs in which some ground was never seen is the time since the start, so that it says how much
         was seen instead.
         """
-        seen = self.mean(SEEN)
-        if measure.metric in (LATE, OVER_TOUR) and seen is not None and not self.seen_all:
-            return f"({100.0 * seen:.2f} % seen)"
+        seen_share = self.mean(SEEN)
+        if measure.metric in (LATE, OVER_TOUR) and seen_share is not None and not self.seen_all:
+            return f"({100.0 * seen_share:.2f} % seen)"
         return measure.text(self.row)
 
     def mean(self, metric: str) -> float | None:
         """Return the mean of a metric, or None."""
-        found = self.row.metrics.get(metric)
-        return None if found is None else found.mean
+        estimate = self.row.metrics.get(metric)
+        return None if estimate is None else estimate.mean
 
 
 @dataclass(frozen=True, slots=True)
@@ -154,20 +154,22 @@ def policy_table(results: Sequence[CellResult]) -> Table:
         beside.append(("gain of watching (points)", GAINED))
     order = ", same order" if len(terrains) > 1 else ""
     heads = ["policy", *terrains, *(f"{title}{order}" for title, _ in beside)]
-    tours = [_first(by_place[policy, terrain].mean(TOUR) for policy in policies) for terrain in terrains]
-    rows = [[BEST_TOUR, *map(_whole, tours), *("" for _ in beside)]] if any(tours) else []
+    tours = [_first_value(by_place[policy, terrain].mean(TOUR) for policy in policies) for terrain in terrains]
+    rows = [[BEST_TOUR, *map(_whole_text, tours), *("" for _ in beside)]] if any(tours) else []
     for policy in policies:
         cells = [by_place[policy, terrain] for terrain in terrains]
         late = [cell.text(MEASURES[0]) for cell in cells]
-        rows.append([policy, *late, *(" / ".join(_whole(cell.mean(metric)) for cell in cells) for _, metric in beside)])
+        rows.append(
+            [policy, *late, *(" / ".join(_whole_text(cell.mean(metric)) for cell in cells) for _, metric in beside)]
+        )
     return Table(heads, rows, range(1, len(heads)))
 
 
-def _first(values: Iterator[float | None]) -> float | None:
+def _first_value(values: Iterator[float | None]) -> float | None:
     return next((value for value in values if value is not None), None)
 
 
-def _whole(value: float | None) -> str:
+def _whole_text(value: float | None) -> str:
     return "-" if value is None else f"{value:.0f}"
 
 

@@ -108,30 +108,30 @@ class Comparison:
 
     def matrix(self) -> Matrix:
         """Return all cells."""
-        given = _overrides(self.settings or [])
+        overrides = _read_overrides(self.settings or [])
         policies = self.policies
         if policies is None:
             from agent.policies.found import POLICIES  # here: loads much
 
             policies = ",".join(name for name in POLICIES.built_in if name != LEARNED)  # which needs a network
         chosen = read_policies(policies)
-        numbers = count_of_seeds(_default(self.seeds, QUICK_SEEDS if self.quick else SEEDS))
+        numbers = count_of_seeds(_or_default(self.seeds, QUICK_SEEDS if self.quick else SEEDS))
         if self.preset is not None:
             self._check_preset(self.preset)
-            more = given if self.point is None else {"point": self.point, **given}
-            return preset_matrix(self.preset, chosen, numbers, self.map, self.graph, more)
+            settings = overrides if self.point is None else {"point": self.point, **overrides}
+            return preset_matrix(self.preset, chosen, numbers, self.map, self.graph, settings)
         for name, file in (("--map", self.map), ("--graph", self.graph)):
             if file is not None:
                 raise BadInput(f"{name} {file}: goes with --preset; give --terrains FILE.graph+MAP.yaml instead")
-        point = _default(self.point, QUICK_POINT_M if self.quick else POINT_M)
+        point = _or_default(self.point, QUICK_POINT_M if self.quick else POINT_M)
         return Matrix(
             chosen,
             read_terrains(",".join(BUILTINS) if self.terrains is None else self.terrains),
             read_teams(str(TEAM) if self.teams is None else self.teams),
             read_conditions(NONE if self.conditions is None else self.conditions),
             numbers,
-            _default(self.duration, QUICK_DURATION_S if self.quick else DURATION_S),
-            {"point": point, "robots.model": self.model or MODEL, **given},
+            _or_default(self.duration, QUICK_DURATION_S if self.quick else DURATION_S),
+            {"point": point, "robots.model": self.model or MODEL, **overrides},
         )
 
     def _check_preset(self, preset: str) -> None:
@@ -177,20 +177,20 @@ def benchmark(
     folder = out or Path("runs") / "benchmark"
     outcome = machines.make_runs(plan, folder, console)
     results = results_of(matrix, outcome)
-    _print(console, results, preset)
-    _write(folder, matrix, results, preset)
+    _print_results(console, results, preset)
+    _write_results(folder, matrix, results, preset)
     files = f"{folder}: benchmark.html has all results; also benchmark.md, cells.csv, runs.csv, figures"
     return finish(console, outcome, files)
 
 
-def _overrides(settings: Sequence[str]) -> dict[str, object]:
+def _read_overrides(settings: Sequence[str]) -> dict[str, object]:
     """Read what ``--set`` sets; refuse fields that the benchmark sets."""
-    given = parse_overrides(settings)
-    for name in given:
+    overrides = parse_overrides(settings)
+    for name in overrides:
         for field, taken_by in TAKEN.items():
             if name == field or name.startswith(f"{field}.") or field.startswith(f"{name}."):
                 raise BadInput(f"--set {name}: the benchmark sets this field; use {taken_by}")
-    return given
+    return overrides
 
 
 def _check_ground(scenario: Scenario, point: float | None) -> None:
@@ -204,7 +204,7 @@ def _check_ground(scenario: Scenario, point: float | None) -> None:
         raise BadInput(f"{error}{remedy}") from None
 
 
-def _write(folder: Path, matrix: Matrix, results: BenchmarkResults, preset: str | None) -> None:
+def _write_results(folder: Path, matrix: Matrix, results: BenchmarkResults, preset: str | None) -> None:
     from experiments.benchmark.page import drawings, page
     from monitor.report.document import write_page
 
@@ -220,7 +220,7 @@ def _write(folder: Path, matrix: Matrix, results: BenchmarkResults, preset: str 
         drawing.save(folder / "figures")
 
 
-def _print(console: Console, results: BenchmarkResults, preset: str | None) -> None:
+def _print_results(console: Console, results: BenchmarkResults, preset: str | None) -> None:
     """Print the late MFoW of each policy by terrain, for each team and condition."""
     tables: list[Titled] = []
     for team, condition, cells in results.groups:
@@ -248,10 +248,14 @@ def _published_tables(preset: Preset, results: BenchmarkResults) -> Iterator[Tit
     named = [0, 1, 2] if len(preset.conditions) > 1 else [0, 2]
     for number, measure in enumerate(preset.measures):
         values = [3 + 2 * number, 4 + 2 * number]
-        shown = [[row[at] for at in named + values] for row in beside.rows if any(row[at] != "-" for at in values)]
+        shown = [
+            [row[column] for column in named + values]
+            for row in beside.rows
+            if any(row[column] != "-" for column in values)
+        ]
         title = f"{measure.title}, beside {preset.title}"
-        yield title, [*(beside.heads[at] for at in named), "theirs", "ours"], shown
+        yield title, [*(beside.heads[column] for column in named), "theirs", "ours"], shown
 
 
-def _default(value: T | None, default: T) -> T:
+def _or_default(value: T | None, default: T) -> T:
     return default if value is None else value

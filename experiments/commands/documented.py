@@ -69,15 +69,15 @@ class Sample:
                 for line in self.commands:
                     command = line.format(out=out, seed=seed, clone=clone)
                     words = [sys.executable, "-m", *shlex.split(command)]
-                    done = subprocess.run(words, cwd=scratch, capture_output=True, text=True, check=False)
+                    process = subprocess.run(words, cwd=scratch, capture_output=True, text=True, check=False)
                     # 1 is an answer too: of `fogwatch plan`, that no number of robots keeps the age.
-                    if done.returncode not in (0, 1):
-                        raise BadInput(f"{command}: exit code {done.returncode}: {done.stderr.strip()[-300:]}")
-                    printed = done.stdout
-                values.append(self._value(out, printed))
+                    if process.returncode not in (0, 1):
+                        raise BadInput(f"{command}: exit code {process.returncode}: {process.stderr.strip()[-300:]}")
+                    printed = process.stdout
+                values.append(self._read_value(out, printed))
         return self.scale * sum(values) / len(values)
 
-    def _value(self, out: Path, printed: str) -> float:
+    def _read_value(self, out: Path, printed: str) -> float:
         file, _, key = self.value.partition(":")
         try:
             text = printed if file == STDOUT else (out / file).read_text(encoding="utf-8")
@@ -106,5 +106,5 @@ def read_samples(clone: Path) -> Samples:
     if not (folder / SAMPLES).is_file():
         raise BadInput(f"check: needs docs/results/{SAMPLES}, which only a clone has; run the command in a clone")
     content = json.loads((folder / SAMPLES).read_text(encoding="utf-8"))
-    samples = [Sample(page, **given) for page, listed in content["pages"].items() for given in listed]
+    samples = [Sample(page, **entry) for page, listed in content["pages"].items() for entry in listed]
     return Samples(folder, tuple(samples), content["unsampled"])

@@ -73,29 +73,29 @@ def faults(
     """
     console = Console()
     folder = out or Path("runs") / "faults"
-    given = parse_overrides(settings or [])
-    if taken := [name for name in given if name.split(".")[0] in TAKEN or name in TAKEN]:
-        raise BadInput(f"--set {taken[0]}: the experiment sets this field; leave it out, or use an option")
+    overrides = parse_overrides(settings or [])
+    if reserved := [name for name in overrides if name.split(".")[0] in TAKEN or name in TAKEN]:
+        raise BadInput(f"--set {reserved[0]}: the experiment sets this field; leave it out, or use an option")
     numbers = count_of_seeds(seeds)
-    setup = FaultSetup(terrain, point, duration, robots, numbers, (folder / "fleet.key").resolve(), given)
+    setup = FaultSetup(terrain, point, duration, robots, numbers, (folder / "fleet.key").resolve(), overrides)
     tried = chosen(setup, [name.strip() for name in only.split(",")] if only else [])
     plan = plan_of(setup, tried)
     if not setup.key.exists():
         write_text(setup.key, KEY)
     outcome = machines.make_runs(plan, folder, console)
-    found, compared = findings(outcome, tried), comparisons(outcome, tried)
-    _print_findings(console, found)
+    measured, compared = findings(outcome, tried), comparisons(outcome, tried)
+    _print_findings(console, measured)
     write_tables(outcome, folder)
-    write_text(folder / "faults.json", json_text(as_json(setup, found, compared)))
+    write_text(folder / "faults.json", json_text(as_json(setup, measured, compared)))
     pictures = [
         name
         for name, draw in (("loss", curves_picture), ("costs", costs_picture))
-        if draw(found, [folder / f"{name}.png", folder / f"{name}.svg"])
+        if draw(measured, [folder / f"{name}.png", folder / f"{name}.svg"])
     ]
     made_by = command_line("reproduce", "faults")
     shown = [f"{name}.png" for name in pictures]
     spent, failed = outcome.computing_s, len(outcome.failed)
-    text = page(setup, found, compared, command=made_by, computing_s=spent, failed=failed, pictures=shown)
+    text = page(setup, measured, compared, command=made_by, computing_s=spent, failed=failed, pictures=shown)
     write_text(folder / "faults.md", text)
     return finish(console, outcome, f"{folder}: faults.md has all results")
 

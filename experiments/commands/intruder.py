@@ -97,17 +97,17 @@ def intruder(
     of watching says how many more attempts in a hundred succeed than without any knowledge: 0 is a patrol that
     watching does not help against. It needs a run of 600 s or more.
     """
-    durations = _seconds("--attacks", attacks, ATTACKS)
+    durations = _read_seconds("--attacks", attacks, ATTACKS)
     for name, value in (("--horizon", horizon), ("--trials", trials)):
         if value is not None and not learned:
             raise BadInput(f"{name} {value}: only the learned intruder has it; add --learned")
-    horizons = _seconds("--horizon", horizon or HORIZONS, HORIZONS)
+    horizons = _read_seconds("--horizon", horizon or HORIZONS, HORIZONS)
     opened, going = open_folder(run)
     from experiments.intruders.learned import Trials
     from experiments.intruders.on_run import Moving, games_of
 
     played = Trials(tuple(horizons), trials or TRIALS) if learned else None
-    with _bar() as bar:
+    with _progress_bar() as bar:
         task = bar.add_task("learned intruder, %", total=100, visible=learned)
         futures = bar.add_task("simulated futures, %", total=100, visible=code)
         moves = bar.add_task("moving intruder, %", total=100)
@@ -126,8 +126,8 @@ def intruder(
         typer.echo(json.dumps(asdict(games), indent=2))
         return
     print_state(opened, going)
-    _print(f"{games.points} points of the ground", games.ground, games.learned_ground)
-    _print(f"{games.vertices} vertices of the graph", games.nodes, games.learned_nodes)
+    _print_shares(f"{games.points} points of the ground", games.ground, games.learned_ground)
+    _print_shares(f"{games.vertices} vertices of the graph", games.nodes, games.learned_nodes)
     if learned:
         where = f"{games.learned_points} of the points and all vertices"
         counted = "one trial, which" if trials == 1 else f"{trials or TRIALS} trials, each of which"
@@ -138,8 +138,8 @@ def intruder(
         typer.echo(printable(games.no_moving), err=True)
 
 
-def _seconds(option: str, text: str, example: str) -> list[float]:
-    found = []
+def _read_seconds(option: str, text: str, example: str) -> list[float]:
+    seconds = []
     for word in text.split(","):
         try:
             value = float(word)
@@ -147,11 +147,11 @@ def _seconds(option: str, text: str, example: str) -> list[float]:
             value = math.nan
         if not 0.0 < value <= 1e6:
             raise BadInput(f"{option} {printable(text)}: expected seconds above 0, such as {example}")
-        found.append(value)
-    return found
+        seconds.append(value)
+    return seconds
 
 
-def _bar() -> Progress:
+def _progress_bar() -> Progress:
     from rich.console import Console
     from rich.progress import TimeRemainingColumn
 
@@ -160,7 +160,7 @@ def _bar() -> Progress:
     return bar_on(Console(stderr=True), TimeRemainingColumn())
 
 
-def _print(where: str, shares: Sequence[Successes], learned: Sequence[Learned]) -> None:
+def _print_shares(where: str, shares: Sequence[Successes], learned: Sequence[Learned]) -> None:
     from rich.console import Console
     from rich.table import Table
 
@@ -189,11 +189,11 @@ def _print_moving(outcome: Infiltration, infiltrator: Infiltrator) -> None:
     for heading, _, _ in plans:
         table.add_column(heading, justify="right")
     for name in (name for name in KNOWLEDGE if name in outcome.once):
-        shares_of_it = (_percent(shares.get(name)) for _, shares, _ in plans)
+        shares_of_it = (_percent_text(shares.get(name)) for _, shares, _ in plans)
         table.add_row(KNOWLEDGE[name], *shares_of_it, end_section=name == "blind")
-    table.add_row("gain of watching, percentage points", *(_percent(gain.watching) for _, _, gain in plans))
+    table.add_row("gain of watching, percentage points", *(_percent_text(gain.watching) for _, _, gain in plans))
     if outcome.gain.code is not None:
-        table.add_row("gain of scenario and code, likewise", *(_percent(gain.code) for _, _, gain in plans))
+        table.add_row("gain of scenario and code, likewise", *(_percent_text(gain.code) for _, _, gain in plans))
     Console(highlight=False).print(table)
     where = f"at least {outcome.depth_m:.0f} m inside" if infiltrator.zone is None else f"in {infiltrator.zone}"
     typer.echo(
@@ -202,5 +202,5 @@ def _print_moving(outcome: Infiltration, infiltrator: Infiltrator) -> None:
     )
 
 
-def _percent(value: Percent | None) -> str:
+def _percent_text(value: Percent | None) -> str:
     return "-" if value is None else f"{value.percent:.0f} ({value.low:.0f} to {value.high:.0f})"

@@ -73,11 +73,11 @@ class Cells:
 
     def setup(self, point: float, sensor_range: float | None, seeds: int) -> PaperSetup:
         """Return the setup of all cells; the sensor's range is the calibrated one unless given."""
-        given = (dict(TO_THE_LETTER) if self.letter else {}) | parse_overrides(self.settings or [])
+        overrides = (dict(TO_THE_LETTER) if self.letter else {}) | parse_overrides(self.settings or [])
         if self.duration is not None:
-            given["duration"] = self.duration
+            overrides["duration"] = self.duration
         radius = paper().sensor_range(point).range if sensor_range is None else sensor_range
-        return PaperSetup(point, radius, count_of_seeds(seeds), given)
+        return PaperSetup(point, radius, count_of_seeds(seeds), overrides)
 
     def folder(self, setup: PaperSetup) -> Path:
         """Return the folder of the results."""
@@ -106,13 +106,13 @@ def table(
     The folder gets the tables as JSON, CSV and pictures, and paper.md with all of it. Runs that have a result there are
     not repeated.
     """
-    given = dict.fromkeys(numbers or paper().tables)
-    tables = [paper().table(number).part(_names(rows), _names(columns)) for number in given]
+    chosen = dict.fromkeys(numbers or paper().tables)
+    tables = [paper().table(number).part(_split_names(rows), _split_names(columns)) for number in chosen]
     setup = cells.setup(point, sensor_range, seeds)
     console = Console()
     folder = cells.folder(setup)
     points = f"points of {setup.point:g} m (the paper's: 0.1 m)"
-    _say(console, f"{points}, sensor range {setup.sensor_range:g} m{_calibrated(setup)}")
+    _print_text(console, f"{points}, sensor range {setup.sensor_range:g} m{_calibration_note(setup)}")
     outcome = machines.make_runs(plan_of(tables, {"": setup}), folder, console)
     comparisons = [compare(table, setup, outcome) for table in tables]
     for comparison in comparisons:
@@ -124,12 +124,12 @@ def table(
     judged = judge_orderings(paper().orderings, comparisons)
     _write_fit(console, comparisons, folder)
     _write_orderings(console, judged, folder)
-    pictures = _terrain_pictures(comparisons, folder) | {f"table {number}": f"table_{number}.png" for number in given}
+    pictures = _terrain_pictures(comparisons, folder) | {f"table {number}": f"table_{number}.png" for number in chosen}
     made_by = command_line("reproduce", "table", *map(str, numbers or ()))
     spent_s = outcome.computing_s
     text = page(comparisons, judged, setup, command=made_by, computing_s=spent_s, pictures=pictures)
     write_text(folder / "paper.md", text)
-    files = ", ".join(f"table_{number}" for number in given)
+    files = ", ".join(f"table_{number}" for number in chosen)
     return finish(console, outcome, f"{folder}: {files} as json, csv, png, svg, and paper.md with all results")
 
 
@@ -147,7 +147,7 @@ def calibrate(
     The paper does not give the sensor range.
     """
     base = cells.setup(point, None, seeds)
-    setups = setups_of(point, _numbers(ranges), base.seeds, base.settings)
+    setups = setups_of(point, _read_numbers(ranges), base.seeds, base.settings)
     console = Console()
     folder = cells.folder(base)
     outcome = machines.make_runs(calibration_plan(setups), folder, console)
@@ -158,15 +158,15 @@ def calibrate(
     for title in ("range (m)", f"cells {below}", "median ratio", "RMS log error", "correlation", "all: RMS", "corr."):
         grid.add_column(title, justify="right")
     best = best_radius(fits)
-    for one in fits:
-        numbers = [f"{one.radius:g}", str(one.near.cells), *fit_texts(one.near), *fit_texts(one.whole)[1:]]
-        grid.add_row(*numbers, style="bold green" if one is best else None)
+    for fit in fits:
+        numbers = [f"{fit.radius:g}", str(fit.near.cells), *fit_texts(fit.near), *fit_texts(fit.whole)[1:]]
+        grid.add_row(*numbers, style="bold green" if fit is best else None)
     console.print(grid, highlight=False)
     if best is not None:
         between = crossing(fits)
         hint = "" if between is None else f"; the median ratio passes 1 at {between:.2f} m"
         use = f"fogwatch reproduce table --sensor-range {best.radius:g}"
-        _say(console, f"best: {best.radius:g} m{hint}. Use it with: {use}")
+        _print_text(console, f"best: {best.radius:g} m{hint}. Use it with: {use}")
     print_failures(console, outcome)
     return FAILED if outcome.failed else 0
 
@@ -179,20 +179,20 @@ def _terrain_pictures(comparisons: Sequence[TableComparison], folder: Path) -> d
     return {f"terrain {name}": f"terrain_{name}.png" for name in names}
 
 
-def _calibrated(setup: PaperSetup) -> str:
-    found = paper().sensor_range(setup.point)
-    if setup.sensor_range != found.range:
-        return f" (calibrated for points of {found.point:g} m: {found.range:g} m)"
-    if found.point != setup.point:
-        return f", calibrated for points of {found.point:g} m; there is no calibration for {setup.point:g} m"
-    return f" ({found.found})"
+def _calibration_note(setup: PaperSetup) -> str:
+    calibrated = paper().sensor_range(setup.point)
+    if setup.sensor_range != calibrated.range:
+        return f" (calibrated for points of {calibrated.point:g} m: {calibrated.range:g} m)"
+    if calibrated.point != setup.point:
+        return f", calibrated for points of {calibrated.point:g} m; there is no calibration for {setup.point:g} m"
+    return f" ({calibrated.found})"
 
 
-def _names(text: str | None) -> list[str]:
+def _split_names(text: str | None) -> list[str]:
     return [name.strip() for name in text.split(",")] if text else []
 
 
-def _numbers(text: str) -> list[float]:
+def _read_numbers(text: str) -> list[float]:
     try:
         return [float(number) for number in text.split(",")]
     except ValueError:
@@ -202,28 +202,28 @@ def _numbers(text: str) -> list[float]:
 def _print_comparison(console: Console, comparison: TableComparison) -> None:
     """Print a table: as a grid on a terminal, elsewhere cell by cell."""
     table, setup = comparison.table, comparison.setup
-    _say(console, "")
+    _print_text(console, "")
     how = f"{len(setup.seeds)} seeds, ±: 95 % interval" + (
         ", in brackets: the printed value" if console.is_terminal else ""
     )
-    _say(console, f"Table {table.number}: {table.title}; {how}")
+    _print_text(console, f"Table {table.number}: {table.title}; {how}")
     for assumed in table.assumed:
-        _say(console, f"  assumed: {assumed}")
+        _print_text(console, f"  assumed: {assumed}")
     for field, value in setup.settings.items():
-        _say(console, f"  set: {field} = {value}")
+        _print_text(console, f"  set: {field} = {value}")
     if not console.is_terminal:
         for cell in comparison.cells:
-            _say(console, f"  {cell.row}, {table.columns_are} {cell.column}: {_plain(cell)}")
+            _print_text(console, f"  {cell.row}, {table.columns_are} {cell.column}: {_plain_text(cell)}")
         return
     grid = Grid(table.columns_are, *(column.name for column in table.columns), header_style="cyan", show_lines=True)
     for column in grid.columns[1:]:
         column.justify = "right"
     for row, unit in dict.fromkeys((cell.row, cell.unit) for cell in comparison.cells):
-        grid.add_row(f"{row} ({unit})", *(_beside(cell) for cell in comparison.cells if cell.row == row))
+        grid.add_row(f"{row} ({unit})", *(_cell_text(cell) for cell in comparison.cells if cell.row == row))
     console.print(grid, highlight=False)
 
 
-def _beside(cell: Cell) -> Text:
+def _cell_text(cell: Cell) -> Text:
     """Our value, and below it the printed one and the ratio, which is marked where it is far from 1."""
     text = Text(with_interval(cell.found), style="bold")
     if cell.paper is not None:
@@ -233,7 +233,7 @@ def _beside(cell: Cell) -> Text:
     return text
 
 
-def _plain(cell: Cell) -> str:
+def _plain_text(cell: Cell) -> str:
     printed = "" if cell.paper is None else f", paper {cell.paper:g} {cell.unit}"
     ratio = "" if cell.ratio is None else f", x {cell.ratio:.2f}{' !' if cell.far_off else ''}"
     return f"{with_interval(cell.found)} {cell.unit}{printed}{ratio}"
@@ -241,14 +241,14 @@ def _plain(cell: Cell) -> str:
 
 def _write_fit(console: Console, comparisons: Sequence[TableComparison], folder: Path) -> None:
     """Print how well each table fits the printed one; print and write the fit of Tables 2 and 3 together."""
-    _say(console, "")
+    _print_text(console, "")
     ratios = {f"Table {comparison.table.number}": to_mean_fog_text(comparison) for comparison in comparisons}
-    for name, found in fits_of(comparisons):
-        median, error, correlation = fit_texts(found)
+    for name, fit in fits_of(comparisons):
+        median, error, correlation = fit_texts(fit)
         logs = f"RMS log error {error}, correlation of logs {correlation}"
-        _say(console, f"{name}: {found.cells} cells, median ratio {median}, {logs}")
+        _print_text(console, f"{name}: {fit.cells} cells, median ratio {median}, {logs}")
         if ratios.get(name) is not None:
-            _say(console, f"  {ratios[name]}")
+            _print_text(console, f"  {ratios[name]}")
     together = fit_as_json(comparisons)
     if together is not None:
         write_text(folder / "fit.json", json_text(together))
@@ -258,21 +258,23 @@ def _write_orderings(console: Console, judged: Sequence[Judged], folder: Path) -
     """Print and write the paper's conclusions and whether each holds on our values."""
     if not judged:
         return
-    write_text(folder / "orderings.json", json_text([ordering_as_json(one) for one in judged]))
-    _say(console, "\nthe paper's conclusions; whether they hold here, and the ratio of the first side to the second:")
+    write_text(folder / "orderings.json", json_text([ordering_as_json(ordering) for ordering in judged]))
+    _print_text(
+        console, "\nthe paper's conclusions; whether they hold here, and the ratio of the first side to the second:"
+    )
     styles = {HELD: "green", NOT_HELD: "red"}
-    for one in judged:
-        ratio = one.ratio
-        found = "-" if ratio is None else f"{ratio.mean:.3f}"
+    for ordering in judged:
+        ratio = ordering.ratio
+        text = "-" if ratio is None else f"{ratio.mean:.3f}"
         if ratio is not None and ratio.low is not None and ratio.high is not None:
-            found += f" [{ratio.low:.3f}, {ratio.high:.3f}]"
+            text += f" [{ratio.low:.3f}, {ratio.high:.3f}]"
         console.print(
-            Text(f"  {one.ordering.says}: ")
-            .append(one.verdict, styles.get(one.verdict, "yellow"))
-            .append(f", {found}"),
+            Text(f"  {ordering.ordering.says}: ")
+            .append(ordering.verdict, styles.get(ordering.verdict, "yellow"))
+            .append(f", {text}"),
             soft_wrap=True,
         )
 
 
-def _say(console: Console, text: str) -> None:
+def _print_text(console: Console, text: str) -> None:
     console.print(text, highlight=False, markup=False, soft_wrap=True)

@@ -90,7 +90,7 @@ def plan(
         raise BadInput(f"--seeds {seeds}: expected a number of runs from 1 to {MOST_SEEDS}")
     if quick and seeds is not None:
         raise BadInput(f"--seeds {seeds}: has no effect with --quick, which simulates nothing; drop one of them")
-    numbers = None if robots is None else _numbers(robots)
+    numbers = None if robots is None else _read_numbers(robots)
     overridden = overrides_of(settings, patrol, point=point, **vars(body))
     scenario = open_scenario(what, overridden)
     check_matplotlib("sim")
@@ -102,22 +102,22 @@ def plan(
 
     folder = plan_folder(out, scenario.name)
     with naming(what, overridden):
-        for line in _notes(scenario, 1 if numbers is None else numbers[-1]):
+        for line in _scenario_notes(scenario, 1 if numbers is None else numbers[-1]):
             typer.echo(printable(f"warning: {line}"), err=True)
     shown = _Shown(Console(stderr=True))
     with shown.bar, naming(what, overridden):
-        made = make_plan(scenario, age, numbers, shown.show, duration_s=duration, quick=quick, seeds=seeds or SEEDS)
+        new_plan = make_plan(scenario, age, numbers, shown.show, duration_s=duration, quick=quick, seeds=seeds or SEEDS)
         shown.show("pictures", 0.0)
-        write_plan(made, folder)
+        write_plan(new_plan, folder)
     console = Console()
-    console.print(_table(made), highlight=False, markup=False)
-    for line in answer_lines(made):
+    console.print(_plan_table(new_plan), highlight=False, markup=False)
+    for line in answer_lines(new_plan):
         console.print(printable(line), highlight=False, markup=False, soft_wrap=True)
     console.print(printable(f"files: {folder}"), highlight=False, markup=False, soft_wrap=True)
-    return NOT_KEPT if age is not None and made.chosen is None else 0
+    return NOT_KEPT if age is not None and new_plan.chosen is None else 0
 
 
-def _notes(scenario: Scenario, most: int) -> list[str]:
+def _scenario_notes(scenario: Scenario, most: int) -> list[str]:
     """Return the notes on the scenario with the most robots that a plan looks at, one if it searches for the number."""
     from experiments.plan.plan import planned_scenario  # here: these import kernels
     from fogwatch.grounds.scenario_notes import scenario_notes
@@ -127,19 +127,19 @@ def _notes(scenario: Scenario, most: int) -> list[str]:
     return [*scenario.translated, *scenario_notes(prepare(planned))]
 
 
-def _table(plan: FleetPlan) -> Table:
+def _plan_table(plan: FleetPlan) -> Table:
     from experiments.plan.answer import answer_table  # here: it imports kernels
 
     answer = answer_table(plan)
     table = Table(box=None, pad_edge=False, header_style="cyan")
-    for place, head in enumerate(answer.heads):
-        table.add_column(head, justify="right" if place in answer.numbers else "left")
+    for column, head in enumerate(answer.heads):
+        table.add_column(head, justify="right" if column in answer.numbers else "left")
     for row in answer.rows:
         table.add_row(*row)
     return table
 
 
-def _numbers(text: str) -> range:
+def _read_numbers(text: str) -> range:
     """Read numbers of robots: N or N-M."""
     from patrol.measures.best_tour import MOST_ROBOTS  # here: it imports kernels
 

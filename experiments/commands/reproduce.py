@@ -97,11 +97,11 @@ def figure(
     if name is None:
         if out is not None:
             raise BadInput(f"--out {out}: nothing is made without a FIGURE; name one")
-        _list(figures)
+        _list_figures(figures)
         return 0
-    if name not in (names := [each.figure for each in figures]):
+    if name not in (names := [entry.figure for entry in figures]):
         raise BadInput(f"{name}: no such figure; {did_you_mean(name, names)}")
-    _become(figures[names.index(name)], out or Path("runs") / name)
+    _become_command(figures[names.index(name)], out or Path("runs") / name)
     return None
 
 
@@ -130,13 +130,13 @@ def check(
     changed = 0
     samples = [sample for sample in documented.samples if page in (None, sample.page)]
     for sample in samples:
-        stated, allowed = sample.stated(documented.folder)
+        recorded, allowed = sample.stated(documented.folder)
         typer.echo(f"docs/results/{sample.page}.md ...", err=True)
         value = sample.measure(CLONE)
-        same = abs(value - stated) <= allowed
+        same = abs(value - recorded) <= allowed
         changed += not same
         typer.echo(
-            f"{'same   ' if same else 'changed'} docs/results/{sample.page}.md: {stated:g} (within "
+            f"{'same   ' if same else 'changed'} docs/results/{sample.page}.md: {recorded:g} (within "
             f"{allowed:.3g}), now {value:.4g}: "
             f"{sample.commands[-1].format(out='OUT', seed=sample.seeds[-1], clone='.')}"
         )
@@ -144,7 +144,7 @@ def check(
     return DIFFERS if changed else 0
 
 
-def _become(figure: SiteFigure, folder: Path) -> NoReturn:
+def _become_command(figure: SiteFigure, folder: Path) -> NoReturn:
     """Say what is made, and go on as the command that makes it, so that its signals and exit code are its own."""
     words = figure.words(folder)
     try:
@@ -152,7 +152,7 @@ def _become(figure: SiteFigure, folder: Path) -> NoReturn:
     except OSError as error:
         raise BadInput(f"--out {folder}: {error.strerror}; choose another folder") from None
     typer.echo(printable(f"{figure.command} --out {shlex.quote(str(folder))}"))
-    typer.echo(f"takes about {_time(figure.minutes)} of computing on one core")
+    typer.echo(f"takes about {_minutes_text(figure.minutes)} of computing on one core")
     typer.echo(printable(f"beside it: {', '.join(f'docs/{file}' for file in figure.files)}"))
     sys.stdout.flush()
     if not figure.command.startswith("fogwatch "):  # a script of a clone
@@ -160,19 +160,19 @@ def _become(figure: SiteFigure, folder: Path) -> NoReturn:
     os.execv(words[0], words)
 
 
-def _list(figures: Sequence[SiteFigure]) -> None:
+def _list_figures(figures: Sequence[SiteFigure]) -> None:
     """Print the figures: as a table on a terminal, elsewhere a line each."""
     console = Console()
     if not console.is_terminal:
         for figure in figures:
-            typer.echo(f"{figure.figure}: {_time(figure.minutes)}: {figure.command}")
+            typer.echo(f"{figure.figure}: {_minutes_text(figure.minutes)}: {figure.command}")
         return
     table = Table("figure", "computing", "command", box=None, header_style="cyan")
     for figure in figures:
-        table.add_row(figure.figure, _time(figure.minutes), figure.command)
+        table.add_row(figure.figure, _minutes_text(figure.minutes), figure.command)
     console.print(table, highlight=False, markup=False)
 
 
-def _time(minutes: int) -> str:
+def _minutes_text(minutes: int) -> str:
     """Return a time as text."""
     return f"{minutes} min" if minutes < 100 else f"{minutes / 60:.1f} h"

@@ -68,16 +68,16 @@ class Machines:
                 return run_sweep(plan, folder, workers=pool, observer=progress, say=progress.say)
             except KeyboardInterrupt:
                 if progress.total:
-                    done = f"{progress.done} of {progress.total} runs are done"
-                    progress.say(f"{done}; start again to continue in {folder}")
+                    count_text = f"{progress.done} of {progress.total} runs are done"
+                    progress.say(f"{count_text}; start again to continue in {folder}")
                 raise
 
 
 def finish(console: Console, outcome: SweepOutcome, files: str) -> int:
     """Print how many runs were made, those that failed, and where all files are; return the exit code."""
     print_failures(console, outcome)
-    made = f"{outcome.made} runs made in {duration_text(outcome.wall_s)}"
-    console.print(f"{made}; {files}", highlight=False, markup=False, soft_wrap=True)
+    count_text = f"{outcome.made} runs made in {duration_text(outcome.wall_s)}"
+    console.print(f"{count_text}; {files}", highlight=False, markup=False, soft_wrap=True)
     return FAILED if outcome.failed else 0
 
 
@@ -102,7 +102,7 @@ def sweep(
     a result there are not repeated, so that an interrupted sweep continues when it is started again.
     """
     check_matplotlib("experiments")  # before hours of runs, not after them
-    width = _inches(figure_width)
+    width = _width_inches(figure_width)
     plan = read_plan(file, seeds)
     check_classes(plan)
     folder = out or Path("runs") / file.stem
@@ -110,7 +110,7 @@ def sweep(
     outcome = machines.make_runs(plan, folder, console, estimate_time=False)
     write_tables(outcome, folder)
     rows = case_rows(outcome)
-    _draw(rows, plan.name, folder / "figures", width)
+    _draw_figures(rows, plan.name, folder / "figures", width)
     print_cases(console, rows)
     print_failures(console, outcome)
     compared = ""
@@ -125,7 +125,7 @@ def sweep(
     return FAILED if outcome.failed else 0
 
 
-def _inches(figure_width_mm: float | None) -> float:
+def _width_inches(figure_width_mm: float | None) -> float:
     """Return the width of figures in inches: that of a report's charts, or a narrower one that was asked for."""
     from monitor.report.charts import WIDTH  # here: it loads libraries that `--help` does without
 
@@ -139,7 +139,7 @@ def _inches(figure_width_mm: float | None) -> float:
     return figure_width_mm / MM_PER_INCH
 
 
-def _draw(rows: list[CaseRow], name: str, folder: Path, width: float) -> None:
+def _draw_figures(rows: list[CaseRow], name: str, folder: Path, width: float) -> None:
     """Write the figures of a sweep, so many inches wide; those of an earlier plan that it no longer has are removed."""
     from experiments.sweeps.figures import drawings  # here: its library is an extra
 
@@ -178,11 +178,11 @@ def _cases_table(rows: list[CaseRow], names: Mapping[str, str], between: str) ->
     narrow = between == "\n"
     table = Table(box=None, pad_edge=False, header_style="cyan", padding=(0, 1 if narrow else 2, 0, 0))
     shown = shown_table(rows, names)
-    for place, title in enumerate(shown.heads):
-        head, *unit = title.rsplit(" ", 2) if place in shown.numbers else title.split()
+    for column, title in enumerate(shown.heads):
+        head, *unit = title.rsplit(" ", 2) if column in shown.numbers else title.split()
         name = between.join([head, " ".join(unit)]) if unit else head
-        table.add_column(name, justify="right" if place in shown.numbers else "left")
+        table.add_column(name, justify="right" if column in shown.numbers else "left")
     for row in shown.rows:
-        cells = [cell.replace(" ", between) if place in shown.numbers else cell for place, cell in enumerate(row)]
+        cells = [cell.replace(" ", between) if column in shown.numbers else cell for column, cell in enumerate(row)]
         table.add_row(*cells)
     return table

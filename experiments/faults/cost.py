@@ -96,7 +96,13 @@ GROUPS: Mapping[str, str] = {
 
 def conditions(setup: FaultSetup) -> list[Condition]:
     """Return all conditions."""
-    return [Condition("quiet", QUIET, []), *_losses(), *_radio(setup), *_robots(setup), *_forgeries(setup)]
+    return [
+        Condition("quiet", QUIET, []),
+        *_loss_conditions(),
+        *_radio_conditions(setup),
+        *_robot_conditions(setup),
+        *_forgery_conditions(setup),
+    ]
 
 
 def chosen(setup: FaultSetup, names: Sequence[str]) -> list[Condition]:
@@ -106,12 +112,12 @@ def chosen(setup: FaultSetup, names: Sequence[str]) -> list[Condition]:
     all conditions are returned.
     """
     every = conditions(setup)
-    own = [f"{condition.group}: {condition.name}" for condition in every]
+    labels = [f"{condition.group}: {condition.name}" for condition in every]
     for name in names:
-        if name not in (*GROUPS, *own):
-            raise BadInput(f"--only {name}: no such group or condition; {did_you_mean(name, [*GROUPS, *own])}")
+        if name not in (*GROUPS, *labels):
+            raise BadInput(f"--only {name}: no such group or condition; {did_you_mean(name, [*GROUPS, *labels])}")
     wanted = {*(names or GROUPS), "quiet"}
-    return [condition for condition, name in zip(every, own, strict=True) if {condition.group, name} & wanted]
+    return [condition for condition, name in zip(every, labels, strict=True) if {condition.group, name} & wanted]
 
 
 def plan_of(setup: FaultSetup, tried: Sequence[Condition]) -> Plan:
@@ -129,7 +135,7 @@ def case_name(condition: Condition, variant: str) -> str:
     return f"{condition.group}: {condition.name}, {variant}"
 
 
-def _losses() -> Iterator[Condition]:
+def _loss_conditions() -> Iterator[Condition]:
     with_trail: dict[str, object] = {"radio.trail": TRAIL}
     for end, settings in (("", {}), (WITH_TRAIL, with_trail)):
         for rate in INDEPENDENT:
@@ -139,7 +145,7 @@ def _losses() -> Iterator[Condition]:
             yield Condition(f"bursts{end}", f"{100 * rate:g} % lost", burst, rate, settings)
 
 
-def _radio(setup: FaultSetup) -> Iterator[Condition]:
+def _radio_conditions(setup: FaultSetup) -> Iterator[Condition]:
     third = setup.duration / 3.0
     silence: dict[str, Any] = {"kind": "silence", "who": "all"}
     yield Condition("silence", "total silence", [silence])
@@ -151,7 +157,7 @@ def _radio(setup: FaultSetup) -> Iterator[Condition]:
         yield Condition("range", f"{reach} m", [{"kind": "range", "reach": reach}], float(reach))
 
 
-def _robots(setup: FaultSetup) -> Iterator[Condition]:
+def _robot_conditions(setup: FaultSetup) -> Iterator[Condition]:
     fifth = setup.duration / 5.0
     last = f"r{setup.robots}"
     kill: dict[str, Any] = {"kind": "kill", "who": last, "at": fifth}
@@ -169,13 +175,13 @@ def _robots(setup: FaultSetup) -> Iterator[Condition]:
         yield Condition("fleet", FEWER, [], settings={"robots.count": setup.robots - 1})
     if setup.robots > 2:
         joining: Faults = [
-            {"kind": "join", "who": f"r{number}", "at": setup.duration * (place + 1) / 3.0}
-            for place, number in enumerate((setup.robots - 1, setup.robots))
+            {"kind": "join", "who": f"r{number}", "at": setup.duration * (index + 1) / 3.0}
+            for index, number in enumerate((setup.robots - 1, setup.robots))
         ]
         yield Condition("fleet", "two robots join", joining)
 
 
-def _forgeries(setup: FaultSetup) -> Iterator[Condition]:
+def _forgery_conditions(setup: FaultSetup) -> Iterator[Condition]:
     forged: dict[str, dict[str, Any]] = {
         "all positions shifted": {"kind": "spoof", "as": "all", "payload": {"offset": [FORGED_M, 0.0]}},
         "one robot's positions at random": {"kind": "spoof", "as": "one", "payload": "random"},
@@ -208,10 +214,10 @@ class Finding:
 def findings(outcome: SweepOutcome, tried: Sequence[Condition]) -> list[Finding]:
     """Return the results of the runs, variant by variant."""
     quiet = next(condition for condition in tried if condition.group == "quiet")
-    return [_finding(outcome, condition, quiet, variant) for variant in VARIANTS for condition in tried]
+    return [_make_finding(outcome, condition, quiet, variant) for variant in VARIANTS for condition in tried]
 
 
-def _finding(outcome: SweepOutcome, condition: Condition, quiet: Condition, variant: str) -> Finding:
+def _make_finding(outcome: SweepOutcome, condition: Condition, quiet: Condition, variant: str) -> Finding:
     name = case_name(condition, variant)
 
     def values(metric: str, case: str = name) -> Mapping[int, float]:
@@ -222,17 +228,17 @@ def _finding(outcome: SweepOutcome, condition: Condition, quiet: Condition, vari
     return Finding(
         condition=condition,
         variant=variant,
-        mfow=_mean(mfow.values()),
-        late=_mean(values("mfow_late_mean_s").values()),
-        cost=_mean(mfow[seed] / free[seed] for seed in mfow if free.get(seed)),
-        delivered=_mean(delivered[seed] / sent[seed] for seed in delivered if sent.get(seed)),
-        belief=_mean(values("belief_error_s").values()),
-        collisions=_mean(values("collisions").values()),
+        mfow=_mean_estimate(mfow.values()),
+        late=_mean_estimate(values("mfow_late_mean_s").values()),
+        cost=_mean_estimate(mfow[seed] / free[seed] for seed in mfow if free.get(seed)),
+        delivered=_mean_estimate(delivered[seed] / sent[seed] for seed in delivered if sent.get(seed)),
+        belief=_mean_estimate(values("belief_error_s").values()),
+        collisions=_mean_estimate(values("collisions").values()),
         stay=max(values("longest_stay_s").values(), default=None),
     )
 
 
-def _mean(values: Any) -> Estimate | None:
+def _mean_estimate(values: Any) -> Estimate | None:
     numbers = list(values)
     return estimate(numbers) if numbers else None
 
@@ -261,15 +267,15 @@ AGAINST: Mapping[str, str] = {
 def comparisons(outcome: SweepOutcome, tried: Sequence[Condition]) -> list[FaultComparison]:
     """Return all comparisons that the tried conditions allow, over the seeds that both sides have."""
     compared = []
-    for group, label, metric, these, those in _pairs(tried):
+    for group, label, metric, these, those in _compared_pairs(tried):
         ours, theirs = outcome.values(case_name(*these), metric), outcome.values(case_name(*those), metric)
-        ratio = _mean(ours[seed] / theirs[seed] for seed in ours if theirs.get(seed))
+        ratio = _mean_estimate(ours[seed] / theirs[seed] for seed in ours if theirs.get(seed))
         if ratio is not None:
             compared.append(FaultComparison(group, label, these[1], ratio))
     return compared
 
 
-def _pairs(tried: Sequence[Condition]) -> Iterator[tuple[str, str, str, ConditionVariant, ConditionVariant]]:
+def _compared_pairs(tried: Sequence[Condition]) -> Iterator[tuple[str, str, str, ConditionVariant, ConditionVariant]]:
     """Yield the comparisons: group, what is compared, the measure, and the two sides."""
     plain, claims = VARIANTS
     by_name = {(condition.group, condition.name): condition for condition in tried}
@@ -279,8 +285,8 @@ def _pairs(tried: Sequence[Condition]) -> Iterator[tuple[str, str, str, Conditio
         bare = by_name.get((group.removesuffix(WITH_TRAIL), name), condition)
         for variant in VARIANTS if bare is not condition else ():
             yield "trail", f"{bare.group}: {name}", "mfow_mean_s", (condition, variant), (bare, variant)
-    for after, whole in ((KILLED, ("fleet", FEWER)), (RESTARTED, ("quiet", QUIET))):
-        died, alike = by_name.get(("death", after)), by_name.get(whole)
+    for after, reference in ((KILLED, ("fleet", FEWER)), (RESTARTED, ("quiet", QUIET))):
+        died, alike = by_name.get(("death", after)), by_name.get(reference)
         if died is None or alike is None:
             continue
         for variant in VARIANTS:
@@ -295,22 +301,27 @@ def as_json(setup: FaultSetup, found: Sequence[Finding], compared: Sequence[Faul
         "seeds": list(setup.seeds),
         "findings": [
             {
-                "group": one.condition.group,
-                "condition": one.condition.name,
-                "x": one.condition.x,
-                "variant": one.variant,
-                "faults": one.condition.faults,
-                **{name: _numbers(getattr(one, name)) for name in measures},
-                "longest_stay_s": one.stay,
+                "group": entry.condition.group,
+                "condition": entry.condition.name,
+                "x": entry.condition.x,
+                "variant": entry.variant,
+                "faults": entry.condition.faults,
+                **{name: _estimate_numbers(getattr(entry, name)) for name in measures},
+                "longest_stay_s": entry.stay,
             }
-            for one in found
+            for entry in found
         ],
         "comparisons": [
-            {"group": one.group, "what": one.what, "variant": one.variant, "ratio": _numbers(one.ratio)}
-            for one in compared
+            {
+                "group": entry.group,
+                "what": entry.what,
+                "variant": entry.variant,
+                "ratio": _estimate_numbers(entry.ratio),
+            }
+            for entry in compared
         ],
     }
 
 
-def _numbers(found: Estimate | None) -> dict[str, Any] | None:
+def _estimate_numbers(found: Estimate | None) -> dict[str, Any] | None:
     return None if found is None else {"mean": found.mean, "ci95": found.interval, "runs": found.count}

@@ -36,11 +36,17 @@ def page(
     `computing_s` is the processor time of all runs together; for results of older versions, which lack it, the wall
     time. `pictures` are the files of pictures to show.
     """
-    parts = (*_head(setup, command, computing_s, failed, pictures), *_comparisons(compared), *_groups(found))
+    parts = (
+        *_page_head(setup, command, computing_s, failed, pictures),
+        *_comparison_sections(compared),
+        *_group_sections(found),
+    )
     return "\n\n".join(parts) + "\n"
 
 
-def _head(setup: FaultSetup, command: str, computing_s: float, failed: int, pictures: Sequence[str]) -> Iterator[str]:
+def _page_head(
+    setup: FaultSetup, command: str, computing_s: float, failed: int, pictures: Sequence[str]
+) -> Iterator[str]:
     yield "# What faults cost"
     yield f"Made by `{command}`: {computing_s / 60.0:.0f} min of computing time on one core."
     where = f"`{setup.terrain}`, {setup.robots} robots, {setup.duration:g} s, points of {setup.point:g} m"
@@ -65,7 +71,7 @@ cars that follow the paper's final algorithm and give way (`patrol.give_way`), w
     yield from (f"![{picture}]({picture})" for picture in pictures)
 
 
-def _groups(found: Sequence[Finding]) -> Iterator[str]:
+def _group_sections(found: Sequence[Finding]) -> Iterator[str]:
     for group, title in GROUPS.items():
         here = [cost for cost in found if cost.condition.group == group]
         if here:
@@ -73,24 +79,36 @@ def _groups(found: Sequence[Finding]) -> Iterator[str]:
             names = dict.fromkeys(cost.condition.name for cost in here)
             order = [(name, variant) for name in names for variant in VARIANTS]
             here.sort(key=lambda cost: order.index((cost.condition.name, cost.variant)))
-            yield Table(HEADS, [_row(cost) for cost in here]).markdown()
+            yield Table(HEADS, [_finding_row(cost) for cost in here]).markdown()
 
 
-def _comparisons(compared: Sequence[FaultComparison]) -> Iterator[str]:
+def _comparison_sections(compared: Sequence[FaultComparison]) -> Iterator[str]:
     for group, title in AGAINST.items():
-        rows = [(one.what, one.variant, _text(one.ratio, 3)) for one in compared if one.group == group]
+        rows = [
+            (comparison.what, comparison.variant, _estimate_text(comparison.ratio, 3))
+            for comparison in compared
+            if comparison.group == group
+        ]
         if rows:
             yield f"## {title[0].upper()}{title[1:]}"
             yield Table(("", "variant", "ratio"), rows).markdown()
 
 
-def _row(one: Finding) -> list[str]:
-    cost = "-" if one.condition.name == QUIET else _text(one.cost, 3)
+def _finding_row(one: Finding) -> list[str]:
+    cost = "-" if one.condition.name == QUIET else _estimate_text(one.cost, 3)
     share = "-" if one.delivered is None else f"{100.0 * one.delivered.mean:.1f} %"
     stay = "-" if one.stay is None else f"{one.stay:.0f}"
-    numbers = (_text(one.mfow), cost, _text(one.late), share, _text(one.belief), _text(one.collisions, 0), stay)
+    numbers = (
+        _estimate_text(one.mfow),
+        cost,
+        _estimate_text(one.late),
+        share,
+        _estimate_text(one.belief),
+        _estimate_text(one.collisions, 0),
+        stay,
+    )
     return [one.condition.name, one.variant, *numbers]
 
 
-def _text(found: Estimate | None, digits: int = 1) -> str:
+def _estimate_text(found: Estimate | None, digits: int = 1) -> str:
     return with_interval(found, digits, " ± ")

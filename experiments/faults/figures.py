@@ -28,7 +28,7 @@ def curves_picture(found: Sequence[Finding], files: Sequence[Path]) -> bool:
         chart = figure(1.0 + 5.0 * len(shown), 4.6)
         panels = chart.subplots(1, len(shown), sharey=True, squeeze=False)[0]
         for panel, (end, title) in zip(panels, shown, strict=True):
-            draw_curves(panel, _curves(found, end), "share of frames lost", "mean MFoW (s)")
+            draw_curves(panel, _loss_curves(found, end), "share of frames lost", "mean MFoW (s)")
             panel.set_title(title)
         panels[0].legend(loc="upper left")
     write_figure(chart, files)
@@ -38,7 +38,7 @@ def curves_picture(found: Sequence[Finding], files: Sequence[Path]) -> bool:
 def costs_picture(found: Sequence[Finding], files: Sequence[Path]) -> bool:
     """Draw the costs of all conditions without a curve; return False if there are none."""
     dots = [
-        Dot(_label(cost), cost.cost, cost.variant)
+        Dot(_condition_label(cost), cost.cost, cost.variant)
         for cost in found
         if cost.condition.group not in NO_DOTS and cost.cost is not None
     ]
@@ -56,13 +56,13 @@ def costs_picture(found: Sequence[Finding], files: Sequence[Path]) -> bool:
     return True
 
 
-def _label(one: Finding) -> str:
+def _condition_label(one: Finding) -> str:
     """Return a condition's name, with its group where the name is a number alone."""
     group, name = one.condition.group, one.condition.name
     return f"{group} {name}" if name[0].isdigit() else name
 
 
-def _curves(found: Sequence[Finding], end: str) -> list[Curve]:
+def _loss_curves(found: Sequence[Finding], end: str) -> list[Curve]:
     """Return a curve for each variant and kind of loss: a colour a variant, a style of line a kind."""
     curves = []
     for number, variant in enumerate(VARIANTS):

@@ -102,8 +102,8 @@ class Game:
             raise BadInput(f"the run has {seconds:g} s, and a moving intruder, {needs}; make a longer run")
         if not watch.ground.entries.any():
             where = {"edge": "edge of the patrolled ground", "doors": "doors between rooms"}
-            there = where.get(str(infiltrator.entries), "patrolled ground in the polygon")
-            raise BadInput(f"a moving intruder finds no entry: there is no {there}; choose other entries")
+            entries = where.get(str(infiltrator.entries), "patrolled ground in the polygon")
+            raise BadInput(f"a moving intruder finds no entry: there is no {entries}; choose other entries")
         self.watch = watch
         self.infiltrator = infiltrator
         self.depth_m = min(infiltrator.depth_m, 0.5 * float(depths_m[np.isfinite(depths_m)].max()))
@@ -129,45 +129,45 @@ class Game:
     def once(self, predictor: Predictor, now: int, target: int) -> Attempt:
         """Make an attempt that is planned once, when tick `now` was seen last."""
         way = self.planner.plan(predictor(now, self.within), OUTSIDE, target)
-        return self._tried(now, target, np.zeros(0, dtype=np.int32) if way is None else way)
+        return self._try_way(now, target, np.zeros(0, dtype=np.int32) if way is None else way)
 
     def again(self, predictor: Predictor, now: int, target: int) -> Attempt:
         """Make an attempt that is planned again every second, first when tick `now` was seen last."""
         every = self.watch.ticks_of(AGAIN_S)
         went: list[int] = []
-        at, way = OUTSIDE, None
-        while len(went) < self.within and not (went and self._seen(now + len(went), at)):
-            if at == target:
+        position, way = OUTSIDE, None
+        while len(went) < self.within and not (went and self._is_seen(now + len(went), position)):
+            if position == target:
                 # It stays; a way that only passes its target would not have ended a second there.
                 stayed = next((n for n, point in enumerate(reversed(went)) if point != target), len(went))
                 went += [target] * min(self.planner.stay + 1 - stayed, self.within - len(went)) + [DONE]
                 break
-            left = self.within - len(went)
-            chances = predictor(now + len(went), left)
-            other = self.planner.plan(chances, at, target)
-            if way is None or (other is not None and sightings(chances, other) < BETTER * sightings(chances, way)):
-                way = other
+            remaining = self.within - len(went)
+            chances = predictor(now + len(went), remaining)
+            new_way = self.planner.plan(chances, position, target)
+            if way is None or (new_way is not None and sightings(chances, new_way) < BETTER * sightings(chances, way)):
+                way = new_way
             if way is None:
                 break
             went += way[:every].tolist()
-            at, way = went[-1], way[every:]
-            if at == DONE:
+            position, way = went[-1], way[every:]
+            if position == DONE:
                 break
-        return self._tried(now, target, np.array(went, dtype=np.int32))
+        return self._try_way(now, target, np.array(went, dtype=np.int32))
 
-    def _tried(self, now: int, target: int, way: Way) -> Attempt:
+    def _try_way(self, now: int, target: int, way: Way) -> Attempt:
         """Try a way against the run."""
         stayed = 0
         for tick, point in enumerate(way.tolist(), start=now + 1):
             if point == DONE:
                 break
-            if self._seen(tick, point):
+            if self._is_seen(tick, point):
                 return Attempt(now, target, way[: tick - now], tick, succeeded=False)
             stayed = stayed + 1 if point == target else 0
         # The stay begins when the intruder has come, at the end of a tick.
         return Attempt(now, target, way[way != DONE], None, stayed > self.planner.stay)
 
-    def _seen(self, tick: int, point: int) -> bool:
+    def _is_seen(self, tick: int, point: int) -> bool:
         if point < 0:
             return False
         word, bit = divmod(point, 64)
@@ -185,14 +185,14 @@ def infiltration(
     plans += [(name, game.again) for name in WATCHING] if again else []
     # A plan that is made again every second takes some forty times as long.
     work = [40.0 if play == game.again else 1.0 for _, play in plans]
-    done, total = 0.0, sum(work) * len(game.trials)
+    progress, total = 0.0, sum(work) * len(game.trials)
     won: list[Flags] = []
     for (name, play), weight in zip(plans, work, strict=True):
         outcomes = []
         for now, target in game.trials:
             outcomes.append(play(game.predictors[name], now, target).succeeded)
-            done += weight
-            advance(done / total)
+            progress += weight
+            advance(progress / total)
         won.append(np.array(outcomes))
     count = len(game.predictors)
     once = dict(zip(game.predictors, won[:count], strict=True))
@@ -205,9 +205,9 @@ def infiltration(
         game.depth_m,
         len(game.targets),
         {name: share_of(outcomes) for name, outcomes in once.items()},
-        _gains(once, once[BLIND]),
+        _compute_gains(once, once[BLIND]),
         {name: share_of(outcomes) for name, outcomes in later.items()},
-        _gains(later, once[BLIND]) if later else None,
+        _compute_gains(later, once[BLIND]) if later else None,
     )
 
 
@@ -233,6 +233,6 @@ def gain_of(won: Flags, without: Flags) -> Percent:
     return Percent(100.0 * (better - worse) / n, 100.0 * max(middle - half, -1.0), 100.0 * min(middle + half, 1.0))
 
 
-def _gains(won: dict[str, Flags], without: Flags) -> Gains:
+def _compute_gains(won: dict[str, Flags], without: Flags) -> Gains:
     gains = {name: gain_of(won[name], without) for name in (*WATCHING, CODE) if name in won}
     return Gains(max((gains[name] for name in WATCHING), key=lambda gain: gain.percent), **gains)

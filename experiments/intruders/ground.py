@@ -56,27 +56,27 @@ def ground_of(
     `point_m` is the side of the terrain's points, and `apart_m` that of the squares at least. Without `enters` the
     intruder may enter at the edge of the ground; without `wants` the depth decides where it wants to stay.
     """
-    least = math.ceil(math.sqrt(np.count_nonzero(free) / MOST_POINTS))
-    side = max(math.ceil(apart_m / point_m - 1e-6), least, 1)
-    number, rows, cols = _points(free, side)
+    smallest = math.ceil(math.sqrt(np.count_nonzero(free) / MOST_POINTS))
+    side = max(math.ceil(apart_m / point_m - 1e-6), smallest, 1)
+    number, rows, cols = _number_points(free, side)
     neighbours = np.full((len(rows), len(MOVES)), -1, dtype=np.int32)
     padded = np.pad(number, 1, constant_values=-1)
     for k, back in ((k, back) for k, back in enumerate(OPPOSITE) if k < back):
         down, right = MOVES[k]
-        there = padded[rows // side + 1 + down, cols // side + 1 + right]
-        here = np.flatnonzero(there >= 0)
-        here = here[_clear(free, rows[here], cols[here], rows[there[here]], cols[there[here]])]
-        neighbours[here, k], neighbours[there[here], back] = there[here], here
+        beside = padded[rows // side + 1 + down, cols // side + 1 + right]
+        here = np.flatnonzero(beside >= 0)
+        here = here[_is_clear(free, rows[here], cols[here], rows[beside[here]], cols[beside[here]])]
+        neighbours[here, k], neighbours[beside[here], back] = beside[here], here
     apart_m = side * point_m
     squares_in = rows // side, cols // side
-    entries = (_edge(number) if enters is None else _holding(enters & free, side))[squares_in]
+    entries = (_edge_squares(number) if enters is None else _marked_squares(enters & free, side))[squares_in]
     squares = (rows // side + 1) * padded.shape[1] + cols // side + 1
-    depths_m = _depths(neighbours, apart_m, entries)
-    wanted = None if wants is None else _holding(wants & free, side)[squares_in]
+    depths_m = _entry_distances(neighbours, apart_m, entries)
+    wanted = None if wants is None else _marked_squares(wants & free, side)[squares_in]
     return IntruderGround(rows, cols, neighbours, squares, padded.shape, apart_m, entries, depths_m, wanted)
 
 
-def _holding(marks: BoolGrid, side: int) -> Flags:
+def _marked_squares(marks: BoolGrid, side: int) -> Flags:
     """Return the squares that hold a mark."""
     squares = np.zeros((-(-marks.shape[0] // side), -(-marks.shape[1] // side)), dtype=np.bool_)
     rows, cols = np.nonzero(marks)
@@ -84,7 +84,7 @@ def _holding(marks: BoolGrid, side: int) -> Flags:
     return squares
 
 
-def _points(free: BoolGrid, side: int) -> tuple[NDArray[np.int32], Points, Points]:
+def _number_points(free: BoolGrid, side: int) -> tuple[NDArray[np.int32], Points, Points]:
     """Return the number of the point in each square, -1 for none, and the points' rows and columns."""
     within = np.full((-(-free.shape[0] // side), -(-free.shape[1] // side)), -1, dtype=np.int64)
     middle = (side - 1) / 2.0
@@ -100,7 +100,7 @@ def _points(free: BoolGrid, side: int) -> tuple[NDArray[np.int32], Points, Point
     return number, with_point[0] * side + down, with_point[1] * side + right
 
 
-def _clear(free: BoolGrid, rows: Points, cols: Points, to_rows: Points, to_cols: Points) -> Flags:
+def _is_clear(free: BoolGrid, rows: Points, cols: Points, to_rows: Points, to_cols: Points) -> Flags:
     """Return where the straight line between two points is open.
 
     Where it runs between two points of the terrain, one of them must be: it may pass the corner of a wall, but not
@@ -121,25 +121,25 @@ def _clear(free: BoolGrid, rows: Points, cols: Points, to_rows: Points, to_cols:
     return clear
 
 
-def _edge(number: NDArray[np.int32]) -> Flags:
+def _edge_squares(number: NDArray[np.int32]) -> Flags:
     """Return the squares on the terrain's edge.
 
     Where there are none, because a wall surrounds it, return the first and the last with a point in each row and
     column.
     """
-    there = number >= 0
-    edge = there.copy()
+    is_ground = number >= 0
+    edge = is_ground.copy()
     edge[1:-1, 1:-1] = False
     if edge.any():
         return edge
-    for grid, marks in ((there, edge), (there.T, edge.T)):
+    for grid, marks in ((is_ground, edge), (is_ground.T, edge.T)):
         lines = np.flatnonzero(grid.any(axis=1))
         marks[lines, grid[lines].argmax(axis=1)] = True
         marks[lines, grid.shape[1] - 1 - grid[lines, ::-1].argmax(axis=1)] = True
     return edge
 
 
-def _depths(neighbours: NDArray[np.int32], apart_m: float, entries: Flags) -> NDArray[np.float64]:
+def _entry_distances(neighbours: NDArray[np.int32], apart_m: float, entries: Flags) -> NDArray[np.float64]:
     """Return the length of the shortest way from an entry to each point, m."""
     lengths_m = apart_m * np.array([1.0] * 4 + [math.sqrt(2.0)] * 4)
     # The last one is that of the neighbours that are not there, which have the number -1.

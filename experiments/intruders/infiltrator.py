@@ -92,10 +92,10 @@ class Infiltrator:
 
     def __post_init__(self) -> None:
         """Raise BadInput for a setting out of its limits, or a stay that does not fit into the time."""
-        for name, (least, most) in LIMITS.items():
+        for name, (lower, upper) in LIMITS.items():
             value = getattr(self, name)
-            if not (isinstance(value, int | float) and least <= value <= most):
-                raise BadInput(f"{name} = {quoted(value)}: expected a number from {least:g} to {most:g}")
+            if not (isinstance(value, int | float) and lower <= value <= upper):
+                raise BadInput(f"{name} = {quoted(value)}: expected a number from {lower:g} to {upper:g}")
         for name in ("attempts", "seed"):
             if not isinstance(getattr(self, name), int):
                 raise BadInput(f"{name} = {quoted(getattr(self, name))}: expected a whole number")

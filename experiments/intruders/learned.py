@@ -84,11 +84,11 @@ class Trials:
 
     def check(self, ticks: int, step: float) -> None:
         """Refuse a run that is shorter than a horizon, and a horizon that is over before the first prediction."""
-        least = WINDOW * _second(step)
+        needed = WINDOW * _second_ticks(step)
         for horizon_s in self.horizons_s:
-            if round(horizon_s / step) < least:
+            if round(horizon_s / step) < needed:
                 raise BadInput(
-                    f"horizon of {horizon_s:g} s: the intruder first watches for {least * step:g} s; "
+                    f"horizon of {horizon_s:g} s: the intruder first watches for {needed * step:g} s; "
                     "choose a longer horizon"
                 )
             if round(horizon_s / step) > ticks:
@@ -145,7 +145,7 @@ class _Game:
     @property
     def stride(self) -> int:
         """Ticks in a second; 1 where a tick is longer."""
-        return _second(self.watched.step)
+        return _second_ticks(self.watched.step)
 
     @property
     def horizon(self) -> int:
@@ -165,16 +165,16 @@ class _Game:
     @property
     def work(self) -> int:
         """Number of predictions in a trial; 0 where no attack can be over in time."""
-        return self.seconds - WINDOW + 1 if self._times().any() else 0
+        return self.seconds - WINDOW + 1 if self._attack_times().any() else 0
 
-    def _times(self) -> Seen:
+    def _attack_times(self) -> Seen:
         """Return when an attack may begin, bool (seconds,)."""
         ticks = np.arange(self.seconds) * self.stride
         times = (ticks >= WATCHED * self.horizon) & (ticks + self.attack < self.horizon)
         times[: WINDOW - 1] = False
         return times
 
-    def _left(self) -> NDArray[np.float64]:
+    def _seconds_left(self) -> NDArray[np.float64]:
         """Return how many seconds are left in each to begin an attack in time, (seconds,); negative when too late."""
         unit = self.stride * self.watched.step
         return (IN_TIME * self.horizon_s - self.attack_s) / unit - np.arange(self.seconds, dtype=np.float64)
@@ -191,38 +191,40 @@ class _Game:
         for first in range(0, trials, together):
             some = slice(first, first + together)
             begin = starts[some]
-            best, place = self._predict(begin, first, Networks([weight[some].copy() for weight in weights]), step)
-            second = first_attack(best, self._times(), self._left())
-            made = np.flatnonzero(second >= 0)
-            when = begin[made] + second[made] * self.stride
-            attacked += made.size
-            won += int((self.free[when, place[made, second[made]]] >= self.attack).sum())
+            best, targets = self._train_networks(
+                begin, first, Networks([weight[some].copy() for weight in weights]), step
+            )
+            second = first_attack(best, self._attack_times(), self._seconds_left())
+            attacks = np.flatnonzero(second >= 0)
+            when = begin[attacks] + second[attacks] * self.stride
+            attacked += attacks.size
+            won += int((self.free[when, targets[attacks, second[attacks]]] >= self.attack).sum())
         return Learned(self.horizon_s, self.attack_s, won / trials, attacked / trials)
 
-    def _predict(
+    def _train_networks(
         self, begin: NDArray[np.int64], seed: int, networks: Networks, step: Callable[[int], None]
     ) -> tuple[Features, NDArray[np.int64]]:
         """Train networks second by second; return the greatest output in each and its place, (n, seconds)."""
         best = np.zeros((len(begin), self.seconds), dtype=np.float32)
-        place = np.zeros((len(begin), self.seconds), dtype=np.int64)
+        targets = np.zeros((len(begin), self.seconds), dtype=np.int64)
         unseen = np.zeros(len(begin))
         wait = -(-self.attack // self.stride)
         for second in range(WINDOW - 1, self.seconds):
-            known = second - wait - (WINDOW - 1) + 1
-            if known > 0:
+            windows = second - wait - (WINDOW - 1) + 1
+            if windows > 0:
                 unseen += (self.free[begin + (second - wait) * self.stride] >= self.attack).sum(axis=1)
-                ends = WINDOW - 1 + np.array([_batch(seed + n, second, known) for n in range(len(begin))])
+                ends = WINDOW - 1 + np.array([_draw_batch(seed + n, second, windows) for n in range(len(begin))])
                 labels = self.free[begin[:, None] + ends * self.stride] >= self.attack
-                ratio = known * self.free.shape[1] / np.maximum(unseen, 1.0) - 1.0
+                ratio = windows * self.free.shape[1] / np.maximum(unseen, 1.0) - 1.0
                 weight = (BALANCE * (ratio - 1.0) + 1.0).astype(np.float32)
-                networks.train(self._windows(begin, ends), labels, weight)
-            outputs = networks.outputs(self._windows(begin, np.full((len(begin), 1), second)))[:, 0]
-            place[:, second] = outputs.argmax(axis=1)
+                networks.train(self._cut_windows(begin, ends), labels, weight)
+            outputs = networks.outputs(self._cut_windows(begin, np.full((len(begin), 1), second)))[:, 0]
+            targets[:, second] = outputs.argmax(axis=1)
             best[:, second] = outputs.max(axis=1)
             step(len(begin))
-        return best, place
+        return best, targets
 
-    def _windows(self, begin: NDArray[np.int64], ends: NDArray[np.int64]) -> Features:
+    def _cut_windows(self, begin: NDArray[np.int64], ends: NDArray[np.int64]) -> Features:
         """Return the windows that end at some seconds (n, b) of each trial, (n, 3, 10, b, V)."""
         since_begin = (ends[:, None, :] - np.arange(WINDOW - 1, -1, -1)[:, None]) * self.stride
         ticks = begin[:, None, None] + since_begin
@@ -234,7 +236,7 @@ class _Game:
         return windows
 
 
-def _second(step: float) -> int:
+def _second_ticks(step: float) -> int:
     """Return the ticks in a second; 1 where a tick is longer."""
     return max(round(1.0 / step), 1)
 
@@ -253,6 +255,6 @@ def first_attack(best: Features, times: Seen, left: NDArray[np.float64]) -> NDAr
     return np.where(attacks.any(axis=1), attacks.argmax(axis=1), -1)
 
 
-def _batch(seed: int, second: int, known: int) -> list[int]:
+def _draw_batch(seed: int, second: int, known: int) -> list[int]:
     """Draw a batch from so many known windows of the past."""
     return [int(known * draw(seed, Purpose.INTRUDER, BATCHES, second, index)) for index in range(BATCH)]

@@ -84,7 +84,7 @@ class Networks:
 
     def outputs(self, windows: Floats) -> Floats:
         """Return how likely each place is to stay unseen, (n, b, V)."""
-        return self._last_layer(self._merged(windows, self._hidden(windows)))
+        return self._last_layer(self._merged_output(windows, self._hidden_values(windows)))
 
     def gradients(self, windows: Floats, unseen: NDArray[np.bool_], weight: Floats) -> list[Floats]:
         """Return the gradients of the loss, the mean weighted cross-entropy plus the penalty, in the weights' order.
@@ -93,8 +93,8 @@ class Networks:
         """
         _, _, second, second_bias, steps, _, last, last_bias = self.weights
         n, _, _, b, places = windows.shape
-        hidden = self._hidden(windows)
-        merged = self._merged(windows, hidden)
+        hidden = self._hidden_values(windows)
+        merged = self._merged_output(windows, hidden)
         likely = self._last_layer(merged)
         error = np.where(unseen, weight[:, None, None] * (likely - 1.0), likely) * likely.dtype.type(1.0 / (b * places))
         penalty = last.dtype.type(PENALTY / (places * places + places))
@@ -104,8 +104,8 @@ class Networks:
         into = (error @ np.swapaxes(last, 1, 2)).reshape(n, 1, b * places)
         total = into.sum(axis=(1, 2))
         by_hidden = (hidden @ np.swapaxes(into, 1, 2)).reshape(n, HIDDEN, WINDOW)
-        mixed = _mixed(second, steps).reshape(n, HIDDEN * WINDOW, 1)
-        _, slope = self._buffers(hidden.shape)
+        mixed = _layer_product(second, steps).reshape(n, HIDDEN * WINDOW, 1)
+        _, slope = self._reuse_buffers(hidden.shape)
         np.sign(hidden, out=slope)
         slope *= 0.5 - 0.5 * LEAK
         slope += 0.5 + 0.5 * LEAK
@@ -128,8 +128,8 @@ class Networks:
         self._trained += 1
         rate = RATE * math.sqrt(1.0 - DECAY_OF_SQUARES**self._trained) / (1.0 - DECAY**self._trained)
         gradients = self.gradients(windows, unseen, weight)
-        for own, mean, square, gradient in zip(self.weights, self._means, self._squares, gradients, strict=True):
-            part, root = self._buffers(own.shape)
+        for layer, mean, square, gradient in zip(self.weights, self._means, self._squares, gradients, strict=True):
+            part, root = self._reuse_buffers(layer.shape)
             np.multiply(mean, DECAY, out=mean)
             np.add(mean, np.multiply(gradient, 1.0 - DECAY, out=part), out=mean)
             np.multiply(square, DECAY_OF_SQUARES, out=square)
@@ -137,30 +137,30 @@ class Networks:
             np.add(square, np.multiply(part, 1.0 - DECAY_OF_SQUARES, out=part), out=square)
             np.add(np.sqrt(square, out=root), LEAST_ROOT, out=root)
             np.divide(np.multiply(mean, rate, out=part), root, out=part)
-            np.subtract(own, part, out=own)
+            np.subtract(layer, part, out=layer)
 
-    def _buffers(self, shape: tuple[int, ...]) -> tuple[Floats, Floats]:
+    def _reuse_buffers(self, shape: tuple[int, ...]) -> tuple[Floats, Floats]:
         """Return two arrays that the next caller overwrites: new ones each time cost more than the arithmetic."""
         if shape not in self._scratch:
             self._scratch[shape] = np.empty(shape, self.weights[0].dtype), np.empty(shape, self.weights[0].dtype)
         return self._scratch[shape]
 
-    def _hidden(self, windows: Floats) -> Floats:
+    def _hidden_values(self, windows: Floats) -> Floats:
         """Return the first layer's six values by value and second of the window, (n, 60, b V)."""
         first, first_bias = self.weights[:2]
         n, _, _, b, places = windows.shape
         shape = (n, HIDDEN * WINDOW, b * places)
-        buffer, part = (each.reshape(n, HIDDEN, -1) for each in self._buffers(shape))
+        buffer, part = (array.reshape(n, HIDDEN, -1) for array in self._reuse_buffers(shape))
         np.matmul(first, windows.reshape(n, FEATURES, -1), out=part)
         part += first_bias[:, :, None]
         np.multiply(part, LEAK, out=buffer)
         return np.maximum(part, buffer, out=buffer).reshape(shape)
 
-    def _merged(self, windows: Floats, hidden: Floats) -> Floats:
+    def _merged_output(self, windows: Floats, hidden: Floats) -> Floats:
         """Return the third layer's output, (n, b, V)."""
         _, _, second, second_bias, steps, steps_bias, _, _ = self.weights
         n, _, _, b, places = windows.shape
-        merged = _mixed(second, steps).reshape(n, 1, HIDDEN * WINDOW) @ hidden
+        merged = _layer_product(second, steps).reshape(n, 1, HIDDEN * WINDOW) @ hidden
         merged += (second_bias * steps.sum(axis=1) + steps_bias)[:, None, None]
         return merged.reshape(n, b, places)
 
@@ -169,6 +169,6 @@ class Networks:
         return (1.0 / (1.0 + exp(-(merged @ last + last_bias[:, None, :])))).astype(merged.dtype)
 
 
-def _mixed(second: Floats, steps: Floats) -> Floats:
+def _layer_product(second: Floats, steps: Floats) -> Floats:
     """Return the product of the second and the third layer, (n, 6, 10)."""
     return second[:, :, None] * steps[:, None, :]

@@ -44,16 +44,16 @@ def nearness_and_approach(run: Run, places: Sequence[tuple[int, int]], pixel: fl
     alive = run.status == Status.ALIVE
     stride = max(round(1.0 / run.step), 1)
     nearness, approach = (np.zeros((run.ticks, len(places)), dtype=np.float32) for _ in range(2))
-    for place, (row, col) in enumerate(places):
+    for index, (row, col) in enumerate(places):
         if not (terrain.inside(row, col) and terrain.free[row, col]):
             continue
         ways = lengths_along(terrain.free, ALL_WAYS, [(row, col)], FAR // 2)[cells[:, :, 1], cells[:, :, 0]]
-        known = alive & (ways < FAR)
+        is_known = alive & (ways < FAR)
         pixels = np.maximum(ways * (terrain.point / 100.0 / pixel), 1.0)
-        nearness[:, place] = (known / pixels).sum(axis=1)
+        nearness[:, index] = (is_known / pixels).sum(axis=1)
         towards = (pixels[:-stride] - pixels[stride:]) / (stride * run.step)
-        both = known[:-stride] & known[stride:]
-        approach[stride:, place] = (both * towards / pixels[stride:]).sum(axis=1)
+        known_twice = is_known[:-stride] & is_known[stride:]
+        approach[stride:, index] = (known_twice * towards / pixels[stride:]).sum(axis=1)
     return nearness, approach
 
 
@@ -130,7 +130,9 @@ def games_of(
     if trials is not None:
         terrain = run.prepared.terrain
         vertices = [terrain.point_at(x, y) for x, y in graph.places.tolist()]
-        on_points, on_vertices = (nearness_and_approach(run, each, graph.pixel) for each in (points[some], vertices))
+        on_points, on_vertices = (
+            nearness_and_approach(run, targets, graph.pixel) for targets in (points[some], vertices)
+        )
         ground = Watched(sightings.seen[:, some], *on_points, run.step)
         nodes = Watched(sightings.visited, *on_vertices, run.step)
         learned_ground = learned_games(ground, attacks_s, trials, lambda share: advance(0.5 * share))

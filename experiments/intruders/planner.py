@@ -48,7 +48,7 @@ class Planner:
 
     def __init__(self, ground: IntruderGround, step: float, speed: float, stay_s: float) -> None:
         self._ground = ground
-        self._parts, self._straight, self._diagonal = _instants(ground.point_m / (speed * step))
+        self._parts, self._straight, self._diagonal = _tick_instants(ground.point_m / (speed * step))
         self.straight_m_s = ground.point_m * self._parts / (self._straight * step)
         self.stay = max(round(stay_s / step), 1)
         count = math.prod(ground.shape)
@@ -74,7 +74,7 @@ class Planner:
         way = np.empty(ticks, dtype=np.int32)
         cost = least_detection(
             chances,
-            _costs(self._parts),
+            _instant_costs(self._parts),
             self._ground.squares,
             self._ground.shape[1],
             self._parts,
@@ -98,11 +98,11 @@ def sightings(chances: Chances, way: Way) -> float:
     return -float(np.log1p(-np.minimum(chances[ticks, way[ticks]], SURE)).sum())
 
 
-def _instants(ticks: float) -> tuple[int, int, int]:
+def _tick_instants(ticks: float) -> tuple[int, int, int]:
     """Return the instants of a tick, of a straight move and of a diagonal one, given the ticks of a straight move."""
-    least = max(math.ceil(1.0 / (ticks * LONGEST) - ROUNDING), 1)
+    fewest = max(math.ceil(1.0 / (ticks * LONGEST) - ROUNDING), 1)
     choices = []
-    for parts in range(least, max(least, MOST_PARTS) + 1):
+    for parts in range(fewest, max(fewest, MOST_PARTS) + 1):
         straight, diagonal = (
             max(math.ceil((1.0 - OFF) * length * ticks * parts - ROUNDING), 1) for length in (1.0, math.sqrt(2.0))
         )
@@ -112,7 +112,7 @@ def _instants(ticks: float) -> tuple[int, int, int]:
 
 
 @cache
-def _costs(parts: int) -> NDArray[np.float32]:
+def _instant_costs(parts: int) -> NDArray[np.float32]:
     """Return the cost of an instant by the level of the chance of being seen, float32 (`LEVELS`,)."""
     chances = (min(level / (LEVELS - 1), SURE) for level in range(LEVELS))
     return np.array([(HASTE - math.log(1.0 - chance)) / parts for chance in chances], dtype=np.float32)

@@ -72,10 +72,10 @@ class Past:
         if block not in self._rates:
             # To the end of the last whole block, so that few are computed.
             last = block * self._every or self.first
-            seen = np.zeros(self.watch.size, dtype=np.int64)
+            sightings = np.zeros(self.watch.size, dtype=np.int64)
             for begin in range(0, last, self._every):
-                seen += self.watch.seen(begin, min(begin + self._every, last)).sum(axis=0, dtype=np.int64)
-            self._rates[block] = (seen / last).astype(np.float32)
+                sightings += self.watch.seen(begin, min(begin + self._every, last)).sum(axis=0, dtype=np.int64)
+            self._rates[block] = (sightings / last).astype(np.float32)
         return self._rates[block]
 
     def mean(self, seen: Iterable[NDArray[np.uint8]], now: int) -> Chances:
@@ -99,11 +99,11 @@ class Past:
         return np.concatenate([here, before])
 
 
-def _future(past: Past, now: int, ahead: int) -> Chances:
+def _predict_future(past: Past, now: int, ahead: int) -> Chances:
     return past.watch.seen(now + 1, now + 1 + ahead).astype(np.float32)
 
 
-def _similar(past: Past, now: int, ahead: int) -> Chances:
+def _predict_similar(past: Past, now: int, ahead: int) -> Chances:
     watch, first, last = past.watch, past.first, now - past.within
     differ = np.zeros(last - first, dtype=np.int32)
     for lag in (0, past.lag):
@@ -117,17 +117,17 @@ def _similar(past: Past, now: int, ahead: int) -> Chances:
     return past.mean((watch.seen(tick, tick + ahead) for tick in after), now)
 
 
-def _each(past: Past, now: int, ahead: int) -> Chances:
+def _predict_by_robot(past: Past, now: int, ahead: int) -> Chances:
     watch, robots_ahead = past.watch, past.watch.ticks_of(ROBOTS_S)
-    known, here = past.places[:, past.first : now - robots_ahead], past.places[:, now]
+    past_places, here = past.places[:, past.first : now - robots_ahead], past.places[:, now]
     present = np.flatnonzero(np.isfinite(here).all(axis=0))
     ticks, robots = (np.zeros((len(present), EACH), dtype=np.int64) for _ in range(2))
     for row, robot in enumerate(present):
-        off = np.square(known - here[:, robot, None, None]).sum(axis=0)
+        off = np.square(past_places - here[:, robot, None, None]).sum(axis=0)
         for sample in range(EACH):
-            moment, other = divmod(int(off.argmin()), off.shape[1])
-            ticks[row, sample], robots[row, sample] = past.first + moment, other
-            off[max(moment - past.apart, 0) : moment + past.apart + 1, other] = np.inf
+            moment, past_robot = divmod(int(off.argmin()), off.shape[1])
+            ticks[row, sample], robots[row, sample] = past.first + moment, past_robot
+            off[max(moment - past.apart, 0) : moment + past.apart + 1, past_robot] = np.inf
     chances = np.empty((ahead, watch.size), dtype=np.float32)
     near = chances[:robots_ahead]
     seen_by_none(watch.looks, watch.first, watch.points, ticks, robots, near)
@@ -137,16 +137,22 @@ def _each(past: Past, now: int, ahead: int) -> Chances:
     return chances
 
 
-def _picture(past: Past, now: int, ahead: int) -> Chances:
+def _predict_picture(past: Past, now: int, ahead: int) -> Chances:
     return np.repeat(past.watch.seen(now, now + 1).astype(np.float32), ahead, axis=0)
 
 
-def _blind(past: Past, now: int, ahead: int) -> Chances:
+def _predict_blind(past: Past, now: int, ahead: int) -> Chances:
     del now
     return np.zeros((ahead, past.watch.size), dtype=np.float32)
 
 
-_PREDICTORS = {"future": _future, "similar": _similar, "each": _each, "picture": _picture, "blind": _blind}
+_PREDICTORS = {
+    "future": _predict_future,
+    "similar": _predict_similar,
+    "each": _predict_by_robot,
+    "picture": _predict_picture,
+    "blind": _predict_blind,
+}
 
 
 def predictors_of(past: Past) -> dict[str, Predictor]:

@@ -53,21 +53,21 @@ class MovingIntruder:
     def examples(self) -> list[Attempt]:
         """The first attempt that succeeded and the first that did not, of the predictor that watches better."""
         better = max(WATCHING, key=lambda name: self.outcome.once[name].percent)
-        found: dict[bool, Attempt] = {}
+        examples: dict[bool, Attempt] = {}
         for now, target in self.game.trials:
             attempt = self.game.once(self.game.predictors[better], now, target)
             # Without a way in time there is nothing to draw.
             if attempt.way.size:
-                found.setdefault(attempt.succeeded, attempt)
-            if len(found) == 2:
+                examples.setdefault(attempt.succeeded, attempt)
+            if len(examples) == 2:
                 break
-        return [found[succeeded] for succeeded in (True, False) if succeeded in found]
+        return [examples[succeeded] for succeeded in (True, False) if succeeded in examples]
 
     def table(self) -> str:
         """Return the table of successes as HTML."""
         outcome, infiltrator = self.outcome, self.game.infiltrator
-        rows = [(words, *_cells(outcome.once[name])) for name, words in KNOWLEDGE.items() if name in outcome.once]
-        gain = _cells(outcome.gain.watching)
+        rows = [(words, *_share_cells(outcome.once[name])) for name, words in KNOWLEDGE.items() if name in outcome.once]
+        gain = _share_cells(outcome.gain.watching)
         rows.append(("gain of watching: the better of the two that watch, less the last", *gain))
         heads = ("an intruder that", "gets in (%)", "95 % interval")
         note = (
@@ -81,17 +81,17 @@ class MovingIntruder:
         """Draw the examples."""
         chart, panels = ground_panels(self.run.prepared.terrain, len(self.examples), PANEL_WIDTH)
         for axes, attempt in zip(panels, self.examples, strict=True):
-            self._draw(axes, attempt)
+            self._draw_attempt(axes, attempt)
         return chart
 
-    def _draw(self, axes: Axes, attempt: Attempt) -> None:
+    def _draw_attempt(self, axes: Axes, attempt: Attempt) -> None:
         run, ground, terrain = self.run, self.game.watch.ground, self.run.prepared.terrain
         last = attempt.now + len(attempt.way)
-        for place in range(len(run.names)):
-            track = run.poses[attempt.now : last + 1, place, :2].copy()
-            track[run.status[attempt.now : last + 1, place] != Status.ALIVE] = np.nan
-            axes.plot(*track.T, color=colour(place), linewidth=1.0, alpha=0.8)
-            axes.plot(*track[-1], color=colour(place), marker="o", markersize=4)
+        for index in range(len(run.names)):
+            track = run.poses[attempt.now : last + 1, index, :2].copy()
+            track[run.status[attempt.now : last + 1, index] != Status.ALIVE] = np.nan
+            axes.plot(*track.T, color=colour(index), linewidth=1.0, alpha=0.8)
+            axes.plot(*track[-1], color=colour(index), marker="o", markersize=4)
         points = np.append(attempt.way[attempt.way >= 0], attempt.target)
         x = terrain.origin[0] + (ground.cols[points] + 0.5) * terrain.point
         y = terrain.origin[1] + (ground.rows[points] + 0.5) * terrain.point
@@ -104,5 +104,5 @@ class MovingIntruder:
             axes.set_title(f"fails: seen at {attempt.seen * run.step:g} s", color=INK)
 
 
-def _cells(value: Percent) -> tuple[str, str]:
+def _share_cells(value: Percent) -> tuple[str, str]:
     return f"{value.percent:.0f}", f"{value.low:.0f} to {value.high:.0f}"

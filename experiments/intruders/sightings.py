@@ -63,7 +63,7 @@ class Sightings:
         self._before: dict[int, tuple[float, float]] = {}
         self._log = None
         if infiltrator is not None and not self._objection:
-            ground = _ground(prepared, infiltrator)
+            ground = _intruder_ground(prepared, infiltrator)
             self._log = WatchLog(ground, prepared.terrain.height, scenario.step, ticks, len(scenario.roster))
 
     def look(self, k: int, robots: Iterable[tuple[int, Pose]]) -> None:
@@ -72,11 +72,11 @@ class Sightings:
         for _, _, view in looks:
             self.seen[k, self._numbers.in_view(view)] = True
         if self._log is not None:
-            self._log.look(k, [(number - 1, place, view) for number, place, view in looks])
+            self._log.look(k, [(number - 1, spot, view) for number, spot, view in looks])
         if self._graph is not None:
-            here = {number: place for number, place, _ in looks}
-            for number, place in here.items():
-                near = self._graph.within(self._before.get(number, place), place, self._reach[number])
+            here = {number: spot for number, spot, _ in looks}
+            for number, spot in here.items():
+                near = self._graph.within(self._before.get(number, spot), spot, self._reach[number])
                 self.visited[k, near] = True
             self._before = here
 
@@ -105,7 +105,7 @@ def _objection(prepared: Prepared, footprint: Footprint) -> str:
     return ""
 
 
-def _ground(prepared: Prepared, infiltrator: Infiltrator) -> IntruderGround:
+def _intruder_ground(prepared: Prepared, infiltrator: Infiltrator) -> IntruderGround:
     """Return the ground of a moving intruder. Raises BadInput where the scenario has no such zone."""
     terrain, zones = prepared.terrain, {zone.name: zone for zone in prepared.scenario.zones}
     wants = None
@@ -114,10 +114,10 @@ def _ground(prepared: Prepared, infiltrator: Infiltrator) -> IntruderGround:
             remedy = did_you_mean(infiltrator.zone, list(zones)) if zones else "this scenario has none"
             raise BadInput(f"zone {infiltrator.zone}: there is no such zone; {remedy}")
         wants = points_of(zones[infiltrator.zone], terrain)
-    return ground_of(prepared.patrolled, terrain.point, _enters(prepared, infiltrator), wants)
+    return ground_of(prepared.patrolled, terrain.point, _entry_ground(prepared, infiltrator), wants)
 
 
-def _enters(prepared: Prepared, infiltrator: Infiltrator) -> BoolGrid | None:
+def _entry_ground(prepared: Prepared, infiltrator: Infiltrator) -> BoolGrid | None:
     """Return where an intruder may enter, bool (h, w); None for the edge."""
     terrain, entries = prepared.terrain, infiltrator.entries
     if entries == "edge":

@@ -81,7 +81,7 @@ def simulated_futures(
                 if len(copies) == processors:
                     _take_in(*copies.popleft())
                 source, sink = Pipe(duplex=False)
-                if (process := _fork()) == 0:
+                if (process := _fork_process()) == 0:
                     source.close()
                     ends, output = now + 1 + game.within, sink
                     chance.key = secret or chance.key
@@ -107,7 +107,7 @@ def simulated_futures(
     return futures
 
 
-def _fork() -> int:
+def _fork_process() -> int:
     with warnings.catch_warnings():
         # Since Python 3.12 it warns where libraries have threads. A copy uses none of theirs.
         warnings.simplefilter("ignore", DeprecationWarning)

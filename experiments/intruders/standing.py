@@ -61,20 +61,21 @@ class Successes:
 def intruder_games(seen: Seen, step: float, attacks_s: Sequence[float]) -> list[Successes]:
     """Play the games on a run, and return the shares for each duration of an attack."""
     half = len(seen) // 2
-    stays = [unseen_times(seen[:half, place]) for place in range(seen.shape[1])]
+    stays = [unseen_times(seen[:half, column]) for column in range(seen.shape[1])]
     every = np.concatenate(stays) if stays else np.zeros(0, dtype=np.int64)
-    known = [own if len(own) >= SAMPLES else every for own in stays]
+    usual_stays = [stay if len(stay) >= SAMPLES else every for stay in stays]
     durations = [attack_ticks(attack_s, step) for attack_s in attacks_s]
     shares = np.full((len(durations), 3, seen.shape[1]), np.nan)
     for first in range(0, seen.shape[1], AT_ONCE):
         places = slice(first, first + AT_ONCE)
         free, since = unseen_after(seen[:, places]), unseen_since(seen[:, places])
         for row, ticks in zip(shares, durations, strict=True):
-            row[0, places] = _random(free, ticks)
-            row[1, places] = _waiting(seen[:, places], free, ticks)
-            row[2, places] = _statistical(free, since, known[places], ticks)
+            row[0, places] = _random_shares(free, ticks)
+            row[1, places] = _waiting_shares(seen[:, places], free, ticks)
+            row[2, places] = _statistical_shares(free, since, usual_stays[places], ticks)
     return [
-        Successes(attack_s, *(_mean(each) for each in row)) for attack_s, row in zip(attacks_s, shares, strict=True)
+        Successes(attack_s, *(_mean_share(values) for values in row))
+        for attack_s, row in zip(attacks_s, shares, strict=True)
     ]
 
 
@@ -97,22 +98,22 @@ def unseen_times(seen: NDArray[np.bool_]) -> NDArray[np.int64]:
     return gaps[gaps > 0]
 
 
-def _random(free: Ticks, ticks: int) -> Shares:
+def _random_shares(free: Ticks, ticks: int) -> Shares:
     began = free[: max(len(free) - ticks, 0)]
-    return _share(np.ones(began.shape, dtype=np.bool_), began >= ticks)
+    return _success_shares(np.ones(began.shape, dtype=np.bool_), began >= ticks)
 
 
-def _waiting(seen: Seen, free: Ticks, ticks: int) -> Shares:
+def _waiting_shares(seen: Seen, free: Ticks, ticks: int) -> Shares:
     last = max(len(seen) - ticks, 0)
-    return _share(seen[:last] & (free[:last] > 0), free[:last] >= ticks)
+    return _success_shares(seen[:last] & (free[:last] > 0), free[:last] >= ticks)
 
 
-def _statistical(free: Ticks, since: Ticks, known: Sequence[NDArray[np.int64]], ticks: int) -> Shares:
+def _statistical_shares(free: Ticks, since: Ticks, known: Sequence[NDArray[np.int64]], ticks: int) -> Shares:
     begin, last = len(free) // 2, max(len(free) - ticks, 0)
     waits = np.array([best_wait(times, ticks) if len(times) else -1 for times in known])
     attacks = since[begin:last] == waits
     attacks &= (waits > 0) | (free[begin:last] > 0)
-    return _share(attacks, free[begin:last] >= ticks)
+    return _success_shares(attacks, free[begin:last] >= ticks)
 
 
 def best_wait(times: NDArray[np.int64], ticks: int) -> int:
@@ -137,14 +138,14 @@ def unseen_since(seen: Seen) -> Ticks:
     return ticks - np.maximum.accumulate(np.where(seen, ticks, np.int32(-1)), axis=0)
 
 
-def _share(attacks: Seen, succeed: Seen) -> Shares:
+def _success_shares(attacks: Seen, succeed: Seen) -> Shares:
     """Return the share of attacks that succeed at each place."""
     count = attacks.sum(axis=0)
     won = (attacks & succeed).sum(axis=0)
     return np.where(count > 0, won / np.maximum(count, 1), np.nan)
 
 
-def _mean(shares: Shares) -> float | None:
+def _mean_share(shares: Shares) -> float | None:
     """Return the mean over places with an attack; None without any."""
-    there = shares[~np.isnan(shares)]
-    return float(there.mean()) if there.size else None
+    valid = shares[~np.isnan(shares)]
+    return float(valid.mean()) if valid.size else None

@@ -78,8 +78,8 @@ class PointNumbers:
         band = slice(self._first[min(max(view.row0, 0), last)], self._first[min(max(view.row0 + tall, 0), last)])
         cols = self._cols[band] - view.col0
         near = np.flatnonzero((cols >= 0) & (cols < wide))
-        seen = view.mask[self._rows[band][near] - view.row0, cols[near]] != 0
-        return np.asarray(self._numbers[band][near[seen]])
+        visible = view.mask[self._rows[band][near] - view.row0, cols[near]] != 0
+        return np.asarray(self._numbers[band][near[visible]])
 
 
 class WatchLog:
@@ -101,9 +101,9 @@ class WatchLog:
         """Write down a tick: each robot that takes part by its number in the roster from 0, its place and its view."""
         self._ticks = k + 1
         self._bits[:] = False
-        for robot, place, view in robots:
+        for robot, spot, view in robots:
             points = self._numbers.in_view(view)
-            self._places[k, robot] = place
+            self._places[k, robot] = spot
             self._looks[k, robot] = self._known.setdefault(points.tobytes(), len(self._known))
             self._bits[points] = True
         self._words[k] = np.packbits(self._bits, bitorder="little").view(np.uint64)
@@ -112,13 +112,13 @@ class WatchLog:
         """Return all ticks so far."""
         footprints = [np.frombuffer(points, dtype=np.int32) for points in self._known]
         first = np.cumsum([0, *map(len, footprints)], dtype=np.int64)
-        kept = slice(self._ticks)
+        recorded = slice(self._ticks)
         return Watch(
             self._ground,
             self._step,
-            self._words[kept],
-            self._places[kept],
-            self._looks[kept],
+            self._words[recorded],
+            self._places[recorded],
+            self._looks[recorded],
             first,
             np.concatenate(footprints),
         )

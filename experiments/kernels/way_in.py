@@ -76,7 +76,7 @@ def least_detection(
     reached[0, :] = infinite
     if start >= 0:
         reached[0, squares[start]] = 0.0
-    best, at, enough = np.inf, -1, -np.inf
+    best, best_state, enough = np.inf, -1, -np.inf
     for j in range(1, instants - stayed + 1):
         tick = (j - 1) // parts
         now = risk[tick]
@@ -88,8 +88,8 @@ def least_detection(
         before = reached[j - 1]
         if start < 0:
             for v in range(squares_count):
-                least = before[v] if before[v] < outside[v] else outside[v]
-                out[v] = least + now[v]
+                lowest = before[v] if before[v] < outside[v] else outside[v]
+                out[v] = lowest + now[v]
         else:
             for v in range(squares_count):
                 out[v] = before[v] + now[v]
@@ -118,42 +118,42 @@ def least_detection(
                 for i in range(j - takes + takes // 2, j):
                     arriving += risk[i // parts, rim : rim + n]
             for v in range(n):
-                least = from_a[v] + bar_a[v]
-                other = from_b[v] + bar_b[v]
-                least = other if other < least else least
-                other = from_c[v] + bar_c[v]
-                least = other if other < least else least
-                other = from_d[v] + bar_d[v]
-                least = other if other < least else least
-                least += arriving[v]
-                inner[v] = least if least < inner[v] else inner[v]
+                lowest = from_a[v] + bar_a[v]
+                candidate = from_b[v] + bar_b[v]
+                lowest = candidate if candidate < lowest else lowest
+                candidate = from_c[v] + bar_c[v]
+                lowest = candidate if candidate < lowest else lowest
+                candidate = from_d[v] + bar_d[v]
+                lowest = candidate if candidate < lowest else lowest
+                lowest += arriving[v]
+                inner[v] = lowest if lowest < inner[v] else inner[v]
         if out[end] < infinite:
             total = np.float64(out[end]) + (staying[j + stayed] - staying[j])
             if total < best:
-                best, at = total, j
+                best, best_state = total, j
             if enough < 0.0:
                 # No way is shorter than this one, the first that arrives.
                 enough = costs[0] * np.float64(j + stayed) * (1.0 + 1e-5)
         if 0.0 <= best <= enough or (start >= 0 and best < np.inf and out.min() >= best):
             break
-    if at < 0:
+    if best_state < 0:
         return best
-    last = (at + stayed - 1) // parts
+    last = (best_state + stayed - 1) // parts
     for t in range(ticks):
         if t > last:
             way[t] = -2
-        elif (t + 1) * parts >= at:
+        elif (t + 1) * parts >= best_state:
             way[t] = end
         else:
             way[t] = -1
-    j, v = at, end
+    j, v = best_state, end
     while j > 0:
         if j % parts == 0:
             way[j // parts - 1] = v
         here = risk[(j - 1) // parts, v]
-        move, takes, least = -1, 1, reached[j - 1, v] + here
-        if start < 0 and outside[v] + here < least:
-            move, least = -2, outside[v] + here
+        move, takes, lowest = -1, 1, reached[j - 1, v] + here
+        if start < 0 and outside[v] + here < lowest:
+            move, lowest = -2, outside[v] + here
         for k in range(8):
             length = straight if k < 4 else diagonal
             if length > j or bars[k, v] > 0.0:
@@ -166,8 +166,8 @@ def least_detection(
             for i in range(j - length + length // 2, j):
                 into += risk[i // parts, v]
             total += into
-            if total < least:
-                move, takes, least = k, length, total
+            if total < lowest:
+                move, takes, lowest = k, length, total
         if move == -2:
             break
         if move >= 0:

@@ -55,9 +55,9 @@ def fit_radii(setups: Mapping[str, PaperSetup], outcome: SweepOutcome) -> list[R
     fits = []
     for end, setup in setups.items():
         beside = [compare(paper().table(number), setup, outcome, end) for number in paper().fit_tables]
-        near, whole = fit_of(beside, paper().fit_below), fit_of(beside)
-        if near is not None and whole is not None:
-            fits.append(RadiusFit(setup.sensor_range, near, whole))
+        near, overall = fit_of(beside, paper().fit_below), fit_of(beside)
+        if near is not None and overall is not None:
+            fits.append(RadiusFit(setup.sensor_range, near, overall))
     return fits
 
 
@@ -101,7 +101,12 @@ def fit_as_json(comparisons: Sequence[TableComparison]) -> dict[str, Any] | None
     None unless all those tables were run.
     """
     wanted = [comparison for comparison in comparisons if comparison.table.number in paper().fit_tables]
-    near, whole = fit_of(wanted, paper().fit_below), fit_of(wanted)
-    if len(wanted) < len(paper().fit_tables) or near is None or whole is None:
+    near, overall = fit_of(wanted, paper().fit_below), fit_of(wanted)
+    if len(wanted) < len(paper().fit_tables) or near is None or overall is None:
         return None
-    return {"tables": list(paper().fit_tables), "below": paper().fit_below, "near": asdict(near), "all": asdict(whole)}
+    return {
+        "tables": list(paper().fit_tables),
+        "below": paper().fit_below,
+        "near": asdict(near),
+        "all": asdict(overall),
+    }

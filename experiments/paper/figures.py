@@ -37,7 +37,7 @@ def table_picture(comparison: TableComparison, files: Sequence[Path]) -> None:
         chart = figure(max(7.0, 2.0 + 0.3 * bars), 0.9 + 3.4 * len(measures))
         panels = chart.subplots(len(measures), 1, squeeze=False)[:, 0]
         for panel, measure in zip(panels, measures, strict=True):
-            _draw(panel, comparison, measure)
+            _draw_measure(panel, comparison, measure)
         handles, labels = panels[0].get_legend_handles_labels()
         chart.legend(handles, labels, loc="outside right upper", borderpad=1.0)
         chart.suptitle(f"Table {table.number}: {table.title}\n{runs}", x=0.01, ha="left", fontsize=10)
@@ -57,7 +57,7 @@ def terrain_picture(terrain: Terrain, file: Path) -> None:
     save(figure, file)
 
 
-def _draw(axes: Axes, comparison: TableComparison, measure: Measure) -> None:
+def _draw_measure(axes: Axes, comparison: TableComparison, measure: Measure) -> None:
     """Draw one measure: a group of bars for each column, a bar for each row, across it the printed value."""
     table = comparison.table
     width = GROUP / len(table.rows)
@@ -65,11 +65,11 @@ def _draw(axes: Axes, comparison: TableComparison, measure: Measure) -> None:
     shown: list[float] = []
     for index, row in enumerate(table.rows):
         bars = []
-        for place, column in enumerate(table.columns):
+        for number, column in enumerate(table.columns):
             cell = comparison.cell(row.name + measure.suffix, column.name)
-            x = place - GROUP / 2.0 + (index + 0.5) * width
-            if cell is not None and (found := cell.found) is not None:
-                bars.append((x, found.mean, found.half or 0.0))
+            x = number - GROUP / 2.0 + (index + 0.5) * width
+            if cell is not None and (estimate := cell.found) is not None:
+                bars.append((x, estimate.mean, estimate.half or 0.0))
             if cell is not None and cell.paper is not None:
                 marks[cell.far_off].append((x, cell.paper))
         if bars:

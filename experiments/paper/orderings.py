@@ -41,7 +41,7 @@ def judge_orderings(orderings: Sequence[Ordering], comparisons: Sequence[TableCo
     """
     tables = {comparison.table.number: comparison for comparison in comparisons}
     return [
-        Judged(ordering, _ratio(ordering, tables))
+        Judged(ordering, _ordering_ratio(ordering, tables))
         for ordering in orderings
         if ordering.lower.table in tables and ordering.higher.table in tables
     ]
@@ -59,8 +59,8 @@ def as_json(judged: Judged) -> dict[str, Any]:
     }
 
 
-def _ratio(ordering: Ordering, tables: Mapping[int, TableComparison]) -> Estimate | None:
-    lower, higher = (_logs(side, tables[side.table]) for side in (ordering.lower, ordering.higher))
+def _ordering_ratio(ordering: Ordering, tables: Mapping[int, TableComparison]) -> Estimate | None:
+    lower, higher = (_log_values(side, tables[side.table]) for side in (ordering.lower, ordering.higher))
     if ordering.lower.columns != ordering.higher.columns:
         lower, higher = _by_seed(lower), _by_seed(higher)
     differences = [value - higher[key] for key, value in lower.items() if key in higher]
@@ -72,7 +72,7 @@ def _ratio(ordering: Ordering, tables: Mapping[int, TableComparison]) -> Estimat
     return Estimate(math.exp(log_ratio.mean), low, high, log_ratio.count)
 
 
-def _logs(side: Side, comparison: TableComparison) -> dict[tuple[str, int], float]:
+def _log_values(side: Side, comparison: TableComparison) -> dict[tuple[str, int], float]:
     """Return the logarithms of the values by column and seed."""
     logs = {}
     for column in side.columns:
@@ -87,5 +87,5 @@ def _by_seed(logs: Mapping[tuple[str, int], float]) -> dict[tuple[str, int], flo
     """Return the means over the columns by seed, of the seeds that have all columns."""
     columns = {column for column, _ in logs}
     seeds = dict.fromkeys(seed for _, seed in logs)
-    whole = [seed for seed in seeds if all((column, seed) in logs for column in columns)]
-    return {("", seed): math.fsum(logs[column, seed] for column in columns) / len(columns) for seed in whole}
+    complete = [seed for seed in seeds if all((column, seed) in logs for column in columns)]
+    return {("", seed): math.fsum(logs[column, seed] for column in columns) / len(columns) for seed in complete}

@@ -52,8 +52,8 @@ class PaperTable:
 
     def part(self, rows: Sequence[str], columns: Sequence[str]) -> PaperTable:
         """Return the table with the named rows and columns alone; without names, all rows or columns stay."""
-        kept_rows = self._indexes("row", self.rows, rows)
-        kept_columns = self._indexes("column", self.columns, columns)
+        kept_rows = self._find_indexes("row", self.rows, rows)
+        kept_columns = self._find_indexes("column", self.columns, columns)
         measures = tuple(
             replace(measure, values=tuple(tuple(measure.values[i][j] for j in kept_columns) for i in kept_rows))
             for measure in self.measures
@@ -69,7 +69,7 @@ class PaperTable:
         """Return the name of the case of a cell."""
         return f"table {self.number} {row} {column}"
 
-    def _indexes(self, kind: str, variants: Sequence[Variant], wanted: Sequence[str]) -> list[int]:
+    def _find_indexes(self, kind: str, variants: Sequence[Variant], wanted: Sequence[str]) -> list[int]:
         names = [variant.name for variant in variants]
         for name in wanted:
             if name not in names:
@@ -137,8 +137,8 @@ class Paper:
     def table(self, number: int) -> PaperTable:
         """Return a table."""
         if number not in self.tables:
-            known = f"{min(self.tables)} to {max(self.tables)}"
-            raise BadInput(f"table {number}: no such table; choose from {known}")
+            choices = f"{min(self.tables)} to {max(self.tables)}"
+            raise BadInput(f"table {number}: no such table; choose from {choices}")
         return self.tables[number]
 
     def sensor_range(self, point: float) -> SensorRange:

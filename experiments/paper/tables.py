@@ -39,7 +39,7 @@ def plan_of(tables: Sequence[PaperTable], setups: Mapping[str, PaperSetup]) -> P
     The setups are given by the ends of the cases' names; all have the same seeds.
     """
     cases = [
-        Case(f"{table.case(row.name, column.name)}{end}", _settings(table, row, column, setup))
+        Case(f"{table.case(row.name, column.name)}{end}", _cell_settings(table, row, column, setup))
         for end, setup in setups.items()
         for table in tables
         for row in table.rows
@@ -69,8 +69,8 @@ class Cell:
     @property
     def ratio(self) -> float | None:
         """Our mean divided by the printed value; None without one of them."""
-        found = self.found
-        return found.mean / self.paper if found is not None and self.paper else None
+        value = self.found
+        return value.mean / self.paper if value is not None and self.paper else None
 
     @property
     def to_mean_fog(self) -> float | None:
@@ -134,11 +134,11 @@ def fit_of(comparisons: Sequence[TableComparison], below: float | None = None) -
     Only cells whose printed value is below `below`, s, are used; None for all cells.
     """
     pairs = [
-        (found.mean, cell.paper)
+        (value.mean, cell.paper)
         for comparison in comparisons
         for cell in comparison.cells
         if cell.unit == "s" and cell.paper is not None and (below is None or cell.paper < below)
-        if (found := cell.found) is not None and found.mean > 0.0
+        if (value := cell.found) is not None and value.mean > 0.0
     ]
     return fit([ours for ours, _ in pairs], [theirs for _, theirs in pairs]) if pairs else None
 
@@ -183,8 +183,8 @@ def as_json(comparison: TableComparison) -> dict[str, Any]:
                 "column": cell.column,
                 "unit": cell.unit,
                 "paper": cell.paper,
-                "mean": found.mean if (found := cell.found) else None,
-                "ci95": found.interval if found else None,
+                "mean": cell_value.mean if (cell_value := cell.found) else None,
+                "ci95": cell_value.interval if cell_value else None,
                 "seeds": len(cell.values),
                 "ratio": cell.ratio,
                 "to_mean_fog": cell.to_mean_fog,
@@ -200,14 +200,14 @@ def as_table(comparison: TableComparison) -> Table:
     heads = ["row", "column", "unit", "paper", "mean", "ci95_low", "ci95_high", "seeds", "ratio", "to_mean_fog"]
     rows = []
     for cell in comparison.cells:
-        found = cell.found
-        numbers = [None, None, None] if found is None else [found.mean, found.low, found.high]
+        value = cell.found
+        numbers = [None, None, None] if value is None else [value.mean, value.low, value.high]
         ratios = (cell.ratio, cell.to_mean_fog)
         rows.append([cell.row, cell.column, cell.unit, cell.paper, *numbers, len(cell.values), *ratios])
     return Table(heads, rows)
 
 
-def _settings(table: PaperTable, row: Variant, column: Variant, setup: PaperSetup) -> dict[str, object]:
+def _cell_settings(table: PaperTable, row: Variant, column: Variant, setup: PaperSetup) -> dict[str, object]:
     return {
         **paper().settings,
         **table.settings,

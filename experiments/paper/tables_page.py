@@ -47,20 +47,20 @@ def page(
     time. `pictures` are the files of the pictures by title, those of terrains included.
     """
     parts = [
-        *_head(setup, command, computing_s),
-        *_terrains(pictures),
-        *_fits(comparisons),
-        *(part for comparison in comparisons for part in _table(comparison, pictures)),
+        *_page_head(setup, command, computing_s),
+        *_terrain_section(pictures),
+        *_fit_section(comparisons),
+        *(part for comparison in comparisons for part in _table_section(comparison, pictures)),
         *_far_off(comparisons),
-        *_orderings(judged),
+        *_ordering_section(judged),
     ]
     return "\n\n".join(parts) + "\n"
 
 
-def _head(setup: PaperSetup, command: str, computing_s: float) -> Iterator[str]:
+def _page_head(setup: PaperSetup, command: str, computing_s: float) -> Iterator[str]:
     calibrated = paper().sensor_range(setup.point)
     yield "# The paper's tables, side by side"
-    yield f"Made by `{command}`: {_minutes(computing_s)} of computing time on one core."
+    yield f"Made by `{command}`: {_minutes_text(computing_s)} of computing time on one core."
     radius = f"sensor range {setup.sensor_range:g} m"
     if (setup.sensor_range, setup.point) == (calibrated.range, calibrated.point):
         radius += f" ({calibrated.found})"
@@ -75,7 +75,7 @@ def _head(setup: PaperSetup, command: str, computing_s: float) -> Iterator[str]:
     )
 
 
-def _terrains(pictures: Mapping[str, str]) -> Iterator[str]:
+def _terrain_section(pictures: Mapping[str, str]) -> Iterator[str]:
     drawn = [f"![{title}]({file})" for title, file in pictures.items() if title.startswith("terrain ")]
     if drawn:
         yield "## The terrains"
@@ -88,7 +88,7 @@ def _terrains(pictures: Mapping[str, str]) -> Iterator[str]:
         yield "\n".join(drawn)
 
 
-def _fits(comparisons: Sequence[TableComparison]) -> Iterator[str]:
+def _fit_section(comparisons: Sequence[TableComparison]) -> Iterator[str]:
     """Yield a table that says how well each table fits."""
     heads = ("MFoW of", "cells", "median ratio", "RMS log error", "correlation of logs")
     yield "## Fit"
@@ -96,12 +96,12 @@ def _fits(comparisons: Sequence[TableComparison]) -> Iterator[str]:
     yield Table(heads, rows).markdown()
 
 
-def _table(comparison: TableComparison, pictures: Mapping[str, str]) -> Iterator[str]:
+def _table_section(comparison: TableComparison, pictures: Mapping[str, str]) -> Iterator[str]:
     table = comparison.table
     yield f"## Table {table.number}: {table.title}"
     yield f"Assumed: {'; '.join(table.assumed)}."
     rows = [
-        [f"{row} ({unit})", *(_beside(cell) for cell in comparison.cells if cell.row == row)]
+        [f"{row} ({unit})", *(_cell_text(cell) for cell in comparison.cells if cell.row == row)]
         for row, unit in dict.fromkeys((cell.row, cell.unit) for cell in comparison.cells)
     ]
     yield Table([table.columns_are, *(column.name for column in table.columns)], rows).markdown()
@@ -111,7 +111,7 @@ def _table(comparison: TableComparison, pictures: Mapping[str, str]) -> Iterator
         yield f"![Table {table.number}]({picture})"
 
 
-def _beside(cell: Cell) -> str:
+def _cell_text(cell: Cell) -> str:
     text = with_interval(cell.found, sign=" ± ", none="no run")
     if cell.paper is not None:
         text += f" ({cell.paper:g})"
@@ -138,7 +138,7 @@ def _far_off(comparisons: Sequence[TableComparison]) -> Iterator[str]:
         yield f"- {reason}: {'; '.join(names)}."
 
 
-def _orderings(judged: Sequence[Judged]) -> Iterator[str]:
+def _ordering_section(judged: Sequence[Judged]) -> Iterator[str]:
     if not judged:
         return
     yield "## The paper's conclusions"
@@ -146,15 +146,15 @@ def _orderings(judged: Sequence[Judged]) -> Iterator[str]:
         "The ratio divides the side that should be lower by the other side; it is a geometric mean over the cells "
         "named and the seeds. Held: its 95 % interval lies below 1. Not held: it lies above 1."
     )
-    rows = [[judgement.ordering.says, judgement.verdict, _ratio(judgement.ratio)] for judgement in judged]
+    rows = [[judgement.ordering.says, judgement.verdict, _ratio_text(judgement.ratio)] for judgement in judged]
     yield Table(("conclusion", "here", "ratio, 95 % interval"), rows).markdown()
 
 
-def _ratio(ratio: Estimate | None) -> str:
+def _ratio_text(ratio: Estimate | None) -> str:
     if ratio is None:
         return "-"
     return f"{ratio.mean:.3f}" + ("" if ratio.interval is None else f" [{ratio.low:.3f}, {ratio.high:.3f}]")
 
 
-def _minutes(seconds: float) -> str:
+def _minutes_text(seconds: float) -> str:
     return f"{seconds / 60.0:.0f} min" if seconds >= 90.0 else f"{seconds:.0f} s"

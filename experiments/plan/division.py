@@ -86,12 +86,12 @@ class Divider:
             self._graphs[key] = graph_from_ground(terrain, fields, footprint)
         grounds = own_grounds(prepared)
         robots: dict[int, int] = {}
-        for own in grounds.values():
-            robots[id(own)] = robots.get(id(own), 0) + 1
+        for ground in grounds.values():
+            robots[id(ground)] = robots.get(id(ground), 0) + 1
         territories: list[Territory] = []
-        for own in {id(own): own for own in grounds.values()}.values():
-            search = _Search(terrain, footprint, fields, own)
-            some = search.divide(self._graphs[key], robots[id(own)])
+        for ground in {id(ground): ground for ground in grounds.values()}.values():
+            search = _Search(terrain, footprint, fields, ground)
+            some = search.divide(self._graphs[key], robots[id(ground)])
             if some is None:
                 return None
             territories += some
@@ -101,15 +101,15 @@ class Divider:
 def seen_along(terrain: Terrain, footprint: Footprint, tour: Tour) -> BoolGrid:
     """Return all points that are seen on a tour, (height, width), by a sensor that looks all around."""
     looks = Looks(terrain, footprint)
-    seen = np.zeros(terrain.shape, dtype=np.bool_)
+    visible = np.zeros(terrain.shape, dtype=np.bool_)
     stride = max(SAMPLES * footprint.range_m, terrain.point)
     for (x, y), (to_x, to_y) in pairwise([*tour.way, tour.way[0]]):
         count = max(1, math.ceil(math.dist((x, y), (to_x, to_y)) / stride))
         for share in np.arange(count) / count:
             row, col = terrain.point_at(x + share * (to_x - x), y + share * (to_y - y))
             rows, cols, mask = looks.window(row * terrain.width + col, 1)
-            seen[rows, cols] |= mask
-    return seen
+            visible[rows, cols] |= mask
+    return visible
 
 
 class _Search:
@@ -123,7 +123,7 @@ class _Search:
 
     def divide(self, graph: Graph, robots: int) -> list[Territory] | None:
         """Divide the part among some robots; None if it is too large for a tour."""
-        points = [self._terrain.point_at(*place) for place in graph.places.tolist()]
+        points = [self._terrain.point_at(*spot) for spot in graph.places.tolist()]
         vertices = [vertex for vertex, (row, col) in enumerate(points) if self._own.reach[row, col]]
         divisions: dict[frozenset[frozenset[int]], list[list[int]]] = {}
         for offset in range(OFFSETS if robots > 1 else 1):
@@ -142,19 +142,19 @@ class _Search:
     def _on_the_ground(self, tours: list[list[tuple[int, int]]]) -> list[Territory] | None:
         """Find the territories of robots that can see all ground from some points, given as rows and columns."""
         looks = Looks(self._terrain, self._footprint)
-        left = self._own.patrolled.copy()
+        remaining = self._own.patrolled.copy()
         territories = []
         for tour in tours:
             ground = np.zeros(self._terrain.shape, dtype=np.bool_)
             for row, col in tour:
                 rows, cols, mask = looks.window(row * self._terrain.width + col, 1)
-                ground[rows, cols] |= mask & left[rows, cols]
-            left &= ~ground
+                ground[rows, cols] |= mask & remaining[rows, cols]
+            remaining &= ~ground
             territory = self._with_tour(ground)
             if territory is None:
                 return None
             territories.append(territory)
-        return self._relieved([territory for territory in territories if territory.ground.any()])
+        return self._relieve_longest([territory for territory in territories if territory.ground.any()])
 
     def _with_tour(self, ground: BoolGrid) -> Territory | None:
         if not ground.any():
@@ -162,28 +162,28 @@ class _Search:
         tour = find_tour(self._terrain, self._own.reach, ground, self._proxy, self._footprint)
         return None if tour is None else Territory(ground, tour)
 
-    def _relieved(self, territories: list[Territory]) -> list[Territory]:
+    def _relieve_longest(self, territories: list[Territory]) -> list[Territory]:
         """Let the robot with the longest tour give away ground that others see, until that shortens it no more."""
-        seen = [seen_along(self._terrain, self._footprint, territory.tour) for territory in territories]
+        visible = [seen_along(self._terrain, self._footprint, territory.tour) for territory in territories]
         while len(territories) > 1:
             longest = max(range(len(territories)), key=lambda at: territories[at].tour.length_m)
             old = territories[longest]
-            kept = old.ground.copy()
-            given: dict[int, BoolGrid] = {}
+            remaining = old.ground.copy()
+            gains: dict[int, BoolGrid] = {}
             for at in range(len(territories)):
                 if at != longest:
-                    given[at] = kept & seen[at]
-                    kept &= ~seen[at]
-            shorter = self._with_tour(kept)
+                    gains[at] = remaining & visible[at]
+                    remaining &= ~visible[at]
+            shorter = self._with_tour(remaining)
             if shorter is None or shorter.tour.length_m > old.tour.length_m - GAIN_M:
                 return territories
-            for at, ground in given.items():
+            for at, ground in gains.items():
                 territories[at] = Territory(territories[at].ground | ground, territories[at].tour)
-            if not kept.any():
-                del territories[longest], seen[longest]
+            if not remaining.any():
+                del territories[longest], visible[longest]
                 continue
             territories[longest] = shorter
-            seen[longest] = seen_along(self._terrain, self._footprint, shorter.tour)
+            visible[longest] = seen_along(self._terrain, self._footprint, shorter.tour)
         return territories
 
 
@@ -200,7 +200,7 @@ def shared_out(graph: Graph, vertices: list[int], robots: int, offset: float = 0
 
     Example: four vertices in a line, 10 m apart, and two robots give [[0, 1], [2, 3]], two tours of 20 m.
     """
-    tours = _Tours(graph, _stretches(graph, closed_tour(graph, vertices), robots, offset))
+    tours = _Tours(graph, _cut_stretches(graph, closed_tour(graph, vertices), robots, offset))
     tours.improve()
     return [tour for tour in tours.tours if tour]
 
@@ -209,12 +209,12 @@ def _longest_of(graph: Graph, tours: list[list[int]]) -> float:
     return max(tour_length(graph, tour) for tour in tours)
 
 
-def _stretches(graph: Graph, tour: list[int], count: int, offset: float) -> list[list[int]]:
+def _cut_stretches(graph: Graph, tour: list[int], count: int, offset: float) -> list[list[int]]:
     """Cut a closed tour into stretches of equal lengths, the first from a share of a stretch on."""
     along = np.cumsum([0.0, *(float(graph.lengths[a, b]) for a, b in pairwise(tour))])
-    whole = float(along[-1] + graph.lengths[tour[-1], tour[0]]) or 1.0
-    stretch = np.floor(along / whole * count - offset).astype(np.int64) % count
-    return [[vertex for vertex, own in zip(tour, stretch, strict=True) if own == at] for at in range(count)]
+    lap = float(along[-1] + graph.lengths[tour[-1], tour[0]]) or 1.0
+    stretch = np.floor(along / lap * count - offset).astype(np.int64) % count
+    return [[vertex for vertex, part in zip(tour, stretch, strict=True) if part == number] for number in range(count)]
 
 
 class _Tours:
@@ -231,9 +231,9 @@ class _Tours:
     def improve(self) -> None:
         """Move the vertex that lowers the sum of powers most, until none does."""
         while (move := self._best_move()) is not None:
-            vertex, giver, taker, at = move
-            self._set(giver, [other for other in self.tours[giver] if other != vertex])
-            self._set(taker, [*self.tours[taker][:at], vertex, *self.tours[taker][at:]])
+            vertex, giver, taker, position = move
+            self._set_tour(giver, [member for member in self.tours[giver] if member != vertex])
+            self._set_tour(taker, [*self.tours[taker][:position], vertex, *self.tours[taker][position:]])
 
     def _best_move(self) -> tuple[int, int, int, int] | None:
         """Return a vertex, the robot that gives it, the one that takes it, and its place in that tour."""
@@ -242,22 +242,24 @@ class _Tours:
         for giver, tour in enumerate(self.tours):
             if not tour:
                 continue
-            own = np.array(tour)
-            before, after = np.roll(own, 1), np.roll(own, -1)
+            vertices = np.array(tour)
+            before, after = np.roll(vertices, 1), np.roll(vertices, -1)
             lengths = self._graph.lengths
-            saved = lengths[before, own] + lengths[own, after] - lengths[before, after]
+            saved = lengths[before, vertices] + lengths[vertices, after] - lengths[before, after]
             less = np.maximum(self.lengths[giver] - saved, 0.0) ** POWER - powers[giver]
-            for taker, other in enumerate(self.tours):
+            for taker, taker_tour in enumerate(self.tours):
                 if taker == giver:
                     continue
-                detour, at = self._detours(own, other)
+                detour, positions = self._tour_detours(vertices, taker_tour)
                 change = less + (self.lengths[taker] + detour) ** POWER - powers[taker]
                 first = int(change.argmin())
                 if change[first] < best - 1e-9 * sum(powers):
-                    best, move = float(change[first]), (tour[first], giver, taker, int(at[first]))
+                    best, move = float(change[first]), (tour[first], giver, taker, int(positions[first]))
         return move
 
-    def _detours(self, vertices: NDArray[np.int64], tour: list[int]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    def _tour_detours(
+        self, vertices: NDArray[np.int64], tour: list[int]
+    ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
         """Return for each vertex how much longer a tour becomes with it, m, and where it is put in."""
         if not tour:
             return np.zeros(len(vertices)), np.zeros(len(vertices), dtype=np.int64)
@@ -265,10 +267,10 @@ class _Tours:
         before = np.roll(after, 1)
         lengths = self._graph.lengths
         longer = lengths[np.ix_(vertices, before)] + lengths[np.ix_(vertices, after)] - lengths[before, after]
-        at = longer.argmin(axis=1)
-        return longer[np.arange(len(vertices)), at], at
+        positions = longer.argmin(axis=1)
+        return longer[np.arange(len(vertices)), positions], positions
 
-    def _set(self, number: int, tour: list[int]) -> None:
+    def _set_tour(self, number: int, tour: list[int]) -> None:
         """Set a tour, in the given order or in a shorter one."""
         again = closed_tour(self._graph, tour) if tour else []
         self.tours[number] = min((tour, again), key=lambda tour: tour_length(self._graph, tour))

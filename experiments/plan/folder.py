@@ -35,8 +35,8 @@ def plan_folder(out: Path | None, name: str) -> Path:
     with writing(f"--out {folder}", "choose another folder"):
         if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
             raise BadInput(f"--out {folder}: is not an empty folder; choose one that is, or that does not exist yet")
-        there = next(path for path in (folder, *folder.absolute().parents) if path.exists())
-        with tempfile.TemporaryFile(dir=there):
+        existing = next(path for path in (folder, *folder.absolute().parents) if path.exists())
+        with tempfile.TemporaryFile(dir=existing):
             pass
     return folder
 
@@ -54,8 +54,8 @@ def write_plan(plan: FleetPlan, folder: Path) -> None:
                 name: alone if size.simulated is None else size.simulated.scenario,
                 f"{name}-one-dead": None if size.one_dead is None else size.one_dead.scenario,
             }
-            if (other := size.other_patrol) is not None:
-                runs[f"{name}-{patrol_name(other.scenario.patrol.policy)}"] = other.scenario
+            if (alternative := size.other_patrol) is not None:
+                runs[f"{name}-{patrol_name(alternative.scenario.patrol.policy)}"] = alternative.scenario
             for file, scenario in runs.items():
                 if scenario is not None:
                     _write_scenario(folder / f"{file}.yaml", scenario, copied)
@@ -70,7 +70,7 @@ def write_plan(plan: FleetPlan, folder: Path) -> None:
 def _write_scenario(file: Path, scenario: Scenario, copied: Scenario) -> None:
     """Write a scenario that names the copies of its map and classes."""
     policy = {"policy": copied.patrol.policy} if class_file(scenario.patrol.policy) is not None else {}
-    own = scenario.model_copy(
+    complete = scenario.model_copy(
         update={
             "terrain": copied.terrain,
             "patrol": scenario.patrol.model_copy(update=policy),
@@ -78,4 +78,4 @@ def _write_scenario(file: Path, scenario: Scenario, copied: Scenario) -> None:
             "radio": copied.radio,
         }
     )
-    file.write_text(dump_scenario(own), encoding="utf-8")
+    file.write_text(dump_scenario(complete), encoding="utf-8")

@@ -231,17 +231,17 @@ class _Planner:
         number = self._first_by_tours(wanted_s)
         if self._quick or number is None:
             return number
-        if self._keeps(number, wanted_s):
-            while number > 1 and self.size(number - 1).bound_s <= wanted_s and self._keeps(number - 1, wanted_s):
+        if self._keeps_age(number, wanted_s):
+            while number > 1 and self.size(number - 1).bound_s <= wanted_s and self._keeps_age(number - 1, wanted_s):
                 number -= 1
             return number
-        most = MOST_ROBOTS
-        while number < most:
+        limit = MOST_ROBOTS
+        while number < limit:
             opened = self.opened(wanted_s)
-            if most == MOST_ROBOTS and opened and opened[-1].keeps(wanted_s):
-                most = min(number + MORE_WHERE_CLOSED, MOST_ROBOTS)
+            if limit == MOST_ROBOTS and opened and opened[-1].keeps(wanted_s):
+                limit = min(number + MORE_WHERE_CLOSED, MOST_ROBOTS)
             number += 1
-            if self._keeps(number, wanted_s):
+            if self._keeps_age(number, wanted_s):
                 return number
         return None
 
@@ -254,33 +254,35 @@ class _Planner:
         if self._wanted_s is None:
             return numbers[-1]
         wanted = self._wanted_s
-        return next((number for number in numbers if self._keeps(number, wanted)), None)
+        return next((number for number in numbers if self._keeps_age(number, wanted)), None)
 
     def test(self, number: int) -> None:
         """Run a fleet with one robot dead from the middle of the run, and as another patrol."""
         size, scenario = self.size(number), self._scenario_of(number)
-        dead = other = None
+        dead = alternative = None
         if number > 1:
             kill = {"kind": "kill", "at": KILLED_AT * scenario.duration, "who": "r1", "wreck": "removed"}
             name = f"{scenario.name}-one-dead"
-            dead = self._run(load_scenario(as_mapping(scenario), {"name": name, "faults": [kill]}), "one of them dead")
+            dead = self._run_scenario(
+                load_scenario(as_mapping(scenario), {"name": name, "faults": [kill]}), "one of them dead"
+            )
         if (patrol := _OTHER_PATROL.get(patrol_name(scenario.patrol.policy))) is not None:
             changes = {"name": f"{scenario.name}-{patrol}", "patrol.policy": PATROLS[patrol].policy}
-            other = self._run(load_scenario(as_mapping(scenario), changes), f"as the patrol {patrol}")
-        self.sizes[number] = replace(size, one_dead=dead, other_patrol=other)
+            alternative = self._run_scenario(load_scenario(as_mapping(scenario), changes), f"as the patrol {patrol}")
+        self.sizes[number] = replace(size, one_dead=dead, other_patrol=alternative)
 
     def size(self, number: int) -> FleetSize:
         """Return what tours a fleet of some size has."""
         if number not in self.sizes:
             self._progress(f"{robots_text(number)}: tours", 0.0)
-            self._add(number, *self._with_tours(number))
+            self._add_size(number, *self._with_tours(number))
         return self.sizes[number]
 
     def _with_tours(self, number: int) -> tuple[Prepared, BestTour]:
         prepared = prepare(load_scenario(as_mapping(self.scenario), {"robots.count": number}), self.terrain)
         return prepared, best_tour(prepared)
 
-    def _add(self, number: int, prepared: Prepared, tours: BestTour) -> None:
+    def _add_size(self, number: int, prepared: Prepared, tours: BestTour) -> None:
         """Divide the ground among a fleet of some size, and keep what tours it has."""
         territories = None if tours.length_m is None else self._divider.divide(prepared)
         scenario = prepared.scenario
@@ -306,8 +308,8 @@ class _Planner:
         if self._duration_s is not None:
             return self._duration_s
         age_s = self.size(number).age_s or 0.0
-        least = max(LEAST_S, INTERVALS * age_s, WANTED * (self._wanted_s or 0.0))
-        return 60.0 * math.ceil(least / 60.0)
+        needed_s = max(LEAST_S, INTERVALS * age_s, WANTED * (self._wanted_s or 0.0))
+        return 60.0 * math.ceil(needed_s / 60.0)
 
     def _first_by_tours(self, wanted_s: float) -> int | None:
         """Return the least number of robots that keeps an age by its tours, or by the bound where there are none."""
@@ -318,33 +320,35 @@ class _Planner:
                 continue
             if number not in self.sizes:
                 self._progress(f"{robots_text(number)}: tours", 0.0)
-                self._add(number, prepared, tours)
+                self._add_size(number, prepared, tours)
             size = self.sizes[number]
             if (size.bound_s if size.age_s is None else size.age_s) <= wanted_s:
-                for more in range(number + 1, min(number + MORE, MOST_ROBOTS) + 1):
-                    self.size(more)
+                for larger in range(number + 1, min(number + MORE, MOST_ROBOTS) + 1):
+                    self.size(larger)
                 return number
         self.size(MOST_ROBOTS)
         return None
 
-    def _keeps(self, number: int, wanted_s: float) -> bool:
+    def _keeps_age(self, number: int, wanted_s: float) -> bool:
         if self._quick:
             age_s = self.size(number).age_s
             return age_s is not None and age_s <= wanted_s
-        return all(self._simulated(number, seed).keeps(wanted_s) for seed in range(self._seeds))
+        return all(self._simulate_run(number, seed).keeps(wanted_s) for seed in range(self._seeds))
 
     def simulate(self, number: int) -> None:
         """Run a fleet with all seeds."""
         for seed in range(self._seeds):
-            self._simulated(number, seed)
+            self._simulate_run(number, seed)
 
-    def _simulated(self, number: int, seed: int) -> AgeKept:
+    def _simulate_run(self, number: int, seed: int) -> AgeKept:
         """Return the run of a fleet with a seed, from 0 on, counted from the scenario's; run it unless it is known."""
         size = self.size(number)
         if seed == len(size.runs):
             mapping = as_mapping(self._scenario_of(number))
             scenario = load_scenario(mapping, {"seed": self.scenario.seed + seed})
-            self.sizes[number] = size = replace(size, runs=(*size.runs, self._run(scenario, f"seed {scenario.seed}")))
+            self.sizes[number] = size = replace(
+                size, runs=(*size.runs, self._run_scenario(scenario, f"seed {scenario.seed}"))
+            )
         return size.runs[seed]
 
     def opened(self, wanted_s: float) -> tuple[AgeKept, ...]:
@@ -358,7 +362,7 @@ class _Planner:
             while len(runs) < self._seeds and (not runs or runs[-1].keeps(wanted_s)):
                 mapping = as_mapping(self._scenario_of(number)) | {"closures": []}
                 scenario = load_scenario(mapping, {"seed": self.scenario.seed + len(runs)})
-                runs.append(self._run(scenario, f"seed {scenario.seed}, nothing ever closed"))
+                runs.append(self._run_scenario(scenario, f"seed {scenario.seed}, nothing ever closed"))
             self._opened[number] = tuple(runs)
         return self._opened.get(number, ())
 
@@ -366,7 +370,7 @@ class _Planner:
         settings = {"name": f"{self.scenario.name}-{number}", "robots.count": number}
         return load_scenario(as_mapping(self.scenario), {**settings, "duration": self.duration_s(number)})
 
-    def _run(self, scenario: Scenario, how: str) -> AgeKept:
+    def _run_scenario(self, scenario: Scenario, how: str) -> AgeKept:
         what = f"{robots_text(len(scenario.roster))}: {how}"
         self._progress(what, 0.0)
         ticks = scenario.duration / scenario.step
@@ -423,7 +427,7 @@ def plan_facts(plan: FleetPlan) -> dict[str, Any]:
 
 
 def _size_facts(size: FleetSize, wanted_s: float | None) -> dict[str, Any]:
-    own = None if size.territories is None else [territory.tour.length_m for territory in size.territories]
+    tours_m = None if size.territories is None else [territory.tour.length_m for territory in size.territories]
     return {
         "robots": size.robots,
         "patrolled_area_m2": size.area_m2,
@@ -432,10 +436,10 @@ def _size_facts(size: FleetSize, wanted_s: float | None) -> dict[str, Any]:
         "tour_s": size.tour_s,
         "tour_m": size.tours.length_m,
         "own_tours_s": size.own_tours_s,
-        "own_tours_m": own,
+        "own_tours_m": tours_m,
         "age_s": size.age_s,
         "simulated": _kept_facts(size.simulated, wanted_s),
-        "seeds": [_kept_facts(kept, wanted_s) for kept in size.runs],
+        "seeds": [_kept_facts(run, wanted_s) for run in size.runs],
         "one_dead": _kept_facts(size.one_dead, wanted_s),
         "other_patrol": _kept_facts(size.other_patrol, wanted_s),
     }

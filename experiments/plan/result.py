@@ -76,9 +76,9 @@ class PlanResult:
                 "bound_s": size.bound_s,
                 "tour_s": size.tour_s,
                 "own_tours_s": size.own_tours_s,
-                **self._kept("", size.simulated),
-                **self._kept("one_dead_", size.one_dead),
-                **self._kept("other_patrol_", size.other_patrol),
+                **self._kept_fields("", size.simulated),
+                **self._kept_fields("one_dead_", size.one_dead),
+                **self._kept_fields("other_patrol_", size.other_patrol),
             }
             for size in self.plan.sizes
         ).arrow()
@@ -104,7 +104,7 @@ class PlanResult:
 
         return table_html(answer_table(self.plan)) + lines_html(self.answer)
 
-    def _kept(self, prefix: str, kept: AgeKept | None) -> dict[str, object]:
+    def _kept_fields(self, prefix: str, kept: AgeKept | None) -> dict[str, object]:
         wanted_s = self.plan.wanted_s
         return {
             f"{prefix}mfow_mean_s": None if kept is None else kept.mean_s,
@@ -161,18 +161,18 @@ def plan(
     from experiments.plan.folder import plan_folder, write_plan
     from experiments.plan.plan import SEEDS, make_plan
 
-    numbers = None if robots is None else _numbers(robots)
+    numbers = None if robots is None else _check_numbers(robots)
     folder = None if out is None else plan_folder(Path(out), loaded.name)
     named = naming(scenario, overrides or ()) if isinstance(scenario, str | Path) else nullcontext()
     with named:
         shown = progress or (lambda _what, _done: None)
-        made = make_plan(loaded, age, numbers, shown, duration_s=duration, quick=quick, seeds=seeds or SEEDS)
+        new_plan = make_plan(loaded, age, numbers, shown, duration_s=duration, quick=quick, seeds=seeds or SEEDS)
         if folder is not None:
-            write_plan(made, folder)
-    return PlanResult(made, folder)
+            write_plan(new_plan, folder)
+    return PlanResult(new_plan, folder)
 
 
-def _numbers(robots: int | Sequence[int]) -> list[int]:
+def _check_numbers(robots: int | Sequence[int]) -> list[int]:
     """Check numbers of robots."""
     from patrol.measures.best_tour import MOST_ROBOTS
 

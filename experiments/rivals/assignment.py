@@ -51,8 +51,8 @@ class GreedyAssignment(GraphPatrol):
         graph = known.graph
         if self._home is None:
             self._home = known.place
-        taken = set(known.aims.values())
-        vertices = [vertex for vertex in known.reached if vertex not in taken] or known.reached
+        aims = set(known.aims.values())
+        vertices = [vertex for vertex in known.reached if vertex not in aims] or known.reached
         scores = [
             float(known.idleness[vertex])
             - DISTANCE * known.length(vertex) / graph.pixel
@@ -85,19 +85,19 @@ class AuctionAssignment(GraphPatrol):
         vertices = known.reached
         if not vertices:
             return [known.at]
-        taken = set(known.aims.values())
+        aims = set(known.aims.values())
         stale = float(idle.mean() + STALE * idle.std())
         score = {v: float(idle[v]) - HOPS * float(graph.hops[known.at, v]) * graph.size for v in vertices}
-        own = bids(known, known.number, known.at)
-        others = [bids(known, number, other.at, other.aim) for number, other in known.others.items()]
-        least = np.min(others, axis=0) if others else np.full(graph.size, np.inf)
+        own_bids = bids(known, known.number, known.at)
+        other_bids = [bids(known, number, rival.at, rival.aim) for number, rival in known.others.items()]
+        lowest = np.min(other_bids, axis=0) if other_bids else np.full(graph.size, np.inf)
         ordered = sorted(vertices, key=lambda v: (-score[v], v))
         for vertex in ordered:
-            if own[vertex] <= least[vertex] and vertex not in taken:
+            if own_bids[vertex] <= lowest[vertex] and vertex not in aims:
                 return graph.way(known.at, vertex)
-            if vertex in known.neighbours and float(idle[vertex]) > stale and least[vertex] > 0.0:
+            if vertex in known.neighbours and float(idle[vertex]) > stale and lowest[vertex] > 0.0:
                 return graph.way(known.at, vertex)
-        return graph.way(known.at, next((vertex for vertex in ordered if vertex not in taken), ordered[0]))
+        return graph.way(known.at, next((vertex for vertex in ordered if vertex not in aims), ordered[0]))
 
 
 def bids(known: Known, number: int, at: int, aim: int | None = None) -> NDArray[np.float64]:

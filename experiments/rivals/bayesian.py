@@ -74,38 +74,41 @@ class ConcurrentBayesianLearning(GraphPatrol):
     def __init__(self, setup: PolicySetup) -> None:
         super().__init__(setup)
         self._arcs: dict[tuple[int, int], float] = {
-            (vertex, other): 1.0 for vertex, row in enumerate(self.known.graph.edges) for other, _ in row
+            (vertex, neighbour): 1.0 for vertex, row in enumerate(self.known.graph.edges) for neighbour, _ in row
         }
         self._last: tuple[int, list[int], float] | None = None
 
     def route(self, known: Known) -> Sequence[int]:
         """Choose the neighbour with the greatest prior times likelihood, among those that no other robot goes to."""
-        self._learn(known)
+        self._learn_arcs(known)
         aims = set(known.aims.values())
         candidates = [vertex for vertex in known.neighbours if vertex not in aims]
         if not candidates:  # then nothing beyond counts either
             candidates, aims = known.neighbours, set(range(known.graph.size))
         if candidates == [known.at]:
             return candidates
-        prior = [self._prior(known, vertex, aims) for vertex in candidates]
+        prior = [self._prior_gain(known, vertex, aims) for vertex in candidates]
         total = sum(self._arcs.values())
         scores = [p * self._arcs[known.at, v] / total for p, v in zip(prior, candidates, strict=True)]
         best = max(scores)
         equal = [(known.length(v), v) for v, score in zip(candidates, scores, strict=True) if score == best]
-        entropy = _entropy(scores)
+        entropy = _choice_entropy(scores)
         self._last = (known.at, candidates, entropy) if len(candidates) > 1 else None
         return [min(equal)[1]]
 
-    def _prior(self, known: Known, vertex: int, aims: set[int]) -> float:
+    def _prior_gain(self, known: Known, vertex: int, aims: set[int]) -> float:
         """Weigh the mean idleness of a vertex, this visit included, with that of its best free neighbour."""
         means = known.mean_idleness
         mean = float(means[vertex])
-        best = max((float(means[other]) for other, _ in known.graph.edges[vertex] if other not in aims), default=0.0)
+        best = max(
+            (float(means[neighbour]) for neighbour, _ in known.graph.edges[vertex] if neighbour not in aims),
+            default=0.0,
+        )
         if len(known.graph.edges[vertex]) == 1 or best == 0.0:
             return mean
         return OWN_SHARE * mean + (1.0 - OWN_SHARE) * best
 
-    def _learn(self, known: Known) -> None:
+    def _learn_arcs(self, known: Known) -> None:
         """Reward the arc to the candidate that was visited least for its degree, and punish that to the most visited.
 
         Of several that were visited least the stalest is rewarded, and of several visited most the freshest punished.
@@ -128,7 +131,7 @@ class ConcurrentBayesianLearning(GraphPatrol):
             self._arcs[begin, vertex] = min(max(changed, LEAST), MOST)
 
 
-def _entropy(scores: Sequence[float]) -> float:
+def _choice_entropy(scores: Sequence[float]) -> float:
     """Return the entropy of a choice as a share of the greatest possible."""
     total = sum(scores)
     if len(scores) < 2 or total <= 0.0:

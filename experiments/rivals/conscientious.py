@@ -67,7 +67,7 @@ def stale_way(known: Known, goal: int, stalest: float) -> list[int]:
     """
     graph, idle = known.graph, known.own_idleness
     lengths = [length for row in graph.edges for _, length in row]
-    least, span = min(lengths), (max(lengths) - min(lengths)) or 1.0
+    shortest, span = min(lengths), (max(lengths) - min(lengths)) or 1.0
     costs, before, heap = {known.at: 0.0}, {known.at: known.at}, [(0.0, known.at)]
     while heap:
         cost, vertex = heapq.heappop(heap)
@@ -75,11 +75,11 @@ def stale_way(known: Known, goal: int, stalest: float) -> list[int]:
             break
         if cost > costs[vertex]:
             continue
-        for other, length in graph.edges[vertex]:
-            there = cost + (stalest - float(idle[other])) / stalest + (length - least) / span
-            if there < costs.get(other, np.inf):
-                costs[other], before[other] = there, vertex
-                heapq.heappush(heap, (there, other))
+        for neighbour, length in graph.edges[vertex]:
+            total = cost + (stalest - float(idle[neighbour])) / stalest + (length - shortest) / span
+            if total < costs.get(neighbour, np.inf):
+                costs[neighbour], before[neighbour] = total, vertex
+                heapq.heappush(heap, (total, neighbour))
     way = [goal]
     while before[way[-1]] != known.at:
         way.append(before[way[-1]])

@@ -32,10 +32,10 @@ class ExpectedReactive(GraphPatrol):
         there.
         """
         arrivals: dict[int, float] = {}
-        for other in known.others.values():
-            if other.aim is not None:
-                left = float(((known.graph.places[other.aim] - other.place) ** 2).sum()) ** 0.5
-                arrivals[other.aim] = max(arrivals.get(other.aim, 0.0), known.now_s + left / self.speed)
+        for rival in known.others.values():
+            if rival.aim is not None:
+                distance = float(((known.graph.places[rival.aim] - rival.place) ** 2).sum()) ** 0.5
+                arrivals[rival.aim] = max(arrivals.get(rival.aim, 0.0), known.now_s + distance / self.speed)
         scores = []
         for vertex in known.neighbours:
             takes = max(known.length(vertex) / self.speed, self.step)

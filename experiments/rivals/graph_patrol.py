@@ -65,17 +65,17 @@ class GraphPatrol:
 
     def decide(self, view: View) -> Intent:
         """Go on to the next vertex of the route, or choose another route at its end."""
-        known = self.known
-        visited = known.look(view)
+        state = self.known
+        visited = state.look(view)
         if self._route and self._is_there(view, self._route[0] in visited):
-            known.arrive(self._route.pop(0))
+            state.arrive(self._route.pop(0))
             self._least, self._since = math.inf, view.tick
         if not self._route:
-            self._route = list(self.route(known))
+            self._route = list(self.route(state))
             self._least, self._since = math.inf, view.tick
         if not self._route:
             return Stay()
-        x, y = known.graph.places[self._route[0]].tolist()
+        x, y = state.graph.places[self._route[0]].tolist()
         way = view.way((x, y))
         if way is None:
             return Bearing(())  # the body finds back to the reachable ground first

@@ -60,8 +60,8 @@ class Known:
 
     def __post_init__(self) -> None:
         for name in ("visited_s", "own_s", "found_s", "ended_s", "visits", "visitor"):
-            if not (given := getattr(self, name)).size:
-                setattr(self, name, np.zeros(self.graph.size, dtype=given.dtype))
+            if not (array := getattr(self, name)).size:
+                setattr(self, name, np.zeros(self.graph.size, dtype=array.dtype))
 
     @property
     def idleness(self) -> NDArray[np.float64]:
@@ -81,7 +81,7 @@ class Known:
     @property
     def neighbours(self) -> list[int]:
         """The neighbours of where the robot is, in the graph's order; itself where it has none."""
-        return [other for other, _ in self.graph.edges[self.at]] or [self.at]
+        return [neighbour for neighbour, _ in self.graph.edges[self.at]] or [self.at]
 
     @property
     def reached(self) -> list[int]:
@@ -92,7 +92,7 @@ class Known:
     @property
     def aims(self) -> dict[int, int]:
         """The vertices that others are going to, by robot number."""
-        return {number: other.aim for number, other in self.others.items() if other.aim is not None}
+        return {number: rival.aim for number, rival in self.others.items() if rival.aim is not None}
 
     def length(self, neighbour: int) -> float:
         """Return the length of the edge to a neighbour, m."""
@@ -115,9 +115,9 @@ class Known:
         self.place = here
         for vertex in visited:
             self.arrive(vertex)
-        self._stay(self.number, here, visited)
+        self._note_stay(self.number, here, visited)
         for number, peer in sorted(view.peers.items()):
-            self._hear(number, (peer.pose.x, peer.pose.y), peer.tick)
+            self._hear_robot(number, (peer.pose.x, peer.pose.y), peer.tick)
         for number in [number for number in self.others if number not in view.peers]:
             del self.others[number]
         return visited
@@ -126,11 +126,11 @@ class Known:
         """Take note that the robot itself visits a vertex."""
         if vertex not in self._inside.get(self.number, ()):
             self.found_s[vertex] = self.now_s - self.visited_s[vertex]
-        self._visit(self.number, vertex, self.now_s)
+        self._note_visit(self.number, vertex, self.now_s)
         self.own_s[vertex] = self.now_s
         self.at = vertex
 
-    def _visit(self, number: int, vertex: int, time_s: float) -> None:
+    def _note_visit(self, number: int, vertex: int, time_s: float) -> None:
         """Take note that a robot is at a vertex; one that stays there visits it once."""
         if vertex not in self._inside.get(number, ()):
             self.visits[vertex] += 1
@@ -138,35 +138,35 @@ class Known:
         self.visited_s[vertex] = max(self.visited_s[vertex], time_s)
         self.visitor[vertex] = number
 
-    def _stay(self, number: int, place: tuple[float, float], visited: list[int]) -> None:
+    def _note_stay(self, number: int, place: tuple[float, float], visited: list[int]) -> None:
         """Take note of the vertices that a robot has not left again."""
         places = self.graph.places
         self._inside[number] = frozenset(v for v in visited if math.dist(places[v], place) <= self.tolerance)
 
-    def _hear(self, number: int, place: tuple[float, float], tick: int) -> None:
-        other = self.others.get(number)
-        if other is None:
-            other = self.others[number] = Other(place, tick, self.graph.nearest(*place))
-        elif tick <= other.tick:
+    def _hear_robot(self, number: int, place: tuple[float, float], tick: int) -> None:
+        rival = self.others.get(number)
+        if rival is None:
+            rival = self.others[number] = Other(place, tick, self.graph.nearest(*place))
+        elif tick <= rival.tick:
             return
-        begin = other.place if tick - other.tick <= LATE_TICKS else place
+        begin = rival.place if tick - rival.tick <= LATE_TICKS else place
         visited = self.graph.within(begin, place, self.tolerance)
         for vertex in visited:
-            self._visit(number, vertex, tick * self.step)
-            other.at = vertex
-        self._stay(number, place, visited)
-        other.place, other.tick = place, tick
-        other.aim = self._aim(other)
+            self._note_visit(number, vertex, tick * self.step)
+            rival.at = vertex
+        self._note_stay(number, place, visited)
+        rival.place, rival.tick = place, tick
+        rival.aim = self._aim_of(rival)
 
-    def _aim(self, other: Other) -> int | None:
+    def _aim_of(self, other: Other) -> int | None:
         """Return the neighbour that a robot goes to, with the least detour over its place; None before it leaves."""
-        best, least = None, math.inf
+        best, shortest = None, math.inf
         away = math.dist(other.place, self.graph.places[other.at])
         for neighbour, length in self.graph.edges[other.at]:
             if away < max(LEFT * length, self.tolerance):
                 continue
             straight = math.dist(self.graph.places[other.at], self.graph.places[neighbour])
             detour = away + math.dist(other.place, self.graph.places[neighbour]) - straight
-            if detour < least:
-                best, least = neighbour, detour
+            if detour < shortest:
+                best, shortest = neighbour, detour
         return best

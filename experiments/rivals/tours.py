@@ -65,7 +65,7 @@ class EvenTour(Tour):
     def plan(self, known: Known) -> None:
         """Find the tour, and the vertices to wait at."""
         super().plan(known)
-        walk = [v for at, vertex in enumerate(self.tour) for v in known.graph.way(self.tour[at - 1], vertex)]
+        walk = [v for index, vertex in enumerate(self.tour) for v in known.graph.way(self.tour[index - 1], vertex)]
         self._once = {vertex for vertex, times in Counter(walk).items() if times == 1}
         self._round_s = tour_length(known.graph, self.tour) / self.speed
 
@@ -112,8 +112,8 @@ class OwnTours(GraphPatrol):
         """Go to the next vertex of the own tour; the tour is made anew when a robot comes or goes."""
         living = frozenset({known.number, *known.others})
         self._homes.setdefault(known.number, known.at)
-        for number, other in known.others.items():
-            self._homes.setdefault(number, other.at)
+        for number, rival in known.others.items():
+            self._homes.setdefault(number, rival.at)
         if living != self._team:
             self._team = living
             part = {known.at, *known.reached}
@@ -149,12 +149,12 @@ class PartitionTours(OwnTours):
         tour = closed_tour(known.graph, [known.at, *known.reached])
         lengths = known.graph.lengths
         along = np.cumsum([0.0, *[float(lengths[a, b]) for a, b in pairwise(tour)]])
-        whole = float(along[-1] + lengths[tour[-1], tour[0]]) or 1.0
+        lap = float(along[-1] + lengths[tour[-1], tour[0]]) or 1.0
         order = sorted(homes, key=lambda number: (tour.index(homes[number]), number))
         begin = float(along[tour.index(homes[order[0]])])
-        own = order.index(known.number)
+        own_part = order.index(known.number)
         return [
             vertex
-            for vertex, at in zip(tour, along.tolist(), strict=True)
-            if min(math.floor((at - begin) % whole / whole * len(order)), len(order) - 1) == own
+            for vertex, distance in zip(tour, along.tolist(), strict=True)
+            if min(math.floor((distance - begin) % lap / lap * len(order)), len(order) - 1) == own_part
         ]

@@ -61,23 +61,24 @@ def case_rows(outcome: SweepOutcome) -> list[CaseRow]:
 
 
 def _case_row(outcome: SweepOutcome, case: Case, names: Sequence[str]) -> CaseRow:
-    other = outcome.plan.partner(case)
+    partner = outcome.plan.partner(case)
     runs = [outcome.results[run.key] for run in outcome.plan.runs_of(case.name) if run.key in outcome.results]
     good = sum(result.ok for result in runs)
-    values = {name: own for name in names if (own := outcome.values(case.name, name))}
-    metrics = {name: estimate(list(own.values())) for name, own in values.items()}
+    values = {name: by_seed for name in names if (by_seed := outcome.values(case.name, name))}
+    metrics = {name: estimate(list(by_seed.values())) for name, by_seed in values.items()}
     change = {
         name: difference
-        for name, own in values.items()
-        if other is not None and (difference := _change(own, outcome.values(other.name, name))) is not None
+        for name, by_seed in values.items()
+        if partner is not None
+        and (difference := _change_in_percent(by_seed, outcome.values(partner.name, name))) is not None
     }
     warned = sum(value > 0.0 for value in values.get("warnings", {}).values())
-    against = None if other is None else other.name
+    against = None if partner is None else partner.name
     counts = (good, len(runs) - good, warned)
     return CaseRow(case.name, case.settings, *counts, metrics, values, against, change, case.labels)
 
 
-def _change(own: Mapping[int, float], others: Mapping[int, float]) -> Estimate | None:
+def _change_in_percent(own: Mapping[int, float], others: Mapping[int, float]) -> Estimate | None:
     """Return by how many percent the mean over the seeds that both have is above the other's."""
     seeds = [seed for seed in own if seed in others]
     base = sum(others[seed] for seed in seeds) / max(len(seeds), 1)
@@ -103,7 +104,7 @@ def write_tables(outcome: SweepOutcome, folder: Path) -> tuple[Path, Path]:
         "failed": [{"case": run.case, "seed": run.seed, "error": run.error} for run in outcome.failed],
     }
     write_text(as_json, json_text(content))
-    write_text(folder / "table.tex", _latex(rows, outcome.plan.name))
+    write_text(folder / "table.tex", _latex_table(rows, outcome.plan.name))
     return as_csv, as_json
 
 
@@ -162,15 +163,19 @@ def cases_table(rows: Sequence[CaseRow]) -> Table:
             "runs": row.runs,
             "failed": row.failed,
             "warned": row.warned,
-            **{head: value for name in names for head, value in _ends(name, row.metrics.get(name))},
-            **{head: v for name in changes for head, v in _ends(f"{name}_change_percent", row.change.get(name))},
+            **{head: value for name in names for head, value in _interval_ends(name, row.metrics.get(name))},
+            **{
+                head: v
+                for name in changes
+                for head, v in _interval_ends(f"{name}_change_percent", row.change.get(name))
+            },
             **({"against": row.against} if changes else {}),
         }
         for row in rows
     )
 
 
-def _ends(name: str, found: Estimate | None) -> Iterator[tuple[str, float | None]]:
+def _interval_ends(name: str, found: Estimate | None) -> Iterator[tuple[str, float | None]]:
     """Yield a mean and the ends of its interval, each with the name of its column."""
     for end, value in (("", "mean"), ("_low", "low"), ("_high", "high")):
         yield f"{name}{end}", None if found is None else getattr(found, value)
@@ -183,10 +188,12 @@ def told_apart(cases: Mapping[str, Sequence[str]]) -> tuple[dict[str, str], str]
     stay whole.
     """
     words = list(cases.values())
-    common = [word for word in words[0] if all(word in others for others in words[1:])] if len(cases) > 1 else []
-    if any(all(word in common for word in own) for own in words):
+    common = (
+        [word for word in words[0] if all(word in later_words for later_words in words[1:])] if len(cases) > 1 else []
+    )
+    if any(all(word in common for word in case_words) for case_words in words):
         common = []
-    short = [" ".join(word for word in own if word not in common) for own in words]
+    short = [" ".join(word for word in case_words if word not in common) for case_words in words]
     if len(set(short)) < len(cases):
         return {case: case for case in cases}, ""
     return dict(zip(cases, short, strict=True)), " ".join(common)
@@ -214,25 +221,25 @@ def shown_table(rows: Sequence[CaseRow], names: Mapping[str, str]) -> Table:
     return Table(heads, cells, range(1, len(heads) - compared))
 
 
-def _latex(rows: Sequence[CaseRow], sweep: str) -> str:
+def _latex_table(rows: Sequence[CaseRow], sweep: str) -> str:
     """Return table.tex: a column for each axis that varies, then what terminals show."""
     shown = shown_table(rows, told_apart({row.case: row.words for row in rows})[0])
     axes = dict.fromkeys((label.axis, label.title) for row in rows for label in row.labels)
     texts = {title: [label.text for row in rows for label in row.labels if label.axis == axis] for axis, title in axes}
-    varied = {title: own for title, own in texts.items() if len(set(own)) > 1} or {
+    varied = {title: column_texts for title, column_texts in texts.items() if len(set(column_texts)) > 1} or {
         "case": [row[0] for row in shown.rows]
     }
     note = [f"{sweep}: means over the runs (seeds) and half the width of their 95 % interval"]
     if any(row.against for row in rows):
         note.append(f"change: mean over pairs of runs with the {PAIRING}; {TEST}s are in comparisons.csv")
     cells = [[*cases, *row[1:]] for *cases, row in zip(*varied.values(), shown.rows, strict=True)]
-    numbers = [place + len(varied) - 1 for place in shown.numbers]
+    numbers = [column + len(varied) - 1 for column in shown.numbers]
     return Table([*varied, *shown.heads[1:]], cells, numbers).latex(note)
 
 
 def _as_json(row: CaseRow) -> dict[str, Any]:
     def numbers(found: Mapping[str, Estimate]) -> dict[str, dict[str, Any]]:
-        return {name: {"mean": one.mean, "ci95": one.interval} for name, one in found.items()}
+        return {name: {"mean": metric.mean, "ci95": metric.interval} for name, metric in found.items()}
 
     metrics = numbers(row.metrics)
     for name, values in row.values.items():

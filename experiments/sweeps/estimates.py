@@ -64,16 +64,16 @@ def draw_dots(axes: Axes, rows: Sequence[str], dots: Iterable[Dot], series: Sequ
     """
     labelled: set[str] = set()
     for dot in dots:
-        place = series.index(dot.series)
-        y = rows.index(dot.row) + SERIES_SPAN * ((place + 0.5) / len(series) - 0.5)
-        tone = colour(place)
+        number = series.index(dot.series)
+        y = rows.index(dot.row) + SERIES_SPAN * ((number + 0.5) / len(series) - 0.5)
+        tone = colour(number)
         axes.plot(dot.values, [y] * len(dot.values), "|", color=MUTED, markersize=5, markeredgewidth=0.8, zorder=1)
         axes.errorbar(
             dot.found.mean,
             y,
             xerr=dot.found.half,
             color=tone,
-            marker=MARKERS[place % len(MARKERS)],
+            marker=MARKERS[number % len(MARKERS)],
             markerfacecolor="none" if dot.hollow else tone,
             markersize=4,
             linestyle="none",
@@ -110,8 +110,8 @@ def draw_curves(axes: Axes, curves: Sequence[Curve], over: str, title: str) -> N
         tone, _, line = look(curve.place)
         axes.errorbar(
             [x for x, _ in curve.points],
-            [found.mean for _, found in curve.points],
-            [found.half or 0.0 for _, found in curve.points],
+            [value.mean for _, value in curve.points],
+            [value.half or 0.0 for _, value in curve.points],
             color=tone,
             linestyle=line,
             marker="o",

@@ -48,18 +48,18 @@ def drawings(rows: Sequence[CaseRow], sweep: str, width: float = WIDTH) -> list[
     """
     figures = _Figures(rows, sweep, width)
     tests = paired_tests(rows)
-    over = _number_setting(rows)
-    made = []
+    setting = _number_setting(rows)
+    charts = []
     for metric, title in SHOWN.items():
         measured = [row for row in rows if metric in row.metrics]
         compared = [test for test in tests if test.metric == metric and test.change is not None]
         if measured and len(measured) <= MOST_ROWS:
-            made.append(figures.dots(measured, metric, title))
+            charts.append(figures.dots(measured, metric, title))
         if compared and len(compared) <= MOST_ROWS:
-            made.append(figures.changes(compared, metric, title))
-        if measured and over is not None:
-            made.append(figures.curves(measured, over, metric, title))
-    return made
+            charts.append(figures.changes(compared, metric, title))
+        if measured and setting is not None:
+            charts.append(figures.curves(measured, setting, metric, title))
+    return charts
 
 
 class _Figures:
@@ -70,10 +70,10 @@ class _Figures:
         self._series = {row.case: _text_on(row, axis) for row in rows}
         self._order = list(dict.fromkeys(self._series.values()))
         words = {row.case: [label.word for label in row.labels if label.axis != axis] or row.words for row in rows}
-        grouped = {" ".join(own): own for own in words.values()}
+        grouped = {" ".join(case_words): case_words for case_words in words.values()}
         names, shared = told_apart(grouped)
         self._name_width = round(NAME_WIDTH * width / WIDTH)
-        self._lines = {case: self._wrapped(names[" ".join(own)]) for case, own in words.items()}
+        self._lines = {case: self._wrap_name(names[" ".join(case_words)]) for case, case_words in words.items()}
         self._about = f"{sweep}{f', {shared}' if shared else ''}"
         self._names, _ = told_apart({row.case: row.words for row in rows})
         self._sweep = sweep
@@ -93,11 +93,11 @@ class _Figures:
         ]
 
         def fill(axes: Axes) -> None:
-            self._draw(axes, dots, f"{title}{_same_n(counts)}")
+            self._draw_dots(axes, dots, f"{title}{_same_n(counts)}")
             scale(axes, [dot.found.mean for dot in dots])
 
         caption = f"Means over n seeds with their 95 % intervals; grey: the single runs. {self._about}."
-        return self._drawing(f"cases-{metric}", title, caption, fill, self._height(dots))
+        return self._make_drawing(f"cases-{metric}", title, caption, fill, self._figure_height(dots))
 
     def changes(self, tests: Sequence[PairedTest], metric: str, title: str) -> Drawing:
         counts = {test.pairs for test in tests}
@@ -109,68 +109,71 @@ class _Figures:
 
         def fill(axes: Axes) -> None:
             axes.axvline(0.0, color=MUTED, linewidth=1.0, zorder=1)
-            self._draw(axes, dots, f"change of {title.rpartition(' (')[0] or title} (%){_same_n(counts)}")
+            self._draw_dots(axes, dots, f"change of {title.rpartition(' (')[0] or title} (%){_same_n(counts)}")
 
-        others = list(dict.fromkeys(self._names[test.against] for test in tests))
-        against = others[0] if len(others) == 1 else "the case that differs only in what is compared"
+        partners = list(dict.fromkeys(self._names[test.against] for test in tests))
+        against = partners[0] if len(partners) == 1 else "the case that differs only in what is compared"
         caption = (
             f"Change against {against}: mean over n pairs of runs with the {PAIRING}, 95 % intervals; p of a {TEST}, "
             f"not adjusted for {len(tests)} tests. {self._about}."
         )
-        return self._drawing(f"change-{metric}", f"Change of {title}", caption, fill, self._height(dots))
+        return self._make_drawing(f"change-{metric}", f"Change of {title}", caption, fill, self._figure_height(dots))
 
     def curves(self, rows: Sequence[CaseRow], over: str, metric: str, title: str) -> Drawing:
         groups: dict[str, list[CaseRow]] = {}
         words: dict[str, list[str]] = {}
         for row in rows:
-            others = {field: value for field, value in row.settings.items() if field != over}
-            own = _curve_words(row, over)
-            name = " ".join(own) or quoted(others)
+            settings = {field: value for field, value in row.settings.items() if field != over}
+            group_words = _curve_words(row, over)
+            name = " ".join(group_words) or quoted(settings)
             groups.setdefault(name, []).append(row)
-            words[name] = own or [name]
+            words[name] = group_words or [name]
         labels, shared = told_apart(words)
         curves = [
             Curve(
-                self._wrapped(labels[group]),
-                sorted(((_number(row.settings[over]), row.metrics[metric]) for row in own), key=lambda point: point[0]),
-                place,
+                self._wrap_name(labels[group]),
+                sorted(
+                    ((_as_number(row.settings[over]), row.metrics[metric]) for row in group_words),
+                    key=lambda point: point[0],
+                ),
+                index,
             )
-            for place, (group, own) in enumerate(groups.items())
+            for index, (group, group_words) in enumerate(groups.items())
         ]
 
         def fill(axes: Axes) -> None:
             draw_curves(axes, curves, over, title)
-            self._legend(axes, len(curves))
+            self._draw_legend(axes, len(curves))
 
         about = f", {shared}" if shared and curves[1:] else ""
         caption = f"Means over seeds with their 95 % intervals. {self._sweep}{about}."
         lines = sum(curve.label.count("\n") + 1 for curve in curves)
         height = (3.4 if self._is_whole else 2.4) + 0.1 * lines
-        return self._drawing(f"curves-{metric}", f"{title} over {over}", caption, fill, height)
+        return self._make_drawing(f"curves-{metric}", f"{title} over {over}", caption, fill, height)
 
     @property
     def _is_whole(self) -> bool:
         """True if the figures are as wide as a page."""
         return self._width >= WIDTH
 
-    def _wrapped(self, name: str) -> str:
+    def _wrap_name(self, name: str) -> str:
         return textwrap.fill(name, self._name_width)
 
-    def _draw(self, axes: Axes, dots: Sequence[Dot], title: str) -> None:
+    def _draw_dots(self, axes: Axes, dots: Sequence[Dot], title: str) -> None:
         draw_dots(axes, list(dict.fromkeys(dot.row for dot in dots)), dots, self._order, title)
-        self._legend(axes, len(self._order))
+        self._draw_legend(axes, len(self._order))
 
-    def _legend(self, axes: Axes, count: int) -> None:
+    def _draw_legend(self, axes: Axes, count: int) -> None:
         if count > 1:
             axes.figure.legend(loc="outside upper left", ncols=min(count, 4 if self._is_whole else 2))
 
-    def _height(self, dots: Sequence[Dot]) -> float:
+    def _figure_height(self, dots: Sequence[Dot]) -> float:
         """Return the height of a figure with a row for the dots of each name, inches."""
         series = len(self._order)
         rows = {dot.row for dot in dots}
         return 0.9 + 0.2 * (series > 1) + sum(0.13 + 0.13 * max(series, row.count("\n") + 1) for row in rows)
 
-    def _drawing(self, name: str, heading: str, caption: str, fill: Fill, height: float) -> Drawing:
+    def _make_drawing(self, name: str, heading: str, caption: str, fill: Fill, height: float) -> Drawing:
         def make() -> Figure:
             chart = figure(self._width, height + 0.4 * self._is_whole)
             fill(chart.subplots())
@@ -187,7 +190,7 @@ def _series_axis(rows: Sequence[CaseRow]) -> str | None:
     for row in rows:
         for label in row.labels:
             texts.setdefault(label.axis, set()).add(label.text)
-    varied = [axis for axis, own in texts.items() if len(own) > 1]
+    varied = [axis for axis, choices in texts.items() if len(choices) > 1]
     return next((axis for axis in (POLICY, CASE) if axis in varied and len(varied) > 1), None)
 
 
@@ -212,19 +215,19 @@ def _curve_words(row: CaseRow, over: str) -> list[str]:
     if row.labels:
         return [label.word for label in row.labels if label.axis != over]
     ends = (over, over.rpartition(".")[2])
-    given = quoted(row.settings[over])
-    return [word for word in row.words if word not in {f"{end}={given}" for end in ends}]
+    value_text = quoted(row.settings[over])
+    return [word for word in row.words if word not in {f"{end}={value_text}" for end in ends}]
 
 
 def _number_setting(rows: Sequence[CaseRow]) -> str | None:
     """Return the setting that is a number in all cases and has the most values; None where all have too few."""
     fields = list(dict.fromkeys(field for row in rows for field in row.settings))
-    values = {field: {_number(row.settings.get(field)) for row in rows} for field in fields}
-    numbers = {field: len(own) for field, own in values.items() if not any(map(math.isnan, own))}
+    values = {field: {_as_number(row.settings.get(field)) for row in rows} for field in fields}
+    numbers = {field: len(column) for field, column in values.items() if not any(map(math.isnan, column))}
     best = max(numbers, key=lambda field: numbers[field], default=None)
     return best if best is not None and numbers[best] >= LEAST_POINTS else None
 
 
-def _number(value: object) -> float:
+def _as_number(value: object) -> float:
     """Return a setting as a number, NaN where it is none."""
     return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else math.nan

@@ -53,13 +53,13 @@ def paired_tests(rows: Sequence[CaseRow]) -> list[PairedTest]:
     for row in rows:
         if row.against is None:
             continue
-        for metric, own in row.values.items():
-            other = by_name[row.against].values.get(metric, {})
-            differences = [own[seed] - other[seed] for seed in own if seed in other]
+        for metric, by_seed in row.values.items():
+            partner = by_name[row.against].values.get(metric, {})
+            differences = [by_seed[seed] - partner[seed] for seed in by_seed if seed in partner]
             if differences:
-                found = estimate(differences)
+                difference = estimate(differences)
                 p = p_of_no_difference(differences)
-                tests.append(PairedTest(row.case, row.against, metric, found, row.change.get(metric), p))
+                tests.append(PairedTest(row.case, row.against, metric, difference, row.change.get(metric), p))
     return tests
 
 
@@ -97,7 +97,7 @@ def comparisons_table(tests: Sequence[PairedTest]) -> Table:
     ]
     rows = []
     for test in tests:
-        found, change = test.difference, None if test.change is None else test.change.mean
-        ends = (found.mean, found.low, found.high)
+        difference, change = test.difference, None if test.change is None else test.change.mean
+        ends = (difference.mean, difference.low, difference.high)
         rows.append((test.case, test.against, test.metric, TEST, PAIRING, test.pairs, *ends, change, test.p))
     return Table(heads, rows)

@@ -109,7 +109,7 @@ class Plan:
     def partner(self, case: Case) -> Case | None:
         """Return the case that `against` names for another; None if there is none, or it is that case itself."""
         name = self.partners.get(case.name)
-        return next((other for other in self.cases if other.name == name), None)
+        return next((candidate for candidate in self.cases if candidate.name == name), None)
 
 
 @dataclass(frozen=True, slots=True)
@@ -133,12 +133,12 @@ def make_plan(
     _names_differ(cases, base.called)
     if len(cases) * len(seeds) > MAX_RUNS:
         raise BadInput(f"{base.called}: {len(cases)} cases x {len(seeds)} seeds; a sweep has at most {MAX_RUNS} runs")
-    runs = [_run(base, case, seed) for case in cases for seed in seeds]
+    runs = [_make_run(base, case, seed) for case in cases for seed in seeds]
     if not against:
         return Plan(name, cases, tuple(seeds), tuple(runs))
     if CASE in against:
         return Plan(name, cases, tuple(seeds), tuple(runs), _named_partners(base, cases, against))
-    partners, unpaired = _partners(base, cases, runs[:: len(seeds)], against)
+    partners, unpaired = _pair_cases(base, cases, runs[:: len(seeds)], against)
     return Plan(name, cases, tuple(seeds), tuple(runs), partners, unpaired)
 
 
@@ -157,33 +157,33 @@ def plan_of(raw: object, path: Path, seeds: int | None = None) -> Plan:
     for key in raw:
         if key not in _KEYS:
             raise BadInput(f"{path}: {key}: unknown key; {did_you_mean(str(key), _KEYS)}")
-    base = _base(raw["base"], path)
+    base = _read_base(raw["base"], path)
     name = raw.get("name", path.stem)
     if not isinstance(name, str) or not name or not name.isprintable():
         raise BadInput(f"{path}: name = {quoted(name)}: expected text without control characters")
-    numbers = count_of_seeds(seeds) if seeds is not None else _seeds(raw.get("seeds"), base, path)
+    numbers = count_of_seeds(seeds) if seeds is not None else _read_seeds(raw.get("seeds"), base, path)
     against = raw.get("against")
     if not (
         against is None or (isinstance(against, dict) and against and all(isinstance(key, str) for key in against))
     ):
         raise BadInput(f"{path}: against = {quoted(against)}: expected {{FIELD: VALUE, ...}} or {{case: NAME}}")
-    grid = _grid(raw.get("grid"), path)
+    grid = _read_grid(raw.get("grid"), path)
     if against is not None:
         against = {field: _value_of(value, grid.get(field, ())) for field, value in against.items()}
-    return make_plan(name, base, _cases(raw, grid, path), numbers, against)
+    return make_plan(name, base, _read_cases(raw, grid, path), numbers, against)
 
 
 def check_classes(plan: Plan) -> None:
     """Find every policy, sensor and radio model of one's own, with its options, before any run is made."""
-    own = {
+    with_classes = {
         repr((run.scenario.patrol.policy, run.scenario.patrol.options)): run.scenario
         for run in plan.runs
         if run.scenario.patrol.policy not in BUILT_IN
     }
-    if own:
+    if with_classes:
         from agent.policies.found import policy_of
 
-        for scenario in own.values():
+        for scenario in with_classes.values():
             policy_of(scenario)
     for sensor in {repr(run.scenario.sensor): run.scenario.sensor for run in plan.runs}.values():
         allow_sensor(sensor)
@@ -203,7 +203,7 @@ def count_of_seeds(count: int, called: str = "seeds") -> tuple[int, ...]:
     return tuple(range(1, count + 1))
 
 
-def _run(base: Base, case: Case, seed: int) -> Run:
+def _make_run(base: Base, case: Case, seed: int) -> Run:
     if "seed" in case.settings:
         raise BadInput(f"{base.called}: case {case.name}: sets seed; give the seeds under 'seeds:'")
     source = base.source or base.called
@@ -226,8 +226,8 @@ def _named_partners(base: Base, cases: Sequence[Case], against: Mapping[str, obj
     if len(against) > 1:
         raise BadInput(f"{where}: give either case: NAME or fields, not both")
     named = {label.text for case in cases for label in case.labels if label.axis == CASE}
-    if wanted not in (known := [*named, *(case.name for case in cases)]):
-        raise BadInput(f"{where}: no such case; {did_you_mean(str(wanted), known)}")
+    if wanted not in (choices := [*named, *(case.name for case in cases)]):
+        raise BadInput(f"{where}: no such case; {did_you_mean(str(wanted), choices)}")
     by_labels = {case.labels: case.name for case in cases}
     partners = {}
     for case in cases:
@@ -238,7 +238,7 @@ def _named_partners(base: Base, cases: Sequence[Case], against: Mapping[str, obj
     return partners
 
 
-def _partners(
+def _pair_cases(
     base: Base, cases: Sequence[Case], runs: Sequence[Run], against: Mapping[str, object]
 ) -> tuple[dict[str, str], tuple[str, ...]]:
     """Pair each case with the one whose scenario is the same but for `against`.
@@ -255,7 +255,9 @@ def _partners(
     refused: BadInput | None = None
     for case, run in zip(cases, runs, strict=True):
         try:
-            wanted = _run(base, Case(f"{case.name} against {quoted(against)}", {**case.settings, **against}), run.seed)
+            wanted = _make_run(
+                base, Case(f"{case.name} against {quoted(against)}", {**case.settings, **against}), run.seed
+            )
         except BadInput as error:
             refused = error
             unpaired.append(case.name)
@@ -267,9 +269,9 @@ def _partners(
     if not partners:
         where = f"{base.called}: against = {quoted(against)}"
         for field, value in against.items():
-            known = {_text_of(case, field): case.settings[field] for case in cases if field in case.settings}
-            if known and value not in known.values():
-                raise BadInput(f"{where}: no case has this {field}; {did_you_mean(_as_text(value), list(known))}")
+            choices = {_text_of(case, field): case.settings[field] for case in cases if field in case.settings}
+            if choices and value not in choices.values():
+                raise BadInput(f"{where}: no case has this {field}; {did_you_mean(_as_text(value), list(choices))}")
         if refused is not None:
             raise refused
         raise BadInput(f"{where}: no two cases differ only in that; vary it in the grid, or give case: NAME")
@@ -285,7 +287,7 @@ def _as_text(value: object) -> str:
     return value if isinstance(value, str) else quoted(value)
 
 
-def _base(given: object, path: Path) -> Base:
+def _read_base(given: object, path: Path) -> Base:
     if isinstance(given, dict):
         return Base({"name": path.stem, **given}, path.parent, str(path), f"{path}: base")
     if not isinstance(given, str):
@@ -302,7 +304,7 @@ def _base(given: object, path: Path) -> Base:
     return Base({"name": file.stem, **raw}, file.parent, str(path), str(file))
 
 
-def _seeds(given: object, base: Base, path: Path) -> tuple[int, ...]:
+def _read_seeds(given: object, base: Base, path: Path) -> tuple[int, ...]:
     if given is None:
         given = [load_scenario(base.raw, base=base.folder, called=base.source or base.called).seed]
     if isinstance(given, int) and not isinstance(given, bool):
@@ -315,23 +317,23 @@ def _seeds(given: object, base: Base, path: Path) -> tuple[int, ...]:
     raise BadInput(f"{path}: seeds = {quoted(given)}: expected a count such as 3, or a list of seeds such as [1, 2, 3]")
 
 
-def _cases(raw: Mapping[str, Any], grid: Mapping[str, Sequence[_GridValue]], path: Path) -> list[Case]:
-    named = list(_named(raw.get("cases"), path))
+def _read_cases(raw: Mapping[str, Any], grid: Mapping[str, Sequence[_GridValue]], path: Path) -> list[Case]:
+    named = list(_named_cases(raw.get("cases"), path))
     count = len(named) * prod(len(values) for values in grid.values())
     if count > MAX_RUNS:
         raise BadInput(f"{path}: grid: makes {count} cases; a sweep has at most {MAX_RUNS} runs")
     cases = []
     for case, values in product(named, product(*grid.values())):
-        chosen = {each.label.axis: each.value for each in values}
+        chosen = {choice.label.axis: choice.value for choice in values}
         for field in case.settings:
             if field in chosen:
                 raise BadInput(f"{path}: {field}: is set by case {case.name} and by the grid; set it in one of them")
-        labels = (*case.labels, *(each.label for each in values))
+        labels = (*case.labels, *(choice.label for choice in values))
         cases.append(Case(" ".join(label.word for label in labels), {**case.settings, **chosen}, labels))
     return [Case("base", {})] if [case.name for case in cases] == [""] else cases
 
 
-def _named(given: object, path: Path) -> Iterator[Case]:
+def _named_cases(given: object, path: Path) -> Iterator[Case]:
     """Yield the named cases; one without a name and settings where there are none."""
     if given is None:
         yield Case("", {})
@@ -359,7 +361,7 @@ class _GridValue:
     value: object
 
 
-def _grid(given: object, path: Path) -> dict[str, list[_GridValue]]:
+def _read_grid(given: object, path: Path) -> dict[str, list[_GridValue]]:
     if given is None:
         return {}
     if not isinstance(given, dict):
@@ -390,7 +392,7 @@ def _grid_value(field: str, title: str, given: object, where: str) -> _GridValue
 
 def _value_of(given: object, values: Sequence[_GridValue]) -> object:
     """Return the value of the grid that a label names; anything else is the value itself."""
-    return next((each.value for each in values if each.label.given and each.label.text == given), given)
+    return next((choice.value for choice in values if choice.label.given and choice.label.text == given), given)
 
 
 def _names_differ(cases: Sequence[Case], called: str) -> None:

@@ -84,30 +84,32 @@ class SweepProgress:
     def begin(self, todo: list[Run], done: list[RunResult], workers: int) -> None:
         """Print how many runs there are to make."""
         self._todo, self._there = len(todo), len(done)
-        there = f", {self._there} done already" if self._there else ""
-        self.say(f"{self._todo} runs to make{there}; {workers} at a time{self._forecast(todo, workers)}")
+        done_text = f", {self._there} done already" if self._there else ""
+        self.say(f"{self._todo} runs to make{done_text}; {workers} at a time{self._forecast_text(todo, workers)}")
         self._bar.update(self._task, total=self.total, completed=self.done)
         self._begun = self._clock()
 
     def result(self, result: RunResult) -> None:
         """Show that one more run is done."""
         self._made += 1
-        left = self._left()
-        self._bar.update(self._task, completed=self.done, description=f"{result.case} seed {result.seed}", left=left)
+        remaining = self._time_left()
+        self._bar.update(
+            self._task, completed=self.done, description=f"{result.case} seed {result.seed}", left=remaining
+        )
         if not result.ok:
             self.say(f"{result.case} seed {result.seed} failed: {result.error}")
         elif not self._console.is_terminal:
             mfow = result.metrics.get("mfow_mean_s")
             figure = "" if mfow is None else f"mean MFoW {mfow:.1f} s, "
             self.say(
-                f"{self.done}/{self.total} {result.case} seed {result.seed}: {figure}{result.wall_s:.1f} s; {left}"
+                f"{self.done}/{self.total} {result.case} seed {result.seed}: {figure}{result.wall_s:.1f} s; {remaining}"
             )
 
     def say(self, text: str) -> None:
         """Print a line above the bar."""
         self._console.print(text, highlight=False, markup=False, soft_wrap=True)
 
-    def _forecast(self, todo: list[Run], workers: int) -> str:
+    def _forecast_text(self, todo: list[Run], workers: int) -> str:
         run_s = seconds_per_run(todo) if self._estimate_time else None
         return (
             ""
@@ -115,7 +117,7 @@ class SweepProgress:
             else f", about {duration_text(run_s)} per run, {duration_text(run_s * len(todo) / workers)} in all"
         )
 
-    def _left(self) -> str:
+    def _time_left(self) -> str:
         spent = self._clock() - self._begun
         return f"{duration_text(spent / self._made * (self._todo - self._made))} left"
 
@@ -132,10 +134,10 @@ def seconds_per_run(runs: Sequence[Run], clock: Callable[[], float] = time.perf_
     for index in range(min(TRIED, len(runs))):
         run = runs[index * len(runs) // min(TRIED, len(runs))]
         scenario = run.scenario
-        short = _cut(scenario, TICKS)
+        short = _cut_scenario(scenario, TICKS)
         try:
             if not estimates_s:
-                run_scenario(_cut(scenario, LOADING_TICKS), run.games)
+                run_scenario(_cut_scenario(scenario, LOADING_TICKS), run.games)
             first = clock()
             prepared = prepare(short)
             ready = clock()
@@ -148,7 +150,7 @@ def seconds_per_run(runs: Sequence[Run], clock: Callable[[], float] = time.perf_
     return sum(estimates_s) / len(estimates_s) if estimates_s else None
 
 
-def _cut(scenario: Scenario, ticks: int) -> Scenario:
+def _cut_scenario(scenario: Scenario, ticks: int) -> Scenario:
     """Return the first ticks of a scenario."""
     return scenario.model_copy(update={"duration": scenario.step * min(ticks, scenario.ticks)})
 
@@ -182,7 +184,7 @@ def command_line(*command: str) -> str:
         return shlex.join(["fogwatch", *command])
     for option in RESULT_OPTIONS:
         while option in words:
-            place = words.index(option)
-            del words[place : place + 2]
+            index = words.index(option)
+            del words[index : index + 2]
     words = [word for word in words if not word.startswith(tuple(f"{option}=" for option in RESULT_OPTIONS))]
     return shlex.join(["fogwatch", *words])

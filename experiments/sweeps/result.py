@@ -169,8 +169,8 @@ def sweep(
     count = seeds if isinstance(seeds, int) else None
     varied = {"grid": grid, "cases": cases, "against": against}
     if "base" in content:
-        for name, given in varied.items():
-            if given is not None:
+        for name, values in varied.items():
+            if values is not None:
                 raise BadInput(f"{name}: {file} is a sweep, which says so itself; leave it out, or give its base")
     else:
         content = {

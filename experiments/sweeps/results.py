@@ -83,14 +83,14 @@ class Results:
             number += 1
             if not read.endswith(b"\n") and len(read) < LONGEST_LINE:
                 reader.detach()
-                self._repair(read, end)
+                self._repair_line(read, end)
                 return
             end += len(read)
             line = read.removesuffix(b"\n")
-            result = _parse(line)
+            result = _parse_line(line)
             if result is None:
                 raise BadInput(
-                    f"{self.path} line {number}: is damaged ({_excerpt(line)}); "
+                    f"{self.path} line {number}: is damaged ({_line_excerpt(line)}); "
                     "delete that line, and its run will be repeated, or choose another folder"
                 )
             self.by_key[result.key] = result
@@ -98,20 +98,20 @@ class Results:
 
     def add(self, result: RunResult) -> None:
         """Append a result; it is on disk when this returns."""
-        self._write(_line(result))
+        self._write_data(_result_line(result))
         self.by_key[result.key] = result
 
-    def _repair(self, rest: bytes, end: int) -> None:
+    def _repair_line(self, rest: bytes, end: int) -> None:
         """Repair a last line without an end: keep it if it is complete, otherwise cut it off."""
         self.repaired = True
-        result = _parse(rest)
+        result = _parse_line(rest)
         if result is None:
             os.ftruncate(self._file.fileno(), end)
             return
         self.by_key[result.key] = result
-        self._write(b"\n")
+        self._write_data(b"\n")
 
-    def _write(self, data: bytes) -> None:
+    def _write_data(self, data: bytes) -> None:
         with writing(self.path, "free some space, then start again"):
             while data:
                 data = data[self._file.write(data) :]
@@ -142,11 +142,11 @@ def open_results(folder: Path) -> Iterator[Results]:
         yield results
 
 
-def _line(result: RunResult) -> bytes:
+def _result_line(result: RunResult) -> bytes:
     return json.dumps(asdict(result), allow_nan=False, separators=(",", ":")).encode() + b"\n"
 
 
-def _parse(line: bytes) -> RunResult | None:
+def _parse_line(line: bytes) -> RunResult | None:
     """Return the result in a line, or None if the line holds none."""
     try:
         return RunResult(**json.loads(line.decode()))
@@ -154,7 +154,7 @@ def _parse(line: bytes) -> RunResult | None:
         return None
 
 
-def _excerpt(line: bytes) -> str:
+def _line_excerpt(line: bytes) -> str:
     text = line.decode(errors="replace")
     text = printable(text[:41])
     return f"it reads {text[:40]}{'...' if len(text) > 40 else ''}" if text else "it is empty"

@@ -44,8 +44,8 @@ class BeliefError:
         true = np.maximum(world.truth.fog.last_seen, 0)
         for number in world.living:
             fog = minds[number].belief.fog
-            own = fog.patrolled.view(np.bool_)
-            later = np.maximum(fog.last_seen[own], 0) - true[own]
+            patrolled = fog.patrolled.view(np.bool_)
+            later = np.maximum(fog.last_seen[patrolled], 0) - true[patrolled]
             self._looks += 1
             self._error_s += float(np.mean(np.abs(later))) * world.step
             self._fresher += float(np.count_nonzero(later > 0)) / fog.points
@@ -134,9 +134,9 @@ class GameLog:
         places = {"ground": self.sightings.seen, "nodes": self.sightings.visited}
         shares = {
             game_metric(intruder, successes.attack_s, on): None if share is None else 100.0 * share
-            for on, seen in places.items()
-            if seen.shape[1]
-            for successes in intruder_games(seen[: self._ticks], self._step, ATTACKS_S)
+            for on, sightings in places.items()
+            if sightings.shape[1]
+            for successes in intruder_games(sightings[: self._ticks], self._step, ATTACKS_S)
             for intruder in INTRUDERS
             for share in [getattr(successes, intruder)]
         }

@@ -28,19 +28,19 @@ class SweepOutcome:
     @property
     def failed(self) -> list[RunResult]:
         """The results of the runs that failed, each once."""
-        return [result for result in self._distinct() if not result.ok]
+        return [result for result in self._distinct_results() if not result.ok]
 
     @property
     def other_software(self) -> list[str]:
         """The other versions of fogwatch that made some of the runs."""
-        return sorted({result.software for result in self._distinct()} - {software()})
+        return sorted({result.software for result in self._distinct_results()} - {software()})
 
     @property
     def computing_s(self) -> float:
         """Processor time of the plan's runs, each once, s; for results without it, of older versions, the wall time."""
-        return sum(result.computing_s for result in self._distinct())
+        return sum(result.computing_s for result in self._distinct_results())
 
-    def _distinct(self) -> list[RunResult]:
+    def _distinct_results(self) -> list[RunResult]:
         return [self.results[key] for key in dict.fromkeys(run.key for run in self.plan.runs) if key in self.results]
 
     def values(self, case: str, metric: str) -> dict[int, float]:
@@ -89,15 +89,15 @@ def run_sweep(
         distinct: dict[str, Run] = {}
         for run in plan.runs:
             distinct.setdefault(run.key, run)
-        done = [result for key in distinct if (result := results.by_key.get(key)) is not None and result.ok]
-        there = {result.key for result in done}
-        todo = [run for run in distinct.values() if run.key not in there]
+        finished = [result for key in distinct if (result := results.by_key.get(key)) is not None and result.ok]
+        keys = {result.key for result in finished}
+        todo = [run for run in distinct.values() if run.key not in keys]
         if todo:
-            _make(todo, done, results, workers or LocalWorkers(), observer, say)
+            _make_runs(todo, finished, results, workers or LocalWorkers(), observer, say)
         return SweepOutcome(plan, dict(results.by_key), len(todo), time.perf_counter() - begun)
 
 
-def _make(
+def _make_runs(
     todo: list[Run],
     done: list[RunResult],
     results: Results,

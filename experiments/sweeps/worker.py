@@ -63,7 +63,7 @@ def run_task(task: Task) -> Answer:
     metrics: Metrics = {}
     trace = error = None
     try:
-        metrics, trace, error = _run(task["scenario"], task.get("games", False))
+        metrics, trace, error = _run_scenario(task["scenario"], task.get("games", False))
     except BadInput as problem:
         error = str(problem)
     except Exception as problem:  # noqa: BLE001 - one failed run must not end the others
@@ -72,7 +72,7 @@ def run_task(task: Task) -> Answer:
     return answer(task, error, metrics, trace, time.perf_counter() - begun, time.thread_time() - used)
 
 
-def _run(scenario: Mapping[str, Any], games: bool) -> tuple[Metrics, str | None, str | None]:
+def _run_scenario(scenario: Mapping[str, Any], games: bool) -> tuple[Metrics, str | None, str | None]:
     """Return a run's metrics, its trace hash, and the failed checks of its verdict, or None if it is valid."""
     from patrol.scenario import load_scenario
 
@@ -148,12 +148,12 @@ def main() -> None:
     out = os.fdopen(os.dup(1), "w", encoding="utf-8")
     os.dup2(2, 1)  # other output must not mix with the answers
     tasks: queue.SimpleQueue[Task] = queue.SimpleQueue()
-    threading.Thread(target=_read, args=(tasks,), daemon=True).start()
+    threading.Thread(target=_read_tasks, args=(tasks,), daemon=True).start()
     while True:
         print(json.dumps(run_task(tasks.get()), allow_nan=False), file=out, flush=True)
 
 
-def _read(tasks: queue.SimpleQueue[Task]) -> None:
+def _read_tasks(tasks: queue.SimpleQueue[Task]) -> None:
     for line in sys.stdin:
         tasks.put(json.loads(line))
     os._exit(0)

@@ -86,7 +86,7 @@ class LocalWorkers:
             while self._workers:
                 for ready, _ in selector.select(LOOK_UP_S):
                     assert not isinstance(ready.fileobj, int)
-                    yield self._take(selector, ready.fileobj, waiting)  # type: ignore[arg-type]
+                    yield self._take_answer(selector, ready.fileobj, waiting)  # type: ignore[arg-type]
 
     def _start_worker(self, selector: selectors.BaseSelector, task: Task) -> None:
         worker = _Worker()
@@ -94,7 +94,7 @@ class LocalWorkers:
         selector.register(worker.answers, selectors.EVENT_READ)
         worker.give(task)
 
-    def _take(self, selector: selectors.BaseSelector, answers: IO[bytes], waiting: deque[Task]) -> Answer:
+    def _take_answer(self, selector: selectors.BaseSelector, answers: IO[bytes], waiting: deque[Task]) -> Answer:
         """Take a worker's answer, or make one if it has died; then give it its next task, or end it."""
         worker = self._workers[answers]
         task, line = worker.task, answers.readline()
@@ -109,7 +109,7 @@ class LocalWorkers:
             worker.give(waiting.popleft())
             code = 0
         if died:
-            return answer(task, f"its worker process died ({_cause(code)})")
+            return answer(task, f"its worker process died ({_death_cause(code)})")
         result: Answer = json.loads(line)
         return result
 
@@ -119,7 +119,7 @@ def cores() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-def _cause(code: int) -> str:
+def _death_cause(code: int) -> str:
     """Return the end of a process in words, from its exit code."""
     if code == -signal.SIGKILL:
         return "killed; was there too little memory?"
@@ -179,7 +179,7 @@ class ClusterWorkers:
         self._client: Any = None
 
     def __enter__(self) -> Self:
-        dask = _distributed()
+        dask = _import_dask()
         logging.getLogger("distributed").setLevel(logging.CRITICAL)  # it logs tracebacks of connections that end
         try:
             # A client that finds no scheduler keeps trying while it is closed, so first check that one answers.
@@ -206,9 +206,9 @@ class ClusterWorkers:
     def work(self, tasks: Sequence[Task]) -> Iterator[Answer]:
         """Make runs; yield the answer to each task as soon as there is one, in any order."""
         futures = [self._client.submit(run_task, task, pure=False) for task in tasks]
-        given = {future.key: task for future, task in zip(futures, tasks, strict=True)}
-        for future in _distributed().as_completed(futures, loop=self._client.loop):
-            task = given[future.key]
+        task_of = {future.key: task for future, task in zip(futures, tasks, strict=True)}
+        for future in _import_dask().as_completed(futures, loop=self._client.loop):
+            task = task_of[future.key]
             if future.status in ("cancelled", "lost"):
                 raise BadInput(f"cluster = {self._address}: was lost; start again to make the remaining runs")
             error = future.exception()
@@ -247,7 +247,7 @@ async def _check_reachable(address: str, timeout_s: float) -> None:
     await answering.close()
 
 
-def _distributed() -> Any:
+def _import_dask() -> Any:
     """Import Dask's library, which is an optional dependency and has no types."""
     try:
         return importlib.import_module("distributed")

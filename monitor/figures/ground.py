@@ -112,9 +112,9 @@ def canvas(terrain: Terrain, title: str) -> tuple[Figure, Axes]:
     inches = LONGEST / max(xmax - xmin, ymax - ymin)
     width, height = (xmax - xmin) * inches, (ymax - ymin) * inches
     left, low, above = 0.7, 0.6, 0.45
-    whole = (left + width + 0.2 + LEGEND, low + max(height, 4.5) + above)
-    figure = Figure(figsize=whole, dpi=DPI, facecolor="white")
-    axes = figure.add_axes((left / whole[0], low / whole[1], width / whole[0], height / whole[1]))
+    size = (left + width + 0.2 + LEGEND, low + max(height, 4.5) + above)
+    figure = Figure(figsize=size, dpi=DPI, facecolor="white")
+    axes = figure.add_axes((left / size[0], low / size[1], width / size[0], height / size[1]))
     frame(axes, terrain)
     axes.set_xlabel("x (m)")
     axes.set_ylabel("y (m)")
@@ -207,7 +207,7 @@ def label(
         points = axes.transData.transform((x, y)) * 72.0 / axes.figure.dpi
         for shift in ((0.0, above), (0.0, -above - 0.5 * high), (aside, 0.0), (-aside, 0.0)):
             box = Box(points[0] + shift[0], points[1] + shift[1], wide, high)
-            if not any(box.overlaps(other) for other in taken):
+            if not any(box.overlaps(earlier) for earlier in taken):
                 break
         else:
             shift = (0.0, above)

@@ -95,7 +95,7 @@ class Drawing:
         width = re.search(r'width="([\d.]+)pt"', text)
         text = re.sub(r' (?:width|height)="[\d.]+pt"', "", text, count=2)
         points = float(width.group(1)) if width else 600.0
-        label = f'<svg role="img" aria-label={quoteattr(self.heading)} style="{_size(points)}"'
+        label = f'<svg role="img" aria-label={quoteattr(self.heading)} style="{_figure_size(points)}"'
         return text.replace("<svg", label, 1).strip()
 
     def save(self, folder: Path) -> list[Path]:
@@ -191,6 +191,6 @@ def logarithmic(axes: Axes, along: Literal["x", "y"]) -> None:
     axis.set_minor_locator(NullLocator())
 
 
-def _size(points: float) -> str:
+def _figure_size(points: float) -> str:
     """Return CSS limits for the width of a figure, given in points; on a phone it scrolls instead."""
     return f"min-width:{min(600.0, points):.0f}px;max-width:{points * 1.45:.0f}px"

@@ -23,7 +23,7 @@ def stalest(last_seen, patrolled):
         have been seen; and the number of points that count. Row and column are -1 if none counts.
     """
     height, width = last_seen.shape
-    points = seen = ties = rows = cols = 0
+    points = count = ties = rows = cols = 0
     oldest = 2**31 - 1
     for r in range(height):
         for c in range(width):
@@ -31,7 +31,7 @@ def stalest(last_seen, patrolled):
                 continue
             points += 1
             tick = last_seen[r, c]
-            seen += tick >= 0
+            count += tick >= 0
             if tick > oldest:
                 continue
             if tick < oldest:
@@ -42,7 +42,7 @@ def stalest(last_seen, patrolled):
             cols += c
     row = col = -1
     if points == 0:
-        return row, col, seen, points
+        return row, col, count, points
     middle_row, middle_col = rows / ties, cols / ties
     nearest = float(height) * height + float(width) * width
     for r in range(height):
@@ -53,4 +53,4 @@ def stalest(last_seen, patrolled):
                 distance = (r - middle_row) ** 2 + (c - middle_col) ** 2
                 if distance < nearest:
                     row, col, nearest = r, c, distance
-    return row, col, seen, points
+    return row, col, count, points

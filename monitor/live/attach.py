@@ -58,13 +58,13 @@ def open_fleet(
         raise BadInput(f"--key {key}: the scenario of robots without a world names their key; leave the option out")
     if radio is not None and scenario is None:
         raise BadInput(f"--radio {radio}: applies only to robots without a world; give their --scenario FILE as well")
-    found = find_fleet(ending, access, credentials, router, fleet, wait_s)
-    if found is None:
+    answer = find_fleet(ending, access, credentials, router, fleet, wait_s)
+    if answer is None:
         return None
-    met, token = found
+    met, token = answer
     if scenario is None:
-        own = None if access is None else _own_scenario(access)
-        return _of_a_world(met, token, wait_s, ending, own, fleet_key(key))
+        own_scenario = None if access is None else _own_scenario(access)
+        return _of_a_world(met, token, wait_s, ending, own_scenario, fleet_key(key))
     return _of_robots(met, scenario, radio, wait_s, ending)
 
 

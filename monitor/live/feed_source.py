@@ -114,13 +114,13 @@ class FeedSource:
         self._refused = 0
         self._refused_at = -math.inf
         self._end: End | None = None
-        self._place = {number: place for place, number in enumerate(self._numbers)}
+        self._place = {number: index for index, number in enumerate(self._numbers)}
         self._events: list[Event] = []
         self._next_event = 0
         # With a direct radio the journal has the frames that the world overheard; those that robots heard are unknown.
         self._direct = self._scenario.radio.via == "direct"
         self._layers: tuple[Layer, ...] = ("truth", HEARD, *(() if self._direct else self._numbers))
-        self._trackers = FogTrackers(self._tracker)
+        self._trackers = FogTrackers(self._make_tracker)
         self._traps = TrapWatch(prepare(self._scenario, self._terrain))
         self._log: deque[tuple[int, bytes]] = deque()
         self._logged = 0
@@ -130,7 +130,7 @@ class FeedSource:
         self._requested_at = now()
         self._received_at = now()
         self._shown: tuple[object, ...] = ()
-        self._begin(so_far)
+        self._begin_state(so_far)
 
     # --- Source ------------------------------------------------------------------------------------------------------
 
@@ -164,21 +164,21 @@ class FeedSource:
         """See `Source`."""
         until = self._now() + timeout_s
         while True:
-            left = until - self._now()
-            batch = self._client.batch(0.0 if self._trackers.behind else max(0.0, left))
+            remaining_s = until - self._now()
+            batch = self._client.batch(0.0 if self._trackers.behind else max(0.0, remaining_s))
             for _ in range(BATCHES):
                 if batch is None:
                     break
-                self._read(batch)
+                self._read_batch(batch)
                 batch = self._client.batch(0.0)
-            self._catch_up(min(SLICE_S, max(left, 0.01)))
+            self._catch_up(min(SLICE_S, max(remaining_s, 0.01)))
             self._trackers.drop(self._now())
-            state = self._state()
+            state = self._make_state()
             mark = (state.k, state.running, state.pace, state.ended, state.note, len(self._events))
             if mark != self._shown:
                 self._shown = mark
                 return state
-            if left <= 0.0:
+            if remaining_s <= 0.0:
                 return None
 
     def last_seen(self, layer: Layer) -> NDArray[np.int32] | None:
@@ -238,7 +238,7 @@ class FeedSource:
 
     # --- reading the feed ---------------------------------------------------------------------------------------------
 
-    def _begin(self, so_far: SoFar) -> None:
+    def _begin_state(self, so_far: SoFar) -> None:
         """Start, or start again, from the state so far."""
         self._number = so_far.number
         self._lost = False
@@ -251,9 +251,9 @@ class FeedSource:
         self._mfow, self._mean = array("d", so_far.mfow.tolist()), array("d", so_far.fog_mean.tolist())
         self._since = 0 if self._last is None else self._last.k + 1
         self._scenario = self._given
-        asked = sorted(self._checks.events(so_far.asked), key=lambda event: event.k)
-        self._closings = Closings(self._given.closures, self._terrain, asked)
-        for event in asked:
+        events = sorted(self._checks.events(so_far.asked), key=lambda event: event.k)
+        self._closings = Closings(self._given.closures, self._terrain, events)
+        for event in events:
             self._apply_control(event)
         # Events keep their numbers. After a gap, those missed are added as far as the world still has them.
         missed = so_far.events[max(self._next_event - so_far.event, 0) :]
@@ -266,12 +266,12 @@ class FeedSource:
         self._paths.clear()
         self._trackers.restart()
 
-    def _read(self, batch: Batch) -> None:
+    def _read_batch(self, batch: Batch) -> None:
         if (batch.first > self._number or self._lost) and not self._request_again():
             return
         for number, packed in enumerate(batch.records, start=batch.first):
             if number == self._number:
-                if not self._record(packed):
+                if not self._take_record(packed):
                     self._refused += 1
                     self._refused_at = self._now()
                     self._lost = True
@@ -290,18 +290,18 @@ class FeedSource:
         self._requested_at = self._now()
         for payload in self._client.so_far():
             with suppress(Malformed):
-                self._begin(read_so_far(payload, self._first))
+                self._begin_state(read_so_far(payload, self._first))
                 return True
         return False
 
-    def _record(self, packed: bytes) -> bool:
+    def _take_record(self, packed: bytes) -> bool:
         """Take in the next record; False for one that cannot be the next of this run."""
-        record = self._checks.record(packed, self._coming)
+        record = self._checks.record(packed, self._next_tick)
         if record is None or self._end is not None:
             return False
         match record:
             case TickRecord():
-                self._tick(record)
+                self._take_tick(record)
                 self._log.append((record.k, packed))
                 self._logged += len(packed)
                 while self._logged > REMEMBERED:
@@ -319,7 +319,7 @@ class FeedSource:
         """Add events, up to `MOST_EVENTS`: beyond them, they are those of a stranger."""
         self._events += islice(events, max(MOST_EVENTS - len(self._events), 0))
 
-    def _tick(self, record: TickRecord) -> None:
+    def _take_tick(self, record: TickRecord) -> None:
         k = record.k
         places = np.full((len(self._numbers), 2), np.nan)
         self._closings.show(k, self._footprint)
@@ -347,7 +347,7 @@ class FeedSource:
 
     # --- beliefs -----------------------------------------------------------------------------------------------------
 
-    def _tracker(self, layer: Layer) -> FogTracker:
+    def _make_tracker(self, layer: Layer) -> FogTracker:
         ground, scenario, closings = self._ground, self._scenario, self._closings
         area = ground.areas[ground.area_of[layer]] if isinstance(layer, int) else ground.patrolled
 
@@ -372,40 +372,40 @@ class FeedSource:
         return 0 if self._last is None else self._last.k
 
     @property
-    def _coming(self) -> int:
+    def _next_tick(self) -> int:
         """The tick that must come next."""
         return 0 if self._last is None else self._last.k + 1
 
     @property
-    def _ended(self) -> str | None:
+    def _end_reason(self) -> str | None:
         """The reason why the run has ended; None as long as its world is there, since any sender may claim an end."""
         return None if self._end is None or self._client.present else self._end.reason
 
-    def _state(self) -> State:
+    def _make_state(self) -> State:
         last = self._last
-        k, coming = self._k, self._coming
-        running = self._running and self._ended is None
+        k, coming = self._k, self._next_tick
+        running = self._running and self._end_reason is None
         return State(
             k=k,
             time_s=k * self._step,
             running=running,
             pace=self._pace,
             ticks_per_s=self._rate.at(self._now(), k) if running and last is not None else 0.0,
-            robots=() if last is None else tuple(self._robot(last, place) for place in range(len(self._numbers))),
+            robots=() if last is None else tuple(self._robot_state(last, index) for index in range(len(self._numbers))),
             mfow_s=None if last is None else last.mfow * self._step,
             fog_mean_s=None if last is None else last.fog_mean * self._step,
             links=None if self._direct else self._links.counts,
-            ended=self._ended,
+            ended=self._end_reason,
             intruders=intruders_there(self._scenario, k),
             looks=looks_at(self._scenario, coming, self._closings),
             faults=in_force(self._scenario, coming, self._planned),
-            note=self._note(),
-            gone=self._ended is None and not self._client.present,
+            note=self._silence_note(),
+            gone=self._end_reason is None and not self._client.present,
         )
 
-    def _robot(self, last: TickRecord, place: int) -> RobotState:
+    def _robot_state(self, last: TickRecord, place: int) -> RobotState:
         row = last.robots[place]
-        heard = self._links.heard.get(row.number)
+        heard_tick = self._links.heard.get(row.number)
         return RobotState(
             number=row.number,
             status=row.status,
@@ -413,13 +413,13 @@ class FeedSource:
             pose=Pose(row.x, row.y, row.heading) if row.status.is_present else None,
             goal=row.goal,
             decision_ms=row.decision_ms,
-            heard_s=None if heard is None else (last.k - heard) * self._step,
+            heard_s=None if heard_tick is None else (last.k - heard_tick) * self._step,
             rejected=row.rejected,
             trapped=self._traps.trapped(row.number),
         )
 
-    def _note(self) -> str:
-        if self._ended is not None:
+    def _silence_note(self) -> str:
+        if self._end_reason is not None:
             return ""
         if not self._client.present:
             return "the world has disconnected"

@@ -44,7 +44,7 @@ class FogTracker:
         self._make = make
         self._log = log
         self._waiting: deque[tuple[int, bytes]] = deque()
-        self._begin(since)
+        self._begin_at(since)
 
     @property
     def behind(self) -> bool:
@@ -68,7 +68,7 @@ class FogTracker:
         """The fog after `tick`."""
         return self._beliefs.listeners[self._number].fog
 
-    def _begin(self, k: int) -> None:
+    def _begin_at(self, k: int) -> None:
         """Start at tick k without knowledge."""
         self._next, self._begun = k, False
         self._beliefs = BeliefFollower([self._number], self._new_listener, PAST)
@@ -79,7 +79,7 @@ class FogTracker:
         if not self._waiting:
             first = self._log[0][0]
             if self._next < first:  # the log has dropped it unprocessed
-                self._begin(first)
+                self._begin_at(first)
             self._waiting.extend(islice(self._log, self._next - first, self._next - first + PAST))
         self._next, packed = self._waiting.popleft()
         self._next += 1

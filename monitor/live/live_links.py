@@ -26,16 +26,16 @@ class LiveLinks:
         side = (len(numbers),) * 2
         self.counts = LinkCounts(np.zeros(side, np.int64), np.zeros(side, np.int64), np.full(side, -1, np.int64), since)
         self.heard: dict[int, int] = {}
-        self._place = {number: place for place, number in enumerate(numbers)}
+        self._place = {number: index for index, number in enumerate(numbers)}
         self._direct = direct
 
     def tick(self, record: TickRecord) -> None:
         """Take in the next tick."""
-        place, counts = self._place, self.counts
-        count_frames(record, place, counts.sent, counts.delivered)
+        index_of, counts = self._place, self.counts
+        count_frames(record, index_of, counts.sent, counts.delivered)
         for source, to, _ in record.deliveries:
             if source != FORGED:
-                counts.heard[place[source], place[to]] = record.k
+                counts.heard[index_of[source], index_of[to]] = record.k
                 self.heard[source] = record.k
         here = sum(row.status.is_present for row in record.robots)
         if self._direct or here == 1:

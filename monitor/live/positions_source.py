@@ -132,14 +132,14 @@ class PositionsSource:
             now = self._now()
             k = int((now - self._began) / self._scenario.step)
             if k > self._k:
-                self._close(k)
-                return self._state()
+                self._start_tick(k)
+                return self._make_state()
             if now >= until:
                 return None
             next_tick = self._began + (self._k + 1) * self._scenario.step
             arrived = self._frames.get(max(0.0, min(until, next_tick) - now))
             if arrived is not None:
-                self._hear(max(self._k, 0), *arrived)
+                self._hear_frame(max(self._k, 0), *arrived)
 
     def last_seen(self, layer: Layer) -> NDArray[np.int32] | None:
         """See `Source`."""
@@ -180,23 +180,23 @@ class PositionsSource:
         silent = set(robots_to_ask(link, self._keys))
         if not silent:
             return Answer(False, "no robot is there")
-        done, says = True, []
+        succeeded, says = True, []
         for name, outcome in ask_robots(link, self._keys, sorted(silent), order, ROBOTS_S):
             silent.discard(name)
-            done = done and outcome.done
+            succeeded = succeeded and outcome.done
             says.append(f"{name}: {outcome.text}")
         says += [f"{name}: no answer; use another way" for name in sorted(silent)]
-        return Answer(done and not silent, "; ".join(says))
+        return Answer(succeeded and not silent, "; ".join(says))
 
     def close(self) -> None:
         """See `Source`."""
         for link in self._links:
             link.close()
 
-    def _close(self, k: int) -> None:
+    def _start_tick(self, k: int) -> None:
         """Start tick k; frames that have arrived so far count for the ticks before it."""
         while (arrived := self._frames.get()) is not None:
-            self._hear(max(k - 1, 0), *arrived)
+            self._hear_frame(max(k - 1, 0), *arrived)
         while (report := self._reports.get()) is not None:
             number, message = self._number_of[report[0]], report[1]
             if isinstance(message, Telemetry):
@@ -210,19 +210,19 @@ class PositionsSource:
         self._ticks.append(k)
         self._mfow.append(fog.mfow(k))
         self._mean.append(fog.mean(k))
-        self._events += self._traps.tick(self._heard(k), lambda: fog.last_seen)
+        self._events += self._traps.tick(self._heard_record(k), lambda: fog.last_seen)
 
-    def _hear(self, k: int, key: str, frame: bytes) -> None:
+    def _hear_frame(self, k: int, key: str, frame: bytes) -> None:
         self._hearing.sent(robot_of(key))
         self._listener.hear(k, [frame])
 
-    def _heard(self, k: int) -> TickRecord:
+    def _heard_record(self, k: int) -> TickRecord:
         """Return the robots' poses, as heard."""
-        robots = map(self._robot, self._names.values())
-        rows = tuple(_row(robot, robot.pose) for robot in robots if robot.pose is not None)
+        robots = map(self._robot_state, self._names.values())
+        rows = tuple(_robot_row(robot, robot.pose) for robot in robots if robot.pose is not None)
         return TickRecord(k, rows, (), (), (), 0, 0.0, 0)
 
-    def _state(self) -> State:
+    def _make_state(self) -> State:
         step = self._scenario.step
         return State(
             k=self._k,
@@ -230,14 +230,14 @@ class PositionsSource:
             running=True,
             pace=1.0,
             ticks_per_s=1.0 / step,
-            robots=tuple(self._robot(spec.number) for spec in self._roster),
+            robots=tuple(self._robot_state(spec.number) for spec in self._roster),
             looks=looks_at(self._scenario, self._k),
             mfow_s=self._mfow[-1] * step,
             fog_mean_s=self._mean[-1] * step,
             note="" if self._listener.peers else "no position received yet",
         )
 
-    def _robot(self, number: int) -> RobotState:
+    def _robot_state(self, number: int) -> RobotState:
         peer, view = self._listener.peers.get(number), self._views.get(number)
         name = self._roster[number - 1].name
         heard_s = None if peer is None else max(0, self._k - peer.tick) * self._scenario.step
@@ -260,7 +260,7 @@ class PositionsSource:
         )
 
 
-def _row(robot: RobotState, pose: Pose) -> RobotTick:
+def _robot_row(robot: RobotState, pose: Pose) -> RobotTick:
     """Return a robot as in a tick of the journal, without the fields that no robot reports."""
     return RobotTick(
         number=robot.number,

@@ -105,15 +105,15 @@ class RunChecks:
         if (
             k >= self.ticks
             or tuple(row.number for row in record.robots) != self.numbers
-            or not all(map(self._row, record.robots))
+            or not all(map(self._check_row, record.robots))
         ):
             return False
-        known = {FORGED, *self.numbers}
+        senders = {FORGED, *self.numbers}
         causes = (*record.dropped, *record.copies, *record.delayed)
         links = (*record.deliveries, *(link[:3] for link in causes))
         return (
-            all(source in known and len(frame) <= MAX_FRAME for source, frame in record.frames)
-            and all(source in known and to in known and sequence <= _SEQUENCES for source, to, sequence in links)
+            all(source in senders and len(frame) <= MAX_FRAME for source, frame in record.frames)
+            and all(source in senders and to in senders and sequence <= _SEQUENCES for source, to, sequence in links)
             and all(len(cause) <= MAX_TEXT for cause in (*record.forged, *(link[3] for link in causes)))
             and record.mfow <= k + 1
             and record.fog_mean <= k + 1
@@ -121,15 +121,15 @@ class RunChecks:
 
     def event(self, event: Event) -> bool:
         """Return whether an event can be of this run."""
-        known = event.robot is None or event.robot in self.numbers
-        return known and event.k <= self.ticks and len(event.detail) <= MAX_CONTROL
+        is_known = event.robot is None or event.robot in self.numbers
+        return is_known and event.k <= self.ticks and len(event.detail) <= MAX_CONTROL
 
     def events(self, packed: Sequence[bytes]) -> list[Event]:
         """Return the events of this run in an answer's bytes, and leave out anything else."""
         records = (record_of(payload, self.longest) for payload in packed)
         return [event for event in records if isinstance(event, Event) and self.event(event)]
 
-    def _row(self, row: RobotTick) -> bool:
+    def _check_row(self, row: RobotTick) -> bool:
         x_min, y_min, x_max, y_max = self.bounds
         placed = x_min <= row.x <= x_max and y_min <= row.y <= y_max and abs(row.heading) <= MAX_ANGLE
         return (placed or not row.status.is_present) and len(row.state) <= MAX_TEXT

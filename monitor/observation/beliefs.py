@@ -34,7 +34,7 @@ class BeliefFollower:
         """Take in the next tick; the minds of the robots in `ended` have ended since the last one."""
         frames = _frames_of(record)
         self._past.append((record.k, frames))
-        heard = self._deliveries(record)
+        delivered = self._frames_by_robot(record)
         for row in record.robots:
             number = row.number
             if number not in self.listeners:
@@ -45,18 +45,18 @@ class BeliefFollower:
             if row.status is Status.ALIVE:
                 pose = _own_pose(record.k, number, frames, Pose(row.x, row.y, row.heading))
                 self.listeners[number].look(record.k, pose)
-                self.listeners[number].hear(record.k, heard[number])
+                self.listeners[number].hear(record.k, delivered[number])
 
-    def _deliveries(self, record: TickRecord) -> Mapping[int, list[bytes]]:
+    def _frames_by_robot(self, record: TickRecord) -> Mapping[int, list[bytes]]:
         """Return the frames that reach each robot in this tick, in the order of arrival."""
         past = dict(self._past)
-        heard: dict[int, list[bytes]] = defaultdict(list)
+        frames: dict[int, list[bytes]] = defaultdict(list)
         for source, to, sequence in record.deliveries:
             if to in self.listeners:
                 frame = past.get(sent_at(sequence), {}).get((source, sequence))
                 if frame is not None:
-                    heard[to].append(frame)
-        return heard
+                    frames[to].append(frame)
+        return frames
 
 
 def _frames_of(record: TickRecord) -> Frames:

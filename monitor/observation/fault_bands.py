@@ -52,9 +52,9 @@ def bands_of(events: Iterable[Event], step: float, end_s: float) -> tuple[Band, 
             words = head.split()
             name, kind, verb = (*words, "", "", "")[:3]
             if verb == _ENDS and name in open_bands:
-                place = open_bands.pop(name)
-                before = bands[place]
-                bands[place] = Band(before.id, before.kind, before.begin, time_s, before.text)
+                index = open_bands.pop(name)
+                before = bands[index]
+                bands[index] = Band(before.id, before.kind, before.begin, time_s, before.text)
             elif verb in (_BEGINS, _HAPPENS):
                 if verb == _BEGINS:
                     open_bands[name] = len(bands)
@@ -70,12 +70,12 @@ def intruder_bands(scenario: Scenario, end_s: float) -> tuple[Band, ...]:
     `scenario` includes what operators have added.
     """
     bands = []
-    for place, intruder in enumerate(scenario.intruders):
+    for index, intruder in enumerate(scenario.intruders):
         (x, y), begin = intruder.place, intruder.at
         end = end_s if intruder.stay is None else min(begin + intruder.stay, end_s)
         first = math.ceil(begin / scenario.step - 1e-9) * scenario.step
         if first < end:  # else it was taken away before its first tick, or never came
-            bands.append(Band(intruder_name(place), INTRUDER, begin, end, f"at ({x:g}, {y:g})"))
+            bands.append(Band(intruder_name(index), INTRUDER, begin, end, f"at ({x:g}, {y:g})"))
     return tuple(bands)
 
 

@@ -47,5 +47,5 @@ class Hearing:
     def wrong(self, robot: str, present: Collection[str]) -> str:
         """Say which of the robots that are present a robot does not hear, by its last report; empty if none."""
         names = sorted(name for name in self._unheard.get(robot, ()) if name != robot and name in present)
-        more = ", ..." if len(names) > _SHOWN else ""
-        return f"does not hear {', '.join(names[:_SHOWN])}{more}" if names else ""
+        suffix = ", ..." if len(names) > _SHOWN else ""
+        return f"does not hear {', '.join(names[:_SHOWN])}{suffix}" if names else ""

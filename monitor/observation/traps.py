@@ -47,12 +47,12 @@ class TrapWatch:
     @property
     def open(self) -> dict[int, Trapped]:
         """The robots that are trapped now, by number."""
-        return {number: self._trapped(trap) for number, trap in self._traps.open.items()}
+        return {number: self._trapped_since(trap) for number, trap in self._traps.open.items()}
 
     def trapped(self, number: int) -> Trapped | None:
         """Return since when a robot has been trapped; None for one that is not."""
         trap = self._traps.open.get(number)
-        return None if trap is None else self._trapped(trap)
+        return None if trap is None else self._trapped_since(trap)
 
     def tick(
         self, record: TickRecord, last_seen: Callable[[], NDArray[np.int32]], closings: Closings | None = None
@@ -70,17 +70,17 @@ class TrapWatch:
                 self._ground.close(closings.grid(record.k))
             places = {row.number: (row.x, row.y) for row in record.robots if row.status is Status.ALIVE}
             self._open_ground.tick(record.k, self._ground, self._closed, places)
-        return [self._event(record.k, trap) for trap in self._traps.tick(record, last_seen)]
+        return [self._make_event(record.k, trap) for trap in self._traps.tick(record, last_seen)]
 
     def needs_fog(self, k: int) -> bool:
         """Return whether `tick` may ask for the fog of tick k: a robot is trapped, or has stayed for long."""
         return self._traps.needs_fog(k)
 
-    def _trapped(self, trap: Trap) -> Trapped:
-        known = self._known or 0
-        exact = (self._from_start and known == 0) or (trap.since - known) * self._step > SAMPLE_S
+    def _trapped_since(self, trap: Trap) -> Trapped:
+        first_known = self._known or 0
+        exact = (self._from_start and first_known == 0) or (trap.since - first_known) * self._step > SAMPLE_S
         return Trapped(trap.since * self._step, exact)
 
-    def _event(self, k: int, trap: Trap) -> Event:
+    def _make_event(self, k: int, trap: Trap) -> Event:
         kind = TRAPPED if trap.until is None else FREE
-        return Event(k, kind, trap.robot, trap.told(self._step, "" if self._trapped(trap).exact else "before "))
+        return Event(k, kind, trap.robot, trap.told(self._step, "" if self._trapped_since(trap).exact else "before "))

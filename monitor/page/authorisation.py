@@ -51,7 +51,7 @@ class Authorisation:
 
         The headers' names are in lower case.
         """
-        return not self.view_without_key or is_loopback(_name(headers.get("host", "")))
+        return not self.view_without_key or is_loopback(_host_name(headers.get("host", "")))
 
     def same_origin(self, headers: Mapping[str, str]) -> bool:
         """Return whether a request comes from this page.
@@ -62,7 +62,7 @@ class Authorisation:
         return bool(host) and headers.get("origin") in (f"http://{host}", f"https://{host}")
 
 
-def _name(host: str) -> str:
+def _host_name(host: str) -> str:
     """Return a Host header without its port."""
     if host.startswith("["):
         return host.partition("]")[0].lstrip("[")

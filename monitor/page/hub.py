@@ -96,7 +96,7 @@ class Hub:
         """Empty until a page needs it."""
         self._wake = threading.Event()
         self._ending = threading.Event()
-        self._thread = threading.Thread(target=self._run, name="hub", daemon=True)
+        self._thread = threading.Thread(target=self._run_loop, name="hub", daemon=True)
 
     def start(self) -> None:
         """Start the thread."""
@@ -130,7 +130,7 @@ class Hub:
         """Set which fogs a page shows, by the numbers of one or two layers; unknown ones are ignored."""
         viewer.layers = tuple(self._by_number[number] for number in numbers[:2] if number in self._by_number)
 
-    def _run(self) -> None:
+    def _run_loop(self) -> None:
         try:
             while not self._ending.is_set():
                 begun = self._now()
@@ -217,11 +217,11 @@ class Hub:
             if state.links is None:
                 viewer.links_k = -1
             viewer.state = state
-            self._state_message = self._state_message or self._packed(state)
+            self._state_message = self._state_message or self._pack_state(state)
             messages.append(self._state_message)
         return messages
 
-    def _packed(self, state: State) -> str:
+    def _pack_state(self, state: State) -> str:
         """Return a state's message, with the survey of the first layer's fog."""
         fog, layer = None, self.static.layers[0]
         if state.mfow_s is not None:

@@ -24,12 +24,12 @@ from patrol.scenario.patrols import describe_patrol
 def static_message(static: Static, may_control: bool) -> str:
     """Return the constant properties of the source, the first message of a connection."""
     height, width = static.passable.shape
-    return _json(
+    return _to_json(
         {
             "type": "static",
             "name": static.name,
             "title": str(static.scenario.get("name", static.name)),
-            "patrol": _patrol(static),
+            "patrol": _patrol_text(static),
             "width": width,
             "height": height,
             "side": SIDE,
@@ -46,7 +46,7 @@ def static_message(static: Static, may_control: bool) -> str:
             "note": static.note,
             "direct": static.direct,
             "late": static.late,
-            "marks": _marks(static),
+            "marks": _map_marks(static),
             "robots": [
                 {
                     "number": robot.number,
@@ -63,7 +63,7 @@ def static_message(static: Static, may_control: bool) -> str:
     )
 
 
-def _patrol(static: Static) -> str:
+def _patrol_text(static: Static) -> str:
     """Describe the patrol; empty where the source knows no scenario."""
     patrol = static.scenario.get("patrol")
     return describe_patrol(patrol["policy"]) if patrol else ""
@@ -76,16 +76,16 @@ def state_message(state: State, survey: Survey | None, static: Static) -> str:
     when (s) and whether that is exact. The stalest point is a list of x and y (m), age (s) and whether it was ever
     seen. `survey` is that of the first layer's fog, None when unknown.
     """
-    return _json(
+    return _to_json(
         {
             "type": "state",
             "k": state.k,
             "time": state.time_s,
             "running": state.running,
             "pace": state.pace,
-            "rate": _short(state.ticks_per_s),
-            "mfow": _short(state.mfow_s),
-            "mean": _short(state.fog_mean_s),
+            "rate": _round_number(state.ticks_per_s),
+            "mfow": _round_number(state.mfow_s),
+            "mean": _round_number(state.fog_mean_s),
             "ended": state.ended,
             "note": state.note,
             "intruders": [list(intruder) for intruder in state.intruders],
@@ -93,19 +93,19 @@ def state_message(state: State, survey: Survey | None, static: Static) -> str:
             "linked": state.links is not None,
             "faults": [dict(fault) for fault in state.faults],
             "seen": None if survey is None else survey.seen_share,
-            "stalest": None if survey is None else _stalest(survey, static),
+            "stalest": None if survey is None else _stalest_values(survey, static),
             "robots": [
                 [
                     int(robot.status),
                     robot.state,
                     None
                     if robot.pose is None
-                    else [_short(v) for v in (robot.pose.x, robot.pose.y, robot.pose.heading)],
-                    None if robot.goal is None else [_short(value) for value in robot.goal],
-                    _short(robot.decision_ms),
-                    _short(robot.heard_s),
+                    else [_round_number(v) for v in (robot.pose.x, robot.pose.y, robot.pose.heading)],
+                    None if robot.goal is None else [_round_number(value) for value in robot.goal],
+                    _round_number(robot.decision_ms),
+                    _round_number(robot.heard_s),
                     robot.rejected,
-                    None if robot.trapped is None else [_short(robot.trapped.since_s), robot.trapped.exact],
+                    None if robot.trapped is None else [_round_number(robot.trapped.since_s), robot.trapped.exact],
                 ]
                 for robot in state.robots
             ],
@@ -119,7 +119,9 @@ def trail_message(first: int, trail: NDArray[np.float64]) -> str:
     `trail` is float64 (ticks, robots, 2), m, with NaN for robots without a body. `first` is the tick of its first row.
     """
     rows = trail.reshape(len(trail), -1).tolist()
-    return _json({"type": "trail", "first": first, "rows": [[_short(value) for value in row] for row in rows]})
+    return _to_json(
+        {"type": "trail", "first": first, "rows": [[_round_number(value) for value in row] for row in rows]}
+    )
 
 
 def links_message(links: LinkCounts, k: int) -> str:
@@ -127,13 +129,13 @@ def links_message(links: LinkCounts, k: int) -> str:
 
     Each kind of count is a flat list, row by row (sender by receiver).
     """
-    return _json(
+    return _to_json(
         {
             "type": "links",
             "k": k,
-            "sent": _flat(links.sent),
-            "delivered": _flat(links.delivered),
-            "heard": _flat(links.heard),
+            "sent": _flatten_values(links.sent),
+            "delivered": _flatten_values(links.delivered),
+            "heard": _flatten_values(links.heard),
             "since": links.since,
         }
     )
@@ -141,12 +143,12 @@ def links_message(links: LinkCounts, k: int) -> str:
 
 def series_message(series: Series) -> str:
     """Encode new ticks of the chart of MFoW and mean fog."""
-    return _json(
+    return _to_json(
         {
             "type": "series",
             "k": series.ticks.tolist(),
-            "mfow": [_short(value) for value in series.mfow_s.tolist()],
-            "mean": [_short(value) for value in series.fog_mean_s.tolist()],
+            "mfow": [_round_number(value) for value in series.mfow_s.tolist()],
+            "mean": [_round_number(value) for value in series.fog_mean_s.tolist()],
         }
     )
 
@@ -157,21 +159,21 @@ def events_message(events: Sequence[Event], first: int) -> str:
     `first` is the number of the first of them.
     """
     rows = [[event.k, event.kind, event.robot, event.detail] for event in events]
-    return _json({"type": "events", "first": first, "events": rows})
+    return _to_json({"type": "events", "first": first, "events": rows})
 
 
 def bands_message(bands: Sequence[Band]) -> str:
     """Return all faults so far; a fault is a list of id, kind, begin and end in s, and text."""
     rows = [[band.id, band.kind, band.begin, band.end, band.text] for band in bands]
-    return _json({"type": "bands", "bands": rows})
+    return _to_json({"type": "bands", "bands": rows})
 
 
 def answer_message(number: object, answer: Answer) -> str:
     """Return the result of a control."""
-    return _json({"type": "answer", "id": number, "done": answer.done, "text": answer.text})
+    return _to_json({"type": "answer", "id": number, "done": answer.done, "text": answer.text})
 
 
-def _marks(static: Static) -> list[dict[str, Any]]:
+def _map_marks(static: Static) -> list[dict[str, Any]]:
     """Return the scenario's marks on the map: kind, name, place, and the outline of ground in m.
 
     Of ground that may be closed `runs` are its points, as [first, count] of each run; [] of any other.
@@ -183,14 +185,14 @@ def _marks(static: Static) -> list[dict[str, Any]]:
             "kind": mark.kind,
             "name": mark.name,
             "label": mark.label,
-            "at": [_short(value) for value in mark.at],
+            "at": [_round_number(value) for value in mark.at],
             "radius": mark.radius,
             "edges": [],
             "runs": [],
         }
         if mark.points is not None:
             edges = outline(mark.points, terrain).tolist()
-            says["edges"] = [[_short(value) for value in edge] for edge in edges]
+            says["edges"] = [[_round_number(value) for value in edge] for edge in edges]
             if mark.closes:
                 indices = np.flatnonzero(mark.points)
                 begins = 1 + np.flatnonzero((np.diff(indices) != 1) | (indices[1:] % terrain.width == 0))
@@ -199,20 +201,20 @@ def _marks(static: Static) -> list[dict[str, Any]]:
     return shown
 
 
-def _stalest(survey: Survey, static: Static) -> list[float | bool | None]:
+def _stalest_values(survey: Survey, static: Static) -> list[float | bool | None]:
     (x, y), point = static.origin, static.point
-    place = x + (survey.col + 0.5) * point, y + (survey.row + 0.5) * point
-    return [*map(_short, (*place, survey.age * static.step)), survey.ever_seen]
+    centre = x + (survey.col + 0.5) * point, y + (survey.row + 0.5) * point
+    return [*map(_round_number, (*centre, survey.age * static.step)), survey.ever_seen]
 
 
-def _flat(values: NDArray[np.int64]) -> list[int]:
+def _flatten_values(values: NDArray[np.int64]) -> list[int]:
     return [int(value) for value in values.ravel()]
 
 
-def _short(value: float | None) -> float | None:
+def _round_number(value: float | None) -> float | None:
     """Return a number rounded to four decimals; None for infinity and NaN, which JSON does not have."""
     return None if value is None or not math.isfinite(value) else round(value, 4)
 
 
-def _json(message: dict[str, Any]) -> str:
+def _to_json(message: dict[str, Any]) -> str:
     return json.dumps(message, separators=(",", ":"), allow_nan=False)

@@ -72,35 +72,35 @@ def save_page(
     plotly_file()  # before long runs are read
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise BadInput(f"{folder}: exists already; name a new or an empty folder")
-    frames, pages = zip(*(_replay(run, progress) for run in runs), strict=True)
+    frames, pages = zip(*(_replay_files(run, progress) for run in runs), strict=True)
     if len(runs) == 1:
-        _write(folder, pages[0])
+        _write_files(folder, pages[0])
     else:
-        whole = _page("pair.html")
+        saved_files = _page_files("pair.html")
         for name, page in zip(PAIR, pages, strict=True):
-            whole |= {f"{name}/{file}": content for file, content in page.items()}
-        _write(folder, whole)
+            saved_files |= {f"{name}/{file}": content for file, content in page.items()}
+        _write_files(folder, saved_files)
     return list(frames)
 
 
-def _replay(run: Run, progress: Callable[[Iterable[int]], Iterable[int]]) -> tuple[int, dict[str, bytes]]:
+def _replay_files(run: Run, progress: Callable[[Iterable[int]], Iterable[int]]) -> tuple[int, dict[str, bytes]]:
     """Return the number of frames and the files of the page of one run, by name."""
-    frames, data = _recorded(run, progress)
+    frames, data = _record_frames(run, progress)
     return frames, {
-        **_page("index.html"),
+        **_page_files("index.html"),
         RECORDED: b'globalThis.RECORDED = "%s";\n' % base64.b64encode(gzip.compress(data)),
         "plotly.min.js": plotly_file().read_bytes(),
     }
 
 
-def _page(html: str) -> dict[str, bytes]:
+def _page_files(html: str) -> dict[str, bytes]:
     """Return the files of a page without a run's messages, by name."""
-    files = {"index.html": _index(html), "palette.css": palette.css()}
-    files |= {name: _static(name) for name in ("page.css", "icon.svg")}
+    files = {"index.html": _page_index(html), "palette.css": palette.css()}
+    files |= {name: _static_text(name) for name in ("page.css", "icon.svg")}
     return {name: text.encode() for name, text in files.items()}
 
 
-def _write(folder: Path, files: Mapping[str, bytes]) -> None:
+def _write_files(folder: Path, files: Mapping[str, bytes]) -> None:
     """Write files into a folder and its folders, each as a whole; the page itself, index.html, comes last."""
     with writing(folder, "choose another folder"):
         folder.mkdir(parents=True, exist_ok=True)
@@ -113,11 +113,11 @@ def _write(folder: Path, files: Mapping[str, bytes]) -> None:
                 entry.rename(folder / entry.name)
 
 
-def _static(name: str) -> str:
+def _static_text(name: str) -> str:
     return files("monitor.page").joinpath("static", name).read_text(encoding="utf-8")
 
 
-def _index(html: str) -> str:
+def _page_index(html: str) -> str:
     """Return a page with its modules in an import map."""
     folder = files("monitor.page").joinpath("static")
     modules = {
@@ -128,7 +128,7 @@ def _index(html: str) -> str:
     for name, text in sorted(modules.items()):
         named = _IMPORT.sub(r'\1 "fogwatch/\2"', text)
         imports[f"fogwatch/{name}"] = f"data:text/javascript;base64,{base64.b64encode(named.encode()).decode()}"
-    page = _static(html)
+    page = _static_text(html)
     loads = _SCRIPT.search(page)
     assert loads is not None
     scripts = (
@@ -139,7 +139,7 @@ def _index(html: str) -> str:
     return page.replace(loads[0], recorded + scripts)
 
 
-def _recorded(run: Run, progress: Callable[[Iterable[int]], Iterable[int]]) -> tuple[int, bytes]:
+def _record_frames(run: Run, progress: Callable[[Iterable[int]], Iterable[int]]) -> tuple[int, bytes]:
     """Return the number of frames, and the messages of all of them."""
     player = Player(run, count().__next__, autoplay=True)  # for the pace at which a run plays by itself
     player.read_all()
@@ -152,16 +152,16 @@ def _recorded(run: Run, progress: Callable[[Iterable[int]], Iterable[int]]) -> t
     for number, k in enumerate(progress(ticks)):
         player.control({"do": "seek", "k": k})
         state = player.wait(0.0)
-        seen = player.last_seen("truth")
+        last_seen = player.last_seen("truth")
         assert state is not None
-        assert seen is not None
+        assert last_seen is not None
         before = tiled.version
-        tiled.update(seen, k)
-        changed, whole = tiled.packet(before), tiled.packet(0) if number % KEY == 0 else b""
-        packets += [changed, whole]
-        message = state_message(state, survey_of(seen, static.patrolled, k), static)
+        tiled.update(last_seen, k)
+        changed, key_packet = tiled.packet(before), tiled.packet(0) if number % KEY == 0 else b""
+        packets += [changed, key_packet]
+        message = state_message(state, survey_of(last_seen, static.patrolled, k), static)
         links = "null" if number % KEY or state.links is None else links_message(state.links, k)
-        frames.append(f'{{"state":{message},"links":{links},"changed":{len(changed)},"whole":{len(whole)}}}')
+        frames.append(f'{{"state":{message},"links":{links},"changed":{len(changed)},"whole":{len(key_packet)}}}')
     events = player.events(0)
     trail = trail_message(0, player.trail(0, run.ticks - 1))
     once = [

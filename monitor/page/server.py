@@ -84,27 +84,27 @@ class Server:
         paired = len(hubs) > 1
         self._headers = {**HEADERS, "Content-Security-Policy": POLICY + (FRAMED if paired else ALONE)}
         self._first = "pair.html" if paired else "index.html"
-        routes: list[BaseRoute] = [Route("/", self._index), Route("/{name}", self._file)]
+        routes: list[BaseRoute] = [Route("/", self._serve_index), Route("/{name}", self._serve_file)]
         if paired:
-            routes += [Mount(f"/{name}", routes=self._page(hub)) for name, hub in zip(PAIR, hubs, strict=True)]
+            routes += [Mount(f"/{name}", routes=self._page_routes(hub)) for name, hub in zip(PAIR, hubs, strict=True)]
         else:
-            routes += self._page(hubs[0])
+            routes += self._page_routes(hubs[0])
         self.app = Starlette(routes=routes)
 
-    def _page(self, hub: Hub) -> list[BaseRoute]:
+    def _page_routes(self, hub: Hub) -> list[BaseRoute]:
         """Return the routes of the page of one hub."""
 
         async def live(socket: WebSocket) -> None:
-            await self._live(socket, hub)
+            await self._serve_live(socket, hub)
 
-        return [Route("/{name}", self._file), WebSocketRoute("/live", live)]
+        return [Route("/{name}", self._serve_file), WebSocketRoute("/live", live)]
 
-    async def _index(self, request: Request) -> Response:
+    async def _serve_index(self, request: Request) -> Response:
         key = request.query_params.get("key")
         if key is None:
-            return self._serve(request, self._first)
+            return self._file_response(request, self._first)
         if not self._authorisation.is_key(key) or not self._authorisation.allows_host(request.headers):
-            return _refused("the key is wrong; open the address exactly as printed")
+            return _refuse_request("the key is wrong; open the address exactly as printed")
         time = request.query_params.get("t", "")
         response = RedirectResponse(
             f"/?t={time}" if _TIME.fullmatch(time) else "/", status_code=303, headers=self._headers
@@ -112,15 +112,15 @@ class Server:
         response.set_cookie(self._authorisation.cookie, key, httponly=True, samesite="lax")
         return response
 
-    async def _file(self, request: Request) -> Response:
-        return self._serve(request, request.path_params["name"])
+    async def _serve_file(self, request: Request) -> Response:
+        return self._file_response(request, request.path_params["name"])
 
-    def _serve(self, request: Request, name: str) -> Response:
+    def _file_response(self, request: Request, name: str) -> Response:
         if not self._authorisation.allows_host(request.headers):
-            return _refused("this page is served to this machine only; open it at 127.0.0.1 or localhost")
+            return _refuse_request("this page is served to this machine only; open it at 127.0.0.1 or localhost")
         rules = self._authorisation
         if not (rules.view_without_key or rules.is_key(request.cookies.get(rules.cookie))):
-            return _refused("this page needs its token; open the address exactly as printed")
+            return _refuse_request("this page needs its token; open the address exactly as printed")
         if (make_file := _MADE.get(name)) is not None:
             return Response(make_file(), media_type=_TYPES[Path(name).suffix], headers=self._headers)
         path = self._files.get(name)
@@ -128,7 +128,7 @@ class Server:
             return PlainTextResponse("no such file\n", status_code=404, headers=self._headers)
         return FileResponse(path, media_type=_TYPES[path.suffix], headers=self._headers)
 
-    async def _live(self, socket: WebSocket, hub: Hub) -> None:
+    async def _serve_live(self, socket: WebSocket, hub: Hub) -> None:
         authorisation = self._authorisation
         may_control = authorisation.is_key(socket.cookies.get(authorisation.cookie))
         ours = authorisation.allows_host(socket.headers) and authorisation.same_origin(socket.headers)
@@ -145,9 +145,9 @@ class Server:
             await socket.send_text(static_message(hub.static, may_control))
             await socket.send_bytes(hub.terrain)
             hub.add(viewer)
-            writer = asyncio.create_task(_write(socket, viewer))
+            writer = asyncio.create_task(_write_messages(socket, viewer))
             try:
-                await self._read(socket, hub, viewer, may_control)
+                await self._read_controls(socket, hub, viewer, may_control)
             finally:
                 hub.remove(viewer)
                 writer.cancel()
@@ -156,12 +156,12 @@ class Server:
         finally:
             self._viewers[may_control] -= 1
 
-    async def _read(self, socket: WebSocket, hub: Hub, viewer: Viewer, may_control: bool) -> None:
+    async def _read_controls(self, socket: WebSocket, hub: Hub, viewer: Viewer, may_control: bool) -> None:
         while True:
             received = await socket.receive()
             if received["type"] == "websocket.disconnect":
                 return
-            match _parsed(received.get("text")):
+            match _parse_message(received.get("text")):
                 case {"type": "drawn"}:
                     viewer.drawn = True
                     hub.wake()
@@ -170,13 +170,13 @@ class Server:
                     viewer.drawn = True
                     hub.wake()
                 case {"type": "control", "id": int() as number, "control": dict() as control}:
-                    answer = await self._answer(hub, control, may_control)
+                    answer = await self._answer_control(hub, control, may_control)
                     await socket.send_text(answer_message(number, answer))
                 case _:
                     await socket.close(1003)
                     return
 
-    async def _answer(self, hub: Hub, control: Mapping[str, Any], may_control: bool) -> Answer:
+    async def _answer_control(self, hub: Hub, control: Mapping[str, Any], may_control: bool) -> Answer:
         if not may_control:
             return Answer(False, "this page is view-only; to control, open the address exactly as printed")
         if control.get("do") not in hub.static.controls:
@@ -187,7 +187,7 @@ class Server:
             return Answer(False, str(bad))
 
 
-async def _write(socket: WebSocket, viewer: Viewer) -> None:
+async def _write_messages(socket: WebSocket, viewer: Viewer) -> None:
     while (messages := await viewer.outbox.get()) is not None:
         for message in messages:
             if isinstance(message, str):
@@ -198,7 +198,7 @@ async def _write(socket: WebSocket, viewer: Viewer) -> None:
     await socket.close(1001)
 
 
-def _parsed(text: str | None) -> object:
+def _parse_message(text: str | None) -> object:
     """Return a message of a page; None for anything but JSON text of a sensible length."""
     if text is None or len(text) > MAX_MESSAGE:
         return None
@@ -209,7 +209,7 @@ def _parsed(text: str | None) -> object:
     return message
 
 
-def _refused(why: str) -> Response:
+def _refuse_request(why: str) -> Response:
     return PlainTextResponse(
         f"{why}\n", status_code=403, headers={**HEADERS, "Content-Security-Policy": POLICY + ALONE}
     )

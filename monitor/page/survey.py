@@ -27,8 +27,8 @@ def survey_of(last_seen: NDArray[np.int32], patrolled: NDArray[np.bool_], tick: 
 
     `last_seen` has ticks and `patrol.ground.fog.NEVER`, `patrolled` the points that count, both (h, w).
     """
-    row, col, seen, points = stalest(last_seen, patrolled.view(np.uint8))
+    row, col, seen_points, points = stalest(last_seen, patrolled.view(np.uint8))
     if points == 0:
         return None
     last = int(last_seen[row, col])
-    return Survey(int(row), int(col), tick - max(last, 0), last != NEVER, seen / points)
+    return Survey(int(row), int(col), tick - max(last, 0), last != NEVER, seen_points / points)

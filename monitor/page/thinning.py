@@ -21,5 +21,5 @@ def thinned(series: Series, most: int) -> Series:
     padded = np.full(len(first) * size, -np.inf)
     padded[:count] = np.nan_to_num(series.mfow_s, nan=-np.inf)
     stalest = first + padded.reshape(-1, size).argmax(axis=1)
-    kept = np.unique(np.concatenate((first, stalest, [count - 1])))
-    return Series(series.ticks[kept], series.mfow_s[kept], series.fog_mean_s[kept])
+    chosen = np.unique(np.concatenate((first, stalest, [count - 1])))
+    return Series(series.ticks[chosen], series.mfow_s[chosen], series.fog_mean_s[chosen])

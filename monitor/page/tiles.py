@@ -50,7 +50,7 @@ class TiledMap:
     def update(self, now: NDArray[np.int32], tick: int) -> None:
         """Set the map, int32 (h, w), which is copied; it makes a new version if it differs."""
         self.tick = tick
-        packet, changed = _difference(now, self._shown, self._versions, self.version + 1)
+        packet, changed = _map_difference(now, self._shown, self._versions, self.version + 1)
         if changed:
             # The difference to the version before is known only now.
             self._packets = {self.version: packet}
@@ -68,11 +68,11 @@ class TiledMap:
             for tile in np.flatnonzero(self._versions > version).tolist():
                 row, col = tile // across * SIDE, tile % across * SIDE
                 old[row : row + SIDE, col : col + SIDE] = KEEP
-            self._packets[version], _ = _difference(self._shown, old, self._versions.copy(), self.version)
+            self._packets[version], _ = _map_difference(self._shown, old, self._versions.copy(), self.version)
         return np.array([self._number, self.tick, since], dtype="<i4").tobytes() + self._packets[version]
 
 
-def _difference(
+def _map_difference(
     now: NDArray[np.int32], shown: NDArray[np.int32], versions: NDArray[np.int32], version: int
 ) -> tuple[bytes, int]:
     """Update a map; return the packet that does so, without its first three numbers, and how many tiles change."""

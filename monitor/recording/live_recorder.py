@@ -72,7 +72,7 @@ class LiveRecorder:
     def write(self, state: State) -> None:
         """Write a state, which must be later than those before."""
         try:
-            self._write(state)
+            self._write_state(state)
             self._file.flush()
         except OSError as error:
             raise BadInput(
@@ -83,36 +83,36 @@ class LiveRecorder:
         """Write the last grid and the index."""
         try:
             if self.last is not None:
-                self._grid(self.last)
+                self._write_grid(self.last)
             self._file.finish()
         except OSError as error:
             raise BadInput(
                 f"{self._out}: cannot be written ({error.strerror}); what is recorded so far remains"
             ) from None
 
-    def _write(self, state: State) -> None:
-        time_ns = self._ns(state.k)
+    def _write_state(self, state: State) -> None:
+        time_ns = self._time_ns(state.k)
         if not self._begun:
-            self._begin(state)
+            self._begin_recording(state)
         series = self._source.series(self._series_k)
         for k, mfow_s, mean_s in zip(series.ticks.tolist(), series.mfow_s, series.fog_mean_s, strict=True):
             self._series_k = k
             while self._scale_s < mfow_s:
                 self._scale_s *= 2.0
-            self._file.number("/mfow", mfow_s, self._ns(k))
-            self._file.number("/fog_mean", mean_s, self._ns(k))
+            self._file.number("/mfow", mfow_s, self._time_ns(k))
+            self._file.number("/fog_mean", mean_s, self._time_ns(k))
         self._write_events()
         if state.robots and state.k > self._robots_k:
-            self._robots(state, time_ns)
+            self._write_robots(state, time_ns)
         if state.k >= self._grid_k + self._every:
-            self._grid(state)
+            self._write_grid(state)
         self.last = state
 
-    def _begin(self, state: State) -> None:
+    def _begin_recording(self, state: State) -> None:
         """Write the constant facts, and skip events before the first state."""
         self._begun, self._series_k = True, state.k - 1
         self._events = sum(event.k < state.k for event in self._source.events(0))
-        time_ns, static = self._ns(state.k), self._static
+        time_ns, static = self._time_ns(state.k), self._static
         self._file.grid("/map", self._place, wall_values(static.passable), time_ns)
         text = "/fog: 0 means seen now, 100 means seen /fog_scale seconds ago or earlier, -1 means not patrolled"
         self._file.log("recording", " · ".join(filter(None, (text, static.note))), time_ns)
@@ -121,9 +121,9 @@ class LiveRecorder:
         for event in self._source.events(self._events):
             self._events += 1
             name = self._names.get(event.robot or 0, "run")
-            self._file.event(event.kind, name, event.detail, self._ns(event.k))
+            self._file.event(event.kind, name, event.detail, self._time_ns(event.k))
 
-    def _robots(self, state: State, at: int) -> None:
+    def _write_robots(self, state: State, at: int) -> None:
         self._robots_k = state.k
         named = zip(self._ros_names, state.robots, strict=True)
         self._file.robots(
@@ -132,18 +132,18 @@ class LiveRecorder:
         )
         self._file.number("/alive", sum(robot.status is Status.ALIVE for robot in state.robots), at)
 
-    def _grid(self, state: State) -> None:
+    def _write_grid(self, state: State) -> None:
         static = self._static
-        seen = self._source.last_seen(static.layers[0])
-        if seen is None or state.k == self._grid_k:
+        last_seen = self._source.last_seen(static.layers[0])
+        if last_seen is None or state.k == self._grid_k:
             return
         self._grid_k = state.k
-        time_ns = self._ns(state.k)
-        values = grid_values(Fog.resumed(static.patrolled, seen), state.k, self._scale_s / static.step)
+        time_ns = self._time_ns(state.k)
+        values = grid_values(Fog.resumed(static.patrolled, last_seen), state.k, self._scale_s / static.step)
         self._file.number("/fog_scale", self._scale_s, time_ns)
         self._file.grid("/fog", self._place, values, time_ns)
 
-    def _ns(self, k: int) -> int:
+    def _time_ns(self, k: int) -> int:
         return round(k * self._static.step * 1e9)
 
 

@@ -55,12 +55,12 @@ def inspect_recording(path: Path, repaired: Path | None = None) -> Contents:
         raise BadInput(f"{repaired}: exists already; name a new file")
     contents = Contents()
     if repaired is None:
-        _read(path, contents, None)
+        _read_contents(path, contents, None)
         return contents
     try:
         with repaired.open("xb") as file:
             copy = _Copy(Writer(file))
-            _read(path, contents, copy.write)
+            _read_contents(path, contents, copy.write)
             copy.finish()
     except OSError as error:
         raise BadInput(f"{repaired}: cannot be written ({error.strerror}); choose another file") from None
@@ -70,14 +70,16 @@ def inspect_recording(path: Path, repaired: Path | None = None) -> Contents:
     return contents
 
 
-def _read(path: Path, contents: Contents, write: Callable[[Any], None] | None) -> None:
+def _read_contents(path: Path, contents: Contents, write: Callable[[Any], None] | None) -> None:
     from mcap.records import Channel, Header, Message, Metadata, Schema
 
     topics: dict[int, str] = {}
     first = True
     # First what describes messages: it may be damaged where it comes first, and whole in the index at the end.
-    described = [r for r in _records(path, Contents(), checks_all=False) if isinstance(r, Header | Schema | Channel)]
-    for record in chain(described, _records(path, contents)):
+    described = [
+        r for r in _read_records(path, Contents(), checks_all=False) if isinstance(r, Header | Schema | Channel)
+    ]
+    for record in chain(described, _read_records(path, contents)):
         match record:
             case Metadata() if record.name == METADATA:
                 contents.facts = dict(record.metadata)
@@ -99,7 +101,7 @@ def _read(path: Path, contents: Contents, write: Callable[[Any], None] | None) -
         )
 
 
-def _records(path: Path, contents: Contents, checks_all: bool = True) -> Iterator[Any]:
+def _read_records(path: Path, contents: Contents, checks_all: bool = True) -> Iterator[Any]:
     """Yield all records that are whole, but for those behind one of a damaged length.
 
     Where the checksum of all records before the index is wrong, they end there, unless it is not checked.
@@ -107,9 +109,9 @@ def _records(path: Path, contents: Contents, checks_all: bool = True) -> Iterato
     begun = False
     try:
         with open_untrusted(path, RECORDING) as file:
-            for record in _reader(file, checks_all, partial(_note_damage, contents)).records:
+            for record in _make_reader(file, checks_all, partial(_note_damage, contents)).records:
                 begun = True
-                yield from _whole(record, contents)
+                yield from _whole_records(record, contents)
     except IsADirectoryError:
         raise BadInput(f"{path}: is a folder; name a file, such as {path / 'recording.mcap'}") from None
     except OSError as error:
@@ -119,30 +121,30 @@ def _records(path: Path, contents: Contents, checks_all: bool = True) -> Iterato
             raise BadInput(
                 f"{path}: is not an MCAP file, or is cut off before its first record; name a recording.mcap"
             ) from None
-        contents.why_cut = contents.why_cut or _why(contents, error)
+        contents.why_cut = contents.why_cut or _why_damaged(contents, error)
 
 
-def _whole(record: Any, contents: Contents) -> Iterator[Any]:
+def _whole_records(record: Any, contents: Contents) -> Iterator[Any]:
     """Yield the records in a record; of a damaged chunk none, or those before the damage."""
     try:
-        yield from _unpacked(record)
-    except Exception as error:  # noqa: BLE001 - as in `_records`
+        yield from _unpack_record(record)
+    except Exception as error:  # noqa: BLE001 - as in `_read_records`
         _note_damage(contents, error)
 
 
 def _note_damage(contents: Contents, error: Exception) -> None:
     """Count a damaged record; raise its error where there are too many to go on."""
-    contents.why_cut = contents.why_cut or _why(contents, error)
+    contents.why_cut = contents.why_cut or _why_damaged(contents, error)
     contents.damaged += 1
     if contents.damaged > MOST_DAMAGED:
         raise error
 
 
-def _why(contents: Contents, error: Exception) -> str:
+def _why_damaged(contents: Contents, error: Exception) -> str:
     return f"after {contents.end_s:g} s ({type(error).__name__})"
 
 
-def _reader(file: BinaryIO, checks_all: bool, damaged: Callable[[Exception], None]) -> StreamReader:
+def _make_reader(file: BinaryIO, checks_all: bool, damaged: Callable[[Exception], None]) -> StreamReader:
     """Return a reader that never reads on behind the end of a record, whatever lengths and counts the record holds.
 
     mcap's own reader believes them. A message that is shorter than its head then stands for the rest of the file, and
@@ -157,8 +159,8 @@ def _reader(file: BinaryIO, checks_all: bool, damaged: Callable[[Exception], Non
         def _read_record(self, opcode: int, length: int) -> McapRecord | None:
             if opcode == NO_RECORD:
                 raise McapError(f"opcode {opcode}")
-            whole = self._stream
-            content = whole.read(length)
+            stream = self._stream
+            content = stream.read(length)
             if len(content) < length:
                 raise EndOfFile
             self._stream = ReadDataStream(BytesIO(content))
@@ -168,12 +170,12 @@ def _reader(file: BinaryIO, checks_all: bool, damaged: Callable[[Exception], Non
                 damaged(error)
                 return None
             finally:
-                self._stream = whole
+                self._stream = stream
 
     return RecordByRecord(file, emit_chunks=True, validate_crcs=checks_all, record_size_limit=MOST_RECORD)
 
 
-def _unpacked(record: Any) -> Iterator[Any]:
+def _unpack_record(record: Any) -> Iterator[Any]:
     """Yield a record, or those in a chunk, one at a time.
 
     A chunk that is larger than a record may be is not decompressed: it raises ValueError, and so does a compression

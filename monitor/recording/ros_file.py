@@ -84,9 +84,9 @@ class RosFile:
             if decision_ms is not None:
                 self.number(f"/{name}/decision_ms", decision_ms, at)
             if pose is not None:
-                place = (pose.x, pose.y, pose.heading)
-                bodies.append((name, *place))
-                self.write(f"/{name}/pose", ros.POSE, self.encoder.pose(at, *place), at)
+                position = (pose.x, pose.y, pose.heading)
+                bodies.append((name, *position))
+                self.write(f"/{name}/pose", ros.POSE, self.encoder.pose(at, *position), at)
         self.write("/tf", ros.TRANSFORMS, self.encoder.transforms(at, bodies), at)
 
     def log(self, name: str, text: str, at: int, level: int = ros.INFO) -> None:

@@ -69,31 +69,35 @@ class Encoder:
 
     def number(self, value: float) -> bytes:
         """Return a std_msgs/Float64."""
-        return self._bytes(NUMBER, data=float(value))
+        return self._encode_message(NUMBER, data=float(value))
 
     def log(self, at: int, level: int, name: str, text: str) -> bytes:
         """Return an rcl_interfaces/Log."""
         fields: dict[str, Any] = {"level": level, "name": name, "msg": text, "file": "", "function": "", "line": 0}
-        return self._bytes(LOG, stamp=self._time(at), **fields)
+        return self._encode_message(LOG, stamp=self._make_time(at), **fields)
 
     def pose(self, at: int, x: float, y: float, heading: float) -> bytes:
         """Return a geometry_msgs/PoseStamped in the map's frame."""
-        pose = self._make("geometry_msgs/msg/Pose", position=self._point(x, y), orientation=self._turn(heading))
-        return self._bytes(POSE, header=self._header(at), pose=pose)
+        pose = self._make_message(
+            "geometry_msgs/msg/Pose", position=self._make_point(x, y), orientation=self._make_turn(heading)
+        )
+        return self._encode_message(POSE, header=self._make_header(at), pose=pose)
 
     def transforms(self, at: int, bodies: Sequence[tuple[str, float, float, float]]) -> bytes:
         """Return a tf2_msgs/TFMessage.
 
         Each body is (frame, x in m, y in m, heading in rad), in the map's frame.
         """
-        header = self._header(at)
+        header = self._make_header(at)
         kind, vector = "geometry_msgs/msg/TransformStamped", "geometry_msgs/msg/Vector3"
         stamped = []
         for name, x, y, heading in bodies:
-            shift = self._make(vector, x=x, y=y, z=0.0)
-            transform = self._make("geometry_msgs/msg/Transform", translation=shift, rotation=self._turn(heading))
-            stamped.append(self._make(kind, header=header, child_frame_id=name, transform=transform))
-        return self._bytes(TRANSFORMS, transforms=stamped)
+            shift = self._make_message(vector, x=x, y=y, z=0.0)
+            transform = self._make_message(
+                "geometry_msgs/msg/Transform", translation=shift, rotation=self._make_turn(heading)
+            )
+            stamped.append(self._make_message(kind, header=header, child_frame_id=name, transform=transform))
+        return self._encode_message(TRANSFORMS, transforms=stamped)
 
     def grid(self, at: int, point: float, origin: tuple[float, float], values: NDArray[np.int8]) -> bytes:
         """Return a nav_msgs/OccupancyGrid.
@@ -102,32 +106,36 @@ class Encoder:
         to 100, or `UNKNOWN`.
         """
         height, width = values.shape
-        corner = self._make("geometry_msgs/msg/Pose", position=self._point(*origin), orientation=self._turn(0.0))
-        info = self._make(
+        corner = self._make_message(
+            "geometry_msgs/msg/Pose", position=self._make_point(*origin), orientation=self._make_turn(0.0)
+        )
+        info = self._make_message(
             "nav_msgs/msg/MapMetaData",
-            map_load_time=self._time(0),
+            map_load_time=self._make_time(0),
             resolution=point,
             width=width,
             height=height,
             origin=corner,
         )
-        return self._bytes(GRID, header=self._header(at), info=info, data=np.ascontiguousarray(values).ravel())
+        return self._encode_message(
+            GRID, header=self._make_header(at), info=info, data=np.ascontiguousarray(values).ravel()
+        )
 
-    def _bytes(self, kind: str, **fields: Any) -> bytes:
-        return bytes(self._store.serialize_cdr(self._make(kind, **fields), kind))
+    def _encode_message(self, kind: str, **fields: Any) -> bytes:
+        return bytes(self._store.serialize_cdr(self._make_message(kind, **fields), kind))
 
-    def _make(self, kind: str, **fields: Any) -> Any:
+    def _make_message(self, kind: str, **fields: Any) -> Any:
         return self._types[kind](**fields)
 
-    def _time(self, at: int) -> Any:
-        return self._make("builtin_interfaces/msg/Time", sec=at // 1_000_000_000, nanosec=at % 1_000_000_000)
+    def _make_time(self, at: int) -> Any:
+        return self._make_message("builtin_interfaces/msg/Time", sec=at // 1_000_000_000, nanosec=at % 1_000_000_000)
 
-    def _header(self, at: int) -> Any:
-        return self._make("std_msgs/msg/Header", stamp=self._time(at), frame_id=FRAME)
+    def _make_header(self, at: int) -> Any:
+        return self._make_message("std_msgs/msg/Header", stamp=self._make_time(at), frame_id=FRAME)
 
-    def _point(self, x: float, y: float) -> Any:
-        return self._make("geometry_msgs/msg/Point", x=x, y=y, z=0.0)
+    def _make_point(self, x: float, y: float) -> Any:
+        return self._make_message("geometry_msgs/msg/Point", x=x, y=y, z=0.0)
 
-    def _turn(self, heading: float) -> Any:
+    def _make_turn(self, heading: float) -> Any:
         half = 0.5 * heading
-        return self._make("geometry_msgs/msg/Quaternion", x=0.0, y=0.0, z=math.sin(half), w=math.cos(half))
+        return self._make_message("geometry_msgs/msg/Quaternion", x=0.0, y=0.0, z=math.sin(half), w=math.cos(half))

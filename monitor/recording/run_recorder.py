@@ -80,20 +80,20 @@ class Recorder(Watcher):
         self._counted = run.prepared.patrolled
         self._area = int(np.count_nonzero(self._counted))
         self._events = {k: [e for e in run.events if e.k == k] for k in {event.k for event in run.events}}
-        self._begin()
+        self._begin_recording()
 
     def after(self, k: int, fog: Fog) -> None:
         """See `Watcher`; writes the tick."""
-        run, time_ns = self._run, self._ns(k)
+        run, time_ns = self._run, self._time_ns(k)
         for event in self._events.get(k, ()):
-            self._log(event)
+            self._log_event(event)
         if k % self._every == 0 or k == run.ticks - 1:
             values = grid_values(fog, k, self._scale_s / run.step)
             self._file.grid("/fog", self._place, values, time_ns)
         robots = []
-        for place, name in enumerate(self._ros_names):
-            decision_ms = float(run.decision_ms[k, place])
-            pose = Pose(*run.poses[k, place].tolist()) if run.status[k, place] in WITH_BODY else None
+        for index, name in enumerate(self._ros_names):
+            decision_ms = float(run.decision_ms[k, index])
+            pose = Pose(*run.poses[k, index].tolist()) if run.status[k, index] in WITH_BODY else None
             robots.append((name, None if math.isnan(decision_ms) else decision_ms, pose))
         self._file.robots(robots, time_ns)
         self._file.number("/mfow", run.mfow[k] * run.step, time_ns)
@@ -109,8 +109,8 @@ class Recorder(Watcher):
         run = self._run
         for k in sorted(k for k in self._events if k >= run.ticks):
             for event in self._events[k]:
-                self._log(event)
-        time_ns = self._ns(run.ticks)
+                self._log_event(event)
+        time_ns = self._time_ns(run.ticks)
         if run.ended is None:
             self._file.log("run", "the journal is cut off here", time_ns, ros.WARN)
         try:
@@ -126,7 +126,7 @@ class Recorder(Watcher):
         with suppress(OSError):
             self._part.unlink()
 
-    def _begin(self) -> None:
+    def _begin_recording(self) -> None:
         run, header = self._run, self._run.journal.header
         facts = {
             "scenario": run.title,
@@ -146,13 +146,13 @@ class Recorder(Watcher):
         text = f"/fog: 0 means seen now, 100 means seen {self._scale_s:g} s ago or earlier, -1 means not patrolled"
         self._file.log("recording", text, 0)
 
-    def _ns(self, k: int) -> int:
+    def _time_ns(self, k: int) -> int:
         return round(k * self._run.step * 1e9)
 
-    def _log(self, event: Event) -> None:
-        place = None if event.robot is None else self._run.index.get(event.robot)
-        name = "run" if place is None else self._ros_names[place]
-        self._file.event(event.kind, name, event.detail, self._ns(event.k))
+    def _log_event(self, event: Event) -> None:
+        index = None if event.robot is None else self._run.index.get(event.robot)
+        name = "run" if index is None else self._ros_names[index]
+        self._file.event(event.kind, name, event.detail, self._time_ns(event.k))
 
 
 def scale_of(run: Run) -> float:

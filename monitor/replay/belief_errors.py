@@ -86,7 +86,7 @@ class BeliefWatcher(Watcher):
         self._footprint = footprint
         self._key = key
         self._robots = chosen_robots(run, work) if robots is None else tuple(robots)
-        numbers = [run.numbers[place] for place in self._robots]
+        numbers = [run.numbers[index] for index in self._robots]
         self._beliefs = BeliefFollower(numbers, self._listener, run.links.late + 1)
         self._records = iter(run.journal.ticks)
         self._ended: dict[int, set[int]] = defaultdict(set)
@@ -101,7 +101,7 @@ class BeliefWatcher(Watcher):
     def after(self, k: int, fog: Fog) -> None:
         """See `Watcher`; updates the beliefs and, at some ticks, compares them."""
         if self.hear(k) and k in self._sampled:
-            self._compare(k, fog)
+            self._compare_fog(k, fog)
 
     def hear(self, k: int) -> bool:
         """Update the selected robots' beliefs with the next tick, k; False at the journal's end."""
@@ -127,15 +127,15 @@ class BeliefWatcher(Watcher):
         inboxes = inboxes_of(prepared.scenario, [number], prepared.terrain.bounds, self._key)
         return Listener(self._footprint, prepared.fields[number].patrolled, inboxes, number, self._run.closings)
 
-    def _compare(self, k: int, fog: Fog) -> None:
+    def _compare_fog(self, k: int, fog: Fog) -> None:
         truth = fog.age(k)
         means, mfows = [], []
-        for place in self._robots:
-            if self._run.status[k, place] != Status.ALIVE:
+        for robot in self._robots:
+            if self._run.status[k, robot] != Status.ALIVE:
                 means.append(np.nan)
                 mfows.append(np.nan)
                 continue
-            believed = self.believed(self._run.numbers[place])
+            believed = self.believed(self._run.numbers[robot])
             # The fleet's area contains the robot's, so the truth is known wherever the robot believes something.
             off = np.abs(believed.age(k) - truth)[believed.patrolled.view(np.bool_)]
             means.append(float(off.mean()))

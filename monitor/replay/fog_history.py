@@ -32,7 +32,7 @@ class FogHistory:
     @property
     def held(self) -> int:
         """Size of the snapshots, bytes."""
-        return sum(kept.nbytes for kept in self._kept.values())
+        return sum(snapshot.nbytes for snapshot in self._kept.values())
 
     def base(self, k: int) -> int:
         """Return the last tick up to k from which the fog can go on without being made anew; -1 for none."""
@@ -48,14 +48,14 @@ class FogHistory:
         """Return the fog after a tick, valid until the next call; None if `over` says meanwhile that time is up."""
         base = self.base(k)
         if base != self._k:
-            fog, kept = self._blank(), self._kept.get(base)
-            self._fog = fog if kept is None else Fog.resumed(fog.patrolled.view(np.bool_), kept.map())
+            fog, snapshot = self._blank(), self._kept.get(base)
+            self._fog = fog if snapshot is None else Fog.resumed(fog.patrolled.view(np.bool_), snapshot.map())
             self._k = base
         while self._k < k:
             self._fog = self._advance(self._fog, self._k + 1)
             self._k += 1
             if self._k % self._apart == 0:
-                self._keep()
+                self._keep_snapshot()
             if self._k < k and over():
                 return None
         return self._fog
@@ -63,15 +63,15 @@ class FogHistory:
     def put(self, fog: Fog, k: int) -> None:
         """Take over the fog of a tick that was made in another way."""
         self._fog, self._k = fog, k
-        self._keep()
+        self._keep_snapshot()
 
-    def _keep(self) -> None:
+    def _keep_snapshot(self) -> None:
         """Keep a snapshot; where they take too much memory, from then on only every other one."""
         if self._k not in self._kept:
             self._kept[self._k] = Snapshot.of(self._fog.last_seen)
             if self.held > self._memory:
                 self._apart *= 2
-                self._kept = {k: kept for k, kept in self._kept.items() if k % self._apart == 0}
+                self._kept = {k: snapshot for k, snapshot in self._kept.items() if k % self._apart == 0}
 
 
 @dataclass(frozen=True, eq=False)

@@ -39,7 +39,7 @@ class LinkLog:
 
     def at(self, k: int) -> LinkCounts | None:
         """Return the counts up to tick k; None while the journal is not read that far."""
-        return LinkCounts(*self._after(k)) if k < self._ticks else None
+        return LinkCounts(*self._counts_after(k)) if k < self._ticks else None
 
     def tick(self, record: TickRecord) -> None:
         """Take in the next tick."""
@@ -48,22 +48,22 @@ class LinkLog:
         self._open.append(counts)
         self._ticks += 1
         if len(self._open) == _APART:
-            self._counts.append(self._after(self._ticks - 1))
+            self._counts.append(self._counts_after(self._ticks - 1))
             self._packed.append(zlib.compress(np.stack(self._open).tobytes(), _FAST))
             self._open.clear()
 
-    def _after(self, k: int) -> _Counts:
+    def _counts_after(self, k: int) -> _Counts:
         """Return the frames sent and delivered, and when each link was last heard, after tick k."""
         number = k // _APART
-        sent, delivered, heard = self._counts[number]
+        sent, delivered, last_heard = self._counts[number]
         first = number * _APART
-        rows = self._rows(number)[: k + 1 - first]
+        rows = self._block_rows(number)[: k + 1 - first]
         came = rows[:, 1] > 0
-        last = np.where(came.any(axis=0), first + len(rows) - 1 - came[::-1].argmax(axis=0), heard)
+        last = np.where(came.any(axis=0), first + len(rows) - 1 - came[::-1].argmax(axis=0), last_heard)
         also_sent, arrived = rows.sum(axis=0, dtype=np.int64)
         return sent + also_sent, delivered + arrived, last
 
-    def _rows(self, number: int) -> NDArray[np.uint16]:
+    def _block_rows(self, number: int) -> NDArray[np.uint16]:
         """uint16 (ticks, 2, n, n): frames sent and delivered in each tick of a block."""
         if number == len(self._packed):
             return np.stack(self._open)

@@ -46,7 +46,7 @@ class PastBeliefs:
         None is returned while it is being computed.
         """
         if number not in self._robots and len(self._robots) >= MOST:
-            idle = next((other for other in self._robots if other not in self._shown), None)
+            idle = next((candidate for candidate in self._robots if candidate not in self._shown), None)
             if idle is None:
                 return None
             del self._robots[idle]
@@ -70,7 +70,7 @@ class _Robot:
         self._footprint = footprint
         self._area, self._patrolled = run.prepared.fields[number].patrolled, run.prepared.patrolled
         self._look_log = _LookLog(run, footprint, key, number)
-        self._history = FogHistory(self._blank, self._advance, run.ticks, MEMORY // MOST)
+        self._history = FogHistory(self._blank_fog, self._advance_fog, run.ticks, MEMORY // MOST)
 
     def last_seen(self, k: int) -> NDArray[np.int32] | None:
         """See `PastBeliefs`."""
@@ -81,15 +81,15 @@ class _Robot:
         fog = self._history.fog(k, lambda: self._now() > until)
         return None if fog is None else fog.last_seen
 
-    def _advance(self, fog: Fog, k: int) -> Fog:
+    def _advance_fog(self, fog: Fog, k: int) -> Fog:
         if k in self._look_log.fresh:
-            fog = self._blank()
+            fog = self._blank_fog()
         for look_tick, pose in self._look_log.looks(k):
             self._closings.show(look_tick, self._footprint)
             fog.observe(self._footprint.visible(pose), look_tick)
         return fog
 
-    def _blank(self) -> Fog:
+    def _blank_fog(self) -> Fog:
         return mark_outside(Fog(self._area), self._patrolled)
 
 
@@ -122,8 +122,8 @@ class _LookLog(BeliefWatcher):
 
     def looks(self, k: int) -> Iterator[tuple[int, Pose]]:
         """Yield the looks learnt of in tick k, in order: tick and pose of each."""
-        for place in range(self._ends[k - 1] if k else 0, self._ends[k]):
-            yield self._at[place], Pose(*self._poses[3 * place : 3 * place + 3])
+        for index in range(self._ends[k - 1] if k else 0, self._ends[k]):
+            yield self._at[index], Pose(*self._poses[3 * index : 3 * index + 3])
 
     def hear(self, k: int) -> bool:
         if not super().hear(k):
@@ -131,12 +131,12 @@ class _LookLog(BeliefWatcher):
         self._ends.append(len(self._at))
         return True
 
-    def _note(self, tick: int, pose: Pose) -> None:
+    def _note_look(self, tick: int, pose: Pose) -> None:
         self._at.append(tick)
         self._poses.extend((pose.x, pose.y, pose.heading))
 
     def _listener(self, number: int) -> Listener:
         noting = _LookRecorder(self._footprint, _NOWHERE, super()._listener(number).inboxes, number)
-        noting.note = self._note
+        noting.note = self._note_look
         self.fresh.add(self.ticks)
         return noting

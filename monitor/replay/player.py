@@ -102,23 +102,23 @@ class Player:
             self._log.read()
             arrived = self._is_ahead and self._log.at(self._at) is not None
             with self._changed:
-                self._advance()
+                self._advance_ticks()
                 now = self._now()
                 new = (self._k, self._running, self._pace)
                 news = arrived or new != self._returned
-                due = (now if self._shown_at is None else self._shown_at + SHOW_S) - now
-                if news and due <= 0.0:
+                wait_s = (now if self._shown_at is None else self._shown_at + SHOW_S) - now
+                if news and wait_s <= 0.0:
                     self._returned = new
                     self._at, self._shown_at = self._k, now
                     rate = abs(self._rate.at(now, self._k)) if self._running else 0.0
                     self._rate.add(now, self._k)
                     break
-                left = until - now
-                if left <= 0.0:
+                remaining_s = until - now
+                if remaining_s <= 0.0:
                     return None
                 if arrived or self._log.done:
-                    self._changed.wait(min(left, max(due, 0.002)) if self._running or news else left)
-        return self._state(*new, rate)
+                    self._changed.wait(min(remaining_s, max(wait_s, 0.002)) if self._running or news else remaining_s)
+        return self._make_state(*new, rate)
 
     def last_seen(self, layer: Layer) -> NDArray[np.int32] | None:
         """See `Source`; a robot's belief takes a while to compute."""
@@ -164,8 +164,8 @@ class Player:
         """See `Source`."""
         with self._changed:
             self._autoplay = False
-            self._advance()
-            answer = self._obey(control)
+            self._advance_ticks()
+            answer = self._obey_control(control)
             self._changed.notify_all()
         return answer
 
@@ -177,7 +177,7 @@ class Player:
         while not self._log.done:
             self._log.read()
 
-    def _obey(self, control: Mapping[str, Any]) -> Answer:
+    def _obey_control(self, control: Mapping[str, Any]) -> Answer:
         match control:
             case {"do": "pause"}:
                 self._running = False
@@ -202,38 +202,38 @@ class Player:
         self._k = min(max(k, 0), self._run.ticks - 1)
         self._place = float(self._k)
 
-    def _advance(self) -> None:
+    def _advance_ticks(self) -> None:
         """Advance by the wall time that has passed."""
         now = self._now()
-        gone, self._asked_at = now - self._asked_at, now
+        elapsed_s, self._asked_at = now - self._asked_at, now
         if not self._running:
             return
-        self._place += gone * self._pace / self._run.step
+        self._place += elapsed_s * self._pace / self._run.step
         last = self._run.ticks - 1
         if not 0.0 <= self._place < last:
             self._place = min(max(self._place, 0.0), float(last))
             self._running = False
         self._k = int(self._place)
 
-    def _state(self, k: int, running: bool, pace: float, rate: float) -> State:
+    def _make_state(self, k: int, running: bool, pace: float, rate: float) -> State:
         run = self._run
         links = None if self._direct else self._log.links.at(k)
         trapped = self._log.at(k)
         self._is_ahead = trapped is None
         robots = []
-        for place, number in enumerate(run.numbers):
-            x, y, heading = run.poses[k, place].tolist()
-            to_x, to_y = run.goals[k, place].tolist()
-            took, status = float(run.decision_ms[k, place]), Status(int(run.status[k, place]))
+        for index, number in enumerate(run.numbers):
+            x, y, heading = run.poses[k, index].tolist()
+            to_x, to_y = run.goals[k, index].tolist()
+            took, status = float(run.decision_ms[k, index]), Status(int(run.status[k, index]))
             robots.append(
                 RobotState(
                     number=number,
                     status=status,
-                    state=run.labels[run.states[k, place]],
+                    state=run.labels[run.states[k, index]],
                     pose=None if status in _NO_BODY else Pose(x, y, heading),
                     goal=None if np.isnan(to_x) or status is not Status.ALIVE else (to_x, to_y),
                     decision_ms=None if np.isnan(took) else took,
-                    heard_s=None if links is None else _since(int(links.heard[place].max()), k, run.step),
+                    heard_s=None if links is None else _seconds_since(int(links.heard[index].max()), k, run.step),
                     trapped=None if trapped is None else trapped.get(number),
                 )
             )
@@ -263,5 +263,5 @@ def open_player(folder: Path, key: Path | None = None) -> Player:
     return Player(open_run(folder, key), autoplay=True)
 
 
-def _since(tick: int, k: int, step: float) -> float | None:
+def _seconds_since(tick: int, k: int, step: float) -> float | None:
     return None if tick < 0 else (k - tick) * step

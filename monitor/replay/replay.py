@@ -75,7 +75,7 @@ class Replay:
         """Start before the first tick, with about `memory` bytes for snapshots of the fog."""
         self.run = run
         self._footprint = sensor_footprint(run.prepared.scenario, run.prepared.terrain)
-        self._history = FogHistory(self._blank, self._advance, run.ticks, memory)
+        self._history = FogHistory(self._blank_fog, self._advance_fog, run.ticks, memory)
 
     def fog(self, k: int) -> Fog:
         """Return the true fog after the observations of a tick, valid until the next call."""
@@ -83,22 +83,22 @@ class Replay:
             raise BadInput(f"tick {k}: the run has ticks 0 to {self.run.ticks - 1}")
         # Every point was seen in the last MFoW ticks. With looks that leave nothing of an age, they are enough for the
         # fog, so that a jump does not replay the whole run. It goes to a snapshot's place, from which steps back go on.
-        place = self._history.place(k)
-        enough = place - int(self.run.mfow[place])
+        position = self._history.place(k)
+        enough = position - int(self.run.mfow[position])
         if not self._footprint.leaves_age and enough > self._history.base(k) + 1:
-            fog = self._blank()
-            for tick in range(enough, place + 1):
-                self._advance(fog, tick)
-            if fog.mfow(place) == self.run.mfow[place]:
-                self._history.put(fog, place)
+            fog = self._blank_fog()
+            for tick in range(enough, position + 1):
+                self._advance_fog(fog, tick)
+            if fog.mfow(position) == self.run.mfow[position]:
+                self._history.put(fog, position)
         fog_then = self._history.fog(k)
         assert fog_then is not None
         return fog_then
 
-    def _blank(self) -> Fog:
+    def _blank_fog(self) -> Fog:
         return Fog(self.run.prepared.patrolled)
 
-    def _advance(self, fog: Fog, k: int) -> Fog:
+    def _advance_fog(self, fog: Fog, k: int) -> Fog:
         for view in views_at(self.run, k, self._footprint):
             fog.observe(view, k)
         return fog

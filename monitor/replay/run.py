@@ -161,7 +161,7 @@ class Run:
     def alive(self, k: int) -> list[tuple[int, Pose]]:
         """(number, true pose) of the robots that take part in tick k, in roster order."""
         living = np.flatnonzero(self.status[k] == Status.ALIVE).tolist()
-        return [(self.numbers[place], Pose(*self.poses[k, place].tolist())) for place in living]
+        return [(self.numbers[index], Pose(*self.poses[k, index].tolist())) for index in living]
 
 
 def open_run(folder: Path, key: Path | None = None) -> Run:
@@ -207,7 +207,7 @@ def read_run(
     came = {event.robot for event in journal.events if event.kind in CAME}
     absent = {number for number in prepared.scenario.spares if number not in came}
     robots = [robot for robot in journal.header.robots if robot.number not in absent]
-    index = {robot.number: place for place, robot in enumerate(robots)}
+    index = {robot.number: column for column, robot in enumerate(robots)}
     scenario = prepared.scenario
     numbers = [robot.number for robot in journal.header.robots]
     rows = _Rows(index, numbers, MOST_CAUSES + len(scenario.faults))
@@ -275,7 +275,7 @@ class _Rows:
         self.positions = 0
         self._delivered_in: list[int] = []
         self._dropped_in: list[int] = []
-        self._place = {FORGED: 0, **{number: place + 1 for number, place in index.items()}}
+        self._place = {FORGED: 0, **{number: column + 1 for number, column in index.items()}}
         side = len(index) + 1
         self._sent = np.zeros((side, side), dtype=np.int64)
         self._delivered = np.zeros((side, side), dtype=np.int64)
@@ -307,9 +307,9 @@ class _Rows:
             earliest = min(sent_at(sequence) for _, _, sequence in record.deliveries)
             self._late = max(self._late, record.k - earliest)
         for source, destination, _, cause in record.dropped:
-            self._lose(source, destination, cause)
+            self._count_loss(source, destination, cause)
 
-    def _lose(self, source: int, destination: int, cause: str) -> None:
+    def _count_loss(self, source: int, destination: int, cause: str) -> None:
         if source not in self._place or destination not in self._place:
             raise _Unfit(f"a frame from robot {source} to robot {destination} was dropped, which do not take part")
         if cause not in self._dropped:

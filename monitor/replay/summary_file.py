@@ -22,7 +22,7 @@ TOO_DEEP = "is nested too deeply for a summary; remove or restore it"
 def read_summary(path: Path) -> Summary | None:
     """Read summary.json; return None where it is missing or, because the run was killed, incomplete."""
     try:
-        document = json.loads(read_untrusted(path, SUMMARY), parse_int=_integer, parse_constant=_no_number)
+        document = json.loads(read_untrusted(path, SUMMARY), parse_int=_read_integer, parse_constant=_no_number)
     except FileNotFoundError:
         return None
     except OSError as error:
@@ -33,7 +33,7 @@ def read_summary(path: Path) -> Summary | None:
         return None
     if not isinstance(document, dict):
         raise BadInput(f"{path}: holds {quoted(document)}, which is no summary; remove or restore it")
-    for field, value, depth in _values(document):
+    for field, value, depth in _walk_values(document):
         if depth > DEEPEST:
             raise BadInput(f"{path}: {TOO_DEEP}")
         if isinstance(value, float) and not math.isfinite(value):
@@ -48,7 +48,7 @@ def read_summary(path: Path) -> Summary | None:
         raise BadInput(f"{path}: {wrong}; remove or restore the file") from None
 
 
-def _values(document: object) -> Iterator[tuple[str, object, int]]:
+def _walk_values(document: object) -> Iterator[tuple[str, object, int]]:
     """Yield all values of a JSON document, each with its dotted field and its depth; nothing below `DEEPEST`."""
     waiting = [("", document, 0)]
     while waiting:
@@ -61,7 +61,7 @@ def _values(document: object) -> Iterator[tuple[str, object, int]]:
             yield field, node, depth
 
 
-def _integer(digits: str) -> int | float:
+def _read_integer(digits: str) -> int | float:
     """An integer; infinity for one that is too large for a float, which the search for such values then refuses."""
     number = float(digits)
     return int(digits) if math.isfinite(number) else number

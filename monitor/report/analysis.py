@@ -148,10 +148,10 @@ def measures(run: Run) -> list[Measure]:
     living = sum(robot.status == "alive" for robot in run.robot_figures)
     return [
         *(of_run.pop(key) for key in ("mfow_mean_s", "mfow_max_s", "best_tour_s")),
-        _ratio(BY_TOUR, figures, figures.best_tour_s, "no tour"),
-        _ratio(BY_BOUND, figures, figures.bound_s, "the lower bound is 0"),
+        _ratio_measure(BY_TOUR, figures, figures.best_tour_s, "no tour"),
+        _ratio_measure(BY_BOUND, figures, figures.bound_s, "the lower bound is 0"),
         *of_run.values(),
-        Measure(DELIVERED, _delivered(run), "as robots report" if run.direct else "of the robots' frames"),
+        Measure(DELIVERED, _delivered_share(run), "as robots report" if run.direct else "of the robots' frames"),
         *of_robots,
         Measure(DECISION, float(np.median(decisions)) if len(decisions) else None),
         Measure(LIVING, living, f"of {len(run.names)}"),
@@ -175,21 +175,21 @@ def disagreement(run: Run) -> str:
     It compares only numbers that are at hand.
     """
     end = run.journal.end
-    given = run.figures.model_copy(
+    recomputed = run.figures.model_copy(
         update={"trace_hash": None if end is None else run.trace, "ended": None if end is None else end.reason}
     ).document()
-    stated = run.stated.document()
+    summary = run.stated.document()
     lines = [
-        f"{SUMMARY} states {key} = {quoted(stated[key])}, and the journal gives {quoted(value)}"
-        for key, value in given.items()
-        if key in stated and key not in ("messages", "robots") and not _equal(stated[key], value)
+        f"{SUMMARY} states {key} = {quoted(summary[key])}, and the journal gives {quoted(value)}"
+        for key, value in recomputed.items()
+        if key in summary and key not in ("messages", "robots") and not _values_equal(summary[key], value)
     ]
     if end is not None and end.trace_hash != run.trace:
         lines.append("the journal's ticks do not have the trace hash that its end states")
     return f"{'; '.join(lines)}. `fogwatch judge` compares the rest, and judges the run again." if lines else ""
 
 
-def _equal(stated: object, found: object) -> bool:
+def _values_equal(stated: object, found: object) -> bool:
     """Return whether two values are equal, numbers but for the rounding of another machine."""
     if isinstance(stated, int | float) and isinstance(found, int | float):
         return math.isclose(stated, found, rel_tol=1e-9)
@@ -202,7 +202,7 @@ def outcome_of(run: Run) -> str:
     return f"{outcome}, with warnings" if warnings_of(run) else outcome
 
 
-def _ratio(metric: Metric, figures: Summary, yardstick_s: float | None, without: str) -> Measure:
+def _ratio_measure(metric: Metric, figures: Summary, yardstick_s: float | None, without: str) -> Measure:
     """Return the ratio of a mean MFoW to a yardstick, or why there is none."""
     if not yardstick_s:
         return Measure(metric, None, without)
@@ -210,7 +210,7 @@ def _ratio(metric: Metric, figures: Summary, yardstick_s: float | None, without:
     return Measure(metric, None if why or figures.mfow_mean_s is None else figures.mfow_mean_s / yardstick_s, why)
 
 
-def _delivered(run: Run) -> float | None:
+def _delivered_share(run: Run) -> float | None:
     """Return the delivered share of the robots' frames that were delivered or dropped; None without any."""
     if run.direct:
         return run.stated.direct.heard_share

@@ -72,7 +72,7 @@ def mfow_chart(run: Run, bands: Sequence[Band], tour_s: float | None = None) -> 
         axes.axhline(tour_s, color=MUTED, linewidth=1.0, linestyle=(0, (1, 2)), label="best tour found")
     axes.set_ylabel("fog (s)")
     axes.set_ylim(bottom=0.0)
-    _legend(axes, rows)
+    _draw_legend(axes, rows)
     return chart
 
 
@@ -80,12 +80,12 @@ def belief_chart(run: Run, errors: BeliefErrors, bands: Sequence[Band]) -> Figur
     """Draw the mean difference between each robot's believed fog and the true one over time, below the faults."""
     chart, axes, rows = _with_lanes(run, bands, 2.7)
     times = errors.ticks * run.step
-    for column, place in enumerate(errors.robots):
-        name = run.names[place] if len(errors.robots) <= 10 else None
-        axes.plot(times, errors.mean[:, column] * run.step, color=colour(place), linewidth=1.2, label=name)
+    for column, robot in enumerate(errors.robots):
+        name = run.names[robot] if len(errors.robots) <= 10 else None
+        axes.plot(times, errors.mean[:, column] * run.step, color=colour(robot), linewidth=1.2, label=name)
     axes.set_ylabel("|believed - true| (s)")
     axes.set_ylim(bottom=0.0)
-    _legend(axes, rows)
+    _draw_legend(axes, rows)
     return chart
 
 
@@ -188,7 +188,7 @@ def links_chart(run: Run) -> Figure:
     axes = chart.add_subplot()
     image = axes.imshow(share, cmap="cividis", vmin=0.0, vmax=100.0, interpolation="none")
     places = range(count) if count <= MOST_CELLS else range(0, count, max(1, count // 10))
-    names = [run.names[place] for place in places]
+    names = [run.names[index] for index in places]
     axes.set_xticks(list(places), names, rotation=90 if max(map(len, names)) > 3 else 0)
     axes.set_yticks(list(places), names)
     axes.set_xlabel("to")
@@ -198,7 +198,7 @@ def links_chart(run: Run) -> Figure:
             if not np.isnan(value):
                 # It stands on the colour itself, so it does not depend on the theme.
                 tone = "#ffffff" if value < 55.0 else "#000000"
-                axes.text(column, row, _percent(value), ha="center", va="center", fontsize=8, color=tone)
+                axes.text(column, row, _percent_text(value), ha="center", va="center", fontsize=8, color=tone)
     plain(axes, grid="none")
     chart.colorbar(image, ax=axes, label="delivered (%)", shrink=0.9)
     return chart
@@ -209,16 +209,16 @@ def decisions_chart(run: Run) -> Figure:
     count = len(run.names)
     chart = figure(WIDTH, min(1.0 + 0.28 * count, 9.0))
     axes = chart.add_subplot()
-    for place in range(count):
-        times = run.decision_ms[:, place]
+    for index in range(count):
+        times = run.decision_ms[:, index]
         times = times[~np.isnan(times)]
         if not len(times):
             continue
         low, quarter, median, three, high = np.percentile(times, (1, 25, 50, 75, 99))
-        axes.plot((low, high), (place, place), color=MUTED, linewidth=1.2, solid_capstyle="butt")
-        axes.plot((quarter, three), (place, place), color=ACCENT, linewidth=7.0, solid_capstyle="butt")
-        axes.plot(median, place, marker="|", markersize=11, markeredgewidth=2.0, color=INK)
-        axes.plot(times.max(), place, marker="x", markersize=5, color=ALERT)
+        axes.plot((low, high), (index, index), color=MUTED, linewidth=1.2, solid_capstyle="butt")
+        axes.plot((quarter, three), (index, index), color=ACCENT, linewidth=7.0, solid_capstyle="butt")
+        axes.plot(median, index, marker="|", markersize=11, markeredgewidth=2.0, color=INK)
+        axes.plot(times.max(), index, marker="x", markersize=5, color=ALERT)
     _name_rows(axes, run.names)
     axes.set_ylim(count - 0.4, -0.6)
     logarithmic(axes, "x")
@@ -279,7 +279,7 @@ def _with_lanes(run: Run, bands: Sequence[Band], height: float, shade: bool = Tr
         top, axes = chart.subplots(2, 1, sharex=True, height_ratios=(strip, height))
         for row, (_, several) in enumerate(rows):
             for band in several:
-                _mark(top, band, row, end)
+                _mark_fault(top, band, row, end)
         top.set_yticks(range(len(rows)), [name for name, _ in rows], fontsize=8)
         top.set_ylim(len(rows) - 0.4, -0.6)
         top.tick_params(length=0, labelbottom=False)
@@ -287,30 +287,30 @@ def _with_lanes(run: Run, bands: Sequence[Band], height: float, shade: bool = Tr
         plain(top, grid="none")
         for band in bands if shade else ():
             if band.lasts:
-                axes.axvspan(band.begin, band.end, color=_tone(band), alpha=0.08, linewidth=0)
+                axes.axvspan(band.begin, band.end, color=_band_tone(band), alpha=0.08, linewidth=0)
             else:
-                axes.axvline(band.begin, color=_tone(band), alpha=0.7, linewidth=0.9)
+                axes.axvline(band.begin, color=_band_tone(band), alpha=0.7, linewidth=0.9)
     axes.set_xlim(0.0, end)
     axes.set_xlabel("time (s)")
     plain(axes)
     return chart, axes, len(rows)
 
 
-def _mark(axes: Axes, band: Band, row: int, end: float) -> None:
+def _mark_fault(axes: Axes, band: Band, row: int, end: float) -> None:
     """Draw a fault in its row: a bar, or a mark for one without duration."""
     if band.lasts:
         width = max(band.end - band.begin, 0.003 * end)
-        axes.barh(row, width, left=band.begin, height=0.62, color=_tone(band), alpha=0.75)
+        axes.barh(row, width, left=band.begin, height=0.62, color=_band_tone(band), alpha=0.75)
     else:
-        axes.plot(band.begin, row, marker="v", markersize=5, color=_tone(band), clip_on=False)
+        axes.plot(band.begin, row, marker="v", markersize=5, color=_band_tone(band), clip_on=False)
 
 
-def _tone(band: Band) -> str:
+def _band_tone(band: Band) -> str:
     """Return the colour of a band: intruders are no faults."""
     return ACCENT if band.kind == INTRUDER else ALERT
 
 
-def _legend(axes: Axes, rows: int) -> None:
+def _draw_legend(axes: Axes, rows: int) -> None:
     """Draw the legend above the chart or, below rows of faults, into its corner."""
     if not axes.get_legend_handles_labels()[0]:
         return
@@ -322,6 +322,6 @@ def _legend(axes: Axes, rows: int) -> None:
         axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=10, borderaxespad=0.2)
 
 
-def _percent(value: float) -> str:
+def _percent_text(value: float) -> str:
     """Return a share in percent; one below 100 never reads as 100."""
     return f"{min(value, 99.9):.1f}" if 99.0 < value < 100.0 else f"{value:.0f}"

@@ -70,7 +70,7 @@ def differences(runs: Sequence[Run]) -> list[tuple[str, ...]]:
 
     Files count by what is in them, not by where they lie: two copies of a policy or of a map are no difference.
     """
-    flat = [_by_content(dict(_leaves(run.journal.header.scenario)), run) for run in runs]
+    flat = [_by_content(dict(_walk_leaves(run.journal.header.scenario)), run) for run in runs]
     fields = sorted({field for leaves in flat for field in leaves} - {"name"})
     rows = []
     for field in fields:
@@ -78,7 +78,7 @@ def differences(runs: Sequence[Run]) -> list[tuple[str, ...]]:
         if any(value != values[0] for value in values):
             texts = [value if isinstance(value, str) else json.dumps(value, ensure_ascii=False) for value in values]
             shared = len(commonprefix(texts))  # noqa: RUF071 - of characters
-            rows.append((field, *(_cut(text, shared) for text in texts)))
+            rows.append((field, *(_cut_text(text, shared) for text in texts)))
     return rows
 
 
@@ -116,7 +116,7 @@ def drawings(analyses: Sequence[Analysis]) -> list[Drawing]:
             "gaps",
             "Time between visits",
             "Share of the gaps between two visits to a point that are at least as long as the time on the axis.",
-            lambda: _gaps(analyses, names),
+            lambda: _gaps_chart(analyses, names),
         ),
     ]
     largest_s = max(float(analysis.visits.mean.max()) * analysis.run.step for analysis in analyses)
@@ -171,14 +171,16 @@ def compare_html(analyses: Sequence[Analysis], figures: Sequence[Drawing]) -> st
     return html.page("fogwatch: comparison of runs", (part for part in body if part))
 
 
-def _leaves(node: object, above: str = "") -> list[tuple[str, object]]:
+def _walk_leaves(node: object, above: str = "") -> list[tuple[str, object]]:
     """Return dotted names and values. A list is one value, because entries of two lists rarely correspond."""
     if isinstance(node, dict):
-        return [leaf for key, value in node.items() for leaf in _leaves(value, f"{above}.{key}" if above else str(key))]
+        return [
+            leaf for key, value in node.items() for leaf in _walk_leaves(value, f"{above}.{key}" if above else str(key))
+        ]
     return [(above, node)]
 
 
-def _cut(text: str, shared: int) -> str:
+def _cut_text(text: str, shared: int) -> str:
     """Cut a text to 60 characters that show where it differs from the others."""
     if len(text) > 60 and shared > 40:
         text = f"...{text[min(shared - 20, len(text) - 57) :]}"
@@ -220,17 +222,17 @@ def _over_time(
     return chart
 
 
-def _gaps(analyses: Sequence[Analysis], names: Sequence[str]) -> Figure:
+def _gaps_chart(analyses: Sequence[Analysis], names: Sequence[str]) -> Figure:
     chart = figure(WIDTH, 2.9)
     axes = chart.add_subplot()
-    for place, (analysis, name) in enumerate(zip(analyses, names, strict=True)):
+    for index, (analysis, name) in enumerate(zip(analyses, names, strict=True)):
         gaps = analysis.visits.gaps.astype(np.float64)
         if gaps.sum() == 0.0:
             continue
-        left = 100.0 * np.cumsum(gaps[::-1])[::-1] / gaps.sum()
-        shown = left > 0.0
+        remaining = 100.0 * np.cumsum(gaps[::-1])[::-1] / gaps.sum()
+        shown = remaining > 0.0
         waits = np.arange(len(gaps)) * analysis.run.step
-        axes.plot(waits[shown], left[shown], color=colour(place), label=name, drawstyle="steps-post")
+        axes.plot(waits[shown], remaining[shown], color=colour(index), label=name, drawstyle="steps-post")
     axes.set_xlim(left=0.0)
     axes.set_ylim(0.0, 101.0)
     axes.set_xlabel("time between two visits to a point (s)")

@@ -128,7 +128,7 @@ def report_html(analysis: Analysis, figures: Sequence[Drawing], going: bool = Fa
     scenario, header = run.prepared.scenario, run.journal.header
     count = len(run.names)
     warnings = warnings_of(run)
-    more = len(warnings) - MOST_WARNINGS
+    hidden = len(warnings) - MOST_WARNINGS
     sub = [
         f"{count} robot{'s' if count != 1 else ''} on {header.terrain.name}",
         f"patrol: {describe_patrol(scenario.patrol.policy)}",
@@ -137,35 +137,39 @@ def report_html(analysis: Analysis, figures: Sequence[Drawing], going: bool = Fa
         header.software,
     ]
     sections = [
-        html.section("verdict", "Verdict", _verdict(run)),
-        html.section("fog", "Fog", html.figure(of.get("mfow")), _stalest(run), _pair(of, "fog-mean", "fog-worst")),
+        html.section("verdict", "Verdict", _verdict_section(run)),
+        html.section(
+            "fog", "Fog", html.figure(of.get("mfow")), _stalest_section(run), _figure_pair(of, "fog-mean", "fog-worst")
+        ),
         html.section("visits", "Time between visits", html.figure(of.get("gaps"))),
-        html.section("robots", "Robots", html.figure(of.get("states")), _robots(run), html.figure(of.get("troubles"))),
-        html.section("batteries", "Batteries", _batteries(run)),
-        html.section("zones", "Zones", _zones(run)),
-        html.section("closures", "Closures", _closures(run)),
+        html.section(
+            "robots", "Robots", html.figure(of.get("states")), _robots_table(run), html.figure(of.get("troubles"))
+        ),
+        html.section("batteries", "Batteries", _batteries_table(run)),
+        html.section("zones", "Zones", _zones_table(run)),
+        html.section("closures", "Closures", _closures_table(run)),
         html.section("paths", "Paths", html.figure(of.get("paths"))),
         html.section("links", "Radio", html.figure(of.get("links")), html.figure(of.get("radio")), links_section(run)),
-        html.section("belief", "Belief error", _belief(analysis), html.figure(of.get("belief"))),
+        html.section("belief", "Belief error", _belief_section(analysis), html.figure(of.get("belief"))),
         html.section("decisions", "Decision times", html.figure(of.get("decisions"))),
-        html.section("moving", "A moving intruder", _moving(analysis), html.figure(of.get("moving"))),
-        html.section("faults", "Faults", _faults(analysis)),
-        html.section("intruders", "Intruders", _intruders(analysis)),
-        html.section("events", "Events", _events(run)),
-        html.section("scenario", "Scenario", _scenario(run)),
+        html.section("moving", "A moving intruder", _moving_table(analysis), html.figure(of.get("moving"))),
+        html.section("faults", "Faults", _faults_table(analysis)),
+        html.section("intruders", "Intruders", _intruders_table(analysis)),
+        html.section("events", "Events", _events_table(run)),
+        html.section("scenario", "Scenario", _scenario_section(run)),
     ]
     body = [
-        html.main_heading(scenario.name, html.badge(*_outcome(run))),
+        html.main_heading(scenario.name, html.badge(*_run_outcome(run))),
         html.text(" · ".join(sub), "sub"),
         html.banner(why),
-        html.banner(_mismatch(analysis), bad=True),
+        html.banner(_mismatch_text(analysis), bad=True),
         html.banner(disagreement(run), bad=True),
         *(html.banner(f"Warning: {line}", bad=True) for line in warnings[:MOST_WARNINGS]),
-        html.text(f"{more} more warnings are in summary.json" if more > 0 else "", "note"),
+        html.text(f"{hidden} more warnings are in summary.json" if hidden > 0 else "", "note"),
         html.boxes((measure.text, measure.name, measure.note) for measure in measures(run)),
-        html.navigation(_contents(sections)),
+        html.navigation(_contents_links(sections)),
         *(part for part in sections if part),
-        html.section("files", "Files", html.navigation(_files(run.folder, beside or run.folder))),
+        html.section("files", "Files", html.navigation(_file_links(run.folder, beside or run.folder))),
     ]
     return html.page(f"{scenario.name}: fogwatch report", (part for part in body if part))
 
@@ -190,12 +194,12 @@ def write_page(document: str, out: Path) -> None:
         write_whole(out, document)
 
 
-def _outcome(run: Run) -> tuple[str, str]:
+def _run_outcome(run: Run) -> tuple[str, str]:
     outcome = outcome_of(run)
     return outcome, outcome if outcome in ("valid", "invalid") else "unknown"
 
 
-def _verdict(run: Run) -> str:
+def _verdict_section(run: Run) -> str:
     verdict = run.stated.verdict
     if verdict is None:
         return html.text("The run has no verdict: there is no summary.json, or it contains none.", "note")
@@ -223,19 +227,21 @@ def _verdict(run: Run) -> str:
     return html.text(f"{', '.join(counts)}.") + html.table(heads, open_checks) + listed
 
 
-def _stalest(run: Run) -> str:
+def _stalest_section(run: Run) -> str:
     """Describe the stalest place over the run and at its end, and the robots nearest to it."""
     rows = []
-    for when, place in (("over the run", run.stated.stalest.worst), ("at the end", run.stated.stalest.end)):
-        if place is not None:
-            near = "-" if place.nearest is None else f"{place.nearest}, {place.nearest_m:.0f} m away"
-            since = f"{place.at_s - place.age_s:g} s" if place.seen else "never"
-            rows.append((when, f"{place.x:.1f}, {place.y:.1f}", f"{place.at_s:g}", f"{place.age_s:g}", since, near))
+    for when, stalest in (("over the run", run.stated.stalest.worst), ("at the end", run.stated.stalest.end)):
+        if stalest is not None:
+            near = "-" if stalest.nearest is None else f"{stalest.nearest}, {stalest.nearest_m:.0f} m away"
+            since = f"{stalest.at_s - stalest.age_s:g} s" if stalest.seen else "never"
+            rows.append(
+                (when, f"{stalest.x:.1f}, {stalest.y:.1f}", f"{stalest.at_s:g}", f"{stalest.age_s:g}", since, near)
+            )
     heads = ("stalest place", "x, y (m)", "at (s)", "age (s)", "last seen before at", "nearest robot then")
     return html.table(heads, rows, numbers=(1, 2, 3))
 
 
-def _robots(run: Run) -> str:
+def _robots_table(run: Run) -> str:
     shown = [(key, metric) for key, metric in metrics_of(RobotFigures) if metric.title]
     heads = [f"{metric.title} ({metric.unit})" if metric.unit else metric.title for _, metric in shown]
     rows = [
@@ -246,7 +252,7 @@ def _robots(run: Run) -> str:
     return html.long_table("numbers", ("robot", "status at the end", *heads), rows, numbers, MOST_ROBOTS)
 
 
-def _belief(analysis: Analysis) -> str:
+def _belief_section(analysis: Analysis) -> str:
     run, errors = analysis.run, analysis.beliefs
     if len(run.names) == 1:
         return ""
@@ -268,16 +274,16 @@ def _belief(analysis: Analysis) -> str:
         " The fleet's key was not given (--key), so authentication tags were not checked." if analysis.untested else ""
     )
     rows = []
-    for column, place in enumerate(errors.robots):
+    for column, robot in enumerate(errors.robots):
         off = errors.mean[:, column] * run.step
         if np.isnan(off).all():
             continue
-        rows.append((run.names[place], f"{np.nanmean(off):.2f}", f"{np.nanmax(off):.2f}"))
+        rows.append((run.names[robot], f"{np.nanmean(off):.2f}", f"{np.nanmax(off):.2f}"))
     table = html.table(("robot", "mean error (s)", f"largest of {SAMPLES} ticks (s)"), rows, numbers=(1, 2))
     return html.text(f"{origin}{some}.{keyless}", "note") + html.details("numbers", table)
 
 
-def _faults(analysis: Analysis) -> str:
+def _faults_table(analysis: Analysis) -> str:
     rows = []
     for band in analysis.bands:
         until = f"{band.end:g}" if band.lasts else ""
@@ -287,7 +293,7 @@ def _faults(analysis: Analysis) -> str:
     return html.table(("id", "kind", "from (s)", "to (s)", "details", "frames"), rows, numbers=(2, 3))
 
 
-def _intruders(analysis: Analysis) -> str:
+def _intruders_table(analysis: Analysis) -> str:
     """Describe each intruder: its place and time, and, from the summary, its report and how it was surrounded."""
     facts = {intruder_name(index): counted for index, counted in enumerate(analysis.run.stated.intruders)}
     rows = []
@@ -299,37 +305,37 @@ def _intruders(analysis: Analysis) -> str:
             numbers = (reported, f"{counted.reported_s:g}", f"{counted.surrounded_s:g}", f"{counted.most_robots}")
         rows.append((band.id, band.text, f"{band.begin:g}", f"{band.end:g}", *numbers))
     heads = ("intruder", "place (m)", "from (s)", "to (s)", "first reported at (s)", "reported for (s)")
-    more = ("surrounded for (s)", "robots around it at most")
-    return html.table((*heads, *more), rows, numbers=range(2, 8))
+    extra_heads = ("surrounded for (s)", "robots around it at most")
+    return html.table((*heads, *extra_heads), rows, numbers=range(2, 8))
 
 
-def _moving(analysis: Analysis) -> str:
+def _moving_table(analysis: Analysis) -> str:
     if analysis.moving is None:
         return html.text(f"Not played: {analysis.no_moving}.", "note")
     return analysis.moving.table()
 
 
-def _zones(run: Run) -> str:
+def _zones_table(run: Run) -> str:
     """Describe each zone: its rules, its times, and, from the summary, the ages of its ground meanwhile."""
     figures = run.stated.zones
-    rows = [(zone.labels, zone.when, *_ages(figures.get(zone.name))) for zone in run.prepared.scenario.zones]
+    rows = [(zone.labels, zone.when, *_age_texts(figures.get(zone.name))) for zone in run.prepared.scenario.zones]
     if not rows:
         return ""
-    if (rest := figures.get(ELSEWHERE)) is not None:
-        rows.append((f"{ELSEWHERE} x{rest.weight:g}", "always", *_ages(rest)))
+    if (elsewhere := figures.get(ELSEWHERE)) is not None:
+        rows.append((f"{ELSEWHERE} x{elsewhere.weight:g}", "always", *_age_texts(elsewhere)))
     ages = ("mean age while in force (s)", "of its stalest point, mean (s)", "of its stalest point, most (s)")
     heads = ("zone", "in force", *ages, "wanted age kept (% of that time)")
     return html.table(heads, rows, numbers=range(2, 6))
 
 
-def _ages(figures: ZoneFigures | None) -> tuple[str, str, str, str]:
+def _age_texts(figures: ZoneFigures | None) -> tuple[str, str, str, str]:
     if figures is None:
         return "-", "-", "-", "-"
-    kept = "-" if figures.kept_share is None else f"{100.0 * figures.kept_share:.1f}"
-    return f"{figures.fog_mean_s:.1f}", f"{figures.mfow_mean_s:.1f}", f"{figures.mfow_max_s:.1f}", kept
+    share = "-" if figures.kept_share is None else f"{100.0 * figures.kept_share:.1f}"
+    return f"{figures.fog_mean_s:.1f}", f"{figures.mfow_mean_s:.1f}", f"{figures.mfow_max_s:.1f}", share
 
 
-def _batteries(run: Run) -> str:
+def _batteries_table(run: Run) -> str:
     """Describe the charge of each robot that has a battery, from the summary."""
     rows = [
         (
@@ -348,18 +354,18 @@ def _batteries(run: Run) -> str:
     return html.table((*heads, "empty at (s)"), rows, numbers=range(1, 7))
 
 
-def _closures(run: Run) -> str:
+def _closures_table(run: Run) -> str:
     """Describe how often and how long each closure was closed, and how old open ground got, from the summary."""
-    stated = run.stated
-    rows = [(name, f"{closure.closings}", f"{closure.closed_s:g}") for name, closure in stated.closures.items()]
+    summary = run.stated
+    rows = [(name, f"{closure.closings}", f"{closure.closed_s:g}") for name, closure in summary.closures.items()]
     if not rows:
         return ""
     text = ""
-    if stated.mfow_open_mean_s is not None and stated.mfow_open_max_s is not None:
+    if summary.mfow_open_mean_s is not None and summary.mfow_open_max_s is not None:
         text = html.text(
-            f"{100.0 * (stated.closed_out_share or 0.0):.1f} % of ground x time was closed out. While open to view, "
-            f"the stalest point was {stated.mfow_open_mean_s:.1f} s old in the mean, "
-            f"{stated.mfow_open_max_s:.1f} s at most."
+            f"{100.0 * (summary.closed_out_share or 0.0):.1f} % of ground x time was closed out. While open to view, "
+            f"the stalest point was {summary.mfow_open_mean_s:.1f} s old in the mean, "
+            f"{summary.mfow_open_max_s:.1f} s at most."
         )
     return text + html.table(("closure", "times closed", "closed for (s)"), rows, numbers=range(1, 3))
 
@@ -373,7 +379,7 @@ def _fault_counts(kind: str, facts: FaultFacts) -> str:
     return ", ".join([f"{facts.frames} {'forged' if kind == 'spoof' else 'on its links'}", *counts])
 
 
-def _events(run: Run) -> str:
+def _events_table(run: Run) -> str:
     names = dict(zip(run.numbers, run.names, strict=True))
     rows = [
         (f"{event.k * run.step:g}", event.kind, names.get(event.robot or 0, ""), event.detail) for event in run.events
@@ -382,7 +388,7 @@ def _events(run: Run) -> str:
     return html.long_table(f"{len(rows)} events", heads, rows, (0,), MOST_EVENTS) if rows else ""
 
 
-def _scenario(run: Run) -> str:
+def _scenario_section(run: Run) -> str:
     try:
         yaml_text = read_text(run.folder / SCENARIO)
     except BadInput:
@@ -395,7 +401,7 @@ def _scenario(run: Run) -> str:
     )
 
 
-def _mismatch(analysis: Analysis) -> str:
+def _mismatch_text(analysis: Analysis) -> str:
     k = analysis.wrong_from
     if k is None:
         return ""
@@ -406,16 +412,16 @@ def _mismatch(analysis: Analysis) -> str:
     )
 
 
-def _pair(of: dict[str, Drawing], *names: str) -> str:
+def _figure_pair(of: dict[str, Drawing], *names: str) -> str:
     return html.side_by_side(*(html.figure(of.get(name), heading=True) for name in names))
 
 
-def _contents(sections: Sequence[str]) -> list[tuple[str, str]]:
+def _contents_links(sections: Sequence[str]) -> list[tuple[str, str]]:
     heads = [part.split('"', 2)[1] for part in sections if part]
     return [(f"#{name}", name) for name in heads]
 
 
-def _files(folder: Path, beside: Path) -> list[tuple[str, str]]:
+def _file_links(folder: Path, beside: Path) -> list[tuple[str, str]]:
     """Return links to the run's files from a page in the folder `beside`."""
     wanted = (RECORDING, "journal", "ticks.csv", "summary.json", SCENARIO, "fog.png")
     way = Path(os.path.relpath(folder.resolve(), beside.resolve()))

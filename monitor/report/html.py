@@ -52,7 +52,7 @@ def main_heading(title: str, mark: Markup | None = None) -> str:
 
 def text(says: str, kind: str = "") -> str:
     """Return a paragraph of the CSS class `kind`; empty without text."""
-    return f"<p{_class(kind)}>{escape(says)}</p>" if says else ""
+    return f"<p{_class_attribute(kind)}>{escape(says)}</p>" if says else ""
 
 
 def banner(says: str, bad: bool = False) -> str:
@@ -82,7 +82,7 @@ def table(heads: Sequence[str], rows: Iterable[Sequence[str]], numbers: Collecti
 
     def cell(tag: str, column: int, says: str) -> str:
         inside = says if isinstance(says, Markup) else escape(says)
-        return f"<{tag}{_class('n' if column in numbers else '')}>{inside}</{tag}>"
+        return f"<{tag}{_class_attribute('n' if column in numbers else '')}>{inside}</{tag}>"
 
     def row(tag: str, cells: Sequence[str]) -> str:
         return f"<tr>{''.join(cell(tag, column, says) for column, says in enumerate(cells))}</tr>"
@@ -133,5 +133,5 @@ def navigation(items: Iterable[tuple[str, str]]) -> str:
     return f"<nav>{' '.join(f'<a href={chr(34)}{escape(to)}{chr(34)}>{escape(says)}</a>' for to, says in items)}</nav>"
 
 
-def _class(kind: str) -> str:
+def _class_attribute(kind: str) -> str:
     return f' class="{escape(kind)}"' if kind else ""

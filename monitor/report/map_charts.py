@@ -45,14 +45,14 @@ def fog_chart(
     `most` is the end of the colour scale in s; None for the largest value. `has_site` adds zones and closures.
     """
     terrain, counted, scenario = run.prepared.terrain, run.prepared.patrolled, run.prepared.scenario
-    chart, axes = _map(terrain)
+    chart, axes = _draw_map(terrain)
     most = float(fog_s[counted].max(initial=0.0)) if most is None else most
     scale = fog_scale(max(most, 1e-9))
     every = -(-max(terrain.shape) // _LONGEST)
-    image = scale.to_rgba(_thinned(np.where(counted, fog_s, 0.0), every), bytes=True)
-    image[~_thinned(counted, every)] = [round(255 * part) for part in UNCOUNTED]
-    image[_thinned(counted & never, every)] = (*rgb(NEVER_SEEN), 255)
-    paint(axes, terrain, image, _thinned(~terrain.passable, every), _LONGEST, MAP_EDGE)
+    image = scale.to_rgba(_thin_grid(np.where(counted, fog_s, 0.0), every), bytes=True)
+    image[~_thin_grid(counted, every)] = [round(255 * part) for part in UNCOUNTED]
+    image[_thin_grid(counted & never, every)] = (*rgb(NEVER_SEEN), 255)
+    paint(axes, terrain, image, _thin_grid(~terrain.passable, every), _LONGEST, MAP_EDGE)
     rims: dict[str, Any] = {"path_effects": rim(2.6)}
     for mark in marks_of(scenario, terrain) if has_site else ():
         if mark.points is not None:
@@ -72,10 +72,10 @@ def paths_chart(run: Run) -> Figure:
     """Draw the robots' paths: one panel for each robot, or one map for all robots of a large fleet."""
     terrain, count = run.prepared.terrain, len(run.names)
     if count > MOST_PANELS:
-        chart, axes = _map(terrain)
-        _ground(axes, terrain)
-        for place in range(count):
-            _path(axes, run, place, 0.5)
+        chart, axes = _draw_map(terrain)
+        _draw_ground(axes, terrain)
+        for index in range(count):
+            _draw_path(axes, run, index, 0.5)
         return chart
     xmin, ymin, xmax, ymax = terrain.bounds
     columns = min(count, 3 if xmax - xmin > 0.6 * (ymax - ymin) else 5)
@@ -83,15 +83,15 @@ def paths_chart(run: Run) -> Figure:
     width = 9.4 / columns
     chart = figure(9.4, rows * min(width * (ymax - ymin) / (xmax - xmin) + 0.3, 7.0))
     panels = chart.subplots(rows, columns, squeeze=False, sharex=True, sharey=True).ravel()
-    for place, axes in enumerate(panels):
-        if place >= count:
+    for index, axes in enumerate(panels):
+        if index >= count:
             axes.set_axis_off()
             continue
-        _frame(axes, terrain)
+        _frame_axes(axes, terrain)
         axes.tick_params(labelbottom=False, labelleft=False, length=0)
-        _ground(axes, terrain)
-        _path(axes, run, place, 0.8)
-        axes.set_title(f"{run.names[place]}: {run.robot_figures[place].distance_m:.0f} m", color=INK)
+        _draw_ground(axes, terrain)
+        _draw_path(axes, run, index, 0.8)
+        axes.set_title(f"{run.names[index]}: {run.robot_figures[index].distance_m:.0f} m", color=INK)
     return chart
 
 
@@ -101,13 +101,13 @@ def ground_panels(terrain: Terrain, count: int, width: float) -> tuple[Figure, l
     chart = figure(width * count, min(width * (ymax - ymin) / (xmax - xmin), 7.0) + 0.3)
     panels = list(chart.subplots(1, count, squeeze=False).ravel())
     for axes in panels:
-        _frame(axes, terrain)
+        _frame_axes(axes, terrain)
         axes.tick_params(labelbottom=False, labelleft=False, length=0)
-        _ground(axes, terrain)
+        _draw_ground(axes, terrain)
     return chart, panels
 
 
-def _map(terrain: Terrain) -> tuple[Figure, Axes]:
+def _draw_map(terrain: Terrain) -> tuple[Figure, Axes]:
     xmin, ymin, xmax, ymax = terrain.bounds
     width = 5.3
     height = width * (ymax - ymin) / (xmax - xmin)
@@ -115,42 +115,42 @@ def _map(terrain: Terrain) -> tuple[Figure, Axes]:
         width, height = width * 6.5 / height, 6.5
     chart = figure(width + 1.1, max(height, 1.6) + 0.5)
     axes = chart.add_subplot()
-    _frame(axes, terrain)
+    _frame_axes(axes, terrain)
     axes.set_xlabel("x (m)")
     axes.set_ylabel("y (m)")
     return chart, axes
 
 
-def _frame(axes: Axes, terrain: Terrain) -> None:
+def _frame_axes(axes: Axes, terrain: Terrain) -> None:
     frame(axes, terrain)
     plain(axes, grid="none")
 
 
-def _ground(axes: Axes, terrain: Terrain) -> None:
+def _draw_ground(axes: Axes, terrain: Terrain) -> None:
     every = -(-max(terrain.shape) // (_LONGEST // 2))
-    walls = _thinned(~terrain.passable, every)
+    walls = _thin_grid(~terrain.passable, every)
     paint(axes, terrain, np.zeros((*walls.shape, 4), dtype=np.uint8), walls, _LONGEST, PANEL_EDGE)
 
 
-def _path(axes: Axes, run: Run, place: int, width: float) -> None:
+def _draw_path(axes: Axes, run: Run, place: int, width: float) -> None:
     """Draw a path: a ring at its start, a dot at its end, or a cross if the robot was lost."""
     track = run.poses[:, place, :2].copy()
     track[np.isin(run.status[:, place], (Status.ABSENT, Status.LEFT))] = np.nan
-    there = np.flatnonzero(~np.isnan(track[:, 0]))
-    if not len(there):
+    present = np.flatnonzero(~np.isnan(track[:, 0]))
+    if not len(present):
         return
     every = -(-len(track) // MOST_STEPS)
     tone = colour(place)
     axes.plot(*track[::every].T, color=tone, linewidth=width, alpha=0.85, rasterized=len(run.names) > MOST_PANELS)
-    begin, end = track[there[0]], track[there[-1]]
-    last = Status(run.status[there[-1], place]).name.lower()
-    if there[-1] == run.ticks - 1:
+    begin, end = track[present[0]], track[present[-1]]
+    last = Status(run.status[present[-1], place]).name.lower()
+    if present[-1] == run.ticks - 1:
         last = run.robot_figures[place].status
-    gone = last in ("dead", "lost")
+    is_gone = last in ("dead", "lost")
     axes.plot(*begin, marker="o", markersize=5, markerfacecolor="none", markeredgecolor=MUTED)
-    axes.plot(*end, marker="X" if gone else "o", markersize=7 if gone else 5, color=tone, markeredgecolor=INK)
+    axes.plot(*end, marker="X" if is_gone else "o", markersize=7 if is_gone else 5, color=tone, markeredgecolor=INK)
 
 
-def _thinned(grid: NDArray[_Scalar], every: int) -> NDArray[_Scalar]:
+def _thin_grid(grid: NDArray[_Scalar], every: int) -> NDArray[_Scalar]:
     """Return every n-th row and column."""
     return grid[::every, ::every]

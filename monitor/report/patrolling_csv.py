@@ -41,7 +41,9 @@ def write_csv(run: Run, folder: Path) -> list[Path]:
     times = [EVERY_S * number for number in range(1, int(end_s / EVERY_S) + 1)]
     for at_s in times if end_s in times else [*times, end_s]:
         interference = sum(interfered_s <= at_s for interfered_s in totals.interfered_s)
-        lines.append(f"{at_s:.1f};{_spread([visit.idle_s for visit in again if visit.at_s <= at_s])};{interference}")
+        lines.append(
+            f"{at_s:.1f};{_spread_columns([visit.idle_s for visit in again if visit.at_s <= at_s])};{interference}"
+        )
     terrain, interference = header.terrain.name, len(totals.interfered_s)
     info = [
         *(terrain, str(len(header.robots)), "", "0.0", "0.00", "fogwatch", header.scenario["patrol"]["policy"], "", ""),
@@ -52,7 +54,7 @@ def write_csv(run: Run, folder: Path) -> list[Path]:
             str(interference),
             "TIMEOUT" if run.ended == "completed" else "ABORT",
         ),
-        *(_spread([visit.idle_s for visit in again]), f"{60.0 * interference / end_s if end_s else 0.0:.2f}"),
+        *(_spread_columns([visit.idle_s for visit in again]), f"{60.0 * interference / end_s if end_s else 0.0:.2f}"),
         *(str(len(again)), f"{len(again) / totals.vertices:.1f}", str(min(map(len, totals.intervals())))),
     ]
     files = {"idleness.csv": visits, "timeresults.csv": lines, "info.csv": [";".join(info)]}
@@ -63,7 +65,7 @@ def write_csv(run: Run, folder: Path) -> list[Path]:
     return [folder / name for name in files]
 
 
-def _spread(idle_s: Sequence[float]) -> str:
+def _spread_columns(idle_s: Sequence[float]) -> str:
     """Return least, mean, standard deviation and greatest, as four columns."""
     if not idle_s:
         return "0.0;0.0;0.0;0.0"

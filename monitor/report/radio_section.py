@@ -53,7 +53,7 @@ def _direct_links(run: Run) -> str:
     direct = run.stated.direct
     if not direct.links:
         return html.text(f"{why}. No two robots reported at the end how many frames they sent and heard.", "note")
-    sent, heard = (sum(getattr(counts, end) for counts in direct.links.values()) for end in ("sent", "heard"))
+    sent, heard_frames = (sum(getattr(counts, end) for counts in direct.links.values()) for end in ("sent", "heard"))
     missing = ", ".join(direct.unsaid)
     unsaid = f" The counts of {missing} are missing or incomplete." if missing else ""
     rows = []
@@ -62,7 +62,7 @@ def _direct_links(run: Run) -> str:
         rows.append((link, str(counts.sent), str(counts.heard), share))
     rejected = run.figures.messages.rejected
     counts_text = html.text(
-        f"{why}. According to their reports they heard {heard} of {sent} frames and rejected {rejected}.{unsaid}"
+        f"{why}. According to their reports they heard {heard_frames} of {sent} frames and rejected {rejected}.{unsaid}"
     )
     return counts_text + html.long_table(
         "all links", ("link", "sent", "heard", "heard (%)"), rows, range(1, 4), MOST_LINKS

@@ -38,11 +38,11 @@ def write_tables(
     files = {name: folder / f"{name}.{kind}" for name in names}
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        with ExitStack() as whole:
-            parts = {name: whole.enter_context(replacing(file)) for name, file in files.items()}
+        with ExitStack() as stack:
+            parts = {name: stack.enter_context(replacing(file)) for name, file in files.items()}
             with ExitStack() as open_files:
                 writers = {
-                    name: open_files.enter_context(_writer(part, kind, schema_of(TABLES[name], run)))
+                    name: open_files.enter_context(_open_writer(part, kind, schema_of(TABLES[name], run)))
                     for name, part in parts.items()
                 }
                 for name, batch in batches(run, names, share):
@@ -53,7 +53,7 @@ def write_tables(
     return list(files.values())
 
 
-def _writer(part: Path, kind: Format, schema: pa.Schema) -> Any:
+def _open_writer(part: Path, kind: Format, schema: pa.Schema) -> Any:
     """Open a file for record batches, as a context manager that closes it."""
     if kind == "parquet":
         from pyarrow.parquet import ParquetWriter

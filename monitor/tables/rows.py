@@ -88,7 +88,7 @@ class _RobotRows:
                 row.x,
                 row.y,
                 row.heading,
-                *self._command(row),
+                *self._command_columns(row),
                 row.bumped,
                 row.refused,
                 row.state or None,
@@ -103,7 +103,7 @@ class _RobotRows:
             if row.number in self._robots
         ]
 
-    def _command(self, row: RobotTick) -> Row:
+    def _command_columns(self, row: RobotTick) -> Row:
         """Return velocity along x and y, speed, turn rate, curvature, and the way that was driven."""
         command = command_of(self._robots[row.number].model, row.c0, row.c1)
         driven_m = 0.0 if row.bumped else command.speed_mps * self._step
@@ -134,13 +134,13 @@ class _LinkCounts:
 
     def __init__(self, run: Run) -> None:
         self.direct = run.direct
-        self._place = {FORGED: 0, **{number: place + 1 for number, place in run.index.items()}}
+        self._place = {FORGED: 0, **{number: column + 1 for number, column in run.index.items()}}
         side = len(self._place)
         self._sent, self._delivered = (np.zeros((side, side), dtype=np.int64) for _ in range(2))
 
     def totals(self, record: TickRecord) -> tuple[int, int | None, int | None]:
         """Return robots' frames sent, delivered and dropped; None where unknown."""
-        self._count(record)
+        self._count_record(record)
         sent = int(self._sent[1:].sum())
         if self.direct:
             return sent, None, None
@@ -149,7 +149,7 @@ class _LinkCounts:
 
     def links(self, record: TickRecord) -> Iterator[tuple[int, int, int, int | None, int | None, str | None]]:
         """Yield sender, receiver (places), sent, delivered, dropped and cause; a further row for each further cause."""
-        self._count(record)
+        self._count_record(record)
         causes: dict[tuple[int, int], Counter[str | None]] = {}
         for source, to, _, cause in record.dropped:
             causes.setdefault((self._place[source], self._place[to]), Counter())[cause] += 1
@@ -165,7 +165,7 @@ class _LinkCounts:
                 yield sender, receiver, sent, delivered, lost[why], why
                 sent = delivered = 0  # so that sums over rows count each frame once
 
-    def _count(self, record: TickRecord) -> None:
+    def _count_record(self, record: TickRecord) -> None:
         self._sent[:] = self._delivered[:] = 0
         count_frames(record, self._place, self._sent, self._delivered)
 
@@ -193,7 +193,7 @@ class _VisitRows:
         self._names = dict(zip(run.numbers, run.names, strict=True))
         self._totals = node_totals(run.journal.header)
         graph = run.prepared.scenario.terrain.graph
-        self._places = [] if graph is None else [tuple(place) for place in graph.vertices]
+        self._places = [] if graph is None else [tuple(vertex) for vertex in graph.vertices]
 
     def rows_of(self, record: TickRecord) -> list[Row]:
         totals = self._totals

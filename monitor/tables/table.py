@@ -51,7 +51,7 @@ class Table:
         out = io.StringIO()
         writer = csv.writer(out, lineterminator="\n")
         writer.writerow(self.heads)
-        writer.writerows([_plain(value) for value in row] for row in self.rows)
+        writer.writerows([_plain_value(value) for value in row] for row in self.rows)
         return out.getvalue()
 
     def markdown(self) -> str:
@@ -65,7 +65,7 @@ class Table:
 
         It is to be put into a table with a caption; `notes` are lines that stand above it as comments.
         """
-        places = "".join("r" if place in self.numbers else "l" for place in range(len(self.heads)))
+        places = "".join("r" if column in self.numbers else "l" for column in range(len(self.heads)))
         head, *body = (rf"{' & '.join(map(_latex_text, row))} \\" for row in [self.heads, *self.rows])
         lines = [*(f"% {note}" for note in notes), r"% \usepackage{booktabs}", rf"\begin{{tabular}}{{{places}}}"]
         lines += [r"\toprule", head, r"\midrule", *body, r"\bottomrule", r"\end{tabular}"]
@@ -79,7 +79,9 @@ class Table:
         check_pyarrow()
         import pyarrow as pa
 
-        return pa.table({name: _arrow([row[place] for row in self.rows]) for place, name in enumerate(self.heads)})
+        return pa.table(
+            {name: _arrow_array([row[column] for row in self.rows]) for column, name in enumerate(self.heads)}
+        )
 
 
 def check_pyarrow() -> None:
@@ -92,7 +94,7 @@ def check_pyarrow() -> None:
         ) from None
 
 
-def _plain(value: object) -> object:
+def _plain_value(value: object) -> object:
     return value if value is None or isinstance(value, str | int | float) else quoted(value)
 
 
@@ -102,7 +104,7 @@ def _latex_text(text: object) -> str:
     return re.sub(r"(?<![\w-])-(?=\d)", "$-$", escaped)
 
 
-def _arrow(values: Sequence[object]) -> pa.Array:
+def _arrow_array(values: Sequence[object]) -> pa.Array:
     import pyarrow as pa
 
     kinds = {type(value) for value in values if value is not None}

@@ -113,7 +113,7 @@ def test_the_search_goes_down_or_up_from_what_tours_keep(
         age = 10.0 if number >= needed else 99.0
         return AgeKept(scenario, 0.0, age, age, None, "valid", (), how)
 
-    monkeypatch.setattr(module._Planner, "_run", run)
+    monkeypatch.setattr(module._Planner, "_run_scenario", run)
     monkeypatch.setattr(module._Planner, "_first_by_tours", lambda *_: by_tours)
     plan = planned(rooms, 20.0)
     assert plan.chosen == needed
@@ -130,7 +130,7 @@ def test_a_number_has_to_keep_the_age_with_every_seed(rooms: Path, monkeypatch: 
         age = 10.0 if keeps else 99.0
         return AgeKept(scenario, 0.0, age, age, None, "valid", (), how)
 
-    monkeypatch.setattr(module._Planner, "_run", run)
+    monkeypatch.setattr(module._Planner, "_run_scenario", run)
     monkeypatch.setattr(module._Planner, "_first_by_tours", lambda *_: 2)
     plan = planned(rooms, 20.0, seeds=3)
     assert plan.chosen == 4
@@ -173,7 +173,7 @@ def test_nothing_ever_closed_is_run_with_the_same_seeds(rooms: Path, monkeypatch
         age = 99.0 if scenario.closures or scenario.seed == first + 2 else 10.0
         return AgeKept(scenario, 0.0, age, age, None, "valid", (), how)
 
-    monkeypatch.setattr(module._Planner, "_run", run)
+    monkeypatch.setattr(module._Planner, "_run_scenario", run)
     door = {"name": "door", "polygon": [[21, 4], [21.5, 4], [21.5, 7], [21, 7]], "closed": [[100, 2000]]}
     scenario = ground(rooms, closures=[door])
     first = scenario.seed
