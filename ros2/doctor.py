@@ -59,38 +59,38 @@ def topics_of(seen: Survey, form: Format, entities: Sequence[Entity]) -> Iterato
             told = min(about, key=lambda entity: entity.kind is not EntityKind.PUBLISHER, default=None)
             type_name = origin.type_name or (told.type_name if told else "")
             hashed = origin.type_hash or (told.type_hash if told else "")
-            heard = seen.heard.get(key) or Overheard(0.0)
-            frames, wrong = _look(_KNOWN.get(type_name, usual_kind), heard)
+            overheard = seen.heard.get(key) or Overheard(0.0)
+            frames, wrong = _look_at_messages(_KNOWN.get(type_name, usual_kind), overheard)
             if type_name in _KNOWN and hashed not in {"", NO_HASH, type_hash(type_name)}:
                 wrong = f"its hash is {hashed[:80]}, and so its fields are other than ours"
-            if heard.messages or about:
+            if overheard.messages or about:
                 yield Topic(
                     name,
                     printable(type_name[:255]),
                     printable(hashed[:80]),
-                    heard.rate,
-                    heard.messages,
-                    heard.size,
+                    overheard.rate,
+                    overheard.messages,
+                    overheard.size,
                     frames,
-                    max(publishers, len(heard.senders)),
+                    max(publishers, len(overheard.senders)),
                     subscribers,
                     printable(wrong),
                 )
 
 
-def _look(kind: Any, heard: Overheard) -> tuple[tuple[str, ...], str]:
+def _look_at_messages(kind: Any, heard: Overheard) -> tuple[tuple[str, ...], str]:
     """Return the frames in messages of a class, and why they cannot be used, if so."""
     frames: dict[str, None] = {}
     try:
         for payload in [*(payload for _, payload in list(heard.recent)), heard.newest]:
             if payload is not None and kind is not None:
-                frames |= dict.fromkeys(_frames(decode(kind, payload)))
+                frames |= dict.fromkeys(_message_frames(decode(kind, payload)))
     except Malformed as bad:
         return tuple(frames), str(bad)
     return tuple(frames), ""
 
 
-def _frames(message: Any) -> Iterator[str]:
+def _message_frames(message: Any) -> Iterator[str]:
     if isinstance(message, ros.TFMessage):
         for transform in message.transforms:
             yield f"{transform.frame}{ARROW}{transform.child_frame}"
@@ -215,7 +215,7 @@ def examine(seen: Survey) -> Examined:
     entities = bridged if isinstance(form, Bridge) else here
     topics = tuple(topics_of(seen, form, entities))
     findings = [*_of_format(seen, form, entities, ours)]
-    clock_s = _clock(seen, form)
+    clock_s = _clock_lead_s(seen, form)
     if findings[-1].level is not Level.MISSING:
         findings += [
             *_of_topics(topics),
@@ -238,14 +238,14 @@ def examine(seen: Survey) -> Examined:
 
 def _of_format(seen: Survey, form: Format, here: Sequence[Entity], ours: Sequence[Entity]) -> Iterator[Finding]:
     if not here and not seen.heard:
-        others = sorted({entity.domain for entity in ours} - {seen.domain})
+        domains = sorted({entity.domain for entity in ours} - {seen.domain})
         remedy = "start rmw_zenohd there and the nodes with RMW_IMPLEMENTATION=rmw_zenoh_cpp, or zenoh-bridge-ros2dds"
-        if others:
-            remedy = f"there is a robot in domain {others[0]}: give --domain {others[0]}"
+        if domains:
+            remedy = f"there is a robot in domain {domains[0]}: give --domain {domains[0]}"
         yield Finding(Level.MISSING, f"nothing of ROS 2 is on this router in domain {seen.domain}", remedy)
         return
     inside = full_name(seen.namespace, "").rstrip("/")
-    spaces = _namespaces(here, seen.wanted)
+    spaces = _list_namespaces(here, seen.wanted)
     if spaces and inside.strip("/") not in spaces and not any(seen.odometry(form)):
         shown = ", ".join(name or "''" for name in spaces[:8])
         yield Finding(Level.MISSING, f"no robot is in the namespace {inside or '/'}", f"give --namespace {shown}")
@@ -265,16 +265,16 @@ def _of_router(seen: Survey) -> Iterator[Finding]:
         yield Finding(Level.WARNING, problem, "start the robot's nodes with the address of this router")
 
 
-def _elsewhere(entities: Iterable[Entity], usual: str) -> str:
+def _elsewhere_remedy(entities: Iterable[Entity], usual: str) -> str:
     """Return the remedy where a topic has another name, or no node has it."""
     names = sorted({printable(entity.topic[:255]) for entity in entities})
     if not names:
         return "start the robot's base driver"
-    more = f" (there is {', '.join(names[1:4])}, too)" if names[1:] else ""
-    return f"give --topic {usual}={names[0]}{more}"
+    suffix = f" (there is {', '.join(names[1:4])}, too)" if names[1:] else ""
+    return f"give --topic {usual}={names[0]}{suffix}"
 
 
-def _namespaces(entities: Iterable[Entity], wanted: DriveSettings) -> list[str]:
+def _list_namespaces(entities: Iterable[Entity], wanted: DriveSettings) -> list[str]:
     """Return the namespaces in which there is odometry, or commands are wanted."""
     names = (wanted.topic("odom"), wanted.topic("cmd_vel"))
     namespaces = {entity.topic.rpartition("/")[0].strip("/") for entity in entities if entity.topic.endswith(names)}
@@ -288,17 +288,17 @@ def _of_topics(topics: Iterable[Topic]) -> Iterator[Finding]:
             yield Finding(Level.WARNING, f"{topic.name}: messages cannot be used: {topic.wrong}", remedy)
 
 
-def _usable(topics: Iterable[Topic], names: Iterable[str]) -> list[Topic]:
+def _usable_topics(topics: Iterable[Topic], names: Iterable[str]) -> list[Topic]:
     return [topic for topic in topics if topic.name in set(names) and topic.messages and not topic.wrong]
 
 
 def _of_odometry(seen: Survey, topics: Sequence[Topic], entities: Sequence[Entity]) -> Iterator[Finding]:
     name = seen.name("odom")
-    odometry = _usable(topics, [name])
+    odometry = _usable_topics(topics, [name])
     if not odometry:
         kind = CODINGS[ros.Odometry].type_name
-        known = [entity for entity in entities if entity.type_name == kind and entity.topic != name]
-        yield Finding(Level.MISSING, f"no odometry comes on {name}", _elsewhere(known, "odom"))
+        alternatives = [entity for entity in entities if entity.type_name == kind and entity.topic != name]
+        yield Finding(Level.MISSING, f"no odometry comes on {name}", _elsewhere_remedy(alternatives, "odom"))
     for topic in odometry:
         if topic.publishers > 1:
             remedy = "only one may publish it; give each robot a namespace of its own"
@@ -331,21 +331,21 @@ def _of_pose(seen: Survey, topics: Sequence[Topic]) -> Iterator[Finding]:
     """Find whether the robot's place on the map is known, by the source that the agent is to use."""
     wanted, localisation = seen.wanted, seen.wanted.localisation
     on_map = localisation.map_frame.lstrip("/")
-    tf = _usable(topics, [full_name(space, wanted.topic(kind)) for space in (seen.namespace, "") for kind in TF])
+    tf = _usable_topics(topics, [full_name(space, wanted.topic(kind)) for space in (seen.namespace, "") for kind in TF])
     links = [frame.partition(ARROW) for topic in tf for frame in topic.frames]
     corrected = {child.lstrip("/") for parent, _, child in links if parent.lstrip("/") == on_map}
-    odometry = _usable(topics, [seen.name("odom")])
+    odometry = _usable_topics(topics, [seen.name("odom")])
     frames = {frame.partition(ARROW)[0].lstrip("/") for topic in odometry for frame in topic.frames}
-    posed = {frame.lstrip("/") for topic in _usable(topics, [seen.name("amcl_pose")]) for frame in topic.frames}
+    posed = {frame.lstrip("/") for topic in _usable_topics(topics, [seen.name("amcl_pose")]) for frame in topic.frames}
     known = {Source.TF: bool(corrected & frames), Source.POSE: on_map in posed}
     if localisation.source is Source.ODOMETRY:
         yield Finding(Level.OK, "nothing corrects the odometry, as asked; give the agent --start X,Y,HEADING")
     elif known[localisation.source]:
         yield Finding(Level.OK, "the robot knows its place on the map")
     elif any(known.values()):
-        other = Source.TF if known[Source.TF] else Source.POSE
+        alternative = Source.TF if known[Source.TF] else Source.POSE
         problem = f"the robot knows its place on the map, but not by --localisation {localisation.source.value}"
-        yield Finding(Level.MISSING, problem, f"give --localisation {other.value}")
+        yield Finding(Level.MISSING, problem, f"give --localisation {alternative.value}")
     else:
         missing = " or ".join(f"{localisation.map_frame}{ARROW}{printable(frame)}" for frame in sorted(frames))
         missing = missing or "transform from the map"
@@ -369,9 +369,9 @@ def _of_commands(seen: Survey, topics: Sequence[Topic], entities: Sequence[Entit
     nav2 = any(entity.topic == action and entity.kind is EntityKind.SERVER for entity in entities)
     if nav2:
         yield Finding(Level.OK, f"Nav2 takes goals ({ACTION})")
-    known = [printable(kind) for kind in types if kind in _COMMANDS]
-    if known:
-        yield Finding(Level.OK, f"{name}: the robot obeys {', '.join(known)}")
+    usable = [printable(kind) for kind in types if kind in _COMMANDS]
+    if usable:
+        yield Finding(Level.OK, f"{name}: the robot obeys {', '.join(usable)}")
     elif types:
         remedy = f"give it one of {', '.join(_COMMANDS)}"
         wants = printable(types[0][:255])
@@ -383,7 +383,7 @@ def _of_commands(seen: Survey, topics: Sequence[Topic], entities: Sequence[Entit
         wanting = [
             entity for entity in entities if entity.type_name in _COMMANDS and entity.kind is EntityKind.SUBSCRIPTION
         ]
-        yield Finding(Level.MISSING, f"nobody obeys commands on {name}", _elsewhere(wanting, "cmd_vel"))
+        yield Finding(Level.MISSING, f"nobody obeys commands on {name}", _elsewhere_remedy(wanting, "cmd_vel"))
     rivals = sum(topic.messages for topic in topics if topic.name == name)
     if rivals:
         remedy = "stop the other program (a joystick, Nav2, another agent), or the robot gets both"
@@ -391,23 +391,23 @@ def _of_commands(seen: Survey, topics: Sequence[Topic], entities: Sequence[Entit
 
 
 def _of_map(seen: Survey, topics: Sequence[Topic]) -> Iterator[Finding]:
-    maps = _usable(topics, [full_name(space, seen.wanted.topic("map")) for space in (seen.namespace, "")])
+    maps = _usable_topics(topics, [full_name(space, seen.wanted.topic("map")) for space in (seen.namespace, "")])
     if maps:
         yield Finding(Level.OK, f"{maps[0].name}: a latched map of {maps[0].size} bytes")
     else:
         yield Finding(Level.WARNING, "there is no latched map", "give the agent a map's file with --map")
 
 
-def _clock(seen: Survey, form: Format) -> float | None:
+def _clock_lead_s(seen: Survey, form: Format) -> float | None:
     """Return by how much our clock is ahead, s: by the attachments or, without any, by the stamps of odometry."""
-    ages = [heard.age_ns for heard in seen.heard.values() if heard.age_ns is not None]
+    ages = [overheard.age_ns for overheard in seen.heard.values() if overheard.age_ns is not None]
     return min(ages, key=abs) / 1e9 if ages else _age_of_odometry(seen, form)
 
 
 def _age_of_odometry(seen: Survey, form: Format) -> float | None:
     """Return the least age by its stamp at which recent odometry arrived, s; None where there is none to be used."""
-    for heard in seen.odometry(form):
-        recent = list(heard.recent)  # at once: messages go on coming
+    for overheard in seen.odometry(form):
+        recent = list(overheard.recent)  # at once: messages go on coming
         with suppress(Malformed):
             if recent:
                 return min(at_ns - decode(ros.Odometry, payload).stamp_ns for at_ns, payload in recent) / 1e9
@@ -417,7 +417,7 @@ def _age_of_odometry(seen: Survey, form: Format) -> float | None:
 def _of_clock(seen: Survey, topics: Sequence[Topic], clock_s: float | None) -> Iterator[Finding]:
     if seen.wanted.sim_time:
         name = seen.name("clock")
-        if _usable(topics, [name]):
+        if _usable_topics(topics, [name]):
             yield Finding(Level.OK, f"{name}: the robot's time comes")
         else:
             yield Finding(

@@ -108,7 +108,7 @@ class SimRobot:
     def tick(self) -> int | None:
         """Wait for phase A of a new tick and return the newest tick there is; None when it is time to leave."""
         while self._session.stage is not RobotStage.DUE:
-            if not self._receive():
+            if not self._receive_message():
                 return None
         self._take_in_backlog()
         if (phase := self._session.take()) is None:
@@ -126,11 +126,11 @@ class SimRobot:
 
     def send(self, frames: tuple[bytes, ...]) -> None:
         """Answer phase A with this robot's position frame and its contacts."""
-        self._answers[PhaseA] = self._say(ReplyA(*self._session.head(self._session.k), frames))
+        self._answers[PhaseA] = self._encode_answer(ReplyA(*self._session.head(self._session.k), frames))
 
     def hear(self) -> list[bytes] | None:
         """Wait for phase B, and return all frames since the last decision; None when there is nothing to decide."""
-        while self._session.stage is RobotStage.AWAITS_B and self._receive():
+        while self._session.stage is RobotStage.AWAITS_B and self._receive_message():
             pass
         if self._session.stage is not RobotStage.AWAITS_A:
             return None
@@ -148,7 +148,7 @@ class SimRobot:
         reply = self._decision or Reply(command, State.PATROLLING.value, None, 0.0, self.refused)
         self._decision = None
         self._answer = ReplyB(*self._session.head(self._session.k), replace(reply, command=command))
-        self._answers[PhaseB] = self._say(self._answer)
+        self._answers[PhaseB] = self._encode_answer(self._answer)
 
     def stop(self, reason: str) -> None:
         """Report to the world that the mind cannot go on."""
@@ -175,7 +175,7 @@ class SimRobot:
 
     # --- receiving ---------------------------------------------------------------------------------------------------
 
-    def _receive(self) -> bool:
+    def _receive_message(self) -> bool:
         """Wait for one message and take it in; False when it is time to leave."""
         looked = self._now()
         while not (self._ending or self._session.has_left):
@@ -206,7 +206,7 @@ class SimRobot:
                 case Deliver(PhaseB(frames=frames)):
                     self._frames.extend(frames)
                 case Halt() if self._answer is not None:
-                    self._halt(self._answer)
+                    self._halt_body(self._answer)
                 case Unanswered(waited_s) if (now := self._now()) >= self._tell_at:
                     self._tell_at = now + TELL_S[1]
                     self._waiting(waited_s)
@@ -215,13 +215,13 @@ class SimRobot:
                     if self._session.k >= 0:
                         self._post(encode(Farewell(*self._session.head(self._session.k))))
 
-    def _halt(self, answer: ReplyB) -> None:
+    def _halt_body(self, answer: ReplyB) -> None:
         """Withdraw the last command, so that the world stops the body if it can hear."""
         halt = replace(answer.reply, command=halted(self._model), state=State.HOLDING.value, goal=None)
-        self._say(replace(answer, reply=halt))
+        self._encode_answer(replace(answer, reply=halt))
         self._answer = None
 
-    def _say(self, answer: ReplyA | ReplyB) -> tuple[int, bytes]:
+    def _encode_answer(self, answer: ReplyA | ReplyB) -> tuple[int, bytes]:
         payload = encode(answer)
         self._post(payload)
         return answer.k, payload

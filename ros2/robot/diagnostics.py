@@ -86,13 +86,13 @@ class Diagnostics:
 
     def watch(self, stopped: Callable[[], str]) -> None:
         """Begin to publish, once a second; `stopped` returns why the robot may not drive, empty if it may."""
-        Thread(target=self._publish, args=(stopped,), name="diagnostics", daemon=True).start()
+        Thread(target=self._publish_diagnostics, args=(stopped,), name="diagnostics", daemon=True).start()
 
     def close(self) -> None:
         """Publish no more."""
         self._over.set()
 
-    def _publish(self, stopped: Callable[[], str]) -> None:
+    def _publish_diagnostics(self, stopped: Callable[[], str]) -> None:
         while not self._over.is_set():
             self._messages.send(DiagnosticArray(self._hardware.stamp_ns(), self.statuses(stopped())))
             self._over.wait(EVERY_S)
@@ -104,17 +104,17 @@ class Diagnostics:
         """
         last, robot = self._last, self._facts.robot
         parts: dict[str, _Part] = {
-            "patrol": self._patrol(last),
-            "localisation": self._localisation(),
+            "patrol": self._patrol_part(last),
+            "localisation": self._localisation_part(),
             "driving": (DiagnosticLevel.WARN if stopped else DiagnosticLevel.OK, stopped or "may drive", {}),
-            "radio": self._radio(last),
+            "radio": self._radio_part(last),
         }
         return tuple(
             DiagnosticStatus(level, f"fogwatch {robot}: {part}", message, robot, tuple(values.items()))
             for part, (level, message, values) in parts.items()
         )
 
-    def _patrol(self, last: _Report | None) -> _Part:
+    def _patrol_part(self, last: _Report | None) -> _Part:
         if last is None:
             return DiagnosticLevel.WARN, "no decision yet", {}
         now_s, facts = self._now(), self._facts
@@ -132,28 +132,31 @@ class Diagnostics:
             return DiagnosticLevel.WARN, f"{last.decision.state}; ticks were lost", values
         return DiagnosticLevel.OK, str(last.decision.state), values
 
-    def _localisation(self) -> _Part:
+    def _localisation_part(self) -> _Part:
         hardware = self._hardware
         values = {
-            "age of the odometry, s": _age(hardware.odometry_age_s),
-            "age of the correction, s": _age(hardware.correction_age_s),
+            "age of the odometry, s": _age_text(hardware.odometry_age_s),
+            "age of the correction, s": _age_text(hardware.correction_age_s),
             **{f"messages refused: {reason}": f"{count:.0f}" for reason, count in hardware.refused.items()},
         }
         if why := hardware.why:
             return DiagnosticLevel.ERROR, why, values
         return DiagnosticLevel.OK, "the pose is known", values
 
-    def _radio(self, last: _Report | None) -> _Part:
+    def _radio_part(self, last: _Report | None) -> _Part:
         ages = {} if last is None else last.peers_s
-        others = len(self._facts.names) - 1
-        heard = sum(age_s <= self._facts.forget_after_s for age_s in ages.values())
+        count = len(self._facts.names) - 1
+        ages_s = sum(age_s <= self._facts.forget_after_s for age_s in ages.values())
         values = {
             "frames refused": "0" if last is None else str(last.decision.rejected),
-            **{f"age of the position of {name}, s": _age(age_s) for name, age_s in islice(ages.items(), MOST_PEERS)},
+            **{
+                f"age of the position of {name}, s": _age_text(age_s)
+                for name, age_s in islice(ages.items(), MOST_PEERS)
+            },
         }
-        level = DiagnosticLevel.WARN if others and not heard else DiagnosticLevel.OK
-        return level, f"hears {heard} of {others} other robots", values
+        level = DiagnosticLevel.WARN if count and not ages_s else DiagnosticLevel.OK
+        return level, f"hears {ages_s} of {count} other robots", values
 
 
-def _age(seconds: float | None) -> str:
+def _age_text(seconds: float | None) -> str:
     return "unknown" if seconds is None else f"{seconds:.1f}"

@@ -87,7 +87,7 @@ class Ros2Robot:
         self._stopped = ""
         self._standing = Standing(hardware.factor)
         self._cycled_s = time.monotonic()
-        self._thread = Thread(target=self._drive, name="drive", daemon=True)
+        self._thread = Thread(target=self._send_commands, name="drive", daemon=True)
 
     def start(self) -> Ros2Robot:
         """Begin to drive; itself."""
@@ -145,7 +145,7 @@ class Ros2Robot:
         self._over.set()
         if self._thread.is_alive():
             self._thread.join(_JOIN_S)
-        self._halt()
+        self._halt_robot()
         self._say.now(f"stopped for good: {reason}")
         if doubt := self._steering.unconfirmed:
             self._say.now(f"may still drive: {doubt}")
@@ -154,7 +154,7 @@ class Ros2Robot:
 
     def rest(self) -> None:
         """Stop before this process is paused; `go_on` drives on."""
-        self._halt()
+        self._halt_robot()
 
     def go_on(self) -> None:
         """Drive on after `rest`, unless the robot was stopped for good."""
@@ -169,7 +169,9 @@ class Ros2Robot:
             self._cycled_s = moment_s
             fix = self._hardware.fix()
             now_s = self._hardware.time.now()
-            stopped = self._hardware.stops.why or next((one.why for one in self._objections if one.why), "")
+            stopped = self._hardware.stops.why or next(
+                (objection.why for objection in self._objections if objection.why), ""
+            )
             self._stopped = stopped
             if not stopped:
                 self._standing.told()  # the robot is about to be driven, so a stop from now on is a new one
@@ -185,7 +187,7 @@ class Ros2Robot:
         """Carry out an operator's order, and return its outcome once that is known."""
         stops = self._hardware.stops
         if order is Order.RELEASE:
-            objected = any(one.why for one in self._objections)
+            objected = any(objector.why for objector in self._objections)
             for objection in self._objections:
                 objection.release()
             if stops.release(Stopper.OPERATOR) or objected:
@@ -201,7 +203,7 @@ class Ros2Robot:
             return Outcome(False, f"stands, but a restart of its agent would end that ({unsaved}); {stops.why}")
         return Outcome(True, stops.why)
 
-    def _drive(self) -> None:
+    def _send_commands(self) -> None:
         period_s = 1.0 / (self._hardware.settings.rate_hz * self._hardware.factor)
         due_s = time.monotonic()
         try:
@@ -212,9 +214,9 @@ class Ros2Robot:
             self._log.failure(error)
             self._failed = f"the driver failed: {type(error).__name__}: {error}"
         finally:
-            self._halt()
+            self._halt_robot()
 
-    def _halt(self) -> None:
+    def _halt_robot(self) -> None:
         """Send zero velocity, after the present message; also if the thread that sends it hangs."""
         locked = self._lock.acquire(timeout=_LOCK_S)
         try:
@@ -257,7 +259,7 @@ def assemble(
     names = {spec.number: spec.name for spec in scenario.roster}
     facts = Patrolling(site.spec.name, names, site.step, site.factor, scenario.radio.forget_after)
     diagnostics = Diagnostics(hardware, facts, site.peers)
-    robot = _driver(site, hardware, Both(shown, diagnostics), log, rivals)
+    robot = _make_driver(site, hardware, Both(shown, diagnostics), log, rivals)
     diagnostics.watch(lambda: robot.stopped)
     process.closing.callback(diagnostics.close)
     if process.supervision.counts:
@@ -266,7 +268,7 @@ def assemble(
     return robot
 
 
-def _driver(site: Site, hardware: Hardware, onlooker: Telemetry, log: Log, rivals: Rivals) -> Ros2Robot:
+def _make_driver(site: Site, hardware: Hardware, onlooker: Telemetry, log: Log, rivals: Rivals) -> Ros2Robot:
     settings, spec = hardware.settings, site.spec
     if settings.margin >= spec.radius:
         raise BadInput(f"--margin {settings.margin:g}: {spec.name}'s radius of {spec.radius:g} m holds it; give less")
@@ -280,9 +282,9 @@ def _driver(site: Site, hardware: Hardware, onlooker: Telemetry, log: Log, rival
         period_s = 1.0 / settings.rate_hz
         # Between two commands the robot goes on; half of the margin is kept for the errors of its pose.
         fence = Fence(site.terrain, spec.radius - 0.5 * settings.margin, 2.0 * period_s + REACTION_S, settings.braking)
-        others = Others(site.peers, site.radii, site.step, site.foreseen)
+        peers = Others(site.peers, site.radii, site.step, site.foreseen)
         response = Response(spec.radius, spec.speed / settings.braking)
         objections.append(response)
         governor = Governor(spec.model, spec.limits, settings.acceleration, HOLD_STEPS * site.step, fence)
-        steering = VelocitySteering(hardware, governor, others, response)
+        steering = VelocitySteering(hardware, governor, peers, response)
     return Ros2Robot(hardware, steering, site.clock, site.step, onlooker, site.orders(), log, objections).start()

@@ -79,7 +79,7 @@ class Others:
         if self._foreseen is not None:
             after = self._foreseen(1)
             for number, peer in self._foreseen(0).items():
-                vx, vy = _velocity(peer, after[number], self._step)
+                vx, vy = _mean_velocity(peer, after[number], self._step)
                 self._seen[number] = _Seen(peer, vx, vy, now_s)
             return
         for number, peer in self._peers.items():
@@ -89,18 +89,25 @@ class Others:
                 continue
             vx = vy = 0.0
             if last is not None and 0 < ticks <= MOST_TICKS:
-                vx, vy = _velocity(last.peer, peer, ticks * self._step)
+                vx, vy = _mean_velocity(last.peer, peer, ticks * self._step)
             self._seen[number] = _Seen(peer, vx, vy, now_s)
 
     def around(self, now_s: float) -> tuple[Other, ...]:
         """Return all other robots that were heard."""
         return tuple(
-            Other(one.peer.pose.x, one.peer.pose.y, one.vx, one.vy, self._radii[number], max(0.0, now_s - one.at_s))
-            for number, one in self._seen.items()
+            Other(
+                track.peer.pose.x,
+                track.peer.pose.y,
+                track.vx,
+                track.vy,
+                self._radii[number],
+                max(0.0, now_s - track.at_s),
+            )
+            for number, track in self._seen.items()
         )
 
 
-def _velocity(before: Peer, after: Peer, time_s: float) -> tuple[float, float]:
+def _mean_velocity(before: Peer, after: Peer, time_s: float) -> tuple[float, float]:
     return (after.pose.x - before.pose.x) / time_s, (after.pose.y - before.pose.y) / time_s
 
 
@@ -134,14 +141,14 @@ class Fence:
             slower = scaled(command, share)
             stands_s = self._until_it_stands(slower)
             free = path_is_free(self.terrain, pose, slower, stands_s, self.radius)
-            if free and all(self._keeps_off(pose, slower, stands_s + THEIRS_S, other) for other in others):
+            if free and all(self._keeps_off(pose, slower, stands_s + THEIRS_S, robot) for robot in others):
                 return slower
         return Twist(0.0, command.turn_rate) if isinstance(command, Twist) else scaled(command, 0.0)
 
     def on_ground(self, pose: Pose) -> bool:
         """Return True if a body's centre is where a body may be."""
-        at = self.terrain.point_at(pose.x, pose.y) if self.terrain.contains(pose.x, pose.y) else None
-        return at is not None and bool(self.terrain.free[at])
+        cell = self.terrain.point_at(pose.x, pose.y) if self.terrain.contains(pose.x, pose.y) else None
+        return cell is not None and bool(self.terrain.free[cell])
 
     def _until_it_stands(self, command: Command) -> float:
         """For how long the body may not leave the ground at its present speed, s: as far as it goes while it brakes."""

@@ -72,7 +72,7 @@ class Response:
     def told(self, command: Command, pose: Pose | None, time_s: float) -> None:
         """Take in the command of the last `time_s`, and the robot's pose now; None if that is unknown."""
         if pose is None or self._begin is None or self._meant is None:
-            self._start(pose)
+            self._start_trial(pose)
             return
         if self.why:
             moved_m, turned = apart(self._begin, pose)
@@ -85,7 +85,7 @@ class Response:
         way, _ = apart(self._begin, self._meant)
         if self._lasted_s < ENOUGH_S or (way < ENOUGH_M and abs(self._turn) < ENOUGH_RAD):
             return
-        if self._moved(self._begin, way, pose):
+        if self._has_moved(self._begin, way, pose):
             self._blind_m = self._blind_s = 0.0
         else:
             self._blind_m += way + self._radius * abs(self._turn)
@@ -95,19 +95,19 @@ class Response:
                 f"its pose stays where it is, though it was told to go {self._blind_m:.1f} m: its odometry hangs, "
                 "or its wheels are blocked (look at it; then fogwatch control ... release, or move it)"
             )
-        self._start(pose)
+        self._start_trial(pose)
 
     def release(self) -> None:
         """Judge the robot anew: an operator has looked at it, or it moves."""
         self.why = ""
         self._blind_m = self._blind_s = 0.0
-        self._start(None)
+        self._start_trial(None)
 
-    def _start(self, pose: Pose | None) -> None:
+    def _start_trial(self, pose: Pose | None) -> None:
         self._begin = self._meant = pose
         self._turn = self._lasted_s = 0.0
 
-    def _moved(self, begin: Pose, way: float, pose: Pose) -> bool:
+    def _has_moved(self, begin: Pose, way: float, pose: Pose) -> bool:
         moved_m, turned = apart(begin, pose)
         return (way >= ENOUGH_M and moved_m >= MOVES_SHARE * way) or (
             abs(self._turn) >= ENOUGH_RAD and turned >= MOVES_SHARE * ENOUGH_RAD
@@ -132,14 +132,14 @@ def nearer(command: Command, wanted: Command, most: float, radius: float) -> Com
             share = 1.0 if change <= most else most / change
             return wanted if share == 1.0 else Velocity(vx + (to_x - vx) * share, vy + (to_y - vy) * share)
         case Twist(speed, turn_rate), Twist(to_speed, to_turn_rate):
-            return Twist(_toward(speed, to_speed, most), _toward(turn_rate, to_turn_rate, most / radius))
+            return Twist(_step_toward(speed, to_speed, most), _step_toward(turn_rate, to_turn_rate, most / radius))
         case Drive(speed, _), Drive(to_speed, curvature):
-            return Drive(_toward(speed, to_speed, most), curvature)
+            return Drive(_step_toward(speed, to_speed, most), curvature)
         case _:
             raise TypeError(f"{command} and {wanted} are of different models")
 
 
-def _toward(value: float, wanted: float, most: float) -> float:
+def _step_toward(value: float, wanted: float, most: float) -> float:
     return min(max(wanted, value - most), value + most)
 
 

@@ -42,16 +42,16 @@ def rivals(entities: Sequence[Entity], topic: str | None, is_ours: Callable[[Ent
     `topic` is the full name of the topic of its commands; None where it gets goals, which Nav2 itself turns into
     commands. `node` is the full name of our own node, which no other may have.
     """
-    found = set()
-    for one in entities:
-        if is_ours(one):
+    names = set()
+    for entity in entities:
+        if is_ours(entity):
             continue
-        name = full_name(one.node.namespace, one.node.name)
-        if one.kind is EntityKind.NODE and name == node:
-            found.add(f"another agent, {node}")
-        elif one.kind is EntityKind.PUBLISHER and one.topic == topic and name != node:
-            found.add(f"{printable(name[:_LONGEST]) if one.node.name else 'somebody'} on {topic}")
-    return sorted(found)[:_MOST]
+        name = full_name(entity.node.namespace, entity.node.name)
+        if entity.kind is EntityKind.NODE and name == node:
+            names.add(f"another agent, {node}")
+        elif entity.kind is EntityKind.PUBLISHER and entity.topic == topic and name != node:
+            names.add(f"{printable(name[:_LONGEST]) if entity.node.name else 'somebody'} on {topic}")
+    return sorted(names)[:_MOST]
 
 
 class Rivals:
@@ -66,7 +66,7 @@ class Rivals:
         self._node = link.resolve(link.node.name)
         self._found: list[str] = []
         self._over = Event()
-        self._thread = Thread(target=self._watch, name="rivals", daemon=True)
+        self._thread = Thread(target=self._watch_graph, name="rivals", daemon=True)
 
     @property
     def why(self) -> str:
@@ -79,7 +79,7 @@ class Rivals:
     def are_there(self, wait_s: float = GONE_S, stopped: Callable[[], bool] = lambda: False) -> list[str]:
         """Return the other drivers that are still there after up to `wait_s`, or once `stopped` returns True."""
         end_s = time.monotonic() + wait_s
-        while self._look() and time.monotonic() < end_s and not stopped():
+        while self._find_rivals() and time.monotonic() < end_s and not stopped():
             self._over.wait(_AGAIN_S)
         return self._found
 
@@ -94,11 +94,11 @@ class Rivals:
         if self._thread.is_alive():
             self._thread.join()
 
-    def _watch(self) -> None:
+    def _watch_graph(self) -> None:
         while not self._over.wait(LOOK_S):
-            self._look()
+            self._find_rivals()
 
-    def _look(self) -> list[str]:
+    def _find_rivals(self) -> list[str]:
         self._found = rivals(self._link.graph(GRAPH_S), self._topic, self._link.is_ours, self._node)
         return self._found
 
@@ -123,10 +123,10 @@ class RobotTime:
         """Return the robot's time at a moment of `time.monotonic`, s since its epoch; None while it is unknown."""
         if self._clock is None:
             return time.time() - (time.monotonic() - moment_s)
-        told = self._clock.newest
-        if told is None or moment_s - told.at_s > self._fresh_s:
+        newest = self._clock.newest
+        if newest is None or moment_s - newest.at_s > self._fresh_s:
             return None
-        return told.message.stamp_ns / 1e9 + self._factor * (moment_s - told.at_s)
+        return newest.message.stamp_ns / 1e9 + self._factor * (moment_s - newest.at_s)
 
     def now(self) -> float | None:
         """Return the robot's time now, s since its epoch."""
@@ -160,15 +160,15 @@ class Hardware:
         self._stop = StopTopic(Stopper.TOPIC in self.stops, time.time_ns)
         clock: RosMailbox[Clock] | None = None
         if settings.sim_time:
-            clock = self._listen("clock", Clock, SENSOR, RosMailbox())
+            clock = self._listen_to("clock", Clock, SENSOR, RosMailbox())
         self.time = RobotTime(factor, clock, settings.localisation.fresh_s / factor)
-        self._listen("stop", Bool, LATCHED, self._stop)
+        self._listen_to("stop", Bool, LATCHED, self._stop)
         self._tf_static = self._listen_for_transforms("tf_static", LATCHED)
         self._tf = self._listen_for_transforms("tf", USUAL)
-        self._poses = self._listen("amcl_pose", PoseWithCovarianceStamped, LATCHED, RosMailbox(_ROOM))
-        self._odometry = self._listen("odom", Odometry, SENSOR, RosMailbox(_ROOM))
+        self._poses = self._listen_to("amcl_pose", PoseWithCovarianceStamped, LATCHED, RosMailbox(_ROOM))
+        self._odometry = self._listen_to("odom", Odometry, SENSOR, RosMailbox(_ROOM))
 
-    def _listen(self, usual: str, kind: type[M], qos: Qos, mailbox: RosMailbox[M]) -> RosMailbox[M]:
+    def _listen_to(self, usual: str, kind: type[M], qos: Qos, mailbox: RosMailbox[M]) -> RosMailbox[M]:
         self.link.subscribe(self.settings.topic(usual), kind, mailbox, qos)
         self._mailboxes.append(mailbox)
         return mailbox
@@ -178,7 +178,7 @@ class Hardware:
 
         ROS says them outside, unless a launch file moves them into the robot's namespace.
         """
-        inside: RosMailbox[TFMessage] = self._listen(usual, TFMessage, qos, RosMailbox(_ROOM))
+        inside: RosMailbox[TFMessage] = self._listen_to(usual, TFMessage, qos, RosMailbox(_ROOM))
         outside: RosMailbox[TFMessage] = RosMailbox(_ROOM)
         if self.settings.topic(usual) == usual and self.link.resolve(usual) != f"/{usual}":
             self.link.subscribe(f"/{usual}", TFMessage, outside, qos)
@@ -191,8 +191,8 @@ class Hardware:
         if self.time.now() is None:
             return f"no time on {self.settings.topic('clock')}; leave --use-sim-time out, or start the simulation"
         refused = [*self._odometry.said.values(), *self._tf[0].said.values(), *self._poses.said.values()]
-        found = self._localisation.why
-        return f"{found} ({refused[0]})" if found and refused else found
+        reason = self._localisation.why
+        return f"{reason} ({refused[0]})" if reason and refused else reason
 
     def fix(self) -> Fix | None:
         """Locate the robot now, by the messages that have arrived; None if unknown. From one thread at a time."""
@@ -201,14 +201,16 @@ class Hardware:
         if now_s is None:
             return None
         while (odometry := self._odometry.take()) is not None:
-            self._localisation.odometry(odometry.message, self._arrival(odometry.at_s, now_s), odometry.sender)
+            self._localisation.odometry(odometry.message, self._arrival_time_s(odometry.at_s, now_s), odometry.sender)
         for (inside, outside), fixed in ((self._tf_static, True), (self._tf, False)):
             # Outside they count only while there are none inside: other robots may use the same names there.
             mailbox = inside if inside.received else outside
             while (transforms := mailbox.take()) is not None:
-                self._localisation.transforms(transforms.message, self._arrival(transforms.at_s, now_s), fixed=fixed)
+                self._localisation.transforms(
+                    transforms.message, self._arrival_time_s(transforms.at_s, now_s), fixed=fixed
+                )
         while (pose := self._poses.take()) is not None:
-            self._localisation.localised(pose.message, self._arrival(pose.at_s, now_s))
+            self._localisation.localised(pose.message, self._arrival_time_s(pose.at_s, now_s))
         return self._localisation.at(now_s)
 
     @property
@@ -233,7 +235,7 @@ class Hardware:
         now_s = self.time.now()
         return 0 if now_s is None else max(0, int(now_s * 1e9))
 
-    def _arrival(self, at_s: float, now_s: float) -> float:
+    def _arrival_time_s(self, at_s: float, now_s: float) -> float:
         """Return the arrival time of a message, s of the robot's time."""
         then_s = self.time.at(at_s)
         return now_s if then_s is None else min(then_s, now_s)

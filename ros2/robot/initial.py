@@ -52,8 +52,8 @@ class InitialPose:
     def tell(self, stamp_ns: int, moment_s: float) -> None:
         """Send the pose, if it is time to; nothing is sent while the robot's time is unknown (0)."""
         if stamp_ns and moment_s - self._last_s >= AGAIN_S:
-            told = self._told
-            self._sender.send(PoseWithCovarianceStamped(stamp_ns, told.frame, told.pose, told.variances))
+            message = self._told
+            self._sender.send(PoseWithCovarianceStamped(stamp_ns, message.frame, message.pose, message.variances))
             self._first_s, self._last_s = min(self._first_s, moment_s), moment_s
 
     @property
@@ -92,48 +92,50 @@ def read_initial_pose(path: Path, option: str, frame: str) -> tuple[Pose, Varian
     says = parse_yaml(messages[-1], str(path)) if messages else None
     if isinstance(says, Mapping) and isinstance(says.get("pose"), Mapping):
         return _of_message(where, says, frame)
-    found = list(_initial_poses(says, ""))
-    if len(found) > 1:
-        names = ", ".join(name for name, _ in found)
+    poses = list(_initial_poses(says, ""))
+    if len(poses) > 1:
+        names = ", ".join(name for name, _ in poses)
         raise BadInput(f"{where}: has an initial_pose of several nodes, {names}; leave the robot's own in a file")
-    if not found:
+    if not poses:
         raise BadInput(f"{where}: no pose in it; give {_EXPORTS}")
-    name, pose = found[0]
+    name, pose = poses[0]
     within = f"{where}: {name}.initial_pose"
-    x, y, yaw = (_number(within, pose, key) for key in ("x", "y", "yaw"))
+    x, y, yaw = (_read_number(within, pose, key) for key in ("x", "y", "yaw"))
     return Pose(x, y, heading_given(f"{within}.yaw", yaw)), VARIANCES
 
 
 def _of_message(where: str, says: Mapping[str, Any], frame: str) -> tuple[Pose, Variances]:
     """Return pose and variances of a PoseWithCovarianceStamped, or of a PoseStamped, which has no variances."""
     header = says.get("header")
-    given = header.get("frame_id", frame) if isinstance(header, Mapping) else frame
-    if given != frame:
-        raise BadInput(f"{where}: header.frame_id = {quoted(given)}: expected {frame}, the robot's map; echo amcl_pose")
+    frame_id = header.get("frame_id", frame) if isinstance(header, Mapping) else frame
+    if frame_id != frame:
+        raise BadInput(
+            f"{where}: header.frame_id = {quoted(frame_id)}: expected {frame}, the robot's map; echo amcl_pose"
+        )
     outer, within = says["pose"], "pose"
     if isinstance(outer.get("pose"), Mapping):
-        variances = _variances(where, outer.get("covariance"))
+        variances = _read_variances(where, outer.get("covariance"))
         outer, within = outer["pose"], "pose.pose"
     else:
         variances = VARIANCES
-    position, turn = (_mapping(f"{where}: {within}", outer, key) for key in ("position", "orientation"))
-    x, y = (_number(f"{where}: {within}.position", position, key) for key in ("x", "y"))
-    qx, qy, qz, qw = (_number(f"{where}: {within}.orientation", turn, key) for key in ("x", "y", "z", "w"))
+    position, turn = (_read_mapping(f"{where}: {within}", outer, key) for key in ("position", "orientation"))
+    x, y = (_read_number(f"{where}: {within}.position", position, key) for key in ("x", "y"))
+    qx, qy, qz, qw = (_read_number(f"{where}: {within}.orientation", turn, key) for key in ("x", "y", "z", "w"))
     if not 0.9 <= math.hypot(qx, qy, qz, qw) <= 1.1:
         raise BadInput(f"{where}: {within}.orientation: a quaternion that is not 1 long; export the pose again")
     heading = math.atan2(2.0 * (qw * qz + qx * qy), qw * qw + qx * qx - qy * qy - qz * qz)
     return Pose(x, y, heading), variances
 
 
-def _variances(where: str, covariance: Any) -> tuple[float, float, float]:
+def _read_variances(where: str, covariance: Any) -> tuple[float, float, float]:
     """Return the variances of x, y and the heading in a covariance; the usual ones where it has none."""
     if not isinstance(covariance, list) or len(covariance) != 36:
         listed = f"{len(covariance)} numbers" if isinstance(covariance, list) else quoted(covariance)
         raise BadInput(f"{where}: pose.covariance = {listed}: expected 36 numbers; export the pose again")
     numbers = dict(enumerate(covariance))
-    given = [_number(f"{where}: pose.covariance", numbers, place) for place in numbers]
+    values = [_read_number(f"{where}: pose.covariance", numbers, index) for index in numbers]
     vx, vy, turned = (
-        given[place] if given[place] > 0.0 else usual for place, usual in zip((0, 7, 35), VARIANCES, strict=True)
+        values[index] if values[index] > 0.0 else usual for index, usual in zip((0, 7, 35), VARIANCES, strict=True)
     )
     return vx, vy, turned
 
@@ -150,14 +152,14 @@ def _initial_poses(says: Any, name: str) -> Iterator[tuple[str, Mapping[str, Any
             yield from _initial_poses(value, f"{name}/{key}".replace("//", "/").lstrip("/"))
 
 
-def _mapping(where: str, says: Mapping[str, Any], key: str) -> Mapping[str, Any]:
+def _read_mapping(where: str, says: Mapping[str, Any], key: str) -> Mapping[str, Any]:
     value = says.get(key)
     if not isinstance(value, Mapping):
         raise BadInput(f"{where}.{key}: missing; export the pose again")
     return value
 
 
-def _number(where: str, says: Mapping[Any, Any], key: Any) -> float:
+def _read_number(where: str, says: Mapping[Any, Any], key: Any) -> float:
     value = says.get(key)
     if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
         raise BadInput(f"{where}.{key} = {quoted(value)}: expected a finite number")

@@ -123,7 +123,9 @@ class Localisation:
     @property
     def frames(self) -> Mapping[str, float]:
         """The frames that transforms on the map lead to, each with the time of its newest transform, s."""
-        return MappingProxyType({name: one.arrived_s for name, one in {**self._fixed, **self._moving}.items()})
+        return MappingProxyType(
+            {name: correction.arrived_s for name, correction in {**self._fixed, **self._moving}.items()}
+        )
 
     def odometry(self, message: Odometry, arrived_s: float, sender: bytes = b"") -> None:
         """Take in odometry; once it counts from somewhere else, it must be corrected anew.
@@ -150,24 +152,28 @@ class Localisation:
 
         If `fixed`, they came on ``tf_static``, and so hold for ever.
         """
-        kept = self._fixed if fixed else self._moving
-        for one in message.transforms:
-            if _named(one.frame) == _named(self._settings.map_frame):
-                self._keep(kept, _named(one.child_frame), _Correction(self._on_our_map(one.pose), arrived_s, 0.0))
-            elif _named(one.child_frame) == _named(self._odometer.frame):
-                self._refuse(Source.TF, f"transforms of {one.child_frame} on tf are in", one.frame)
+        corrections = self._fixed if fixed else self._moving
+        for transform in message.transforms:
+            if _frame_name(transform.frame) == _frame_name(self._settings.map_frame):
+                self._keep_transform(
+                    corrections,
+                    _frame_name(transform.child_frame),
+                    _Correction(self._on_our_map(transform.pose), arrived_s, 0.0),
+                )
+            elif _frame_name(transform.child_frame) == _frame_name(self._odometer.frame):
+                self._refuse_frame(Source.TF, f"transforms of {transform.child_frame} on tf are in", transform.frame)
 
-    def _keep(self, kept: dict[str, _Correction], child: str, correction: _Correction) -> None:
+    def _keep_transform(self, kept: dict[str, _Correction], child: str, correction: _Correction) -> None:
         """Keep a frame's transform; of many frames the oldest makes room, but never the odometry's own."""
         kept.pop(child, None)
         kept[child] = correction
         if len(kept) > _MOST_CHILDREN:
-            del kept[next(name for name in kept if name != _named(self._odometer.frame))]
+            del kept[next(name for name in kept if name != _frame_name(self._odometer.frame))]
 
     def localised(self, message: PoseWithCovarianceStamped, arrived_s: float) -> None:
         """Take in a pose on the map; it is held against the odometry of its time."""
-        if _named(message.frame) != _named(self._settings.map_frame):
-            self._refuse(Source.POSE, "poses of the localisation are in", message.frame)
+        if _frame_name(message.frame) != _frame_name(self._settings.map_frame):
+            self._refuse_frame(Source.POSE, "poses of the localisation are in", message.frame)
             return
         readings = self._odometer.readings
         if not readings:
@@ -185,7 +191,7 @@ class Localisation:
         then = travelled(nearest.pose, nearest.twist, ahead_s)
         self._posed = _Correction(composed(self._on_our_map(message.pose), inverted(then)), arrived_s, nearest.driven_m)
 
-    def _refuse(self, source: Source, words: str, frame: str) -> None:
+    def _refuse_frame(self, source: Source, words: str, frame: str) -> None:
         """Note that corrections come in a frame that is not the map's."""
         if source is self._settings.source:
             why = f"{printable(words)} the frame {printable(frame)!r}, not {self._settings.map_frame}"
@@ -211,15 +217,15 @@ class Localisation:
         self.why = self._odometry_fault(newest, now_s) or self._correction_fault(newest, now_s)
         if newest is None or self.why:
             return None
-        correction = self._correction()
+        correction = self._newest_correction()
         assert correction is not None  # else there would be a reason
         age_s = max(0.0, now_s - newest.stamp_s)
         return Fix(travelled(composed(correction.pose, newest.pose), newest.twist, age_s), newest.twist)
 
     def correction_age_s(self, now_s: float) -> float | None:
         """Return the age of the correction in use, s, or None without one; called from any thread."""
-        found = self._correction()
-        return None if found is None else abs(now_s - found.arrived_s)
+        correction = self._newest_correction()
+        return None if correction is None else abs(now_s - correction.arrived_s)
 
     def _odometry_fault(self, newest: OdometryReading | None, now_s: float) -> str:
         if newest is None:
@@ -237,34 +243,34 @@ class Localisation:
         return ""
 
     def _correction_fault(self, newest: OdometryReading | None, now_s: float) -> str:
-        found, frame = self._correction(), self._odometer.frame
+        correction, frame = self._newest_correction(), self._odometer.frame
         source, wanted = self._settings.source, f"{self._settings.map_frame} -> {frame}"
-        if found is None and self._lost:
+        if correction is None and self._lost:
             remedy = "start this agent anew where the robot stands then"
             if source is not Source.ODOMETRY:
                 remedy = f"is the robot's localisation running? If it has none, {remedy}"
             return f"odometry counts from somewhere else, and nothing has said where that is on the map; {remedy}"
         if source is Source.ODOMETRY:
-            return "" if found is not None else "it is not known where the robot started; give --start X,Y,HEADING"
-        if found is None:
+            return "" if correction is not None else "it is not known where the robot started; give --start X,Y,HEADING"
+        if correction is None:
             missing = f"no transform {wanted} on tf" if source is Source.TF else "no pose of a localisation has come"
             return self._refused or f"{missing}; start the robot's localisation, or give --localisation"
         corrected_s = self.correction_age_s(now_s) or 0.0
-        if source is Source.TF and _named(frame) in self._moving and corrected_s > CORRECTION_S:
+        if source is Source.TF and _frame_name(frame) in self._moving and corrected_s > CORRECTION_S:
             return f"no transform {wanted} for {corrected_s:.1f} s; is the robot's localisation running?"
-        if source is Source.POSE and newest is not None and newest.driven_m - found.driven_m > CORRECTED_M:
-            return f"no pose of a localisation for {newest.driven_m - found.driven_m:.1f} m; is it running?"
+        if source is Source.POSE and newest is not None and newest.driven_m - correction.driven_m > CORRECTED_M:
+            return f"no pose of a localisation for {newest.driven_m - correction.driven_m:.1f} m; is it running?"
         return ""
 
-    def _correction(self) -> _Correction | None:
+    def _newest_correction(self) -> _Correction | None:
         if self._settings.source is Source.ODOMETRY:
             return self._begun
         if self._settings.source is Source.POSE:
             return self._posed
-        frame = _named(self._odometer.frame)
+        frame = _frame_name(self._odometer.frame)
         return self._moving.get(frame) or self._fixed.get(frame)
 
 
-def _named(frame: str) -> str:
+def _frame_name(frame: str) -> str:
     """Return a frame's name as tf compares it: old robots put a slash before it."""
     return frame.lstrip("/")

@@ -82,27 +82,27 @@ class Odometer:
         Corrections of its frame are void then. A message older than the last is left out while that is fresh.
         `sender` stands for the node that sent it, empty where that is not known.
         """
-        self._note(sender, arrived_s)
+        self._note_sender(sender, arrived_s)
         last = self.newest
-        reading = self._read(message, arrived_s, last)
+        reading = self._read_message(message, arrived_s, last)
         if last is None or message.frame != self.frame:
             self.frame = message.frame
-            self._begin(reading)
+            self._begin_anew(reading)
             return False
         latest = self._astray or last
         renewed = not -BACK_S <= arrived_s - latest.arrived_s <= self._settings.fresh_s
         if not renewed and reading.stamp_s <= latest.stamp_s:
             return False
-        if self._follows(last, reading) and self._keeps_its_speed(reading):
+        if self._can_follow(last, reading) and self._keeps_its_speed(reading):
             self._astray = None
             if renewed:  # stamps from before mean nothing any more
                 self.readings.clear()
             self.readings.append(reading)
             return False
         self.jumped_m, _ = apart(last.pose, reading.pose)
-        if not renewed and not self._settled(reading):
+        if not renewed and not self._has_settled(reading):
             return False
-        self._begin(reading)
+        self._begin_anew(reading)
         return True
 
     def doubt(self, now_s: float) -> str:
@@ -114,7 +114,7 @@ class Odometer:
             return f"odometry has jumped by {self.jumped_m:.1f} m"
         return ""
 
-    def _read(self, message: Odometry, arrived_s: float, last: OdometryReading | None) -> OdometryReading:
+    def _read_message(self, message: Odometry, arrived_s: float, last: OdometryReading | None) -> OdometryReading:
         delay_s = self._settings.delay_s
         stamp_s = message.stamp_ns / 1e9 if delay_s is None else arrived_s - delay_s
         driven_m = 0.0
@@ -123,39 +123,41 @@ class Odometer:
             driven_m = last.driven_m + _speed(message.twist) * lapsed_s
         return OdometryReading(stamp_s, arrived_s, message.pose, message.twist, driven_m)
 
-    def _note(self, sender: bytes, arrived_s: float) -> None:
+    def _note_sender(self, sender: bytes, arrived_s: float) -> None:
         self._senders.pop(sender, None)
         self._senders[sender] = arrived_s
         if len(self._senders) > _MOST_SENDERS:
             del self._senders[next(iter(self._senders))]
 
-    def _begin(self, reading: OdometryReading) -> None:
+    def _begin_anew(self, reading: OdometryReading) -> None:
         self._astray, self._strayed_s = None, -math.inf
         self.readings.clear()
         self.readings.append(reading)
 
-    def _settled(self, reading: OdometryReading) -> bool:
+    def _has_settled(self, reading: OdometryReading) -> bool:
         """Return True if poses after a jump have been steady for long enough to count from now on."""
-        if self._astray is None or not self._follows(self._astray, reading):
+        if self._astray is None or not self._can_follow(self._astray, reading):
             self._astray_since_s = reading.arrived_s
         self._astray, self._strayed_s = reading, reading.arrived_s
         return reading.arrived_s - self._astray_since_s >= SETTLED_S
 
     def _keeps_its_speed(self, reading: OdometryReading) -> bool:
         """Return True if many small jumps make no large one."""
-        second = [one for one in self.readings if 0.0 <= reading.arrived_s - one.arrived_s <= SETTLED_S]
-        return not second or self._follows(second[0], reading)
+        second = [earlier for earlier in self.readings if 0.0 <= reading.arrived_s - earlier.arrived_s <= SETTLED_S]
+        return not second or self._can_follow(second[0], reading)
 
-    def _follows(self, before: OdometryReading, after: OdometryReading) -> bool:
+    def _can_follow(self, before: OdometryReading, after: OdometryReading) -> bool:
         """Return True if a body that was at the one can be at the other."""
         lapsed_s = max(after.stamp_s - before.stamp_s, after.arrived_s - before.arrived_s, 0.0)
         time_s = min(lapsed_s, SETTLED_S) + self._settings.fresh_s  # messages that waited arrive together
         speed = max(self._settings.speed, min(_speed(before.twist), _speed(after.twist)))
-        told = min(abs(before.twist.turn_rate), abs(after.twist.turn_rate)) * time_s
+        reported = min(abs(before.twist.turn_rate), abs(after.twist.turn_rate)) * time_s
         unseen = self._settings.turn_rate * max(0.0, min(lapsed_s, SETTLED_S) - USUAL_S)
         moved, turned = apart(before.pose, after.pose)
         long_ago = after.arrived_s - before.arrived_s > self._settings.fresh_s  # it may have turned all round
-        return moved <= JUMP_M + speed * time_s and (long_ago or turned <= min(JUMP_RAD + max(told, unseen), MOST_RAD))
+        return moved <= JUMP_M + speed * time_s and (
+            long_ago or turned <= min(JUMP_RAD + max(reported, unseen), MOST_RAD)
+        )
 
 
 def _speed(twist: Twist) -> float:

@@ -157,10 +157,10 @@ Exit codes: 1 the robot or its policy failed, 2 bad input, 130 interrupted.
 
 def main(arguments: Sequence[str]) -> int:
     """Drive a ROS 2 robot until asked to leave."""
-    return run_with(options_of(arguments), "robot", _drive)
+    return run_with(options_of(arguments), "robot", _drive_robot)
 
 
-def _drive(process: ProcessContext) -> int:
+def _drive_robot(process: ProcessContext) -> int:
     from ros2.robot.process import drive  # loads much, and --help need not wait for it
 
     return drive(process)
@@ -209,7 +209,7 @@ def ros2_parser() -> ProcessParser:
     add("--map-frame", default="map", metavar="NAME", help="the map's frame (default: %(default)s)")
     add(
         "--localisation",
-        choices=[one.value for one in Source],
+        choices=[source.value for source in Source],
         default=Source.TF.value,
         help="what corrects the odometry: transforms on tf, poses on amcl_pose, or nothing (default: %(default)s)",
     )
@@ -274,8 +274,8 @@ def drive_settings(options: argparse.Namespace) -> DriveSettings:
     elif options.start is not None and os.path.isfile(options.start):  # noqa: PTH113 - Path raises for a long name
         from ros2.robot.initial import read_initial_pose
 
-        there, variances = read_initial_pose(Path(options.start), "--start", options.map_frame)
-        start = composed(transform, there)
+        map_pose, variances = read_initial_pose(Path(options.start), "--start", options.map_frame)
+        start = composed(transform, map_pose)
     elif options.start is not None:
         start = pose_given("--start", options.start, ", or a file that exists")
     turning_radius = TURNING_RADIUS if options.turning_radius is None else options.turning_radius
@@ -322,20 +322,20 @@ def _check_robot(options: argparse.Namespace) -> None:
 
 def check_ranges(options: argparse.Namespace, ranges: Mapping[str, tuple[float, float]]) -> None:
     """Refuse options that are given and out of their ranges."""
-    for name, (least, most) in ranges.items():
+    for name, (lower, upper) in ranges.items():
         value = getattr(options, name.replace("-", "_"))
-        if value is not None and not least <= value <= most:
-            raise BadInput(f"--{name} {value:g}: out of range; give {least:g} to {most:g}")
+        if value is not None and not lower <= value <= upper:
+            raise BadInput(f"--{name} {value:g}: out of range; give {lower:g} to {upper:g}")
 
 
 def topics_given(given: Sequence[str]) -> dict[str, str]:
     """Return names of topics, by their usual names, from texts ``NAME=TOPIC``."""
-    found: dict[str, str] = {}
+    topics: dict[str, str] = {}
     for text in given:
         usual, equals, name = text.partition("=")
         if not equals or not name:
             raise BadInput(f"--topic {text}: expected NAME=TOPIC, for example odom=odometry/filtered")
         if usual not in TOPICS:
             raise BadInput(f"--topic {text}: {usual!r} is no topic of ours; {did_you_mean(usual, tuple(TOPICS))}")
-        found[usual] = check_name(name, f"--topic {usual}")
-    return found
+        topics[usual] = check_name(name, f"--topic {usual}")
+    return topics

@@ -69,7 +69,7 @@ LONGEST_S = 4_000_000.0
 _LOOK_S = 0.05
 
 
-def _name(options: argparse.Namespace) -> str:
+def _robot_name(options: argparse.Namespace) -> str:
     """Return the robot's name in its fleet."""
     if options.name is not None:
         return str(options.name)
@@ -108,7 +108,7 @@ def drive(process: ProcessContext) -> int:
 def _find_and_patrol(process: ProcessContext, overrides: dict[str, object]) -> int:
     """Check all input, then find the robot, and patrol with it; return the exit code."""
     options = process.options
-    name = _name(options)
+    name = _robot_name(options)
     process.follow(name)
     say = process.log.info
     settings = drive_settings(options)
@@ -127,36 +127,36 @@ def _find_and_patrol(process: ProcessContext, overrides: dict[str, object]) -> i
         if spec.name == name:
             settings = settings.of_body(spec.model, spec.limits)
             if options.start == SCENARIO_START:
-                settings = _started(settings, spec)
+                settings = _started_settings(settings, spec)
             break
     else:
         if options.start == SCENARIO_START:
             raise BadInput(f"--start scenario: {name} is not in {options.scenario}; give --name, or a pose")
     _check_start(settings, terrain)
-    link = _link(process)
+    link = _join_link(process)
     process.closing.callback(link.close)
     factor = 1.0 if scenario is None or scenario.factor is None else scenario.factor
     hardware = Hardware(link, settings, factor, say, stop_files)
-    pose = _found(hardware, link, process)
+    pose = _find_pose(hardware, link, process)
     say(f"is at ({pose.x:.2f}, {pose.y:.2f}), heading {pose.heading:.2f}")
     # A robot with a map of its own shows that itself.
     has_map = options.transform is None and (scenario is not None or options.map is not None)
     if scenario is None:
         folder = Path(process.closing.enter_context(tempfile.TemporaryDirectory(prefix="fogwatch-")))
         map_file = options.map or _robots_map(link, settings, folder, process)
-        scenario = _scenario(options, name, map_file, pose, overrides)
+        scenario = _make_scenario(options, name, map_file, pose, overrides)
     if (file := options.write_scenario) is not None:
         with writing(f"--write-scenario {file}", "give another file"):
             file.write_text(dump_scenario(scenario), encoding="utf-8")
-    return _patrol(process, scenario, hardware, has_map)
+    return _patrol_robot(process, scenario, hardware, has_map)
 
 
-def _patrol(process: ProcessContext, scenario: Scenario, hardware: Hardware, shows_map: bool) -> int:
+def _patrol_robot(process: ProcessContext, scenario: Scenario, hardware: Hardware, shows_map: bool) -> int:
     """Patrol with a robot that was found; return the exit code."""
     name, options = process.log.process, process.options
     numbers = {spec.name: spec.number for spec in scenario.roster}
     alone_s = LISTEN_S + LISTEN_MORE_S * (numbers.get(name, 1) - 1)
-    rivals = _alone(hardware, process)
+    rivals = _claim_robot(hardware, process)
     if options.router is not None and options.router == options.connect:
         where = f"the robot's own router, {options.connect}"
         process.log.info(f"meets its fleet at {where}; give --router if others have another")
@@ -176,7 +176,7 @@ def _patrol(process: ProcessContext, scenario: Scenario, hardware: Hardware, sho
         rivals.close()
 
 
-def _alone(hardware: Hardware, process: ProcessContext) -> Rivals:
+def _claim_robot(hardware: Hardware, process: ProcessContext) -> Rivals:
     """Make sure that no other process drives the robot, from now on. Raises BadInput if one does."""
     settings, link = hardware.settings, hardware.link
     usual = None if settings.is_shared else settings.commands
@@ -195,10 +195,10 @@ def _check_ground(
     """Check options, map and bodies before anything waits for the robot; return the map, if it is given."""
     if scenario is None and options.map is None:
         elsewhere = {field: value for field, value in overrides.items() if not field.startswith("terrain.")}
-        _scenario(options, name, None, None, elsewhere)
+        _make_scenario(options, name, None, None, elsewhere)
         return None
     if scenario is None:
-        scenario = _scenario(options, name, options.map, None, overrides)
+        scenario = _make_scenario(options, name, options.map, None, overrides)
     terrain = terrain_of(scenario)
     try:
         place_starts(terrain, scenario.roster, scenario.seed)
@@ -223,7 +223,7 @@ def _check_start(settings: DriveSettings, terrain: Terrain | None) -> None:
         )
 
 
-def _link(process: ProcessContext) -> Ros2Link:
+def _join_link(process: ProcessContext) -> Ros2Link:
     """Join the robot's router, or its ROS. Raises AskedToLeave, or BadInput when there is none."""
     options = process.options
     namespace = options.namespace.strip("/")
@@ -253,7 +253,7 @@ def _link(process: ProcessContext) -> Ros2Link:
         raise BadInput(f"--connect {options.connect}: {down}; is the robot's Zenoh router running?") from None
 
 
-def _found(hardware: Hardware, link: Ros2Link, process: ProcessContext) -> Pose:
+def _find_pose(hardware: Hardware, link: Ros2Link, process: ProcessContext) -> Pose:
     """Return where the robot is at first. Raises AskedToLeave, or BadInput when it cannot be found."""
     wait_s = process.options.wait
     initial = _initial_pose(hardware)
@@ -275,16 +275,16 @@ def _found(hardware: Hardware, link: Ros2Link, process: ProcessContext) -> Pose:
         if now - reported_at < SAY_S and now - began < wait_s:
             continue
         reported_at = now
-        other = link.other_format(GRAPH_S)
+        format_name = link.other_format(GRAPH_S)
         if now - began >= wait_s:
-            remedy = f"the nodes on this router speak {other}" if other else "fogwatch doctor says more"
+            remedy = f"the nodes on this router speak {format_name}" if format_name else "fogwatch doctor says more"
             raise BadInput(f"the robot was not found within {wait_s:g} s: {doubt}; {remedy}")
-        speaks = f"; the nodes on this router speak {other}" if other else ""
+        speaks = f"; the nodes on this router speak {format_name}" if format_name else ""
         process.log.info(f"waiting for the robot: {doubt}{speaks}")
     raise AskedToLeave
 
 
-def _started(settings: DriveSettings, spec: RobotSpec) -> DriveSettings:
+def _started_settings(settings: DriveSettings, spec: RobotSpec) -> DriveSettings:
     """Return the settings of a robot that stands where its scenario has it."""
     if spec.start is None:
         raise BadInput(f"--start scenario: {spec.name} has no start there; give it one, or a pose here")
@@ -294,13 +294,13 @@ def _started(settings: DriveSettings, spec: RobotSpec) -> DriveSettings:
 def _initial_pose(hardware: Hardware) -> InitialPose | None:
     """Return the sender of the robot's first pose to its localisation; None where no option asks for it."""
     settings = hardware.settings
-    found = settings.localisation
-    if found.start is None or found.source is Source.ODOMETRY:
+    localisation = settings.localisation
+    if localisation.start is None or localisation.source is Source.ODOMETRY:
         return None
-    place = settings.on_robots_map(found.start)
-    told = PoseWithCovarianceStamped(0, settings.localisation.map_frame, place, found.variances)
+    pose = settings.on_robots_map(localisation.start)
+    message = PoseWithCovarianceStamped(0, settings.localisation.map_frame, pose, localisation.variances)
     sender = hardware.link.publisher(settings.topic("initialpose"), PoseWithCovarianceStamped)
-    return InitialPose(found.start, told, sender)
+    return InitialPose(localisation.start, message, sender)
 
 
 def _robots_map(link: Ros2Link, settings: DriveSettings, folder: Path, process: ProcessContext) -> Path:
@@ -318,7 +318,7 @@ def _robots_map(link: Ros2Link, settings: DriveSettings, folder: Path, process: 
     raise AskedToLeave
 
 
-def _scenario(
+def _make_scenario(
     options: argparse.Namespace, name: str, map_file: Path | None, pose: Pose | None, overrides: dict[str, object]
 ) -> Scenario:
     """Make a scenario for robots of one kind on a map; without one on a stand-in, which checks the rest."""

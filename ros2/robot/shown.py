@@ -61,7 +61,7 @@ class Shown:
         self._due_s = 0.0
         self._pictures: Queue[tuple[NDArray[np.int8], tuple[Pose, ...]]] = Queue(1)
         self._thin = max(1, math.ceil(math.sqrt(terrain.height * terrain.width / MOST_CELLS)))
-        Thread(target=self._show, name="show", daemon=True).start()
+        Thread(target=self._publish_shown, name="show", daemon=True).start()
 
     def report(self, sensed: Sensed, decision: Decision, decision_ms: float) -> None:
         """A decision has been taken."""
@@ -74,7 +74,7 @@ class Shown:
             self._due_s = now_s + EVERY_S
             self._pictures.put((fog_cells(self._fog, sensed.k, self._thin), tuple(self._way)))
 
-    def _show(self) -> None:
+    def _publish_shown(self) -> None:
         settings, frame = self._settings, self._settings.localisation.map_frame
         while True:
             cells, way = self._pictures.get()
@@ -87,7 +87,7 @@ class Shown:
 def show_map(link: Ros2Link, settings: DriveSettings, terrain: Terrain, stamp_ns: int) -> bool:
     """Publish the map, latched, unless another node already does; return True if it was published."""
     topic = link.resolve(settings.topic("map"))
-    if any(one.kind is EntityKind.PUBLISHER and one.topic == topic for one in link.graph(GRAPH_S)):
+    if any(entity.kind is EntityKind.PUBLISHER and entity.topic == topic for entity in link.graph(GRAPH_S)):
         return False
     cells = np.where(terrain.free, 0, OCCUPIED).astype(np.int8)
     link.publisher(topic, OccupancyGrid, LATCHED).send(

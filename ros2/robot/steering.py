@@ -55,7 +55,7 @@ class VelocitySteering:
         self._response = response
         self._governor = governor
         self._others = others
-        self._send = _sender(hardware)
+        self._send = _command_sender(hardware)
         self._progress = MotionCheck()
         self._steps = 0
         self._held = 0
@@ -71,12 +71,12 @@ class VelocitySteering:
         """Send the velocity that is safe; `stopped` is the reason why the robot has to stand, empty if it has not."""
         if self._halted:
             return HALTED
-        told = self._governor.command
+        current = self._governor.command
         pose = None if fix is None else fix.pose
         command = self._governor.step(pose, now_s, since_s, stopped, self._others.around(now_s))
         self._send(command, 0.0 if fix is None else fix.pose.heading)
-        self._progress.told(told, since_s)
-        self._response.told(told, pose, since_s)
+        self._progress.told(current, since_s)
+        self._response.told(current, pose, since_s)
         self._steps += 1
         self._held += self._governor.fenced and command.speed_mps == 0.0
         return self._governor.why if command.speed_mps == 0.0 else ""
@@ -87,9 +87,9 @@ class VelocitySteering:
 
     def blocked(self, pose: Pose) -> bool:
         """Return True if the robot did not get on as commanded, or the fence held it mostly, since the last call."""
-        held = self._held > 0.5 * self._steps
+        is_held = self._held > 0.5 * self._steps
         self._steps = self._held = 0
-        return self._progress.ended(pose) or held
+        return self._progress.ended(pose) or is_held
 
     def halt(self) -> None:
         """Send zero velocity several times, and nothing else until `go_on`."""
@@ -163,7 +163,7 @@ class GoalSteering:
         why = HALTED if self._halted else stopped
         why = why or ("nobody knows where it is" if fix is None else "")
         if why or fix is None or self._wanted is None:
-            self._stand(fix, self._halted or bool(stopped))
+            self._withdraw_goal(fix, self._halted or bool(stopped))
             return why
         moment_s = time.monotonic()
         going = self._goals.step(moment_s)
@@ -180,8 +180,8 @@ class GoalSteering:
             x, y = self._wanted
             heading = math.atan2(y - fix.pose.y, x - fix.pose.x)
             settings = self._hardware.settings
-            place = settings.on_robots_map(Pose(x, y, heading))
-            target = PoseStamped(self._hardware.stamp_ns(), settings.localisation.map_frame, place)
+            pose = settings.on_robots_map(Pose(x, y, heading))
+            target = PoseStamped(self._hardware.stamp_ns(), settings.localisation.map_frame, pose)
             self._goals.go(target, moment_s)
             self._sent = self._wanted
         return ""
@@ -214,7 +214,7 @@ class GoalSteering:
         """The stop, while Nav2 has not confirmed that it has cancelled its goals."""
         return "Nav2 has not confirmed that it has cancelled its goals" if self._goals.going is Going.STOPPING else ""
 
-    def _stand(self, fix: Fix | None, must: bool) -> None:
+    def _withdraw_goal(self, fix: Fix | None, must: bool) -> None:
         """Have no goal of ours; with `must`, no goal of another client may move the robot either."""
         moment_s = time.monotonic()
         going = self._goals.step(moment_s)
@@ -230,7 +230,7 @@ def steering_of(command: Drive, wheelbase: float) -> tuple[float, float]:
     return command.speed, math.atan(wheelbase * command.curvature)
 
 
-def _sender(hardware: Hardware) -> Callable[[Command, float], None]:
+def _command_sender(hardware: Hardware) -> Callable[[Command, float], None]:
     """Return the function that sends a command; it takes the heading of the body, rad."""
     settings, link = hardware.settings, hardware.link
     frame = settings.base_frame

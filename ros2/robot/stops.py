@@ -108,9 +108,9 @@ def state_folder(given: Path | None, environment: Mapping[str, str]) -> Path:
         return given
     if first := environment.get("STATE_DIRECTORY", "").partition(":")[0]:
         return Path(first)
-    own = Path(environment.get("XDG_STATE_HOME", ""))
-    if own.is_absolute():  # the XDG rules say to ignore a relative one
-        return own / _FOLDER
+    base = Path(environment.get("XDG_STATE_HOME", ""))
+    if base.is_absolute():  # the XDG rules say to ignore a relative one
+        return base / _FOLDER
     with suppress(RuntimeError):
         return Path.home() / ".local" / "state" / _FOLDER
     raise BadInput("--state: this user has no home where stops could be noted; give a folder")
@@ -124,7 +124,7 @@ class StopFiles:
         self._robot = robot
         try:
             folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-            self._sync()
+            self._sync_folder()
             if not os.access(folder, os.W_OK | os.X_OK):
                 raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
         except OSError as error:
@@ -135,7 +135,7 @@ class StopFiles:
 
     def holds(self, stopper: str) -> bool:
         """Return True if a stop of `stopper` holds."""
-        return os.path.lexists(self._path(stopper))
+        return os.path.lexists(self._stop_path(stopper))
 
     def note(self, stopper: str, source: str) -> str:
         """Note that a stop holds, on the disk when this returns; return why that failed, empty if it did not.
@@ -145,30 +145,30 @@ class StopFiles:
         line = f"{self._robot}: stopped by {source}\n"
         try:
             if not self.holds(stopper):
-                file = os.open(self._path(stopper), os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o600)
+                file = os.open(self._stop_path(stopper), os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o600)
                 try:
                     os.write(file, line.encode())
                     os.fsync(file)
                 finally:
                     os.close(file)
-            self._sync()
+            self._sync_folder()
         except OSError as error:
-            return f"{self._path(stopper)}: {error.strerror}"
+            return f"{self._stop_path(stopper)}: {error.strerror}"
         return ""
 
     def forget(self, stopper: str) -> str:
         """Note that a stop holds no longer; return why that failed, empty if it did not."""
         try:
-            self._path(stopper).unlink(missing_ok=True)
-            self._sync()
+            self._stop_path(stopper).unlink(missing_ok=True)
+            self._sync_folder()
         except OSError as error:
-            return f"{self._path(stopper)}: {error.strerror}"
+            return f"{self._stop_path(stopper)}: {error.strerror}"
         return ""
 
-    def _path(self, stopper: str) -> Path:
+    def _stop_path(self, stopper: str) -> Path:
         return self._folder / f"{self._robot}.stopped-by-{stopper}"
 
-    def _sync(self) -> None:
+    def _sync_folder(self) -> None:
         """A file's name is on the disk only with its folder."""
         folder = os.open(self._folder, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
         try:
@@ -207,7 +207,7 @@ class Stops:
         self._noted = set(self._held)
         self.error = ""
         if files is not None:
-            Thread(target=self._note, args=(files,), name="stops", daemon=True).start()
+            Thread(target=self._note_stops, args=(files,), name="stops", daemon=True).start()
 
     def __bool__(self) -> bool:
         return bool(self._held)
@@ -219,8 +219,8 @@ class Stops:
     def why(self) -> str:
         """The stops of the robot and how to release them; empty if there are none."""
         with self._changed:
-            held = [self._texts[stopper] for stopper in self._held]
-        return "; ".join(f"stopped by {source} ({release})" for source, release in held)
+            stoppers = [self._texts[stopper] for stopper in self._held]
+        return "; ".join(f"stopped by {source} ({release})" for source, release in stoppers)
 
     def name(self, stopper: Stopper) -> str:
         """Name a source of stops, for people."""
@@ -257,7 +257,7 @@ class Stops:
     def _is_noted(self) -> bool:
         return self._noted == set(self._held)
 
-    def _note(self, files: StopFiles) -> None:
+    def _note_stops(self, files: StopFiles) -> None:
         """Keep the files in step with the stops that hold; after an error, once something changes."""
         while True:
             with self._changed:
@@ -312,10 +312,10 @@ class StopTopic(RosMailbox[Bool]):
                     self._stop = _Stop(sent_ns, received.sender, received.sequence)
                 self._stopped, self._ignored = True, ""
             elif self._stop is not None:
-                self._ignored = self._objection(self._stop, received)
+                self._ignored = self._release_objection(self._stop, received)
                 # Our own clock may have been put back since; then the next false releases.
-                kept = replace(self._stop, sent_ns=min(self._stop.sent_ns, self._clock()))
-                self._stop = kept if self._ignored else None
+                stop = replace(self._stop, sent_ns=min(self._stop.sent_ns, self._clock()))
+                self._stop = stop if self._ignored else None
         super().put(received)
 
     def refuse(self, reason: str, line: str) -> None:
@@ -332,11 +332,11 @@ class StopTopic(RosMailbox[Bool]):
         released it, empty if none was ignored.
         """
         with self._changed:
-            found = self._stopped, self._stop is not None, self._ignored
+            state = self._stopped, self._stop is not None, self._ignored
             self._stopped, self._ignored = False, ""
-            return found
+            return state
 
-    def _objection(self, stop: _Stop, received: Received[Bool]) -> str:
+    def _release_objection(self, stop: _Stop, received: Received[Bool]) -> str:
         """Return why a false does not release the robot; empty if it does."""
         if received.sequence is not None and stop.sequence is not None and received.sender == stop.sender:
             return "" if received.sequence > stop.sequence else OLDER

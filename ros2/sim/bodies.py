@@ -64,9 +64,9 @@ class OwnBodies:
         """Move the bodies as in our own world; those that would touch something stay where they are."""
         before = [robot.pose for robot in robots]
         move([robot.body for robot in robots], self._terrain, step_s)
-        return [self._moved(robot, pose, step_s) for robot, pose in zip(robots, before, strict=True)]
+        return [self._moved_body(robot, pose, step_s) for robot, pose in zip(robots, before, strict=True)]
 
-    def _moved(self, robot: SimulatedRobot, before: Pose, step_s: float) -> Moved:
+    def _moved_body(self, robot: SimulatedRobot, before: Pose, step_s: float) -> Moved:
         body, spec = robot.body, robot.build.spec
         turned = before.heading + robot.going.turn_rate * step_s  # a holonomic robot turns only as it is told
         pose = Pose(body.pose.x, body.pose.y, turned if spec.model == "holonomic" else body.pose.heading)
@@ -81,7 +81,7 @@ def bodies_named(name: str | None, terrain: Terrain, builds: Sequence[Build]) ->
     if name is None:
         return OwnBodies(terrain)
     try:
-        made: Bodies = find(NamedClass(BODIES, name, None, {}))(terrain, builds)
+        bodies: Bodies = find(NamedClass(BODIES, name, None, {}))(terrain, builds)
     except (ArithmeticError, LookupError, RuntimeError, TypeError, ValueError) as error:
         raise raised(f"--bodies = {name}", error) from error
-    return made
+    return bodies

@@ -39,14 +39,14 @@ class Navigator:
     def velocity(self, pose: Pose, goal: Pose) -> Twist | None:
         """Return the velocity towards a goal, in the body's frame; None where there is no way."""
         if goal != self._goal:
-            self._goal, self._way = goal, self._found(pose, goal)
+            self._goal, self._way = goal, self._find_way(pose, goal)
         while len(self._way) > 1 and self._is_free(pose, self._way[1]):
             del self._way[0]
         if not self._way:
             return None
         ahead = composed(inverted(pose), Pose(*self._way[0], 0.0))
-        left, bearing = math.hypot(ahead.x, ahead.y), math.atan2(ahead.y, ahead.x)
-        speed = min(0.5 * self._spec.speed, left)
+        distance, bearing = math.hypot(ahead.x, ahead.y), math.atan2(ahead.y, ahead.x)
+        speed = min(0.5 * self._spec.speed, distance)
         if self._spec.model == "holonomic":
             return Twist(speed * math.cos(bearing), speed * math.sin(bearing), 0.0)
         return Twist(0.0 if abs(bearing) > FACING_RAD else speed, 0.0, TURNS_PER_S * bearing)
@@ -54,7 +54,7 @@ class Navigator:
     def _is_free(self, pose: Pose, place: tuple[float, float]) -> bool:
         return line_is_free(self._terrain, (pose.x, pose.y), place, self._spec.radius)
 
-    def _found(self, pose: Pose, goal: Pose) -> list[tuple[float, float]]:
+    def _find_way(self, pose: Pose, goal: Pose) -> list[tuple[float, float]]:
         """Places on a way from point to point, the goal last; none where there is no way."""
         first = anchor(self._terrain, self._cspace, pose.x, pose.y)
         last = anchor(self._terrain, self._cspace, goal.x, goal.y)
@@ -71,8 +71,8 @@ class Navigator:
                     waiting.append(beside)
         if first not in towards:
             return []
-        way, at = [first], first
-        while at != last:
-            at = towards[at]
-            way.append(at)
+        way, cell = [first], first
+        while cell != last:
+            cell = towards[cell]
+            way.append(cell)
         return [self._terrain.centre(*point) for point in way]

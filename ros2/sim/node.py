@@ -131,13 +131,13 @@ class RobotNode:
 
     def hear(self, now_s: float) -> None:
         """Take in the robot's commands; the time is s since the epoch."""
-        while (told := self._told.take()) is not None:
-            if told.message.frame == MAP:
-                self._localise(told.message.pose)
+        while (received := self._told.take()) is not None:
+            if received.message.frame == MAP:
+                self._localise_at(received.message.pose)
         while (command := self._commands.take()) is not None:
             self.robot.obey(self._velocity_of(command.message, self._habits), now_s)
         if self._goals is not None and self._navigator is not None:
-            self._navigate(self._goals, self._navigator, now_s)
+            self._navigate_to_goal(self._goals, self._navigator, now_s)
 
     def say(self, now_s: float) -> None:
         """Send the messages that are due; the time is s since the epoch."""
@@ -146,20 +146,20 @@ class RobotNode:
             self._clock.send(Clock(stamp_ns))
         odometry = self.robot.odometry
         if self._odometry_due.is_so(now_s):
-            told = Odometry(stamp_ns, ODOM, BASE, odometry.say(), self.robot.velocity)
+            message = Odometry(stamp_ns, ODOM, BASE, odometry.say(), self.robot.velocity)
             if self.plugged:
-                self._later(now_s, lambda: self._odometry.send(told))
+                self._send_later(now_s, lambda: self._odometry.send(message))
         if self._believed is not None:
             if self._correction_due.is_so(now_s):
-                place = composed(inverted(self._believed), odometry.correction)
-                found = TFMessage((Transform(stamp_ns, MAP, ODOM, place),))
-                self._later(now_s, lambda: self._tf.send(found))
+                correction = composed(inverted(self._believed), odometry.correction)
+                tf_message = TFMessage((Transform(stamp_ns, MAP, ODOM, correction),))
+                self._send_later(now_s, lambda: self._tf.send(tf_message))
             self._say_pose(self._believed, now_s, stamp_ns)
         while self._due and self._due[0][0] <= now_s:
             self._due.popleft()[1]()
             self.said += 1
 
-    def _localise(self, told: Pose) -> None:
+    def _localise_at(self, told: Pose) -> None:
         """Believe a pose on its map; from one that is nearly right its localisation finds the true one."""
         true = composed(inverted(self._habits.transform), self.robot.pose)
         away_m, turned = apart(true, told)
@@ -177,13 +177,13 @@ class RobotNode:
                 return
         self._localised = pose
         self.robot.odometry.localise()
-        found = PoseWithCovarianceStamped(stamp_ns, MAP, composed(inverted(own_map), self.robot.odometry.found))
-        self._later(now_s, lambda: self._poses.send(found))
+        message = PoseWithCovarianceStamped(stamp_ns, MAP, composed(inverted(own_map), self.robot.odometry.found))
+        self._send_later(now_s, lambda: self._poses.send(message))
 
-    def _later(self, now_s: float, send: Callable[[], None]) -> None:
+    def _send_later(self, now_s: float, send: Callable[[], None]) -> None:
         self._due.append((now_s + self._habits.delay_s, send))
 
-    def _navigate(self, goals: GoalServer, navigator: Navigator, now_s: float) -> None:
+    def _navigate_to_goal(self, goals: GoalServer, navigator: Navigator, now_s: float) -> None:
         """Drive to the goal that the robot has, if it has one."""
         stamp_ns = round(now_s * 1e9)
         target = goals.step(stamp_ns)
@@ -196,11 +196,11 @@ class RobotNode:
         self._going_since_s = now_s if self._going_since_s is None else self._going_since_s
         pose = self.robot.pose
         goal = composed(own_map, target.pose)
-        left, _ = apart(pose, goal)
+        distance_m, _ = apart(pose, goal)
         here = PoseStamped(stamp_ns, MAP, composed(inverted(own_map), pose))
-        goals.feedback(here, now_s - self._going_since_s, left)
+        goals.feedback(here, now_s - self._going_since_s, distance_m)
         velocity = navigator.velocity(pose, goal)
-        if left < THERE_M:
+        if distance_m < THERE_M:
             goals.finish(Status.SUCCEEDED)
         elif velocity is None:
             goals.finish(Status.ABORTED)

@@ -58,7 +58,7 @@ class DriftingOdometry:
     def say(self) -> Pose:
         """Return the pose in the next message, in the frame of the odometry."""
         self._said += 1
-        x, y, heading = (self._noise(self._said, part) for part in range(3))
+        x, y, heading = (self._noise_draw(self._said, part) for part in range(3))
         errors = self._errors
         noise = Pose(x * errors.noise_m, y * errors.noise_m, heading * errors.noise_rad)
         counted = self.counted
@@ -77,10 +77,10 @@ class DriftingOdometry:
     def localise(self) -> None:
         """Let the localisation find the pose anew: with another error."""
         self._localised += 1
-        x, y, heading = (self._noise(self._localised, part) for part in range(3, 6))
+        x, y, heading = (self._noise_draw(self._localised, part) for part in range(3, 6))
         errors = self._errors
         self._found_error = Pose(x * errors.found_m, y * errors.found_m, heading * errors.found_rad)
 
-    def _noise(self, count: int, part: int) -> float:
+    def _noise_draw(self, count: int, part: int) -> float:
         seed, number = self._identity
         return gauss(seed, Purpose.ODOMETRY, number, count, part)

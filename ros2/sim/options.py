@@ -38,8 +38,8 @@ Ctrl-C. Exit codes: 0 the time is over, 2 bad input, 130 interrupted.
 
 def parser() -> ProcessParser:
     """Return the parser of the command line of simulated ROS 2 robots."""
-    made = ProcessParser("fogwatch robot-sim", "Simulate ROS 2 robots, to try an agent without a robot.", HELP)
-    add = made.add_argument
+    sim_parser = ProcessParser("fogwatch robot-sim", "Simulate ROS 2 robots, to try an agent without a robot.", HELP)
+    add = sim_parser.add_argument
     add("--connect", required=True, metavar="LOCATOR", help="the Zenoh router of the robots, tcp/HOST:7447")
     add("--robots", required=True, metavar="NAME[:FORMAT],...", help="formats: rmw_zenoh, rmw_zenoh-humble, bridge")
     add("--domain", type=int, default=0, metavar="N", help="ROS_DOMAIN_ID (default: %(default)s)")
@@ -77,7 +77,7 @@ def parser() -> ProcessParser:
     add("--out", type=Path, metavar="FILE", help="write what was measured, as JSON (default: print it)")
     add("--poses", type=Path, metavar="FILE", help="write the true poses in each tick of the patrol, as CSV")
     add("--wait", type=float, default=60.0, metavar="S", help="for the router (default: %(default)g s)")
-    return made
+    return sim_parser
 
 
 def robots_of(options: argparse.Namespace) -> dict[str, str]:
@@ -91,13 +91,13 @@ def robots_of(options: argparse.Namespace) -> dict[str, str]:
 
 def unplugged(options: argparse.Namespace, names: Sequence[str]) -> dict[str, float]:
     """Return when robots' odometry ends, s, by name; that of the others never ends."""
-    found = {}
+    times = {}
     for text in options.unplug:
         name, _, when = text.partition("@")
         if name not in names or not when.replace(".", "", 1).isdecimal():
             raise BadInput(f"--unplug {text}: expected NAME@S with one of {', '.join(names)}, such as {names[0]}@30")
-        found[name] = float(when)
-    return found
+        times[name] = float(when)
+    return times
 
 
 def check(options: argparse.Namespace) -> None:

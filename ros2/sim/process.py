@@ -42,14 +42,14 @@ NODE = "robot_sim"
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Simulate robots until the time is over or asked to leave."""
-    return run_with(parser().parse_args(arguments), "robot-sim", _run)
+    return run_with(parser().parse_args(arguments), "robot-sim", _run_simulation)
 
 
-def _run(process: ProcessContext) -> int:
+def _run_simulation(process: ProcessContext) -> int:
     options, say = process.options, process.log.info
     check(options)
     process.follow()
-    scenario = _scenario(options) if options.scenario is None else load_scenario(options.scenario)
+    scenario = _make_scenario(options) if options.scenario is None else load_scenario(options.scenario)
     names = list(robots_of(options))
     plugs = unplugged(options, names)
     process.warm(("patrol", "worldsim"), scenario)
@@ -57,15 +57,15 @@ def _run(process: ProcessContext) -> int:
     with nullcontext() if options.scenario is None else naming(options.scenario):
         prepared = prepare(scenario)
     pace = options.pace or scenario.factor or 1.0
-    simulation = _simulation(process, prepared, pace, _noting(process))
+    simulation = _make_simulation(process, prepared, pace, _pose_note(process))
     say(f"simulates {', '.join(names)} at {options.connect}")
-    _show(simulation, process.vitals)
+    _show_figures(simulation, process.vitals)
     _keep_time(simulation, pace, options.duration, plugs, process.ending, say)
-    _write(options, simulation.summary())
+    _write_summary(options, simulation.summary())
     return INTERRUPTED if process.ending else 0
 
 
-def _scenario(options: argparse.Namespace) -> Scenario:
+def _make_scenario(options: argparse.Namespace) -> Scenario:
     """Return a scenario for robots of one kind on a map."""
     starts = [pose_given("--start", text) for text in options.start]
     body = {name: getattr(options, name) for name in ("model", "speed", "radius", "turning_radius")}
@@ -76,7 +76,7 @@ def _scenario(options: argparse.Namespace) -> Scenario:
     return load_scenario(raw, called="options", aliases={"terrain.map": "--map", "robots": "--robots"})
 
 
-def _noting(process: ProcessContext) -> Note | None:
+def _pose_note(process: ProcessContext) -> Note | None:
     """Return a function that writes true poses as they come; None where no option asks for it."""
     path: Path | None = process.options.poses
     if path is None:
@@ -92,10 +92,10 @@ def _noting(process: ProcessContext) -> Note | None:
     return note
 
 
-def _simulation(process: ProcessContext, prepared: Prepared, pace: float, note: Note | None) -> Simulation:
+def _make_simulation(process: ProcessContext, prepared: Prepared, pace: float, note: Note | None) -> Simulation:
     """Return the robots, each with a connection of its own."""
     options, scenario, terrain = process.options, prepared.scenario, prepared.terrain
-    builds = _builds(options, prepared)
+    builds = _robot_builds(options, prepared)
     bodies = bodies_named(options.bodies, terrain, list(builds.values()))
     habits = Habits(
         options.drive,
@@ -125,7 +125,7 @@ def _simulation(process: ProcessContext, prepared: Prepared, pace: float, note: 
     return Simulation(nodes, bodies, truth, scenario.step, time.time(), note)
 
 
-def _builds(options: argparse.Namespace, prepared: Prepared) -> dict[str, Build]:
+def _robot_builds(options: argparse.Namespace, prepared: Prepared) -> dict[str, Build]:
     """Return how each robot is built, by its name."""
     specs = {spec.name: spec for spec in prepared.scenario.roster}
     errors = Errors(
@@ -155,7 +155,7 @@ def _builds(options: argparse.Namespace, prepared: Prepared) -> dict[str, Build]
     return builds
 
 
-def _show(simulation: Simulation, vitals: Vitals) -> None:
+def _show_figures(simulation: Simulation, vitals: Vitals) -> None:
     """Let the process's vitals show the figures of the simulated robots."""
     vitals.probe(TICK, lambda: simulation.ticks or None)
     vitals.probe(MFOW, lambda: simulation.mfow_s)
@@ -184,7 +184,7 @@ def _keep_time(
         simulation.step(time.monotonic())
 
 
-def _write(options: argparse.Namespace, summary: dict[str, Any]) -> None:
+def _write_summary(options: argparse.Namespace, summary: dict[str, Any]) -> None:
     text = json.dumps(summary, indent=1)
     if options.out is None:
         print(text)

@@ -74,7 +74,7 @@ class Simulation:
             node.hear(now_s)
         if self._begun_s is None and all(robot.commands for robot in robots):
             self._begun_s = self.time_s
-        self._look()
+        self._look_around()
         for robot in robots:
             robot.begin(now_s, STEP_S)
         for robot, moved in zip(robots, self._bodies.move(robots, STEP_S), strict=True):
@@ -98,13 +98,13 @@ class Simulation:
             "simulated_s": self.time_s,
             "patrolled_s": self.patrolled_s,
             "late_max_s": self.late_s,
-            "mfow_mean_s": self._mean(self._mfow),
-            "mfow_late_mean_s": self._mean(self._mfow[len(self._mfow) // 2 :]),
+            "mfow_mean_s": self._mean_age_s(self._mfow),
+            "mfow_late_mean_s": self._mean_age_s(self._mfow[len(self._mfow) // 2 :]),
             "mfow_max_s": max(self._mfow) * self._look_s if self._mfow else None,
-            "robots": {name: self._of(name, node) for name, node in self.nodes.items()},
+            "robots": {name: self._robot_summary(name, node) for name, node in self.nodes.items()},
         }
 
-    def _look(self) -> None:
+    def _look_around(self) -> None:
         """Look around once in each tick since all robots are driven."""
         tick = len(self._mfow)
         if self._begun_s is None or self.time_s - self._begun_s < tick * self._look_s - 0.5 * STEP_S:
@@ -117,10 +117,10 @@ class Simulation:
         self._truth.observe(tick, poses)
         self._mfow.append(self._truth.fog.mfow(tick))
 
-    def _mean(self, ticks: Sequence[int]) -> float | None:
+    def _mean_age_s(self, ticks: Sequence[int]) -> float | None:
         return float(np.mean(ticks)) * self._look_s if ticks else None
 
-    def _of(self, name: str, node: RobotNode) -> dict[str, Any]:
+    def _robot_summary(self, name: str, node: RobotNode) -> dict[str, Any]:
         robot, strayed_m = node.robot, node.robot.strayed_m
         counted = composed(robot.build.start, robot.odometry.counted)
         unplugged = {}

@@ -40,37 +40,37 @@ _EVERYTHING = ("**", "**/@adv/**", f"{ADMIN_SPACE}/**", f"@/*/{ADMIN_SPACE}/**")
 def agent_rights(form: Format, namespace: str, commands: Sequence[str] = COMMANDS) -> Rights:
     """Return the rights of a robot's agent at its router."""
     published = tuple(form.heard(full_name(namespace, name)) for name in (*commands, *TOLD, *SHOWN))
-    heard = _heard(form, namespace)
+    topics = _heard_keys(form, namespace)
     actions = form.heard(f"{full_name(namespace, NAME)}/_action/*")
     return Rights(
         publish=published,
-        hear=heard,
-        ask=(*_latched(heard), actions),
-        answer=_latched(published),
-        announce=(*_latched(published), *_tokens(form, namespace, "*/*/*/*", "**")),
-        watch=(*_latched(heard), form.graph),
+        hear=topics,
+        ask=(*_latched_keys(topics), actions),
+        answer=_latched_keys(published),
+        announce=(*_latched_keys(published), *_node_tokens(form, namespace, "*/*/*/*", "**")),
+        watch=(*_latched_keys(topics), form.graph),
         reply=published,
-        answered=heard,
+        answered=topics,
     )
 
 
 def viewer_rights(form: Format, namespace: str) -> Rights:
     """Return the rights of a client that only reads."""
-    heard = _heard(form, namespace)
-    latched = _latched(heard)
-    node = _tokens(form, namespace, f"*/*/*/{EntityKind.NODE}", "*")
-    return Rights(hear=heard, ask=latched, announce=node, watch=(*latched, form.graph), answered=heard)
+    topics = _heard_keys(form, namespace)
+    latched = _latched_keys(topics)
+    node = _node_tokens(form, namespace, f"*/*/*/{EntityKind.NODE}", "*")
+    return Rights(hear=topics, ask=latched, announce=node, watch=(*latched, form.graph), answered=topics)
 
 
-def _heard(form: Format, namespace: str) -> tuple[str, ...]:
+def _heard_keys(form: Format, namespace: str) -> tuple[str, ...]:
     return tuple(dict.fromkeys([form.inside(full_name(namespace, "")), *map(form.heard, HEARD)]))
 
 
-def _latched(keys: Sequence[str]) -> tuple[str, ...]:
+def _latched_keys(keys: Sequence[str]) -> tuple[str, ...]:
     return tuple(f"{key}/@adv/**" for key in keys)
 
 
-def _tokens(form: Format, namespace: str, entity: str, name: str) -> tuple[str, ...]:
+def _node_tokens(form: Format, namespace: str, entity: str, name: str) -> tuple[str, ...]:
     """Return the tokens of nodes in the robot's own namespace and of their entities, as key expressions.
 
     `entity` stands for session, node, entity and kind, `name` for the node's name and what follows it. A bridge has no
@@ -79,8 +79,8 @@ def _tokens(form: Format, namespace: str, entity: str, name: str) -> tuple[str, 
     if not form.attaches:
         return ()
     inside = namespace.strip("/")
-    place = mangled(f"/{inside}" if inside else "")
-    return (f"{ADMIN_SPACE}/{form.domain}/{entity}/*/{place}/{name}",)
+    space = mangled(f"/{inside}" if inside else "")
+    return (f"{ADMIN_SPACE}/{form.domain}/{entity}/*/{space}/{name}",)
 
 
 def access_control(form: Format, namespace: str, members: Mapping[str, Rights]) -> dict[str, Any]:
@@ -88,10 +88,10 @@ def access_control(form: Format, namespace: str, members: Mapping[str, Rights]) 
 
     `members` are rights by the common name of a certificate.
     """
-    heard = _heard(form, namespace)
+    topics = _heard_keys(form, namespace)
     allowed = {_LOCAL: [rule(_LOCAL, BOTH_WAYS, _EVERYTHING, (*ALL_MESSAGES, "delete"))]}
     for name, rights in members.items():
-        anything = tuple(dict.fromkeys([*heard, *_latched(heard), *rights.publish, *rights.ask]))
+        anything = tuple(dict.fromkeys([*topics, *_latched_keys(topics), *rights.publish, *rights.ask]))
         allowed[name] = rules_of(name, rights, anything)
     own_programs = {_LOCAL: {"interfaces": ["lo"], "link_protocols": ["tcp"]}}
     return deny_all_but(allowed, own_programs | {name: {COMMON_NAMES: [name]} for name in members})

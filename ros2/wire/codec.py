@@ -67,7 +67,7 @@ def message(type_name: str, longest: int) -> Callable[[type[M]], type[M]]:
 
 
 def _packing_of_fields(kind: Callable[..., Any], type_name: str) -> Packing:
-    places = {name: _place(name, hint) for name, hint in get_type_hints(kind, include_extras=True).items()}
+    places = {name: _place_field(name, hint) for name, hint in get_type_hints(kind, include_extras=True).items()}
     readers = {name: (attrgetter(path), packing.unpack) for name, (path, packing) in places.items()}
 
     def pack(message: Any) -> Any:
@@ -76,11 +76,11 @@ def _packing_of_fields(kind: Callable[..., Any], type_name: str) -> Packing:
     return Packing(pack, lambda found: kind(**{name: unpack(read(found)) for name, (read, unpack) in readers.items()}))
 
 
-def _place(name: str, hint: Any) -> tuple[str, Packing]:
+def _place_field(name: str, hint: Any) -> tuple[str, Packing]:
     """Return the path of a field in ROS, and how it is packed."""
-    kind, path, *own = get_args(hint) if get_origin(hint) is Annotated else (hint, name)
-    if own:
-        return path, own[0]
+    kind, path, *extra = get_args(hint) if get_origin(hint) is Annotated else (hint, name)
+    if extra:
+        return path, extra[0]
     if get_origin(kind) is tuple:
         return path, listed(PACKINGS[get_args(kind)[0]])
     return path, PACKINGS[kind]
@@ -110,7 +110,7 @@ def decode(kind: type[M], payload: bytes) -> M:
     if (read := getattr(kind, "of_payload", None)) is not None:
         return cast("M", read(payload))
     try:
-        found = store().deserialize_cdr(payload, coding.type_name)
+        raw = store().deserialize_cdr(payload, coding.type_name)
     except (SerdeError, ValueError, IndexError, OverflowError, TypeError, struct.error):
         raise Malformed(f"{len(payload)} bytes that are no {coding.type_name}") from None
-    return cast("M", PACKINGS[kind].unpack(found))
+    return cast("M", PACKINGS[kind].unpack(raw))

@@ -54,16 +54,19 @@ def store() -> Typestore:
         from rosbags.typesys import Stores, get_typestore
     except ImportError:
         raise BadInput("ROS 2 robots need rosbags; install it with: pip install 'fogwatch[ros2]'") from None
-    made = get_typestore(Stores.ROS2_JAZZY)
+    typestore = get_typestore(Stores.ROS2_JAZZY)
     # ROS takes a char of a message for a uint8, and so does the hash of every service, which includes this type.
-    made.fielddefs[_EVENT] = (
+    typestore.fielddefs[_EVENT] = (
         [],
-        [(name, kind if name != "client_gid" else _described("uint8[16]")) for name, kind in made.fielddefs[_EVENT][1]],
+        [
+            (name, kind if name != "client_gid" else _describe_type("uint8[16]"))
+            for name, kind in typestore.fielddefs[_EVENT][1]
+        ],
     )
-    made.register({name: ([], _fields(fields)) for name, fields in _MESSAGES.items()})
+    typestore.register({name: ([], _describe_fields(fields)) for name, fields in _MESSAGES.items()})
     for service, (request, response) in _SERVICES.items():
-        made.register(service_types(service, request, response))
-    return made
+        typestore.register(service_types(service, request, response))
+    return typestore
 
 
 def service_types(service: str, request: str, response: str) -> dict[str, Any]:
@@ -71,14 +74,14 @@ def service_types(service: str, request: str, response: str) -> dict[str, Any]:
 
     The one of the service's own name has its hash.
     """
-    asked, answered, event = (f"{service}_{part}" for part in ("Request", "Response", "Event"))
+    request_type, answered, event = (f"{service}_{part}" for part in ("Request", "Response", "Event"))
     fields = {
-        asked: request,
+        request_type: request,
         answered: response,
-        event: f"{_EVENT} info, {asked}[<=1] request, {answered}[<=1] response",
-        service: f"{asked} request_message, {answered} response_message, {event} event_message",
+        event: f"{_EVENT} info, {request_type}[<=1] request, {answered}[<=1] response",
+        service: f"{request_type} request_message, {answered} response_message, {event} event_message",
     }
-    return {name: ([], _fields(text)) for name, text in fields.items()}
+    return {name: ([], _describe_fields(text)) for name, text in fields.items()}
 
 
 @cache
@@ -110,11 +113,11 @@ def make(type_name: str, values: Mapping[str, Any]) -> Any:
     return store().types[type_name](**fields)
 
 
-def _fields(text: str) -> list[tuple[str, Any]]:
-    return [(name, _described(kind)) for kind, name in map(str.split, text.split(", "))]
+def _describe_fields(text: str) -> list[tuple[str, Any]]:
+    return [(name, _describe_type(kind)) for kind, name in map(str.split, text.split(", "))]
 
 
-def _described(kind: str) -> Any:
+def _describe_type(kind: str) -> Any:
     """Return a field's type as rosbags describes it: a type, an array ``T[3]``, a sequence ``T[]`` or ``T[<=3]``."""
     from rosbags.interfaces import Nodetype
 

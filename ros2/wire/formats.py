@@ -161,8 +161,8 @@ class Bridge:
         if len(parts) < 6 or parts[0] != "@" or parts[2] != ADMIN_SPACE or parts[3] not in _BRIDGED:
             return None
         topic, type_name = (part.replace(_SLASH, "/") for part in parts[4:6])
-        kind, more = _BRIDGED[parts[3]]
-        return Entity(0, parts[1], 0, 0, kind, NodeName(""), f"/{topic}{more}", type_name)
+        kind, suffix = _BRIDGED[parts[3]]
+        return Entity(0, parts[1], 0, 0, kind, NodeName(""), f"/{topic}{suffix}", type_name)
 
 
 Format = RmwZenoh | Bridge
@@ -181,9 +181,9 @@ def other_format(form: Format, tokens: Callable[[str], list[str]]) -> str:
     For example "rmw_zenoh; give --format rmw_zenoh". `tokens` returns the liveliness tokens under a key expression.
     """
     for name in ("rmw_zenoh", "bridge"):
-        other = FORMATS[name](form.domain)
-        if type(other) is not type(form) and any(other.entity(token) for token in tokens(other.graph)):
-            return f"{other.name}; give --format {name}"
+        candidate = FORMATS[name](form.domain)
+        if type(candidate) is not type(form) and any(candidate.entity(token) for token in tokens(candidate.graph)):
+            return f"{candidate.name}; give --format {name}"
     return ""
 
 

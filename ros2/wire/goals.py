@@ -192,9 +192,9 @@ class GoalServer:
     def step(self, stamp_ns: int) -> PoseStamped | None:
         """Take in requests, and return where to go now; None for nowhere."""
         while (sent := self._sent.take()) is not None:
-            self._accept(sent.message, stamp_ns)
+            self._accept_goal(sent.message, stamp_ns)
         while (cancel := self._cancels.take()) is not None:
-            self._cancel(cancel.message)
+            self._cancel_goals(cancel.message)
         while (wanted := self._wanted.take()) is not None:
             self._waiting = [*self._waiting, wanted.message][-_ROOM:]
         self._answer_results()
@@ -202,49 +202,49 @@ class GoalServer:
 
     def finish(self, status: Status) -> None:
         """End the present goal, if there is one, as succeeded or aborted."""
-        self._end(self._current, status)
+        self._end_goal(self._current, status)
 
     def feedback(self, current: PoseStamped, elapsed_s: float, distance_left: float) -> None:
         """Publish the progress towards the present goal, if there is one; `distance_left` is in m."""
         if self.target is not None:
             self._feedback.send(Feedback(self._current, current, elapsed_s, distance_left))
 
-    def _accept(self, asked: Asked[SendGoalRequest, SendGoalResponse], stamp_ns: int) -> None:
+    def _accept_goal(self, asked: Asked[SendGoalRequest, SendGoalResponse], stamp_ns: int) -> None:
         request = asked.request
         fresh = request.goal_id not in self._goals and request.goal_id != _ANY_GOAL
         asked.answer(SendGoalResponse(fresh, stamp_ns))
         if not fresh:
             return
-        self._end(self._current, Status.ABORTED)
+        self._end_goal(self._current, Status.ABORTED)
         self._current = request.goal_id
         self._goals[request.goal_id] = _Goal(request.target, Status.EXECUTING)
         while len(self._goals) > _MOST_GOALS:
             del self._goals[next(iter(self._goals))]
-        self._tell()
+        self._tell_status()
 
-    def _cancel(self, asked: Asked[CancelRequest, CancelResponse]) -> None:
+    def _cancel_goals(self, asked: Asked[CancelRequest, CancelResponse]) -> None:
         wanted = asked.request.goal_id
         ended = self._current if self.target is not None and wanted in {_ANY_GOAL, self._current} else None
         asked.answer(CancelResponse(0, (ended,)) if ended is not None else CancelResponse(2))
         if ended is not None:
-            self._end(ended, Status.CANCELED)
+            self._end_goal(ended, Status.CANCELED)
 
-    def _end(self, identity: bytes, status: Status) -> None:
+    def _end_goal(self, identity: bytes, status: Status) -> None:
         goal = self._goals.get(identity)
         if goal is not None and not goal.status.over:
             goal.status = status
-            self._tell()
+            self._tell_status()
             self._answer_results()
 
     def _answer_results(self) -> None:
         waiting = []
-        for asked in self._waiting:
-            goal = self._goals.get(asked.request.goal_id)
+        for question in self._waiting:
+            goal = self._goals.get(question.request.goal_id)
             if goal is not None and not goal.status.over:
-                waiting.append(asked)
+                waiting.append(question)
             else:
-                asked.answer(GetResultResponse(Status.UNKNOWN if goal is None else goal.status))
+                question.answer(GetResultResponse(Status.UNKNOWN if goal is None else goal.status))
         self._waiting = waiting
 
-    def _tell(self) -> None:
+    def _tell_status(self) -> None:
         self._status.send(GoalStatusArray(tuple((identity, goal.status) for identity, goal in self._goals.items())))

@@ -66,7 +66,9 @@ class ZenohRos2Link:
         self._node_number = next(self._numbers)
         self._declared: list[Any] = []
         self._clients: dict[str, Attacher] = {}
-        self._show(Entity(self._format.domain, self._id, self._node_number, self._node_number, EntityKind.NODE, node))
+        self._show_entity(
+            Entity(self._format.domain, self._id, self._node_number, self._node_number, EntityKind.NODE, node)
+        )
 
     def is_ours(self, entity: Entity) -> bool:
         """Return True if something in the graph is of this link itself."""
@@ -102,7 +104,7 @@ class ZenohRos2Link:
                 express=True,
             )
         self._declared.append(publisher)
-        attacher = self._attacher(self._entity(EntityKind.PUBLISHER, full, type_name, qos))
+        attacher = self._attacher(self._make_entity(EntityKind.PUBLISHER, full, type_name, qos))
         return _Publisher(publisher, attacher)
 
     def subscribe(self, topic: str, kind: type[M], mailbox: RosMailbox[M], qos: Qos = USUAL) -> None:
@@ -113,13 +115,13 @@ class ZenohRos2Link:
 
         def receive(sample: zenoh.Sample) -> None:
             key = str(sample.key_expr)
-            if (wrong := _mismatch(full, self._format.origin(key), coding.type_name, expected)) is not None:
+            if (wrong := _type_mismatch(full, self._format.origin(key), coding.type_name, expected)) is not None:
                 mailbox.refuse(*wrong)
             elif sample.kind == zenoh.SampleKind.PUT:
-                _deliver(kind, full, sample.payload, sample.attachment, mailbox, _stamp_ns(sample.timestamp))
+                _deliver_message(kind, full, sample.payload, sample.attachment, mailbox, _stamp_ns(sample.timestamp))
 
         self._listen(self._format.heard(full), receive, qos.depth if qos.latched else 0)
-        self._show(self._entity(EntityKind.SUBSCRIPTION, full, coding.type_name, qos))
+        self._show_entity(self._make_entity(EntityKind.SUBSCRIPTION, full, coding.type_name, qos))
 
     def call(self, name: str, service: Service[Q, A], request: Q, limit_s: float) -> RosMailbox[A]:
         """Ask a service, without waiting for the response (`ros2.wire.ports.Ros2Link`).
@@ -130,12 +132,12 @@ class ZenohRos2Link:
         full = self.resolve(name)
         payload = encode(request)
         if full not in self._clients:
-            self._clients[full] = self._attacher(self._entity(EntityKind.CLIENT, full, service.type_name, SERVICE))
+            self._clients[full] = self._attacher(self._make_entity(EntityKind.CLIENT, full, service.type_name, SERVICE))
         mailbox: RosMailbox[A] = RosMailbox()
 
         def receive(reply: zenoh.Reply) -> None:
             if (sample := reply.ok) is not None:
-                _deliver(service.response, full, sample.payload, sample.attachment, mailbox)
+                _deliver_message(service.response, full, sample.payload, sample.attachment, mailbox)
 
         self._session.get(
             self._format.service_key(full, service.type_name),
@@ -155,23 +157,23 @@ class ZenohRos2Link:
         key = self._format.key(full, service.type_name)
 
         def receive(query: zenoh.Query) -> None:
-            asked: RosMailbox[Q] = RosMailbox()
-            given = attachment_of(_small(query.attachment))
-            _deliver(service.request, full, query.payload, query.attachment, asked)
-            for reason, line in asked.said.items():
+            questions: RosMailbox[Q] = RosMailbox()
+            attachment = attachment_of(_attachment_bytes(query.attachment))
+            _deliver_message(service.request, full, query.payload, query.attachment, questions)
+            for reason, line in questions.said.items():
                 mailbox.refuse(reason, line)
-            if (received := asked.take()) is not None:
-                question = Asked(received.message, _answer(query, key, given))
+            if (received := questions.take()) is not None:
+                question = Asked(received.message, _answer_request(query, key, attachment))
                 mailbox.put(Received(question, received.at_s, received.sent_ns, received.sequence, received.sender))
 
         handler: Any = zenoh.handlers.Callback(receive, indirect=False)
         self._declared.append(self._session.declare_queryable(key, handler, complete=True))
-        self._show(self._entity(EntityKind.SERVER, full, service.type_name, SERVICE))
+        self._show_entity(self._make_entity(EntityKind.SERVER, full, service.type_name, SERVICE))
 
     def graph(self, limit_s: float) -> list[Entity]:
         """Return the ROS graph's entities now, as far as the format tells; waits (`ros2.wire.ports.Ros2Link`)."""
-        found = map(self._format.entity, self.tokens(self._format.graph, limit_s))
-        return [entity for entity in found if entity is not None]
+        entities = map(self._format.entity, self.tokens(self._format.graph, limit_s))
+        return [entity for entity in entities if entity is not None]
 
     def other_format(self, limit_s: float) -> str:
         """Return the format of nodes that this link cannot hear, and the remedy (`ros2.wire.ports.Ros2Link`)."""
@@ -180,20 +182,26 @@ class ZenohRos2Link:
     def tokens(self, expression: str, limit_s: float) -> list[str]:
         """Return the liveliness tokens that there are now, each once, at most 10 000; waits."""
         replies = self._session.liveliness().get(expression, timeout=limit_s)
-        found = (str(reply.ok.key_expr) for reply in islice(replies, _MOST_ENTITIES) if reply.ok is not None)
-        return list(dict.fromkeys(found))  # the router tells us of our own once more
+        keys = (str(reply.ok.key_expr) for reply in islice(replies, _MOST_ENTITIES) if reply.ok is not None)
+        return list(dict.fromkeys(keys))  # the router tells us of our own once more
 
     def router(self, limit_s: float) -> RouterSays | None:
         """Return the router's description of itself in Zenoh's admin space; None without a valid answer."""
-        asked = [f"@/{router}/router" for router in self._session.info.routers_zid()]
-        answers = answers_of(self._session, asked, b"", _LONGEST_SAID, limit_s)
+        selectors = [f"@/{router}/router" for router in self._session.info.routers_zid()]
+        answers = answers_of(self._session, selectors, b"", _LONGEST_SAID, limit_s)
         return next((says for _, answer in answers if (says := router_says(answer, self._id)) is not None), None)
 
     def overhear(self, expression: str, ear: Ear, latched: bool) -> None:
         """Note all messages under a key expression, whatever they are; if `latched`, also those sent before."""
 
         def receive(sample: zenoh.Sample) -> None:
-            ear.note(str(sample.key_expr), sample.payload, _small(sample.attachment), time.monotonic(), time.time_ns())
+            ear.note(
+                str(sample.key_expr),
+                sample.payload,
+                _attachment_bytes(sample.attachment),
+                time.monotonic(),
+                time.time_ns(),
+            )
 
         self._listen(expression, receive, int(latched))
 
@@ -215,19 +223,19 @@ class ZenohRos2Link:
         """
         return close_session(self._session, self._declared, limit_s)
 
-    def _entity(self, kind: EntityKind, full: str, type_name: str, qos: Qos) -> Entity:
+    def _make_entity(self, kind: EntityKind, full: str, type_name: str, qos: Qos) -> Entity:
         type_hash = self._format.hash_of(type_name)
         numbers = self._node_number, next(self._numbers)
         return Entity(self._format.domain, self._id, *numbers, kind, self.node, full, type_name, type_hash, qos)
 
-    def _show(self, entity: Entity) -> None:
+    def _show_entity(self, entity: Entity) -> None:
         """Make something of ours visible in the graph."""
         if self._format.attaches:
             self._declared.append(self._session.liveliness().declare_token(entity.token))
 
     def _attacher(self, entity: Entity) -> Attacher:
         """Show a publisher or client, and return the maker of its attachments, which count its messages."""
-        self._show(entity)
+        self._show_entity(entity)
         if not self._format.attaches:
             return lambda: None
         numbers, gid = count(1), gid_of(entity.token)
@@ -250,8 +258,8 @@ def router_says(answer: bytes, own: str) -> RouterSays | None:
     try:
         says = json.loads(answer)
         version, sessions = says["version"], says["sessions"]
-        others = sum(session["peer"] != own for session in sessions)
-        return RouterSays(printable(version[:_LONGEST_VERSION].partition("-")[0]), others)
+        other_sessions = sum(session["peer"] != own for session in sessions)
+        return RouterSays(printable(version[:_LONGEST_VERSION].partition("-")[0]), other_sessions)
     except (ValueError, RecursionError, TypeError, KeyError, AttributeError):
         return None
 
@@ -265,7 +273,7 @@ class _Publisher(Sender[Any]):
         self._publisher.put(encode(message), attachment=self._attach())
 
 
-def _answer(query: zenoh.Query, key: str, given: Attachment | None) -> Callable[[Any], None]:
+def _answer_request(query: zenoh.Query, key: str, given: Attachment | None) -> Callable[[Any], None]:
     """Answers a request; a response carries the sequence and the client of its request."""
 
     def answer(response: Any) -> None:
@@ -277,18 +285,20 @@ def _answer(query: zenoh.Query, key: str, given: Attachment | None) -> Callable[
     return answer
 
 
-def _mismatch(full: str, origin: Origin, type_name: str, expected: frozenset[str]) -> tuple[str, str] | None:
+def _type_mismatch(full: str, origin: Origin, type_name: str, expected: frozenset[str]) -> tuple[str, str] | None:
     """Return why messages under a key are not of a type: another type, or a hash that means other fields; else None."""
     if origin.type_name not in {"", type_name}:
         return "type", printable(f"{full}: is a {origin.type_name[:255]}, and should be a {type_name}")
     if origin.type_hash not in expected:
-        known = ", ".join(sorted(expected - {"", NO_HASH}))
-        found = origin.type_hash[:80]
-        return "hash", printable(f"{full}: {type_name} has other fields there: its hash is {found}, and ours {known}")
+        expected_hashes = ", ".join(sorted(expected - {"", NO_HASH}))
+        foreign_hash = origin.type_hash[:80]
+        return "hash", printable(
+            f"{full}: {type_name} has other fields there: its hash is {foreign_hash}, and ours {expected_hashes}"
+        )
     return None
 
 
-def _deliver(
+def _deliver_message(
     kind: type[M],
     full: str,
     payload: zenoh.ZBytes | None,
@@ -312,11 +322,11 @@ def _deliver(
     except Malformed as bad:
         mailbox.refuse("malformed", printable(f"{full}: {bad}"))
         return
-    given = attachment_of(_small(attached))
-    if given is None:
+    attachment = attachment_of(_attachment_bytes(attached))
+    if attachment is None:
         mailbox.put(Received(message, at_s, stamp_ns))
     else:
-        mailbox.put(Received(message, at_s, given.sent_ns, given.sequence, given.sender))
+        mailbox.put(Received(message, at_s, attachment.sent_ns, attachment.sequence, attachment.sender))
 
 
 def _stamp_ns(stamp: zenoh.Timestamp | None) -> int | None:
@@ -324,7 +334,7 @@ def _stamp_ns(stamp: zenoh.Timestamp | None) -> int | None:
     return None if stamp is None else stamp.get_time_as_ntp64().as_nanos()
 
 
-def _small(attached: zenoh.ZBytes | None) -> bytes:
+def _attachment_bytes(attached: zenoh.ZBytes | None) -> bytes:
     """Return the bytes of an attachment; none where it is too long to be one."""
     return b"" if attached is None or len(attached) > _LONGEST_ATTACHMENT else attached.to_bytes()
 
@@ -345,9 +355,9 @@ def open_ros2(
     True. `credentials` is None for a router that asks for none.
     """
     store()
-    own = None if credentials is None else replace(credentials, mesh=None)  # a robot's router is none of the mesh
+    identity = None if credentials is None else replace(credentials, mesh=None)  # a robot's router is none of the mesh
     settings: Mapping[str, object] = {
-        **client_settings(router, LEASE_S, own),
+        **client_settings(router, LEASE_S, identity),
         "transport/link/tx/queue/congestion_control/block/wait_before_close": BLOCKED_US,
         "timestamping/enabled": True,  # without it no subscriber gets what a latched topic sent before
     }

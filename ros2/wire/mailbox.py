@@ -58,23 +58,23 @@ class Ear:
 
     def note(self, key: str, payload: Payload, attached: bytes, at_s: float, now_ns: int) -> None:
         """Note a message; `at_s` is by `time.monotonic`, `now_ns` since the epoch."""
-        known = self._heard.get(key)
-        if known is None:
+        overheard = self._heard.get(key)
+        if overheard is None:
             if len(self._heard) >= _MOST_KEYS:
                 return
-            known = self._heard[key] = Overheard(at_s)
-        known.messages += 1
-        known.size = max(known.size, len(payload))
-        known.last_s = at_s
-        known.newest = payload.to_bytes() if len(payload) <= _LONGEST_KEPT else None
-        if known.newest is not None and len(payload) <= _LONGEST_RECENT:
-            known.recent.append((now_ns, known.newest))
-        given = attachment_of(attached)
-        if given is not None:
-            age_ns = now_ns - given.sent_ns
-            known.age_ns = age_ns if known.age_ns is None else min(known.age_ns, age_ns)
-            if len(known.senders) < _MOST_SENDERS:
-                known.senders.add(given.sender)
+            overheard = self._heard[key] = Overheard(at_s)
+        overheard.messages += 1
+        overheard.size = max(overheard.size, len(payload))
+        overheard.last_s = at_s
+        overheard.newest = payload.to_bytes() if len(payload) <= _LONGEST_KEPT else None
+        if overheard.newest is not None and len(payload) <= _LONGEST_RECENT:
+            overheard.recent.append((now_ns, overheard.newest))
+        attachment = attachment_of(attached)
+        if attachment is not None:
+            age_ns = now_ns - attachment.sent_ns
+            overheard.age_ns = age_ns if overheard.age_ns is None else min(overheard.age_ns, age_ns)
+            if len(overheard.senders) < _MOST_SENDERS:
+                overheard.senders.add(attachment.sender)
 
 
 T = TypeVar("T")

@@ -78,7 +78,7 @@ def _optional_frame(name: str) -> str:
     return frame(name) if name else ""
 
 
-def _text(value: str) -> str:
+def _check_text(value: str) -> str:
     if len(value) > LONGEST_TEXT:
         raise Malformed(f"a text of {len(value)} characters")
     return value
@@ -91,25 +91,25 @@ def _goal_id(value: Iterable[int]) -> bytes:
     return identity
 
 
-def _nanoseconds(time: Any) -> int:
+def _as_nanoseconds(time: Any) -> int:
     if time.sec < 0 or not 0 <= time.nanosec < _NS:
         raise Malformed("a time before the epoch, or with more than a second of nanoseconds")
     return int(time.sec) * _NS + int(time.nanosec)
 
 
 def _ros_time(stamp_ns: int) -> Any:
-    seconds, rest = divmod(stamp_ns, _NS)
+    seconds, remainder = divmod(stamp_ns, _NS)
     if not 0 <= seconds <= _LAST_S:
         raise Malformed("a time before the epoch or after 2038")
-    return make("builtin_interfaces/msg/Time", {"sec": seconds, "nanosec": rest})
+    return make("builtin_interfaces/msg/Time", {"sec": seconds, "nanosec": remainder})
 
 
 def _ros_duration(seconds: float) -> Any:
-    whole, rest = divmod(round(number(seconds) * _NS), _NS)
-    return make("builtin_interfaces/msg/Duration", {"sec": whole, "nanosec": rest})
+    whole_s, remainder_ns = divmod(round(number(seconds) * _NS), _NS)
+    return make("builtin_interfaces/msg/Duration", {"sec": whole_s, "nanosec": remainder_ns})
 
 
-def _heading(turn: Any) -> float:
+def _heading_of(turn: Any) -> float:
     x, y, z, w = (float(value) for value in (turn.x, turn.y, turn.z, turn.w))
     length = math.hypot(x, y, z, w)
     if not _UNIT[0] <= length <= _UNIT[1]:
@@ -122,13 +122,13 @@ def _ros_turn(angle: float) -> Any:
     return make("geometry_msgs/msg/Quaternion", {"z": math.sin(half), "w": math.cos(half)})
 
 
-def _variances(covariance: Any) -> tuple[float, ...]:
+def _read_variances(covariance: Any) -> tuple[float, ...]:
     """Return the variances of x, y and heading; 0, unknown, where they are nonsense, which many robots send."""
-    values = [float(covariance[place]) for place in _PLANE]
+    values = [float(covariance[index]) for index in _PLANE]
     return tuple(value if 0.0 <= value <= LARGEST else 0.0 for value in values)
 
 
-def _covariance(variances: tuple[float, float, float]) -> Any:
+def _make_covariance(variances: tuple[float, float, float]) -> Any:
     covariance = np.zeros(36)
     covariance[_PLANE] = [number(value) for value in variances]
     return covariance
@@ -143,9 +143,9 @@ def _plane_pose(type_name: str, position: str, orientation: str) -> Packing:
         return make(type_name, {f"{position}.x": x, f"{position}.y": y, orientation: _ros_turn(pose.heading)})
 
     def unpack(found: Any) -> Pose:
-        place = read_position(found)
-        number(place.z)
-        return Pose(number(place.x), number(place.y), _heading(read_turn(found)))
+        spot = read_position(found)
+        number(spot.z)
+        return Pose(number(spot.x), number(spot.y), _heading_of(read_turn(found)))
 
     return Packing(pack, unpack)
 
@@ -153,12 +153,12 @@ def _plane_pose(type_name: str, position: str, orientation: str) -> Packing:
 NUMBER = Packing(number, number)
 INTEGER = Packing(int, int)
 YES_NO = Packing(bool, bool)
-TEXT, ANY_TEXT = Packing(_text, _text), Packing(str, str)
-TIME = Packing(_ros_time, _nanoseconds)
+TEXT, ANY_TEXT = Packing(_check_text, _check_text), Packing(str, str)
+TIME = Packing(_ros_time, _as_nanoseconds)
 DURATION = sent_only(_ros_duration)
 FRAME = Packing(_optional_frame, frame)
 OPTIONAL_FRAME = Packing(_optional_frame, _optional_frame)
-VARIANCES = Packing(_covariance, _variances)
+VARIANCES = Packing(_make_covariance, _read_variances)
 GOAL_ID = Packing(lambda value: np.frombuffer(_goal_id(value), dtype=np.uint8), _goal_id)
 POSE = _plane_pose("geometry_msgs/msg/Pose", "position", "orientation")
 TRANSFORM = _plane_pose("geometry_msgs/msg/Transform", "translation", "rotation")

@@ -67,7 +67,7 @@ class RclpyLink:
         self._executor = rclpy.executors.SingleThreadedExecutor(context=self._context)
         self._executor.add_node(self._node)
         self._declared: Counter[tuple[EntityKind, str]] = Counter()
-        self._thread = threading.Thread(target=self._hear, name="rclpy", daemon=True)
+        self._thread = threading.Thread(target=self._hear_messages, name="rclpy", daemon=True)
         self._thread.start()
 
     def is_ours(self, entity: Entity) -> bool:
@@ -86,9 +86,9 @@ class RclpyLink:
     def publisher(self, topic: str, kind: type[M], qos: Qos = USUAL) -> Sender[M]:
         """Return a publisher (`ros2.wire.ports.Ros2Link`)."""
         full, type_name = self.resolve(topic), CODINGS[kind].type_name
-        made = self._node.create_publisher(_class_of(type_name, full), full, self._profile(qos))
+        publisher = self._node.create_publisher(_class_of(type_name, full), full, self._qos_profile(qos))
         self._declared[EntityKind.PUBLISHER, full] += 1
-        return _Publisher(made)
+        return _Publisher(publisher)
 
     def subscribe(self, topic: str, kind: type[M], mailbox: RosMailbox[M], qos: Qos = USUAL) -> None:
         """Put messages of a topic into a mailbox (`ros2.wire.ports.Ros2Link`)."""
@@ -117,7 +117,7 @@ class RclpyLink:
         quiet = self._rclpy.event_handler.SubscriptionEventCallbacks(use_default_callbacks=False)
         for wanted in dict.fromkeys((qos, SENSOR)):
             self._node.create_subscription(
-                message_class, full, receive, self._profile(wanted), event_callbacks=quiet, raw=True
+                message_class, full, receive, self._qos_profile(wanted), event_callbacks=quiet, raw=True
             )
             self._declared[EntityKind.SUBSCRIPTION, full] += 1
 
@@ -137,8 +137,8 @@ class RclpyLink:
         Another node with our name looks like our own. So as many entities as we have count as ours, and the rest not.
         """
         del limit_s
-        left = self._declared.copy()
-        left[EntityKind.NODE, ""] = 1
+        remaining = self._declared.copy()
+        remaining[EntityKind.NODE, ""] = 1
         ours = self.node.name, self.node.namespace.strip("/")
         entities: list[Entity] = []
 
@@ -146,8 +146,8 @@ class RclpyLink:
             kind: EntityKind, name: str, namespace: str, topic: str = "", type_name: str = "", hashed: str = ""
         ) -> None:
             node = NodeName(name, namespace.strip("/"))
-            is_ours = (node.name, node.namespace) == ours and left[kind, topic] > 0
-            left[kind, topic] -= is_ours
+            is_ours = (node.name, node.namespace) == ours and remaining[kind, topic] > 0
+            remaining[kind, topic] -= is_ours
             session = _OURS if is_ours else _OTHERS
             entities.append(Entity(self._domain, session, 0, 0, kind, node, topic, type_name, hashed))
 
@@ -172,7 +172,7 @@ class RclpyLink:
             raise self._error
         return not self._thread.is_alive()
 
-    def _hear(self) -> None:
+    def _hear_messages(self) -> None:
         """Take in messages until `close`."""
         try:
             self._executor.spin()
@@ -182,7 +182,7 @@ class RclpyLink:
             self._error = error
             self._leave(f"it hears ROS no more: {type(error).__name__}: {error}")
 
-    def _profile(self, qos: Qos) -> Any:
+    def _qos_profile(self, qos: Qos) -> Any:
         """Return a quality of service as rclpy has it."""
         of = self._rclpy.qos
         durability, reliability = of.DurabilityPolicy, of.ReliabilityPolicy

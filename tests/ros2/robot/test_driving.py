@@ -156,7 +156,7 @@ def test_an_operator_is_told_that_a_robot_stands_only_when_nav2_has_heard_of_it(
         made.drives()
         goals = made.node._goals
         assert goals is not None
-        cancel = goals._cancel
+        cancel = goals._cancel_goals
         lost: list[Asked[CancelRequest, CancelResponse]] = []
         losing = 3
 
@@ -166,7 +166,7 @@ def test_an_operator_is_told_that_a_robot_stands_only_when_nav2_has_heard_of_it(
             else:
                 cancel(asked)
 
-        goals._cancel = lossy  # type: ignore[method-assign]
+        goals._cancel_goals = lossy  # type: ignore[method-assign]
         made.until(lambda: control(Path(endpoint), "stop", None, fleet="patrol", wait=PATIENCE_S) == 0)
         assert made.robot.stands
         assert len(lost) == 3
@@ -176,7 +176,7 @@ def test_an_operator_is_told_that_a_robot_stands_only_when_nav2_has_heard_of_it(
         capsys.readouterr()
         assert control(Path(endpoint), "stop", None, fleet="patrol", wait=PATIENCE_S) == 1
         assert "robot1: may still drive: " in capsys.readouterr().err
-        goals._cancel = cancel  # type: ignore[method-assign]
+        goals._cancel_goals = cancel  # type: ignore[method-assign]
         made.until(lambda: control(Path(endpoint), "stop", None, fleet="patrol", wait=PATIENCE_S) == 0)
         assert made.robot.stands
 

@@ -65,7 +65,7 @@ def found(monkeypatch: pytest.MonkeyPatch, odometry: int, knows: int | None) -> 
         options=SimpleNamespace(wait=60.0), ending=Event(), log=SimpleNamespace(info=lambda _line: None)
     )
     try:
-        return ros2_process._found(cast(Any, robot), cast(Any, link), cast(Any, process)), robot
+        return ros2_process._find_pose(cast(Any, robot), cast(Any, link), cast(Any, process)), robot
     except BadInput as error:
         return str(error), robot
 
