@@ -58,7 +58,7 @@ class Patrol:
         """Let the others decide, move everybody, and begin the next tick. Robot 1 has decided."""
         decision = self._decision
         assert decision is not None
-        others = {number: heard for number, heard in self._heard.items() if number != 1}
+        others = {number: position for number, position in self._heard.items() if number != 1}
         replies = dict(self._fleet.phase_b(self._world.tick, others))
         replies[1] = Reply(decision.command, decision.state, decision.goal, 0.0, 0)
         self._world.end_tick(replies)

@@ -120,7 +120,9 @@ def _table(ways: Sequence[str], losses: Sequence[float]) -> Iterator[str]:
 
 def _row(way: str, loss: float, hosts: dict[str, Heard]) -> str:
     pairs = len(hosts) * (len(hosts) - 1)
-    delays = sorted(1e3 * delay for host in hosts.values() for each in host.delays_s.values() for delay in each)
+    delays = sorted(
+        1e3 * delay for host in hosts.values() for link_delays in host.delays_s.values() for delay in link_delays
+    )
     sent = sum(host.sent for host in hosts.values()) * (len(hosts) - 1)
     met = [first for host in hosts.values() for first in host.first_s.values() if first <= MEET_S]
     late = (
@@ -269,7 +271,7 @@ def _be_a_host(what: dict[str, Any]) -> NoReturn:
     print("ready", flush=True)
     begin_s = float(sys.stdin.readline())
     count_from, count_to = begin_s + MEET_S, begin_s + MEET_S + COUNT_S
-    heard = Heard({}, {name: [] for name in ROBOTS if name != what["name"]}, 0)
+    records = Heard({}, {name: [] for name in ROBOTS if name != what["name"]}, 0)
     seen: set[tuple[str, int]] = set()
     counted = 0
     for name, at_s, number in exchange(what, ROBOTS, begin_s, PERIOD_S, count_to, count_to + END_S):
@@ -277,11 +279,11 @@ def _be_a_host(what: dict[str, Any]) -> NoReturn:
         if name == what["name"]:
             counted += counts
             continue
-        heard.first_s.setdefault(name, time.time() - begin_s)
+        records.first_s.setdefault(name, time.time() - begin_s)
         if counts and (name, number) not in seen:
             seen.add((name, number))
-            heard.delays_s[name].append(time.time() - at_s)
-    print(json.dumps({"first_s": heard.first_s, "delays_s": heard.delays_s, "sent": counted}), flush=True)
+            records.delays_s[name].append(time.time() - at_s)
+    print(json.dumps({"first_s": records.first_s, "delays_s": records.delays_s, "sent": counted}), flush=True)
     leave(0)
 
 

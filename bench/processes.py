@@ -121,9 +121,9 @@ def memory(arguments: Sequence[str], tick: int, program: str, loops: int) -> flo
         with running("run", *arguments, "--robots", str(CARS), "--duration", str(DURATION_S)) as (process, folder):
             await_tick(process, folder, tick)
             shares = [
-                float(one.memory_full_info().pss)
-                for one in psutil.Process(process.pid).children(recursive=True)
-                if module_of(one) == program
+                float(child.memory_full_info().pss)
+                for child in psutil.Process(process.pid).children(recursive=True)
+                if module_of(child) == program
             ]
         if not shares:
             raise RuntimeError(f"there is no process of {PROGRAMS[program]}")

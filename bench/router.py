@@ -40,11 +40,11 @@ def main() -> None:
     # The kernel counts a process's time in hundredths of a second.
     bench = Bench("router", processes=3, values=3, min_time_s=0.3)
     for members in MEMBERS:
-        each = members * (members - 1)
+        links = members * (members - 1)
         task = f"a delivery, {members} members"
         with Load(members) as load:
-            bench.time(f"{task}: the router's processor time", load.router_time, inner_loops=each)
-            bench.time(f"{task}: bytes both ways", load.bytes_sent, inner_loops=BYTE_ROUNDS * each, unit="byte")
+            bench.time(f"{task}: the router's processor time", load.router_time, inner_loops=links)
+            bench.time(f"{task}: bytes both ways", load.bytes_sent, inner_loops=BYTE_ROUNDS * links, unit="byte")
     bench.end()
 
 

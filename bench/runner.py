@@ -157,7 +157,7 @@ def commit() -> str:
     """Return the commit of this clone, with a plus sign where files have changed since; empty where git cannot tell."""
     command = ["git", "-C", str(ROOT), "describe", "--always", "--dirty=+", "--exclude=*"]
     try:
-        done = subprocess.run(command, capture_output=True, text=True, check=False)
+        result = subprocess.run(command, capture_output=True, text=True, check=False)
     except FileNotFoundError:
         return ""
-    return done.stdout.strip()
+    return result.stdout.strip()

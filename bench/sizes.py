@@ -86,8 +86,8 @@ class Fleet:
     @property
     def sites(self) -> list[list[str]]:
         """The robots at each site."""
-        each = len(self.names) // SITES
-        return [self.names[site * each : (site + 1) * each] for site in range(SITES)]
+        per_site = len(self.names) // SITES
+        return [self.names[site * per_site : (site + 1) * per_site] for site in range(SITES)]
 
     @property
     def numbers(self) -> dict[str, int]:
@@ -192,9 +192,9 @@ def main() -> int:
 
 
 def _check_neighbours(size: int) -> None:
-    most, needed = int(NEIGHBOURS.read_text("ascii")), size * (size + SITES)
-    if needed > most:
-        raise Impossible(f"{size} robots have {needed} neighbours and {NEIGHBOURS} says {most}; write more there")
+    allowed, needed = int(NEIGHBOURS.read_text("ascii")), size * (size + SITES)
+    if needed > allowed:
+        raise Impossible(f"{size} robots have {needed} neighbours and {NEIGHBOURS} says {allowed}; write more there")
 
 
 def _measure(way: str, size: int) -> tuple[str, str]:
@@ -217,18 +217,18 @@ def _measure(way: str, size: int) -> tuple[str, str]:
 
 def _start(fleet: Fleet, folder: Path, *, is_ring: bool) -> None:
     """Start the routers, each of which connects to earlier ones, and the robots."""
-    made = _credentials(fleet, folder)
+    credentials = _credentials(fleet, folder)
     places = {name: f"quic/{BODY}.{fleet.numbers[name]}:{BODY_PORT}?mixed_rel=1" for name in fleet.routers}
     listed = list(places.values())
     for place, name in enumerate(fleet.routers):
         links = [word for other in listed[: place if is_ring else min(place, 1)] for word in ("--connect", other)]
-        guarded = ["--fleet", str(made.path), "--listen", places[name]]
+        guarded = ["--fleet", str(credentials.path), "--listen", places[name]]
         fleet.bed.start(name, fleet.bed.space(fleet.numbers[name]), "fogwatch.router", *guarded, *links)
     for number, site in enumerate(fleet.sites):
         first = number if number < len(listed) else 0
         radio = ",".join([*listed[first:], *listed[:first]])
         for name in site:
-            own = str(made.path / name)
+            own = str(credentials.path / name)
             fleet.start(name, {"name": name, "robots": fleet.names, "radio": radio or own, "credentials": own})
     for name in fleet.routers:
         await_router(fleet.bed, name)
@@ -284,7 +284,7 @@ def _cut_and_death(fleet: Fleet) -> str:
 
 
 def _pairs(names: Sequence[str]) -> list[Pair]:
-    return [(hears, heard) for hears in names for heard in names if hears != heard]
+    return [(hears, sender) for hears in names for sender in names if hears != sender]
 
 
 def _spent(processes: Sequence[psutil.Process]) -> float:
@@ -309,11 +309,11 @@ def _be_a_host(what: dict[str, Any]) -> NoReturn:
     _say(COUNTS, 0)
     begin_s = float(sys.stdin.readline())
     last_s: dict[str, float] = {}
-    heard = 0
+    count = 0
     for name, at_s, number in exchange(what, what["robots"], begin_s, PERIOD_S):
         now = time.time()
         if name != what["name"]:
-            heard += 1
+            count += 1
             if now - at_s < SILENT_S:
                 if name not in last_s:
                     _say(HEARS, name)
@@ -323,7 +323,7 @@ def _be_a_host(what: dict[str, Any]) -> NoReturn:
             del last_s[other]
             _say(MISSES, other)
         if number % round(1.0 / PERIOD_S) == 0:
-            _say(COUNTS, heard)
+            _say(COUNTS, count)
     raise AssertionError("it hears until it is killed")
 
 

@@ -56,9 +56,9 @@ def topics_of(seen: Survey, form: Format, entities: Sequence[Entity]) -> Iterato
         for key in keys or [""]:
             origin = form.origin(key) if key else Origin()
             # A publisher's type counts before those of others.
-            told = min(about, key=lambda entity: entity.kind is not EntityKind.PUBLISHER, default=None)
-            type_name = origin.type_name or (told.type_name if told else "")
-            hashed = origin.type_hash or (told.type_hash if told else "")
+            chosen = min(about, key=lambda entity: entity.kind is not EntityKind.PUBLISHER, default=None)
+            type_name = origin.type_name or (chosen.type_name if chosen else "")
+            hashed = origin.type_hash or (chosen.type_hash if chosen else "")
             overheard = seen.heard.get(key) or Overheard(0.0)
             frames, wrong = _look_at_messages(_KNOWN.get(type_name, usual_kind), overheard)
             if type_name in _KNOWN and hashed not in {"", NO_HASH, type_hash(type_name)}:
@@ -121,7 +121,7 @@ class Survey:
     def odometry(self, form: Format) -> Iterator[Overheard]:
         """Yield what was heard under the keys of the robot's odometry."""
         where = form.heard(self.name("odom")).removesuffix("/*/*")
-        yield from (heard for key, heard in self.heard.items() if key == where or key.startswith(f"{where}/"))
+        yield from (topic for key, topic in self.heard.items() if key == where or key.startswith(f"{where}/"))
 
 
 def survey(link: ZenohRos2Link, domain: int, namespace: str, wanted: DriveSettings, seconds: float) -> Survey:

@@ -57,6 +57,7 @@ CHECKERS = {
     "format": ["ruff", "format", "--check", "--quiet", "--diff", "."],
     "types": ["mypy", "--no-error-summary"],
     "layers": ["lint-imports", "--no-cache"],
+    "prose": ["python", "-m", "tests.prose"],
 }
 
 

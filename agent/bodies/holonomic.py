@@ -59,12 +59,12 @@ class HolonomicBody(BodyBase):
 
     def _approach(self, place: Place, view: View) -> Choice:
         """Return a step towards a place. The body yields to others on the way, but not on the last step."""
-        pose, start, found = view.pose, view.start, way_of(place, view)
+        pose, start, route = view.pose, view.start, way_of(place, view)
         if place.wander is not None and (aside := self._aside(pose, place.wander)) is not None:
             return Choice(aside, place.state, place.wander)
-        if found is None or start is None:
+        if route is None or start is None:
             return self._come_back(view)
-        spot, bend = found
+        spot, bend = route
         bend = self._farthest(spot, bend, view)
         bearing = math.atan2(bend[1] - pose.y, bend[0] - pose.x)
         if view.bumped and view.draw(0, Purpose.RANDOM_MOVE) < AFTER_BUMP:

@@ -104,8 +104,8 @@ def _print_findings(console: Console, found: Sequence[Finding]) -> None:
     table = Table("", "variant", "MFoW (s)", "cost", "late (s)", "belief error (s)", box=None, header_style="cyan")
     for column in table.columns[2:]:
         column.justify = "right"
-    for one in sorted(found, key=lambda one: list(GROUPS).index(one.condition.group)):
-        cost = "-" if one.cost is None else f"{one.cost.mean:.3f}"
-        numbers = (with_interval(one.mfow), cost, with_interval(one.late), with_interval(one.belief))
-        table.add_row(f"{one.condition.group}: {one.condition.name}", one.variant, *numbers)
+    for finding in sorted(found, key=lambda finding: list(GROUPS).index(finding.condition.group)):
+        cost = "-" if finding.cost is None else f"{finding.cost.mean:.3f}"
+        numbers = (with_interval(finding.mfow), cost, with_interval(finding.late), with_interval(finding.belief))
+        table.add_row(f"{finding.condition.group}: {finding.condition.name}", finding.variant, *numbers)
     console.print(table, highlight=False, markup=False)

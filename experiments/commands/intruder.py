@@ -82,7 +82,7 @@ def intruder(
     ] = False,
     as_json: Annotated[bool, option("", "Print JSON.", "--json")] = False,
 ) -> None:
-    """Play intruder games on a run: how often could somebody stay at a place, or get in, unseen?
+    """Play intruder games on a run: how often could an intruder stay at a place, or get in, unseen?
 
     Random attacks any place at any time. Waiting attacks a place that has just been left. Statistical has learned from
     the first half of the run after which time a place is likely to stay unseen. An attack succeeds if no robot sees

@@ -55,7 +55,7 @@ Seeds = Annotated[int, option("K", "Run each cell with seeds 1 to K.")]
 
 @dataclass(frozen=True)
 class Cells:
-    """How the cells of tables are run."""
+    """Settings and folder of the cells of tables."""
 
     duration: Annotated[float | None, option("S", "Simulated time in s (default: the paper's 5000).")] = None
     settings: Annotated[

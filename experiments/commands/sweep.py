@@ -44,7 +44,7 @@ def out_option(default: str) -> Any:
 
 @dataclass(frozen=True)
 class Machines:
-    """What makes the runs: processes of this machine, or those of a cluster."""
+    """The processes that make the runs, of this machine or of a cluster."""
 
     workers: Annotated[int | None, option("N", "Runs at a time (default: one per core).")] = None
     cluster: Annotated[str | None, option("ADDRESS", "Run on the workers of this Dask scheduler, tcp://HOST:8786.")] = (

@@ -122,12 +122,12 @@ def learned_games(
     ]
     weights = drawn_weights(range(trials.number), watched.seen.shape[1])
     total = sum(game.work for game in games) * trials.number
-    done = 0
+    trained = 0
 
     def step(networks: int) -> None:
-        nonlocal done
-        done += networks
-        advance(done / total)
+        nonlocal trained
+        trained += networks
+        advance(trained / total)
 
     return [game.play(weights, step) for game in games]
 

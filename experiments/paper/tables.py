@@ -154,7 +154,7 @@ def fits_of(comparisons: Sequence[TableComparison]) -> list[tuple[str, Fit]]:
         names = " and ".join(str(number) for number in paper().fit_tables)
         fits.append((f"Tables {names}, printed below {paper().fit_below:g} s", fit_of(fitted, paper().fit_below)))
         fits.append((f"Tables {names}, all", fit_of(fitted)))
-    return [(name, found) for name, found in fits if found is not None]
+    return [(name, fit) for name, fit in fits if fit is not None]
 
 
 def fit_texts(found: Fit) -> list[str]:

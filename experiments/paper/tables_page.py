@@ -127,7 +127,7 @@ def _far_off(comparisons: Sequence[TableComparison]) -> Iterator[str]:
         number = comparison.table.number
         for cell in comparison.cells:
             if cell.far_off:
-                remarks = (each for each in paper().remarks if each.applies_to(number, cell.row, cell.column))
+                remarks = (remark for remark in paper().remarks if remark.applies_to(number, cell.row, cell.column))
                 remark = next(remarks, None)
                 name = f"Table {number} {cell.row}, {comparison.table.columns_are} {cell.column} (x {cell.ratio:.2f})"
                 by_remark.setdefault(remark.says if remark else UNEXPLAINED, []).append(name)

@@ -83,9 +83,9 @@ def _size_answer(plan: FleetPlan, wanted_s: float) -> Iterator[str]:
 
 def _kept_by(size: FleetSize, wanted_s: float) -> str:
     """Say in how many of its runs a fleet keeps an age, and the ages of the worst one."""
-    kept = sum(kept.keeps(wanted_s) for kept in size.runs)
-    seeds = "" if len(size.runs) == 1 else f"kept by {kept} of {len(size.runs)} seeds; in the worst run "
-    return f"{_keeping_sentence(size.robots, wanted_s, kept == len(size.runs))}: {seeds}{_ages_text(size.simulated)}"
+    keeping = sum(run.keeps(wanted_s) for run in size.runs)
+    seeds = "" if len(size.runs) == 1 else f"kept by {keeping} of {len(size.runs)} seeds; in the worst run "
+    return f"{_keeping_sentence(size.robots, wanted_s, keeping == len(size.runs))}: {seeds}{_ages_text(size.simulated)}"
 
 
 def _remedy_text(plan: FleetPlan, wanted_s: float) -> str:

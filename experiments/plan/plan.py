@@ -287,8 +287,8 @@ class _Planner:
         territories = None if tours.length_m is None else self._divider.divide(prepared)
         scenario = prepared.scenario
         own_s = [
-            _driven_s(each.tour.way, each.tour.length_m, scenario, self._limits)
-            for each in (() if territories is None else territories)
+            _driven_s(territory.tour.way, territory.tour.length_m, scenario, self._limits)
+            for territory in (() if territories is None else territories)
         ]
         area_m2 = float(np.count_nonzero(prepared.patrolled)) * prepared.terrain.point_area
         self.sizes[number] = FleetSize(

@@ -304,17 +304,17 @@ def _read_base(given: object, path: Path) -> Base:
     return Base({"name": file.stem, **raw}, file.parent, str(path), str(file))
 
 
-def _read_seeds(given: object, base: Base, path: Path) -> tuple[int, ...]:
-    if given is None:
-        given = [load_scenario(base.raw, base=base.folder, called=base.source or base.called).seed]
-    if isinstance(given, int) and not isinstance(given, bool):
-        return count_of_seeds(given, f"{path}: seeds")
-    if isinstance(given, list) and given and all(type(seed) is int and seed >= 0 for seed in given):
-        twice = [seed for seed, count in Counter(given).items() if count > 1]
+def _read_seeds(seeds: object, base: Base, path: Path) -> tuple[int, ...]:
+    if seeds is None:
+        seeds = [load_scenario(base.raw, base=base.folder, called=base.source or base.called).seed]
+    if isinstance(seeds, int) and not isinstance(seeds, bool):
+        return count_of_seeds(seeds, f"{path}: seeds")
+    if isinstance(seeds, list) and seeds and all(type(seed) is int and seed >= 0 for seed in seeds):
+        twice = [seed for seed, count in Counter(seeds).items() if count > 1]
         if not twice:
-            return tuple(given)
+            return tuple(seeds)
         raise BadInput(f"{path}: seeds: {twice[0]} occurs twice; give each seed once")
-    raise BadInput(f"{path}: seeds = {quoted(given)}: expected a count such as 3, or a list of seeds such as [1, 2, 3]")
+    raise BadInput(f"{path}: seeds = {quoted(seeds)}: expected a count such as 3, or a list of seeds such as [1, 2, 3]")
 
 
 def _read_cases(raw: Mapping[str, Any], grid: Mapping[str, Sequence[_GridValue]], path: Path) -> list[Case]:

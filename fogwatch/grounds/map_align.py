@@ -146,11 +146,11 @@ def align_maps(a: WallMap, b: WallMap) -> list[Alignment]:
         fitted = _settle_pose(some, close, fitted, 2.0 * b.point, 0.05 * b.point, radius)
         transform = composed(fitted, Pose(-float(centre[0]), -float(centre[1]), 0.0))
         alignments.append(Alignment(transform, agreement(a, b, transform)))
-    alignments.sort(key=lambda one: -one.agreement)
+    alignments.sort(key=lambda alignment: -alignment.agreement)
     different: list[Alignment] = []
-    for one in alignments:
-        if all(_mean_distance(walls, one.transform, chosen.transform) > _APART * cell for chosen in different):
-            different.append(one)
+    for alignment in alignments:
+        if all(_mean_distance(walls, alignment.transform, chosen.transform) > _APART * cell for chosen in different):
+            different.append(alignment)
     return different
 
 

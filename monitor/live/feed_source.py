@@ -353,9 +353,9 @@ class FeedSource:
 
         def listener(number: int) -> Listener:
             inboxes = inboxes_of(scenario, [number], self._terrain.bounds, self._key)
-            made = Listener(self._footprint, area, inboxes, number, closings)
-            mark_outside(made.fog, ground.patrolled)
-            return made
+            new_listener = Listener(self._footprint, area, inboxes, number, closings)
+            mark_outside(new_listener.fog, ground.patrolled)
+            return new_listener
 
         since = self._log[0][0] if self._log else self._since
         return FogTracker(layer if isinstance(layer, int) else NO_ROBOT, listener, self._log, since)

@@ -46,8 +46,8 @@ def fog_chart(
     """
     terrain, counted, scenario = run.prepared.terrain, run.prepared.patrolled, run.prepared.scenario
     chart, axes = _draw_map(terrain)
-    most = float(fog_s[counted].max(initial=0.0)) if most is None else most
-    scale = fog_scale(max(most, 1e-9))
+    most_s = float(fog_s[counted].max(initial=0.0)) if most is None else most
+    scale = fog_scale(max(most_s, 1e-9))
     every = -(-max(terrain.shape) // _LONGEST)
     image = scale.to_rgba(_thin_grid(np.where(counted, fog_s, 0.0), every), bytes=True)
     image[~_thin_grid(counted, every)] = [round(255 * part) for part in UNCOUNTED]

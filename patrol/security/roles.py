@@ -176,9 +176,9 @@ def deny_all_but(
     return {
         "enabled": True,
         "default_permission": "deny",
-        "rules": [one for own in allowed.values() for one in own],
+        "rules": [rule for own in allowed.values() for rule in own],
         "subjects": [{"id": name, **known_by} for name, known_by in subjects.items()],
-        "policies": [{"subjects": [name], "rules": [one["id"] for one in own]} for name, own in allowed.items()],
+        "policies": [{"subjects": [name], "rules": [rule["id"] for rule in own]} for name, own in allowed.items()],
     }
 
 
