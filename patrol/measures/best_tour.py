@@ -72,7 +72,7 @@ def _seen_from(fields: StaticFields, part: BoolGrid) -> BoolGrid:
 
 
 VERSION = 2
-"""Version of the search: a change of `patrol.ground.tour` that gives other tours adds 1."""
+"""Version of the search: a change of `patrol.tours` that gives other tours adds 1."""
 
 MOST_ROBOTS = 24
 """Robots of the largest fleet that follows rounds. Each follows all others along the tour, so the time that a fleet
