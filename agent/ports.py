@@ -16,6 +16,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
+from operator import attrgetter
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 from warnings import warn
@@ -226,9 +227,10 @@ class FleetSetup:
 
 
 _MOVED: Mapping[str, str] = MappingProxyType(
-    dict.fromkeys(("spec", "lengths"), "robot")
-    | dict.fromkeys(("terrain", "fields", "posts", "sight", "graph"), "ground")
-    | dict.fromkeys(("step", "radii", "team", "patrol", "docks"), "fleet")
+    {name: f"robot.{name}" for name in ("spec", "lengths")}
+    | {name: f"ground.{name}" for name in ("terrain", "fields", "posts", "sight", "graph", "scratch")}
+    | {name: f"fleet.{name}" for name in ("step", "radii", "team", "patrol", "docks")}
+    | {"fleet_chance": "fleet.chance", "sensor": "ground.prepared.scenario.sensor"}
 )
 """Attributes that `PolicySetup` had itself in 1.0, and where they are now."""
 
@@ -254,11 +256,11 @@ class PolicySetup:
     if not TYPE_CHECKING:
 
         def __getattr__(self, name: str) -> Any:
-            part = _MOVED.get(name)
-            if part is None:
-                raise AttributeError(f"PolicySetup has no attribute {name}")
-            warn(f"setup.{name} is setup.{part}.{name} since 1.1", DeprecationWarning, stacklevel=2)
-            return getattr(getattr(self, part), name)
+            place = _MOVED.get(name)
+            if place is None:
+                raise AttributeError(f"PolicySetup has no attribute {name}; see docs/compatibility.md, Policies")
+            warn(f"setup.{name} is setup.{place} since 1.1", FutureWarning, stacklevel=2)
+            return attrgetter(place)(self)
 
 
 class Policy(Protocol):

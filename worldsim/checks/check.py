@@ -43,7 +43,7 @@ class CheckResult:
 class JudgedRun:
     """A run as its verdict knows it, and the readings of its journal."""
 
-    journal: RunRecord  # may still be being written: events and end are read when they are needed
+    journal: RunRecord  # in one process still being written: events and end are read when they are needed
     prepared: Prepared
     timeline: Timeline
     exit_codes: Mapping[str, int | None]  # by process, None: never seen to end; empty for a run in one process
