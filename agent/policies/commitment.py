@@ -67,6 +67,7 @@ class Commitment:
         """Return the way to the target, or to a new one; now and then a random step."""
         pursuit, goes_on = self.pursuit, view.tick <= self._decided_at + 1
         self._decided_at = view.tick
+        # It was at a dock, and others have seen to its target meanwhile.
         if self._may_be_away and not goes_on:
             pursuit.target = None
             self.choice.forget()

@@ -139,6 +139,7 @@ class Spacing:
         spots = spots[stops]
         course = np.roll(spots, -1, axis=0) - np.roll(spots, 1, axis=0)
         length = np.sqrt((course**2).sum(axis=1))[:, None]
+        # The course has no length where the tour comes back the way it went.
         tour = np.ascontiguousarray(np.hstack([spots, course / np.maximum(length, 1e-9)]))
         slack_m, along = SLACK_RANGES * range_m, laid_out.along[stops]
         return cls(

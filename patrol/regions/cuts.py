@@ -94,6 +94,7 @@ def _make_plan(rings: Sequence[Ring]) -> Plan:
     to, onward = corners - corners[before], corners[after] - corners
     longer = np.maximum(np.hypot(*to.T), np.hypot(*onward.T))
     turn, ahead = cross(to, onward), np.einsum("ij,ij->i", to, onward) > 0.0
+    # The cross product over the longer side is about the corner's depth, so that shallow dents stay.
     return Plan(corners, before, after, np.flatnonzero(turn < np.where(ahead, -DENT * longer, -FLAT)))
 
 
@@ -106,6 +107,7 @@ def _part_at_touches(plan: Plan) -> None:
         offset = plan.corners[v] - begin
         share = (offset * along).sum(axis=1) / length**2
         on = (np.abs(cross(along, offset)) <= FLAT * length) & (share > 0.0) & (share < 1.0)
+        # Its own two sides do not count.
         on[[v, plan.before[v]]] = False
         for side in np.flatnonzero(on).tolist():
             plan.stops.setdefault(side, []).append((float(share[side]), v))
@@ -184,13 +186,16 @@ def _cut_off_the_rest(plan: Plan) -> None:
     while waiting.size:
         v = int(waiting[np.argmin(ways[waiting, 0])])
         waiting = waiting[waiting != v]
+        # No cut from this corner ends anywhere, so it stays.
         if ways[v, 4] < 0.0:
             continue
         to = _cut_end(plan, v, ways[v])
         plan.cuts.append((v, to))
+        # The cut may serve the corner in which it ends as well.
         if to in waiting and _leaves_convex(plan, to, v):
             waiting = waiting[waiting != to]
         start, stop = np.array([plan.place(v)]), np.array([plan.place(to)])
+        # For corners that wait, the new cut may be nearer than a wall.
         plan.shorten(waiting, start, stop, n + len(plan.cuts) - 1, ways)
 
 
@@ -229,6 +234,7 @@ def _walk_faces(plan: Plan) -> Iterator[Floats]:
                 onward.setdefault(ahead, []).append(here)
     bearing = {(here, ahead): _cut_bearing(plan, here, ahead) for here, ways in onward.items() for ahead in ways}
     walked: set[tuple[int, int]] = set()
+    # By number, so that the order of regions is always the same.
     for here, ways in sorted(onward.items()):
         for ahead in ways:
             if (here, ahead) in walked:

@@ -30,12 +30,14 @@ def evidence(hits: int, draws: int, p: float) -> float:
     if hits:
         under += hits * math.log(p)
     if draws - hits:
+        # Exact also where p is tiny.
         under += (draws - hits) * math.log1p(-p)
     return _log_beta(hits + 0.5, draws - hits + 0.5) - _log_beta(0.5, 0.5) - under
 
 
 def enough(draws: int, p: float, alarm: float) -> bool:
     """Return True if there are enough draws that some number of hits would be unexplained."""
+    # No count is less likely than one of these two.
     return max(evidence(0, draws, p), evidence(draws, draws, p)) >= -math.log(alarm)
 
 

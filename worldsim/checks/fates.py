@@ -201,6 +201,7 @@ class DropsExplained(Check):
 
 def _origins(dropped: Drops, sent: Mapping[tuple[int, int], int], k: int) -> NDArray[np.int64]:
     """Return the robot whose radio sent each dropped frame; `NO_ROBOT` also where none was sent."""
+    # A position has its tick as sequence; only the few contacts and forgeries are looked up one by one.
     positions = [source for source, sequence in sent if source != FORGED and sequence == k]
     is_position = (dropped.sequence == k) & np.isin(dropped.source, positions)
     origins = np.where(is_position, dropped.source, NO_ROBOT)
@@ -225,6 +226,7 @@ class NothingCrossed(Check):
         self._stopped = 0
 
     def _tick(self, record: TickRecord) -> None:
+        # A silence is named before a partition, as in the order of faults.
         cuts = sorted(self._active(record.k), key=lambda entry: isinstance(entry.fault, Partition))
         for origin, link, why in fates(record, self._run.forgers) if cuts else ():
             if why in (OVERSIZED, OWN):
@@ -305,6 +307,7 @@ class WithinBandwidth(Check):
         if not entries:
             return
         for entry in entries:
+            # In its fault's first tick a bucket is still empty.
             for number in entry.who if record.k > entry.begin else ():
                 self._buckets[entry.index, number].leak(self._step)
         whys: dict[tuple[int, int], list[str]] = defaultdict(list)
@@ -327,11 +330,13 @@ class WithinBandwidth(Check):
             bucket = self._buckets[entry.index, number]
             if entry.id in jams and (sent or bucket.most + size <= bucket.room - ROUNDING_BYTES):
                 self._fail(f"bandwidth {entry.id} stopped {self._name(number)} in tick {k} although it had bytes left")
+            # A frame that one bandwidth stopped uses up no other.
             if jams:
                 continue
             if sent:
                 bucket.least += size
                 self._bytes += size
+            # It may have counted, even if other faults stopped it on every link.
             bucket.most = min(bucket.most + size, bucket.room)
             if bucket.least > bucket.room + ROUNDING_BYTES:
                 self._fail(f"{self._name(number)} exceeded {bucket.per_s:g} bytes/s in tick {k}")

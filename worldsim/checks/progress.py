@@ -259,8 +259,10 @@ class ProgressCheck(Check):
         terrain = self._run.prepared.terrain
         labels, count = parts_of(self._never_seen())
         sizes = np.bincount(labels.reshape(-1), minlength=count + 1)
+        # Label 0 is the ground that was seen.
         sizes[0] = 0
         rows, cols = np.nonzero(labels == int(sizes.argmax()))
+        # A point of the piece itself, since the middle of a bent piece may lie outside of it.
         middle = np.argmin((rows - rows.mean()) ** 2 + (cols - cols.mean()) ** 2)
         where = _at(terrain.centre(int(rows[middle]), int(cols[middle])))
         share = 100.0 * never / self._fog.points

@@ -132,6 +132,7 @@ class LauncherControl:
 
     def leave(self, number: int) -> None:
         """Tell the process to leave, and have its end waited for."""
+        # A stopped process could not leave.
         self._request_action("resume", number)
         self._sessions.dismiss(number, "it leaves the fleet", orderly=True)
         self._request_action("leave", number)
@@ -139,6 +140,7 @@ class LauncherControl:
 
     def start(self, number: int, incarnation: int) -> None:
         """Have a new process started; in lockstep wait up to `START_S` for its session, or until it has ended."""
+        # Before the start, or the seat would be refused to a process that is quick.
         self._sessions.expect(number, incarnation)
         self._request_action("start", number, incarnation)
         self._until[number] = self._sessions.now + START_S
@@ -165,6 +167,7 @@ class LauncherControl:
             return f"its new process did not come within {START_S:g} s"
         if now < self._look_at[number]:
             return ""
+        # Each question is a round trip to the launcher, and this is asked in every tick.
         self._look_at[number] = now + _LOOK_S
         return "its new process has ended" if self._request_action("look", number) == ENDED else ""
 
