@@ -32,7 +32,8 @@ def best_of(
 
     A point of age a at the end of a way of length L is worth ``worth[a] / (L + near)``, and ``others`` times that where
     a rival has the shorter way. Of equal points the first counts, row by row, those of the box before those with posts.
-    Points that are in view now, and those around a place that is left out, do not count.
+    Points that are in view now, and those around a place that is left out, do not count. For example, a worth of 60 at
+    the end of a way of 500, with ``near`` 100, gives 0.1, and 0.05 where a rival is nearer and ``others`` is 0.5.
 
     Args:
         posts: int32 (n, 4), row and column of each point that has a post, and of the post.
@@ -69,7 +70,7 @@ def best_of(
                 continue
             # Never seen is -1 and counts as seen at tick 0.
             age = tick - max(int64(last_seen[index(row), index(col)]), 0)
-            # Multiplied instead of divided: most points fail here, and a division would take longest.
+            # Multiplied instead of divided, which takes longer: most points fail here.
             if age <= 0 or not patrolled[index(row), index(col)] or worth[index(age)] <= score * (length + near):
                 continue
             # A sensor of low quality leaves an age to points in view, but going there shows nothing new.

@@ -1,4 +1,4 @@
-"""Kernels that find out what the dilatation has to compute anew.
+"""Kernels that find the blocks in which the dilatation has to be computed anew.
 
 They keep book by blocks of `SIDE` x `SIDE` points. Last-seen ticks only grow, so the dilated tick of a point, the least
 in its window, stays as it is unless a point of the window that had this very tick has changed.

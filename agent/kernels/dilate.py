@@ -129,6 +129,8 @@ def _largest_along(value, other, first, end, by, reach):
 def dilate(last_seen, source, passable, dilated, first_row, last_row, first_col, last_col, reach, tick, scratch):
     """Recompute ``dilated`` over a box: the oldest last-seen tick within each passable point's window.
 
+    For example, a row of points last seen at 9, 2, 7 and 8 becomes 2, 2, 2 and 7 with a reach of 1.
+
     Ages above 65534 ticks count as 65534.
 
     Args:

@@ -1,4 +1,4 @@
-"""Kernels of the force: what the points of the terrain exert on a robot (paper, formula (1) and Table 1).
+"""Kernels of the force that the points of the terrain exert on a robot (paper, formula (1) and Table 1).
 
 The modulus of a point's force is ``pull[age] * decay[length]``: f of the fog of war and g of the path's length,
 tabulated for every age in ticks and every length in hundredths of a point. Its direction is the bearing of the path's

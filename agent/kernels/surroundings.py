@@ -51,6 +51,8 @@ def fill_window(last_seen, patrolled, is_open, row, col, tick, stalest, window):
 def count_free(is_open, row, col, rays, ways):
     """Count the open points along each of some rays, from a point to the first that is closed or off the grid.
 
+    For example, a ray over an open, an open and a closed point gives 2.
+
     Args:
         is_open: bool (h, w).
         row: Of the point.

@@ -19,6 +19,8 @@ int64 = types.int64
 def square_clearance(free, cap, along, clearance):
     """Squared distance from each point's centre to the nearest blocked square, or to the grid's edge.
 
+    For example, 1 beside a blocked point, and 2 where one only touches a point's corner.
+
     Args:
         free: uint8 (h, w), 0 blocked.
         cap: In points; a distance of more than cap - 1/2 points reads as that.

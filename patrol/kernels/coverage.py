@@ -1,4 +1,4 @@
-"""Kernels of the patrolled area: what can be seen from the places that a body can reach.
+"""Kernels of the patrolled area: the points that can be seen from the places that a body can reach.
 
 Sight is symmetric shadow casting between the centres of points, as the footprint has it: of two points each sees the
 other or neither does; an impassable point blocks the full width of its own row (or, sideways, column).

@@ -26,6 +26,8 @@ ROOM, SADDLE, FIRST, SECOND = 0, 1, 2, 3
 def falling_order(level, counts, order):
     """List the points with a level above 0, highest first and of equal ones the lowest index first.
 
+    For example, the levels 4, 9, 0 and 9 give the points 1, 3 and 0.
+
     Args:
         level: int32 (n,).
         counts: int32 (highest level + 2,), scratch.

@@ -31,6 +31,8 @@ _ZERO, _LATEST = np.int32(0), np.int32(2**31 - 1)
 def observe(last_seen, tracked, view, quality, row0, col0, tick):
     """Take in the tracked points of a footprint. A point already seen at `tick` or later stays as it is.
 
+    For example, three points last seen at -1, 4 and -1 that are seen at tick 9 give the increase 23 and 2 first times.
+
     Args:
         last_seen: int32 (h, w); changed in place.
         tracked: uint8 (h, w), 1 for the points that count.

@@ -112,6 +112,8 @@ def cast(passable, row, col, radius, view, row0, col0):
 def disc(passable, row, col, radius, view, row0, col0):
     """Mark every passable point within `radius` points of (row, col), walls or no walls.
 
+    For example, a radius of 1 marks five points on open ground.
+
     Args:
         passable: uint8 (h, w).
         row: Of the robot's point.

@@ -1,7 +1,7 @@
 """Kernels of the inboxes: which positions and contacts listeners accept, and which looks they learn of.
 
 A table has a row for each listener and a column for each sender. All that a listener knows of a sender is a cell of it.
-The frames of a tick, with what each says, are judged in their order, for all listeners that they reach.
+The frames of a tick are judged in their order, for all listeners that they reach.
 """
 
 from __future__ import annotations

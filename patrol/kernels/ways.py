@@ -109,6 +109,8 @@ def forget(length, queues, used):
 def lengths_between(is_open, places, limit, lengths):
     """Find the lengths of the ways between places, as if there were no one-way zones.
 
+    For example, 282 between two places that are two diagonal steps apart.
+
     Ways up to the limit are exact. A longer one is the shortest that leads through other places (Floyd-Warshall).
 
     Args:
