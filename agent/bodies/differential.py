@@ -48,7 +48,8 @@ WORTH_DRIVING = 0.05
 def smaller_turn(heading: float, direction: float) -> tuple[float, float]:
     """Return the turn after which a body drives in a direction, and 1.0 for forward or -1.0 for reverse.
 
-    All angles are in rad; the turn is at most a quarter circle.
+    All angles are in rad; the turn is at most a quarter circle. For example, to drive in direction 3.0 from heading 0,
+    a body turns by -0.14 and drives in reverse.
     """
     askew = wrap(direction - heading)
     return (askew, 1.0) if abs(askew) <= 0.5 * math.pi else (wrap(askew + math.pi), -1.0)

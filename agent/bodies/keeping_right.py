@@ -21,14 +21,14 @@ from the last movements of both, so two robots that do so never touch, whatever 
     1 >  .  |   < 2      1 and 2 come towards each other with a gap of 0.6 m between their bodies, each 0.5 m a tick.
                          There is no room for both to go on, so each may come nearer by half of the gap, 0.3 m.
 
-A step that would lead farther is shortened. Where nothing of it is left, the body stands, and does what it does after a
-bump. After a few such stops in a row it drives, because positions that are wrong or forged must not hold it for good;
-a bump shows that the other robot is there, and it stops again.
+A step that would lead farther is shortened. Where nothing of it is left, the body stands, and acts as after a bump.
+After a few such stops in a row it drives, because positions that are wrong or forged must not hold it for good; a bump
+shows that the other robot is there, and it stops again.
 
-All this is as good as what is heard. In lockstep, on a channel without delay or loss, where all robots send in each
-tick, a robot decides on where the others are now. With delay or loss, and where the fleet saves on its radio
-(`radio.adaptive`, `radio.budget`), it decides on older places, or on predicted ones. So it may keep right late or not
-at all, and bump. Then the rules of `agent.bodies.standoff` are left.
+All this is only as good as the positions that are heard. In lockstep, on a channel without delay or loss, where all
+robots send in each tick, a robot decides on where the others are now. With delay or loss, and where the fleet saves on
+its radio (`radio.adaptive`, `radio.budget`), it decides on older places, or on predicted ones. So it may keep right
+late or not at all, and bump. Then the rules of `agent.bodies.standoff` are left.
 """
 
 from __future__ import annotations
@@ -96,6 +96,8 @@ class Motion:
 
     def after(self, sequence: int, place: Spot, stride: float) -> Motion:
         """Return the motion a tick later; the same where nothing was heard and no place was predicted.
+
+        For example, (0, 0) in tick 3 and (1, 0) in tick 5 are a movement of (0.5, 0) in a tick.
 
         `place` is the one heard, or the one predicted for then. `stride` is the robot's longest way in a step, m.
         """

@@ -1,12 +1,12 @@
-"""Stand-offs: what a robot does that does not get on, from positions alone.
+"""Stand-offs: the way out for a robot that does not get on, from positions alone.
 
 Theory of operation
 ===================
 
 A robot does not get on where its move was cancelled (a *bump*), where it stopped before it would have touched another
-robot, or where no step leads on (a *dead end*). It counts these; those within `CALM_S` of each other add up. What is in
-its way and how often is its `Situation`. From that and from what its body can do follows its `Role`: `ROLES` holds all
-of them. A body only says which moves it has.
+robot, or where no step leads on (a *dead end*). It counts these; those within `CALM_S` of each other add up. Its
+`Situation` says which robot is in its way, and how often. Its `Role` follows from the situation and from the moves that
+its body has: `ROLES` is the table. For example, a car that bumps into a robot with a lower number gives way.
 
 In a corridor that is too narrow for two, one of two robots has to go back to where the other gets past it:
 
@@ -21,7 +21,7 @@ or a doorway, but at the side of a room, in a corner, or at a dead end. Both rob
 so both find nearly the same refuges for both of them, and mostly take roles that fit. Where they do not, they bump
 again, and settle anew: within `AGAIN_S` the numbers decide.
 
-What always holds:
+These rules always hold:
 
 - A robot has one role at a time. Besides, it may give way to several others, each for a time of its own, and it goes on
   in its role after it has backed off.
@@ -428,7 +428,8 @@ class StandOff:
 def nearest(pose: Pose, peers: Mapping[int, Peer], radii: Mapping[int, float]) -> tuple[float, int]:
     """Return the distance from the robot's centre to the nearest other body, m, and that robot's number.
 
-    They are infinity and 0 where there is none.
+    They are infinity and 0 where there is none. For example, 3 m from the centre of robot 2, which has a radius of
+    0.5 m, they are 2.5 and 2.
     """
     if not peers:
         return math.inf, 0
@@ -447,8 +448,9 @@ def nearest(pose: Pose, peers: Mapping[int, Peer], radii: Mapping[int, float]) -
 def disc_round(there: Spot, here: Spot, radii: float, point: float) -> Disc:
     """Return the disc around one robot, at `there`, that is closed to the centre of another, at `here`.
 
-    It is as wide as both bodies together, but never covers the other robot's own point. `radii` is the sum of both
-    radii, `point` the side of the terrain's points, both in m.
+    It is as wide as both bodies together, but never covers the other robot's own point. For example, with `radii` of
+    2 m and a `point` of 0.5 m it has a radius of 2.25 m where the robots are 10 m apart, and of 1.5 m where they are
+    2 m apart. `radii` is the sum of both radii, `point` the side of the terrain's points, both in m.
     """
     # Short of the robot's own point, or it would stand on closed ground and find no way.
     apart = math.hypot(there[0] - here[0], there[1] - here[1]) - point

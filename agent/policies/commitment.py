@@ -1,4 +1,4 @@
-"""Commitment: a robot goes to one place, and goes on when what it went to see has been seen.
+"""Commitment: a robot goes to one place, and goes on when the point that it went to see has been seen.
 
 A robot keeps to its target (`agent.policies.pursuit`). The next one is chosen on the ground that it shares with others,
 on the tour (`agent.policies.committed`) or from a plan that is drawn (`agent.policies.stochastic`), and freely where

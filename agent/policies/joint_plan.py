@@ -375,7 +375,10 @@ class JointPlan:
 
 
 def _gone_on(route: list[int], ages: Ages, least_s: float) -> list[int]:
-    """Put the station at the head of a route to its end, and those after it that are not worth a visit."""
+    """Put the station at the head of a route to its end, and those after it that are not worth a visit.
+
+    For example, of the route 3, 5, 2, where 5 is fresh and 2 is stale, it becomes 2, 3, 5.
+    """
     for first in range(1, len(route)):
         if ages[route[first]] > least_s:
             return route[first:] + route[:first]

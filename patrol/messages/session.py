@@ -25,13 +25,13 @@ robot that run 5 greets at time 100.0 answers:
     >>> robot.arrived(Hello(0, ANYONE, 0, 5), 100.0)
     (Send(message=HelloReply(incarnation=1, instance=77, k=0, run=5, scenario='a1b2...', protocol=8)),)
 
-`ROBOT` and `SEAT` hold all steps that are legal. What always holds:
+`ROBOT` and `SEAT` hold all steps that are legal. These rules always hold:
 
 - An event that a state has no step for changes nothing, and its message is refused as a "stranger". A step may still
   refuse a message for what it says: its tick has not begun ("ahead") or is too old ("late"), or the seat is another
   process's ("seat").
-- Who may send what is for roles to decide (`patrol.security.roles`): an end believes each message for its process and
-  its run.
+- Roles decide which process may send which message (`patrol.security.roles`): an end believes each message for its
+  process and its run.
 - A world that greets a robot may end before its first tick. So a robot answers several, and the first phase A binds it
   to the run of that world. Once bound, it leaves only when that world says so or is gone.
 - A tick is decided once. A phase that comes again gets the same bytes again.
@@ -491,7 +491,7 @@ class WorldEnd:
         return self.process is not None and self._farewells[self.process]
 
     def is_missing(self, now: float, for_s: float = GRACE_S) -> bool:
-        """Return whether the token has been gone for so long; after `GRACE_S` the process may have ended."""
+        """Return True if the token has been gone for so long; after `GRACE_S` the process may have ended."""
         return self.away_since is not None and now - self.away_since >= for_s
 
     def is_gone(self, now: float) -> bool:

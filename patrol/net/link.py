@@ -34,13 +34,19 @@ if TYPE_CHECKING:
 
 
 def system_error(error: Exception) -> int | None:
-    """Return the number of the system's error in the text of a Zenoh error; None without one."""
+    """Return the number of the system's error in the text of a Zenoh error; None without one.
+
+    For example, 98 for "Can not bind: Address already in use (os error 98) at /...".
+    """
     match = re.search(r"\(os error (\d+)\)", str(error))
     return None if match is None else int(match[1])
 
 
 def first_line(error: Exception) -> str:
-    """Give Zenoh's text without the place in its sources."""
+    """Return Zenoh's text without the place in its sources.
+
+    For example, "Address already in use" for "Can not bind: Address already in use (os error 98) at /...".
+    """
     text = str(error).partition(" at /")[0].partition("\n")[0]
     system = re.search(r": ([^:\[\]]+) \(os error \d+\)", text)
     return system[1] if system else text
@@ -130,7 +136,7 @@ class Link:
 
         `together` is for a sender to many at a time: what is sent while an earlier message still waits travels with it,
         in pieces of up to 64 KiB. Each message on its own takes a place in the queue: of a burst to 50 robots, a busy
-        machine dropped what came after the 16th (`patrol.net.settings`).
+        machine dropped all messages after the 16th (`patrol.net.settings`).
         """
         control = zenoh.CongestionControl.BLOCK if waits else zenoh.CongestionControl.DROP
         publisher = self._session.declare_publisher(
@@ -146,8 +152,8 @@ class Link:
     def broadcast(self, key: str) -> Post:
         """Make a publisher for a direct radio: sends at once, to all others; a message is lost rather than late.
 
-        Positions of many robots that wait on their way travel together, as those of `post` may: otherwise a router
-        dropped, on a busy machine, what came after the 16th of those that send at the same time.
+        Positions of many robots that wait on their way travel together, as those of `post` may. Otherwise a router on a
+        busy machine dropped all after the 16th of those that were sent at the same time.
         """
         publisher = self._session.declare_publisher(
             key,

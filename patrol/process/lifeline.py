@@ -173,7 +173,7 @@ def rest_before_pause(rest: Callable[[], None], go_on: Callable[[], None]) -> No
 def run_process(main: Callable[[], int]) -> NoReturn:
     """Run a process's main function and end the process with its exit code.
 
-    What it raises is printed and ends the process with `CRASHED`, or with one line and `BAD_INPUT` where a limit of the
+    An exception is printed and ends the process with `CRASHED`, or with one line and `BAD_INPUT` where a limit of the
     machine explains it.
     """
     try:

@@ -135,6 +135,8 @@ def _shared_cuts(plan: Plan) -> tuple[list[tuple[int, int]], Floats, Floats]:
 def best_set(cuts: Sequence[tuple[int, int]], first: Floats, second: Floats) -> list[tuple[int, int]]:
     """Choose as many cuts as possible that neither cross nor share a corner, preferring shorter ones.
 
+    For example, of (0, 1) and (1, 2), which share a corner, only the shorter (0, 1).
+
     A local optimum: no chosen cut can be exchanged for two others, nor for a shorter one. `cuts` must come shortest
     first; the rows of `first` and `second`, float64 (k, 2), are their ends.
     """

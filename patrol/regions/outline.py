@@ -69,6 +69,8 @@ def simplified(loops: Sequence[Floats], fill: float) -> list[Ring]:
 def trace_loops(mask: BoolGrid) -> list[Floats]:
     """Return the exact outline of a mask, by loop: corners (x, y), float64 (n, 2), inside on the left.
 
+    For example, of the point (0, 0) alone: (1, 0), (1, 1), (0, 1), (0, 0).
+
     Where two points touch at a corner only, each one's corner is drawn back by NOTCH, so that loops never touch.
     """
     framed = np.pad(mask, 1)
@@ -120,7 +122,7 @@ def _straighten_loop(loop: Floats, everything: Floats, fill: float) -> Ring:
 
 
 def _corners_between(i: int, j: int, n: int) -> Ints:
-    """Indices of the corners passed on the way from i to j."""
+    """Return the indices of the corners passed on the way from i to j; for example 5 and 0 from 4 to 1 of six."""
     return np.arange(i + 1, j if j > i else j + n, dtype=np.int64) % n
 
 

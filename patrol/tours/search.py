@@ -187,7 +187,7 @@ class _Ways:
 
 
 class _Patrol:
-    """A closed tour and what is seen on it, which becomes shorter while it still sees all."""
+    """A closed tour and the ground that is seen on it; it becomes shorter while all ground is still seen."""
 
     def __init__(self, places: list[int], views: Views, ways: _Ways) -> None:
         self.places = list(places)  # in order

@@ -338,7 +338,10 @@ def alarm_of(timeline: Timeline) -> float:
 
 
 def bounds(wait: Wait) -> Span:
-    """Return the least and the greatest length of a wait, s."""
+    """Return the least and the greatest length of a wait, s.
+
+    For example, (0.1, 0.4) for ``uniform: [0.1, 0.4]``, and (0, infinity) for ``exponential: 2``.
+    """
     first, *parameters = wait.values
     match wait.shape:
         case "constant":
@@ -352,6 +355,8 @@ def bounds(wait: Wait) -> Span:
 
 def longer(wait: Wait, seconds: float) -> float:
     """Return the probability that a random wait is longer than a time of 0 s or more.
+
+    For example, 0.37 for 2 s and ``exponential: 2``.
 
     The wait's distribution must not be constant.
     """

@@ -36,13 +36,19 @@ def evidence(hits: int, draws: int, p: float) -> float:
 
 
 def enough(draws: int, p: float, alarm: float) -> bool:
-    """Return True if there are enough draws that some number of hits would be unexplained."""
+    """Return True if there are enough draws that some number of hits would be unexplained.
+
+    For example, at 1e-9 and p = 0.3, 100 draws are enough; at p = 0.5, 3 draws are not.
+    """
     # No count is less likely than one of these two.
     return max(evidence(0, draws, p), evidence(draws, draws, p)) >= -math.log(alarm)
 
 
 def unexplained(hits: int, draws: int, p: float, alarm: float) -> bool:
-    """Return True if chance does not explain a number of hits; `alarm` bounds a false alarm's probability."""
+    """Return True if chance does not explain a number of hits; `alarm` bounds a false alarm's probability.
+
+    For example, at 1e-9 and p = 0.3, chance explains 60 hits of 100 draws, but not 90.
+    """
     return evidence(hits, draws, p) >= -math.log(alarm)
 
 

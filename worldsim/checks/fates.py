@@ -125,12 +125,18 @@ def _pairs(sources: tuple[int, ...], here: tuple[int, ...]) -> Pairs:
 
 
 def kind_of(cause: str) -> str:
-    """Return the kind of what dropped a frame, from the cause that the journal names."""
+    """Return the kind of what dropped a frame, from the cause that the journal names.
+
+    For example, "loss" of "loss:f1".
+    """
     return cause.partition(":")[0]
 
 
 def fault_of(cause: str) -> str:
-    """Return the id of the fault that dropped a frame, empty where none did."""
+    """Return the id of the fault that dropped a frame, empty where none did.
+
+    For example, "f1" of "loss:f1".
+    """
     return cause.partition(":")[2]
 
 

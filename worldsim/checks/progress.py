@@ -184,7 +184,10 @@ class ProgressCheck(Check):
         return self._ticks if trap.until is None else trap.until
 
     def _together(self, traps: Sequence[Trap]) -> int:
-        """Count the ticks in which one robot was trapped; a tick that lies in two stays counts once."""
+        """Count the ticks in which one robot was trapped; a tick that lies in two stays counts once.
+
+        For example, stays from tick 0 to 10 and from 5 to 20 are 20 ticks.
+        """
         ticks = counted = 0
         for trap in sorted(traps, key=lambda trap: trap.since):
             ticks += max(self._until(trap) - max(trap.since, counted), 0)
