@@ -246,7 +246,7 @@ class KeepingRight:
         return min(meetings, key=lambda meeting: meeting.ticks, default=None)
 
     def _barriers(self, meeting: Meeting, here: Spot) -> Iterator[list[Disc]]:
-        """Give what to close so that the way leads past another robot, best first."""
+        """Yield the discs to close so that the way leads past another robot, best first."""
         point, radii = self._ground.terrain.point, self._both(meeting.other)
         neighbour = self._others[meeting.other]
         now = neighbour.place

@@ -96,7 +96,7 @@ class Move:
 
 @dataclass(frozen=True, slots=True)
 class Moves:
-    """The moves of a body, and what they have in common."""
+    """The moves of a body, and their common values."""
 
     each: list[Move]
     turning: float  # radius of the tightest arcs, m
@@ -179,7 +179,7 @@ class Manoeuvres:
         self._expected: Pose | None = None
 
     def drop(self) -> None:
-        """Forget what was found."""
+        """Forget the arcs that were found."""
         self._plan.clear()
         self._place = None
 
@@ -198,7 +198,7 @@ class Manoeuvres:
         return self._take(view.pose)
 
     def proceed(self, pose: Pose) -> Command | None:
-        """Return the next step of what was found before, wherever it leads.
+        """Return the next step of the arcs that were found before, wherever it leads.
 
         It is None where nothing was found, or the body cannot go on with it.
         """

@@ -32,7 +32,7 @@ POST = 2
     types.void(TICKS, MASK, TICKS, TICKS, int64, int64, int64, int64), cache=True, nogil=True
 )
 def note(last_seen, ground, carried, outdated, first_row, last_row, first_col, last_col):
-    """Carry over what has changed in a box of the fog, all but the posts.
+    """Carry over the changed points in a box of the fog, all but the posts.
 
     Args:
         last_seen: int32 (h, w), the tick at which each point was last seen, -1 for never.
@@ -105,7 +105,7 @@ def carry(posts, ends, last_seen, carried, outdated, first_row, last_row, first_
     types.void(TICKS, TICKS, FLAGS, int64, int64, int64, int64, int64), cache=True, nogil=True
 )
 def fall_due(outdated, freshest, due, first_row, last_row, first_col, last_col, reach):
-    """Mark the blocks in which a dilated tick may have changed, and forget what has changed.
+    """Mark the blocks in which a dilated tick may have changed, and forget the changes.
 
     Args:
         outdated: As in `note`; all of it is `NOTHING` afterwards.
@@ -139,7 +139,7 @@ def fall_due(outdated, freshest, due, first_row, last_row, first_col, last_col, 
 def take_in(
     last_seen, ground, carried, posts, ends, outdated, freshest, due, boxes, gap, reach
 ):
-    """Take in what has changed in some boxes of the fog: `note`, `carry` and `fall_due`.
+    """Take in the changes in some boxes of the fog: `note`, `carry` and `fall_due`.
 
     Args:
         last_seen: As in `note`.

@@ -1,8 +1,8 @@
 """Kernel of the dilatation: staleness spreads over a geodesic window.
 
-The window of a point is what can be reached from it in at most ``reach`` rounds, a round being one step along the row
-and one along the column (odd rounds the other way about), through passable points only. Without obstacles that is the
-paper's square of half-width ``reach``; with them staleness never crosses a wall.
+The window of a point holds the points that can be reached from it in at most ``reach`` rounds. A round is one step
+along the row and one along the column (odd rounds the other way about), through passable points only. Without obstacles
+that is the paper's square of half-width ``reach``; with them staleness never crosses a wall.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ def _one_step(value, open_, out, first, end, by):
 
 @njit(types.void(FLAT, FLAT, FLAT, int64, int64, int64), cache=True, nogil=True)
 def _two_steps(value, open_, out, first, end, by):
-    """Take two such steps at once: what is two steps away counts where the element between is open."""
+    """Take two such steps at once: an element two steps away counts where the one between is open."""
     before, here, after = value[first - by : end - by], value[first:end], value[first + by : end + by]
     far_before, far_after = value[first - 2 * by : end - 2 * by], value[first + 2 * by : end + 2 * by]
     mask_before, mask, mask_after = open_[first - by : end - by], open_[first:end], open_[first + by : end + by]

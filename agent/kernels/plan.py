@@ -89,8 +89,8 @@ def _cost(route, count, lead, apart, ages):
 def _improve(routes, counts, pinned, leads, apart, ages, near, moves, state):
     """Change routes in place by random small moves, each of which is kept if the plan costs no more; return its cost.
 
-    A move puts up to three stations of a route beside a near one, reverses what lies between two stations of one route,
-    or swaps the ends of two routes. The first station of a pinned route stays.
+    A move puts up to three stations of a route beside a near one, reverses a stretch of one route, or swaps the ends of
+    two routes. The first station of a pinned route stays.
     """
     robots, size = routes.shape[0], ages.size
     cost = np.zeros(robots)

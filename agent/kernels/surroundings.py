@@ -1,4 +1,4 @@
-"""Kernels that fill in what a robot observes around itself: by points, and by eight directions."""
+"""Kernels that fill in the observations of a robot around itself: by points, and by eight directions."""
 
 from __future__ import annotations
 
@@ -108,7 +108,7 @@ def fill_heard(places, ticks, x, y, longest, tick, oldest, heard):
     nogil=True,
 )
 def fill_features(sums, stalest, ways, longest, places, x, y, half, across, up, features):
-    """Fill in what a robot observes by sectors.
+    """Fill in the observations of a robot by sectors.
 
     Args:
         sums: int64 (8, 4), from `sum_ages`.

@@ -2,7 +2,7 @@
 
 Steps go to the eight neighbours and cost 100 along a row or column and 141 along a diagonal, so that equal lengths are
 equal integers; a diagonal step needs both points beside it. Points are settled nearest first. Two queues hold the steps
-that lead on, one the straight and one the diagonal ones: all steps of a queue cost the same, so what is put in last is
+that lead on, one the straight and one the diagonal ones: all steps of a queue cost the same, so the last entry is
 farthest away, and the nearest is at one of the two ends.
 
 Of equally long paths to a point, one whose last step is diagonal counts, and then the one that was found first.
@@ -44,7 +44,7 @@ EMPTY = 2**63
 """In place of an entry: the end of a queue."""
 
 FIRST_BENDS, DIAGONAL_LAST, DRAWN = 0, 1, 2
-"""What is found besides lengths: first bends, or first steps by the predecessor of a diagonal step, or by a draw."""
+"""Results besides lengths: first bends, or first steps by the predecessor of a diagonal step, or by a draw."""
 
 GRID = types.Array(types.uint8, 2, "C", readonly=True)
 STATE = types.Array(types.uint8, 2, "C")

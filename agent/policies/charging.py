@@ -240,7 +240,7 @@ class Charging:
             robot.rests = None
 
     def _reckon(self, robot: _Heard, passed_s: float, driven_m: float) -> None:
-        """Take off a charge what a robot uses, or add what the dock gives."""
+        """Subtract the use of a robot from its charge, or add the gain at a dock."""
         if (battery := self._battery) is None:
             return
         gained_j = -battery.idle * passed_s - battery.drive * driven_m

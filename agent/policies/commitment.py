@@ -30,7 +30,7 @@ class Choice(Protocol):
     """The choice of a robot's targets, freely or on a round that it shares."""
 
     def note(self, view: View, pursuit: Pursuit) -> bool:
-        """Take note of what has changed; return True if the robot chooses freely now, with random steps."""
+        """Take note of changes; return True if the robot chooses freely now, with random steps."""
         ...
 
     def waits(self, view: View) -> bool:
@@ -97,4 +97,4 @@ class Commitment:
         return Place(*way.place, bend=way.bend, wander=wander, exact=target.age > 0, gives_room=True, figures=figures)
 
     def _share(self, view: View, goes_on: bool) -> None:
-        """Bring up to date with whom the robot shares what ground; ``goes_on`` if it decided in the last tick too."""
+        """Update the robots and the ground of the shared round; ``goes_on`` if it decided in the last tick too."""

@@ -1,4 +1,4 @@
-"""Equal gaps between robots that follow one closed tour, kept by what is heard.
+"""Equal gaps between robots that follow one closed tour, kept by the positions that are heard.
 
 Robots tell each other where they are, not how far along the tour. Where the tour passes a corridor twice, a position
 alone does not say which way the robot is going. So each robot follows all others along the tour: of all ways along it

@@ -76,7 +76,7 @@ _FAR_AHEAD = 64
 run a sequence may be, in steps. Covers stalls of the network."""
 
 _SLACK = 4.0
-"""Steps by which a contact's sequence may differ from what some robot would send now."""
+"""Steps by which a contact's sequence may differ from that of a frame that some robot would send now."""
 
 _CELL, _FRAME = from_dtype(CELL), from_dtype(FRAME)
 _CELLS = types.Array(_CELL, 2, "C")
@@ -125,7 +125,7 @@ def _why_implausible(frame, sequence, at, x, y, start, tick, step, speed, knows_
 
 @njit(_I(_CELL, _FRAME, _I, _F, _F, _B, _I), cache=True, nogil=True, error_model="numpy")
 def _judge_position(cell, frame, tick, step, speed, knows_ticks, span):
-    """Accept or refuse a frame of another robot; a newer one becomes what is known of it, a late one does not."""
+    """Accept or refuse a frame of another robot; a newer one replaces the known state of it, a late one does not."""
     number = frame.sequence
     ago = cell.sequence - number
     begins = cell.sequence == NOTHING

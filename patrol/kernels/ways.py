@@ -22,7 +22,7 @@ index = types.uint64
 """Unsigned, so that numba skips the negative-index check."""
 
 FAR = 2**31 - 1
-"""The length of what no way leads to."""
+"""The length at a point that no way leads to."""
 
 
 @njit(USED(GRID, GRID, PLACES, types.boolean, int64, int64, LENGTHS, QUEUES), cache=True, nogil=True)
@@ -91,7 +91,7 @@ def wave(is_open, against, starts, back, stop, limit, length, queues):
 
 @njit(types.void(LENGTHS, QUEUES, USED), cache=True, nogil=True)
 def forget(length, queues, used):
-    """Set what a wave has reached back to FAR.
+    """Set the lengths that a wave has found back to FAR.
 
     Args:
         length: As for `wave`.

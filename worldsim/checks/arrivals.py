@@ -181,7 +181,7 @@ class ShareCheck(Check):
         self._series.setdefault(entry.index, []).append(Series(p, words, expected))
 
     def _details(self) -> Iterator[str]:
-        """Say what was counted; nothing where no fault acts by chance."""
+        """Yield the counts as text; nothing where no fault acts by chance."""
         return (series.found() for of_fault in self._series.values() for series in of_fault)
 
     def _end(self) -> str:

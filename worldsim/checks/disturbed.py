@@ -1,4 +1,4 @@
-"""The verdict's checks of faults of senses, clocks and motion, by what robots report and where bodies get to.
+"""The verdict's checks of faults of senses, clocks and motion, by reports of robots and places of bodies.
 
 They use neither `worldsim.robots.senses` nor `worldsim.robots.noise`, which make these errors, and repeat no draw (the
 check `moves` repeats those of motion). They measure the errors, and judge whether they are as large as asked, and
@@ -349,7 +349,7 @@ class MotionAsAsked(Check):
         self._fast.add(error > 0.0)
 
     def _is_new(self, what: str, every: float | None, move: Move) -> bool:
-        """Return True for the first move that shows what was drawn for a stretch of time."""
+        """Return True for the first move that shows the draw for a stretch of time."""
         k, entry, row = move
         stretch = k if every is None else math.floor((k - entry.begin) * self._step / every + 1e-9)
         previous = self._stretches.get((entry.index, row.number, what))

@@ -79,7 +79,7 @@ def origins_of(record: TickRecord, forgers: Mapping[str, int]) -> dict[tuple[int
 
 
 def fates(record: TickRecord, forgers: Mapping[str, int]) -> Iterator[tuple[int, Link, str]]:
-    """Yield every frame of a tick on every link: the robot whose radio sent it, the link, what stopped it.
+    """Yield every frame of a tick on every link: the robot whose radio sent it, the link, the cause that stopped it.
 
     The last is empty where nothing stopped the frame when it was sent, so that it arrives, sooner or later.
     """
@@ -125,7 +125,7 @@ def _pairs(sources: tuple[int, ...], here: tuple[int, ...]) -> Pairs:
 
 
 def kind_of(cause: str) -> str:
-    """Return the kind of what dropped a frame, from the cause that the journal names.
+    """Return the kind of fault that dropped a frame, from the cause that the journal names.
 
     For example, "loss" of "loss:f1".
     """
@@ -256,7 +256,7 @@ class NothingCrossed(Check):
 
 
 def _stops(entry: Entry, origin: int, to: int) -> bool:
-    """Return True if a silence or partition stops what a radio sends to a robot; a stranger is in no group."""
+    """Return True if a silence or partition stops the frames of a radio to a robot; a stranger is in no group."""
     fault = entry.fault
     if isinstance(fault, Silence):
         muted = origin in entry.who and fault.direction != "in"
@@ -329,7 +329,7 @@ class WithinBandwidth(Check):
         return f"{self._bytes} bytes sent within the bandwidth"
 
     def _sort_out(self, on: Sequence[Entry], number: int, size: int, whys: Sequence[str], k: int) -> None:
-        """Count a frame of `size` bytes by what became of it on each link."""
+        """Count a frame of `size` bytes by its fate on each link."""
         jams = {fault_of(why) for why in whys if kind_of(why) == "bandwidth"}
         sent = any(kind_of(why) not in BEFORE_THE_AIR for why in whys)
         for entry in on:

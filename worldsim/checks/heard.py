@@ -35,7 +35,7 @@ _GONE = tuple(status.name.lower() for status in (Status.DEAD, Status.LEFT, Statu
 
 
 class _Stated:
-    """A radio model that loses what the journal says that the run's model has lost."""
+    """A radio model that loses the frames that the run's model has lost by the journal."""
 
     record: TickRecord | None = None  # the tick that it is asked about next
 
@@ -217,7 +217,7 @@ class Used:
         return before
 
     def clear(self, row: int) -> None:
-        """Forget what a robot has accepted: another process takes its place."""
+        """Forget the frames that a robot has accepted: another process takes its place."""
         for bits in self._bits.values():
             bits[row] = 0
 

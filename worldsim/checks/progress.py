@@ -239,7 +239,7 @@ class ProgressCheck(Check):
         return self._never(never, took_s), ""
 
     def _behind_closures(self) -> str:
-        """Return what is said of the fog where ground was closed out."""
+        """Return the text about the fog where ground was closed out."""
         assert self._open_ground is not None
         missing = self._never_seen()
         text = "the fog is not judged, as ground was closed out; mfow_open_max_s says how old open ground got"

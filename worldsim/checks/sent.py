@@ -1,6 +1,6 @@
 """The verdict's checks of sent frames: genuine ones tell the truth and keep to the budget, forged ones are as asked.
 
-What is forged is judged by the rules in docs/faults.md, without the code that forges.
+Forged frames are judged by the rules in docs/faults.md, without the code that forges.
 """
 
 from __future__ import annotations
