@@ -28,8 +28,8 @@ OLD_WORDS = {
 """Words of commands of fogwatch 1.0, and what they are called now; of several that begin alike, the longest first."""
 
 
-BARE = {"paper": "reproduce --help", "experiment": "reproduce --help", "paper table": "reproduce table --help"}
-"""Old words that printed help or an error where nothing followed them: their new words would begin long work."""
+BARE = ("paper", "experiment", "paper table")
+"""Old words that asked for more where nothing followed them; their new words alone would list or run all."""
 
 GONE = {"chaos": "`fogwatch chaos` is now `make chaos` in a clone of fogwatch"}
 """Commands of fogwatch 1.0 that have gone, and the remedy."""
@@ -48,8 +48,8 @@ def _translate(words: Sequence[str]) -> list[str]:
     if old is None:
         return list(words)
     complain(f"`fogwatch {old}` is now `fogwatch {OLD_WORDS[old]}`; the old words go with fogwatch 2")
-    if (help_words := BARE.get(" ".join(words))) is not None:
-        return help_words.split()
+    if " ".join(words) in BARE:
+        raise BadInput(f"fogwatch {' '.join(words)}: say which one; see fogwatch reproduce --help")
     return [*OLD_WORDS[old].split(), *words[len(old.split()) :]]
 
 

@@ -94,9 +94,16 @@ def test_minds_from_saved_and_from_own_fields_decide_alike(mixed: Prepared, tmp_
 
 def test_attributes_of_1_0_are_found_in_the_parts_of_a_setup_with_a_warning(mixed: Prepared) -> None:
     setup = setup_of(mixed)
-    for old, new in (("spec", setup.robot.spec), ("terrain", setup.ground.terrain), ("step", setup.fleet.step)):
-        with pytest.warns(DeprecationWarning, match=rf"setup\.{old} is setup\.\w+\.{old} since 1\.1"):
-            assert getattr(setup, old) is new
+    moved = {
+        "spec": ("robot.spec", setup.robot.spec),
+        "terrain": ("ground.terrain", setup.ground.terrain),
+        "step": ("fleet.step", setup.fleet.step),
+        "fleet_chance": ("fleet.chance", setup.fleet.chance),
+        "sensor": ("ground.prepared.scenario.sensor", setup.ground.prepared.scenario.sensor),
+    }
+    for old, (place, value) in moved.items():
+        with pytest.warns(FutureWarning, match=rf"setup\.{old} is setup\.{place} since 1\.1"):
+            assert getattr(setup, old) is value
     with pytest.raises(AttributeError, match="PolicySetup has no attribute zoned"):
         _ = setup.zoned  # type: ignore[attr-defined]
 

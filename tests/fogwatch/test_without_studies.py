@@ -62,3 +62,15 @@ def test_the_help_lists_them_all_the_same(tmp_path: Path) -> None:
     done = without_studies(tmp_path, "--help")
     assert done.returncode == 0, done.stderr
     assert all(name in done.stdout for name in NAMES)
+
+
+@pytest.mark.processes
+def test_python_names_the_extra_too(tmp_path: Path) -> None:
+    (tmp_path / "core").mkdir()
+    for package in CORE:
+        (tmp_path / "core" / package).symlink_to(ROOT / package)
+    code = f"import sys; sys.path = [{str(tmp_path / 'core')!r}, *(f for f in sys.path if f != {str(ROOT)!r})]\n"
+    code += "import fogwatch; fogwatch.sweep"
+    result = subprocess.run([sys.executable, "-P", "-c", code], capture_output=True, text=True, check=False)
+    assert result.returncode == 1
+    assert EXTRA in result.stderr

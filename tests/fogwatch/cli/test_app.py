@@ -294,6 +294,22 @@ def test_words_of_1_0_work_and_the_new_ones_are_told(
     assert capsys.readouterr() == (shown.out, "")
 
 
+@pytest.mark.parametrize(
+    ("words", "error"),
+    [
+        ("chaos", "is now `make chaos` in a clone"),
+        ("paper", "say which one"),
+        ("paper table", "say which one"),
+        ("experiment", "say which one"),
+    ],
+)
+def test_words_of_1_0_that_cannot_go_on_say_so(
+    words: str, error: str, fogwatch: Callable[..., int], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert fogwatch(*words.split()) == 2
+    assert error in capsys.readouterr().err
+
+
 def test_version_names_what_it_stands_on(fogwatch: Callable[..., int], capsys: pytest.CaptureFixture[str]) -> None:
     assert fogwatch("version") == 0
     shown = capsys.readouterr().out

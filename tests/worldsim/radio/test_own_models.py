@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from importlib import import_module
 from pathlib import Path
 from textwrap import dedent
 from typing import TYPE_CHECKING, Any
@@ -267,3 +268,8 @@ def test_a_direct_radio_has_no_model() -> None:
         BadInput, match=r"radio\.model: decides what reaches whom in the ether, and radio\.via is direct"
     ):
         load_scenario(mapping)
+
+
+def test_the_module_of_1_0_has_the_same_names() -> None:
+    port = import_module("worldsim.radio.models.port")
+    assert port.ModelSetup is ModelSetup

@@ -31,6 +31,14 @@ def test_what_follows_from_a_check_that_cannot_be_repeated_is_no_difference() ->
     assert not_repeated(stated, found) == ["recovery"]
 
 
+@pytest.mark.parametrize("ok", [True, False])
+def test_a_check_that_has_gone_is_not_repeated(ok: bool) -> None:
+    stated = summary("valid" if ok else "invalid", check(True), check(ok, name="transcripts"))
+    found = summary("valid", check(True))
+    assert differences(stated, found) == []
+    assert not_repeated(stated, found) == ["transcripts"]
+
+
 @pytest.mark.parametrize(
     ("stated", "found"),
     [
