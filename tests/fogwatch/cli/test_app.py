@@ -328,7 +328,8 @@ from itertools import product
 from pathlib import Path
 import fogwatch.inprocess, fogwatch.api, fogwatch.pictures.run_end, matplotlib.figure
 from fogwatch.cli.app import main
-from worldsim.checks.statuses import CheckResult, NobodyLost
+from worldsim.checks.check import CheckResult
+from worldsim.checks.statuses import NobodyLost
 
 def run(number, ok, options, output, errors):
     os.dup2(output, 1)
