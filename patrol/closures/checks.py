@@ -36,9 +36,7 @@ def check_closures_on_ground(prepared: Prepared) -> None:
     for number, closure in enumerate(scenario.closures):
         where = f"closures.{number}.polygon: {closure.name}"
         if not closure_points(closure, terrain).size:
-            xmin, ymin, xmax, ymax = terrain.bounds
-            span = f"spans x {xmin:g} to {xmax:g} m and y {ymin:g} to {ymax:g} m"
-            raise BadInput(f"{where} holds no passable ground of {terrain.name}, which {span}; move or drop it")
+            raise BadInput(f"{where} holds no passable ground of {terrain.name}, which {terrain.span}; move or drop it")
         ground = with_closed(terrain, [closure])
         for spec, start in zip(scenario.roster, prepared.starts, strict=True):
             if free_fraction(ground, start, start, spec.radius) < 1.0:

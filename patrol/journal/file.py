@@ -18,7 +18,7 @@ import fcntl
 import io
 import struct
 import zlib
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from dataclasses import asdict
 from functools import cached_property
@@ -32,7 +32,7 @@ import numpy as np
 from patrol.errors import BadInput, Malformed
 from patrol.files.untrusted import JOURNAL, open_untrusted
 from patrol.journal.decode import decode, is_tick, longest_record
-from patrol.journal.links import Drops, Links, drops_of, links_of
+from patrol.journal.links import Drops, Links
 from patrol.journal.records import End, Event, Header, Record, TickRecord
 
 _KIND = b"fogwatch journal "
@@ -282,15 +282,18 @@ def _plain_record(record: Record) -> dict[str, Any]:
 
 
 def _plain_tick(record: TickRecord) -> dict[str, Any]:
+    delivered, dropped = record.deliveries, record.dropped
     return {
         "type": "tick",
         "k": record.k,
         "robots": [robot.to_values() for robot in record.robots],
         "frames": record.frames,
-        "delivered": _group_links(links_of(record.deliveries)),
-        "dropped": _group_links(drops_of(record.dropped)),
-        "copies": _group_links(drops_of(record.copies)),
-        "delayed": _group_links(drops_of(record.delayed)),
+        "delivered": _grouped_links(delivered)
+        if isinstance(delivered, Links)
+        else _group_links((*d, "") for d in delivered),
+        "dropped": _grouped_links(dropped) if isinstance(dropped, Drops) else _group_links(dropped),
+        "copies": _group_links(record.copies),
+        "delayed": _group_links(record.delayed),
         "forged": record.forged,
         "mfow": record.mfow,
         "fog_mean": record.fog_mean,
@@ -298,11 +301,8 @@ def _plain_tick(record: TickRecord) -> dict[str, Any]:
     }
 
 
-def _group_links(links: Links | Drops) -> list[tuple[int, int, str, list[int]]]:
-    """(source, sequence, cause, destinations): neighbours that differ in the destination alone are drawn together.
-
-    A frame that reaches a whole fleet is one entry; any order of links survives.
-    """
+def _grouped_links(links: Links | Drops) -> list[tuple[int, int, str, list[int]]]:
+    """Group columns as `_group_links` groups rows."""
     if not len(links):
         return []
     differs = (links.source[1:] != links.source[:-1]) | (links.sequence[1:] != links.sequence[:-1])
@@ -315,3 +315,20 @@ def _group_links(links: Links | Drops) -> list[tuple[int, int, str, list[int]]]:
     heads = zip(links.source[firsts].tolist(), links.sequence[firsts].tolist(), whys, strict=True)
     spans = zip(firsts.tolist(), ends, strict=True)
     return [(*head, destinations[first:end]) for head, (first, end) in zip(heads, spans, strict=True)]
+
+
+def _group_links(links: Iterable[tuple[int, int, int, str]]) -> list[tuple[int, int, str, list[int]]]:
+    """(source, sequence, cause, destinations): neighbours that differ in the destination alone are drawn together.
+
+    A frame that reaches a whole fleet is one entry; any order of links survives.
+    """
+    groups: list[tuple[int, int, str, list[int]]] = []
+    last: tuple[int, int, str] | None = None
+    destinations: list[int] = []
+    for source, destination, sequence, cause in links:
+        if last != (source, sequence, cause):
+            last = (source, sequence, cause)
+            destinations = []
+            groups.append((source, sequence, cause, destinations))
+        destinations.append(destination)
+    return groups

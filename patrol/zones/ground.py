@@ -44,10 +44,8 @@ def with_zones(terrain: Terrain, zones: Iterable[ZoneSpec]) -> Terrain:
     for number, zone in enumerate(zones):
         points = points_of(zone, terrain)
         if not points.any():
-            xmin, ymin, xmax, ymax = terrain.bounds
-            span = f"spans x {xmin:g} to {xmax:g} m and y {ymin:g} to {ymax:g} m"
             outside = f"{zone.name} lies outside of {terrain.name}"
-            raise NotPrepared(f"zones.{number}: {outside}, which {span}; move or drop it")
+            raise NotPrepared(f"zones.{number}: {outside}, which {terrain.span}; move or drop it")
         if zone.keep_out:
             keep_out |= points
             kept_out.append(zone.name)
