@@ -94,7 +94,7 @@ class Terrain:
 
     @property
     def span(self) -> str:
-        """What it spans, for people."""
+        """Its extent along x and y, for people."""
         xmin, ymin, xmax, ymax = self.bounds
         return f"spans x {xmin:g} to {xmax:g} m and y {ymin:g} to {ymax:g} m"
 

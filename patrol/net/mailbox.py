@@ -147,7 +147,7 @@ class Air(Protocol):
 
 
 class Carrier:
-    """What a group and a serial line share: the keys of this end's own senders, and the mailboxes of its listeners."""
+    """The common base of a group and a serial line: its own senders' keys, and its listeners' mailboxes."""
 
     def __init__(self) -> None:
         self._own: set[str] = set()
