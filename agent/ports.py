@@ -16,6 +16,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
+from operator import attrgetter
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 from warnings import warn
@@ -61,11 +62,11 @@ __all__ = [
 ]
 
 Figures = Mapping[str, float]
-"""Numbers that a policy wants to have shown, by name."""
+"""Numbers that a policy wants to have shown, by name; for example ``{"way_m": 12.5, "age_s": 40.0}``."""
 
 
 class State(StrEnum):
-    """The state of a robot, as it is reported. A policy may use words of its own besides."""
+    """The state of a robot, as it is reported. A policy may use words of its own, for example "cleaning"."""
 
     PATROLLING = "patrolling"
     DEAD_END = "dead-end"
@@ -82,13 +83,15 @@ class State(StrEnum):
 class Bearing:
     """Go in the first of these directions in which the body can move.
 
+    For example, ``Bearing((0.0, 1.57))`` goes along the x axis, or along the y axis where the first way is blocked.
+
     Attributes:
         bearings: rad, best first. Another sequence than a tuple is made one before a body reads it.
         near: A place in sight, x and y in m, at which a body that can stop there should; None for none.
         bend: Where the way to what pulls hardest first bends, x and y in m; a body that keeps getting stuck heads for
             it. None where there is none.
         wander: A direction, rad, to be taken for this one step instead of all others where the body can; None for none.
-        state: What the robot is doing while it obeys.
+        state: The robot's state while it obeys, for reports.
         figures: For telemetry.
     """
 
@@ -104,6 +107,8 @@ class Bearing:
 class Place:
     """Get there by the shortest way, and stay there.
 
+    For example, ``Place(12.0, 40.0, exact=True)`` goes to (12, 40) m, and a car ends on that very point.
+
     Attributes:
         x: m.
         y: m. A place that no way leads to stands for the nearest one that can be reached.
@@ -114,7 +119,7 @@ class Place:
         exact: Whether a car that is as near as one step brings it goes on until it is on the very point of the place.
         gives_room: Whether the body passes others on the right, and stops before it touches one
             (`agent.bodies.keeping_right`); otherwise it goes round others once it has bumped.
-        state: What the robot is doing while it obeys.
+        state: The robot's state while it obeys, for reports.
         figures: For telemetry.
     """
 
@@ -131,7 +136,10 @@ class Place:
 
 @dataclass(frozen=True, slots=True)
 class Stay:
-    """Stand still; a car that is getting out of a dead end finishes that first."""
+    """Stand still; a car that is getting out of a dead end finishes that first.
+
+    For example, ``Stay(State.CHARGING)`` at a dock.
+    """
 
     state: str = State.HOLDING
     figures: Figures = field(default_factory=dict)
@@ -141,9 +149,11 @@ class Stay:
 class Steer:
     """Obey this command: the policy steers the body itself. One that leads into a wall is not obeyed.
 
+    For example, ``Steer(Twist(0.5, 0.2))`` drives a differential robot at 0.5 m/s while it turns left at 0.2 rad/s.
+
     Attributes:
         command: Of the kind that the body's model obeys; numbers beyond its limits are cut to them.
-        state: What the robot is doing while it obeys.
+        state: The robot's state while it obeys, for reports.
         figures: For telemetry.
     """
 
@@ -216,7 +226,7 @@ class FleetSetup:
 
     @property
     def team(self) -> int:
-        """Number of robots that patrol from the start, the spare ones left out."""
+        """Number of robots that patrol from the start; for example 3 of four robots of which one is spare."""
         return sum(not spec.spare for spec in self.roster)
 
     @property
@@ -226,9 +236,10 @@ class FleetSetup:
 
 
 _MOVED: Mapping[str, str] = MappingProxyType(
-    dict.fromkeys(("spec", "lengths"), "robot")
-    | dict.fromkeys(("terrain", "fields", "posts", "sight", "graph"), "ground")
-    | dict.fromkeys(("step", "radii", "team", "patrol", "docks"), "fleet")
+    {name: f"robot.{name}" for name in ("spec", "lengths")}
+    | {name: f"ground.{name}" for name in ("terrain", "fields", "posts", "sight", "graph", "scratch")}
+    | {name: f"fleet.{name}" for name in ("step", "radii", "team", "patrol", "docks")}
+    | {"fleet_chance": "fleet.chance", "sensor": "ground.prepared.scenario.sensor"}
 )
 """Attributes that `PolicySetup` had itself in 1.0, and where they are now."""
 
@@ -236,6 +247,8 @@ _MOVED: Mapping[str, str] = MappingProxyType(
 @dataclass(frozen=True, slots=True)
 class PolicySetup:
     """Values that a policy is made from: all that never changes while its robot runs.
+
+    For example, ``setup.robot.spec.speed`` is in m/s, and ``setup.fleet.step`` in s.
 
     The attributes of 1.0, such as ``setup.terrain`` and ``setup.step``, are deprecated: they warn, and go with 2.0.
 
@@ -254,11 +267,11 @@ class PolicySetup:
     if not TYPE_CHECKING:
 
         def __getattr__(self, name: str) -> Any:
-            part = _MOVED.get(name)
-            if part is None:
-                raise AttributeError(f"PolicySetup has no attribute {name}")
-            warn(f"setup.{name} is setup.{part}.{name} since 1.1", DeprecationWarning, stacklevel=2)
-            return getattr(getattr(self, part), name)
+            place = _MOVED.get(name)
+            if place is None:
+                raise AttributeError(f"PolicySetup has no attribute {name}; see docs/compatibility.md, Policies")
+            warn(f"setup.{name} is setup.{place} since 1.1", FutureWarning, stacklevel=2)
+            return attrgetter(place)(self)
 
 
 class Policy(Protocol):
@@ -267,6 +280,15 @@ class Policy(Protocol):
     A policy is made anew with each incarnation of its robot, by ``Policy(setup)`` (`PolicySetup`). It may
     keep what state it likes. Its class may have a pydantic model named ``Options``, which `patrol.options` of the
     scenario is validated by. If it raises, or returns anything but an intent, its own robot stops and no other does.
+
+    For example, a policy that always drives to the right of the map:
+
+        class East:
+            def __init__(self, setup: PolicySetup) -> None:
+                pass
+
+            def decide(self, view: View) -> Intent:
+                return Bearing((0.0,))
     """
 
     def decide(self, view: View) -> Intent:
@@ -305,9 +327,11 @@ class Goal:
 class Choice:
     """The body's answer to an intent.
 
+    For example, ``Choice(Twist(0.5, 0.0), State.PATROLLING)`` drives straight ahead at 0.5 m/s.
+
     Attributes:
         command: For the next step.
-        state: What the robot is doing.
+        state: The robot's state, for reports.
         bearing: The direction that was chosen, rad, or None.
         goal: Where it heads, or None.
     """
@@ -331,7 +355,7 @@ class Body(Protocol):
             peers: The robots heard so far, by number.
 
         Returns:
-            Discs: x, y and radius in m.
+            Discs: x, y and radius in m, for example ``[(12.0, 40.0, 2.5)]``.
         """
         ...
 
@@ -361,7 +385,7 @@ class Decision:
         refined: x and y in m after refinement, or None.
         mfow: Believed age of the stalest point, ticks.
         rejected: Frames refused so far.
-        figures: What the policy wants to have shown.
+        figures: The policy's numbers, for viewers.
     """
 
     command: Command
@@ -404,7 +428,10 @@ class Radio(Protocol):
     """A broadcast of position frames."""
 
     def send(self, frames: tuple[bytes, ...]) -> None:
-        """Send this robot's position and its contacts."""
+        """Send this robot's position and its contacts.
+
+        For example, a robot that sees one intruder sends two frames.
+        """
         ...
 
     def hear(self) -> list[bytes] | None:
@@ -436,7 +463,7 @@ class Telemetry(Protocol):
 
         Args:
             sensed: What the robot sensed in this tick.
-            decision: What its mind decided.
+            decision: The decision of its mind.
             decision_ms: Wall time that this took, ms.
         """
         ...

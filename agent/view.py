@@ -53,12 +53,18 @@ class FogView:
 
     @property
     def last_seen(self) -> NDArray[np.int32]:
-        """int32, the tick at which each point was last seen; -1 where it never was, which counts as tick 0."""
+        """int32, the tick at which each point was last seen; -1 where it never was, which counts as tick 0.
+
+        For example, at tick 10 a point with 4 has an age of 6 ticks, and one with -1 an age of 10.
+        """
         return self._show_grid(0, self._belief.fog.last_seen)
 
     @property
     def dilated(self) -> NDArray[np.int32]:
-        """int32, `last_seen` with staleness spread by the policy's `dilatation` (paper, "dilatation")."""
+        """int32, `last_seen` with staleness spread by the policy's `dilatation` (paper, "dilatation").
+
+        For example, where the points around one were last seen at ticks 8, 3 and 9, its own tick reads 3.
+        """
         return self._show_grid(1, self._belief.dilated)
 
     def dilated_around(self, point: tuple[int, int], span: int) -> NDArray[np.int32]:
@@ -113,14 +119,20 @@ class FogView:
             self.patrolled = _read_only(self._whole if points is None else self._whole & ~points)
 
     def mfow(self, tick: int) -> int:
-        """Return the believed age of the stalest point that is not left out, ticks."""
+        """Return the believed age of the stalest point that is not left out, ticks.
+
+        For example, ages of 3, 8 and 5 ticks give 8.
+        """
         if self.left_out is None:
             return self._belief.fog.mfow(tick)
         counted = self.last_seen[self.patrolled]
         return tick - max(int(counted.min()), 0) if counted.size else 0
 
     def age(self, tick: int) -> NDArray[np.int32]:
-        """Return the age of every point, int32 ticks; 0 where there is nothing to patrol."""
+        """Return the age of every point, int32 ticks; 0 where there is nothing to patrol.
+
+        For example, at tick 10 a point last seen at tick 4 has an age of 6.
+        """
         return np.where(self.patrolled, np.int32(tick) - np.maximum(self.last_seen, np.int32(0)), np.int32(0))
 
 
@@ -139,8 +151,8 @@ class View:
         peers: The robots heard from lately, by number: pose and the tick at which it was heard.
         radii: Of all robots of the fleet, by number, m.
         contacts: The intruders known now, x and y in m.
-        fog: What it believes of the fog.
-        ground: Where its centre may be, and what is in the way now.
+        fog: The fog that it believes in.
+        ground: The points on which its centre may be, less those that are blocked now.
         routes: Lengths of ways, from here and from elsewhere.
         chance: The robot's own draws, of which `draw` asks.
         charge: Share of the robot's battery that is left; None for a robot without a battery.
@@ -171,6 +183,8 @@ class View:
     def draw(self, index: int = 0, purpose: Purpose = Purpose.POLICY) -> float:
         """Draw a random number in [0, 1); within a tick, the same question has the same answer.
 
+        For example, ``view.draw(0)`` and ``view.draw(1)`` are two numbers; ``view.draw(0)`` again is the first of them.
+
         Args:
             index: Which of this tick's questions, 0 and up.
             purpose: What the draw is for; policies of one's own keep to the default.
@@ -178,15 +192,23 @@ class View:
         return self.chance(purpose, self.tick, index)
 
     def point_of(self, place: Spot) -> tuple[int, int]:
-        """Return the terrain's point (row, col) on which a place (x, y) in m lies; off the terrain, the nearest one."""
+        """Return the terrain's point (row, col) on which a place (x, y) in m lies; off the terrain, the nearest one.
+
+        For example, with points of 0.5 m and the origin at (0, 0), the place (1.3, 0.2) lies on the point (0, 2).
+        """
         return self.ground.terrain.nearest_point(*place)
 
     def place_of(self, point: tuple[int, int]) -> Spot:
-        """Return the centre (x, y) in m of the terrain's point (row, col)."""
+        """Return the centre (x, y) in m of the terrain's point (row, col).
+
+        For example, with points of 0.5 m and the origin at (0, 0), the point (0, 2) has its centre at (1.25, 0.25).
+        """
         return self.ground.terrain.centre(*point)
 
     def lengths(self, place: Spot | None = None, within: float | None = None) -> NDArray[np.float64]:
         """Compute the lengths of the ways from a place to all points (`agent.routes.routes.Routes.lengths`).
+
+        For example, ``view.lengths(within=20.0)[row, col]`` is infinity for a point that is 25 m away.
 
         Args:
             place: x and y in m; the robot's own unless given.
@@ -199,6 +221,8 @@ class View:
 
     def stand_to_see(self, point: tuple[int, int]) -> Spot:
         """Return where to stand to see a point: on it, or on its post where no body fits.
+
+        For example, ``Place(*view.stand_to_see((3, 7)))`` goes to where the robot sees point (3, 7).
 
         Args:
             point: Row and column; one that the robot patrols.
@@ -225,6 +249,8 @@ class View:
 
     def way(self, place: Spot) -> Way | None:
         """Return the shortest way from here to a place (x, y) in m, or to the nearest one that a way leads to.
+
+        For example, ``way = view.way((12.0, 40.0))``, and then the intent ``Place(*way.place, bend=way.bend)``.
 
         Returns:
             Where it leads and where it first bends; None for a robot that is off the ground.

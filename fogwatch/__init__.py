@@ -91,5 +91,10 @@ def __getattr__(name: str) -> Any:
     if name in _HOMES:
         from importlib import import_module
 
+        package, _, module = _HOMES[name].partition(".")
+        if package == "experiments":
+            from patrol.extras import study
+
+            return getattr(study(module), name)
         return getattr(import_module(_HOMES[name]), name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -22,7 +22,7 @@ ROUNDED = 1.0 + 1e-12
 
 
 def wrap(angle: float) -> float:
-    """Return the same angle in (-pi, pi], rad."""
+    """Return the same angle in (-pi, pi], rad; for example -2.283 for 4.0."""
     turned = math.remainder(angle, TAU)
     return math.pi if turned == -math.pi else turned
 
@@ -61,6 +61,8 @@ class Limits:
 @dataclass(frozen=True, slots=True)
 class Velocity:
     """A holonomic robot's command for one step.
+
+    For example, ``Velocity(0.6, 0.8)`` moves at 1 m/s.
 
     Attributes:
         vx: Velocity along the map's x axis, m/s.
@@ -110,6 +112,8 @@ class Velocity:
 class Drive:
     """A car's command for one step.
 
+    For example, ``Drive(-1.0, 0.5)`` reverses at 1 m/s along a circle of 2 m.
+
     Attributes:
         speed: m/s; negative for reverse.
         curvature: 1/m; positive to the left.
@@ -152,6 +156,8 @@ class Drive:
 @dataclass(frozen=True, slots=True)
 class Twist:
     """A differential drive's command for one step. With no speed the body turns on the spot.
+
+    For example, ``Twist(0.5, 0.2)`` drives at 0.5 m/s while it turns left at 0.2 rad/s.
 
     Two wheels, one body radius left and right of the centre, run at ``speed`` -/+ ``turn_rate * radius``, each at most
     at top speed. So ``abs(speed) + abs(turn_rate) * radius`` is at most the top speed.

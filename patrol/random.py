@@ -70,6 +70,8 @@ def mix(*values: SupportsIndex) -> int:
 def draw(*values: SupportsIndex) -> float:
     """Draw a float in [0, 1), uniform over the multiples of 2^-53.
 
+    For example, ``draw(seed, Purpose.POLICY, robot, tick)`` gives the same number whenever it is asked for.
+
     Args:
         values: One or more integers; by convention the first is the scenario's seed and the second a `Purpose`.
     """
@@ -106,6 +108,8 @@ class Draws:
     def between(self, least: float, most: float) -> float:
         """Draw a float, to three significant digits.
 
+        For example, ``between(0.3, 2.0)`` may give 1.27.
+
         Args:
             least: Lower bound.
             most: Upper bound.
@@ -114,6 +118,8 @@ class Draws:
 
     def whole(self, least: int, most: int) -> int:
         """Draw an integer.
+
+        For example, ``whole(1, 6)`` is a throw of a die.
 
         Args:
             least: Lower bound, included.

@@ -74,7 +74,7 @@ Text = Annotated[str, Field(strict=True)]
 PRINTABLE = AfterValidator(_check_printable)
 """Check of a text that is shown. It and `NO_WHOLE` come last: limits behind them are checked in Python, not in Rust."""
 NO_WHOLE = GetPydanticSchema(lambda kind, of: schemas.chain_schema([schemas.is_instance_schema(float), of(kind)]))
-"""Check of a float in whose place no whole number may stand."""
+"""Check of a float in whose place no whole number may stand; for example 1.0 passes, and 1 does not."""
 Real = Annotated[float, Field(strict=True), NO_WHOLE]
 Finite = Annotated[float, Field(strict=True, allow_inf_nan=False), NO_WHOLE]
 FAIL_FAST = Field(fail_fast=True)
@@ -91,13 +91,18 @@ class Row:
 
     @classmethod
     def columns(cls) -> Mapping[str, Any]:
-        """Return the names and annotated types of its values."""
+        """Return the names and annotated types of its values.
+
+        For example, those of ``Ping`` are named "k" and "who".
+        """
         kind: Any = cls
         return _type_hints(kind)
 
     @classmethod
     def from_values(cls, *values: Any) -> Self:
         """Make a message of checked values.
+
+        For example, ``Ping.from_values(3, "r1")`` is ``Ping(k=3, who="r1")``.
 
         Args:
             values: One for each column.
@@ -108,7 +113,10 @@ class Row:
         return cls(*values)
 
     def to_values(self) -> tuple[Any, ...]:
-        """Return the values to send."""
+        """Return the values to send.
+
+        For example, those of ``Ping(k=3, who="r1")`` are ``(3, "r1")``.
+        """
         kind: Any = type(self)
         values: tuple[Any, ...] = _values_of(kind)(self)
         return values
@@ -149,6 +157,8 @@ def unpack(
 ) -> Any:
     """Unpack the values in a payload; small ones take many times the bytes that they are packed in.
 
+    For example, ``unpack(msgpack.packb([1, 2, 3]))`` gives ``(1, 2, 3)``.
+
     Args:
         payload: Any bytes, not more than may be turned into objects.
         use_list: Whether arrays become lists and not tuples.
@@ -178,9 +188,11 @@ def unpack(
 def check(kind: type[T], value: object) -> T:
     """Make a message of values, if they fit its declaration.
 
+    For example, ``check(Ping, [3, "r1"])`` gives ``Ping(k=3, who="r1")``.
+
     Args:
         kind: Its class.
-        value: What was unpacked.
+        value: The unpacked value.
 
     Raises:
         Malformed: It is no such message; the text names the field.

@@ -3,7 +3,7 @@
     .venv/bin/python -m tests.public_maps FOLDER
 
 FOLDER holds a folder OWNER+NAME for each repository, with map files and images at their paths in it. The rule here is
-written a second time, from `nav2_map_server/src/map_io.cpp`, and shares no code with `patrol.ground.maps`.
+written a second time, from `nav2_map_server/src/map_io.cpp`, and shares no code with `patrol.maps`.
 """
 
 from __future__ import annotations

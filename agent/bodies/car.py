@@ -55,12 +55,14 @@ class Unstuck:
 
     def step(self, pose: Pose, bumped: bool) -> Drive | None:
         """Return the next command on the way out; None when the robot has left the dead end."""
+        # It has hit something on its way out, so it tries the other gear.
         if bumped:
             self._backing = not self._backing
         if self._has_backed and abs(wrap(self._desired - pose.heading)) <= ORIENTED:
             self.active = False
             return None
         self._has_backed = True
+        # Once in each gear.
         for _ in range(2):
             for share in EASIER:
                 speed = share * (-self._speed if self._backing else self._speed)
@@ -100,6 +102,7 @@ class CarBody(BodyBase):
         bearing, goal = self._ahead(intent, view)
         if view.start is None and not self._unstuck.active:
             return self._proceed(intent.state, view) or self._come_back(view)
+        # After a bump a random step would lead into the same obstacle.
         if intent.wander is not None and not view.bumped and not self._unstuck.active:
             aside = self._steering.turning(view.pose, intent.wander, self.spec.speed)
             if self._steering.is_free(view.pose, aside):
@@ -142,6 +145,7 @@ class CarBody(BodyBase):
         if place.wander is not None and not view.bumped and not self._unstuck.active:
             aside = self._steering.turning(pose, place.wander, self.spec.speed)
             end = advance(pose, aside, self._step)
+            # The step must also end where routes lead on.
             if self._steering.is_free(pose, aside) and self.footing.may_end(pose, end.x, end.y):
                 return Choice(aside, place.state, place.wander)
         bearing, goal = math.atan2(bend[1] - pose.y, bend[0] - pose.x), Goal(spot, bend)
@@ -165,6 +169,7 @@ class CarBody(BodyBase):
             if drive is not None:
                 out = self._leave(view) if is_halt(drive) else None
                 return out or Choice(drive, State.DEAD_END, None, goal)
+            # It has faced about since the bump, so the bump says nothing of the next step.
             bumped = False
         if goal is None or bearing is None:
             return self._stand(State.HOLDING)

@@ -48,7 +48,8 @@ WORTH_DRIVING = 0.05
 def smaller_turn(heading: float, direction: float) -> tuple[float, float]:
     """Return the turn after which a body drives in a direction, and 1.0 for forward or -1.0 for reverse.
 
-    All angles are in rad; the turn is at most a quarter circle.
+    All angles are in rad; the turn is at most a quarter circle. For example, to drive in direction 3.0 from heading 0,
+    a body turns by -0.14 and drives in reverse.
     """
     askew = wrap(direction - heading)
     return (askew, 1.0) if abs(askew) <= 0.5 * math.pi else (wrap(askew + math.pi), -1.0)
@@ -138,9 +139,11 @@ class WheelSteering:
         `distance` is in m; `askew` is the angle from the body's heading to the target, rad.
         """
         if abs(askew) <= ASKEW:
+            # An arc turns by twice the angle between its beginning and its chord.
             landing = Twist(distance * askew / math.sin(askew) / self._step, 2.0 * askew / self._step)
             if landing.is_within(self._spec.limits):
                 yield landing
+        # Within a stride such an arc could lead beyond the target.
         if distance > self.stride:
             for share in (GENTLY, 1.0) if abs(askew) <= ASKEW else (1.0,):
                 turn = self.on_the_spot(share * askew).turn_rate
@@ -237,6 +240,7 @@ class DifferentialBody(BodyBase):
             return None
         spot, bend = way
         is_near = bend == spot and math.dist((view.pose.x, view.pose.y), spot) < self.manoeuvres.parking
+        # After a bump the body is not where the arcs would have put it.
         if view.bumped or is_near or self._leads_straight(bend, view):
             self.manoeuvres.drop()
             return None
@@ -266,10 +270,12 @@ class DifferentialBody(BodyBase):
                 best = option
                 break
         else:
+            # Less than good enough is better than nothing, but not where the body would hardly move.
             if farthest < BLOCKED_SHARE * self.stride:
                 return self._leave(view) or self._stand(State.DEAD_END)
         assert best is not None
         twist = towards(pose, best.target)
+        # A body that only turns now drives that way next: see `_options`.
         self._turns_to = best.bearing if twist.speed == 0.0 else None
         return Choice(twist, state, best.bearing, best.goal)
 
@@ -278,6 +284,7 @@ class DifferentialBody(BodyBase):
         _, sense = smaller_turn(pose.heading, math.atan2(target[1] - pose.y, target[0] - pose.x))
         if sense > 0.0:
             return self._steering.towards(pose, target)
+        # Reverse is the same arc driven by a body that looks the other way: only the speed changes its sign.
         twist = self._steering.towards(Pose(pose.x, pose.y, wrap(pose.heading + math.pi)), target)
         return Twist(-twist.speed, twist.turn_rate)
 

@@ -21,14 +21,14 @@ from the last movements of both, so two robots that do so never touch, whatever 
     1 >  .  |   < 2      1 and 2 come towards each other with a gap of 0.6 m between their bodies, each 0.5 m a tick.
                          There is no room for both to go on, so each may come nearer by half of the gap, 0.3 m.
 
-A step that would lead farther is shortened. Where nothing of it is left, the body stands, and does what it does after a
-bump. After a few such stops in a row it drives, because positions that are wrong or forged must not hold it for good;
-a bump shows that the other robot is there, and it stops again.
+A step that would lead farther is shortened. Where nothing of it is left, the body stands, and acts as after a bump.
+After a few such stops in a row it drives, because positions that are wrong or forged must not hold it for good; a bump
+shows that the other robot is there, and it stops again.
 
-All this is as good as what is heard. In lockstep, on a channel without delay or loss, where all robots send in each
-tick, a robot decides on where the others are now. With delay or loss, and where the fleet saves on its radio
-(`radio.adaptive`, `radio.budget`), it decides on older places, or on predicted ones. So it may keep right late or not
-at all, and bump. Then the rules of `agent.bodies.standoff` are left.
+All this is only as good as the positions that are heard. In lockstep, on a channel without delay or loss, where all
+robots send in each tick, a robot decides on where the others are now. With delay or loss, and where the fleet saves on
+its radio (`radio.adaptive`, `radio.budget`), it decides on older places, or on predicted ones. So it may keep right
+late or not at all, and bump. Then the rules of `agent.bodies.standoff` are left.
 """
 
 from __future__ import annotations
@@ -97,10 +97,13 @@ class Motion:
     def after(self, sequence: int, place: Spot, stride: float) -> Motion:
         """Return the motion a tick later; the same where nothing was heard and no place was predicted.
 
+        For example, (0, 0) in tick 3 and (1, 0) in tick 5 are a movement of (0.5, 0) in a tick.
+
         `place` is the one heard, or the one predicted for then. `stride` is the robot's longest way in a step, m.
         """
         if sequence == self.sequence and place == self.place:
             return self
+        # A predicted place moves the tick on without a new sequence, so a frame that comes then may lie behind it.
         tick = self.tick + 1 if sequence == self.sequence else max(sequence, self.tick + 1)
         ticks = tick - self.tick
         moved = (place[0] - self.place[0]) / ticks, (place[1] - self.place[1]) / ticks
@@ -132,6 +135,7 @@ class KeepingRight:
         """Take note of where the others are, and of how each has moved since it was last heard."""
         here = view.reported.x, view.reported.y
         self._own = self._own.after(view.tick, here, self._stride)
+        # Robots that are no longer heard are forgotten, and with them how they moved.
         before, self._others = self._others, {}
         for number, peer in view.peers.items():
             spot = peer.pose.x, peer.pose.y
@@ -145,9 +149,11 @@ class KeepingRight:
         """
         free, x, y = SAMPLES, view.pose.x, view.pose.y
         for number, neighbour in self._others.items():
+            # Too far apart to touch within a step, whatever both do.
             if math.dist((x, y), neighbour.place) >= self._both(number) + self._stride + self._strides[number]:
                 continue
             across, up, limit = self._side(number, neighbour)
+            # Only as far as the robots before have left free.
             for sample in range(1, free + 1):
                 end = advance(view.pose, command, sample / SAMPLES * self._step)
                 if (end.x - x) * across + (end.y - y) * up > limit:
@@ -161,15 +167,18 @@ class KeepingRight:
         The line is square to where the robots would be nearest to each other in the next step if both went on, or to
         where they are if they would touch. Each may go on as before if there is room for both, and half of the rest.
         """
+        # Positions were rounded when they were sent, so the gap may be smaller by that much.
         own_motion, radii = self._own, self._both(number) + HEARD_M
         x, y = other.place[0] - own_motion.place[0], other.place[1] - own_motion.place[1]
         right, up = other.moved[0] - own_motion.moved[0], other.moved[1] - own_motion.moved[1]
         speed = right**2 + up**2
         when = min(max(-(x * right + y * up) / speed, 0.0), 1.0) if speed > 0.0 else 0.0
         across, along = x + when * right, y + when * up
+        # The direction between bodies that overlap says little, so that of now counts.
         if math.hypot(across, along) < radii:
             across, along = x, y
         length = math.hypot(across, along)
+        # At the same place there is no side to keep to: a limit along no direction shortens nothing.
         if length == 0.0:
             return 0.0, 0.0, 0.0
         across, along = across / length, along / length
@@ -177,6 +186,7 @@ class KeepingRight:
         mine = max(0.0, own_motion.moved[0] * across + own_motion.moved[1] * along)
         their_share = max(0.0, -other.moved[0] * across - other.moved[1] * along)
         spare = gap - mine - their_share
+        # Never 0 / 0: spare is below 0 only where one of them comes nearer.
         return across, along, mine + 0.5 * spare if spare >= 0.0 else gap * mine / (mine + their_share)
 
     def past(self, place: Place, view: View) -> Place | int:
@@ -201,6 +211,7 @@ class KeepingRight:
             if start is None:
                 continue
             way = Routes(closed).way(start, target, self._expected)
+            # Both must lead to the place itself: a way that ends before it may be short as well.
             if way.place == direct.place == ground.centre(*target) and way.length <= longest:
                 ground.close(discs)
                 return replace(place, bend=way.bend)
@@ -213,6 +224,7 @@ class KeepingRight:
         ahead = math.dist((x, y), bend)
         if ahead == 0.0:
             return None
+        # At top speed along its way, since the last step may have been shortened or a turn.
         across, up = ((corner - here) / ahead * self._stride for here, corner in zip((x, y), bend, strict=True))
         meetings = []
         for number, neighbour in sorted(self._others.items()):
@@ -221,6 +233,7 @@ class KeepingRight:
             closer_x, closer_y = moved_x - across, moved_y - up
             radii, speed = self._both(number), closer_x**2 + closer_y**2
             ticks = -(apart_x * closer_x + apart_y * closer_y) / speed if speed > 0.0 else 0.0
+            # Not above 0 where they move apart.
             if not 0.0 < ticks <= LOOK_AHEAD + LOOK_AHEAD_BODIES * radii / self._stride:
                 continue
             if math.hypot(apart_x + ticks * closer_x, apart_y + ticks * closer_y) < radii + self._margin:
@@ -233,7 +246,7 @@ class KeepingRight:
         return min(meetings, key=lambda meeting: meeting.ticks, default=None)
 
     def _barriers(self, meeting: Meeting, here: Spot) -> Iterator[list[Disc]]:
-        """Give what to close so that the way leads past another robot, best first."""
+        """Yield the discs to close so that the way leads past another robot, best first."""
         point, radii = self._ground.terrain.point, self._both(meeting.other)
         neighbour = self._others[meeting.other]
         now = neighbour.place

@@ -96,7 +96,7 @@ class Move:
 
 @dataclass(frozen=True, slots=True)
 class Moves:
-    """The moves of a body, and what they have in common."""
+    """The moves of a body, and their common values."""
 
     each: list[Move]
     turning: float  # radius of the tightest arcs, m
@@ -107,6 +107,7 @@ def car_moves(spec: RobotSpec, step: float, point: float) -> Moves:
     """Return the moves of a car; `step` is in s per tick, `point` is the side of the terrain's points in m."""
     stride = spec.speed * step
     ticks = max(1, math.ceil(LEAST_TURN * spec.turning_radius / stride))
+    # A body that turns sideways by less than a cell would never leave its first one.
     moves = _arcs(spec.speed, spec.turning_radius, ticks, step)
     return Moves(moves, spec.turning_radius, max(0.5 * stride * ticks * SHORT, point))
 
@@ -178,7 +179,7 @@ class Manoeuvres:
         self._expected: Pose | None = None
 
     def drop(self) -> None:
-        """Forget what was found."""
+        """Forget the arcs that were found."""
         self._plan.clear()
         self._place = None
 
@@ -187,6 +188,7 @@ class Manoeuvres:
 
         With `exact` the body has to end on the very point of the place, as others hear it.
         """
+        # A place that has moved by less than a search ends before it needs no new search.
         off = math.inf if self._place is None or exact != self._exact else math.dist(self._place, place)
         if off > (0.0 if exact else self._near):
             self.drop()
@@ -196,7 +198,7 @@ class Manoeuvres:
         return self._take(view.pose)
 
     def proceed(self, pose: Pose) -> Command | None:
-        """Return the next step of what was found before, wherever it leads.
+        """Return the next step of the arcs that were found before, wherever it leads.
 
         It is None where nothing was found, or the body cannot go on with it.
         """
@@ -218,6 +220,7 @@ class Manoeuvres:
         pose, ground = view.pose, view.ground
         if not self._plan or ground.is_closed(*view.point_of((pose.x, pose.y))):
             return False
+        # Half-way too: a step may pass over a closed point and end beyond it.
         ends = (advance(pose, self._plan[0], share * self._step) for share in (0.5, 1.0))
         return any(ground.is_closed(*view.point_of((end.x, end.y))) for end in ends)
 
@@ -247,6 +250,7 @@ class Manoeuvres:
             return
         point, here, goal = ground.terrain.point, (start[0] - 1, start[1] - 1), (end[0] - 1, end[1] - 1)
         margin = MARGIN * turning
+        # A bound, since a search over the whole terrain would take long and a detour is seldom longer.
         within = 2.0 * math.dist((pose.x, pose.y), place) + margin
         paths = _paths_to(goal, ground, within)
         if paths.length_to(*here) == FAR:
@@ -254,6 +258,7 @@ class Manoeuvres:
         if paths.length_to(*here) == FAR:
             return
         first = paths.length_to(*here) * (point / 100.0)
+        # A way that winds needs room for ways around it, or no arc off the shortest way would count.
         if paths.limit < LONGEST and first + margin > within:
             paths = _paths_to(goal, ground, first + margin)
         # The search measures where arcs end from the point of the pose as others hear it. Measured from another point,
@@ -262,8 +267,10 @@ class Manoeuvres:
         if paths.length_to(*reported) < FAR:
             first = paths.length_to(*reported) * (point / 100.0)
         else:
+            # It is not known from there: by way of the centre of the point that it joins, which is never too short.
             first = max(first + math.dist(ground.centre(*start), (pose.x, pose.y)), point)
         self._place, self._exact = place, exact
+        # Half of the way at most, or a search from close by would end where it begins.
         near = ON_IT * point if exact else min(self._near, 0.5 * first)
         self._search(view, paths, first, paths.limit, near=near, progress=AHEAD * turning)
 
@@ -276,6 +283,7 @@ class Manoeuvres:
         pose, terrain = view.pose, self._terrain
         arcs = np.zeros(MOST_ARCS, dtype=np.int64)
         closed = self._closed(view)
+        # The body may stand nearer to a wall than the clearance, so its first step is judged without it.
         begins = np.array([self._is_free(pose, move.command) for move in self._moves], dtype=np.uint8)
         count = 0
         # A gap that is exactly as wide as the body leaves no clearance.
@@ -322,6 +330,7 @@ class Manoeuvres:
         if ground.static is not ground:
             shut = ground.static.open_now & ~ground.open_now
             closed = shut if closed is None else closed | shut
+        # A body on a closed point must be able to leave it.
         if closed is None or (self._terrain.inside(*here) and closed[here]):
             return np.zeros((0, 0), dtype=np.uint8)
         return closed.view(np.uint8)

@@ -87,6 +87,7 @@ class BodyBase(ABC):
 
     def obstacles(self, tick: int, pose: Pose, bumped: bool, peers: Mapping[int, Peer]) -> Sequence[Disc]:
         """Return the robots that this one gives way to (`agent.ports.Body.obstacles`)."""
+        # A stop before a touch counts as a bump that was avoided.
         return self.stand_off.obstacles(tick, pose, bumped or self._stops > 0, peers)
 
     def obey(self, intent: Intent, view: View) -> Choice:
@@ -107,6 +108,7 @@ class BodyBase(ABC):
         if room > 0.0:
             self._stops = 0
             return replace(choice, command=slowed(choice.command, room * choice.command.speed_mps))
+        # A real bump shows that the other is there, so the patience with its position begins anew.
         self._stops = 1 if bumped else self._stops + 1
         return choice if self._stops > self._most_stops else replace(choice, command=halted(self.spec.model))
 
@@ -116,6 +118,7 @@ class BodyBase(ABC):
         if self._keeping_right is None or self.stand_off.is_settled or not isinstance(led, Place) or not led.gives_room:
             return led
         past = self._keeping_right.past(led, view)
+        # A number in place of a place: no short way leads past that robot.
         return self.stand_off.meet(led, past, view) if isinstance(past, int) else past
 
     def _back_off(self, view: View) -> Choice | None:
@@ -213,4 +216,5 @@ def way_of(place: Place, view: View) -> tuple[Spot, Spot] | None:
     assert way is not None
     exact = view.ground.terrain.point_at(*way.place) == view.ground.terrain.point_at(*spot)
     target = spot if exact else way.place
+    # Without a bend the way ends at the target itself, not at the centre of its point.
     return target, target if way.bend == way.place else way.bend

@@ -1,12 +1,12 @@
-"""Stand-offs: what a robot does that does not get on, from positions alone.
+"""Stand-offs: the way out for a robot that does not get on, from positions alone.
 
 Theory of operation
 ===================
 
 A robot does not get on where its move was cancelled (a *bump*), where it stopped before it would have touched another
-robot, or where no step leads on (a *dead end*). It counts these; those within `CALM_S` of each other add up. What is in
-its way and how often is its `Situation`. From that and from what its body can do follows its `Role`: `ROLES` holds all
-of them. A body only says which moves it has.
+robot, or where no step leads on (a *dead end*). It counts these; those within `CALM_S` of each other add up. Its
+`Situation` says which robot is in its way, and how often. Its `Role` follows from the situation and from the moves that
+its body has: `ROLES` is the table. For example, a car that bumps into a robot with a lower number gives way.
 
 In a corridor that is too narrow for two, one of two robots has to go back to where the other gets past it:
 
@@ -21,7 +21,7 @@ or a doorway, but at the side of a room, in a corner, or at a dead end. Both rob
 so both find nearly the same refuges for both of them, and mostly take roles that fit. Where they do not, they bump
 again, and settle anew: within `AGAIN_S` the numbers decide.
 
-What always holds:
+These rules always hold:
 
 - A robot has one role at a time. Besides, it may give way to several others, each for a time of its own, and it goes on
   in its role after it has backed off.
@@ -167,12 +167,14 @@ class StandOff:
 
     def obstacles(self, tick: int, pose: Pose, bumped: bool, peers: Mapping[int, Peer]) -> list[Disc]:
         """Take in whether the last move was cancelled; return the discs of the robots that this one gives way to."""
+        # The earliest tick in which a row of bumps can begin.
         if not bumped:
             self._bumps_since = tick + 1
         else:
             self._add(tick)
             if self._considers_others:
                 self._give_way(tick, pose, peers)
+            # It has bumped on its way back: the same spot would not be reached either.
             self._away = None
             if self.count % OFTEN == 0:
                 self._leave(Situation.OFTEN, tick)
@@ -184,8 +186,10 @@ class StandOff:
         self._place = target = intent if isinstance(intent, Place) and view.start is not None else None
         if target is None or not self._considers_others:
             return intent
+        # Before a bump is judged: a role that is over must not decide what to do about it.
         if self.is_settled and self._is_over(view):
             self.role = Role.GOES_ON
+        # A bump on the way back changes nothing about which refuge is nearer, so the role stays.
         if view.bumped and self.role is not Role.GOES_BACK:
             self._settle(target, view, self._in_reach(view.pose, view.peers))
         return self._act(target, view)
@@ -247,6 +251,7 @@ class StandOff:
             direction = TAU * share
             if other is not None:
                 other_pose = view.peers[other].pose
+                # Within a quarter circle of straight away from it, so never towards it.
                 direction = math.atan2(pose.y - other_pose.y, pose.x - other_pose.x) + (share - 0.5) * math.pi
             across, up = self._stride * math.cos(direction), self._stride * math.sin(direction)
             free = room((pose.x + across, pose.y + up))
@@ -254,6 +259,7 @@ class StandOff:
                 best, heading = free, direction
             if free >= 0.5 * self._stride:
                 break
+        # The indices below have drawn the directions.
         way = BACKS_OFF_S * self._speed * self._chance(Purpose.UNSTUCK, tick, TRIES)
         return pose.x + way * math.cos(heading), pose.y + way * math.sin(heading)
 
@@ -265,11 +271,13 @@ class StandOff:
         if other is None:
             return
         if self._place is not None and self._is_blocked(self._place, pose, peers[other].pose, other):
+            # No way leads round it, so to close the ground around it would leave no way at all.
             self._gives_way_until.pop(other, None)
             self._bumps_since = tick + 1
             return
         if ROLES[self._passable(tick, other), self._moves] is Role.GIVES_WAY:
             shortest_s, longest_s = GIVES_WAY_S
+            # Drawn, so that two robots that give way do not come back in step.
             spell_s = shortest_s + (longest_s - shortest_s) * self._chance(Purpose.GIVE_WAY, tick)
             self._gives_way_until[other] = tick + round(spell_s / self._step)
 
@@ -277,6 +285,7 @@ class StandOff:
         """Return the situation of a robot that has bumped into another one which a way leads round."""
         if other < self._number:
             return Situation.LOWER
+        # It should have given way by now: it does not hear this robot, or has no room.
         return Situation.UNMOVED if tick - self._bumps_since >= STILL_S / self._step else Situation.HIGHER
 
     def _act(self, place: Place, view: View) -> Place:
@@ -287,8 +296,11 @@ class StandOff:
         if self.role is Role.GOES_BACK:
             if self._is_blocked(place, view.pose, other_pose, self._other):
                 x, y = self._refuge
+                # Bend, lean and wander belong to the way to the policy's own place.
                 return replace(place, x=x, y=y, bend=None, lean=None, wander=None, exact=True)
+            # A way leads round the other again, so this robot takes it.
             self.role = Role.GOES_FIRST
+        # The disc closes the old way, so the bend has to be found anew.
         view.ground.close([self._disc(view.pose, other_pose, self._other)])
         return replace(place, bend=None, lean=None, wander=None)
 
@@ -298,6 +310,7 @@ class StandOff:
             return True
         other_pose, here = view.peers[self._other].pose, view.pose
         spot = other_pose.x, other_pose.y
+        # The other may have to wait until this robot is out of its way, so that it stands still means nothing yet.
         on_the_way = self.role is Role.GOES_BACK and math.dist((here.x, here.y), self._refuge) > self._stride
         if on_the_way or math.dist(spot, self._seen) > STILL * self._stride:
             self._moved_at = view.tick
@@ -313,10 +326,13 @@ class StandOff:
             return
         other_pose = view.peers[other].pose
         if self._is_blocked(place, view.pose, other_pose, other):
+            # A robot not met before was settled with infinitely long ago.
             last, situation = self._settled.get(other, (-math.inf, Situation.HIGHER))
             lately = view.tick - last <= AGAIN_S / self._step
+            # Two searches would find once more that neither has a refuge.
             if lately and situation is Situation.NO_REFUGE:
                 return
+            # The pose that others heard, not the true one, so that both robots compare the same two places.
             situation = self._compare_refuges(
                 (view.reported.x, view.reported.y), (other_pose.x, other_pose.y), other, lately
             )
@@ -333,13 +349,16 @@ class StandOff:
     def _compare_refuges(self, here: Spot, there: Spot, other: int, by_number: bool) -> Situation:
         """Find which of two robots has less far to a refuge, or by number where both have one; keep the own one."""
         own_way, other_way = self._way_to_refuge(here, there, other), self._way_to_refuge(there, here, other)
+        # A number helps no robot that has nowhere to go back to.
         if own_way is None or other_way is None:
             by_number = False
         if own_way is not None:
             self._refuge = own_way[1]
+        # Equal lengths leave it to the numbers below.
         lengths = [math.inf if way is None else 0.0 if by_number else way[0] for way in (own_way, other_way)]
         if lengths == [math.inf, math.inf]:
             return Situation.NO_REFUGE
+        # The other robot compares the same pairs the other way round, so exactly one of the two goes back.
         is_own = (lengths[0], other) < (lengths[1], self._number)
         return Situation.OWN_REFUGE if is_own else Situation.OTHERS_REFUGE
 
@@ -351,6 +370,7 @@ class StandOff:
     def _is_blocked(self, place: Place, pose: Pose, there: Pose, other: int) -> bool:
         """Return True if no way leads to a place round another robot."""
         row, col = self._ground.terrain.nearest_point(place.x, place.y)
+        # Where no body can ever stand, it is not the other robot that is in the way.
         if not self._ground.static.open_now[row, col]:
             return False
         ground = self._closed(self._disc(pose, there, other))
@@ -359,7 +379,9 @@ class StandOff:
             return True
         target = row + 1, col + 1
         way = Routes(ground).way(start, target, self._expected)
+        # How far the next search has to look, with room for one more stride of each.
         self._expected = round(100.0 * (way.length + 2.0 * self._stride) / ground.terrain.point)
+        # Where no way leads to the target, the result leads somewhere else.
         return way.place != ground.centre(*target)
 
     def _way_to_refuge(self, here: Spot, there: Spot, other: int) -> tuple[float, Spot] | None:
@@ -371,12 +393,14 @@ class StandOff:
         ground = self._closed(disc_round(there, here, radii, point))
         lengths = Routes(ground).lengths(here, FARTHEST_M)
         rows, cols = np.nonzero(np.isfinite(lengths))
+        # Stable: points at the same length keep their order, on which the trace depends.
         order = np.argsort(lengths[rows, cols], kind="stable")
         rows, cols = rows[order], cols[order]
         # The nearest place of each square of a quarter of a radius stands for the square.
         side = max(1, round(0.25 * self._radii[self._number] / point))
         _, nearest_ones = np.unique(rows // side * lengths.shape[1] + cols // side, return_index=True)
         wide = radii / point + 1.5
+        # Nearest first again: `unique` sorts by square.
         for index in np.sort(nearest_ones):
             row, col = int(rows[index]), int(cols[index])
             if len(parts_around(self._ground.static.open_now, (row, col), wide, math.ceil(wide) + AROUND)) == 1:
@@ -404,13 +428,15 @@ class StandOff:
 def nearest(pose: Pose, peers: Mapping[int, Peer], radii: Mapping[int, float]) -> tuple[float, int]:
     """Return the distance from the robot's centre to the nearest other body, m, and that robot's number.
 
-    They are infinity and 0 where there is none.
+    They are infinity and 0 where there is none. For example, 3 m from the centre of robot 2, which has a radius of
+    0.5 m, they are 2.5 and 2.
     """
     if not peers:
         return math.inf, 0
     numbers, places = sorted(peers), places_of(peers)
     gaps = np.hypot(places[:, 0] - pose.x, places[:, 1] - pose.y) - [radii[number] for number in numbers]
     # Arrays round in ways of their own, so they only tell which robots are worth a closer look.
+    # Negated, so that a gap which is not a number is kept; `fmin` passes it over.
     worth = np.flatnonzero(~(gaps > np.fmin.reduce(gaps) + ROUNDING_M))
     near = [(numbers[index], peers[numbers[index]].pose) for index in worth]
     return min(
@@ -422,8 +448,10 @@ def nearest(pose: Pose, peers: Mapping[int, Peer], radii: Mapping[int, float]) -
 def disc_round(there: Spot, here: Spot, radii: float, point: float) -> Disc:
     """Return the disc around one robot, at `there`, that is closed to the centre of another, at `here`.
 
-    It is as wide as both bodies together, but never covers the other robot's own point. `radii` is the sum of both
-    radii, `point` the side of the terrain's points, both in m.
+    It is as wide as both bodies together, but never covers the other robot's own point. For example, with `radii` of
+    2 m and a `point` of 0.5 m it has a radius of 2.25 m where the robots are 10 m apart, and of 1.5 m where they are
+    2 m apart. `radii` is the sum of both radii, `point` the side of the terrain's points, both in m.
     """
+    # Short of the robot's own point, or it would stand on closed ground and find no way.
     apart = math.hypot(there[0] - here[0], there[1] - here[1]) - point
     return *there, max(0.0, min(radii + 0.5 * point, apart))

@@ -1,4 +1,4 @@
-"""Kernels that find out what the dilatation has to compute anew.
+"""Kernels that find the blocks in which the dilatation has to be computed anew.
 
 They keep book by blocks of `SIDE` x `SIDE` points. Last-seen ticks only grow, so the dilated tick of a point, the least
 in its window, stays as it is unless a point of the window that had this very tick has changed.
@@ -32,7 +32,7 @@ POST = 2
     types.void(TICKS, MASK, TICKS, TICKS, int64, int64, int64, int64), cache=True, nogil=True
 )
 def note(last_seen, ground, carried, outdated, first_row, last_row, first_col, last_col):
-    """Carry over what has changed in a box of the fog, all but the posts.
+    """Carry over the changed points in a box of the fog, all but the posts.
 
     Args:
         last_seen: int32 (h, w), the tick at which each point was last seen, -1 for never.
@@ -54,6 +54,7 @@ def note(last_seen, ground, carried, outdated, first_row, last_row, first_col, l
             ticks, kind, stored = last_seen[row, begin:end], ground[row, begin:end], carried[row, begin:end]
             for k in range(before.size):
                 had = stored[k]
+                # Posts keep their tick: only `carry` knows those of the points that are seen from them.
                 has = max(ticks[k], np.int32(0)) if kind[k] == 1 else had
                 before[k] = min(before[k], had if has != had else np.int32(NOTHING))
                 stored[k] = has
@@ -104,7 +105,7 @@ def carry(posts, ends, last_seen, carried, outdated, first_row, last_row, first_
     types.void(TICKS, TICKS, FLAGS, int64, int64, int64, int64, int64), cache=True, nogil=True
 )
 def fall_due(outdated, freshest, due, first_row, last_row, first_col, last_col, reach):
-    """Mark the blocks in which a dilated tick may have changed, and forget what has changed.
+    """Mark the blocks in which a dilated tick may have changed, and forget the changes.
 
     Args:
         outdated: As in `note`; all of it is `NOTHING` afterwards.
@@ -125,6 +126,7 @@ def fall_due(outdated, freshest, due, first_row, last_row, first_col, last_col, 
             outdated[row, col] = NOTHING
             for up in range(max(0, row - reach), min(rows, row + reach + 1)):
                 for across in range(max(0, col - reach), min(cols, col + reach + 1)):
+                    # No window of a block whose dilated ticks are all older has had it as its oldest.
                     if when <= freshest[up, across]:
                         due[up, across] = 1
 
@@ -137,7 +139,7 @@ def fall_due(outdated, freshest, due, first_row, last_row, first_col, last_col, 
 def take_in(
     last_seen, ground, carried, posts, ends, outdated, freshest, due, boxes, gap, reach
 ):
-    """Take in what has changed in some boxes of the fog: `note`, `carry` and `fall_due`.
+    """Take in the changes in some boxes of the fog: `note`, `carry` and `fall_due`.
 
     Args:
         last_seen: As in `note`.
@@ -154,6 +156,7 @@ def take_in(
     """
     rows, cols = due.shape
     around = np.empty_like(boxes)
+    # The posts of changed points may lie up to `gap` beyond the box.
     for box in range(boxes.shape[0]):
         top, bottom, left, right = boxes[box]
         around[box, 0], around[box, 1] = max(0, (top - gap) // SIDE), min(rows - 1, (bottom + gap) // SIDE)
@@ -161,6 +164,7 @@ def take_in(
         note(last_seen, ground, carried, outdated, top, bottom, left, right)
         top, bottom, left, right = around[box]
         carry(posts, ends, last_seen, carried, outdated, top, bottom, left, right)
+    # After all boxes: several may change the same block, and `fall_due` forgets each block that it has looked at.
     for box in range(boxes.shape[0]):
         top, bottom, left, right = around[box]
         fall_due(outdated, freshest, due, top, bottom, left, right, reach)
@@ -219,6 +223,7 @@ def note_freshest(ground, dilated, freshest, boxes):
     for box in range(boxes.shape[0]):
         for up in range(boxes[box, 0] // SIDE, boxes[box, 1] // SIDE + 1):
             for across in range(boxes[box, 2] // SIDE, boxes[box, 3] // SIDE + 1):
+                # Below all ticks, so that a block without ground never falls due.
                 greatest_tick = -1
                 left, right = across * SIDE, min((across + 1) * SIDE, width)
                 for row in range(up * SIDE, min((up + 1) * SIDE, height)):

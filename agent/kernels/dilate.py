@@ -1,8 +1,8 @@
 """Kernel of the dilatation: staleness spreads over a geodesic window.
 
-The window of a point is what can be reached from it in at most ``reach`` rounds, a round being one step along the row
-and one along the column (odd rounds the other way about), through passable points only. Without obstacles that is the
-paper's square of half-width ``reach``; with them staleness never crosses a wall.
+The window of a point holds the points that can be reached from it in at most ``reach`` rounds. A round is one step
+along the row and one along the column (odd rounds the other way about), through passable points only. Without obstacles
+that is the paper's square of half-width ``reach``; with them staleness never crosses a wall.
 """
 
 from __future__ import annotations
@@ -30,12 +30,13 @@ def _one_step(value, open_, out, first, end, by):
     before, here, after = value[first - by : end - by], value[first:end], value[first + by : end + by]
     mask, target = open_[first:end], out[first:end]
     for j in range(target.size):
+        # The mask has all bits set or none, which takes no branch.
         target[j] = max(max(before[j], here[j]), after[j]) & mask[j]
 
 
 @njit(types.void(FLAT, FLAT, FLAT, int64, int64, int64), cache=True, nogil=True)
 def _two_steps(value, open_, out, first, end, by):
-    """Take two such steps at once: what is two steps away counts where the element between is open."""
+    """Take two such steps at once: an element two steps away counts where the one between is open."""
     before, here, after = value[first - by : end - by], value[first:end], value[first + by : end + by]
     far_before, far_after = value[first - 2 * by : end - 2 * by], value[first + 2 * by : end + 2 * by]
     mask_before, mask, mask_after = open_[first - by : end - by], open_[first:end], open_[first + by : end + by]
@@ -69,9 +70,11 @@ def _spread(value, open_, other, first_row, end_row, reach):
     remaining = reach  # steps along columns still to come
     for turn in range(reach + 1):
         across = turn % 2 == 0
+        # The first and the last step have no neighbour in the same direction to be done with.
         single = turn in (0, reach)
         if not across:
             remaining -= 1 if single else 2
+        # The comparison that ends the rounds early needs all rows to be right.
         margin = remaining if reach <= LONG else rows
         first = max(FRAME, first_row - margin) * stride
         end = min(rows - FRAME, end_row + margin) * stride
@@ -110,6 +113,7 @@ def _largest_along(value, other, first, end, by, reach):
         now, after = after, now
         swapped = not swapped
         size *= 2
+    # The two runs overlap unless they just fit; a maximum may take an element twice.
     behind, ahead = now[low : end - reach * by], now[first + (reach - size + 1) * by : end + (reach - size + 1) * by]
     target = after[first:end]
     for j in range(target.size):
@@ -124,6 +128,8 @@ def _largest_along(value, other, first, end, by, reach):
 )
 def dilate(last_seen, source, passable, dilated, first_row, last_row, first_col, last_col, reach, tick, scratch):
     """Recompute ``dilated`` over a box: the oldest last-seen tick within each passable point's window.
+
+    For example, a row of points last seen at 9, 2, 7 and 8 becomes 2, 2, 2 and 7 with a reach of 1.
 
     Ages above 65534 ticks count as 65534.
 
@@ -171,9 +177,11 @@ def dilate(last_seen, source, passable, dilated, first_row, last_row, first_col,
         for j in range(when.size):
             mask[j] = 65535 if may[j] != 0 else 0
             passed += may[j] != 0
+            # Casts to int32, since a literal would widen the sum to 64 bits and halve what a vector holds.
             old = min(now - max(when[j], np.int32(0)), np.int32(65534)) + np.int32(1)
             ages[j] = old if may[j] != 0 and counts[j] != 0 else 0
     first, end = first_row - top + FRAME, last_row - top + FRAME + 1
+    # Without obstacles the window is a square: rows and columns apart, and by doubling instead of step by step.
     if passed == (end_row - low_row) * (end_col - low_col) and 0 < reach <= LONG:
         stride = cols + 2 * FRAME
         begin, stop = FRAME * stride + FRAME + reach, (FRAME + rows) * stride - FRAME - reach
@@ -192,6 +200,7 @@ def dilate(last_seen, source, passable, dilated, first_row, last_row, first_col,
         for j in range(span):
             oldest = np.int32(ages[j])
             since = np.int32(2147483647) if oldest == 0 else now + np.int32(1) - oldest
+            # Assigned in any case: the compiler turns a selection into vector code, but no branch.
             target[j] = since if may[j] != 0 else target[j]
 
 

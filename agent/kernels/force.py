@@ -1,4 +1,4 @@
-"""Kernels of the force: what the points of the terrain exert on a robot (paper, formula (1) and Table 1).
+"""Kernels of the force that the points of the terrain exert on a robot (paper, formula (1) and Table 1).
 
 The modulus of a point's force is ``pull[age] * decay[length]``: f of the fog of war and g of the path's length,
 tabulated for every age in ticks and every length in hundredths of a point. Its direction is the bearing of the path's
@@ -102,6 +102,7 @@ def gather(
                 if row < 0 or row >= rows or col < 0 or col >= cols:
                     continue
             far = int64(length[index(row), index(col)])
+            # The two low bits are the wave's status, where 3 is settled.
             if far <= first or far > last or state[index(row), index(col)] & 3 != 3:
                 continue
             when = int64(seen[index(seen_row), index(seen_col)])
@@ -115,12 +116,14 @@ def gather(
             if turn != turned:
                 turned = turn
                 rows_up, cols_across = row - start_row, col - start_col
+                # A point that is its own bend, as most near ones are, needs no division.
                 if turn != row * cols + col:
                     turn_row = int64(index(turn) // index(cols))
                     rows_up, cols_across = turn_row - start_row, turn - turn_row * cols - start_col
                 up, across = rows_up - aside_up, cols_across - aside_across
                 if not as_vector:
                     into = index(sector[index(middle + rows_up), index(middle + cols_across)])
+                    # The table holds the sectors as seen from the centre of the robot's point.
                     if is_aside:
                         turns = math.floor(math.atan2(up, across) * sums.size / math.tau + 0.5)
                         into = index(turns % sums.size)

@@ -73,6 +73,7 @@ def _is_free(blocked, room, closed, point, ox, oy, x, y, heading, distance, curv
     while sample <= samples:
         half = 0.5 * distance * sample / samples * curvature
         chord = distance * sample / samples
+        # sin(u) / u is 0 / 0 on a straight arc; two terms of its series are exact to the last bit for such small u.
         chord *= math.sin(half) / half if abs(half) > 1e-5 else 1.0 - half * half / 6.0
         nx = x + chord * math.cos(heading + half)
         ny = y + chord * math.sin(heading + half)
@@ -82,6 +83,7 @@ def _is_free(blocked, room, closed, point, ox, oy, x, y, heading, distance, curv
             spare = (room[row, col] - 1) * point - radius
         if spare < 0.0 and not _fits(blocked, point, ox, oy, nx, ny, radius):
             return False
+        # Room is measured to walls and not to closed points, so no sample may be skipped.
         if closed.size > 0:
             if closed[row, col] != 0:
                 return False
@@ -150,9 +152,11 @@ def search(
     parent, by = np.empty(most, dtype=np.int64), np.empty(most, dtype=np.int64)
     px[0], py[0], ph[0], pleft[0], cost[0], parent[0], by[0] = x, y, heading, first_left, 0.0, -1, -1
     # The last node of each cell that was come by, in a hash table, and each node's cell.
+    # At most a quarter full, so that probes stay short.
     slots = 4
     while slots < 4 * most:
         slots *= 2
+    # 0 is an empty slot: the start, node 0, is never entered.
     nodes = np.zeros(slots, dtype=np.int32)
     cells = np.empty((most, 3), dtype=np.int64)
     heap, rank = np.empty(most, dtype=np.int64), np.empty(most)
@@ -168,6 +172,7 @@ def search(
     for index in range(arcs.shape[0]):
         distance, curvature = arcs[index, 0], arcs[index, 1]
         number = max(math.ceil(abs(distance) / spacing), 1)
+        # The same operations as for the last sample in `_is_free`, so that both end at the same place to the bit.
         half = 0.5 * distance * number / number * curvature + 0.5 * arcs[index, 2]
         chord = distance * number / number
         samples[index], halves[index] = number, half
@@ -193,6 +198,7 @@ def search(
             heap[hole], rank[hole] = heap[child], rank[child]
             hole = child
         heap[hole], rank[hole] = last, last_rank
+        # More than rounding, so that of equal nodes the first stays the best.
         if pleft[node] < pleft[best] - 1e-9:
             best = node
         if pleft[node] <= near or pleft[node] <= first_left - progress:
@@ -213,8 +219,10 @@ def search(
             price += cost[node]
             turn = int64(math.floor(nh * (HEADINGS / (2.0 * math.pi)) + 0.5)) % HEADINGS
             cell_x, cell_y = int64(math.floor(nx / cell)), int64(math.floor(ny / cell))
+            # Forward and reverse are different nodes: a change of gear costs more after one than after the other.
             cell_turn = turn * 2 + int64(distance < 0.0)
             mixed = uint64(cell_x * 73856093 ^ cell_y * 19349663 ^ cell_turn * 83492791)
+            # Only low bits select the slot, so higher ones are mixed into them.
             slot = int64((mixed ^ mixed >> uint64(17)) & uint64(slots - 1))
             earlier = nodes[slot]
             while earlier > 0:
@@ -222,6 +230,7 @@ def search(
                     break
                 slot = (slot + 1) & (slots - 1)
                 earlier = nodes[slot]
+            # Before the walls are looked at, which takes longer.
             if earlier > 0 and cost[earlier] <= price:
                 continue
             if distance != 0.0 and not _is_free(
@@ -237,6 +246,7 @@ def search(
                 way = int64(left[row, col])
             remaining_m = way * (point / 100.0) if way <= limit and distance != 0.0 else pleft[node] + abs(distance)
             if count >= most:
+                # Ends the outer loop as well: `break` leaves only this one.
                 size = 0
                 break
             nodes[slot] = count

@@ -20,6 +20,8 @@ AGES = types.Array(types.float64, 1, "C")
 def weighted_ages(points, patrolled, last_seen, looked, weights, tick, step, ages):
     """Find how long ago some points were last seen, times their weights.
 
+    For example, at tick 10 with steps of 0.5 s, a point of weight 2 that was last seen at tick 4 gives 6 s.
+
     Args:
         points: int64 (n,), their flat indices.
         patrolled: bool (h, w), the points that have an age.
@@ -59,11 +61,13 @@ LONGEST_MOVE = 3
 @njit(cache=True, nogil=True)
 def _draw_below(state, limit):
     """Draw an integer from 0 to limit - 1 (splitmix64)."""
+    # All constants are uint64: together with an int64, numba would make a float of it.
     state[0] += np.uint64(0x9E3779B97F4A7C15)
     z = state[0]
     z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
     z = (z ^ (z >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
     z ^= z >> np.uint64(31)
+    # The upper half, scaled to the range: faster than a division.
     return np.int64(z >> np.uint64(32)) * limit >> 32
 
 
@@ -85,8 +89,8 @@ def _cost(route, count, lead, apart, ages):
 def _improve(routes, counts, pinned, leads, apart, ages, near, moves, state):
     """Change routes in place by random small moves, each of which is kept if the plan costs no more; return its cost.
 
-    A move puts up to three stations of a route beside a near one, reverses what lies between two stations of one route,
-    or swaps the ends of two routes. The first station of a pinned route stays.
+    A move puts up to three stations of a route beside a near one, reverses a stretch of one route, or swaps the ends of
+    two routes. The first station of a pinned route stays.
     """
     robots, size = routes.shape[0], ages.size
     cost = np.zeros(robots)
@@ -105,6 +109,7 @@ def _improve(routes, counts, pinned, leads, apart, ages, near, moves, state):
         first_count = second_count = 0
         if kind < 2:  # put stations from u on behind v
             count = min(1 + _draw_below(state, LONGEST_MOVE), counts[r] - i)
+            # A run of stations cannot be put behind one of its own.
             if i < first_free or (r == q and i <= j < i + count):
                 continue
             turned = _draw_below(state, 2) == 1
@@ -122,6 +127,7 @@ def _improve(routes, counts, pinned, leads, apart, ages, near, moves, state):
                         second[second_count] = routes[r, i + (count - 1 - m if turned else m)]
                         second_count += 1
         elif r == q:  # reverse
+            # Kind 2 leaves the earlier of the two where it is, kind 3 turns it as well.
             low, high = min(i, j) + (kind == 2), max(i, j)
             low = max(low, first_free)
             if high <= low:
@@ -151,6 +157,7 @@ def _improve(routes, counts, pinned, leads, apart, ages, near, moves, state):
         if r != q:
             first_cost = _cost(first, first_count, leads[r], apart, ages)
             old += cost[r]
+        # A plan of the same cost is taken too: it may lead on to better ones.
         if new + first_cost > old:
             continue
         cost[q], counts[q] = new, second_count
@@ -241,10 +248,12 @@ def compare(
                     count += 1
             plan_counts[c, r] = count
         route_length = plan_counts[c, robot]
+        # From the end, so that no station is overwritten before it has moved.
         for i in range(route_length, 0, -1):
             plans[c, robot, i] = plans[c, robot, i - 1]
         plans[c, robot, 0] = choices[c]
         plan_counts[c, robot] = route_length + 1
+        # The same draws for each choice, so that costs differ by the choice and not by luck.
         state = np.array([seed], dtype=np.uint64)
         cost = _improve(plans[c], plan_counts[c], stays, leads, apart, ages, near, moves, state)
         costs[c] = math.sqrt(math.sqrt(math.sqrt(cost)))

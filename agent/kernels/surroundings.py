@@ -1,4 +1,4 @@
-"""Kernels that fill in what a robot observes around itself: by points, and by eight directions."""
+"""Kernels that fill in the observations of a robot around itself: by points, and by eight directions."""
 
 from __future__ import annotations
 
@@ -51,6 +51,8 @@ def fill_window(last_seen, patrolled, is_open, row, col, tick, stalest, window):
 def count_free(is_open, row, col, rays, ways):
     """Count the open points along each of some rays, from a point to the first that is closed or off the grid.
 
+    For example, a ray over an open, an open and a closed point gives 2.
+
     Args:
         is_open: bool (h, w).
         row: Of the point.
@@ -96,6 +98,7 @@ def fill_heard(places, ticks, x, y, longest, tick, oldest, heard):
         heard[slot, 1] = min(max((places[nearest, 0] - x) / longest, -1.0), 1.0)
         heard[slot, 2] = min(max((places[nearest, 1] - y) / longest, -1.0), 1.0)
         heard[slot, 3] = min((tick - ticks[nearest]) / oldest, 1.0)
+        # Marks it as used; no second array is needed.
         ticks[nearest] = -1
 
 
@@ -105,7 +108,7 @@ def fill_heard(places, ticks, x, y, longest, tick, oldest, heard):
     nogil=True,
 )
 def fill_features(sums, stalest, ways, longest, places, x, y, half, across, up, features):
-    """Fill in what a robot observes by sectors.
+    """Fill in the observations of a robot by sectors.
 
     Args:
         sums: int64 (8, 4), from `sum_ages`.
@@ -123,6 +126,7 @@ def fill_features(sums, stalest, ways, longest, places, x, y, half, across, up, 
     """
     for s in range(8):
         for k in range(2):
+            # A sector without points has a sum of 0, and so a mean of 0.
             count = max(sums[s, 2 * k + 1], 1)
             features[s, k] = sums[s, 2 * k] / (count * stalest)
         features[s, 2] = ways[s] / longest
@@ -137,6 +141,7 @@ def fill_features(sums, stalest, ways, longest, places, x, y, half, across, up, 
         nearness = 1.0 - np.sqrt(dx * dx + dy * dy) / half
         if nearness <= 0.0:
             continue
+        # A robot at the very same place falls into sector 0.
         if abs(dy) <= NARROW * abs(dx):
             sector = 0 if dx >= 0.0 else 4
         elif abs(dx) <= NARROW * abs(dy):
@@ -177,6 +182,7 @@ def sum_ages(last_seen, patrolled, row, col, half, tick, sums):
             runs = 3
         else:
             rise = abs(up)
+            # The tangent is irrational, so that no point but the centre lies on a border between sectors.
             steep = np.int64(np.floor(NARROW * rise))
             flat = np.int64(np.floor(rise / NARROW))
             bounds[0], bounds[1], bounds[2] = 0, col - flat, col - steep
@@ -196,6 +202,7 @@ def sum_ages(last_seen, patrolled, row, col, half, tick, sums):
             last = max(min(bounds[run + 1], width), first)
             near_first = min(max(col - half, first), last) if is_near else last
             near_last = max(min(col + half + 1, last), near_first) if is_near else last
+            # Before, near and after: three plain loops instead of a question for each point.
             for part in range(3):
                 if part == 0:
                     begin, end = first, near_first

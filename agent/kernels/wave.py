@@ -2,7 +2,7 @@
 
 Steps go to the eight neighbours and cost 100 along a row or column and 141 along a diagonal, so that equal lengths are
 equal integers; a diagonal step needs both points beside it. Points are settled nearest first. Two queues hold the steps
-that lead on, one the straight and one the diagonal ones: all steps of a queue cost the same, so what is put in last is
+that lead on, one the straight and one the diagonal ones: all steps of a queue cost the same, so the last entry is
 farthest away, and the nearest is at one of the two ends.
 
 Of equally long paths to a point, one whose last step is diagonal counts, and then the one that was found first.
@@ -44,7 +44,7 @@ EMPTY = 2**63
 """In place of an entry: the end of a queue."""
 
 FIRST_BENDS, DIAGONAL_LAST, DRAWN = 0, 1, 2
-"""What is found besides lengths: first bends, or first steps by the predecessor of a diagonal step, or by a draw."""
+"""Results besides lengths: first bends, or first steps by the predecessor of a diagonal step, or by a draw."""
 
 GRID = types.Array(types.uint8, 2, "C", readonly=True)
 STATE = types.Array(types.uint8, 2, "C")
@@ -66,6 +66,7 @@ def _put(status, lengths, queue, end, there, way, away, limit):
     if status[index(there)] == BLOCKED or away >= lengths[index(there)] or away > limit:
         return end
     lengths[index(there)] = away
+    # The queue is a ring whose size is a power of two, so that `&` wraps the index.
     queue[index(end) & uint64(queue.size - 1)] = away << 32 | there << 4 | way
     return end + 1
 
@@ -135,12 +136,14 @@ def settle(state, sight, length, bend, queues, starts, limit, top, bottom, left,
     for row in range(top, bottom):
         flags, unknown = state[row, left:right], length[row, left:right]
         for k in range(right - left):
+            # SETTLED contains the bit of OPEN, so the mask clears the rest of it and leaves OPEN.
             flags[k] &= OPEN | HEMMED
             unknown[k] = FAR
     stride = state.shape[1]
     step = (stride + 1, stride - 1, -stride - 1, -stride + 1, 1, stride, -1, -stride)
     status, in_sight, lengths, bends = state.reshape(-1), sight.reshape(-1), length.reshape(-1), bend.reshape(-1)
     diagonal, straight = queues[0], queues[1]
+    # Ten less: one point adds at most four steps to a queue, and so room is checked once for each point.
     turn, room = uint64(queues.shape[1] - 1), queues.shape[1] - 10
     next_diagonal, end_diagonal, next_straight, end_straight = 0, 0, 0, starts.size
     start_row, start_col = 0, 0
@@ -150,8 +153,10 @@ def settle(state, sight, length, bend, queues, starts, limit, top, bottom, left,
         straight[place] = start << 4 | NOWHERE
         start_row, start_col = start // stride, start % stride
     while end_diagonal - next_diagonal < room and end_straight - next_straight < room:
+        # The end of each queue reads as the greatest length, so that an empty queue needs no check of its own.
         diagonal[index(end_diagonal) & turn] = straight[index(end_straight) & turn] = EMPTY
         entry, straight_entry = diagonal[index(next_diagonal) & turn], straight[index(next_straight) & turn]
+        # At equal lengths the diagonal step comes first: it is the last step that counts.
         if entry >> uint64(32) <= straight_entry >> uint64(32):
             if entry == EMPTY:
                 return True
@@ -162,6 +167,7 @@ def settle(state, sight, length, bend, queues, starts, limit, top, bottom, left,
         far, came = int64(entry >> uint64(32)), int64(entry & uint64(15))
         here = int64(entry >> uint64(4) & uint64(2**28 - 1))
         flags = status[index(here)]
+        # An older entry: a shorter path has reached the point since.
         if flags & STATUS == SETTLED:
             continue
         status[index(here)] = flags | SETTLED

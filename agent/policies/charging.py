@@ -220,10 +220,12 @@ class Charging:
     def _note(self, robot: _Heard, spot: Spot, tick: int) -> None:
         """Take note of where a robot is, this one or another."""
         course = robot.course
+        # Nothing has been heard of it since.
         if course and course[-1].tick >= tick:
             return
         if course:
             self._reckon(robot, (tick - course[-1].tick) * self._step, math.dist(course[-1].spot, spot))
+        # Each of the two positions is rounded, so a robot that stands may seem to move.
         if not course or math.dist(course[-1].spot, spot) > 2.0 * ROUNDED_M:
             robot.still_since = tick
         course.append(_Seen(tick, spot))
@@ -238,12 +240,13 @@ class Charging:
             robot.rests = None
 
     def _reckon(self, robot: _Heard, passed_s: float, driven_m: float) -> None:
-        """Take off a charge what a robot uses, or add what the dock gives."""
+        """Subtract the use of a robot from its charge, or add the gain at a dock."""
         if (battery := self._battery) is None:
             return
         gained_j = -battery.idle * passed_s - battery.drive * driven_m
         if robot.at is not None and self._lasts(robot.since, robot.course[-1].tick, STOOD_S):
             gained_j += battery.charge * passed_s
+        # It may have begun with more than docks charge to; that is not taken away.
         ceiling = max(robot.charge, battery.full)
         robot.charge = min(max(robot.charge + gained_j / battery.capacity_j, 0.0), ceiling)
 
@@ -268,6 +271,7 @@ class Charging:
                 charged = (
                     robot.charge for robot in (self._own, *self._others.values()) if index in (robot.at, robot.rests)
                 )
+                # Both robots reckon this charge, and neither quite rightly.
                 if max(charged, default=0.0) >= other.charge + WORTH - ROUGH:
                     return index
         return None
@@ -297,6 +301,7 @@ class Charging:
             peers: Mapping[int, Peer] = {n: peer for n, peer in view.peers.items() if n not in off_patrol}
             view = replace(view, peers=peers, charging=frozenset(off_patrol))
         intent = self.otherwise.decide(view)
+        # Standing still there, it would keep others from the dock.
         if isinstance(intent, Stay):
             for dock in self._docks:
                 if math.dist(dock.place, (view.pose.x, view.pose.y)) <= dock.radius + view.spec.radius:
@@ -319,6 +324,7 @@ class Charging:
         if left_j <= self._needed_j(nearest, way_m, view):
             return True
         if self._surplus(view) > 0:
+            # The charge that the others reckon, not the true one, so that all find the same robot.
             own_rank = self._own.charge, self._number
             lowest = all(own_rank < (self._others[number].charge, number) for number in self._patrolling)
             return best is not None and lowest and charge <= battery.full - WORTH
@@ -352,6 +358,7 @@ class Charging:
         """Return True if the robot has charged and is needed on patrol, or makes room for one that takes over."""
         assert self._battery is not None
         tick, pose = view.tick, (view.pose.x, view.pose.y)
+        # The bound is lower once it has charged, or waiting beside the dock would send it back at once.
         self._ready = charge >= (STILL_CHARGED if self._ready else 1.0) * self._battery.full
         if self._ready:
             is_relieved = any(self._others[number].at == self._dock for number in self._standing(tick))
@@ -374,6 +381,7 @@ class Charging:
         if self._dock is not None:
             dock = self._docks[self._dock]
             centre = view.place_of(dock.point)
+            # The point that it drives to may lie farther off than half of the radius.
             if math.dist(dock.place, pose) <= max(0.5 * dock.radius, math.dist(dock.place, centre) + ROUNDED_M):
                 return Stay(State.CHARGING)
             state = State.CHARGING if dock.holds(pose) else State.DOCKING
@@ -391,6 +399,7 @@ class Charging:
             return self._place(view, view.place_of(dock.point), State.DOCKING)
         near = self._near(pose, view)
         waits_at = self._waits_at
+        # Another robot stands there by now.
         if waits_at is not None and any(math.dist(waits_at, position) <= 2.0 * view.spec.radius for position in near):
             waits_at = None
         if waits_at is None or math.dist(waits_at, pose) > view.stride:
@@ -460,6 +469,7 @@ class Charging:
             way_m = self._way(view, index)
             if self._battery is not None and view.charge is not None:
                 left_j = view.charge * self._battery.capacity_j
+                # A dock beyond the nearest one is of use only while the charge suffices for it.
                 if self.goes and index != nearest and left_j < self._needed_j(index, DETOUR * way_m, view):
                     continue
             claimed = any(self._claims(number, index, way_m, view) for number in self._others)
@@ -475,6 +485,7 @@ class Charging:
         if passed_s <= 0.0 or neighbour.at is not None:
             return neighbour.at == index
         way_m = self._length(index, last.spot, view)
+        # The other robot compares the same two pairs, so only one of them gives up the dock.
         if (way_m, number) > (own_m, self._number):
             return False
         nearer_m = self._length(index, first.spot, view) - way_m
@@ -498,6 +509,7 @@ class Charging:
             dock.clear &= other_dock.ways > self._clear_of(index)
         if not dock.clear.any():
             return
+        # Before the points are narrowed down to near ones, of which there may be none.
         row, col = np.unravel_index(int(np.where(dock.clear, dock.ways, np.inf).argmin()), dock.ways.shape)
         nearest = terrain.centre(int(row), int(col))
         dock.clear &= dock.ways <= self._beside_m(dock)

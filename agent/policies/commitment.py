@@ -1,4 +1,4 @@
-"""Commitment: a robot goes to one place, and goes on when what it went to see has been seen.
+"""Commitment: a robot goes to one place, and goes on when the point that it went to see has been seen.
 
 A robot keeps to its target (`agent.policies.pursuit`). The next one is chosen on the ground that it shares with others,
 on the tour (`agent.policies.committed`) or from a plan that is drawn (`agent.policies.stochastic`), and freely where
@@ -30,7 +30,7 @@ class Choice(Protocol):
     """The choice of a robot's targets, freely or on a round that it shares."""
 
     def note(self, view: View, pursuit: Pursuit) -> bool:
-        """Take note of what has changed; return True if the robot chooses freely now, with random steps."""
+        """Take note of changes; return True if the robot chooses freely now, with random steps."""
         ...
 
     def waits(self, view: View) -> bool:
@@ -67,6 +67,7 @@ class Commitment:
         """Return the way to the target, or to a new one; now and then a random step."""
         pursuit, goes_on = self.pursuit, view.tick <= self._decided_at + 1
         self._decided_at = view.tick
+        # It was at a dock, and others have seen to its target meanwhile.
         if self._may_be_away and not goes_on:
             pursuit.target = None
             self.choice.forget()
@@ -96,4 +97,4 @@ class Commitment:
         return Place(*way.place, bend=way.bend, wander=wander, exact=target.age > 0, gives_room=True, figures=figures)
 
     def _share(self, view: View, goes_on: bool) -> None:
-        """Bring up to date with whom the robot shares what ground; ``goes_on`` if it decided in the last tick too."""
+        """Update the robots and the ground of the shared round; ``goes_on`` if it decided in the last tick too."""

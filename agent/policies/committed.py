@@ -1,13 +1,12 @@
 """The tour: a robot follows a round, and goes on when what it went to see has been seen.
 
 - *On the round*: the first stale point ahead on a short closed tour that shows all of the ground
-  (`agent.policies.committed`). All robots follow the same tour, evenly spaced
-  (`agent.policies.spacing`).
+  (below). All robots follow the same tour, evenly spaced (`agent.policies.spacing`).
 - *Free choice*: `agent.policies.choice`. Commitment and giving up: `agent.policies.pursuit`.
 - *Blocked*: while no way leads on along the round, choices are free; after a while the robot goes on from there.
 
 Where there is no round, because the ground is too large for a tour or the sensor does not look all around, each choice
-is free. So it is where free choices turn out to be fresher (`agent.policies.committed`).
+is free. So it is where free choices turn out to be fresher (`Comparison`).
 
 On ground with zones the robots are divided between several rounds (`agent.policies.shared_round`).
 

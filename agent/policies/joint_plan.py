@@ -115,6 +115,7 @@ class KnownStations:
         self._apart_m = np.minimum(stations.apart_m, NO_WAY_M)
         self.apart_s = np.ascontiguousarray(self._apart_m * self._pace)
         nearest = np.argsort(self._apart_m, axis=1, kind="stable")
+        # Each station is the nearest to itself.
         self.near = np.ascontiguousarray(nearest[:, 1 : NEAR + 1] if len(nearest) > 1 else nearest)
         self._spots = np.array([terrain.centre(*divmod(spot, self._width)) for spot in stations.spots.tolist()])
         self._weights = NO_WEIGHTS if weights is None else weights / weights.reshape(-1)[self._points].min()
@@ -151,6 +152,7 @@ class KnownStations:
         span = self.points_of(station)
         ages = self.ages_s(view, span)
         stands, usable = self._stands.of(view, given_up, span)
+        # Below every age, so that no stand that is not usable is chosen.
         ages[~usable] = -1.0
         oldest = int(ages.argmax())
         if ages[oldest] < 0.0:
@@ -293,6 +295,7 @@ class JointPlan:
         for _ in range(len(ages)):
             row = int(free_at.argmin())
             ways = leads[row] if not rows[row] else self._known.apart_s[rows[row][-1]]
+            # Ten seconds of age weigh as much as one second of way.
             best = int(np.where(unassigned, ways - 0.1 * ages, np.inf).argmin())
             unassigned[best] = False
             rows[row].append(best)
@@ -330,6 +333,7 @@ class JointPlan:
         spread_s = self._spread * self._interval_s * len(robots) / len(self._known)
         for number in drawing:
             row, visited = robots.index(number), self.parts[number].route[:1] if number in done else []
+            # The first stations of the others are theirs, and the one that it has just seen is fresh.
             occupied = [*routes[pinned, 0].tolist(), *visited]
             choices = np.union1d(self._choices(ages, leads, row, occupied), routes[row, : counts[row]][:1])
             if not choices.size:
@@ -338,8 +342,10 @@ class JointPlan:
             plan_counts, costs = np.zeros((len(choices), len(routes)), dtype=np.int64), np.zeros(len(choices))
             seed = self._seed(view, number)
             compare(routes, counts, pinned, row, choices, *inputs, MOVES, seed, plans, plan_counts, costs)
+            # The least cost after Gumbel noise: a choice is drawn with the weight exp(-cost / spread).
             drawn = int((costs + spread_s * self._chances(view, number, choices)).argmin())
             station, routes, counts = int(choices[drawn]), plans[drawn], plan_counts[drawn]
+            # The robots that draw after it plan with this choice.
             pinned[row] = True
             late_s = LATE * float(leads[row, station]) + LATE_S
             self.parts[number].age_s, self.parts[number].least_way_s = float(ages[station]), math.inf
@@ -357,6 +363,7 @@ class JointPlan:
     def _chances(self, view: View, number: int, choices: Routes) -> NDArray[np.float64]:
         """Return the draws of one robot's choices: less their Gumbel-distributed worth, in spreads."""
         drawn = [self._chance(self._spell(view), number, choice + 1) for choice in choices.tolist()]
+        # A draw may be 0, which has no logarithm, so half of the smallest step is added.
         return np.array([math.log(-math.log(0.5**54 + share)) for share in drawn])
 
     def _seed(self, view: View, number: int) -> int:
@@ -368,7 +375,10 @@ class JointPlan:
 
 
 def _gone_on(route: list[int], ages: Ages, least_s: float) -> list[int]:
-    """Put the station at the head of a route to its end, and those after it that are not worth a visit."""
+    """Put the station at the head of a route to its end, and those after it that are not worth a visit.
+
+    For example, of the route 3, 5, 2, where 5 is fresh and 2 is stale, it becomes 2, 3, 5.
+    """
     for first in range(1, len(route)):
         if ages[route[first]] > least_s:
             return route[first:] + route[:first]

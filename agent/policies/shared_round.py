@@ -142,6 +142,7 @@ class Division:
 
     def _divided(self, numbers: list[int]) -> Crew:
         begin = 0
+        # In reverse, so that the lowest numbers get the round with the greatest weight.
         for group in reversed(self.zoned.divide(len(numbers))):
             robots = frozenset(numbers[begin : begin + group.robots])
             if self._number in robots:
@@ -211,6 +212,7 @@ class SharedRound(Commitment):
         if self.division is not None:
             crew = self.division.crew(view)
             laid_out = self._round_of(self.division.zoned, crew.group)
+            # Rounds are kept, so the same round is the same object.
             if laid_out is not self._round:
                 self.pursuit.target = None
                 self._choose_on(self._begin(laid_out, crew.robots, view))

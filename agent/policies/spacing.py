@@ -1,4 +1,4 @@
-"""Equal gaps between robots that follow one closed tour, kept by what is heard.
+"""Equal gaps between robots that follow one closed tour, kept by the positions that are heard.
 
 Robots tell each other where they are, not how far along the tour. Where the tour passes a corridor twice, a position
 alone does not say which way the robot is going. So each robot follows all others along the tour: of all ways along it
@@ -139,6 +139,7 @@ class Spacing:
         spots = spots[stops]
         course = np.roll(spots, -1, axis=0) - np.roll(spots, 1, axis=0)
         length = np.sqrt((course**2).sum(axis=1))[:, None]
+        # The course has no length where the tour comes back the way it went.
         tour = np.ascontiguousarray(np.hstack([spots, course / np.maximum(length, 1e-9)]))
         slack_m, along = SLACK_RANGES * range_m, laid_out.along[stops]
         return cls(

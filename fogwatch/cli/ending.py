@@ -28,18 +28,39 @@ OLD_WORDS = {
 """Words of commands of fogwatch 1.0, and what they are called now; of several that begin alike, the longest first."""
 
 
+BARE = {"paper": "reproduce --help", "experiment": "reproduce --help", "paper table": "reproduce table --help"}
+"""Old words that printed help or an error where nothing followed them: their new words would begin long work."""
+
+GONE = {"chaos": "`fogwatch chaos` is now `make chaos` in a clone of fogwatch"}
+"""Commands of fogwatch 1.0 that have gone, and the remedy."""
+
+
 def old_words(words: Sequence[str]) -> str | None:
     """Return the old words with which a command line begins; None where it has none."""
     return next((old for old in OLD_WORDS if list(words[: len(old.split())]) == old.split()), None)
 
 
+def _translate(words: Sequence[str]) -> list[str]:
+    """Return a command line in new words; tell which ones where it has old ones."""
+    if words and words[0] in GONE:
+        raise BadInput(GONE[words[0]])
+    old = old_words(words)
+    if old is None:
+        return list(words)
+    complain(f"`fogwatch {old}` is now `fogwatch {OLD_WORDS[old]}`; the old words go with fogwatch 2")
+    if (help_words := BARE.get(" ".join(words))) is not None:
+        return help_words.split()
+    return [*OLD_WORDS[old].split(), *words[len(old.split()) :]]
+
+
 def run_app(app: typer.Typer) -> int:
     """Run the command that this process's arguments name, and return the exit code."""
-    if (old := old_words(sys.argv[1:])) is not None:
-        new = OLD_WORDS[old]
-        complain(f"`fogwatch {old}` is now `fogwatch {new}`; the old words go with fogwatch 2")
-        sys.argv[1:] = [*new.split(), *sys.argv[1 + len(old.split()) :]]
-    code = guarded(lambda: app(standalone_mode=False))
+
+    def run_new() -> Any:
+        sys.argv[1:] = _translate(sys.argv[1:])
+        return app(standalone_mode=False)
+
+    code = guarded(run_new)
     forget_interrupt()
     for stream in (sys.stdout, sys.stderr):
         try:

@@ -77,7 +77,10 @@ def batches(
 
 
 def arrow_table(run: Run, name: str) -> pa.Table:
-    """Make one table of a run."""
+    """Make one table of a run.
+
+    For example, ``arrow_table(run, "ticks").to_pandas()`` has a row for each tick.
+    """
     pieces = [batch for _, batch in batches(run, [name])]
     import pyarrow as pa
 

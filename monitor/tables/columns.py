@@ -18,7 +18,7 @@ FORGER = "forger"
 
 @dataclass(frozen=True, slots=True)
 class Column:
-    """A column of a table."""
+    """A column of a table; for example ``Column("x_m", "number", "centre of the point", "m")``."""
 
     name: str  # ends with the unit
     kind: Literal["integer", "number", "text", "flag"]  # each value may be null

@@ -31,6 +31,8 @@ def write_tables(
 ) -> list[Path]:
     """Write tables of a run, each into a file NAME.parquet or NAME.csv.
 
+    For example, ``write_tables(run, Path("out"), "csv", ["ticks"])`` writes out/ticks.csv.
+
     Files of these names are replaced; after an error, none is. `share` is called with the share of the work that is
     done, 0 to 1.
     """

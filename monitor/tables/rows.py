@@ -226,6 +226,8 @@ def rows_by_tick(
 ) -> Iterator[tuple[str, list[Row]]]:
     """Make rows of tables in one pass over the journal.
 
+    For example, the first pair of the table of ticks is ``("ticks", [(0, 0.0, ...)])``.
+
     Yield each table's name at least once, with some of its rows, in order. `share` is called with the share of the work
     that is done, 0 to 1.
     """

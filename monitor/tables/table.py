@@ -41,7 +41,10 @@ class Table:
 
     @classmethod
     def of(cls, records: Iterable[Mapping[str, object]]) -> Self:
-        """Return records, values by column, as a table; a value that a record lacks is None."""
+        """Return records, values by column, as a table; a value that a record lacks is None.
+
+        For example, {"a": 1} and {"b": 2} give the heads a and b, and the rows [1, None] and [None, 2].
+        """
         records = list(records)
         heads = list(dict.fromkeys(name for record in records for name in record))
         return cls(heads, [[record.get(name) for name in heads] for record in records])
@@ -55,7 +58,10 @@ class Table:
         return out.getvalue()
 
     def markdown(self) -> str:
-        """Return a table of texts in Markdown."""
+        """Return a table of texts in Markdown.
+
+        For example, the head of the columns a and b is ``| a | b |``.
+        """
         rows = [self.heads, *self.rows]
         head, *body = (f"| {' | '.join(map(str, row))} |" for row in rows)
         return "\n".join([head, "|---" * len(self.heads) + "|", *body])

@@ -23,6 +23,8 @@ __all__ = ["advance", "path_is_free"]
 def advance(pose: Pose, command: Command, step: float) -> Pose:
     """Return the pose after one step, of `step` s, with nothing in the way.
 
+    For example, ``advance(Pose(0.0, 0.0, 0.0), Twist(1.0, 0.0), 0.5)`` is ``Pose(0.5, 0.0, 0.0)``.
+
     A holonomic robot faces the direction in which it moves, and keeps its heading when it stands. A car and a
     differential drive follow an exact arc; the latter may also turn on the spot.
     """
@@ -91,7 +93,10 @@ def lay_path(path: NDArray[np.float64], pose: Pose, command: Command, step: floa
 
 
 def free_fraction(terrain: Terrain, pose: Pose, target: Pose, radius: float) -> float:
-    """Return the largest fraction, in [0, 1], of a straight line along which a body, a disc, stays free."""
+    """Return the largest fraction, in [0, 1], of a straight line along which a body, a disc, stays free.
+
+    For example, 0.75 for a disc of 0.5 m that would move from x = 1 to 3 m, to a wall at 3 m.
+    """
     x, y = terrain.origin
     line = (pose.x, pose.y, target.x, target.y)
     return float(kernels.free_fraction_line(terrain.blocked, terrain.point, x, y, *line, radius))

@@ -88,7 +88,7 @@ class Terrain:
 
     @property
     def bounds(self) -> tuple[float, float, float, float]:
-        """(xmin, ymin, xmax, ymax) in m."""
+        """(xmin, ymin, xmax, ymax) in m; for example (0, 0, 20, 10) for 40 by 20 points of 0.5 m."""
         ox, oy = self.origin
         return ox, oy, ox + self.width * self.point, oy + self.height * self.point
 
@@ -135,19 +135,28 @@ class Terrain:
         return self
 
     def point_at(self, x: float, y: float) -> tuple[int, int]:
-        """Return the (row, col) of the point that covers a place; it may lie outside the grid."""
+        """Return the (row, col) of the point that covers a place; it may lie outside the grid.
+
+        For example, with points of 0.5 m from (0, 0) on, (1.3, 0.2) lies on (0, 2), and (-0.1, 0.2) on (0, -1).
+        """
         ox, oy = self.origin
         point = self.point
         return math.floor((y - oy) / point), math.floor((x - ox) / point)
 
     def nearest_point(self, x: float, y: float) -> tuple[int, int]:
-        """Return the (row, col) of the point that covers a place, or of the nearest one to a place outside."""
+        """Return the (row, col) of the point that covers a place, or of the nearest one to a place outside.
+
+        For example, with points of 0.5 m and the origin at (0, 0), (-0.1, 0.2) gives (0, 0).
+        """
         row, col = self.point_at(x, y)
         rows, cols = self.shape
         return min(max(row, 0), rows - 1), min(max(col, 0), cols - 1)
 
     def centre(self, row: int, col: int) -> tuple[float, float]:
-        """Return the (x, y) in m of the centre of a point."""
+        """Return the (x, y) in m of the centre of a point.
+
+        For example, with points of 0.5 m and the origin at (0, 0), that of (0, 2) is (1.25, 0.25).
+        """
         ox, oy = self.origin
         return ox + (col + 0.5) * self.point, oy + (row + 0.5) * self.point
 

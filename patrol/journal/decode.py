@@ -29,7 +29,10 @@ _KINDS: Mapping[str, type[Record]] = {"header": Header, "tick": TickRecord, "eve
 
 
 def longest_record(robots: int) -> int:
-    """Return the bytes of a fleet's longest record: 30 times a record of a tick in which all robots hear each other."""
+    """Return the bytes of a fleet's longest record: 30 times a record of a tick in which all robots hear each other.
+
+    For example, about 4.2 MB for 10 robots and 13 MB for 1000.
+    """
     return min(_LEAST_RECORD + 1024 * robots + 8 * robots * robots, MAX_RECORD)
 
 

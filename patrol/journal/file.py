@@ -47,6 +47,11 @@ _MOST_ROBOTS = 0xFFFF
 class JournalWriter:
     """Writes a new journal.
 
+    For example:
+
+        with JournalWriter(path, header) as journal:
+            journal.write(record)
+
     Args:
         path: The new file.
         header: The first record.
@@ -184,6 +189,8 @@ class Journal:
 def read_journal(path: Path) -> Journal:
     """Open a journal, which may be cut off anywhere or still be growing.
 
+    For example, ``max(tick.mfow for tick in read_journal(path).ticks)`` is the greatest MFoW of a run, in ticks.
+
     Args:
         path: The file.
 
@@ -249,6 +256,8 @@ class _Records:
 
 def pack(record: Record) -> bytes:
     """Pack a record as a journal holds it.
+
+    For example, an event is the map ``{"type": "event", "k": 5, "kind": "dead", "robot": 2, "detail": "f1 kill"}``.
 
     Args:
         record: Any record.
@@ -320,7 +329,8 @@ def _grouped_links(links: Links | Drops) -> list[tuple[int, int, str, list[int]]
 def _group_links(links: Iterable[tuple[int, int, int, str]]) -> list[tuple[int, int, str, list[int]]]:
     """(source, sequence, cause, destinations): neighbours that differ in the destination alone are drawn together.
 
-    A frame that reaches a whole fleet is one entry; any order of links survives.
+    A frame that reaches a whole fleet is one entry; any order of links survives. For example, (1, 2, 7, "") and
+    (1, 3, 7, "") become (1, 7, "", [2, 3]).
     """
     groups: list[tuple[int, int, str, list[int]]] = []
     last: tuple[int, int, str] | None = None

@@ -1,6 +1,6 @@
-"""Links of many frames as columns of numbers: what a tick of a large fleet delivers, which grows with its square.
+"""Links of many frames as columns of numbers, since the links of a tick grow with the square of the fleet.
 
-Both read like the tuples of rows that small code is written for, and equal them; what has to be fast reads the columns.
+Both kinds read like tuples of rows and equal them; fast code reads the columns.
 """
 
 from __future__ import annotations
@@ -94,7 +94,11 @@ def _columns_equal(mine: Column, theirs: Column) -> bool:
 
 
 class Links(_Rows[tuple[int, int, int]]):
-    """Rows of (source, destination, sequence), held as columns of the same names, int64 (n,)."""
+    """Rows of (source, destination, sequence), held as columns of the same names, int64 (n,).
+
+    For example, ``links_of([(1, 2, 7), (1, 3, 7)])`` has the column `destination` (2, 3) and the first
+    row (1, 2, 7).
+    """
 
     __slots__ = ()
 
@@ -180,7 +184,8 @@ class ToOthers(NamedTuple):
 def to_others(sources: tuple[int, ...], receivers: tuple[int, ...]) -> ToOthers:
     """Find the links of some frames, once for as long as the same robots send and hear.
 
-    The sources are in the order of the frames, the receivers ascending.
+    The sources are in the order of the frames, the receivers ascending. For example, frames of 1 and 2 to the receivers
+    1, 2 and 3 have the links 1-2, 1-3, 2-1 and 2-3.
     """
     of, to = np.array(sources, dtype=np.int64), np.array(receivers, dtype=np.int64)
     is_other = of[:, None] != to[None, :]
@@ -193,8 +198,8 @@ def to_others(sources: tuple[int, ...], receivers: tuple[int, ...]) -> ToOthers:
 def places_of(links: Links | Drops) -> NDArray[np.uint64] | None:
     """Return one number for each link, uint64 (n,), that sorts links by source, destination and sequence.
 
-    The robots' numbers must be below 2^16. None where a sequence, which only forged frames can have, takes more than 32
-    bits.
+    For example, the link (1, 2, 7) has the number 0x1_0002_0000_0007. The robots' numbers must be below
+    2^16. None where a sequence takes more than 32 bits, which only forged frames can have.
     """
     if (links.sequence > MAX_SHORT).any():
         return None
@@ -226,7 +231,10 @@ def links_of(rows: Iterable[tuple[int, int, int]]) -> Links:
 
 
 def drops_of(rows: Iterable[tuple[int, int, int, str]]) -> Drops:
-    """Make columns of rows of (source, destination, sequence, cause), likewise."""
+    """Make columns of rows of (source, destination, sequence, cause), likewise.
+
+    For example, causes "loss:f1", "range:f2" and "loss:f1" give the column `cause` (0, 1, 0).
+    """
     if isinstance(rows, Drops):
         return rows
     links_and_causes = tuple(rows)

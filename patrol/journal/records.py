@@ -61,7 +61,7 @@ def frame_sequence(k: int, place: int) -> int:
     """Return the number that distinguishes a frame from all others of its sender; 32 bits for frames that robots send.
 
     A robot that reports no contacts has its ticks as sequence. Forged frames are counted through a tick, however many
-    there are.
+    there are. For example, in tick 7 a robot's position has the sequence 7, and its first contact 536870919.
 
     Args:
         k: The tick in which the frame was sent.
@@ -72,6 +72,8 @@ def frame_sequence(k: int, place: int) -> int:
 
 def sent_at(sequence: int) -> int:
     """Return the tick in which a frame was sent.
+
+    For example, that of the sequences 7 and 536870919 is 7.
 
     Args:
         sequence: From `frame_sequence`.
@@ -97,6 +99,8 @@ class Status(IntEnum):
 
 def standing_after(kind: str) -> Status | None:
     """Return the status in which an event leaves its robot.
+
+    For example, after "dead" it is `Status.DEAD`, and after "fault" None.
 
     Args:
         kind: Of the event.
@@ -202,7 +206,7 @@ class RobotTick(Row):
         c1: Of the command that it obeyed: a car's curvature (1/m), a differential drive's turn rate (rad/s), a
             holonomic robot's velocity along y (m/s).
         bumped: Whether that move was cancelled.
-        state: What its mind reported that it is doing, empty without a report.
+        state: The state that its mind reported, empty without a report.
         goal: m, or None without a report.
         decision_ms: Wall time of the decision, or None without a report.
         rejected: Frames that it has rejected so far, or None without a report.
@@ -235,7 +239,7 @@ class TickRecord:
             is `FORGED`.
         deliveries: (source, destination, sequence) of the frames that arrived, with the sequence of `frame_sequence`,
             once for each copy; columns (`patrol.journal.links`) or tuples, which read alike.
-        dropped: The same and the cause, which for a fault is ``kind:id``.
+        dropped: The same and the cause, which for a fault is ``kind:id``; for example (2, 3, 3, "loss:f1").
         mfow: Of the true fog after this tick's observations, ticks.
         fog_mean: Of the same fog, ticks.
         seen: Patrolled points seen so far.
@@ -262,7 +266,10 @@ class TickRecord:
 @with_config(_NO_OTHERS)
 @dataclass(frozen=True, slots=True)
 class Event:
-    """Something that happened between ticks: before tick k, to one robot or (None) to the run."""
+    """Something that happened between ticks: before tick k, to one robot or (None) to the run.
+
+    For example, ``Event(5, "dead", 2, "f1 kill")``: before tick 5 the fault f1 killed robot 2.
+    """
 
     k: _Tick
     kind: _Name

@@ -70,7 +70,10 @@ def _pack_deliveries(links: Links) -> bytes:
 
 
 def trace_hash(ticks: Iterable[TickRecord], spares: Collection[int] = ()) -> str:
-    """Return the trace hash of a whole run, 64 hex digits, from its ticks in order."""
+    """Return the trace hash of a whole run, 64 hex digits, from its ticks in order.
+
+    For example, of a finished run without spare robots ``trace_hash(journal.ticks) == journal.end.trace_hash``.
+    """
     trace = TraceHash(spares)
     for record in ticks:
         trace.tick(record)

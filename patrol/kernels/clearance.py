@@ -19,6 +19,8 @@ int64 = types.int64
 def square_clearance(free, cap, along, clearance):
     """Squared distance from each point's centre to the nearest blocked square, or to the grid's edge.
 
+    For example, 1 beside a blocked point, and 2 where one only touches a point's corner.
+
     Args:
         free: uint8 (h, w), 0 blocked.
         cap: In points; a distance of more than cap - 1/2 points reads as that.
@@ -28,6 +30,7 @@ def square_clearance(free, cap, along, clearance):
     """
     height, width = free.shape
     for row in range(height):
+        # Beyond the edge all is blocked.
         since = 0
         for col in range(width):
             since = 0 if free[row, col] == 0 else min(since + 1, cap)
@@ -41,8 +44,10 @@ def square_clearance(free, cap, along, clearance):
             aside = along[row, col]
             best = 0 if aside == 0 else (2 * aside - 1) * (2 * aside - 1)
             away = 1
+            # Rows farther off than the best distance hold nothing nearer.
             while (2 * away - 1) * (2 * away - 1) < best:
                 straight = (2 * away - 1) * (2 * away - 1)
+                # The edge blocks over its whole length, so straight ahead is the nearest.
                 if row - away < 0 or row + away >= height:
                     best = straight
                     break
@@ -67,6 +72,7 @@ def nearest(marked, wanted, cap, limit, along, found):
             sqrt(limit) away, or -1, and -1 where not wanted.
     """
     height, width = marked.shape
+    # Farther than any point that is looked at.
     none = 2 * cap + 2
     for row in range(height):
         last = -none
@@ -88,6 +94,7 @@ def nearest(marked, wanted, cap, limit, along, found):
             best = limit + 1
             index = int64(-1)
             away = 0
+            # Equal distances too, since the lowest index of several counts.
             while away <= cap and away * away <= best:
                 for turn in range(2):
                     r = row - away if turn == 0 else row + away

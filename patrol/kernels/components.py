@@ -15,7 +15,8 @@ def label_parts(mask, labels, work):
     """Number the connected parts of a mask 1, 2, ... in the order of their first points.
 
     Bodies step to 8 neighbours, diagonally only where both orthogonal neighbours are in the mask. A body that can step
-    diagonally can thus also go round by one of these, so the parts are those of 4 neighbours.
+    diagonally can thus also go round by one of these, so the parts are those of 4 neighbours. For
+    example, two points that touch at a corner only are two parts.
 
     Args:
         mask: uint8 (h, w), non-zero inside.

@@ -1,4 +1,4 @@
-"""Kernels of the patrolled area: what can be seen from the places that a body can reach.
+"""Kernels of the patrolled area: the points that can be seen from the places that a body can reach.
 
 Sight is symmetric shadow casting between the centres of points, as the footprint has it: of two points each sees the
 other or neither does; an impassable point blocks the full width of its own row (or, sideways, column).
@@ -134,7 +134,7 @@ def see_from_reach(passable, reach, limit, now, after, proxy, square):
 
 @njit(int64(GRID, GRID, int64, WEDGES, WEDGES, LIST, INDEX, INDEX), cache=True, nogil=True)
 def see_back(passable, reach, limit, now, after, work, proxy, square):
-    """Extend what `see_from_reach` found to all points that the reach sees and that touch it.
+    """Extend the result of `see_from_reach` to all points that the reach sees and that touch it.
 
     Looks back from each unseen point beside a seen one, and from its unseen neighbours in turn where it does see the
     reach. A point that sees nothing of the reach has -2 in `proxy` on return.

@@ -26,6 +26,8 @@ ROOM, SADDLE, FIRST, SECOND = 0, 1, 2, 3
 def falling_order(level, counts, order):
     """List the points with a level above 0, highest first and of equal ones the lowest index first.
 
+    For example, the levels 4, 9, 0 and 9 give the points 1, 3 and 0.
+
     Args:
         level: int32 (n,).
         counts: int32 (highest level + 2,), scratch.
@@ -38,6 +40,7 @@ def falling_order(level, counts, order):
     counts[:] = 0
     for cell in range(level.shape[0]):
         if level[cell] > 0:
+            # A counting sort. One slot further on, so that the sums give where each level begins.
             counts[highest - level[cell] + 1] += 1
     for rank in range(1, counts.shape[0]):
         counts[rank] += counts[rank - 1]
@@ -46,6 +49,7 @@ def falling_order(level, counts, order):
             rank = highest - level[cell]
             order[counts[rank]] = cell
             counts[rank] += 1
+    # Level 0 would begin here, behind all that were listed.
     return int64(counts[highest])
 
 
@@ -120,9 +124,11 @@ def find_doors(level, order, width, body, room, wider, parent, size, top, node, 
         size[cell] = 1
         top[cell] = cell
         node[cell] = -1
+        # Levels are squares of half points: 1.0 is the half point by which pools must be wider.
         high_enough = wider * math.sqrt(here) + 1.0
         for side in range(4):
             neighbour = _point_beside(cell, side, width, level.shape[0])
+            # Not taken yet: it lies lower, or is as high and comes later.
             if neighbour < 0 or parent[neighbour] < 0:
                 continue
             a = _find_root(parent, cell)
@@ -131,6 +137,7 @@ def find_doors(level, order, width, body, room, wider, parent, size, top, node, 
                 continue
             low = min(level[top[a]], level[top[b]])
             is_door = min(size[a], size[b]) >= room and math.sqrt(low) >= high_enough
+            # Two pools that hold doors can be joined by a door alone, or one of their trees would be lost.
             is_door = is_door or low >= body > here or (node[a] >= 0 and node[b] >= 0)
             joined = max(node[a], node[b])
             if is_door:
@@ -177,6 +184,7 @@ def spread_rooms(level, order, width, parent, size, label):
                 continue
             a = _find_root(parent, cell)
             b = _find_root(parent, neighbour)
+            # Two rooms are never joined: they meet at the door's saddle.
             if a == b or (label[a] > 0 and label[b] > 0):
                 continue
             label[_join_pools(parent, size, a, b)] = max(label[a], label[b])

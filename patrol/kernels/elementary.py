@@ -41,11 +41,17 @@ def log10(x: float) -> float:
 
 @_compile_elementary(float64(float64, float64))
 def power(base: float, exponent: float) -> float:
-    """Return a base to the power of an exponent."""
+    """Return a base to the power of an exponent.
+
+    For example, ``power(2.0, 3.0)`` is 8.0.
+    """
     return math.pow(base, exponent)
 
 
 @_compile_elementary(float64(float64, float64))
 def arctan2(y: float, x: float) -> float:
-    """Return the bearing of (x, y) from the origin, rad, in [-pi, pi]."""
+    """Return the bearing of (x, y) from the origin, rad, in [-pi, pi].
+
+    For example, ``arctan2(1.0, 1.0)`` is pi / 4.
+    """
     return math.atan2(y, x)

@@ -31,6 +31,8 @@ _ZERO, _LATEST = np.int32(0), np.int32(2**31 - 1)
 def observe(last_seen, tracked, view, quality, row0, col0, tick):
     """Take in the tracked points of a footprint. A point already seen at `tick` or later stays as it is.
 
+    For example, three points last seen at -1, 4 and -1 that are seen at tick 9 give the increase 23 and 2 first times.
+
     Args:
         last_seen: int32 (h, w); changed in place.
         tracked: uint8 (h, w), 1 for the points that count.
@@ -62,9 +64,11 @@ def observe(last_seen, tracked, view, quality, row0, col0, tick):
                 new = now
                 if quality is not None:
                     new = np.int32(tick - int((tick - max(old, _ZERO)) * (1.0 - quality[i, begin + j])))
+                # A selection without a branch, which the compiler can turn into vector code.
                 new = max(old, new) if in_view[j] & counts[j] != 0 else old
                 ticks[j] = new
                 gain = np.int32(gain + np.int32(max(new, _ZERO) - max(old, _ZERO)))
+                # A shift gives the sign, -1 or 0, so the difference is 1 where a point is first seen.
                 new_points = np.int32(new_points + np.int32(np.int32(new >> 31) - np.int32(old >> 31)))
             gained += int(gain)
             first += int(new_points)
@@ -119,6 +123,7 @@ def stalest_row(last_seen, tracked, oldest):
         earliest = _LATEST
         for j in range(ticks.size):
             earliest = min(earliest, ticks[j] if counts[j] != 0 else _LATEST)
+        # The least bound of all is exact, so no other row can hold an older point.
         if earliest == oldest[row]:
             return row
         oldest[row] = earliest

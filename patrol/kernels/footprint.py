@@ -43,6 +43,7 @@ def cast(passable, row, col, radius, view, row0, col0):
         return
     across_view = view.shape[1]
     ground, visible = passable.ravel(), view.ravel()
+    # Rounding must not lose the point at exactly the radius.
     reach = int(radius + 1e-9)
     visible[:] = 0
     view[row - row0, col - col0] = 1
@@ -72,14 +73,17 @@ def cast(passable, row, col, radius, view, row0, col0):
             coming = 0
             for wedge in range(wedges):
                 start_up, start_down, end_up, end_down = now[wedge]
+                # Exact in integers. Ties round into the wedge, which takes in no point that it only touches.
                 first = max((2 * depth * start_up + start_down) // (2 * start_down), -widest - 1)
                 last = min(-((end_down - 2 * depth * end_up) // (2 * end_down)), widest + 1)
+                # Only points whose centre lies in the wedge are seen; that makes sight symmetric.
                 low = max(-((-depth * start_up) // start_down), -widest)
                 high = min((depth * end_up) // end_down, widest)
                 before = 0 if first < lowest else -1  # beyond the grid nothing is open
                 for across in range(max(first, lowest), min(last, highest) + 1):
                     is_open = ground[index(here + across * along)]
                     if is_open != 0:
+                        # Behind an obstacle the wedge begins at its far edge.
                         if before == 0:
                             start_up = 2 * across - 1
                             start_down = 2 * depth
@@ -93,6 +97,7 @@ def cast(passable, row, col, radius, view, row0, col0):
                             coming += 1
                         before = 0
                 if before == 1:
+                    # Beyond the grid nothing is open, so the wedge ends at its edge.
                     if last > highest:
                         end_up, end_down = 2 * highest + 1, 2 * depth
                     after[coming] = (start_up, start_down, end_up, end_down)
@@ -106,6 +111,8 @@ def cast(passable, row, col, radius, view, row0, col0):
 @njit(types.void(GRID, int64, int64, float64, VIEW, int64, int64), cache=True, nogil=True)
 def disc(passable, row, col, radius, view, row0, col0):
     """Mark every passable point within `radius` points of (row, col), walls or no walls.
+
+    For example, a radius of 1 marks five points on open ground.
 
     Args:
         passable: uint8 (h, w).
@@ -139,11 +146,13 @@ def keep_sector(view, heading, angle):
     reach = view.shape[0] // 2
     ahead_c = math.cos(heading)
     ahead_r = math.sin(heading)
+    # Cosines are compared instead of bearings, so that no angle has to be wrapped.
     narrowest = math.cos(0.5 * angle)
     for dr in range(-reach, reach + 1):
         for dc in range(-reach, reach + 1):
             if view[reach + dr, reach + dc] == 0 or (dr == 0 and dc == 0):
                 continue
             along = dc * ahead_c + dr * ahead_r
+            # A point on the edge belongs to the sector, whatever the rounding.
             if along < narrowest * math.sqrt(dr * dr + dc * dc) - 1e-9:
                 view[reach + dr, reach + dc] = 0

@@ -1,7 +1,7 @@
 """Kernels of the inboxes: which positions and contacts listeners accept, and which looks they learn of.
 
 A table has a row for each listener and a column for each sender. All that a listener knows of a sender is a cell of it.
-The frames of a tick, with what each says, are judged in their order, for all listeners that they reach.
+The frames of a tick are judged in their order, for all listeners that they reach.
 """
 
 from __future__ import annotations
@@ -76,7 +76,7 @@ _FAR_AHEAD = 64
 run a sequence may be, in steps. Covers stalls of the network."""
 
 _SLACK = 4.0
-"""Steps by which a contact's sequence may differ from what some robot would send now."""
+"""Steps by which a contact's sequence may differ from that of a frame that some robot would send now."""
 
 _CELL, _FRAME = from_dtype(CELL), from_dtype(FRAME)
 _CELLS = types.Array(_CELL, 2, "C")
@@ -113,8 +113,10 @@ def _why_implausible(frame, sequence, at, x, y, start, tick, step, speed, knows_
     before = at * step
     elapsed = tick * step - before
     steps = frame.sequence - sequence
+    # A clock may run twice as fast as this one before its frames count as too far ahead.
     if not knows_ticks and steps > 2.0 * elapsed / step + _FAR_AHEAD:
         return AHEAD
+    # Bounded, or a frame with a very low sequence would excuse a jump of any length.
     delay = min(max(before - sequence * step - start, 0.0), span * step)
     held_up = min(max(steps * step - elapsed, 0.0), delay)
     far = _is_beyond(frame.x, frame.y, x, y, speed * (elapsed + held_up + step) + ROUNDING)
@@ -123,13 +125,14 @@ def _why_implausible(frame, sequence, at, x, y, start, tick, step, speed, knows_
 
 @njit(_I(_CELL, _FRAME, _I, _F, _F, _B, _I), cache=True, nogil=True, error_model="numpy")
 def _judge_position(cell, frame, tick, step, speed, knows_ticks, span):
-    """Accept or refuse a frame of another robot; a newer one becomes what is known of it, a late one does not."""
+    """Accept or refuse a frame of another robot; a newer one replaces the known state of it, a late one does not."""
     number = frame.sequence
     ago = cell.sequence - number
     begins = cell.sequence == NOTHING
     if not begins:
         outdated = ago >= span
         if 0 <= ago < span:
+            # Each sequence counts once: the same frame again is a replay or an echo.
             if cell.used >> np.uint64(ago) & _ONE:
                 return OLD
             # It must lead to the newest one in as many steps as lie between them: only its place is new.
@@ -152,10 +155,12 @@ def _judge_position(cell, frame, tick, step, speed, knows_ticks, span):
                 return wrong
         begins = outdated
     newer = np.uint64(-ago)
+    # Also keeps the shifts below 64, where their result is not defined.
     in_window = not begins and -ago < span
     cell.used = (cell.used << newer if in_window else _NONE) | _ONE
     cell.looks = cell.looks << newer if in_window else _NONE
     start = tick * step - number * step
+    # Delays only ever add, so the quickest frame tells best when its sender began.
     cell.start = start if begins else min(start, cell.start)
     cell.sequence, cell.at, cell.doubts = number, tick, 0
     cell.x, cell.y, cell.heading = frame.x, frame.y, frame.heading
@@ -223,11 +228,13 @@ def hear(cells, refused, rows, own, frames, reaches, tick, step, speed, knows_ti
                 continue
             frame = frames[f]
             kind = frame.kind
+            # `NO_ROBOT` is not `NO_SENDER`: a listener that is no robot takes no frame for its own.
             if frame.sender == own[me]:
                 kind = OWN
             elif kind == REPORT:
                 kind = _judge_contact(row, frame, tick, step)
             elif kind == POSITION:
+                # Unsigned: the sender of a position is a column, so numba may skip the negative-index check.
                 cell = row[np.uint64(frame.sender)]
                 kind = _judge_position(cell, frame, tick, step, speed, knows_ticks, span)
                 if kind == ACCEPTED:
@@ -236,6 +243,7 @@ def hear(cells, refused, rows, own, frames, reaches, tick, step, speed, knows_ti
                     news = 0
                     for trail_index in range(frame.trail + 1):
                         back = trail_index * every
+                        # No place of a trail lies before the run's begin or the sender's first frame.
                         if back > min(then, frame.sequence) or ago + back >= span:
                             break
                         # A look counts once, however often it is told of: with quality below 1 ages would change.

@@ -95,6 +95,7 @@ def partners(corners, before, after, concave, reach, v, longest, slack, margin, 
     for index in range(concave.shape[0]):
         w = concave[index]
         found[index] = 0
+        # Each pair once, from its lower corner; neighbours are joined by a side already.
         if w <= v or w in (before[v], after[v]):
             continue
         dx, dy = corners[w, 0] - corners[v, 0], corners[w, 1] - corners[v, 1]
@@ -106,6 +107,7 @@ def partners(corners, before, after, concave, reach, v, longest, slack, margin, 
             p, q = before[corner], after[corner]
             ax, ay = corners[corner, 0] - corners[p, 0], corners[corner, 1] - corners[p, 1]
             bx, by = corners[q, 0] - corners[corner, 0], corners[q, 1] - corners[corner, 1]
+            # Seen from the other end, the cut leads the other way.
             turn = 1.0 if end == 0 else -1.0
             served = served and _in_cone(ax, ay, bx, by, turn * dx, turn * dy, slack)
         if served and _in_sight(corners, after, v, w, margin):
@@ -143,6 +145,7 @@ def shorten(corners, before, after, concave, begin, end, first, ways):
             low, high = 0.0, 1.0
             for side in range(2):
                 sx, sy = (ax / back, ay / back) if side == 0 else (bx / ahead, by / ahead)
+                # A line is cut to its part inside the cone, on the inner side of both extensions.
                 near = sx * py - sy * px
                 far = sx * qy - sy * qx
                 if near < -FLAT and far < -FLAT:
@@ -159,6 +162,7 @@ def shorten(corners, before, after, concave, begin, end, first, ways):
             share = min(max(share, low), high)
             fx, fy = px + share * dx, py + share * dy
             away = math.sqrt(fx * fx + fy * fy)
+            # Lines that begin at the corner itself are no way away from it.
             if 1e-6 < away < ways[corner, 0]:
                 ways[corner, 0] = away
                 ways[corner, 1] = share
@@ -223,6 +227,7 @@ def trace(mask, passed, corners, ends):
                     passed[y, x] = 1
                 x += (way == 0) - (way == 2)
                 y += (way == 1) - (way == 3)
+                # Left first, so that points which touch at a corner only stay apart.
                 turn = (way + 1) % 4
                 if not _is_border(mask, x, y, turn):
                     turn = way if _is_border(mask, x, y, way) else (way + 3) % 4
@@ -292,6 +297,7 @@ def fewest_corners(xs, ys, first, banned, fill, shave, sums, cost, link, chosen)
                     bearing -= 2.0 * math.pi
                 elif bearing - base < -math.pi:
                     bearing += 2.0 * math.pi
+            # The polygon of one side that is no side at all.
             is_whole = i == 0 and j == n
             if low - 1e-9 <= bearing <= high + 1e-9 and farthest <= away + shave and not is_whole:
                 allowed = True
@@ -305,6 +311,7 @@ def fewest_corners(xs, ys, first, banned, fill, shave, sums, cost, link, chosen)
                 yy = sums[j, 4] - sums[i + 1, 4] - 2.0 * ay * sy - c * ay * ay
                 xy = sums[j, 3] - sums[i + 1, 3] - ax * sy - ay * sx - c * ax * ay
                 spread = max((dx * dx * yy - 2.0 * dx * dy * xy + dy * dy * xx) / (away * away), 0.0)
+                # The fewest corners count first; closeness only decides between as many.
                 total = cost[i] + 1.0 + 0.01 * math.sqrt(spread / (c + 1)) / fill
                 if allowed and total < cost[j] - 1e-12:
                     cost[j] = total
@@ -325,6 +332,7 @@ def fewest_corners(xs, ys, first, banned, fill, shave, sums, cost, link, chosen)
         chosen[count] = (first + corner) % n
         count += 1
     for k in range(count // 2):
+        # The links lead from the end to the beginning.
         chosen[k], chosen[count - 1 - k] = chosen[count - 1 - k], chosen[k]
     return count
 
@@ -356,6 +364,7 @@ def fill(polygon, number, mask, labels):
     first = int64(max(math.ceil(low - 0.5 - EDGE), 0))
     last = int64(min(math.floor(high - 0.5 + EDGE), mask.shape[0] - 1))
     for row in range(first, last + 1):
+        # Within the polygon, where a row's centre lies outside by rounding.
         y = min(max(row + 0.5, low), high)
         left, right = math.inf, -math.inf
         for k in range(corners):
@@ -395,6 +404,7 @@ def spread(mask, rounds, labels, work):
                 r = row + (side == 0) - (side == 1)
                 c = col + (side == 2) - (side == 3)
                 if 0 <= r < height and 0 <= c < width and mask[r, c] != 0 and labels[r, c] < 0:
+                    # Only points with a neighbour to number begin to spread.
                     work[end] = row * width + col
                     end += 1
                     break
@@ -402,6 +412,7 @@ def spread(mask, rounds, labels, work):
     for _ in range(rounds):
         if begin == end:
             break
+        # A round ends with the points that it began with, so all numbers spread equally fast.
         stop = end
         while begin < stop:
             row, col = work[begin] // width, work[begin] % width

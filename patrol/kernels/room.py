@@ -15,6 +15,8 @@ MOST = 255
 def measure_room(blocked, room):
     """Rows or columns, whichever are more, between each point and the nearest blocked one; all off the grid is blocked.
 
+    For example, 3 in the middle of an open grid of 5 by 5 points, and 1 along its edge.
+
     In two passes over the grid, each of which asks four of a point's eight neighbours.
 
     Args:

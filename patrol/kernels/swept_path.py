@@ -36,6 +36,8 @@ _F = types.float64
 def arc_end(x, y, heading, distance, turn):
     """Pose after driving along an arc.
 
+    For example, a quarter circle of 1 m to the left from (0, 0) with heading 0 ends at (0.64, 0.64, 1.57).
+
     Exact: the chord has length distance * sin(u) / u and bearing heading + u, u = turn / 2, which is well-conditioned
     from a straight line to a turn on the spot.
 
@@ -50,8 +52,10 @@ def arc_end(x, y, heading, distance, turn):
         (x, y, heading), the heading in (-pi, pi].
     """
     half = 0.5 * turn
+    # sin(u) / u is 0 / 0 on a straight line; two terms of its series are exact to the last bit for such small u.
     chord = distance * (math.sin(half) / half if abs(half) > 1e-5 else 1.0 - half * half / 6.0)
     turned = heading + 2.0 * half
+    # Wrapped only where need be, so that a heading within bounds keeps all of its bits.
     if turned > math.pi or turned <= -math.pi:
         turned -= 2.0 * math.pi * math.ceil((turned - math.pi) / (2.0 * math.pi))
     return x + chord * math.cos(heading + half), y + chord * math.sin(heading + half), turned
@@ -99,6 +103,7 @@ def _entry_into_circle(x0, y0, dx, dy, cx, cy, radius):
 @njit(_F(_F, _F, _F, _F, _F, _F, _F, _F, _F), cache=True, nogil=True, error_model="numpy")
 def _entry_fraction(x0, y0, dx, dy, left, low, right, high, radius):
     """Fraction in [0, 1] at which a centre comes nearer than `radius` to the square; 2 for never."""
+    # A square grown by a disc is two rectangles and four circles.
     first = min(
         _entry_into_box(x0, y0, dx, dy, left - radius, low, right + radius, high),
         _entry_into_box(x0, y0, dx, dy, left, low - radius, right, high + radius),
@@ -118,6 +123,7 @@ def _free_of_square(x0, y0, dx, dy, left, low, right, high, radius):
     """
     inner = max(radius - TOLERANCE, 0.0)
     if _squared_distance(x0, y0, left, low, right, high) < inner * inner:
+        # It overlaps already. Any move away is free, or a body put there could never leave.
         away_x = x0 - min(max(x0, left), right)
         away_y = y0 - min(max(y0, low), high)
         return 1.0 if away_x * dx + away_y * dy > 0.0 else 0.0
@@ -142,6 +148,8 @@ def _free_of_edge(a0, da, lowest, highest):
 def free_fraction_line(blocked, point, ox, oy, x0, y0, x1, y1, radius):
     """Largest fraction in [0, 1] of a straight move along which a disc stays free.
 
+    For example, a disc of 0.5 m that moves from x = 1 to 3 m, to a wall at 3 m, gets to 2.5 m: the fraction is 0.75.
+
     Each point of the swept capsule's rows and columns is looked at once. All arguments must be finite.
 
     Args:
@@ -162,6 +170,7 @@ def free_fraction_line(blocked, point, ox, oy, x0, y0, x1, y1, radius):
         _free_of_edge(y0, dy, oy + radius, oy + height * point - radius),
     )
     length = math.hypot(dx, dy)
+    # A little more, so that rounding leaves out no row or column that matters.
     reach = radius + 1e-6
     low_row = max(math.floor((min(y0, y1) - reach - oy) / point), 0)
     high_row = min(math.floor((max(y0, y1) + reach - oy) / point), height - 1)
@@ -180,6 +189,7 @@ def free_fraction_line(blocked, point, ox, oy, x0, y0, x1, y1, radius):
             if blocked[row, col] != 0:
                 left = ox + col * point
                 near = radius + free * length
+                # A square beyond the way that is still free cannot shorten it.
                 if _squared_distance(x0, y0, left, low, left + point, high) > near * near:
                     continue
                 free = min(free, _free_of_square(x0, y0, dx, dy, left, low, left + point, high, radius))
@@ -192,6 +202,8 @@ def free_fraction_line(blocked, point, ox, oy, x0, y0, x1, y1, radius):
 def chord_count(distance, turn, longest):
     """Count the equal chords that stand for an arc: within SAGITTA of it and at most `longest`; 1 for a line.
 
+    For example, 112 for an arc of 10 m that turns by 1 rad.
+
     A chord of length L that turns by u lies within L * u / 8 of its arc. No chord turns by more than half a circle.
 
     Args:
@@ -201,6 +213,7 @@ def chord_count(distance, turn, longest):
     """
     if turn == 0.0 or distance == 0.0:
         return 1
+    # n chords of length L / n turn by u / n each, so that their error falls with the square of n.
     near = math.ceil(math.sqrt(abs(distance) * abs(turn) / (8.0 * SAGITTA)))
     return max(near, math.ceil(abs(distance) / longest), math.ceil(abs(turn) / math.pi), 1)
 
@@ -229,6 +242,7 @@ def _path_hits(path, left, low, right, high, radius):
     for i in range(path.shape[0] - 1):
         x0, y0 = path[i, 0], path[i, 1]
         dx, dy = path[i + 1, 0] - x0, path[i + 1, 1] - y0
+        # An upper bound of the chord's length that needs no root.
         near = radius + abs(dx) + abs(dy)
         if _squared_distance(x0, y0, left, low, right, high) >= near * near:
             continue

@@ -22,7 +22,7 @@ index = types.uint64
 """Unsigned, so that numba skips the negative-index check."""
 
 FAR = 2**31 - 1
-"""The length of what no way leads to."""
+"""The length at a point that no way leads to."""
 
 
 @njit(USED(GRID, GRID, PLACES, types.boolean, int64, int64, LENGTHS, QUEUES), cache=True, nogil=True)
@@ -91,7 +91,7 @@ def wave(is_open, against, starts, back, stop, limit, length, queues):
 
 @njit(types.void(LENGTHS, QUEUES, USED), cache=True, nogil=True)
 def forget(length, queues, used):
-    """Set what a wave has reached back to FAR.
+    """Set the lengths that a wave has found back to FAR.
 
     Args:
         length: As for `wave`.
@@ -108,6 +108,8 @@ def forget(length, queues, used):
 @njit(int64(GRID, PLACES, int64, LENGTHS), cache=True, nogil=True)
 def lengths_between(is_open, places, limit, lengths):
     """Find the lengths of the ways between places, as if there were no one-way zones.
+
+    For example, 282 between two places that are two diagonal steps apart.
 
     Ways up to the limit are exact. A longer one is the shortest that leads through other places (Floyd-Warshall).
 

@@ -25,13 +25,13 @@ robot that run 5 greets at time 100.0 answers:
     >>> robot.arrived(Hello(0, ANYONE, 0, 5), 100.0)
     (Send(message=HelloReply(incarnation=1, instance=77, k=0, run=5, scenario='a1b2...', protocol=8)),)
 
-`ROBOT` and `SEAT` hold all steps that are legal. What always holds:
+`ROBOT` and `SEAT` hold all steps that are legal. These rules always hold:
 
 - An event that a state has no step for changes nothing, and its message is refused as a "stranger". A step may still
   refuse a message for what it says: its tick has not begun ("ahead") or is too old ("late"), or the seat is another
   process's ("seat").
-- Who may send what is for roles to decide (`patrol.security.roles`): an end believes each message for its process and
-  its run.
+- Roles decide which process may send which message (`patrol.security.roles`): an end believes each message for its
+  process and its run.
 - A world that greets a robot may end before its first tick. So a robot answers several, and the first phase A binds it
   to the run of that world. Once bound, it leaves only when that world says so or is gone.
 - A tick is decided once. A phase that comes again gets the same bytes again.
@@ -251,6 +251,7 @@ class RobotEnd:
         """Take in a message, or a change of the world's liveliness token."""
         if isinstance(message, Presence):
             self.world_present = message.present
+            # False until its own world speaks again: a token that comes back may be another world's.
             self._unbroken = self._unbroken and message.present
             self._last_news = now
             return ()
@@ -268,9 +269,11 @@ class RobotEnd:
                 effects = (Part(reason, orderly),)
             case _, Hello() as hello:
                 effects = self._answer_greeting(hello, now)
+            # Before the two cases below, which it would match as well.
             case RobotEvent.REPEATED, (PhaseA() | PhaseB()) as phase:
                 effects = (Repeat(phase),)
             case _, PhaseA() as phase:
+                # From here on no other run is known, whatever has greeted this robot before.
                 self._runs = [phase.run]
                 self._due, self._posed = phase, now
             case _, PhaseB() as phase:
@@ -286,6 +289,7 @@ class RobotEnd:
         """
         if self.has_left:
             return ()
+        # This process stood still, so what came meanwhile is not read yet and may not be missed.
         if for_s > _PAUSE_S:
             self._last_news += for_s
             self._posed += for_s
@@ -293,7 +297,9 @@ class RobotEnd:
         silent_s = now - self._last_news
         if not self.world_present and silent_s > self._patience_s:
             return effects + self.leave(f"no world for {silent_s:.0f} s")
+        # Not more often, even where no answer comes.
         if min(silent_s, now - self._last_said) > (SILENCE_S if self._runs else UNGREETED_S):
+            # Unbound, it asks any world; bound, only the world of its run.
             effects += self._say_hello(self._run if self._is_bound else NO_RUN, now)
             if not self._runs or not self.world_present:
                 effects += (Unanswered(silent_s),)
@@ -307,6 +313,7 @@ class RobotEnd:
         """Give the mind phase A of the newest tick; None where no tick is due."""
         if self._due is None:
             return None
+        # At a pace, phase B of a tick may have come before the mind takes the tick.
         phase, has_heard = self._due, self._has_heard(self._due.k)
         if not self._follow_event(RobotEvent.TAKEN_HEARD if has_heard else RobotEvent.TAKEN):
             return None
@@ -342,6 +349,7 @@ class RobotEnd:
             self._early.add(k)
         else:
             self._heard_k = k
+            # `_heard_k` covers the earlier ones, which would pile up.
             self._early = {early for early in self._early if early > k}
 
     def _follow_event(self, event: RobotEvent) -> bool:
@@ -352,12 +360,15 @@ class RobotEnd:
     def _event_of(self, message: ToRobot, now: float) -> RobotEvent:
         is_known = message.run in self._runs
         if isinstance(message, Hello):
+            # A token that has gone and come may be another world's: then only a recent message counts.
             own_is_there = (self.world_present and self._unbroken) or now < self._own_news + SILENCE_S
             refusal = RobotEvent.STRANGER if own_is_there else RobotEvent.OUSTED
             return refusal if self._is_bound and not is_known else RobotEvent.GREETED
+        # Two processes of one robot listen under the same key: messages name the one they are for.
         if (message.incarnation, message.instance) != (self._identity.incarnation, self._identity.instance):
             return RobotEvent.STRANGER
         if isinstance(message, Stop):
+            # Until a world has greeted it, any world may turn it away.
             return RobotEvent.STRANGER if self._runs and not is_known else RobotEvent.LEAVES
         return self._event_of_phase(message) if is_known else RobotEvent.STRANGER
 
@@ -370,11 +381,13 @@ class RobotEnd:
 
     def _answer_greeting(self, message: Hello, now: float) -> Effects:
         if message.run not in self._runs:
+            # Only the latest, or worlds that come and go would make the list grow.
             self._runs = [*self._runs, message.run][-_OFFERS:]
         return self._say_hello(message.run, now)
 
     def _say_hello(self, run: int, now: float) -> Effects:
         self._last_said = now
+        # A message has no tick below 0.
         return (Send(HelloReply(*self.head(max(self.k, 0))[:3], run, self._identity.scenario)),)
 
 
@@ -427,6 +440,7 @@ class WorldEnd:
         """Take in a message under the robot's key, or a change of its liveliness token."""
         if isinstance(message, Presence):
             self.present = message.present
+            # Where a token goes twice, the first time counts.
             self.away_since = None if self.present else now if self.away_since is None else self.away_since
             return self.greet()
         event = self._event_of(message)
@@ -434,6 +448,7 @@ class WorldEnd:
         match message:
             case _ if not self._follow_event(event):
                 effects = (Refuse("stranger"),)
+            # A tick that has not begun was not asked for; a very old one may be a replay.
             case ReplyA() | ReplyB() if self._run.begun - OLDEST <= message.k < self._run.begun:
                 effects = (Deliver(message),)
             case ReplyA() | ReplyB():
@@ -476,11 +491,12 @@ class WorldEnd:
         return self.process is not None and self._farewells[self.process]
 
     def is_missing(self, now: float, for_s: float = GRACE_S) -> bool:
-        """Return whether the token has been gone for so long; after `GRACE_S` the process may have ended."""
+        """Return True if the token has been gone for so long; after `GRACE_S` the process may have ended."""
         return self.away_since is not None and now - self.away_since >= for_s
 
     def is_gone(self, now: float) -> bool:
         """Return whether the process is gone, as far as can be told without a launcher."""
+        # With a farewell, the token alone decides; without one, the robot may only be cut off.
         return self.is_missing(now) and (self.said_farewell or self.is_missing(now, self._run.return_s))
 
     def _follow_event(self, event: SeatEvent) -> bool:
@@ -492,6 +508,7 @@ class WorldEnd:
         sender = message.incarnation, message.instance
         if isinstance(message, HelloReply):
             return self._event_of_hello(message)
+        # Only processes that have, or had, the seat have an entry.
         if message.run != self._run.number or sender not in self._farewells:
             return SeatEvent.STRANGER
         if isinstance(message, Farewell):
@@ -506,6 +523,7 @@ class WorldEnd:
             return SeatEvent.STRANGER
         if self.process is not None:
             return SeatEvent.RETURNS if message.instance == self.process[1] else SeatEvent.INTRUDES
+        # One of another protocol is not greeted: below, it is told why.
         if message.run == NO_RUN and message.protocol == PROTOCOL:
             return SeatEvent.ASKS
         if self.stage is not SeatStage.EXPECTED or self._incarnation not in (None, incarnation):
@@ -515,6 +533,7 @@ class WorldEnd:
     def _answer_hello(self, message: HelloReply, event: SeatEvent) -> Effects:
         match event:
             case SeatEvent.ASKS:
+                # It is there, even if its token has not arrived yet.
                 self.present, self.away_since = True, None
                 return self.greet()
             case SeatEvent.CLAIMS:

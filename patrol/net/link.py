@@ -34,13 +34,19 @@ if TYPE_CHECKING:
 
 
 def system_error(error: Exception) -> int | None:
-    """Return the number of the system's error in the text of a Zenoh error; None without one."""
+    """Return the number of the system's error in the text of a Zenoh error; None without one.
+
+    For example, 98 for "Can not bind: Address already in use (os error 98) at /...".
+    """
     match = re.search(r"\(os error (\d+)\)", str(error))
     return None if match is None else int(match[1])
 
 
 def first_line(error: Exception) -> str:
-    """Give Zenoh's text without the place in its sources."""
+    """Return Zenoh's text without the place in its sources.
+
+    For example, "Address already in use" for "Can not bind: Address already in use (os error 98) at /...".
+    """
     text = str(error).partition(" at /")[0].partition("\n")[0]
     system = re.search(r": ([^:\[\]]+) \(os error \d+\)", text)
     return system[1] if system else text
@@ -130,7 +136,7 @@ class Link:
 
         `together` is for a sender to many at a time: what is sent while an earlier message still waits travels with it,
         in pieces of up to 64 KiB. Each message on its own takes a place in the queue: of a burst to 50 robots, a busy
-        machine dropped what came after the 16th (`patrol.net.settings`).
+        machine dropped all messages after the 16th (`patrol.net.settings`).
         """
         control = zenoh.CongestionControl.BLOCK if waits else zenoh.CongestionControl.DROP
         publisher = self._session.declare_publisher(
@@ -146,8 +152,8 @@ class Link:
     def broadcast(self, key: str) -> Post:
         """Make a publisher for a direct radio: sends at once, to all others; a message is lost rather than late.
 
-        Positions of many robots that wait on their way travel together, as those of `post` may: otherwise a router
-        dropped, on a busy machine, what came after the 16th of those that send at the same time.
+        Positions of many robots that wait on their way travel together, as those of `post` may. Otherwise a router on a
+        busy machine dropped all after the 16th of those that were sent at the same time.
         """
         publisher = self._session.declare_publisher(
             key,
@@ -178,6 +184,7 @@ class Link:
         def receive(sample: zenoh.Sample) -> None:
             mailbox.deliver(str(sample.key_expr), sample.payload)
 
+        # On Zenoh's own thread: a thread of Python's in between would delay every message.
         handler = zenoh.handlers.Callback(receive, indirect=False)
         self._declared.append(self._session.declare_subscriber(key, handler))
 
@@ -188,6 +195,7 @@ class Link:
             mailbox.put(str(sample.key_expr), Presence(sample.kind == zenoh.SampleKind.PUT))
 
         handler = zenoh.handlers.Callback(receive, indirect=False)
+        # `history` gives tokens that were there before, or robots that came first would never be seen.
         self._declared.append(self._session.liveliness().declare_subscriber(key, handler, history=True))
 
     def sees(self, key: str) -> bool:
@@ -279,6 +287,7 @@ def close_session(session: zenoh.Session, declared: list[Any], limit_s: float) -
 
     if session.is_closed():
         return True
+    # Zenoh may hang here. A thread can be left behind, a call cannot.
     closing = threading.Thread(target=close, name=CLOSING, daemon=True)
     closing.start()
     closing.join(limit_s)
@@ -331,6 +340,7 @@ def open_link(
     link = _open_listening(settings, credentials.listens_at, mesh=credentials.mesh)
     if credentials.role.kind not in (Kind.VIEWER, Kind.OPERATOR):
         return link
+    # The link closes if no member answers, or if the wait is broken off.
     with ExitStack() as undone:
         undone.callback(link.close)
         if not _wait_until(link.neighbours.await_any, wait_s, waiting, stopped):
@@ -364,8 +374,10 @@ def open_session(
             box.append(error)
         is_open.set()
 
+    # Zenoh waits without a limit, so another thread opens and this one watches the time.
     threading.Thread(target=join, daemon=True).start()
     if not _wait_until(is_open.wait, wait_s, waiting, stopped):
+        # Zenoh reports both in the same way, but a port that is open says that a router has refused.
         if not stopped() and listens(router):
             raise NotAdmitted(f"a router at {router} does not let this process in: {_ADMISSION}")
         raise LinkDown(f"no router answers at {router}")
@@ -416,6 +428,7 @@ def _open_listening(settings: Mapping[str, object], listen: str, mesh: Mesh | No
     try:
         return Link(zenoh.open(_make_config({**settings, "listen/endpoints": [listen]})), mesh)
     except zenoh.ZError as error:
+        # The member's address is none of this host, as behind a NAT, so it listens on all of them.
         if mesh is not None and system_error(error) == errno.EADDRNOTAVAIL and everywhere(listen) != listen:
             return _open_listening(settings, everywhere(listen), mesh)
         if system_error(error) == errno.EADDRINUSE:

@@ -119,6 +119,7 @@ class ProcessContext:
         Where `radio` is None, both are the same link. `closing` closes them; by default they close when the process
         ends. `callers` are the keys under which the robots send, by their numbers.
         """
+        # Imported late, so that processes without a link load no Zenoh.
         from patrol.net.link import Link
         from patrol.net.open_links import open_links
 
@@ -213,6 +214,7 @@ def run_with(
     except BadInput as bad:
         Log(process.log.owner, prefix).error(str(bad))
         why = StartFailure.PORT_BUSY if isinstance(bad, PortTaken) else StartFailure.OTHER
+        # The launcher waits for a report, also of a start that fails.
         report_start(getattr(options, "ready", None), StartReport("", why, str(bad)))
         return BAD_INPUT
 

@@ -62,6 +62,7 @@ class deadline:  # noqa: N801 - a context manager
         signal.signal(signal.SIGALRM, self._handler)
         left_s, interval_s = self._before
         if left_s > 0.0:
+            # At least a little: 0 would switch the timer off.
             signal.setitimer(signal.ITIMER_REAL, max(left_s - (time.monotonic() - self._begun), 1e-3), interval_s)
 
     def _raise_late(self, _signal: int, frame: FrameType | None) -> None:

@@ -114,6 +114,7 @@ def interrupt(_number: int, frame: FrameType | None, tries: int = 0) -> None:
     if _is_loading(frame) and tries * _POLL_S < LOADING_S:
         _interrupt_soon(tries + 1)
         return
+    # An interrupt that was put off must not come a second time.
     signal.setitimer(signal.ITIMER_REAL, 0.0)
     print_lost = sys.unraisablehook
 
@@ -124,6 +125,7 @@ def interrupt(_number: int, frame: FrameType | None, tries: int = 0) -> None:
         else:
             print_lost(lost)
 
+    # Python drops what a `__del__` raises, and calls this hook: then it is tried again.
     sys.unraisablehook = see_lost
     raise InterruptedBySignal
 
@@ -161,6 +163,7 @@ def rest_before_pause(rest: Callable[[], None], go_on: Callable[[], None]) -> No
 
     def by_signal(_number: int, _frame: FrameType | None) -> None:
         rest()
+        # The handler has replaced what SIGTSTP does by itself, so the stop has to be asked for.
         os.kill(os.getpid(), signal.SIGSTOP)
         go_on()
 
@@ -170,7 +173,7 @@ def rest_before_pause(rest: Callable[[], None], go_on: Callable[[], None]) -> No
 def run_process(main: Callable[[], int]) -> NoReturn:
     """Run a process's main function and end the process with its exit code.
 
-    What it raises is printed and ends the process with `CRASHED`, or with one line and `BAD_INPUT` where a limit of the
+    An exception is printed and ends the process with `CRASHED`, or with one line and `BAD_INPUT` where a limit of the
     machine explains it.
     """
     try:
@@ -191,6 +194,7 @@ def run_process(main: Callable[[], int]) -> NoReturn:
 
 def leave(code: int) -> NoReturn:
     """End the process now, whatever threads of libraries are doing."""
+    # `os._exit` flushes no stream.
     for stream in (sys.stdout, sys.stderr):
         with contextlib.suppress(OSError, ValueError):
             stream.flush()
@@ -200,6 +204,7 @@ def leave(code: int) -> NoReturn:
 def _hold_lifeline(lifeline: int, ending: Ending, on_death: Callable[[], None]) -> None:
     while True:
         try:
+            # Nothing is ever written to the pipe, so only its end lets a read return, and returns nothing.
             if not os.read(lifeline, 1):
                 break
         except InterruptedError:
@@ -221,6 +226,7 @@ def die_when_orphaned(lifeline: int | None) -> None:
     killed with it. The lifeline, a file descriptor, tells whether the parent has died before.
     """
     _when_orphaned(signal.SIGKILL)
+    # A parent that died before the call above sends no signal any more.
     if lifeline is not None and select.select([lifeline], [], [], 0)[0]:
         leave(INTERRUPTED)
 

@@ -12,6 +12,10 @@ An array and a bin cannot be confused, so no flag says which of the two a frame 
 bytes, with the longest trail and a tag 63; no frame above `MAX_FRAME` is looked at.
 
 Numbers are rounded to the nearest unit (ties to even), headings to the nearest milliradian round the circle.
+
+For example, robot 3 at (12.34, 40.0) m with a heading of -0.5 rad, at 3.5 s in tick 7, sends these 16 bytes:
+
+    97 01 03 07 cd 0d ac cd 04 d2 cd 0f a0 cd 16 97     [1, 3, 7, 3500, 1234, 4000, 5783]
 """
 
 from __future__ import annotations
@@ -115,6 +119,8 @@ class Rejected(Unusable):
 class WireField:
     """An integer of the frame.
 
+    For example, a heading is a ``WireField(0, 6283, "mrad", "counter-clockwise from the x axis")``.
+
     Attributes:
         least: Smallest value.
         most: Largest value.
@@ -131,6 +137,8 @@ class WireField:
 @dataclass(frozen=True, slots=True)
 class Position:
     """A robot's place as it reports it, in the units and the order of the wire.
+
+    For example, ``Position(3, 7, 3500, 1234, 4000, 5783)`` is that of robot 3 in tick 7, at (12.34, 40.0) m.
 
     Attributes:
         robot: The sender, or `CONTACT` for a *contact* (an intruder's position reported by a robot).
@@ -177,6 +185,9 @@ class Position:
     ) -> Position:
         """Make the position to send for a pose.
 
+        For example, ``Position.of(3, 7, 3.5, Pose(12.34, 40.0, -0.5))`` has an `x_cm` of 1234 and a
+        `heading_mrad` of 5783.
+
         Args:
             robot: The sender's number.
             sequence: The tick.
@@ -197,6 +208,8 @@ class Position:
     def of_contact(cls, sequence: int, time_s: float, x: float, y: float) -> Position:
         """Make the report of an intruder.
 
+        For example, ``Position.of_contact(7, 3.5, 1.0, 2.0)`` is of robot 0, at 100 and 200 cm.
+
         Args:
             sequence: Of the reporter's position.
             time_s: Of the reporter's position, s.
@@ -210,12 +223,18 @@ class Position:
 
     @property
     def pose(self) -> Pose:
-        """The pose that receivers compute with (m, rad)."""
+        """The pose that receivers compute with (m, rad).
+
+        For example, 1234 cm and 5783 mrad are 12.34 m and -0.5002 rad.
+        """
         return Pose(self.x_cm / CM_PER_M, self.y_cm / CM_PER_M, wrap(self.heading_mrad / MRAD_PER_RAD))
 
     @property
     def past(self) -> tuple[tuple[float, float], ...]:
-        """The trail as absolute (x, y) in m, newest first."""
+        """The trail as absolute (x, y) in m, newest first.
+
+        For example, at (10, 20) m the trail ((-50, 0), (-50, 10)) gives ((9.5, 20.0), (9.0, 20.1)).
+        """
         if not self.trail:
             return ()
         places = []
@@ -251,6 +270,8 @@ def _longest_bytes(field: WireField) -> int:
 def as_received(pose: Pose) -> Pose:
     """Round a pose to centimetres and milliradians, as every receiver of its frame computes with it.
 
+    For example, ``Pose(1.23456, 2.0, 0.12345)`` becomes ``Pose(1.23, 2.0, 0.123)``.
+
     Every footprint is computed from such a pose, so that truth, belief and observers agree to the point.
 
     Args:
@@ -271,6 +292,8 @@ def as_received(pose: Pose) -> Pose:
 def longest_frame(trail: int, *, tagged: bool) -> int:
     """Return the most bytes that a frame can have.
 
+    For example, 28 without trail and tag, 38 with a tag, and 63 with a tag and four past positions.
+
     Args:
         trail: How many past positions it carries.
         tagged: Whether it carries a tag.
@@ -281,6 +304,8 @@ def longest_frame(trail: int, *, tagged: bool) -> int:
 
 def encode(position: Position, key: bytes | None = None) -> bytes:
     """Encode a position as a frame: at most 28 bytes bare, at most 63 with trail and tag.
+
+    For example, a position of 16 bytes takes 26 with a key.
 
     Args:
         position: To send.
@@ -301,6 +326,8 @@ def encode(position: Position, key: bytes | None = None) -> bytes:
 
 def decode(frame: bytes, key: bytes | None = None) -> Position:
     """Decode the position in a frame.
+
+    For example, the frame ``[2, 1]`` raises `Rejected`: "version: version 2, this is version 1".
 
     With a key every frame must carry its tag; without one a tag is skipped unchecked.
 

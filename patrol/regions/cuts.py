@@ -94,6 +94,7 @@ def _make_plan(rings: Sequence[Ring]) -> Plan:
     to, onward = corners - corners[before], corners[after] - corners
     longer = np.maximum(np.hypot(*to.T), np.hypot(*onward.T))
     turn, ahead = cross(to, onward), np.einsum("ij,ij->i", to, onward) > 0.0
+    # The cross product over the longer side is about the corner's depth, so that shallow dents stay.
     return Plan(corners, before, after, np.flatnonzero(turn < np.where(ahead, -DENT * longer, -FLAT)))
 
 
@@ -106,6 +107,7 @@ def _part_at_touches(plan: Plan) -> None:
         offset = plan.corners[v] - begin
         share = (offset * along).sum(axis=1) / length**2
         on = (np.abs(cross(along, offset)) <= FLAT * length) & (share > 0.0) & (share < 1.0)
+        # Its own two sides do not count.
         on[[v, plan.before[v]]] = False
         for side in np.flatnonzero(on).tolist():
             plan.stops.setdefault(side, []).append((float(share[side]), v))
@@ -132,6 +134,8 @@ def _shared_cuts(plan: Plan) -> tuple[list[tuple[int, int]], Floats, Floats]:
 
 def best_set(cuts: Sequence[tuple[int, int]], first: Floats, second: Floats) -> list[tuple[int, int]]:
     """Choose as many cuts as possible that neither cross nor share a corner, preferring shorter ones.
+
+    For example, of (0, 1) and (1, 2), which share a corner, only the shorter (0, 1).
 
     A local optimum: no chosen cut can be exchanged for two others, nor for a shorter one. `cuts` must come shortest
     first; the rows of `first` and `second`, float64 (k, 2), are their ends.
@@ -184,13 +188,16 @@ def _cut_off_the_rest(plan: Plan) -> None:
     while waiting.size:
         v = int(waiting[np.argmin(ways[waiting, 0])])
         waiting = waiting[waiting != v]
+        # No cut from this corner ends anywhere, so it stays.
         if ways[v, 4] < 0.0:
             continue
         to = _cut_end(plan, v, ways[v])
         plan.cuts.append((v, to))
+        # The cut may serve the corner in which it ends as well.
         if to in waiting and _leaves_convex(plan, to, v):
             waiting = waiting[waiting != to]
         start, stop = np.array([plan.place(v)]), np.array([plan.place(to)])
+        # For corners that wait, the new cut may be nearer than a wall.
         plan.shorten(waiting, start, stop, n + len(plan.cuts) - 1, ways)
 
 
@@ -229,6 +236,7 @@ def _walk_faces(plan: Plan) -> Iterator[Floats]:
                 onward.setdefault(ahead, []).append(here)
     bearing = {(here, ahead): _cut_bearing(plan, here, ahead) for here, ways in onward.items() for ahead in ways}
     walked: set[tuple[int, int]] = set()
+    # By number, so that the order of regions is always the same.
     for here, ways in sorted(onward.items()):
         for ahead in ways:
             if (here, ahead) in walked:

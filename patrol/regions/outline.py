@@ -69,13 +69,17 @@ def simplified(loops: Sequence[Floats], fill: float) -> list[Ring]:
 def trace_loops(mask: BoolGrid) -> list[Floats]:
     """Return the exact outline of a mask, by loop: corners (x, y), float64 (n, 2), inside on the left.
 
+    For example, of the point (0, 0) alone: (1, 0), (1, 1), (0, 1), (0, 0).
+
     Where two points touch at a corner only, each one's corner is drawn back by NOTCH, so that loops never touch.
     """
     framed = np.pad(mask, 1)
     around = framed[:-1, :-1].astype(np.int8) + framed[1:, :-1] + framed[:-1, 1:] + framed[1:, 1:]
     pinched = (around == 2) & (framed[:-1, :-1] == framed[1:, 1:]) & (framed[:-1, :-1] != framed[1:, :-1])
+    # An odd number of points around makes one corner; two that only touch make two.
     count = int(np.count_nonzero(around % 2) + 2 * np.count_nonzero(pinched))
     corners = np.empty((count, 2), dtype=np.int32)
+    # Each loop has four corners at least.
     ends = np.empty(count // 4 + 1, dtype=np.int32)
     passed = np.zeros((mask.shape[0] + 1, mask.shape[1] + 1), dtype=np.uint8)
     number = int(trace(np.ascontiguousarray(mask).view(np.uint8), passed, corners, ends))
@@ -104,8 +108,10 @@ def _straighten_loop(loop: Floats, everything: Floats, fill: float) -> Ring:
         chosen = work[3][: int(fewest_corners(xs, ys, middle, banned, fill, SHAVE, *work))]
         sides = [(int(i), int(j)) for i, j in zip(chosen, np.roll(chosen, -1), strict=True)]
         bad = [side for side in sides if _shuts_in(loop, side, everything)]
+        # Too few corners, or turned inside out: the polygon has skipped too much.
         if not bad and (chosen.size < 3 or area(loop[chosen]) * area(loop) <= 0.0):
             longest = max(sides, key=lambda side: (side[1] - side[0]) % n)
+            # No side skips anything, so this is the exact outline.
             if (longest[1] - longest[0]) % n == 1:
                 break
             bad = [longest]
@@ -116,7 +122,7 @@ def _straighten_loop(loop: Floats, everything: Floats, fill: float) -> Ring:
 
 
 def _corners_between(i: int, j: int, n: int) -> Ints:
-    """Indices of the corners passed on the way from i to j."""
+    """Return the indices of the corners passed on the way from i to j; for example 5 and 0 from 4 to 1 of six."""
     return np.arange(i + 1, j if j > i else j + n, dtype=np.int64) % n
 
 
@@ -127,6 +133,7 @@ def _shuts_in(loop: Floats, side: tuple[int, int], everything: Floats) -> bool:
         return False
     pocket = loop[np.concatenate([[side[0]], passed, [side[1]]])]
     low, high = pocket.min(axis=0), pocket.max(axis=0)
+    # The end of a search is exclusive, so it goes on to the next larger number.
     near = everything[slice(*np.searchsorted(everything[:, 1], (low[1], np.nextafter(high[1], np.inf))))]
     near = near[(near[:, 0] >= low[0]) & (near[:, 0] <= high[0])]
     is_pocket = (near[:, None, :] == pocket[None, :, :]).all(axis=2).any(axis=1)
@@ -143,6 +150,7 @@ def _in_polygon(places: Floats, polygon: Floats) -> BoolGrid:
         within = (np.minimum(x0, x1) <= x) & (x <= np.maximum(x0, x1))
         within &= (np.minimum(y0, y1) <= y) & (y <= np.maximum(y0, y1))
         on |= within & (np.abs(beside) <= FLAT)
+        # A horizontal side crosses no horizontal ray.
         if y0 != y1:
             inside ^= ((y >= y0) != (y >= y1)) & (x < x0 + (y - y0) * (x1 - x0) / (y1 - y0))
     return inside | on
@@ -233,6 +241,7 @@ def _may_replace(chain: Floats, a: Floats, place: Floats, b: Floats, fill: float
 def _side_distances(places: Floats, a: Floats, b: Floats) -> Floats:
     """Distances of places, (k, 2), from the straight side from a to b."""
     side = b - a
+    # A side of no length has no direction, and any share of it is its one place.
     share = np.clip((places - a) @ side / max(float(side @ side), 1e-300), 0.0, 1.0)
     distances: Floats = np.hypot(*(places - a - share[:, None] * side).T)
     return distances
@@ -251,4 +260,5 @@ def _crosses_sides(sides: Floats, a: Floats, b: Floats) -> bool:
     begin, end = sides[:, 0], sides[:, 1]
     apart = cross(b - a, begin - a) * cross(b - a, end - a)
     across = cross(end - begin, a - begin) * cross(end - begin, b - begin)
+    # Strictly, since sides that touch do not cross.
     return bool(((apart < -FLAT) & (across < -FLAT)).any())

@@ -76,7 +76,7 @@ class RegionSplit:
 
     @staticmethod
     def load(folder: Path) -> RegionSplit:
-        """Load what `save` wrote, with memory-mapped, read-only arrays."""
+        """Load the files of `save`, with memory-mapped, read-only arrays."""
         facts = json.loads((folder / FACTS).read_text(encoding="utf-8"))
         labels, parts = (load_grid(folder / f"{name}.npy") for name in GRIDS)
         links = tuple(

@@ -68,6 +68,8 @@ def resolve_lengths(
 ) -> Mapping[int, BodyLengths]:
     """Return the lengths of every robot's patrol, by robot number.
 
+    For example, a robot of 0.3 m at 1 m/s with steps of 0.5 s has a goal distance of 1.65 m and a dilatation of 1.5 m.
+
     They are what the section states, and for each ``auto`` what follows from the body, in multiples of 1 mm. Robots of
     one radius and speed share an object. `point` and `sensor_range` are in m, `step` is in s.
     """

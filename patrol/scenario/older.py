@@ -77,6 +77,8 @@ def translate_field(field: str) -> str:
 def translate_overrides(overrides: Mapping[str, Any], patrol: object) -> dict[str, Any]:
     """Translate overrides of an earlier version, by dotted field; leave those of this version as they are.
 
+    For example, ``{"patrol.alpha": 40}`` becomes ``{"patrol.options.alpha": 40}``.
+
     `patrol` is the section that they are laid over, as this version has it. `commitment` chooses a policy, with the
     defaults of 0.2 where the section has another one. In the result a policy comes first.
     """

@@ -50,7 +50,10 @@ _NAMES: Mapping[str, str] = MappingProxyType({patrol.policy: name for name, patr
 
 
 def patrol_name(policy: str) -> str:
-    """Return the short name of a policy's patrol, ``tour`` for ``committed``, or ``policy NAME`` where it has none."""
+    """Return the short name of a policy's patrol, ``tour`` for ``committed``, or ``policy NAME`` where it has none.
+
+    For example, `hpcc` has none and gives "policy hpcc".
+    """
     return _NAMES.get(policy, f"policy {policy}")
 
 
@@ -62,6 +65,8 @@ def describe_patrol(policy: str) -> str:
 
 def patrol_settings(name: str | None, others: Mapping[str, object]) -> dict[str, object]:
     """Return the settings of a named patrol, by dotted field of the scenario; none for None.
+
+    For example, "tour" gives ``{"patrol.policy": "committed"}``.
 
     Raises BadInput for an unknown name, and where the other settings, by dotted field, choose a policy too.
     """

@@ -48,11 +48,13 @@ class Metric:
 
     @property
     def scale(self) -> float:
-        """The factor between the stored and the printed value."""
+        """The factor between the stored and the printed value, for example 100 for a metric in "%"."""
         return 100.0 if self.unit == "%" else 1.0
 
     def number(self, value: Number, group: str = "") -> str:
         """Format a value as stored without its unit; None gives "-".
+
+        For example, 0.9512 of a metric in "%" with two digits gives "95.12".
 
         `group` stands between groups of three digits.
         """
@@ -67,6 +69,8 @@ class Metric:
 
     def reduced(self, values: Sequence[Any]) -> Number:
         """Return the number in a sweep's column.
+
+        For example, a metric that sweeps have as "mean" gives 3.0 for 2.0 and 4.0.
 
         `values` come robot by robot; for a metric that a run has once, they are that one value.
         """

@@ -92,6 +92,7 @@ def find_tour(
         if tour.length >= length:
             break
         best, length = tour.places, tour.length
+    # The thinned grid may leave points unseen, which the exact one finds.
     tour = _Patrol(best, exact, ways)
     tour.complete(part, proxy)
     tour.tighten()
@@ -144,6 +145,7 @@ class _Ways:
 
     def _kept_pair(self, first: int, last: int) -> tuple[int, int]:
         """Return the ends of the way that is kept for two points."""
+        # Without one-way zones a way is the same in both directions, so one of them is kept.
         return (first, last) if self._against.size or first < last else (last, first)
 
     def _sample_way(self, rows: Flat, cols: Flat) -> tuple[float, tuple[int, ...]]:
@@ -160,6 +162,7 @@ class _Ways:
     def ordered(self, places: list[int]) -> list[int]:
         """Return places in the order of a short closed tour."""
         order = self._in_short_order(places)
+        # With one-way zones the two directions differ in length.
         return min(order, order[::-1], key=self.length) if self._against.size else order
 
     def _in_short_order(self, places: list[int]) -> list[int]:
@@ -168,6 +171,7 @@ class _Ways:
             return places
         flat = np.array([self._flat_index(cell) for cell in places], dtype=np.int64)
         lengths = np.empty((len(places), len(places)), dtype=np.int32)
+        # Short searches suffice for most pairs of places.
         limit = round(100.0 * self._near)
         while lengths_between(self._framed, flat, limit, lengths):
             if limit > 141 * self._framed.size:
@@ -183,7 +187,7 @@ class _Ways:
 
 
 class _Patrol:
-    """A closed tour and what is seen on it, which becomes shorter while it still sees all."""
+    """A closed tour and the ground that is seen on it; it becomes shorter while all ground is still seen."""
 
     def __init__(self, places: list[int], views: Views, ways: _Ways) -> None:
         self.places = list(places)  # in order
@@ -271,10 +275,12 @@ class _Patrol:
             return False
         now = [before, *new, after]
         length = sum(self._ways.way(*pair)[0] for pair in pairwise(now))
+        # Less than a least gain would move places to and fro by rounding.
         if length > self._ways.way(before, old)[0] + self._ways.way(old, after)[0] - GAIN * self._ways.stride:
             return False
         added = [*new, *(sample for pair in pairwise(now) for sample in self._ways.way(*pair)[1])]
         removed = [old, *self._ways.way(before, old)[1], *self._ways.way(old, after)[1]]
+        # All that is new first, so that ground which both see never counts as unseen.
         for cell in added:
             self._views.add(cell)
         for count, cell in enumerate(removed, start=1):

@@ -72,12 +72,15 @@ def plan_visits(base: Round, grounds: Mapping[int, Ground], robots: int) -> tupl
         overdue = _overdue_factor(base, grounds, robots, [present])[0] if present else np.ones(len(grounds))
         if present and overdue.max() <= 1.0:
             break
+        # All candidates are compared in one call: longest gaps are found for many plans at a time.
         visits.append(best(list(grounds)[int(overdue.argmax())], present))
         for _ in range(SWEEPS):
+            # A copy, since the visits change while they are moved.
             for visit in list(visits):
                 visits.remove(visit)
                 visits.append(best(visit.ground, [*fixed, *visits]))
         plan = tuple(sorted([*fixed, *visits], key=lambda visit: visit.place))
+        # A plan that leaves out some ground is none.
         if {visit.ground for visit in plan} == set(grounds):
             plans.append((float(_round_costs(base, grounds, robots, [plan])[0]), plan))
     return min(plans)[1]
@@ -96,10 +99,12 @@ def longest_gaps_m(base: Round, grounds: Iterable[int], robots: int, plans: Sequ
     middle_m = base.along[stop.astype(np.int64)] + length_m.cumsum(axis=1) - 0.5 * length_m
     gaps = []
     for ground in grounds:
+        # Visits of all robots repeat with each lap, so only the place within a lap counts.
         visits_m = np.sort(np.where(number == ground, middle_m % lap_m, np.inf), axis=1)
         last = np.where(np.isfinite(visits_m), visits_m, -np.inf).max(axis=1)
         within = np.where(np.isfinite(last), last, 0.0)[:, None]  # infinity minus infinity is no number
         spread = np.diff(np.minimum(visits_m, within), axis=1).max(axis=1, initial=0.0)
+        # From the last visit of a lap to the first of the next one, too.
         gaps.append(np.where(np.isfinite(last), np.maximum(spread, visits_m[:, 0] + lap_m[:, 0] - last), np.inf))
     return np.stack(gaps, axis=1)
 
@@ -129,12 +134,14 @@ def with_visits(base: Round, grounds: Mapping[int, Ground], visits: Sequence[Vis
     numbers = np.zeros(len(base.places), dtype=np.int64)
 
     def put(place: int, at_m: float) -> int:
+        # A place where two parts meet is put in once.
         if not places or places[-1] != place:
             places.append(place)
             along.append(at_m)
         return len(places) - 1
 
     driven, before = 0.0, 0
+    # One more visit, of no ground, puts in what is left of the round.
     for visit in [*visits, Visit(-1, len(base.places) - 1, 0.0)]:
         for number in range(before, visit.place + 1):
             numbers[number] = put(int(base.places[number]), float(base.along[number]) + driven)
@@ -154,6 +161,7 @@ def with_visits(base: Round, grounds: Mapping[int, Ground], visits: Sequence[Vis
             own_numbers[number] = put(int(ground_round.places[number]), start_m + lengths[-1] + ahead_m)
         parts.append((ground_round, own_numbers))
         driven += visit.length_m
+        # Back by the same way, which is as long.
         for place, length_m in zip(reversed(way), reversed(lengths), strict=True):
             put(place, start_m + visit.length_m - length_m)
     parts.append((base, numbers))
@@ -179,6 +187,7 @@ def _way_down(ways: NDArray[np.float32], place: int) -> tuple[list[int], list[fl
         for up, across in ((0, 1), (1, 0), (0, -1), (-1, 0), (1, 1), (1, -1), (-1, 1), (-1, -1)):
             to_row, to_col = row + up, col + across
             beside = ways[row, to_col : to_col + 1], ways[to_row : to_row + 1, col]
+            # A diagonal step needs both points beside it.
             if 0 <= to_row < ways.shape[0] and 0 <= to_col < ways.shape[1] and np.isfinite(beside).all():
                 steps.append((float(ways[to_row, to_col]), to_row, to_col))
         _, row, col = min(steps)

@@ -1,1 +1,1 @@
-"""The verdict's checks: what must be true of an honest run, from its scenario, its journal and the exit codes."""
+"""The verdict's checks of the rules that an honest run keeps, from its scenario, its journal and the exit codes."""

@@ -78,6 +78,7 @@ class OnTime(Check):
     def _at_once(self, record: TickRecord, landed: Links) -> None:
         """Judge a tick in which nothing is delayed, copied or in flight."""
         places = places_of(landed)
+        # One sort shows that a tick is right; only a wrong one is counted link by link.
         if places is None or (landed.sequence != record.k).any() or (np.diff(np.sort(places)) == 0).any():
             for link, times in Counter(landed).items():
                 if sent_at(link[2]) != record.k:
@@ -103,6 +104,7 @@ class OnTime(Check):
                     continue
                 extra = (0.0, 0.0) if entry.fault.delay is None else bounds(entry.fault.delay)
                 spans.append((takes[0] + extra[0], takes[1] + extra[1]))
+            # A frame recorded as delayed is heard in a later tick at the earliest.
             soonest = record.k + bool(holders)
             ticks = [
                 (self._heard_in(record.k, shortest), self._heard_in(record.k, longest)) for shortest, longest in spans
@@ -140,6 +142,7 @@ class OnTime(Check):
         """Return the tick in which a frame is heard that was sent in tick k and takes a time in seconds."""
         if math.isinf(seconds):
             return math.inf
+        # Rounding must not put a frame off to the next tick.
         return k + max(0, math.ceil((seconds - SOON * self._step) / self._step - 1e-9))
 
     def _land(self, link: Link, k: int) -> None:
@@ -178,7 +181,7 @@ class ShareCheck(Check):
         self._series.setdefault(entry.index, []).append(Series(p, words, expected))
 
     def _details(self) -> Iterator[str]:
-        """Say what was counted; nothing where no fault acts by chance."""
+        """Yield the counts as text; nothing where no fault acts by chance."""
         return (series.found() for of_fault in self._series.values() for series in of_fault)
 
     def _end(self) -> str:
@@ -217,6 +220,7 @@ class LossesAsAsked(ShareCheck):
                 self._add(entry, rate, "frames were lost")
                 continue
             recovers = 1.0 / entry.fault.mean_burst
+            # With this chance, links are bad for the share `rate` of the time in the long run.
             self._add(entry, min(rate * recovers / (1.0 - rate), 1.0), "good ticks turned bad")
             self._add(entry, recovers, "bad ticks turned good")
             self._add(entry, rate, "links were bad to begin with")
@@ -265,6 +269,7 @@ class LossesAsAsked(ShareCheck):
         self._bad[entry.index][link] = k, is_bad
         if k == entry.begin:
             first.add(is_bad)
+        # Links are seen only in ticks with a frame, so turns are counted between neighbouring ticks alone.
         if before is not None and before[0] == k - 1:
             (to_good if before[1] else to_bad).add(is_bad != before[1])
 
@@ -333,7 +338,10 @@ def alarm_of(timeline: Timeline) -> float:
 
 
 def bounds(wait: Wait) -> Span:
-    """Return the least and the greatest length of a wait, s."""
+    """Return the least and the greatest length of a wait, s.
+
+    For example, (0.1, 0.4) for ``uniform: [0.1, 0.4]``, and (0, infinity) for ``exponential: 2``.
+    """
     first, *parameters = wait.values
     match wait.shape:
         case "constant":
@@ -347,6 +355,8 @@ def bounds(wait: Wait) -> Span:
 
 def longer(wait: Wait, seconds: float) -> float:
     """Return the probability that a random wait is longer than a time of 0 s or more.
+
+    For example, 0.37 for 2 s and ``exponential: 2``.
 
     The wait's distribution must not be constant.
     """

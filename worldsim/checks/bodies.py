@@ -1,4 +1,4 @@
-"""The verdict's checks of bodies: where they are, how they got there, and what is left in their batteries."""
+"""The verdict's checks of bodies: their places, their moves, and the charge of their batteries."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ short run the warning for a single meeting in a door, which may cost a few bumps
 """
 
 NOTHING_J = 1e-3
-"""What is left in a battery that is empty, at most, J."""
+"""Largest charge of a battery that counts as empty, J."""
 
 DIGITS = 6
 """Decimals of a distance to a dock, m: the last bit of a distance does not decide which of two robots is nearer."""
@@ -70,6 +70,7 @@ class BodiesApart(Check):
         terrain = self._ground.terrain
         for robot, radius in zip(here, radii, strict=True):
             pose = Pose(robot.x, robot.y, robot.heading)
+            # Less than the radius by a slack, so that touching a wall is no overlap.
             if free_fraction(terrain, pose, pose, max(radius - SLACK, 0.0)) < 1.0:
                 where = f"({robot.x:.3f}, {robot.y:.3f})"
                 self._fail(f"{self._name(robot.number)} is over a wall at tick {record.k}, at {where}")
@@ -108,6 +109,7 @@ class MovesAreTrue(Check):
             self._due[number] = self._starts[number]
         commands = {row.number: command_of(self._specs[row.number].model, row.c0, row.c1) for row in record.robots}
         uneven = robots_hit(self._uneven, record.k)
+        # Draws count for robots under a motion fault alone; all others must obey exactly.
         driven = commands | {n: to for n, to in self._noise.driven(record.k, commands).items() if n in uneven}
         for row in record.robots:
             spec, pose = self._specs[row.number], Pose(row.x, row.y, row.heading)
@@ -140,12 +142,14 @@ class MovesAreTrue(Check):
                 continue
             other_far_m = driven[neighbour.number].speed_mps * self._step
             reach_m = radius + self._specs[neighbour.number].radius + far_m + other_far_m
+            # Both may have driven as far as they could, at most.
             if math.hypot(neighbour.x - row.x, neighbour.y - row.y) <= reach_m + SLACK:
                 return ""
         return "has a cancelled move although neither a wall nor another body was in its way,"
 
     def _problem_of(self, row: RobotTick, spec: RobotSpec, pose: Pose, command: Command) -> str:
         expected = self._due[row.number]
+        # To the bit: both sides are computed by the same code from the same numbers.
         if pose != expected:
             return f"is at {_place(pose)} and not at {_place(expected)}, where its last move ended,"
         if row.status is not Status.ALIVE and (not is_halt(command) or row.bumped):
@@ -230,6 +234,7 @@ class BatteriesLast(Check):
         is_on = np.array([row.status in _ON for row in rows])
         if self._was_on is not None:
             returned = is_on & ~self._was_on
+            # Its process began anew, and so does its charge.
             self._left[returned] = self._first[returned]
         self._was_on = is_on
         ways = np.array([self._way_of(row) for row in rows])
@@ -264,6 +269,7 @@ class BatteriesLast(Check):
             return set()
         spots = np.array([(row.x, row.y) for row in rows])
         away = np.hypot(spots[:, None, 0] - self._places[None, :, 0], spots[:, None, 1] - self._places[None, :, 1])
+        # Rounded, so that the last bit does not decide which of two robots is charged.
         away = away.round(DIGITS)
         away[~stands] = np.inf
         nearest = away.argmin(axis=0)

@@ -30,17 +30,25 @@ def evidence(hits: int, draws: int, p: float) -> float:
     if hits:
         under += hits * math.log(p)
     if draws - hits:
+        # Exact also where p is tiny.
         under += (draws - hits) * math.log1p(-p)
     return _log_beta(hits + 0.5, draws - hits + 0.5) - _log_beta(0.5, 0.5) - under
 
 
 def enough(draws: int, p: float, alarm: float) -> bool:
-    """Return True if there are enough draws that some number of hits would be unexplained."""
+    """Return True if there are enough draws that some number of hits would be unexplained.
+
+    For example, at 1e-9 and p = 0.3, 100 draws are enough; at p = 0.5, 3 draws are not.
+    """
+    # No count is less likely than one of these two.
     return max(evidence(0, draws, p), evidence(draws, draws, p)) >= -math.log(alarm)
 
 
 def unexplained(hits: int, draws: int, p: float, alarm: float) -> bool:
-    """Return True if chance does not explain a number of hits; `alarm` bounds a false alarm's probability."""
+    """Return True if chance does not explain a number of hits; `alarm` bounds a false alarm's probability.
+
+    For example, at 1e-9 and p = 0.3, chance explains 60 hits of 100 draws, but not 90.
+    """
     return evidence(hits, draws, p) >= -math.log(alarm)
 
 

@@ -43,7 +43,7 @@ class CheckResult:
 class JudgedRun:
     """A run as its verdict knows it, and the readings of its journal."""
 
-    journal: RunRecord  # may still be being written: events and end are read when they are needed
+    journal: RunRecord  # in one process still being written: events and end are read when they are needed
     prepared: Prepared
     timeline: Timeline
     exit_codes: Mapping[str, int | None]  # by process, None: never seen to end; empty for a run in one process
@@ -140,7 +140,7 @@ class JournalReading(ABC):
         return events[first : self._events_read]
 
     def _name(self, number: int) -> str:
-        """Return what to call a robot, or the sender of forged frames."""
+        """Return the name of a robot, or of the sender of forged frames."""
         return "a forger" if number == FORGED else self._run.names.get(number, str(number))
 
 
@@ -226,7 +226,7 @@ def active(entry: Entry, k: int) -> bool:
 
 
 def on_link(entry: Entry, origin: int, to: int) -> bool:
-    """Return True if a fault of links acts on what one robot's radio sends to another."""
+    """Return True if a fault of links acts on the frames that one robot's radio sends to another."""
     return origin in entry.sources and to in entry.targets
 
 

@@ -1,4 +1,4 @@
-"""The verdict's checks of faults of senses, clocks and motion, by what robots report and where bodies get to.
+"""The verdict's checks of faults of senses, clocks and motion, by reports of robots and places of bodies.
 
 They use neither `worldsim.robots.senses` nor `worldsim.robots.noise`, which make these errors, and repeat no draw (the
 check `moves` repeats those of motion). They measure the errors, and judge whether they are as large as asked, and
@@ -146,6 +146,7 @@ class SensesAsAsked(Check):
         x_min, y_min, x_max, y_max = self._bounds
         if not (x_min <= x <= x_max and y_min <= y <= y_max):
             self._blame(row.number, f"reports in tick {k} a place off the terrain: ({x:.2f}, {y:.2f})")
+        # The remainder also compares headings on both sides of 0.
         if abs(math.remainder(said.heading_mrad / MRAD_PER_RAD - row.heading, TAU)) > ROUNDED_RAD:
             self._blame(row.number, f"reports in tick {k} a heading of {said.heading_mrad} mrad, which is not its own")
         drifts = [(entry, entry.fault) for entry in mine if isinstance(entry.fault, Drift)]
@@ -155,6 +156,7 @@ class SensesAsAsked(Check):
             due_x += fault.bias[0] + fault.growth[0] * elapsed_s
             due_y += fault.bias[1] + fault.growth[1] * elapsed_s
             if fault.jump is not None:
+                # Rounding must not make a jump a tick late.
                 jumps.append(math.floor(elapsed_s / fault.jump.every + 1e-9))
         if len(jumps) <= 1:
             reports = self._reports_of(row.number, drifts, sum(jumps))
@@ -173,6 +175,7 @@ class SensesAsAsked(Check):
             self._compare(number, reports)
         noise = math.hypot(*(drift.noise for _, drift in drifts))
         size = max((drift.jump.size for _, drift in drifts if drift.jump is not None), default=0.0)
+        # Without a jump the error is known exactly, as if it had been measured for ever.
         before = None if jumps else _Segment(0, math.inf)
         self._reports[number] = _Reports(entries, noise, size, _Segment(jumps), before)
         return self._reports[number]
@@ -185,6 +188,7 @@ class SensesAsAsked(Check):
                 reports.now.add(said[0] - due[0], said[1] - due[1])
             return
         expected = due[0] + segment.x, due[1] + segment.y
+        # The mean that it is compared with is uncertain as well, by its own share of the noise.
         spread = reports.noise * math.sqrt(1.0 + 1.0 / segment.count)
         margin = 2.0 * ROUNDED_M + SURE * spread
         inland = [self._inland(coordinate, axis, margin) for axis, coordinate in enumerate(expected)]
@@ -213,6 +217,7 @@ class SensesAsAsked(Check):
             return
         apart = math.hypot(now.x - before.x, now.y - before.y)
         noise = reports.noise * math.sqrt(1.0 / now.count + 1.0 / before.count)
+        # The bound holds along each axis, so lengths may differ by sqrt(2) times as much.
         slack = math.sqrt(2.0) * (2.0 * ROUNDED_M + SURE * noise)
         jumps = now.jumps - before.jumps
         if apart > jumps * reports.size + slack or (jumps == 1 and apart < reports.size - slack):
@@ -267,6 +272,7 @@ class MotionAsAsked(Check):
             mine = [entry for entry in now if row.number in entry.who]
             if len(mine) == 1 and row.status is Status.ALIVE and not is_halt(self._command(row)):
                 self._moves[row.number] = record.k, mine[0], row
+                # Other robots may be under all motion faults at once.
                 if self._has_room(row, record.robots, FASTEST ** len(now)):
                     self._roomy.add(row.number)
 
@@ -314,6 +320,7 @@ class MotionAsAsked(Check):
                     return  # which way it turned is not told
                 turned = math.remainder(after.heading - row.heading, TAU)
                 half = 0.5 * turned
+                # An arc is longer than its chord.
                 driven_m = chord_m * (half / math.sin(half) if abs(half) > LEAST else 1.0)
                 if isinstance(command, Drive):
                     bend = math.copysign(driven_m, command.speed) * command.curvature
@@ -342,7 +349,7 @@ class MotionAsAsked(Check):
         self._fast.add(error > 0.0)
 
     def _is_new(self, what: str, every: float | None, move: Move) -> bool:
-        """Return True for the first move that shows what was drawn for a stretch of time."""
+        """Return True for the first move that shows the draw for a stretch of time."""
         k, entry, row = move
         stretch = k if every is None else math.floor((k - entry.begin) * self._step / every + 1e-9)
         previous = self._stretches.get((entry.index, row.number, what))

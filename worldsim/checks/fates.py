@@ -79,7 +79,7 @@ def origins_of(record: TickRecord, forgers: Mapping[str, int]) -> dict[tuple[int
 
 
 def fates(record: TickRecord, forgers: Mapping[str, int]) -> Iterator[tuple[int, Link, str]]:
-    """Yield every frame of a tick on every link: the robot whose radio sent it, the link, what stopped it.
+    """Yield every frame of a tick on every link: the robot whose radio sent it, the link, the cause that stopped it.
 
     The last is empty where nothing stopped the frame when it was sent, so that it arrives, sooner or later.
     """
@@ -125,12 +125,18 @@ def _pairs(sources: tuple[int, ...], here: tuple[int, ...]) -> Pairs:
 
 
 def kind_of(cause: str) -> str:
-    """Return the kind of what dropped a frame, from the cause that the journal names."""
+    """Return the kind of fault that dropped a frame, from the cause that the journal names.
+
+    For example, "loss" of "loss:f1".
+    """
     return cause.partition(":")[0]
 
 
 def fault_of(cause: str) -> str:
-    """Return the id of the fault that dropped a frame, empty where none did."""
+    """Return the id of the fault that dropped a frame, empty where none did.
+
+    For example, "f1" of "loss:f1".
+    """
     return cause.partition(":")[2]
 
 
@@ -201,6 +207,7 @@ class DropsExplained(Check):
 
 def _origins(dropped: Drops, sent: Mapping[tuple[int, int], int], k: int) -> NDArray[np.int64]:
     """Return the robot whose radio sent each dropped frame; `NO_ROBOT` also where none was sent."""
+    # A position has its tick as sequence; only the few contacts and forgeries are looked up one by one.
     positions = [source for source, sequence in sent if source != FORGED and sequence == k]
     is_position = (dropped.sequence == k) & np.isin(dropped.source, positions)
     origins = np.where(is_position, dropped.source, NO_ROBOT)
@@ -225,6 +232,7 @@ class NothingCrossed(Check):
         self._stopped = 0
 
     def _tick(self, record: TickRecord) -> None:
+        # A silence is named before a partition, as in the order of faults.
         cuts = sorted(self._active(record.k), key=lambda entry: isinstance(entry.fault, Partition))
         for origin, link, why in fates(record, self._run.forgers) if cuts else ():
             if why in (OVERSIZED, OWN):
@@ -248,7 +256,7 @@ class NothingCrossed(Check):
 
 
 def _stops(entry: Entry, origin: int, to: int) -> bool:
-    """Return True if a silence or partition stops what a radio sends to a robot; a stranger is in no group."""
+    """Return True if a silence or partition stops the frames of a radio to a robot; a stranger is in no group."""
     fault = entry.fault
     if isinstance(fault, Silence):
         muted = origin in entry.who and fault.direction != "in"
@@ -305,6 +313,7 @@ class WithinBandwidth(Check):
         if not entries:
             return
         for entry in entries:
+            # In its fault's first tick a bucket is still empty.
             for number in entry.who if record.k > entry.begin else ():
                 self._buckets[entry.index, number].leak(self._step)
         whys: dict[tuple[int, int], list[str]] = defaultdict(list)
@@ -320,18 +329,20 @@ class WithinBandwidth(Check):
         return f"{self._bytes} bytes sent within the bandwidth"
 
     def _sort_out(self, on: Sequence[Entry], number: int, size: int, whys: Sequence[str], k: int) -> None:
-        """Count a frame of `size` bytes by what became of it on each link."""
+        """Count a frame of `size` bytes by its fate on each link."""
         jams = {fault_of(why) for why in whys if kind_of(why) == "bandwidth"}
         sent = any(kind_of(why) not in BEFORE_THE_AIR for why in whys)
         for entry in on:
             bucket = self._buckets[entry.index, number]
             if entry.id in jams and (sent or bucket.most + size <= bucket.room - ROUNDING_BYTES):
                 self._fail(f"bandwidth {entry.id} stopped {self._name(number)} in tick {k} although it had bytes left")
+            # A frame that one bandwidth stopped uses up no other.
             if jams:
                 continue
             if sent:
                 bucket.least += size
                 self._bytes += size
+            # It may have counted, even if other faults stopped it on every link.
             bucket.most = min(bucket.most + size, bucket.room)
             if bucket.least > bucket.room + ROUNDING_BYTES:
                 self._fail(f"{self._name(number)} exceeded {bucket.per_s:g} bytes/s in tick {k}")

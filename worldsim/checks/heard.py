@@ -35,7 +35,7 @@ _GONE = tuple(status.name.lower() for status in (Status.DEAD, Status.LEFT, Statu
 
 
 class _Stated:
-    """A radio model that loses what the journal says that the run's model has lost."""
+    """A radio model that loses the frames that the run's model has lost by the journal."""
 
     record: TickRecord | None = None  # the tick that it is asked about next
 
@@ -152,12 +152,14 @@ class LinksAddUp(Check):
         settled = joined(links_of(record.deliveries), drops_of(record.dropped))
         self._sent += len(links) + len(record.copies)
         self._settled += len(settled)
+        # Most ticks settle all that they send; only the others are counted link by link.
         if not record.copies and _same_links(links, settled):
             return
         self._open.update(links)
         self._open.update(copy[:3] for copy in record.copies)
         for link in settled:
             self._open[link] -= 1
+            # Settled links go, or a long run would fill the memory.
             if self._open[link] == 0:
                 del self._open[link]
 
@@ -215,7 +217,7 @@ class Used:
         return before
 
     def clear(self, row: int) -> None:
-        """Forget what a robot has accepted: another process takes its place."""
+        """Forget the frames that a robot has accepted: another process takes its place."""
         for bits in self._bits.values():
             bits[row] = 0
 
@@ -304,6 +306,7 @@ class Hearing(Check):
                 continue
             for row, is_again in zip(rows.tolist(), again.tolist(), strict=True):
                 number = intake.listeners[row]
+                # Its place among the frames that this robot heard, the forged ones first.
                 index = int(np.count_nonzero(intake.heard[row, :column]))
                 if index < len(forged.get(number, ())):
                     forgery = AcceptedForgery(number, forged[number][index], position, is_again)

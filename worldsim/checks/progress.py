@@ -184,7 +184,10 @@ class ProgressCheck(Check):
         return self._ticks if trap.until is None else trap.until
 
     def _together(self, traps: Sequence[Trap]) -> int:
-        """Count the ticks in which one robot was trapped; a tick that lies in two stays counts once."""
+        """Count the ticks in which one robot was trapped; a tick that lies in two stays counts once.
+
+        For example, stays from tick 0 to 10 and from 5 to 20 are 20 ticks.
+        """
         ticks = counted = 0
         for trap in sorted(traps, key=lambda trap: trap.since):
             ticks += max(self._until(trap) - max(trap.since, counted), 0)
@@ -236,7 +239,7 @@ class ProgressCheck(Check):
         return self._never(never, took_s), ""
 
     def _behind_closures(self) -> str:
-        """Return what is said of the fog where ground was closed out."""
+        """Return the text about the fog where ground was closed out."""
         assert self._open_ground is not None
         missing = self._never_seen()
         text = "the fog is not judged, as ground was closed out; mfow_open_max_s says how old open ground got"
@@ -259,8 +262,10 @@ class ProgressCheck(Check):
         terrain = self._run.prepared.terrain
         labels, count = parts_of(self._never_seen())
         sizes = np.bincount(labels.reshape(-1), minlength=count + 1)
+        # Label 0 is the ground that was seen.
         sizes[0] = 0
         rows, cols = np.nonzero(labels == int(sizes.argmax()))
+        # A point of the piece itself, since the middle of a bent piece may lie outside of it.
         middle = np.argmin((rows - rows.mean()) ** 2 + (cols - cols.mean()) ** 2)
         where = _at(terrain.centre(int(rows[middle]), int(cols[middle])))
         share = 100.0 * never / self._fog.points

@@ -1,6 +1,6 @@
 """The verdict's checks of sent frames: genuine ones tell the truth and keep to the budget, forged ones are as asked.
 
-What is forged is judged by the rules in docs/faults.md, without the code that forges.
+Forged frames are judged by the rules in docs/faults.md, without the code that forges.
 """
 
 from __future__ import annotations
@@ -90,6 +90,7 @@ class DueFrames:
         if self._always:
             return silent
         remaining = {number: last_known for number, last_known in self._known.items() if number not in interrupted}
+        # An event may mean another process, which knows nothing of the last frame.
         self._known = {number: remaining.get(number, _Known(k)) for number in living}
         for number, position in sent.items():
             self._known[number] = _Known(k, position)
@@ -138,6 +139,7 @@ class FramesAreTrue(Check):
         self._looked = 0
 
     def _tick(self, record: TickRecord) -> None:
+        # Only now does the journal show which robots were lost in the tick before.
         self._miss()
         if self._problem:
             return
@@ -149,6 +151,7 @@ class FramesAreTrue(Check):
             time_s = self._senses.clock(row.number, record.k)
             believed = self._senses.pose(row.number, record.k, true)
             position = Position.of(row.number, record.k, time_s, believed)
+            # Newest first, as in a trail.
             self._tracks[row.number].appendleft((position.x_cm, position.y_cm))
             if row.status is Status.ALIVE:
                 expected[row.number] = position
@@ -193,6 +196,7 @@ class FramesAreTrue(Check):
         """Describe the error of a position, and add it to those sent."""
         if due is None:
             return "has no sender that is alive"
+        # Comparing bytes is faster than decoding them, and nearly all frames have no trail.
         if frame == encode(due, self._key):  # nearly always, without a trail
             sent[source] = due
             return ""
@@ -214,6 +218,7 @@ def _problem_of_contact(frame: bytes, key: bytes | None, due: list[Position]) ->
         return f"cannot be decoded ({rejected})"
     if contact not in due:
         return f"reports {contact}, but its sender sees no such intruder"
+    # Each contact may be reported once.
     due.remove(contact)
     return ""
 
@@ -249,6 +254,7 @@ class WithinBudget(Check):
         return run.prepared.scenario.radio.budget is not None
 
     def _tick(self, record: TickRecord) -> None:
+        # Nothing is saved before the first tick.
         if self._ticks:
             earned = self._per_s * self._step
             self._left = {number: min(allowance + earned, self._most) for number, allowance in self._left.items()}
@@ -311,6 +317,7 @@ class SpoofsAsAsked(Check):
             forged[fault].append(frame)
         if len(frames) != len(record.forged):
             self._wrong(record.k, f"{len(frames)} forged frames, but the record names faults for {len(record.forged)}")
+        # Reversed, so that of several frames of a source the first one stays.
         self._sent.appendleft(dict(reversed(record.frames)))
         self._forged += len(frames)
         rows = {row.number: row for row in record.robots}
@@ -413,6 +420,7 @@ def _is(entry: Entry, payload: str) -> bool:
 
 def _ago(seconds: float, step: float) -> int:
     """Return the least number of whole ticks, at least one, that is not less than a time; 0 for no time."""
+    # Rounding must not add a tick to a time that is a whole number of them.
     near = max(round(seconds / step), 1)
     return (near if near * step >= seconds - 1e-9 * step else near + 1) if seconds else 0
 
@@ -423,6 +431,7 @@ def _is_shifted(
     """Return True if a place is the victim's, shifted by an offset (m), as far as the wire's rounding can tell."""
     x, y, heading = place
     if sent is not None:
+        # Both its own place and the shifted one were rounded.
         near = 2.0 * _HALF_CM if any(offset) else 0.0
         own_x, own_y, same = float(sent.x_cm), float(sent.y_cm), heading == sent.heading_mrad
     else:

@@ -1,4 +1,4 @@
-"""The verdict's checks of robots' statuses: that they and their events follow from the faults, and who is silent."""
+"""The verdict's checks that statuses and events of robots follow from the faults, and that absent robots are silent."""
 
 from __future__ import annotations
 
@@ -65,6 +65,7 @@ class ExpectedStatuses(JournalReading):
         self.appeared.clear()
         self.problem = ""
         self._k, self.events, self.may_wait = record.k, [], []
+        # It was no fault's doing, so it is taken as it is; another check reports it.
         for number, row in rows.items():
             if row.status is Status.LOST and number not in self._coming:
                 self._status[number] = Status.LOST
@@ -119,6 +120,7 @@ class ExpectedStatuses(JournalReading):
             del self._coming[number]
             self._status[number] = Status.LOST
             return
+        # At a pace only the row shows when a process came.
         has_come = self._waits or rows[number].status is Status.ALIVE
         if in_the_way := self._in_the_way(number, rows):
             waits = Event(self._k, WAITING, number, f"its start is taken by {', '.join(in_the_way)}")
@@ -278,8 +280,10 @@ class EventsFollow(Check):
             self._compare(k, left, [])
             return
         self._expected.tick(replace(last, k=k))
+        # The record of the last tick stands for one that was never written.
         expected = [event for event in self._made_by_faults(k) + self._expected.events if event.kind != _ALIVE]
         here = [event for event in left if event.kind not in (_ALIVE, WAITING)]
+        # An interrupted run has the first events only, so no more are expected than it has.
         self._compare(k, here, expected[: len(self._of_robots(here))])
 
     def _made_by_faults(self, k: int) -> list[Event]:
@@ -312,6 +316,7 @@ class EventsFollow(Check):
             elif event.kind == WAITING:
                 compared = closure_of(event) not in self._closures and event not in self._expected.may_wait
             elif event.kind == LOOKED_AT:
+                # It belongs to the event of a pause or a resumption right before it; without one it is out of place.
                 compared = before is None or before.kind not in (_ALIVE, _PAUSED) or before.robot != event.robot
             else:
                 compared = True

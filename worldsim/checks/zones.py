@@ -35,7 +35,7 @@ body is in it, m."""
 
 
 class ZoneCheck(Check):
-    """A check of what robots do in zones of one kind."""
+    """A check of the moves of robots in zones of one kind."""
 
     rule: ClassVar[str]  # field of a zone that makes it one of this kind, such as "speed"
 

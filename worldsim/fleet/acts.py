@@ -73,6 +73,7 @@ class Acts:
         for act in timeline.acts(k):
             if self._control is not None:
                 yield from self._carry_out(act, self._control)
+        # A copy, since robots that arrive are taken out.
         for number in list(self._coming):
             if self._control is not None:
                 yield from self._bring_in(number, self._control)

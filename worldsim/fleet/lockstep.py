@@ -96,6 +96,7 @@ class LockstepFleet:
             arrived = sessions.take(POLL_S)
             if arrived is not None:
                 number, answer = arrived
+                # An answer may be to an earlier phase that was sent again.
                 if isinstance(answer, kind) and answer.k == k and number in sent and number not in answers:
                     answers[number] = answer
                     continue
@@ -111,6 +112,7 @@ class LockstepFleet:
             ended = dict.fromkeys(sessions.gone(waiting), f"its process was gone in phase {phase} of tick {k}")
             lost = ended | sessions.failed(waiting)
             if waited_s >= deadline_s:
+                # The right side replaces the left: that a process has ended says more than a deadline.
                 lost = dict.fromkeys(waiting, f"no answer in phase {phase} of tick {k} for {deadline_s:g} s") | lost
             for number, reason in lost.items():
                 self._lose_robot(number, reason)
@@ -120,6 +122,7 @@ class LockstepFleet:
                 for number in waiting:
                     if number in sent:
                         sessions.repeat(number, sent[number])
+        # In the order of the robots and not of arrival, so that runs are alike.
         return {number: answers[number] for number in tell if number in answers}
 
     def _router_answers(self) -> bool:
@@ -137,5 +140,6 @@ def router_notes(router: RouterWatch | None) -> dict[str, Any]:
 
 def drain(sessions: Sessions) -> None:
     """Handle messages that arrived between two ticks, when no answer is due."""
+    # Bounded, so that no flood of messages holds up the next tick.
     for _ in range(_DRAINED):
         sessions.take(0.0)

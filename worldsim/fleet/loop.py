@@ -67,6 +67,7 @@ def run_ticks(
             if operator is not None:
                 for event in operator.between(stop):
                     events(event)
+                # Operators may have paused the run, so that long time has passed.
                 if stop():
                     return INTERRUPTED
             if acts.may_wait:
@@ -76,6 +77,7 @@ def run_ticks(
             end_tick(world, fleet, begin_tick(world, fleet), sink, events)
         return COMPLETED
     finally:
+        # Robots' processes are let go even if the record cannot be written.
         try:
             settle()
         finally:

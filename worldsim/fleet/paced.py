@@ -138,6 +138,7 @@ class PacedFleet:
         self._step_s = step_s
         if self._begins is not None and step_s < self._tick_s:
             self._tick_s = step_s
+            # At most a step ago, or the time of the longer step would count as fallen behind.
             self._begins = max(self._begins, self._sessions.now - step_s)
 
     def finish(self, k: int) -> None:
@@ -161,7 +162,9 @@ class PacedFleet:
         """Set when this tick begins: a step after the last one, or now when that is more than a step ago."""
         now = self._sessions.now
         start_s = now if self._begins is None else self._begins + self._tick_s
+        # Only now: the tick that has just ended had the old length.
         self._tick_s = self._step_s
+        # Less than a step is made up for by shorter ticks; more is given up, and counted.
         if now > start_s + self._step_s:
             self.slipped_s += now - start_s
             start_s = now
@@ -193,6 +196,7 @@ class PacedFleet:
                 return
             look_s = min(remaining_s, LOOK_S)
             arrived = self._take_answer(look_s, frames)
+            # A wait that took longer than asked for is the world's own delay, so robots get it back.
             held_up_s += self._woken_late(self._sessions.now - now - look_s)
             if not arrived:
                 self.meanwhile()
@@ -208,6 +212,7 @@ class PacedFleet:
         """Count a wait that took so much longer than it should; return the time that robots get back for it, s."""
         if late_s <= WAKING_S:
             return 0.0
+        # At most a step, or a machine that stands still would stretch one tick without end.
         credit = min(late_s, max(0.0, self._tick_s - self._held_up_s))
         self._held_up_s += credit
         self.held_up_s += credit
@@ -216,9 +221,11 @@ class PacedFleet:
 
     def _note_answer(self, number: int, answer: ReplyA | ReplyB, frames: dict[int, Sequence[bytes]]) -> None:
         if isinstance(answer, ReplyA):
+            # Once phase B is put together, a frame reaches no robot any more.
             if answer.k == self._k and not self._closed:
                 frames[number] = answer.frames
             else:
                 self.too_late[number] += len(answer.frames)
+        # The newest tick wins, in whatever order commands come.
         elif number not in self._commands or answer.k >= self._commands[number].k:
             self._commands[number] = answer

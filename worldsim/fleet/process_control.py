@@ -31,14 +31,14 @@ class ProcessControl(Protocol):
         ...
 
     def pause(self, number: int) -> str:
-        """Stop a robot's process where it is, and return what was seen of it then; empty where there is none.
+        """Stop a robot's process where it is, and return its state as it was seen then; empty where it has no process.
 
         For example `worldsim.faults.STOPPED`.
         """
         ...
 
     def resume(self, number: int) -> str:
-        """Let a process go on where it was stopped; return what was seen of it just before, as for `pause`."""
+        """Let a process go on where it was stopped; return its state as it was seen just before, as for `pause`."""
         ...
 
     def leave(self, number: int) -> None:
@@ -78,7 +78,10 @@ class Request:
     incarnation: int = 0  # of the process to start; 0 otherwise
 
     def line(self) -> bytes:
-        """Return the request as a line of JSON."""
+        """Return the request as a line of JSON.
+
+        For example, ``{"do": "kill", "robot": 2, "incarnation": 0}``.
+        """
         return json.dumps(asdict(self)).encode() + b"\n"
 
     @classmethod
@@ -94,6 +97,8 @@ ENDED = "ended"
 
 def answer_line(problem: str = "", state: str = "") -> bytes:
     """Build the launcher's answer to a request, a line of JSON.
+
+    For example, after a pause: ``{"problem": "", "state": "T"}``.
 
     `problem` says why the request could not be met, and is empty when it was. `state` is that of a process that was
     just paused, or is just about to go on, as the system reports it (proc(5)): "T" for one that is stopped; empty where
@@ -132,6 +137,7 @@ class LauncherControl:
 
     def leave(self, number: int) -> None:
         """Tell the process to leave, and have its end waited for."""
+        # A stopped process could not leave.
         self._request_action("resume", number)
         self._sessions.dismiss(number, "it leaves the fleet", orderly=True)
         self._request_action("leave", number)
@@ -139,6 +145,7 @@ class LauncherControl:
 
     def start(self, number: int, incarnation: int) -> None:
         """Have a new process started; in lockstep wait up to `START_S` for its session, or until it has ended."""
+        # Before the start, or the seat would be refused to a process that is quick.
         self._sessions.expect(number, incarnation)
         self._request_action("start", number, incarnation)
         self._until[number] = self._sessions.now + START_S
@@ -165,6 +172,7 @@ class LauncherControl:
             return f"its new process did not come within {START_S:g} s"
         if now < self._look_at[number]:
             return ""
+        # Each question is a round trip to the launcher, and this is asked in every tick.
         self._look_at[number] = now + _LOOK_S
         return "its new process has ended" if self._request_action("look", number) == ENDED else ""
 

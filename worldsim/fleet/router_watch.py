@@ -62,6 +62,7 @@ class RouterWatch:
             self._note_silence(now, now)
         elif not self._back():
             if now >= self._asked_at + SILENT_S:
+                # Since the question, not since the missing answer was noticed.
                 self._note_silence(now, self._asked_at)
         else:
             self._note_return(now)

@@ -98,6 +98,7 @@ class Sessions:
         greeted = -HELLO_S
         while missing := [end for end in self._ends.values() if end.stage is SeatStage.EXPECTED]:
             now = self.now
+            # Again and again: a greeting is lost on a process that has not subscribed yet.
             if now >= greeted + HELLO_S:
                 greeted = now
                 for end in missing:
@@ -122,6 +123,7 @@ class Sessions:
         head = (*end.process, k, run.number)
         payload = encode(PhaseA(*head, tell) if isinstance(tell, Sensed) else PhaseB(*head, tuple(tell)))
         self._connection.posts[number](payload)
+        # The same tick again must not move these back.
         run.k, run.begun = max(run.k, k), max(run.begun, k + 1)
         return payload
 
@@ -145,12 +147,14 @@ class Sessions:
         if not away:
             return []
         now, has_ended = self.now, self._connection.has_ended
+        # Tokens vanish with the router, so they count only once clients have had time to come back.
         if not self._connection.connected():
             self._trusted_from = now + RECOVERY_S
         if now < self._trusted_from:
             return []
         if has_ended is None:
             return [end.number for end in away if end.is_gone(now)]
+        # To ask the launcher takes time, so it is asked only about robots whose token stays away.
         return [end.number for end in away if end.is_missing(now) and has_ended(end.number)]
 
     def failed(self, numbers: Iterable[int]) -> dict[int, str]:
@@ -216,6 +220,7 @@ class Sessions:
         for effect in effects:
             match effect:
                 case Deliver(ReplyA() | ReplyB() as answer):
+                    # An answer is always the only effect.
                     return end.number, answer
                 case Send(message):
                     self._connection.posts[end.number](encode(message))

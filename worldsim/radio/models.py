@@ -20,6 +20,7 @@ radio that reaches 40 m and then loses every second frame:
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Protocol
@@ -193,3 +194,7 @@ def model_of(scenario: Scenario, terrain: Terrain) -> RadioModel | None:
         return _Own(radio.model, kind(setup))
     except (Exception, SystemExit) as error:
         raise raised(f"{RADIO_MODELS.field} = {radio.model}", error) from error
+
+
+# The name of this module up to 1.0.0, which models of one's own import; it goes with 2.0.
+sys.modules[f"{__name__}.port"] = sys.modules[__name__]

@@ -12,6 +12,9 @@ from worldsim.checks.check import TAGS_NOT_JUDGED
 WALL_TIMES = ("wall_s", "realtime_factor")
 """Fields that only a journal with an end gives, and of a run in one process only since version 0.2.0."""
 
+GONE = frozenset({"transcripts"})
+"""Checks of verdicts up to 1.0.0 that have gone: they are not repeated."""
+
 NOT_IN_JOURNAL = ("exit_codes",)
 """Fields that no journal gives."""
 
@@ -80,7 +83,7 @@ def _missing(stated: Any, found: Any, prefix: str) -> Iterator[str]:
 def not_repeated(stated: Mapping[str, Any], found: Mapping[str, Any]) -> list[str]:
     """Return the names of the checks whose result the summary states, and that could not be judged again.
 
-    These checks need a second run without faults, or the fleet's key.
+    These checks need a second run without faults, or the fleet's key, or have gone.
     """
     verdict = stated.get("verdict")
     return [check["name"] for check in _unrepeated(verdict, found["verdict"])] if isinstance(verdict, Mapping) else []
@@ -88,7 +91,7 @@ def not_repeated(stated: Mapping[str, Any], found: Mapping[str, Any]) -> list[st
 
 def _unrepeated(stated: Mapping[str, Any], found: Mapping[str, Any]) -> list[Mapping[str, Any]]:
     """Return the stated results of checks that could not be judged again."""
-    unjudged = {check["name"] for check in found["checks"] if not check["judged"]}
+    unjudged = GONE | {check["name"] for check in found["checks"] if not check["judged"]}
     return [check for check in stated["checks"] if check["name"] in unjudged and check.get("judged", True)]
 
 
@@ -109,7 +112,8 @@ def _between_verdicts(stated: Mapping[str, Any], found: Mapping[str, Any]) -> It
         field = f"verdict.checks.{stated_check['name']}"
         check = checks.get(stated_check["name"])
         if check is None:
-            yield Difference(field, stated_check, None)
+            if stated_check["name"] not in GONE:
+                yield Difference(field, stated_check, None)
         elif check["judged"] or not stated_check.get("judged", True):
             again = {**check, "detail": check["detail"].partition(TAGS_NOT_JUDGED)[0]}
             for part in ("ok", "judged", "detail"):
