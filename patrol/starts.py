@@ -231,10 +231,7 @@ def preferred_part(terrain: Terrain, labels: NDArray[np.int32], count: int, radi
 def _check_explicit(terrain: Terrain, spec: RobotSpec, start: Pose, placed: _Placed) -> None:
     where = f"robots: start ({start.x:g}, {start.y:g}) of {spec.name}"
     if not terrain.contains(start.x, start.y):
-        xmin, ymin, xmax, ymax = terrain.bounds
-        raise BadInput(
-            f"{where}: not on {terrain.name}, which spans x {xmin:g} to {xmax:g} m and y {ymin:g} to {ymax:g} m"
-        )
+        raise BadInput(f"{where}: not on {terrain.name}, which {terrain.span}")
     clear = clearance_at(terrain, start.x, start.y, spec.radius)
     if clear < spec.radius - TOLERANCE:
         raise BadInput(

@@ -39,8 +39,6 @@ from patrol.scenario import Scenario
 FAULT_EVENT = "fault"
 """The kind of the journal's events that report faults."""
 
-ActKind = Literal["kill", "restart", "pause", "resume", "join", "leave"]
-
 
 @dataclass(frozen=True, slots=True)
 class Entry:
@@ -65,7 +63,7 @@ class Entry:
 class Act:
     """One thing to do to one robot between two ticks."""
 
-    kind: ActKind
+    kind: str  # of `patrol.faults.kinds.PROCESS_KINDS`
     number: int
     fault: str
     wreck: Literal["stays", "removed"] = "stays"
@@ -74,19 +72,15 @@ class Act:
 class Timeline:
     """A scenario's faults in ticks and robot numbers; it has no state and looks at nothing but the scenario."""
 
-    def __init__(self, scenario: Scenario, extra: Sequence[tuple[int, Fault]] = ()) -> None:
-        """Resolve the scenario's faults, and after them those that were added later.
-
-        Each of the latter comes with the tick from which its `at` counts.
-        """
+    def __init__(self, scenario: Scenario) -> None:
+        """Resolve the scenario's faults."""
         self._step = scenario.step
         self._seed = scenario.seed
         self._names = {spec.name: spec.number for spec in scenario.roster}
         self._of_number = {number: name for name, number in self._names.items()}
         self._spares = scenario.spares
-        faults = [*((0, fault) for fault in scenario.faults), *extra]
-        self.entries = tuple(self._make_entry(index, k, fault) for index, (k, fault) in enumerate(faults))
-        self.starts_absent = _absent_at_first(self.entries[: len(scenario.faults)]) | self._spares
+        self.entries = tuple(self._make_entry(index, fault) for index, fault in enumerate(scenario.faults))
+        self.starts_absent = _absent_at_first(self.entries) | self._spares
         self.needs_process_control = any(entry.fault.kind in PROCESS_KINDS for entry in self.entries)
         self._acts = self._all_acts()
         self._changes, self._active = self._all_active()
@@ -156,8 +150,8 @@ class Timeline:
             return "all"
         return " ".join(self._of_number[number] for number in numbers) or "nobody"
 
-    def _make_entry(self, index: int, k: int, fault: Fault) -> Entry:
-        begin = k + tick_of(fault.at, self._step)
+    def _make_entry(self, index: int, fault: Fault) -> Entry:
+        begin = tick_of(fault.at, self._step)
         end: int | None = begin
         if isinstance(fault, Lasting):
             end = None if fault.lasts is None else begin + ticks_of(fault.lasts, self._step)
@@ -194,11 +188,10 @@ class Timeline:
         acts: dict[int, list[tuple[int, Act]]] = defaultdict(list)
         for entry in self.entries:
             fault = entry.fault
-            kind = _act_kind(entry)
-            if kind is None:
+            if fault.kind not in PROCESS_KINDS:
                 continue
             wreck = fault.wreck if isinstance(fault, Kill) else "stays"
-            acts[entry.begin] += [(entry.index, Act(kind, number, entry.id, wreck)) for number in entry.who]
+            acts[entry.begin] += [(entry.index, Act(fault.kind, number, entry.id, wreck)) for number in entry.who]
             if isinstance(fault, Pause) and entry.end is not None:
                 acts[entry.end] += [(entry.index, Act("resume", number, entry.id)) for number in entry.who]
         # Stable: a fault's acts are by robot already.
@@ -227,14 +220,6 @@ def _absent_at_first(entries: Sequence[Entry]) -> frozenset[int]:
 def _is_lasting(entry: Entry) -> bool:
     """Return True if a fault is active over ticks, and no act between two of them."""
     return entry.fault.kind not in PROCESS_KINDS
-
-
-def _act_kind(entry: Entry) -> ActKind | None:
-    match entry.fault.kind:
-        case "kill" | "restart" | "pause" | "resume" | "join" | "leave" as kind:
-            return kind
-        case _:
-            return None
 
 
 def _entry_verb(entry: Entry) -> str:

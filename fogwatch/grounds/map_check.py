@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 
 from patrol.ground.doors import LISTED_AREA, Door, Rooms
 from patrol.ground.fields import StaticFields, compute_fields
-from patrol.ground.left_out import joined_ground, middle_of, why_out_of_reach
+from patrol.ground.left_out import joined_ground, why_out_of_reach
+from patrol.ground.marks import middle
 from patrol.ground.terrain import BoolGrid, Terrain
 from patrol.kernels.doors import FIRST, SADDLE, SECOND
 from patrol.maps.doubts import perhaps_unknown
@@ -129,7 +130,7 @@ def _describe_part(
     terrain: Terrain, fields: StaticFields, points: BoolGrid, reason: str, door: Door | None
 ) -> SealedPart:
     """Describe some rooms as one sealed-off part."""
-    x, y = middle_of(terrain, points)
+    x, y = middle(points, terrain)
     standable = _mask_area(terrain, points & fields.cspace)
     edges = (points[0], points[-1], points[:, 0], points[:, -1])
     return SealedPart(

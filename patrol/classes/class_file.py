@@ -9,7 +9,7 @@ from typing import Any, ClassVar, Self
 from pydantic import ValidationInfo
 
 from patrol.errors import BadInput
-from patrol.files.untrusted import OWN_CLASS, WEIGHTS, read_untrusted
+from patrol.files.untrusted import OWN_CLASS, WEIGHTS, Kind, read_untrusted
 from patrol.values import Section, absolute, wrong
 
 
@@ -30,12 +30,21 @@ def file_digest(path: Path, field: str) -> str:
     return hashlib.sha256(class_source(path, field)).hexdigest()
 
 
-def class_source(path: Path, field: str) -> bytes:
-    """Return the content of a class's file."""
+def class_source(path: Path, field: str, kind: Kind = OWN_CLASS) -> bytes:
+    """Return the content of a class's file, or of another file that a field names."""
     try:
-        return read_untrusted(path, OWN_CLASS)
+        return read_untrusted(path, kind)
     except OSError as error:
         raise BadInput(f"{field} = {path}: cannot be read ({error.strerror}); correct it") from None
+
+
+def check_resolved(path: Path, digest: str, sha256: str | None, field: str) -> None:
+    """Refuse a file whose SHA-256 (hex) is not the one that the scenario gives, if it gives one."""
+    if sha256 is not None and digest != sha256:
+        raise BadInput(
+            f"{path}: is not the file that this scenario was resolved with (SHA-256 {digest[:12]}, it says "
+            f"{sha256[:12]}); restore it, or drop {field}_sha256 to run with this one"
+        )
 
 
 class ClassSection(Section):
@@ -98,16 +107,8 @@ FIELD = "patrol.options.weights"
 
 def weights_content(path: Path, sha256: str | None = None) -> bytes:
     """Return the content of a trained network's file, after checking its SHA-256 (hex) where one is given."""
-    try:
-        content = read_untrusted(path, WEIGHTS)
-    except OSError as error:
-        raise BadInput(f"{FIELD} = {path}: cannot be read ({error.strerror}); correct it") from None
-    digest = hashlib.sha256(content).hexdigest()
-    if sha256 is not None and digest != sha256:
-        raise BadInput(
-            f"{path}: is not the file that this scenario was resolved with (SHA-256 {digest[:12]}, it says "
-            f"{sha256[:12]}); restore it, or drop {FIELD}_sha256 to run with this one"
-        )
+    content = class_source(path, FIELD, WEIGHTS)
+    check_resolved(path, hashlib.sha256(content).hexdigest(), sha256, FIELD)
     return content
 
 

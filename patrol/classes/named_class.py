@@ -24,7 +24,7 @@ from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
-from patrol.classes.class_file import class_file, file_digest
+from patrol.classes.class_file import check_resolved, class_file, file_digest
 from patrol.errors import BadInput, did_you_mean
 
 
@@ -112,11 +112,7 @@ def entry_point_of(named: NamedClass) -> EntryPoint:
 def check_digest(path: Path, named: NamedClass) -> str:
     """Return the SHA-256 (hex) of a class's file, after checking it against the one that the scenario gives."""
     digest = file_digest(path, named.sort.field)
-    if named.sha256 is not None and digest != named.sha256:
-        raise BadInput(
-            f"{path}: is not the file that this scenario was resolved with (SHA-256 {digest[:12]}, it says "
-            f"{named.sha256[:12]}); restore it, or drop {named.sort.field}_sha256 to run with this one"
-        )
+    check_resolved(path, digest, named.sha256, named.sort.field)
     return digest
 
 

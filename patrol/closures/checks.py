@@ -12,10 +12,11 @@ from patrol.values import wrong
 from patrol.zones.spec import check_names, check_ticks
 
 if TYPE_CHECKING:
-    from patrol.scenario.checked import CheckedGround, CheckedScenario
+    from patrol.prepare import Prepared
+    from patrol.scenario import Scenario
 
 
-def check_closures(scenario: CheckedScenario) -> None:
+def check_closures(scenario: Scenario) -> None:
     """Refuse closures that do not fit the rest of a scenario."""
     check_names([closure.name for closure in scenario.closures], "closure")
     if not scenario.closures:
@@ -27,7 +28,7 @@ def check_closures(scenario: CheckedScenario) -> None:
         check_ticks(closure.closed or (), scenario.step, f"closures.{number}.closed", closure.name)
 
 
-def check_closures_on_ground(prepared: CheckedGround) -> None:
+def check_closures_on_ground(prepared: Prepared) -> None:
     """Refuse closures that close nothing, or lie on starts or docks."""
     from patrol.ground.swept_path import free_fraction  # here: it loads kernels, and few scenarios have closures
 
@@ -35,9 +36,7 @@ def check_closures_on_ground(prepared: CheckedGround) -> None:
     for number, closure in enumerate(scenario.closures):
         where = f"closures.{number}.polygon: {closure.name}"
         if not closure_points(closure, terrain).size:
-            xmin, ymin, xmax, ymax = terrain.bounds
-            span = f"spans x {xmin:g} to {xmax:g} m and y {ymin:g} to {ymax:g} m"
-            raise BadInput(f"{where} holds no passable ground of {terrain.name}, which {span}; move or drop it")
+            raise BadInput(f"{where} holds no passable ground of {terrain.name}, which {terrain.span}; move or drop it")
         ground = with_closed(terrain, [closure])
         for spec, start in zip(scenario.roster, prepared.starts, strict=True):
             if free_fraction(ground, start, start, spec.radius) < 1.0:

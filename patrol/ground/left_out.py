@@ -13,6 +13,7 @@ import numpy as np
 
 from patrol.ground.cspace import parts_of
 from patrol.ground.fields import StaticFields
+from patrol.ground.marks import middle
 from patrol.ground.terrain import BoolGrid, Terrain
 
 LEAST_M2 = 1.0
@@ -67,7 +68,7 @@ def left_out(terrain: Terrain, patrolled: BoolGrid, narrowest: StaticFields, rad
     if not counted.any():
         return None
     largest = labels == areas_m2.argmax()
-    x, y = middle_of(terrain, largest)
+    x, y = middle(largest, terrain)
     return LeftOut(
         area_m2=round(float(areas_m2[counted].sum()), 6),
         parts=int(np.count_nonzero(counted)),
@@ -81,13 +82,6 @@ def left_out(terrain: Terrain, patrolled: BoolGrid, narrowest: StaticFields, rad
 
 def _area_text(area_m2: float) -> str:
     return f"{area_m2:.0f} m²" if area_m2 >= LEAST_M2 else f"{area_m2:.2g} m²"
-
-
-def middle_of(terrain: Terrain, part: BoolGrid) -> tuple[float, float]:
-    """Return x and y, m, of the point of a part that is nearest to the part's centroid."""
-    rows, columns = np.nonzero(part)
-    middle = np.argmin((rows - rows.mean()) ** 2 + (columns - columns.mean()) ** 2)
-    return terrain.centre(int(rows[middle]), int(columns[middle]))
 
 
 def joined_ground(terrain: Terrain, reach: BoolGrid) -> BoolGrid:

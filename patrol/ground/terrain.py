@@ -93,6 +93,12 @@ class Terrain:
         return ox, oy, ox + self.width * self.point, oy + self.height * self.point
 
     @property
+    def span(self) -> str:
+        """Its extent along x and y, for people."""
+        xmin, ymin, xmax, ymax = self.bounds
+        return f"spans x {xmin:g} to {xmax:g} m and y {ymin:g} to {ymax:g} m"
+
+    @property
     def point_area(self) -> float:
         """Area of one point in m2."""
         return self.point * self.point

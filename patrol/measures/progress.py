@@ -17,10 +17,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from patrol.faults.roster import tick_of
 from patrol.ground.terrain import BoolGrid, Terrain
 from patrol.journal.records import CHARGING, DOCKING, SURROUNDING, Status, TickRecord
 from patrol.measures.best_tour import OwnGround, own_grounds
-from patrol.measures.stays import TRAPPED_S, Place, Stay, Stays, roaming_radius, ticks_of
+from patrol.measures.stays import TRAPPED_S, Place, Stay, Stays, roaming_radius
 from patrol.measures.zoned import zoned_ground
 from patrol.scenario.policies import CommittedPatrol
 from patrol.zones.spec import weighing_at
@@ -86,7 +87,7 @@ class Traps:
         self.open: dict[int, Trap] = {}  # now, by robot number
         self._prepared = prepared
         self._every = max(round(LOOK_S / scenario.step), 1)
-        self._ticks = ticks_of(TRAPPED_S, scenario.step)
+        self._ticks = tick_of(TRAPPED_S, scenario.step)
         self._all_seen: dict[tuple[int, int], int] = {}
         """By robot and first tick of its stay, the last look that found nothing stale outside of its circle."""
         self._grounds: dict[int, OwnGround] | None = None

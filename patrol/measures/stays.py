@@ -12,6 +12,8 @@ from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from patrol.faults.roster import tick_of
+
 if TYPE_CHECKING:
     from patrol.scenario import RobotSpec
 
@@ -31,11 +33,6 @@ Place = tuple[float, float]
 def roaming_radius(spec: RobotSpec, step: float) -> float:
     """Return the radius (m) of the circle of a robot's stay: `ROAMING` times its radius and its stride."""
     return ROAMING * (spec.radius + spec.speed * step)
-
-
-def ticks_of(seconds: float, step: float) -> int:
-    """Return the smallest number of ticks that last a time."""
-    return math.ceil(seconds / step - 1e-9)
 
 
 @dataclass(frozen=True, slots=True)
@@ -151,7 +148,7 @@ class Stays:
         """Start without positions; the circles' radii are in m by robot number (`roaming_radius`)."""
         self._radii = dict(radii)
         self._every = max(round(SAMPLE_S / step), 1)
-        self._ticks = ticks_of(TRAPPED_S, step)
+        self._ticks = tick_of(TRAPPED_S, step)
         self._tracks: dict[int, _Track] = {}
 
     def tick(self, k: int, places: Mapping[int, Place], free: Collection[int] = ()) -> None:

@@ -12,7 +12,7 @@ from __future__ import annotations
 import zlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
-from typing import Annotated
+from typing import Annotated, Any
 
 import msgpack
 import numpy as np
@@ -219,21 +219,11 @@ def _so_far(answer: _Answer, ground: Ground) -> SoFar:
         raise Malformed("no curves")
     if int(latest.min()) < -1 or int(latest.max()) >= max(ticks, 1) or ticks - answer.every >= max(answer.number, 1):
         raise Malformed("points seen after the last tick")
-    return SoFar(
-        number=answer.number,
-        header=answer.header,
-        last=answer.last,
-        last_seen=last_seen,
-        events=answer.events,
-        event=answer.event,
-        asked=answer.asked,
-        every=answer.every,
-        mfow=mfow,
-        fog_mean=fog_mean,
-        running=answer.running,
-        pace=answer.pace,
-        ground=ground,
-    )
+    arrays: dict[str, Any] = {"last_seen": last_seen, "mfow": mfow, "fog_mean": fog_mean, "ground": ground}
+    as_sent: dict[str, Any] = {
+        field.name: getattr(answer, field.name) for field in fields(SoFar) if field.name not in arrays
+    }
+    return SoFar(**as_sent, **arrays)
 
 
 def _decode_curve(packed: bytes) -> NDArray[np.float32]:

@@ -47,7 +47,7 @@ class Payload(Protocol):
         """Return the number of bytes."""
         ...
 
-    def to_bytes(self) -> bytes:
+    def __bytes__(self) -> bytes:
         """Return the bytes."""
         ...
 
@@ -92,7 +92,7 @@ class Mailbox(Generic[T]):
             self.refused["overflow"] += 1
             return
         try:
-            message = self._decode(payload.to_bytes())
+            message = self._decode(bytes(payload))
         except ValueError:
             self.refused["malformed"] += 1
             return
@@ -144,6 +144,26 @@ class Air(Protocol):
     def close(self) -> bool:
         """Close it; False when that takes too long."""
         ...
+
+
+class Carrier:
+    """The common base of a group and a serial line: its own senders' keys, and its listeners' mailboxes."""
+
+    def __init__(self) -> None:
+        self._own: set[str] = set()
+        self._subscriptions: list[tuple[str, Mailbox[Any]]] = []
+
+    def subscribe(self, key: str, mailbox: Mailbox[Any]) -> None:
+        """Put messages into a mailbox, under one key or, where it ends in ``*``, under all that begin like it."""
+        self._subscriptions.append((key, mailbox))
+
+    def _deliver_frame(self, key: str, frame: bytes) -> None:
+        """Deliver a frame of another end."""
+        if key in self._own:
+            return
+        for pattern, mailbox in list(self._subscriptions):
+            if key == pattern or (pattern.endswith("*") and key.startswith(pattern[:-1])):
+                mailbox.deliver(key, frame)
 
 
 class FrameMailbox(Mailbox[bytes]):

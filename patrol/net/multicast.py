@@ -12,10 +12,8 @@ import contextlib
 import socket
 import struct
 import threading
-from dataclasses import dataclass
-from typing import Any
 
-from patrol.net.mailbox import Mailbox, Post
+from patrol.net.mailbox import Carrier, Post
 
 _LONGEST = 2048
 _POLL_S = 0.2
@@ -25,29 +23,14 @@ class GroupDown(Exception):
     """A multicast group cannot be joined here; one line says why."""
 
 
-@dataclass(frozen=True, slots=True)
-class Datagram:
-    """A payload that has been copied already (`patrol.net.mailbox.Payload`)."""
-
-    data: bytes
-
-    def __len__(self) -> int:
-        return len(self.data)
-
-    def to_bytes(self) -> bytes:
-        """Return the bytes."""
-        return self.data
-
-
-class Group:
+class Group(Carrier):
     """A member of a multicast group (`patrol.net.mailbox.Air`). It does not hear what it sends itself."""
 
     def __init__(self, out: socket.socket, into: socket.socket, address: tuple[str, int]) -> None:
+        super().__init__()
         self._out = out
         self._into = into
         self._address = address
-        self._own: set[str] = set()
-        self._subscriptions: list[tuple[str, Mailbox[Any]]] = []
         self._over = threading.Event()
         self._thread = threading.Thread(target=self._hear_frames, daemon=True)
         self._thread.start()
@@ -62,10 +45,6 @@ class Group:
                 self._out.sendto(head + frame, self._address)
 
         return post
-
-    def subscribe(self, key: str, mailbox: Mailbox[Any]) -> None:
-        """Put messages into a mailbox, under one key or, where it ends in ``*``, under all that begin like it."""
-        self._subscriptions.append((key, mailbox))
 
     def close(self) -> bool:
         """Leave the group."""
@@ -83,12 +62,7 @@ class Group:
             except OSError:  # nothing came, or the network is down
                 continue
             head, _, frame = datagram.partition(b"\0")
-            key = head.decode(errors="replace")
-            if key in self._own:
-                continue
-            for pattern, mailbox in list(self._subscriptions):
-                if key == pattern or (pattern.endswith("*") and key.startswith(pattern[:-1])):
-                    mailbox.deliver(key, Datagram(frame))
+            self._deliver_frame(head.decode(errors="replace"), frame)
 
 
 def open_group(locator: str) -> Group:

@@ -22,10 +22,8 @@ import threading
 import tty
 from binascii import crc_hqx
 from collections.abc import Iterator, Mapping
-from typing import Any
 
-from patrol.net.mailbox import Mailbox, Post
-from patrol.net.multicast import Datagram
+from patrol.net.mailbox import Carrier, Post
 from patrol.radio.message import CONTACT, MAX_FRAME, MAX_FRAMES, Rejected, decode
 from patrol.security.keys import SERIAL_LOCATOR, line_speed
 
@@ -122,7 +120,7 @@ class SerialDown(Exception):
     """A serial line cannot be opened here; one line says why."""
 
 
-class SerialLine:
+class SerialLine(Carrier):
     """One end of a serial line (`patrol.net.mailbox.Air`). It does not hear what it sends itself.
 
     A line that goes down, such as that of an adapter that is unplugged, is opened again when it is back. `dropped`
@@ -134,12 +132,11 @@ class SerialLine:
 
         The speed is a constant of `termios`. `callers` are the keys under which the robots send, by their numbers.
         """
+        super().__init__()
         self.dropped = 0
         self._device = device
         self._speed = speed
         self._callers = dict(callers)
-        self._own: set[str] = set()
-        self._subscriptions: list[tuple[str, Mailbox[Any]]] = []
         self._writing = threading.Lock()
         self._cut_off = False
         self._last_caller: str | None = None
@@ -160,10 +157,6 @@ class SerialLine:
         """
         self._own.add(key)
         return self._send_frame
-
-    def subscribe(self, key: str, mailbox: Mailbox[Any]) -> None:
-        """Put frames into a mailbox, under one key or, where it ends in ``*``, under all that begin like it."""
-        self._subscriptions.append((key, mailbox))
 
     def close(self) -> bool:
         """Close the line."""
@@ -198,7 +191,7 @@ class SerialLine:
                 self._over.wait(_AGAIN_S)
                 continue
             for frame in unpacker.feed(self._read_bytes()):
-                self._deliver_frame(frame)
+                self._take_frame(frame)
 
     def _read_bytes(self) -> bytes:
         """Read the bytes that come next; none when the line has gone down, or it is time to leave."""
@@ -217,19 +210,15 @@ class SerialLine:
             self._take_down()
         return data
 
-    def _deliver_frame(self, frame: bytes) -> None:
+    def _take_frame(self, frame: bytes) -> None:
         try:
             number = decode(frame).robot
         except Rejected:
             return
         if number != CONTACT:
             self._last_caller = self._callers.get(number)
-        key = self._last_caller
-        if key is None or key in self._own:
-            return
-        for pattern, mailbox in list(self._subscriptions):
-            if key == pattern or (pattern.endswith("*") and key.startswith(pattern[:-1])):
-                mailbox.deliver(key, Datagram(frame))
+        if self._last_caller is not None:
+            self._deliver_frame(self._last_caller, frame)
 
     def _bring_up(self) -> bool:
         try:

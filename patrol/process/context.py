@@ -91,7 +91,7 @@ class ProcessContext:
         metrics, health_s = self.supervision.metrics, self.supervision.health
         if metrics is not None:
             listening = listen_at(metrics, is_open=self.supervision.metrics_open)
-            server = MetricsServer(listening, self.vitals, {"process": self.log.process, **labels})
+            server = MetricsServer(listening, self.vitals, {"process": self.log.owner, **labels})
             self.closing.callback(server.close)
             self.log.info(f"metrics at {server.address}")
         if health_s is not None:
@@ -212,7 +212,7 @@ def run_with(
     except (AskedToLeave, InterruptedBySignal):
         return INTERRUPTED
     except BadInput as bad:
-        Log(process.log.process, prefix).error(str(bad))
+        Log(process.log.owner, prefix).error(str(bad))
         why = StartFailure.PORT_BUSY if isinstance(bad, PortTaken) else StartFailure.OTHER
         # The launcher waits for a report, also of a start that fails.
         report_start(getattr(options, "ready", None), StartReport("", why, str(bad)))

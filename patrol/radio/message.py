@@ -33,7 +33,7 @@ import msgpack
 
 from patrol.errors import Unusable
 from patrol.pose import TAU, Pose, wrap
-from patrol.radio.units import CM_PER_M, MRAD_PER_RAD, cm_to_m, rad_to_mrad, s_to_ms
+from patrol.radio.units import CM_PER_M, MRAD_PER_RAD, cm_to_m, s_to_ms
 
 __all__ = [
     "CONTACT",
@@ -89,7 +89,7 @@ MAX_HEADING_MRAD = 6283
 TAG_BYTES = 8
 _TAG_HEADER = bytes((0xC4, TAG_BYTES))
 _TAG_LENGTH = len(_TAG_HEADER) + TAG_BYTES
-_NEARER_TO_ZERO = (MAX_HEADING_MRAD + rad_to_mrad(TAU)) / 2.0
+_NEARER_TO_ZERO = (MAX_HEADING_MRAD + TAU * MRAD_PER_RAD) / 2.0
 """Headings beyond it, mrad, are nearer to a whole turn than to the largest heading."""
 
 

@@ -22,16 +22,6 @@ def cm_to_m(length: float) -> float:
     return length / CM_PER_M
 
 
-def rad_to_mrad(angle: float) -> float:
-    """Convert an angle in rad to mrad."""
-    return angle * MRAD_PER_RAD
-
-
-def mrad_to_rad(angle: float) -> float:
-    """Convert an angle in mrad to rad."""
-    return angle / MRAD_PER_RAD
-
-
 def s_to_ms(time: float) -> float:
     """Convert a time in s to ms."""
     return time * MS_PER_S

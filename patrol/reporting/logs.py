@@ -15,7 +15,7 @@ import os
 import sys
 import threading
 import traceback
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, MutableMapping
 from contextlib import suppress
 from datetime import UTC, datetime
 from enum import StrEnum
@@ -38,48 +38,30 @@ class Format(StrEnum):
     JSON = "json"
 
 
-class Log:
-    """The log of one process, or of one part of it."""
+class Log(logging.LoggerAdapter[logging.Logger]):
+    """The log of one process, or of one part of it.
 
-    def __init__(self, process: str, prefix: str | None = None) -> None:
+    Facts that a line is given by name are more fields of a JSON line, and lines for people leave them out.
+    """
+
+    def __init__(self, owner: str, prefix: str | None = None) -> None:
         """Begin a log; lines for people start with `prefix`, by default the process's name and a colon."""
-        self.process = process
-        self._prefix = f"{process}: " if prefix is None else prefix
+        self.owner = owner
+        super().__init__(_LOGGER, {"process_name": owner, "prefix": f"{owner}: " if prefix is None else prefix})
 
-    def debug(self, line: str) -> None:
-        """Report details for the search for a mistake."""
-        self._report_line(logging.DEBUG, line)
-
-    def info(self, line: str, **facts: object) -> None:
-        """Report what happens; the facts are more fields of a JSON line, and lines for people leave them out."""
-        self._report_line(logging.INFO, line, facts=facts)
-
-    def warning(self, line: str) -> None:
-        """Report something that people may have to look after."""
-        self._report_line(logging.WARNING, line)
-
-    def error(self, line: str) -> None:
-        """Report why the process, or its task, ends."""
-        self._report_line(logging.ERROR, line)
+    def process(self, msg: Any, kwargs: MutableMapping[str, Any]) -> tuple[Any, MutableMapping[str, Any]]:
+        """Put the facts into the record."""
+        error = kwargs.pop("exc_info", None)
+        return msg, {"exc_info": error, "extra": {**(self.extra or {}), "facts": kwargs}}
 
     def failure(self, error: BaseException) -> None:
         """Report an exception with its traceback."""
-        self._report_line(logging.ERROR, described(error), error=error)
+        self.error(described(error), exc_info=error)
 
     def announce(self, line: str) -> None:
         """Tell the starter of this process, on the standard output and at any level, that what it waits for is done."""
-        record = _LOGGER.makeRecord(_LOGGER.name, logging.INFO, "", 0, "%s", (line,), None, extra=self._record_extra())
+        record = _LOGGER.makeRecord(_LOGGER.name, logging.INFO, "", 0, "%s", (line,), None, extra=self.extra)
         print(_HANDLER.shape(record), flush=True)
-
-    def _report_line(
-        self, level: int, line: str, facts: Mapping[str, object] | None = None, error: BaseException | None = None
-    ) -> None:
-        _LOGGER.log(level, "%s", line, extra=self._record_extra(facts, error))
-
-    def _record_extra(
-        self, facts: Mapping[str, object] | None = None, error: BaseException | None = None
-    ) -> dict[str, object]:
-        return {"process_name": self.process, "prefix": self._prefix, "facts": facts or {}, "error": error}
 
 
 def described(error: BaseException) -> str:
@@ -103,9 +85,8 @@ class _Handler(logging.Handler):
 
 
 def _as_text(record: logging.LogRecord) -> str:
-    error = getattr(record, "error", None)
-    if error is not None:
-        return "".join(traceback.format_exception(error)).rstrip("\n")
+    if record.exc_info:
+        return "".join(traceback.format_exception(record.exc_info[1])).rstrip("\n")
     return f"{getattr(record, 'prefix', '')}{record.getMessage()}"
 
 
@@ -128,9 +109,8 @@ class _AsJson:
         }
         if record.name != _LOGGER.name:
             fields["library"] = record.name
-        error = getattr(record, "error", None) or (record.exc_info[1] if record.exc_info else None)
-        if error is not None:
-            fields["traceback"] = _shorten_text("".join(traceback.format_exception(error)))
+        if record.exc_info and record.exc_info[1] is not None:
+            fields["traceback"] = _shorten_text("".join(traceback.format_exception(record.exc_info[1])))
         facts = {name: fact for name, fact in getattr(record, "facts", {}).items() if name not in fields}
         return json.dumps(fields | facts, default=str)
 

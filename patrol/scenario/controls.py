@@ -34,7 +34,7 @@ from patrol.faults.kinds import Clock, Lasting, OnClosure, nothing
 from patrol.faults.roster import tick_of, ticks_of
 from patrol.files.half_characters import refuse_half_characters
 from patrol.journal.records import Event
-from patrol.scenario import Scenario, ZoneSpec, load_scenario
+from patrol.scenario import Scenario, ZoneSpec, as_mapping, load_scenario
 from patrol.values import LARGEST, Corner, Flag, Name, Positive, Section, expecting, wrong
 from patrol.zones.spec import Span, Weight, holds_tick
 
@@ -234,20 +234,20 @@ def amended(scenario: Scenario, k: int, control: Control) -> tuple[Scenario, str
             if len(scenario.intruders) >= MOST_INTRUDERS:
                 raise BadInput(f"control: intruder: this run has {MOST_INTRUDERS} intruders already and takes no more")
             entry = {"place": control.place, "at": _time_of(k, scenario.step), "for": control.stay}
-            mapping = _as_mapping(scenario)
+            mapping = as_mapping(scenario)
             mapping["intruders"] = [*mapping["intruders"], entry]
             x, y = control.place
             return _load_mapping(mapping, len(scenario.faults)), (
                 f"{intruder_name(len(scenario.intruders))} at ({x:g}, {y:g}) from tick {k} on"
             )
         case SwitchZone(weight=float(weight)):
-            mapping, number = _as_mapping(scenario), _zone_of(scenario, control.name)
+            mapping, number = as_mapping(scenario), _zone_of(scenario, control.name)
             mapping["zones"][number]["weights"] = _reweight_zone(scenario, k, scenario.zones[number], weight)
             return _load_mapping(
                 mapping, len(scenario.faults)
             ), f"{control.name} counts {weight:g} times from tick {k} on"
         case SwitchZone():
-            mapping, number = _as_mapping(scenario), _zone_of(scenario, control.name)
+            mapping, number = as_mapping(scenario), _zone_of(scenario, control.name)
             mapping["zones"][number]["times"] = _switch_zone(scenario, k, scenario.zones[number], bool(control.on))
             state = "in force" if control.on else "out of force"
             return _load_mapping(mapping, len(scenario.faults)), f"{control.name} is {state} from tick {k} on"
@@ -323,7 +323,7 @@ def _with_fault(scenario: Scenario, k: int, control: AddFault) -> tuple[Scenario
         if before.closure == entry.get("closure") and _is_active(before, scenario.step, begin):
             scenario = _heal_fault(scenario, begin, str(before.id))
     entry.setdefault("id", _fresh_name([fault.id for fault in scenario.faults]))
-    mapping = _as_mapping(scenario)
+    mapping = as_mapping(scenario)
     mapping["faults"] = [*mapping["faults"], entry]
     extended = _load_mapping(mapping, len(scenario.faults))
     fault = extended.faults[-1]
@@ -346,7 +346,7 @@ def _heal_fault(scenario: Scenario, k: int, name: str) -> Scenario:
         raise BadInput(f"control: id = {name}: it has not begun yet; it begins at {fault.at:g} s")
     if _is_over(scenario, k, name):
         raise BadInput(f"control: id = {name}: it has ended already")
-    mapping = _as_mapping(scenario)
+    mapping = as_mapping(scenario)
     if begin == k:
         mapping["faults"][index] = nothing(name, fault.at, scenario.step, scenario.roster[0].name)
     else:
@@ -371,7 +371,7 @@ def _without_intruder(scenario: Scenario, k: int, place: int) -> Scenario:
         if intruder.at > k * step:
             raise BadInput(f"{where}: it has not come yet; it comes at {intruder.at:g} s")
         raise BadInput(f"{where}: it has left already")
-    mapping = _as_mapping(scenario)
+    mapping = as_mapping(scenario)
     entry = mapping["intruders"][place]
     entry["for"] = k * step - intruder.at
     if entry["for"] <= 0.0:  # it keeps its place in the list, between two ticks, so that others keep their names
@@ -455,10 +455,6 @@ def _time_of(k: int, step: float) -> float:
     while tick_of(exact, step) > k:
         exact = math.nextafter(exact, 0.0)
     return exact
-
-
-def _as_mapping(scenario: Scenario) -> dict[str, Any]:
-    return scenario.model_dump(mode="json", exclude_none=True)
 
 
 def _load_mapping(mapping: Mapping[str, Any], place: int) -> Scenario:

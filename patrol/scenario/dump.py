@@ -90,7 +90,7 @@ def _flow_text(value: Any) -> str:
 
 def _dump_value(value: Any, *, allow_unicode: bool) -> str:
     text = yaml.dump(
-        _plain_value(value),
+        value,
         Dumper=_Dumper,
         default_flow_style=True,
         sort_keys=False,
@@ -98,10 +98,6 @@ def _dump_value(value: Any, *, allow_unicode: bool) -> str:
         allow_unicode=allow_unicode,
     )
     return text.removesuffix("...\n").strip()
-
-
-def _plain_value(value: Any) -> Any:
-    return [_plain_value(item) for item in value] if isinstance(value, tuple) else value
 
 
 def _join_names(names: list[str]) -> str:

@@ -8,11 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from functools import cached_property
+from operator import attrgetter
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Self
 
-from pydantic import BaseModel, Field, ValidationInfo, field_validator, model_validator
+from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from patrol.closures.checks import check_closures
 from patrol.closures.spec import Closures, closures_in_file
@@ -164,11 +165,11 @@ class Scenario(Section):
             limit = f"too long: at most {int(ms_to_s(MAX_TIME_MS))} s and {MAX_TICKS} steps fit"
             raise wrong("duration", limit, self.duration)
         for field in ("watchdog", "radio.forget_after"):
-            if (value := _value_at(self, field)) < self.step:
+            if (value := attrgetter(field)(self)) < self.step:
                 limit = f"shorter than one step of {self.step:g} s, so it would end between two messages; give more"
                 raise wrong(field, limit, value)
         for field in ("sensor.range", "patrol.goal_distance", "patrol.refine_reach"):
-            if (value := _value_at(self, field)) != AUTO and value < self.point:
+            if (value := attrgetter(field)(self)) != AUTO and value < self.point:
                 raise wrong(field, f"shorter than one point of {self.point:g} m; give more, or a smaller point", value)
         check_radio_spec(self.radio, self.roster, self.step, self.sensor, intruders=bool(self.intruders))
         self._check_roster()
@@ -208,10 +209,3 @@ class Scenario(Section):
                 remedy = f"give at most {longest_leap / self.step:g}, a shorter step or a longer sensor.range"
                 limit = f"{leap}{longest_leap / 2.0:g} m never sees; {remedy}"
                 raise wrong(f"{spec.section}.speed", limit, spec.speed)
-
-
-def _value_at(model: BaseModel, field: str) -> Any:
-    value: Any = model
-    for part in field.split("."):
-        value = getattr(value, part)
-    return value

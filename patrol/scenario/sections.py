@@ -294,9 +294,7 @@ class IntruderSpec(Section):
         x, y = self.place
         where = f"{field} = [{x:g}, {y:g}]"
         if not terrain.contains(x, y):
-            xmin, ymin, xmax, ymax = terrain.bounds
-            span = f"spans x {xmin:g} to {xmax:g} m and y {ymin:g} to {ymax:g} m"
-            raise BadInput(f"{where}: not on {terrain.name}, which {span}; move it there")
+            raise BadInput(f"{where}: not on {terrain.name}, which {terrain.span}; move it there")
         if not terrain.passable[terrain.point_at(x, y)]:
             raise BadInput(f"{where}: in an obstacle of {terrain.name}; move it to passable ground")
 

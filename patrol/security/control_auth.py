@@ -21,7 +21,7 @@ import hashlib
 import hmac
 import json
 import struct
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
@@ -254,12 +254,6 @@ def _read_answer(said: bytes) -> Answer | None:
 
 def _compute_mac(token: str, what: bytes, fleet: str, run: int, *parts: bytes) -> bytes:
     """HMAC-SHA256 over the parts, each after its length, so that no two lists of parts give the same bytes."""
-    return hmac.digest(
-        token.encode("utf-8", "surrogatepass"), b"".join(_frame_parts(what, fleet, run, parts)), "sha256"
-    )
-
-
-def _frame_parts(what: bytes, fleet: str, run: int, parts: Iterable[bytes]) -> Iterator[bytes]:
-    for part in (b"fogwatch control", what, fleet.encode(), struct.pack("<Q", run), *parts):
-        yield struct.pack("<I", len(part))
-        yield part
+    framed = (b"fogwatch control", what, fleet.encode(), struct.pack("<Q", run), *parts)
+    message = b"".join(struct.pack("<I", len(part)) + part for part in framed)
+    return hmac.digest(token.encode("utf-8", "surrogatepass"), message, "sha256")

@@ -20,7 +20,6 @@ from patrol.scenario.sections import VERTICES
 from patrol.summary.model import Messages, RobotFigures, Summary
 
 if TYPE_CHECKING:
-    import numpy as np
     from numpy.typing import NDArray
 
     from patrol.journal.records import Event, Header, RobotTick, TickRecord

@@ -2,63 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from typing import Protocol
+from typing import TYPE_CHECKING
 
 from patrol.errors import NotPrepared
 from patrol.ground.one_way import with_direction
-from patrol.ground.shapes import Polygon, cover, touched_points
+from patrol.ground.shapes import cover, touched_points
 from patrol.ground.terrain import ALL_WAYS, BoolGrid, Steps, Terrain
 
+if TYPE_CHECKING:
+    from collections.abc import Iterable
 
-class Mask(Protocol):
-    """The marked cells of a mask."""
-
-    @property
-    def resolution(self) -> float:
-        """Side of a cell, m."""
-        ...
-
-    @property
-    def origin(self) -> tuple[float, float]:
-        """x and y of the lower left corner, m."""
-        ...
-
-    def marked(self) -> BoolGrid:
-        """bool (rows, columns), the lowest row first."""
-        ...
+    from patrol.zones.spec import ZoneSpec
 
 
-class Zone(Protocol):
-    """The place of a zone: a scenario's `patrol.zones.spec.ZoneSpec`."""
-
-    @property
-    def name(self) -> str:
-        """Of the zone."""
-        ...
-
-    @property
-    def polygon(self) -> Polygon | None:
-        """Corners in m; None where there is a mask."""
-        ...
-
-    @property
-    def mask(self) -> Mask | None:
-        """The mask; None where there is a polygon."""
-        ...
-
-    @property
-    def keep_out(self) -> bool | None:
-        """True where no body may enter."""
-        ...
-
-    @property
-    def one_way(self) -> int | None:
-        """Direction against which no way leads, degrees from x towards y; None where ways lead in all directions."""
-        ...
-
-
-def points_of(zone: Zone, terrain: Terrain) -> BoolGrid:
+def points_of(zone: ZoneSpec, terrain: Terrain) -> BoolGrid:
     """Return the points that share some area with a zone.
 
     A zone's mask may have another resolution and another origin than the terrain.
@@ -71,7 +28,7 @@ def points_of(zone: Zone, terrain: Terrain) -> BoolGrid:
     return touched_points(mask.marked(), mask.resolution, terrain.point, terrain.shape, start)
 
 
-def steps_against(zones: Iterable[Zone], terrain: Terrain) -> Steps:
+def steps_against(zones: Iterable[ZoneSpec], terrain: Terrain) -> Steps:
     """Return the steps that lead against one-way zones: `Terrain.against`."""
     against = ALL_WAYS
     for zone in zones:
@@ -80,17 +37,15 @@ def steps_against(zones: Iterable[Zone], terrain: Terrain) -> Steps:
     return against
 
 
-def with_zones(terrain: Terrain, zones: Iterable[Zone]) -> Terrain:
+def with_zones(terrain: Terrain, zones: Iterable[ZoneSpec]) -> Terrain:
     """Return the terrain without the ground that zones keep bodies out of, and with the directions of one-way zones."""
     zones = list(zones)
     keep_out, kept_out = terrain.keep_out.copy(), []
     for number, zone in enumerate(zones):
         points = points_of(zone, terrain)
         if not points.any():
-            xmin, ymin, xmax, ymax = terrain.bounds
-            span = f"spans x {xmin:g} to {xmax:g} m and y {ymin:g} to {ymax:g} m"
             outside = f"{zone.name} lies outside of {terrain.name}"
-            raise NotPrepared(f"zones.{number}: {outside}, which {span}; move or drop it")
+            raise NotPrepared(f"zones.{number}: {outside}, which {terrain.span}; move or drop it")
         if zone.keep_out:
             keep_out |= points
             kept_out.append(zone.name)

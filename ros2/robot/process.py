@@ -153,7 +153,7 @@ def _find_and_patrol(process: ProcessContext, overrides: dict[str, object]) -> i
 
 def _patrol_robot(process: ProcessContext, scenario: Scenario, hardware: Hardware, shows_map: bool) -> int:
     """Patrol with a robot that was found; return the exit code."""
-    name, options = process.log.process, process.options
+    name, options = process.log.owner, process.options
     numbers = {spec.name: spec.number for spec in scenario.roster}
     alone_s = LISTEN_S + LISTEN_MORE_S * (numbers.get(name, 1) - 1)
     rivals = _claim_robot(hardware, process)

@@ -66,7 +66,7 @@ class Ear:
         overheard.messages += 1
         overheard.size = max(overheard.size, len(payload))
         overheard.last_s = at_s
-        overheard.newest = payload.to_bytes() if len(payload) <= _LONGEST_KEPT else None
+        overheard.newest = bytes(payload) if len(payload) <= _LONGEST_KEPT else None
         if overheard.newest is not None and len(payload) <= _LONGEST_RECENT:
             overheard.recent.append((now_ns, overheard.newest))
         attachment = attachment_of(attached)

@@ -19,13 +19,6 @@ from patrol.security.roles import VIEWER, robot_role
 KEYS = fleet_keys("real-1")
 
 
-class Bytes(bytes):
-    """A payload."""
-
-    def to_bytes(self) -> bytes:
-        return bytes(self)
-
-
 class Air:
     """A link on which the test speaks, to those who have subscribed by then."""
 
@@ -46,7 +39,7 @@ class Air:
         self.closed += 1
 
     def say(self, key: str, payload: bytes) -> None:
-        self.mailboxes[key].deliver(key, Bytes(payload))
+        self.mailboxes[key].deliver(key, payload)
 
     def position(self, name: str, robot: int = 1) -> None:
         self.say(KEYS.position(name), encode(Position.of(robot, 7, 3.5, Pose(2.0, 3.0, 0.0))))

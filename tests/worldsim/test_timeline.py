@@ -203,19 +203,6 @@ def test_who_leaves_before_it_joins_was_there() -> None:
     assert line.starts_absent == {5}
 
 
-def test_faults_asked_for_later_follow_on() -> None:
-    given_faults = scenario({"kind": "silence", "who": "one"}, {"kind": "kill", "who": "one", "at": 20})
-    asked = [
-        load_scenario({**OPEN, "faults": [fault]}).faults[0]
-        for fault in ({"kind": "silence", "who": "one", "id": "s"}, {"kind": "join", "who": "r2", "id": "j", "at": 1})
-    ]
-    line = Timeline(given_faults, [(30, asked[0]), (33, asked[1])])
-    assert line.entries[:2] == Timeline(given_faults).entries
-    assert [(entry.index, entry.begin) for entry in line.entries[2:]] == [(2, 30), (3, 35)]
-    assert line.acts(35) == (Act("join", 2, "j"),)
-    assert line.starts_absent == frozenset()
-
-
 # --- what is told ----------------------------------------------------------------------------------------------------
 
 

@@ -18,7 +18,7 @@ from patrol.journal import RobotTick, Status, TickRecord
 from patrol.journal.records import FORGED
 from patrol.pose import TAU, Command, Drive, Pose, Twist, command_of, is_halt
 from patrol.radio.message import CONTACT, MAX_TIME_MS, Position, Rejected, decode
-from patrol.radio.units import cm_to_m, mrad_to_rad, ms_to_s
+from patrol.radio.units import MRAD_PER_RAD, cm_to_m, ms_to_s
 from worldsim.checks.chance import FAMILY, Series, first_problem
 from worldsim.checks.check import Check
 from worldsim.checks.statuses import ExpectedStatuses
@@ -147,7 +147,7 @@ class SensesAsAsked(Check):
         if not (x_min <= x <= x_max and y_min <= y <= y_max):
             self._blame(row.number, f"reports in tick {k} a place off the terrain: ({x:.2f}, {y:.2f})")
         # The remainder also compares headings on both sides of 0.
-        if abs(math.remainder(mrad_to_rad(said.heading_mrad) - row.heading, TAU)) > ROUNDED_RAD:
+        if abs(math.remainder(said.heading_mrad / MRAD_PER_RAD - row.heading, TAU)) > ROUNDED_RAD:
             self._blame(row.number, f"reports in tick {k} a heading of {said.heading_mrad} mrad, which is not its own")
         drifts = [(entry, entry.fault) for entry in mine if isinstance(entry.fault, Drift)]
         due_x, due_y, jumps = row.x, row.y, []

@@ -86,7 +86,7 @@ class ExpectedStatuses(JournalReading):
         for entry in self._entries:
             if entry.begin == k:
                 wreck = entry.fault.wreck if isinstance(entry.fault, Kill) else "stays"
-                yield from (Act(entry.fault.kind, number, entry.id, wreck) for number in entry.who)  # type: ignore[arg-type]
+                yield from (Act(entry.fault.kind, number, entry.id, wreck) for number in entry.who)
             if isinstance(entry.fault, Pause) and entry.end == k:
                 yield from (Act("resume", number, entry.id) for number in entry.who)
 

@@ -6,6 +6,7 @@ import os
 from pathlib import Path
 
 from patrol.errors import BadInput
+from patrol.files.whole_file import writing
 from patrol.scenario import Scenario
 from patrol.scenario.load import FILE, keep_scenario
 from patrol.scenario.sections import MAP
@@ -16,12 +17,10 @@ def check(scenario: Path, out: Path) -> None:
 
     The scenario's file may lie in it.
     """
-    try:
+    with writing(f"--out {out}", "choose another folder"):
         out.mkdir(parents=True, exist_ok=True)
         is_taken = any((out / name).exists() for name in ("journal", "ticks.csv"))
         foreign = [name for name in (FILE, MAP) if (out / name).exists() and not _is_in(out, scenario)]
-    except OSError as error:
-        raise BadInput(f"--out {out}: cannot be written ({error.strerror}); choose another folder") from None
     if is_taken:
         raise BadInput(f"--out {out}: already holds a run; choose another folder")
     if foreign:
@@ -32,12 +31,9 @@ def check(scenario: Path, out: Path) -> None:
 
 def keep(scenario: Scenario, file: Path, out: Path) -> None:
     """Copy the scenario into the folder, unless it was read from there."""
-    if _is_in(out, file):
-        return
-    try:
-        keep_scenario(scenario, out)
-    except OSError as error:
-        raise BadInput(f"--out {out}: cannot be written ({error.strerror}); choose another folder") from None
+    if not _is_in(out, file):
+        with writing(f"--out {out}", "choose another folder"):
+            keep_scenario(scenario, out)
 
 
 def _is_in(out: Path, scenario: Path) -> bool:

@@ -86,7 +86,7 @@ class Wire:
 
     def deliver(self, key: str, payload: Payload) -> None:
         try:
-            reply = decode_to_world(payload.to_bytes())
+            reply = decode_to_world(bytes(payload))
         except Malformed:
             return
         if isinstance(reply, ReplyA):

@@ -23,13 +23,6 @@ SCENARIO: dict[str, Any] = {
 }
 
 
-class Bytes(bytes):
-    """A payload."""
-
-    def to_bytes(self) -> bytes:
-        return bytes(self)
-
-
 class Ears:
     """A link on which the test speaks."""
 
@@ -66,7 +59,7 @@ def test_a_robot_that_stays_is_said_to_be_trapped_and_how_long_it_has_been_is_un
     for k in range(200):
         clock[0] = k + 0.5
         frame = encode(Position.of(1, k + 1, float(k), Pose(50.0 + k % 2, 20.0, 0.0)))
-        ears.subscribed[keys.position("*")].deliver(keys.position("anna"), Bytes(frame))
+        ears.subscribed[keys.position("*")].deliver(keys.position("anna"), frame)
         state = source.wait(0.0) or state
     assert state is not None
     assert [robot.trapped for robot in state.robots] == [Trapped(0.0, exact=False), None]
@@ -83,9 +76,9 @@ def test_a_robot_that_does_not_hear_another_one_is_told_by_its_reports() -> None
     for k in range(12):
         clock[0] = k + 0.5
         frame = encode(Position.of(2, k + 1, float(k), Pose(50.0, 20.0, 0.0)))
-        ears.subscribed[keys.position("*")].deliver(keys.position("bert"), Bytes(frame))
+        ears.subscribed[keys.position("*")].deliver(keys.position("bert"), frame)
         report = Telemetry(k, "patrolling", None, None, None, 9, 1.5, 0, Traffic(0, 0, {"bert": 0}, 0, False))
-        ears.subscribed[keys.telemetry("*")].deliver(keys.telemetry("anna"), Bytes(pack_view(report)))
+        ears.subscribed[keys.telemetry("*")].deliver(keys.telemetry("anna"), pack_view(report))
         state = source.wait(0.0) or state
     assert state is not None
     assert [robot.radio_wrong for robot in state.robots] == ["does not hear bert", ""]

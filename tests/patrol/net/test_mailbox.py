@@ -13,7 +13,7 @@ class Bytes:
     def __len__(self) -> int:
         return len(self.data)
 
-    def to_bytes(self) -> bytes:
+    def __bytes__(self) -> bytes:
         self.copied = True
         return self.data
 

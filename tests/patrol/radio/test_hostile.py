@@ -133,13 +133,6 @@ def mutant(frame: bytes, other: bytes, chance: int) -> bytes:
     )[way]
 
 
-class Raw(bytes):
-    """A payload as Zenoh hands it over."""
-
-    def to_bytes(self) -> bytes:
-        return bytes(self)
-
-
 @dataclass
 class Besieged:
     """Everything that reads what others send: a robot's inboxes and mailbox, and the world's mailbox."""
@@ -161,8 +154,8 @@ class Besieged:
         self.believed = [count + one for count, one in zip(self.believed, believed, strict=True)]
         if believed[1] and data not in tags:
             self.strangers += 1
-        self.robot.deliver("tick", Raw(data))
-        self.world.deliver("reply", Raw(data))
+        self.robot.deliver("tick", data)
+        self.world.deliver("reply", data)
         if self.sent % 100 == 0:
             self.empty()
 

@@ -3,6 +3,7 @@ from __future__ import annotations
 import json
 import math
 import threading
+from typing import Any
 
 from patrol.reporting.health import HealthLines, HealthReading, facts_of, health_line
 from patrol.reporting.logs import Log
@@ -76,9 +77,10 @@ class Listening(Log):
         self.there = threading.Event()
         self._enough = enough
 
-    def info(self, line: str, **facts: object) -> None:
+    def info(self, msg: object, *args: object, **facts: Any) -> None:
+        assert not args
         assert set(facts) == {"health"}
-        self.lines.append(line)
+        self.lines.append(str(msg))
         if len(self.lines) >= self._enough:
             self.there.set()
 

@@ -17,13 +17,6 @@ from patrol.reporting.vitals import (
 from tests.fresh_memory import fresh_memory
 
 
-class Arrived(bytes):
-    """A payload as it is received."""
-
-    def to_bytes(self) -> bytes:
-        return bytes(self)
-
-
 class Clock:
     now_s = 100.0
 
@@ -55,9 +48,9 @@ def test_mailboxes_are_added_up() -> None:
     boxes = [Mailbox(["a"], bytes, 4), Mailbox(["a"], bytes, 4)]
     for box in boxes:
         vitals.probe_mailbox(box)
-        box.deliver("a", Arrived(b"one"))
-    boxes[0].deliver("a", Arrived(b"too long"))
-    boxes[1].deliver("a", Arrived(b"too long"))
+        box.deliver("a", b"one")
+    boxes[0].deliver("a", b"too long")
+    boxes[1].deliver("a", b"too long")
     boxes[1].put("b", b"nobody's")
     known = vitals.read()
     assert known[QUEUE] == 2

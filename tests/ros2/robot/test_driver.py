@@ -68,9 +68,9 @@ class Heard(Log):
     def failure(self, error: BaseException) -> None:
         self.failures.append(error)
 
-    def info(self, line: str, **facts: object) -> None:
-        del facts
-        self.said.append(line)
+    def info(self, msg: object, *args: object, **facts: Any) -> None:
+        del args, facts
+        self.said.append(str(msg))
 
 
 class Bench:

@@ -42,16 +42,11 @@ def test_what_is_refused_is_counted_and_said_once() -> None:
     assert len(mailbox.said) == 16
 
 
-class Payload(bytes):
-    def to_bytes(self) -> bytes:
-        return bytes(self)
-
-
 def test_what_is_overheard() -> None:
     ear = Ear()
     for number in range(11):
         attached = Attachment(number, 1000 - number, bytes(16)).to_bytes()
-        ear.note("a", Payload(b"x" * number), attached, number * 0.1, 1000 + number)
+        ear.note("a", b"x" * number, attached, number * 0.1, 1000 + number)
     heard = ear.heard["a"]
     assert (heard.messages, heard.size, heard.age_ns, len(heard.senders)) == (11, 10, 0, 1)
     assert abs(heard.rate - 10.0) < 1e-9
@@ -61,10 +56,10 @@ def test_what_is_overheard() -> None:
 def test_a_flood_of_keys_and_of_bytes_takes_no_memory() -> None:
     ear = Ear()
     for number in range(1000):
-        ear.note(f"{number}", Payload(b""), b"", 0.0, 0)
+        ear.note(f"{number}", b"", b"", 0.0, 0)
     assert len(ear.heard) == 64
     for _ in range(100):
-        ear.note("0", Payload(bytes(5_000_000)), b"?", 1.0, 1)
+        ear.note("0", bytes(5_000_000), b"?", 1.0, 1)
     heard = ear.heard["0"]
     assert (heard.newest, heard.size, heard.age_ns) == (None, 5_000_000, None)
     assert len(heard.recent) <= 32
