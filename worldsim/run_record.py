@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Protocol
 
-from patrol.journal import End, Event, Header, Journal, Record, TickRecord
+from patrol.journal import End, Event, Header, Record, TickRecord
 
 COMPLETED = "completed"
 INTERRUPTED = "interrupted"
@@ -65,6 +65,35 @@ class Writer(Protocol):
         ...
 
 
+class RunRecord(Protocol):
+    """A run's records, read back: `patrol.journal.file.Journal`, or a list in memory."""
+
+    @property
+    def header(self) -> Header:
+        """The first record."""
+        ...
+
+    @property
+    def ticks(self) -> Iterator[TickRecord]:
+        """The ticks in order; a new iterator on each access."""
+        ...
+
+    @property
+    def events(self) -> tuple[Event, ...]:
+        """The events in order."""
+        ...
+
+    @property
+    def end(self) -> End | None:
+        """The last record, or None for a run that was cut off."""
+        ...
+
+    @property
+    def truncated(self) -> bool:
+        """True if something damaged follows the last whole record."""
+        ...
+
+
 class MemoryJournal:
     """A run's records in memory: written like a journal, read like one."""
 
@@ -95,7 +124,3 @@ class MemoryJournal:
                 self.end = record
             case Header():
                 self.header = record
-
-
-RunRecord = Journal | MemoryJournal
-"""A run's records, read back: from a file, or from memory."""

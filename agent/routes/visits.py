@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
     from agent.routes.ground import Ground
     from patrol.pose import Command, Pose
-    from patrol.zones.spec import ZoneSpec
+    from patrol.zones.ground import Zone
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,7 +52,7 @@ class _OneWay:
 class Visits:
     """One robot's visits to the one-way zones of its ground."""
 
-    def __init__(self, zones: Iterable[ZoneSpec], ground: Ground, radius: float, step: float) -> None:
+    def __init__(self, zones: Iterable[Zone], ground: Ground, radius: float, step: float) -> None:
         """Begin outside of all zones."""
         self._ground = ground
         self._back_m = 2.0 * radius

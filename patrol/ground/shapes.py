@@ -14,7 +14,10 @@ Polygon = Sequence[tuple[float, float]]
 """Corners (x, y) in m, in order; the last is joined to the first. It may be concave."""
 
 TOLERANCE = 1e-6
-"""Overlaps thinner than this (in points or cells) are rounding and do not count."""
+"""Overlaps thinner than this (in points) are rounding and do not count."""
+
+TOLERANCE = 1e-6
+"""Overlaps thinner than this (in cells) are rounding and do not count."""
 
 
 def cover(polygon: Polygon, shape: tuple[int, int], point: float, origin: tuple[float, float]) -> BoolGrid:

@@ -7,8 +7,9 @@ upper row at the highest y.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 import numpy as np
 
@@ -27,16 +28,32 @@ from patrol.maps.doubts import settings_text, wrong_settings
 from patrol.maps.map_file import MapFile, read_map_file
 from patrol.printable import printable
 
-if TYPE_CHECKING:
-    from patrol.scenario.sections import TerrainSpec
-
 __all__ = ["load_terrain", "read_terrain"]
 
 CELLS_AT_ONCE = 16_000_000
 """Cells of a map that are made points at a time, which bounds the memory that this takes."""
 
 
-def load_terrain(spec: TerrainSpec, point: float, base: Path, within: Path | None = None) -> Terrain:
+class TerrainSource(Protocol):
+    """A terrain's name or file, and its keep-outs: a scenario's section `terrain`."""
+
+    @property
+    def builtin(self) -> str | None:
+        """Name of a built-in terrain, or None."""
+        ...
+
+    @property
+    def map(self) -> str | None:
+        """A map_server YAML file, where there is no built-in terrain."""
+        ...
+
+    @property
+    def keep_out(self) -> Sequence[Sequence[tuple[float, float]]]:
+        """Polygons that no body may enter, m."""
+        ...
+
+
+def load_terrain(spec: TerrainSource, point: float, base: Path, within: Path | None = None) -> Terrain:
     """Return the terrain that a scenario asks for.
 
     The map's path is relative to `base`, and its files must lie in `within`; None allows any place.

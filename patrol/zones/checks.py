@@ -21,15 +21,14 @@ if TYPE_CHECKING:
 
     from patrol.ground.fields import StaticFields
     from patrol.ground.terrain import BoolGrid, Terrain
-    from patrol.prepare import Prepared
-    from patrol.scenario import Scenario
+    from patrol.scenario.checked import CheckedGround, CheckedScenario
     from patrol.zones.spec import ZoneSpec
 
 LEAST_LONG = 2.0
 """Length of a one-way zone at least where a robot gets, in its diameters and steps, besides a point's diagonal."""
 
 
-def check_zones(scenario: Scenario) -> None:
+def check_zones(scenario: CheckedScenario) -> None:
     """Refuse zones that do nothing in a scenario, whatever its ground, or do not fit the rest of it."""
     fastest = max(spec.speed for spec in scenario.roster)
     for number, zone in enumerate(scenario.zones):
@@ -43,7 +42,7 @@ def check_zones(scenario: Scenario) -> None:
     check_names([zone.name for zone in scenario.zones], "zone")
 
 
-def _check_weights(field: str, zone: ZoneSpec, scenario: Scenario) -> None:
+def _check_weights(field: str, zone: ZoneSpec, scenario: CheckedScenario) -> None:
     """Refuse later weights that never hold."""
     ticks = [*(tick_of(start_s, scenario.step) for start_s, _ in zone.weights or ()), scenario.ticks]
     for (start_s, weight), (tick, after) in zip(zone.weights or (), pairwise(ticks), strict=True):
@@ -53,7 +52,7 @@ def _check_weights(field: str, zone: ZoneSpec, scenario: Scenario) -> None:
             raise wrong(field, limit)
 
 
-def _check_direction(field: str, degrees: int, scenario: Scenario) -> None:
+def _check_direction(field: str, degrees: int, scenario: CheckedScenario) -> None:
     """Refuse a one-way zone where something counts on ways that are as long there as back."""
     if scenario.patrol.sums_forces:
         sums = f"{scenario.patrol.policy} sums forces over ways that may lead against it"
@@ -64,7 +63,7 @@ def _check_direction(field: str, degrees: int, scenario: Scenario) -> None:
         raise wrong(field, limit, degrees)
 
 
-def check_zones_on_ground(prepared: Prepared) -> None:
+def check_zones_on_ground(prepared: CheckedGround) -> None:
     """Refuse zones in which nothing is patrolled, slowed or directed."""
     scenario, terrain = prepared.scenario, prepared.terrain
     by_radius = dict(sorted({spec.radius: prepared.fields[spec.number] for spec in scenario.roster}.items()))
@@ -85,7 +84,7 @@ def _check_one_way(
     where: str,
     degrees: int,
     points: BoolGrid,
-    scenario: Scenario,
+    scenario: CheckedScenario,
     terrain: Terrain,
     by_radius: Mapping[float, StaticFields],
 ) -> None:

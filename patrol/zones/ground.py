@@ -2,20 +2,63 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Iterable
+from typing import Protocol
 
 from patrol.errors import NotPrepared
 from patrol.ground.one_way import with_direction
-from patrol.ground.shapes import cover, touched_points
+from patrol.ground.shapes import Polygon, cover, touched_points
 from patrol.ground.terrain import ALL_WAYS, BoolGrid, Steps, Terrain
 
-if TYPE_CHECKING:
-    from collections.abc import Iterable
 
-    from patrol.zones.spec import ZoneSpec
+class Mask(Protocol):
+    """The marked cells of a mask."""
+
+    @property
+    def resolution(self) -> float:
+        """Side of a cell, m."""
+        ...
+
+    @property
+    def origin(self) -> tuple[float, float]:
+        """x and y of the lower left corner, m."""
+        ...
+
+    def marked(self) -> BoolGrid:
+        """bool (rows, columns), the lowest row first."""
+        ...
 
 
-def points_of(zone: ZoneSpec, terrain: Terrain) -> BoolGrid:
+class Zone(Protocol):
+    """The place of a zone: a scenario's `patrol.zones.spec.ZoneSpec`."""
+
+    @property
+    def name(self) -> str:
+        """Of the zone."""
+        ...
+
+    @property
+    def polygon(self) -> Polygon | None:
+        """Corners in m; None where there is a mask."""
+        ...
+
+    @property
+    def mask(self) -> Mask | None:
+        """The mask; None where there is a polygon."""
+        ...
+
+    @property
+    def keep_out(self) -> bool | None:
+        """True where no body may enter."""
+        ...
+
+    @property
+    def one_way(self) -> int | None:
+        """Direction against which no way leads, degrees from x towards y; None where ways lead in all directions."""
+        ...
+
+
+def points_of(zone: Zone, terrain: Terrain) -> BoolGrid:
     """Return the points that share some area with a zone.
 
     A zone's mask may have another resolution and another origin than the terrain.
@@ -28,7 +71,7 @@ def points_of(zone: ZoneSpec, terrain: Terrain) -> BoolGrid:
     return touched_points(mask.marked(), mask.resolution, terrain.point, terrain.shape, start)
 
 
-def steps_against(zones: Iterable[ZoneSpec], terrain: Terrain) -> Steps:
+def steps_against(zones: Iterable[Zone], terrain: Terrain) -> Steps:
     """Return the steps that lead against one-way zones: `Terrain.against`."""
     against = ALL_WAYS
     for zone in zones:
@@ -37,7 +80,7 @@ def steps_against(zones: Iterable[ZoneSpec], terrain: Terrain) -> Steps:
     return against
 
 
-def with_zones(terrain: Terrain, zones: Iterable[ZoneSpec]) -> Terrain:
+def with_zones(terrain: Terrain, zones: Iterable[Zone]) -> Terrain:
     """Return the terrain without the ground that zones keep bodies out of, and with the directions of one-way zones."""
     zones = list(zones)
     keep_out, kept_out = terrain.keep_out.copy(), []

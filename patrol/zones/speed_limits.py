@@ -3,18 +3,26 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from patrol.zones.ground import points_of
+from patrol.zones.ground import Zone, points_of
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable
 
     from patrol.ground.terrain import Terrain
-    from patrol.zones.spec import ZoneSpec
+
+
+class SlowZone(Zone, Protocol):
+    """A zone that may have a top speed: a scenario's `patrol.zones.spec.ZoneSpec`."""
+
+    @property
+    def speed(self) -> float | None:
+        """Top speed, m/s; None where the zone limits none."""
+        ...
 
 
 class SpeedLimits:
@@ -24,7 +32,7 @@ class SpeedLimits:
     force and 0.3 m/s with `ward` alone.
     """
 
-    def __init__(self, zones: Iterable[ZoneSpec], terrain: Terrain) -> None:
+    def __init__(self, zones: Iterable[SlowZone], terrain: Terrain) -> None:
         """Lay the slow zones over the grid."""
         self._terrain = terrain
         self._slow = [(zone.name, zone.speed, points_of(zone, terrain)) for zone in zones if zone.speed is not None]
