@@ -12,8 +12,9 @@ from collections.abc import Iterable
 from itertools import chain
 from typing import TYPE_CHECKING
 
+from agent.bodies.base import CLEAR_SHARE, BodyBase, way_of
 from agent.bodies.manoeuvre import Manoeuvres, car_moves
-from agent.bodies.setup import CLEAR_SHARE, BodyBase, BodySetup, way_of
+from agent.bodies.setup import BodySetup
 from agent.bodies.standoff import Moves
 from agent.bodies.steering import EASIER, CarSteering
 from agent.ports import Bearing, Choice, Goal, Intent, Place, State

@@ -17,8 +17,9 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from itertools import chain
 
+from agent.bodies.base import BARELY, BLOCKED_SHARE, CLEAR_SHARE, BodyBase, way_of
 from agent.bodies.manoeuvre import Manoeuvres, wheel_moves
-from agent.bodies.setup import BARELY, BLOCKED_SHARE, CLEAR_SHARE, BodyBase, BodySetup, way_of
+from agent.bodies.setup import BodySetup
 from agent.bodies.standoff import Moves
 from agent.bodies.steering import EASIER, Footing, HolonomicSteering
 from agent.ports import Bearing, Choice, Goal, Place, State

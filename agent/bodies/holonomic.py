@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-from agent.bodies.setup import BARELY, BLOCKED_SHARE, CLEAR_SHARE, BodyBase, BodySetup, way_of
+from agent.bodies.base import BARELY, BLOCKED_SHARE, CLEAR_SHARE, BodyBase, way_of
+from agent.bodies.setup import BodySetup
 from agent.bodies.standoff import Moves
 from agent.ports import Bearing, Choice, Goal, Place, State
 from agent.routes.ground import Spot

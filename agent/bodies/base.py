@@ -1,0 +1,200 @@
+"""The part that all bodies share: the goal along a bearing, and what they do in a stand-off."""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, ClassVar
+
+from agent.bodies.goal import GoalFinder
+from agent.bodies.keeping_right import KeepingRight
+from agent.bodies.manoeuvre import Manoeuvres
+from agent.bodies.setup import BodySetup
+from agent.bodies.standoff import OFTEN, Moves, StandOff
+from agent.bodies.steering import Footing, HolonomicSteering
+from agent.ports import Bearing, Choice, Goal, Intent, Place, PolicyFailed, State, Stay, Steer
+from agent.routes.ground import Disc
+from agent.routes.way_back import WayBack
+from patrol.pose import halted, is_halt, slowed
+
+if TYPE_CHECKING:
+    from agent.routes.ground import Spot
+    from agent.view import View
+    from patrol.pose import Command, Pose
+    from patrol.radio.peers import Peer
+
+CLEAR_SHARE = 0.5
+"""A direction is good enough when the robot can make at least this share of a step in it."""
+
+BLOCKED_SHARE = 0.1
+"""A robot that can make less than this share of a step in every direction is in a dead end."""
+
+MOST_STOPS, MOST_STOPS_BACKING = 4, 2 * OFTEN
+"""So many times in a row a body that moves sideways stops before it would touch another, and one that has to back off,
+which by then has tried to twice; after that it drives, for the other's position may be wrong, or forged."""
+
+BARELY = 1e-3
+"""A move shorter than this counts as none, m."""
+
+
+class BodyBase(ABC):
+    """The part that all bodies share: goals, the way back, stand-offs, and a policy's own commands.
+
+    `stride` is the longest way in one step, m.
+    """
+
+    command: ClassVar[type]
+    """The class of the commands that the body obeys."""
+
+    def __init__(self, setup: BodySetup, moves: Moves) -> None:
+        spec, ground, step = setup.spec, setup.ground, setup.step
+        self.spec = spec
+        self.stride = spec.speed * step
+        self.goals = GoalFinder(setup.lengths, ground, setup.psi, setup.patrol.paper_rules)
+        self.way_back = WayBack(ground, spec.radius, wanted=setup.patrol.manoeuvres)
+        self.footing = Footing(ground.terrain, ground, spec.radius, wanted=setup.patrol.manoeuvres)
+        self.straight = HolonomicSteering(spec, ground.terrain, step, self.footing)
+        self.stand_off = StandOff(setup, moves)
+        self._point = ground.terrain.point
+        self._keeping_right: KeepingRight | None = None
+        if setup.patrol.give_way:
+            self._keeping_right = KeepingRight(spec.number, setup.radii, setup.strides, ground, step)
+        self.manoeuvres: Manoeuvres | None = None
+        self._stops = 0
+        self._most_stops = MOST_STOPS if moves is Moves.SIDEWAYS else MOST_STOPS_BACKING
+
+    def obstacles(self, tick: int, pose: Pose, bumped: bool, peers: Mapping[int, Peer]) -> Sequence[Disc]:
+        """Return the robots that this one gives way to (`agent.ports.Body.obstacles`)."""
+        # A stop before a touch counts as a bump that was avoided.
+        return self.stand_off.obstacles(tick, pose, bumped or self._stops > 0, peers)
+
+    def obey(self, intent: Intent, view: View) -> Choice:
+        """Return the command that best carries out an intent (`agent.ports.Body.obey`)."""
+        bumped = view.bumped
+        if self._stops:
+            view = replace(view, bumped=True)
+        self.way_back.note(view.pose.x, view.pose.y)
+        if self._keeping_right is not None:
+            self._keeping_right.note(view)
+        choice = self._back_off(view) if isinstance(intent, (Bearing, Place)) else None
+        choice = choice or self._carry_out(self._led(intent, view), view)
+        right = self._keeping_right
+        if right is None or is_halt(choice.command) or not (isinstance(intent, Place) and intent.gives_room):
+            self._stops = 0
+            return choice
+        room = right.room(choice.command, view)
+        if room > 0.0:
+            self._stops = 0
+            return replace(choice, command=slowed(choice.command, room * choice.command.speed_mps))
+        # A real bump shows that the other is there, so the patience with its position begins anew.
+        self._stops = 1 if bumped else self._stops + 1
+        return choice if self._stops > self._most_stops else replace(choice, command=halted(self.spec.model))
+
+    def _led(self, intent: Intent, view: View) -> Intent:
+        """Return the intent, or another one for a robot that has another one before it on its way to a place."""
+        led = self.stand_off.lead(intent, view)
+        if self._keeping_right is None or self.stand_off.is_settled or not isinstance(led, Place) or not led.gives_room:
+            return led
+        past = self._keeping_right.past(led, view)
+        # A number in place of a place: no short way leads past that robot.
+        return self.stand_off.meet(led, past, view) if isinstance(past, int) else past
+
+    def _back_off(self, view: View) -> Choice | None:
+        """Return the next step of a robot that backs off; None for any other, and where it can go no farther."""
+        spot = self.stand_off.backs_off_to(view, lambda spot: self._room_towards(spot, view))
+        if spot is None:
+            return None
+        command = self._step_to(view.pose, spot)
+        if is_halt(command):
+            self.stand_off.end()
+            return None
+        return Choice(command, State.DEAD_END)
+
+    def _leave(self, view: View) -> Choice | None:
+        """Count a dead end, and return the first step away where that is the role in it."""
+        self.stand_off.meet_dead_end(view.tick)
+        return self._back_off(view)
+
+    def _room_towards(self, spot: Spot, view: View) -> float:
+        """Return how far a straight step towards a spot leads, m, as far as the body's own step touches no robot."""
+        share = 1.0 if self._keeping_right is None else self._keeping_right.room(self._step_to(view.pose, spot), view)
+        return share * self.straight.reach(view.pose, spot)
+
+    def _proceed(self, state: str, view: View) -> Choice | None:
+        """Return the next step of a manoeuvre that leads over places from which no route leads on, to its end."""
+        if self.manoeuvres is None or view.bumped:
+            return None
+        command = self.manoeuvres.proceed(view.pose)
+        return None if command is None else Choice(command, state)
+
+    def _come_back(self, view: View) -> Choice:
+        """A step of a robot that is off the reachable points, back to them; it holds where no way leads there."""
+        pose = view.pose
+        spot = self.way_back.spot(pose.x, pose.y) if self.way_back.is_needed(pose.x, pose.y) else None
+        if spot is None:
+            return self._stand(State.HOLDING)
+        bearing = math.atan2(spot[1] - pose.y, spot[0] - pose.x)
+        command = self._step_to(pose, spot)
+        out = self._leave(view) if is_halt(command) else None
+        return out or Choice(command, State.DEAD_END, bearing, Goal(spot, spot))
+
+    def _carry_out(self, intent: Intent, view: View) -> Choice:
+        match intent:
+            case Bearing():
+                return self._bear(intent, view)
+            case Place():
+                return self._approach(intent, view)
+            case Steer(command, state):
+                if not isinstance(command, self.command):
+                    robot = "car" if self.spec.model == "car" else f"{self.spec.model} robot"
+                    given_name, wanted = type(command).__name__, self.command.__name__
+                    raise PolicyFailed(f"returned Steer({given_name}) for a {robot}; give a {wanted}")
+                allowed = self._allowed(view.pose, command.limited(self.spec.limits))
+                return self._stand(State.HOLDING) if allowed is None else Choice(allowed, state)
+            case Stay(state):
+                return self._stay(state, view)
+
+    @abstractmethod
+    def _bear(self, intent: Bearing, view: View) -> Choice:
+        """Take the first direction of an intent in which the body can move."""
+
+    @abstractmethod
+    def _approach(self, place: Place, view: View) -> Choice:
+        """Take a step towards a place."""
+
+    @abstractmethod
+    def _step_to(self, pose: Pose, spot: Spot) -> Command:
+        """Return the step, forward or in reverse, that leads nearest to a spot; a halt where none does."""
+
+    @abstractmethod
+    def _allowed(self, pose: Pose, wanted: Any) -> Command | None:
+        """Return a policy's own command, as far as it leads into no wall; None if it does from the start."""
+
+    def _stay(self, state: str, view: View) -> Choice:
+        """Stand still, in a state that the policy gives."""
+        del view
+        return self._stand(state)
+
+    def _stand(self, state: str) -> Choice:
+        return Choice(halted(self.spec.model), state)
+
+
+def way_of(place: Place, view: View) -> tuple[Spot, Spot] | None:
+    """Return the target of a `Place` intent and the first bend of the way there.
+
+    A place that no way leads to is replaced by the nearest reachable one. The result is None for a robot that is off
+    the ground.
+    """
+    if view.start is None:
+        return None
+    spot = place.x, place.y
+    if place.bend is not None:
+        return spot, place.bend
+    way = view.way(spot)
+    assert way is not None
+    exact = view.ground.terrain.point_at(*way.place) == view.ground.terrain.point_at(*spot)
+    target = spot if exact else way.place
+    # Without a bend the way ends at the target itself, not at the centre of its point.
+    return target, target if way.bend == way.place else way.bend
