@@ -463,8 +463,8 @@ def regions(
     Robots use them with the policy potential-field and patrol.options.paths: regions.
     """
     _check_lengths(point=point, radius=radius)
-    given = {"point": point, "robots.radius": radius}
-    overrides = {field: value for field, value in given.items() if value is not None}
+    field_lengths_m = {"point": point, "robots.radius": radius}
+    overrides = {field: value for field, value in field_lengths_m.items() if value is not None}
     scenario = open_scenario(what, overrides)
     widest = max(spec.radius for spec in scenario.roster)
     _warm_kernels()
