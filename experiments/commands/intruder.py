@@ -12,8 +12,8 @@ import typer
 from experiments.intruders.infiltrator import KNOWLEDGE, PANEL, Infiltrator
 from experiments.intruders.standing import ATTACKS_S
 from fogwatch.cli.command_help import command
+from fogwatch.cli.open_run import RunFolder, open_folder, print_state
 from fogwatch.cli.options import option
-from fogwatch.commands.open_run import RunFolder, open_folder, print_state
 from patrol.errors import BadInput
 from patrol.printable import printable
 

@@ -12,14 +12,12 @@ from fogwatch.cli import command_help
 from fogwatch.cli.command_help import command
 from fogwatch.cli.ending import run_app
 from fogwatch.cli.studies import add_studies
-from fogwatch.commands import (  # noqa: F401 - each adds its commands
+from fogwatch.commands import (  # noqa: F401 - each adds its commands; `map` comes with the studies, which add one to it
     animate,
     control,
     doctor,
     fleet,
     judge,
-    map_align,
-    map_regions,
     page,
     processes,
     recording,

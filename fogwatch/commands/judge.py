@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from fogwatch.cli.command_help import command
+from fogwatch.cli.open_run import Key, RunFolder
 from fogwatch.cli.options import option
-from fogwatch.commands.open_run import Key, RunFolder
 from patrol.errors import quoted
 from patrol.printable import printable
 

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
+import numpy as np
 import typer
 from rich.console import Console
 from rich.table import Table
@@ -19,14 +21,16 @@ from patrol.ground.terrain import Terrain
 from patrol.maps.builtins import LAYOUTS, builtin_terrain
 from patrol.pose import Pose
 from patrol.printable import printable
-from patrol.scenario import load_scenario
+from patrol.scenario import load_scenario, naming, open_scenario
 from patrol.starting.seldom import SELDOM
 from patrol.starting.warmup import warm
 
 if TYPE_CHECKING:
+    from fogwatch.grounds.map_align import Place, WallMap
     from fogwatch.grounds.map_check import MapReport, SealedPart
     from patrol.ground.doors import Door
     from patrol.prepare import Prepared
+    from patrol.regions.split import RegionSplit
     from patrol.scenario import DockSpec
 
 app = group(
@@ -36,7 +40,13 @@ app = group(
 )
 
 MOST_LINES = 20
-"""Sealed parts listed at most, and doors."""
+"""Sealed parts listed at most, and doors, and regions."""
+
+MOST_OFF_M = 10.0
+"""The largest tolerance of landmarks, m."""
+
+APART_TOLERANCES = 10.0
+"""Distance of the farthest two landmarks at least, in tolerances."""
 
 
 def named_terrain(what: str, point: float) -> Terrain:
@@ -76,11 +86,9 @@ def check(
     speed: Annotated[float, option("M", "Their speed in m/s, with --zones.")] = 1.0,
 ) -> None:
     """Report how much of a map a robot can reach and see, what is sealed off and why, and the narrowest doors."""
-    for name, value in (("radius", radius), ("point", point), ("range", sensor_range)):
-        if not (math.isfinite(value) and value > 0.0):
-            raise BadInput(f"--{name} = {value:g}: expected a finite number above 0, in m")
+    _check_lengths(radius=radius, point=point, range=sensor_range)
     starts = [_read_start(text) for text in start or []]
-    warm(("patrol",), lambda line: typer.echo(line, err=True), SELDOM)
+    _warm_kernels()
     from fogwatch.grounds.map_check import check_map  # here: it imports kernels, which are compiled first
     from patrol.maps.doubts import doubts
 
@@ -267,7 +275,6 @@ def _terrain_settings(what: str) -> dict[str, str]:
 def _prepare_fleet(fleet: Mapping[str, object], listed: str, file: Path) -> Prepared:
     """Return a fleet on a map with the zones or closures of a file."""
     from patrol.prepare import prepare
-    from patrol.scenario import naming
 
     options = {"robots.count": "--robots", "robots.speed": "--speed", listed: f"--{listed} {file}"}
     scenario = load_scenario({**fleet, listed: str(file.absolute())}, called="options", aliases=options)
@@ -296,3 +303,235 @@ def _read_start(text: str) -> Pose:
     if len(parts) not in (2, 3) or not (math.isfinite(x) and math.isfinite(y)):
         raise BadInput(f"--start = {text}: expected X,Y in m, for example 12.5,3")
     return Pose(x, y, 0.0)
+
+
+def _check_lengths(**lengths_m: float | None) -> None:
+    """Refuse an option, by its name, that is no length; None is an option that was not given."""
+    for name, value in lengths_m.items():
+        if value is not None and not (math.isfinite(value) and value > 0.0):
+            raise BadInput(f"--{name} = {value:g}: expected a finite number above 0, in m")
+
+
+def _warm_kernels() -> None:
+    warm(("patrol",), lambda line: typer.echo(line, err=True), SELDOM)
+
+
+@command(
+    app,
+    examples=[
+        "fogwatch map align robot.yaml site.yaml --picture overlay.png",
+        "fogwatch map align robot.yaml site.yaml --landmark 0.4,1.2=12.5,3 --landmark 7.9,1.2=12.5,10.5",
+    ],
+)
+def align(
+    own: Annotated[str, typer.Argument(metavar="A", help="The robot's map: a map file.")],
+    ours: Annotated[str, typer.Argument(metavar="B", help=f"Our map: a map file, or one of {', '.join(LAYOUTS)}.")],
+    landmark: Annotated[
+        list[str] | None, option("AX,AY=BX,BY", "Place on A that is a place on B, in m. Repeatable; two or more.")
+    ] = None,
+    tolerance: Annotated[float, option("M", "How far landmarks may be off each other in m.")] = 0.3,
+    point: Annotated[float, option("M", "Side of one grid point in m.")] = 0.1,
+    picture: Annotated[Path | None, option("OUT.png", "Draw the maps over each other into this PNG file.")] = None,
+) -> None:
+    """Find where a robot's own map A lies on our map B: how far it is shifted and turned.
+
+    By its walls, or by landmarks that both maps show, such as corners of rooms. The last line is the option that an
+    agent of a robot with map A needs on map B (fogwatch agent --robot ros2). Look at the picture before you drive.
+    """
+    _check_lengths(point=point, tolerance=tolerance)
+    if tolerance > MOST_OFF_M:
+        raise BadInput(f"--tolerance = {tolerance:g}: allows anything; give at most {MOST_OFF_M:g}, in m")
+    pairs = [_read_pair(text) for text in landmark or []]
+    if picture is not None and picture.suffix.lower() != ".png":
+        raise BadInput(f"--picture {picture}: expected a name that ends in .png")
+    _warm_kernels()
+    from fogwatch.grounds.map_align import (  # here: its library takes a while
+        LEAST_AGREEMENT,
+        agreement,
+        align_maps,
+        fit_landmarks,
+        only_alignment,
+        spelled,
+        wall_map,
+    )
+
+    terrain_a, terrain_b = named_terrain(own, point), named_terrain(ours, point)
+    if picture is not None:
+        _check_picture(picture, (terrain_a, terrain_b))
+    a, b = wall_map(terrain_a), wall_map(terrain_b)
+    names = terrain_a.name, terrain_b.name
+    if pairs:
+        _check_places(pairs, (terrain_a, terrain_b), tolerance)
+        transform, off_m = fit_landmarks(pairs)
+        for number, (text, off) in enumerate(zip(landmark or [], off_m, strict=True), start=1):
+            typer.echo(printable(f"landmark {number}, {text}: off by {off:.2f} m"))
+        if max(off_m) > tolerance:
+            worst = (landmark or [])[off_m.index(max(off_m))]
+            raise BadInput(
+                f"--landmark {worst}: off by {max(off_m):.2f} m, and --tolerance is {tolerance:g} m; correct the "
+                "landmarks, of which at least one is wrong"
+            )
+        agree = agreement(a, b, transform)
+        typer.echo(f"walls that agree: {agree:.0%}")
+        if agree < LEAST_AGREEMENT:
+            typer.echo("few walls agree at these landmarks; look at --picture before you drive by it", err=True)
+    else:
+        alignments = align_maps(a, b)
+        if picture is not None and alignments:  # also of a place that is refused, so that people see why
+            _draw_overlay(names, (a, b), alignments[0].transform, pairs, picture)
+        best = only_alignment(alignments)
+        transform = best.transform
+        runner_up = f"; at the next best place {alignments[1].agreement:.0%}" if len(alignments) > 1 else ""
+        typer.echo(f"walls that agree: {best.agreement:.0%}{runner_up}")
+    if pairs and picture is not None:
+        _draw_overlay(names, (a, b), transform, pairs, picture)
+    turned = f"turned by {transform.heading:.4f} rad ({math.degrees(transform.heading):.1f} degrees)"
+    typer.echo(printable(f"{own} on {ours}: its (0, 0) is at ({transform.x:.3f}, {transform.y:.3f}) m, {turned}"))
+    typer.echo(f"--transform={spelled(transform)}")
+
+
+def _check_places(pairs: list[tuple[Place, Place]], terrains: tuple[Terrain, Terrain], tolerance: float) -> None:
+    """Refuse landmarks off their map, and landmarks so near to each other that they say little of the turn."""
+    for terrain, places in zip(terrains, zip(*pairs, strict=True), strict=True):
+        xmin, ymin, xmax, ymax = terrain.bounds
+        for x, y in places:
+            if not (xmin <= x <= xmax and ymin <= y <= ymax):
+                span = f"spans x {xmin:g} to {xmax:g} m and y {ymin:g} to {ymax:g} m"
+                raise BadInput(f"--landmark: ({x:g}, {y:g}) is not on {terrain.name}, which {span}")
+    apart = max(math.dist(first, second) for first, _ in pairs for second, _ in pairs)
+    if len(pairs) > 1 and apart < APART_TOLERANCES * tolerance:
+        needed_m = APART_TOLERANCES * tolerance
+        raise BadInput(
+            f"--landmark: all lie within {apart:.2f} m on A; give some at least {needed_m:g} m apart, "
+            "or a smaller --tolerance"
+        )
+
+
+def _check_picture(picture: Path, terrains: tuple[Terrain, Terrain]) -> None:
+    """Refuse to draw over a map's own files."""
+    from patrol.maps.map_file import read_map_file
+
+    for terrain in terrains:
+        if terrain.source is not None:
+            image = read_map_file(terrain.source).image
+            if picture.resolve() in (image.resolve(), Path(terrain.source).resolve()):
+                raise BadInput(f"--picture {picture}: is a file of the map {terrain.name}; give another name")
+
+
+def _draw_overlay(
+    names: tuple[str, str],
+    maps: tuple[WallMap, WallMap],
+    transform: Pose,
+    pairs: list[tuple[Place, Place]],
+    picture: Path,
+) -> None:
+    from fogwatch.pictures.map_overlay import overlay_picture  # here: its library is an extra
+
+    overlay_picture(names, *maps, transform, [on_b for _, on_b in pairs], picture)
+    typer.echo(printable(f"picture: {picture}"))
+
+
+def _read_pair(text: str) -> tuple[Place, Place]:
+    places = [part.split(",") for part in text.split("=")]
+    try:
+        (ax, ay), (bx, by) = ((float(x), float(y)) for x, y in places)
+    except ValueError:
+        ax = ay = bx = by = math.nan
+    if not all(map(math.isfinite, (ax, ay, bx, by))):
+        raise BadInput(f"--landmark {text}: expected AX,AY=BX,BY in m, for example 0.4,1.2=12.5,3")
+    return (ax, ay), (bx, by)
+
+
+@command(app, examples=["fogwatch map regions yards --picture regions.png --polygons regions.yaml"])
+def regions(
+    what: Annotated[
+        str, typer.Argument(metavar="SCENARIO", help=f"Scenario file, map file or one of {', '.join(LAYOUTS)}.")
+    ],
+    point: Annotated[
+        float | None, option("M", "Side of one grid point in m (default: the scenario's, or 0.1).")
+    ] = None,
+    radius: Annotated[
+        float | None, option("M", "Body radius in m (default: the largest of the scenario's robots, or 1).")
+    ] = None,
+    picture: Annotated[Path | None, option("OUT.png", "Draw the regions into this PNG file.")] = None,
+    polygons: Annotated[
+        Path | None, option("OUT.yaml", "Write the regions as the patrol section of a scenario.")
+    ] = None,
+) -> None:
+    """Split a map into convex regions, or check the regions that a scenario gives.
+
+    Robots use them with the policy potential-field and patrol.options.paths: regions.
+    """
+    _check_lengths(point=point, radius=radius)
+    field_lengths_m = {"point": point, "robots.radius": radius}
+    overrides = {field: value for field, value in field_lengths_m.items() if value is not None}
+    scenario = open_scenario(what, overrides)
+    widest = max(spec.radius for spec in scenario.roster)
+    _warm_kernels()
+    from patrol.ground.cspace import cspace_of  # here: these import kernels, which are compiled first
+    from patrol.prepare import terrain_of
+    from patrol.regions.split import regions_by_hand, split_regions
+
+    with naming(what, overrides):
+        terrain = terrain_of(scenario)
+    body = cspace_of(terrain, widest)
+    by_hand = scenario.patrol.regions
+    begun = time.perf_counter()
+    split = split_regions(terrain, body) if by_hand is None else regions_by_hand(terrain, by_hand)
+    split = split.for_body(terrain, body)
+    took = time.perf_counter() - begun
+    for line in _region_lines(terrain, widest, split, took, by_hand is not None):
+        typer.echo(line)
+    if polygons is not None:
+        _write_polygons(polygons, split)
+        typer.echo(printable(f"polygons: {polygons}"))
+    if picture is not None:
+        from fogwatch.pictures.region_map import region_picture  # here: its library is an extra
+
+        region_picture(terrain, widest, split, picture)
+        typer.echo(printable(f"picture: {picture}"))
+
+
+def _region_lines(terrain: Terrain, radius: float, split: RegionSplit, took: float, by_hand: bool) -> Iterator[str]:
+    """Yield lines of text that describe a split of the ground into regions.
+
+    `radius` is that of the body, m, and `took` the time of the split, s. `by_hand` says that the scenario gave the
+    regions.
+    """
+    xmin, ymin, xmax, ymax = terrain.bounds
+    size = f"{xmax - xmin:g} x {ymax - ymin:g} m, points of {terrain.point:g} m"
+    yield f"{terrain.name}: {size}; body radius {radius:g} m"
+    count = len(split.polygons)
+    areas = np.bincount(split.labels[split.labels >= 0], minlength=count) * terrain.point_area
+    entered = np.unique(split.labels[split.parts >= 0]).size
+    how = "given" if by_hand else "found"
+    yield f"regions: {_count_text(count, 'convex region')} {how} in {took:.2f} s; the body fits into {entered}"
+    if count:
+        smallest, middle, largest = areas.min(), float(np.median(areas)), areas.max()
+        yield f"areas: {smallest:.1f} to {largest:.1f} m², median {middle:.1f} m²"
+    yield f"connections: {len(split.connections)}"
+    shown = np.argsort(-areas, kind="stable")[:MOST_LINES]
+    for number in map(int, shown):
+        x, y = (float(np.mean(values)) for values in zip(*split.polygons[number], strict=True))
+        beside = sorted(
+            {neighbour for link in split.connections if number in link.regions for neighbour in link.regions}
+        )
+        names = ", ".join(str(neighbour) for neighbour in beside if neighbour != number) or "none"
+        yield f"  {number}: {areas[number]:.1f} m² around ({x:.2f}, {y:.2f}), connected to {names}"
+    if count > MOST_LINES:
+        yield f"  and {count - MOST_LINES} smaller ones"
+
+
+def _count_text(count: int, what: str) -> str:
+    return f"{count} {what}{'' if count == 1 else 's'}"
+
+
+def _write_polygons(out: Path, split: RegionSplit) -> None:
+    """Write the polygons as YAML for a scenario file, to the millimetre."""
+    corners = [", ".join(f"[{x:.3f}, {y:.3f}]" for x, y in polygon) for polygon in split.polygons]
+    begin = ["patrol:", "  policy: potential-field", "  options:", "    paths: regions", "    regions: # m"]
+    lines = [*begin, *(f"      - [{corner}]" for corner in corners), ""]
+    try:
+        out.write_text("\n".join(lines), encoding="utf-8")
+    except OSError as error:
+        raise BadInput(f"{out}: cannot be written ({error.strerror}); choose another file") from None

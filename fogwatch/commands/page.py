@@ -13,9 +13,9 @@ from typing import Annotated
 import typer
 
 from fogwatch.cli.command_help import command
+from fogwatch.cli.open_run import Key, open_folder, print_state
 from fogwatch.cli.options import option
 from fogwatch.commands.fleet import WAIT_S, FleetOptions, RunningFleet, Wait
-from fogwatch.commands.open_run import Key, open_folder, print_state
 from patrol.errors import BadInput
 from patrol.printable import printable
 from patrol.process.exit_codes import INTERRUPTED

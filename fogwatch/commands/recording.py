@@ -9,9 +9,9 @@ from typing import Annotated
 import typer
 
 from fogwatch.cli.command_help import command
+from fogwatch.cli.open_run import Key, RunFolder, open_folder, print_state
 from fogwatch.cli.options import option
 from fogwatch.commands.fleet import WAIT_S, FleetOptions, Wait
-from fogwatch.commands.open_run import Key, RunFolder, open_folder, print_state
 from patrol.errors import BadInput, did_you_mean
 from patrol.files.untrusted import leads_out
 from patrol.printable import printable

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from fogwatch.cli.command_help import command
+from fogwatch.cli.open_run import Key, RunFolder, open_folder, print_state
 from fogwatch.cli.options import option
-from fogwatch.commands.open_run import Key, RunFolder, open_folder, print_state
 from patrol.errors import BadInput
 from patrol.printable import printable
 
