@@ -42,7 +42,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run one agent."""
     words = sys.argv[1:] if arguments is None else arguments
     if is_for_ros2(words):
-        drive_ros2: Callable[[Sequence[str]], int] = import_module("ros2.robot.options").main  # it stands on `agent`
+        drive_ros2: Callable[[Sequence[str]], int] = import_module("ros2.robot").main  # it stands on `agent`
         return drive_ros2(words)
     options = simulated_parser().parse_args(words)
     return run_with(options, options.robot or "agent", _run_agent)

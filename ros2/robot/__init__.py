@@ -25,3 +25,20 @@ What connects them:
     shown.py         the robot's own map; map, fog and path for viewers
     diagnostics.py   how patrol and robot do, for the robot's own tools
 """
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Drive a ROS 2 robot until asked to leave."""
+    from patrol.process.context import ProcessContext, run_with
+    from ros2.robot.options import options_of
+
+    def drive_robot(process: ProcessContext) -> int:
+        from ros2.robot.process import drive  # loads much, and --help need not wait for it
+
+        return drive(process)
+
+    return run_with(options_of(arguments), "robot", drive_robot)

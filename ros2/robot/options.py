@@ -11,7 +11,6 @@ from pathlib import Path
 
 from patrol.errors import BadInput, did_you_mean
 from patrol.pose import MODELS, Limits, Pose
-from patrol.process.context import ProcessContext, run_with
 from patrol.process.options import ProcessParser
 from ros2.robot.localisation import RADIUS, SAME_MAP, SPEED, VARIANCES, LocalisationSettings, Source
 from ros2.wire.frames import composed, inverted, pose_given
@@ -153,17 +152,6 @@ obstacles that are not on the map; see docs/ros2.md.
 
 Exit codes: 1 the robot or its policy failed, 2 bad input, 130 interrupted.
 """
-
-
-def main(arguments: Sequence[str]) -> int:
-    """Drive a ROS 2 robot until asked to leave."""
-    return run_with(options_of(arguments), "robot", _drive_robot)
-
-
-def _drive_robot(process: ProcessContext) -> int:
-    from ros2.robot.process import drive  # loads much, and --help need not wait for it
-
-    return drive(process)
 
 
 def options_of(arguments: Sequence[str]) -> argparse.Namespace:
