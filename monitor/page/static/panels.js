@@ -11,6 +11,9 @@
 //     reset()              a new source
 //     update(topic)        show what is new
 //     key(key)             optional: handle a key; returns whether it did
+//
+// store.state is the newest message of `state_message` in monitor/page/messages.py, which says what each place of a
+// robot's list holds.
 
 import { ClosuresPanel } from "./panel_closures.js";
 import { EventsPanel } from "./panel_events.js";
