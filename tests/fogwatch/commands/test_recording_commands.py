@@ -226,7 +226,8 @@ def test_what_cannot_be_written_is_no_reason_to_doubt_the_run(ran: Path, tmp_pat
 def test_the_command_starts_without_what_only_reports_need() -> None:
     import subprocess
 
-    heavy = ["matplotlib", "mcap", "rosbags", "monitor"]
+    heavy = ["matplotlib", "mcap", "rosbags", "pyarrow", "PIL", "numba"]
+    heavy += [f"monitor.{part}" for part in ("replay", "report", "live", "recording", "page")]
     program = f"import sys, fogwatch.cli.app; print([name for name in {heavy!r} if name in sys.modules])"
     done = subprocess.run([sys.executable, "-P", "-c", program], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
