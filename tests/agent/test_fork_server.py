@@ -10,8 +10,8 @@ import pytest
 PATIENCE_S = 300.0
 PROGRAM = """
 import sys
-from agent.fork_server import _load
-_load([])
+from agent.fork_server import _load_modules
+_load_modules([])
 loaded = set(sys.modules)
 from fogwatch.inprocess import run_in_process
 from patrol.measures.best_tour import best_tour

@@ -213,7 +213,7 @@ def test_a_server_that_loads_dies_with_its_launcher(died_before: bool, tmp_path:
         "def load(_kernels):\n"
         "    Path(sys.argv[-1]).touch()\n"
         "    time.sleep(3600)\n"
-        "fork_server._load = load\n"
+        "fork_server._load_modules = load\n"
         "fork_server.main(sys.argv[1:-1])\n"
     )
     launches = (
