@@ -27,7 +27,6 @@ OLD_WORDS = {
 }
 """Words of commands of fogwatch 1.0, and what they are called now; of several that begin alike, the longest first."""
 
-
 BARE = ("paper", "experiment", "paper table")
 """Old words that asked for more where nothing followed them; their new words alone would list or run all."""
 
@@ -48,8 +47,8 @@ def _translate(words: Sequence[str]) -> list[str]:
     if old is None:
         return list(words)
     complain(f"`fogwatch {old}` is now `fogwatch {OLD_WORDS[old]}`; the old words go with fogwatch 2")
-    if " ".join(words) in BARE:
-        raise BadInput(f"fogwatch {' '.join(words)}: say which one; see fogwatch reproduce --help")
+    if (line := " ".join(words)) in BARE:
+        raise BadInput(f"{line}: say which one; see fogwatch reproduce --help")
     return [*OLD_WORDS[old].split(), *words[len(old.split()) :]]
 
 

@@ -30,6 +30,6 @@ def add_studies() -> None:
 
 def _make_refusal(missing: BadInput) -> Callable[[typer.Context], None]:
     def refuse(ctx: typer.Context) -> None:
-        raise BadInput(f"fogwatch {ctx.command_path}: {missing}")
+        raise BadInput(f"{ctx.command_path}: {missing}")
 
     return refuse

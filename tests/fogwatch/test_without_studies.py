@@ -55,6 +55,7 @@ def test_what_needs_a_study_names_the_extra_that_brings_it(tmp_path: Path, words
     assert done.returncode == 2, done.stderr
     assert EXTRA in done.stderr.replace("\n", " ")
     assert "Traceback" not in done.stderr
+    assert "fogwatch fogwatch" not in done.stderr
 
 
 @pytest.mark.processes
