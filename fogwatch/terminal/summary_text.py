@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 
 from rich.console import Console
@@ -14,9 +14,9 @@ from patrol.journal import Status
 from patrol.measures.best_tour import NO_BOUND
 from patrol.printable import printable
 from patrol.scenario.patrols import describe_patrol
+from patrol.summary.features import FEATURES
 from patrol.summary.metric import metrics_of
-from patrol.summary.model import IntruderFacts, RobotFigures, Summary, VerdictFacts, ground_text, unsettled
-from patrol.zones.spec import ELSEWHERE
+from patrol.summary.model import RobotFigures, Summary, VerdictFacts, ground_text, unsettled
 
 _VERDICTS = {"valid": "bold green", "invalid": "bold red", "unknown": "bold yellow"}
 MOST_ROBOTS = 40
@@ -76,8 +76,7 @@ def measures(summary: Summary) -> list[str]:
     text = {key: metric.text(getattr(summary, key)) for key, metric in metrics_of(Summary) if metric.title}
     lines.append(f"MFoW        mean {text.pop('mfow_mean_s')}, maximum {text.pop('mfow_max_s')}")
     lines.append(_bounds_text(summary, text.pop("best_tour_s")))
-    lines += _zone_lines(summary)
-    lines += _closure_lines(summary)
+    lines += [line for feature in FEATURES for line in feature.lines(summary)]
     lines += _stalest_lines(summary)
     coverage = f"coverage    {text.pop('seen_share')} of {ground_text(summary)} to patrol"
     if summary.left_out is not None:
@@ -85,9 +84,6 @@ def measures(summary: Summary) -> list[str]:
     lines += [f"{metric.title:<11} {text[key]}" for key, metric in metrics_of(Summary) if key in text]
     lines.append(coverage)
     lines += _radio_lines(summary)
-    if summary.intruders:
-        lines.append(f"intruders   {_intruder_text(summary.intruders)}")
-    lines += _battery_lines(summary.robots)
     if deadlines := summary.deadlines:
         frames, commands = sum(deadlines.late_frames.values()), sum(deadlines.late_commands.values())
         late = sum(deadlines.too_late.values())
@@ -119,36 +115,6 @@ def _radio_lines(summary: Summary) -> list[str]:
     return [*lines, f"received    {received}, {messages.dropped} dropped, {messages.rejected} rejected{late}"]
 
 
-def _intruder_text(intruders: Sequence[IntruderFacts]) -> str:
-    """Describe how many intruders were reported and how soon, and for how long they were surrounded."""
-    reported = [(facts.first_reported_s, facts) for facts in intruders if facts.first_reported_s is not None]
-    text = f"{len(reported)} of {len(intruders)} found"
-    if not reported:
-        return text
-    first_s, first = min(reported, key=lambda pair: pair[0])
-    text += f", the first at {first_s:g} s, {first_s - first.at_s:g} s after it came"
-    surrounded_s = sum(facts.surrounded_s for _, facts in reported)
-    if not surrounded_s:
-        return f"{text}; never surrounded"
-    robots = max(facts.most_robots for _, facts in reported)
-    return f"{text}; surrounded for {surrounded_s:g} s, by at most {robots} robots"
-
-
-def _battery_lines(robots: Mapping[str, RobotFigures]) -> list[str]:
-    """Describe how far batteries ran down, how often robots charged, and which got empty; nothing without batteries."""
-    batteries = {name: robot.battery for name, robot in robots.items() if robot.battery is not None}
-    if not batteries:
-        return []
-    name, lowest = min(batteries.items(), key=lambda item: item[1].least_share)
-    charges = sum(battery.charges for battery in batteries.values())
-    alive = {name: robots[name].decisions + robots[name].missed for name in batteries}  # ticks
-    patrol = sum((battery.patrol_share or 0.0) * alive[name] for name, battery in batteries.items())
-    line = f"batteries   least charge {100.0 * lowest.least_share:.0f} % ({name}), charged {charges} times"
-    empty = [name for name, battery in batteries.items() if battery.empty_s is not None]
-    line += f", {100.0 * patrol / max(sum(alive.values()), 1):.0f} % of the time on patrol"
-    return [f"{line}; empty: {', '.join(empty[:MOST_ROBOTS])}" if empty else line]
-
-
 def _bounds_text(summary: Summary, tour: str) -> str:
     """Describe what the mean MFoW can be compared with; with the ratio, once that says something."""
 
@@ -161,40 +127,6 @@ def _bounds_text(summary: Summary, tour: str) -> str:
     lower = f"lower bound {bound:.1f} s{ratio(bound)}" if bound else f"lower bound 0: {NO_BOUND}"
     best = "" if tour_s is None else f"best tour found {tour}{ratio(tour_s)}; "
     return f"bounds      {best}{lower}"
-
-
-def _zone_lines(summary: Summary) -> list[str]:
-    """Describe the weighted MFoW, and how old the ground of each zone got."""
-    mean_s = summary.mfow_weighted_mean_s
-    if mean_s is None:
-        return []
-    best_s = summary.best_weighted_s
-    tours = "" if best_s is None else f"; best weighted tours {best_s:.1f} s"
-    lines = [f"weighted    MFoW mean {mean_s:.1f} s, maximum {summary.mfow_weighted_max_s:.1f} s{tours}"]
-    for name, zone in summary.zones.items():
-        wish = ""
-        if zone.wanted_s is not None and zone.kept_share is not None:
-            wish = f"; wanted {zone.wanted_s:g} s, kept {100.0 * zone.kept_share:.1f} % of the time"
-        weight = f"{'' if name == ELSEWHERE else 'last '}weight {zone.weight:g}"
-        ages = f"stalest point {zone.mfow_mean_s:.1f} s in the mean, {zone.mfow_max_s:.1f} s at most"
-        lines.append(f"            {name} ({weight}): mean age {zone.fog_mean_s:.1f} s, {ages}{wish}")
-    return lines
-
-
-def _closure_lines(summary: Summary) -> list[str]:
-    """Describe what was closed, how much ground was closed out, and how old the other ground got."""
-    mean_s = summary.mfow_open_mean_s
-    if mean_s is None:
-        return []
-    closings = sum(closure.closings for closure in summary.closures.values())
-    names = [name for name, closure in summary.closures.items() if closure.closings]
-    longest = max(names, key=lambda name: summary.closures[name].closed_s, default="")
-    longest_text = f", {longest} longest, {summary.closures[longest].closed_s:g} s" if longest else ""
-    shut = f"closed out {100.0 * (summary.closed_out_share or 0.0):.1f} % of ground x time"
-    return [
-        f"open ground MFoW mean {mean_s:.1f} s, maximum {summary.mfow_open_max_s:.1f} s; {shut}",
-        f"closures    closed {closings} times{longest_text}",
-    ]
 
 
 def _stalest_lines(summary: Summary) -> list[str]:

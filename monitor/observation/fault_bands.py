@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from patrol.journal.records import Event
-from patrol.scenario.controls import intruder_name
+from patrol.scenario.controls import intruder_name, intruders_came
 
 if TYPE_CHECKING:
     from patrol.scenario import Scenario
@@ -65,17 +64,11 @@ def bands_of(events: Iterable[Event], step: float, end_s: float) -> tuple[Band, 
 
 
 def intruder_bands(scenario: Scenario, end_s: float) -> tuple[Band, ...]:
-    """Return the intruders of a run that came, as bands with their names and places.
-
-    `scenario` includes what operators have added.
-    """
+    """Return the intruders of a run that came, as bands with their names and places."""
     bands = []
-    for index, intruder in enumerate(scenario.intruders):
-        (x, y), begin = intruder.place, intruder.at
-        end = end_s if intruder.stay is None else min(begin + intruder.stay, end_s)
-        first = math.ceil(begin / scenario.step - 1e-9) * scenario.step
-        if first < end:  # else it was taken away before its first tick, or never came
-            bands.append(Band(intruder_name(index), INTRUDER, begin, end, f"at ({x:g}, {y:g})"))
+    for index, begin_s, gone_s in intruders_came(scenario, end_s):
+        x, y = scenario.intruders[index].place
+        bands.append(Band(intruder_name(index), INTRUDER, begin_s, gone_s, f"at ({x:g}, {y:g})"))
     return tuple(bands)
 
 

@@ -32,11 +32,10 @@ from patrol.errors import BadInput
 from patrol.files.whole_file import write_whole, writing
 from patrol.files.yaml_text import read_text
 from patrol.measures.best_tour import best_tour
-from patrol.scenario.controls import intruder_name
 from patrol.scenario.patrols import describe_patrol
+from patrol.summary.features import FEATURES, Feature
 from patrol.summary.metric import metrics_of
-from patrol.summary.model import FaultFacts, RobotFigures, ZoneFigures
-from patrol.zones.spec import ELSEWHERE
+from patrol.summary.model import FaultFacts, RobotFigures
 
 MOST_EVENTS = 300
 MOST_ROBOTS = 100
@@ -145,16 +144,13 @@ def report_html(analysis: Analysis, figures: Sequence[Drawing], going: bool = Fa
         html.section(
             "robots", "Robots", html.figure(of.get("states")), _robots_table(run), html.figure(of.get("troubles"))
         ),
-        html.section("batteries", "Batteries", _batteries_table(run)),
-        html.section("zones", "Zones", _zones_table(run)),
-        html.section("closures", "Closures", _closures_table(run)),
+        *(html.section(feature.name, feature.name.capitalize(), _feature_table(feature, run)) for feature in FEATURES),
         html.section("paths", "Paths", html.figure(of.get("paths"))),
         html.section("links", "Radio", html.figure(of.get("links")), html.figure(of.get("radio")), links_section(run)),
         html.section("belief", "Belief error", _belief_section(analysis), html.figure(of.get("belief"))),
         html.section("decisions", "Decision times", html.figure(of.get("decisions"))),
         html.section("moving", "A moving intruder", _moving_table(analysis), html.figure(of.get("moving"))),
         html.section("faults", "Faults", _faults_table(analysis)),
-        html.section("intruders", "Intruders", _intruders_table(analysis)),
         html.section("events", "Events", _events_table(run)),
         html.section("scenario", "Scenario", _scenario_section(run)),
     ]
@@ -293,81 +289,16 @@ def _faults_table(analysis: Analysis) -> str:
     return html.table(("id", "kind", "from (s)", "to (s)", "details", "frames"), rows, numbers=(2, 3))
 
 
-def _intruders_table(analysis: Analysis) -> str:
-    """Describe each intruder: its place and time, and, from the summary, its report and how it was surrounded."""
-    facts = {intruder_name(index): counted for index, counted in enumerate(analysis.run.stated.intruders)}
-    rows = []
-    for band in analysis.intruders:
-        numbers = ("-", "-", "-", "-")
-        if counted := facts.get(band.id):
-            first = counted.first_reported_s
-            reported = "never" if first is None else f"{first:g}"
-            numbers = (reported, f"{counted.reported_s:g}", f"{counted.surrounded_s:g}", f"{counted.most_robots}")
-        rows.append((band.id, band.text, f"{band.begin:g}", f"{band.end:g}", *numbers))
-    heads = ("intruder", "place (m)", "from (s)", "to (s)", "first reported at (s)", "reported for (s)")
-    extra_heads = ("surrounded for (s)", "robots around it at most")
-    return html.table((*heads, *extra_heads), rows, numbers=range(2, 8))
+def _feature_table(feature: Feature, run: Run) -> str:
+    table = feature.table(run.stated, run.prepared.scenario, run.ticks * run.step)
+    shown = html.table(table.heads, table.rows, table.numbers)
+    return html.text(table.text) + shown if shown else ""
 
 
 def _moving_table(analysis: Analysis) -> str:
     if analysis.moving is None:
         return html.text(f"Not played: {analysis.no_moving}.", "note")
     return analysis.moving.table()
-
-
-def _zones_table(run: Run) -> str:
-    """Describe each zone: its rules, its times, and, from the summary, the ages of its ground meanwhile."""
-    figures = run.stated.zones
-    rows = [(zone.labels, zone.when, *_age_texts(figures.get(zone.name))) for zone in run.prepared.scenario.zones]
-    if not rows:
-        return ""
-    if (elsewhere := figures.get(ELSEWHERE)) is not None:
-        rows.append((f"{ELSEWHERE} x{elsewhere.weight:g}", "always", *_age_texts(elsewhere)))
-    ages = ("mean age while in force (s)", "of its stalest point, mean (s)", "of its stalest point, most (s)")
-    heads = ("zone", "in force", *ages, "wanted age kept (% of that time)")
-    return html.table(heads, rows, numbers=range(2, 6))
-
-
-def _age_texts(figures: ZoneFigures | None) -> tuple[str, str, str, str]:
-    if figures is None:
-        return "-", "-", "-", "-"
-    share = "-" if figures.kept_share is None else f"{100.0 * figures.kept_share:.1f}"
-    return f"{figures.fog_mean_s:.1f}", f"{figures.mfow_mean_s:.1f}", f"{figures.mfow_max_s:.1f}", share
-
-
-def _batteries_table(run: Run) -> str:
-    """Describe the charge of each robot that has a battery, from the summary."""
-    rows = [
-        (
-            name,
-            f"{100.0 * battery.least_share:.0f}",
-            f"{100.0 * battery.end_share:.0f}",
-            f"{battery.charges}",
-            f"{battery.docked_s:.0f}",
-            "-" if battery.patrol_share is None else f"{100.0 * battery.patrol_share:.0f}",
-            "never" if battery.empty_s is None else f"{battery.empty_s:g}",
-        )
-        for name, robot in run.stated.robots.items()
-        if (battery := robot.battery) is not None
-    ]
-    heads = ("robot", "least charge (%)", "at the end (%)", "times charged", "charged for (s)", "on patrol (%)")
-    return html.table((*heads, "empty at (s)"), rows, numbers=range(1, 7))
-
-
-def _closures_table(run: Run) -> str:
-    """Describe how often and how long each closure was closed, and how old open ground got, from the summary."""
-    summary = run.stated
-    rows = [(name, f"{closure.closings}", f"{closure.closed_s:g}") for name, closure in summary.closures.items()]
-    if not rows:
-        return ""
-    text = ""
-    if summary.mfow_open_mean_s is not None and summary.mfow_open_max_s is not None:
-        text = html.text(
-            f"{100.0 * (summary.closed_out_share or 0.0):.1f} % of ground x time was closed out. While open to view, "
-            f"the stalest point was {summary.mfow_open_mean_s:.1f} s old in the mean, "
-            f"{summary.mfow_open_max_s:.1f} s at most."
-        )
-    return text + html.table(("closure", "times closed", "closed for (s)"), rows, numbers=range(1, 3))
 
 
 def _fault_counts(kind: str, facts: FaultFacts) -> str:

@@ -306,6 +306,20 @@ def intruders_there(scenario: Scenario, k: int) -> tuple[tuple[float, float, str
     )
 
 
+def intruders_came(scenario: Scenario, end_s: float) -> list[tuple[int, float, float]]:
+    """List the intruders that came before a run's end by their places in the list, with their times there in s.
+
+    `scenario` includes what operators have added.
+    """
+    there = []
+    for index, intruder in enumerate(scenario.intruders):
+        gone_s = end_s if intruder.stay is None else min(intruder.at + intruder.stay, end_s)
+        first_s = math.ceil(intruder.at / scenario.step - 1e-9) * scenario.step
+        if first_s < gone_s:  # else it was taken away before its first tick, or never came
+            there.append((index, intruder.at, gone_s))
+    return there
+
+
 def _with_fault(scenario: Scenario, k: int, control: AddFault) -> tuple[Scenario, str]:
     if len(scenario.faults) >= MOST_FAULTS:
         raise BadInput(f"control: fault: this run has {MOST_FAULTS} faults already and takes no more")

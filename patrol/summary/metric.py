@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 if TYPE_CHECKING:
     from pydantic import BaseModel
@@ -84,3 +84,12 @@ def metrics_of(model: type[BaseModel]) -> Iterator[tuple[str, Metric]]:
         for metric in field.metadata:
             if isinstance(metric, Metric):
                 yield key, metric
+
+
+class FiguresTable(NamedTuple):
+    """The figures of a feature as a table, for a report."""
+
+    heads: tuple[str, ...]
+    rows: Sequence[tuple[str, ...]]
+    numbers: range  # the columns that hold numbers
+    text: str = ""  # stands above it

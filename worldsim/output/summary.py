@@ -9,18 +9,15 @@ from typing import TYPE_CHECKING, Any
 from patrol.journal import Event, Header, TickRecord
 from patrol.measures.best_tour import best_tour
 from patrol.measures.nodes import node_totals
+from patrol.summary.features import FEATURES
 from patrol.summary.model import Summary
 from patrol.summary.totals import RunTotals
-from worldsim.output.battery_facts import BatteryTotals
-from worldsim.output.closure_facts import closure_figures
-from worldsim.output.intruder_facts import IntruderTotals
 from worldsim.output.traffic import Traffic, as_measured
 
 if TYPE_CHECKING:
     from patrol.prepare import Prepared
     from worldsim.checks.progress import RunProgress
     from worldsim.run_record import RunRecord
-    from worldsim.verdict.ages import ZoneFacts
     from worldsim.verdict.judge import Verdict
 
 
@@ -33,16 +30,15 @@ class Totals:
         patrolled = round(header.patrolled_area_m2 / header.terrain.point**2)
         self._run = RunTotals(header, float(header.scenario["step"]), patrolled)
         self._traffic = Traffic(header, events)
-        self._intruders = IntruderTotals(header, events)
         self._nodes = node_totals(header)
-        self._batteries = BatteryTotals(header)
+        self._features = [feature.totals(header, events) for feature in FEATURES if feature.totals is not None]
 
     def tick(self, record: TickRecord) -> None:
         """Add the next tick."""
         self._run.tick(record)
         self._traffic.tick(record)
-        self._intruders.tick(record)
-        self._batteries.tick(record)
+        for totals in self._features:
+            totals.tick(record)
         if self._nodes is not None:
             self._nodes.tick(record)
 
@@ -67,12 +63,9 @@ class Totals:
             **_left_out(prepared),
             **({} if self._nodes is None else {"nodes": self._nodes.figures()}),
             **_progress_figures(verdict.progress),
-            **_zone_figures(verdict.zones),
-            **({} if verdict.open_ages is None else verdict.open_ages.figures()),
-            **_closure_figures(header, journal.events, round(document["simulated_s"] / header.scenario["step"])),
+            **verdict.figures,
             "links": self._traffic.links(),
             "faults": self._traffic.faults(),
-            **self._intruders.facts(),
             **_of_processes(journal),
             "verdict": {
                 "valid": verdict.valid,
@@ -88,8 +81,11 @@ class Totals:
                 "longest_stay_s": None if stay is None else stay.seconds,
                 "longest_stay": None if stay is None else asdict(stay),
             }
-        for name, figures in self._batteries.figures().items():
-            document["robots"][name]["battery"] = figures
+        for totals in self._features:
+            figures = dict(totals.figures(journal.events))
+            for name, of_robot in figures.pop("robots", {}).items():
+                document["robots"][name] |= of_robot
+            document |= figures
         if header.scenario["radio"].get("via") == "direct":
             document = as_measured(document, journal)
         return Summary.model_validate(document)
@@ -126,20 +122,6 @@ def _progress_figures(progress: RunProgress | None) -> dict[str, Any]:
         "trapped": [{**asdict(robot), "stale": list(robot.stale)} for robot in progress.trapped],
         "stalest": {name: None if stalest is None else asdict(stalest) for name, stalest in places.items()},
     }
-
-
-def _zone_figures(zones: ZoneFacts | None) -> dict[str, Any]:
-    """Return the figures of the zones; none without zones."""
-    if zones is None:
-        return {}
-    figures = {name: part.model_dump(exclude_unset=True) for name, part in zones.zones.items()}
-    return {name: value for name, value in vars(zones).items() if name != "ages_s"} | {"zones": figures}
-
-
-def _closure_figures(header: Header, events: Sequence[Event], ticks: int) -> dict[str, Any]:
-    """Return how often and how long each closure was closed; nothing without closures."""
-    figures = closure_figures(header, events, ticks)
-    return {"closures": figures} if figures else {}
 
 
 def _of_processes(journal: RunRecord) -> dict[str, Any]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from dataclasses import dataclass, field
 from functools import lru_cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,6 +37,11 @@ class ZoneFacts:
     # of each zone that weighs and was in force, by name, and of the ground in none of them
     zones: dict[str, ZoneFigures]
     ages_s: dict[str, Ages]  # of each of these; not in the summary
+
+    def figures(self) -> dict[str, Any]:
+        """Return what the summary has of it."""
+        zones = {name: part.model_dump(exclude_unset=True) for name, part in self.zones.items()}
+        return {name: value for name, value in vars(self).items() if name != "ages_s"} | {"zones": zones}
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from patrol.process.exit_codes import UNKNOWN
 from worldsim.checks.arrivals import DelaysAsAsked, LossesAsAsked, OnTime
@@ -114,6 +114,13 @@ class Verdict:
     def failed(self) -> tuple[CheckResult, ...]:
         """The results of the checks that failed."""
         return tuple(check for check in self.checks if not check.ok)
+
+    @property
+    def figures(self) -> dict[str, Any]:
+        """Entries of the summary that only a look at the fog can give."""
+        return {
+            name: value for facts in (self.zones, self.open_ages) if facts for name, value in facts.figures().items()
+        }
 
     @property
     def warnings(self) -> tuple[str, ...]:

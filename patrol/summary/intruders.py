@@ -1,4 +1,4 @@
-"""A run's intruders, for the summary: when each was reported, and for how long it was surrounded."""
+"""A run's intruders, reported and surrounded: from the journal into the summary, and from there to people."""
 
 from __future__ import annotations
 
@@ -9,13 +9,15 @@ from typing import TYPE_CHECKING, Any
 from patrol.journal.records import FORGED, SURROUNDING, Status
 from patrol.radio.message import CONTACT, Position, Rejected, decode
 from patrol.scenario import load_scenario
-from patrol.scenario.controls import OPERATOR, operated
+from patrol.scenario.controls import OPERATOR, intruder_name, intruders_came, operated
+from patrol.summary.metric import FiguresTable
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from patrol.journal.records import Event, Header, TickRecord
     from patrol.scenario import Scenario
+    from patrol.summary.model import Summary
 
 BESIDE = 1.5
 """A robot that surrounds an intruder stands at it within this many times `patrol.surround_distance`."""
@@ -51,9 +53,9 @@ class _Intruder:
 
 
 class IntruderTotals:
-    """Follows the intruders of a run tick by tick; see `facts`."""
+    """Follows the intruders of a run tick by tick; see `figures`."""
 
-    def __init__(self, header: Header, events: Sequence[Event] = ()) -> None:
+    def __init__(self, header: Header, events: Sequence[Event]) -> None:
         """Start before the first tick; the events are all of the run, as operators may have added intruders."""
         self._step = float(header.scenario["step"])
         self._intruders: list[_Intruder] = []
@@ -88,16 +90,51 @@ class IntruderTotals:
             intruder.most_robots = max(intruder.most_robots, around)
             intruder.surrounded += around >= RING
 
-    def facts(self) -> dict[str, Any]:
+    def figures(self, events: Sequence[Event]) -> dict[str, Any]:
         """Return the summary's entry `intruders`, or nothing for a run without any.
 
         Per intruder: `place_m`; `at_s` and `until_s`, when it comes and goes (None: it stays to the end);
         `first_reported_s`, when a robot first reported it (None: never); `reported_s`, for how long one did;
         `surrounded_s`, for how long at least `RING` robots stood around it; `most_robots`, how many did at most.
         """
+        del events
         if not self._intruders:
             return {}
         return {"intruders": [intruder.facts(self._step) for intruder in self._intruders]}
+
+
+def intruder_lines(summary: Summary) -> list[str]:
+    """Describe how many intruders were reported and how soon, and for how long they were surrounded."""
+    intruders = summary.intruders
+    if not intruders:
+        return []
+    reported = [(facts.first_reported_s, facts) for facts in intruders if facts.first_reported_s is not None]
+    text = f"intruders   {len(reported)} of {len(intruders)} found"
+    if not reported:
+        return [text]
+    first_s, first = min(reported, key=lambda pair: pair[0])
+    text += f", the first at {first_s:g} s, {first_s - first.at_s:g} s after it came"
+    surrounded_s = sum(facts.surrounded_s for _, facts in reported)
+    if not surrounded_s:
+        return [f"{text}; never surrounded"]
+    robots = max(facts.most_robots for _, facts in reported)
+    return [f"{text}; surrounded for {surrounded_s:g} s, by at most {robots} robots"]
+
+
+def intruder_table(summary: Summary, scenario: Scenario, end_s: float) -> FiguresTable:
+    """Return the place and time of each intruder that came, its report, and how it was surrounded."""
+    facts = dict(enumerate(summary.intruders))
+    rows = []
+    for index, begin_s, gone_s in intruders_came(scenario, end_s):
+        numbers = ("-", "-", "-", "-")
+        if counted := facts.get(index):
+            first = counted.first_reported_s
+            reported = "never" if first is None else f"{first:g}"
+            numbers = (reported, f"{counted.reported_s:g}", f"{counted.surrounded_s:g}", f"{counted.most_robots}")
+        x, y = scenario.intruders[index].place
+        rows.append((intruder_name(index), f"at ({x:g}, {y:g})", f"{begin_s:g}", f"{gone_s:g}", *numbers))
+    heads = ("intruder", "place (m)", "from (s)", "to (s)", "first reported at (s)", "reported for (s)")
+    return FiguresTable((*heads, "surrounded for (s)", "robots around it at most"), rows, range(2, 8))
 
 
 def _nearest_intruder(intruders: Sequence[_Intruder], place: tuple[float, float]) -> _Intruder:
