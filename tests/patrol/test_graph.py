@@ -1,5 +1,3 @@
-"""Graphs: lengths of ways, files of patrolling_sim, graphs made from the ground, and tours."""
-
 from __future__ import annotations
 
 import heapq
@@ -19,6 +17,7 @@ from patrol.graph_from_ground import closed_tour, graph_from_ground, tour_length
 from patrol.pose import Pose
 from patrol.prepare import prepare, sensor_footprint
 from patrol.scenario import load_scenario, scenario_hash
+from tests.patrol.ground.masks import on_terrain
 
 FILE = """
 3 100 80 0.5 1.0 -2.0
@@ -183,11 +182,7 @@ def test_all_of_the_ground_is_seen_from_the_vertices_made_from_it(terrain: str) 
     seen = np.zeros(prepared.terrain.shape, dtype=np.bool_)
     for x, y in graph.places.tolist():
         assert fields.reach[prepared.terrain.point_at(x, y)]
-        view = footprint.visible(Pose(x, y, 0.0))
-        rows, cols = np.nonzero(view.mask)
-        rows, cols = rows + view.row0, cols + view.col0
-        inside = (rows >= 0) & (cols >= 0) & (rows < seen.shape[0]) & (cols < seen.shape[1])
-        seen[rows[inside], cols[inside]] = True
+        seen |= on_terrain(footprint.visible(Pose(x, y, 0.0)), seen.shape)
     assert (seen | ~fields.patrolled).all()
     assert np.isfinite(graph.lengths).all()
     for vertex, row in enumerate(graph.edges):

@@ -1,5 +1,3 @@
-"""Sensors of one's own: found by name, run only where this user runs them, and checked."""
-
 from __future__ import annotations
 
 import hashlib
@@ -41,9 +39,6 @@ def refused(**sensor: Any) -> str:
     with pytest.raises(BadInput) as bad:
         scenario_with(**sensor)
     return str(bad.value)
-
-
-# --- what a scenario says ---------------------------------------------------------------------------------------------
 
 
 def test_a_section_of_0_2_means_what_it_meant() -> None:
@@ -97,9 +92,6 @@ def test_a_run_folder_keeps_the_file(tmp_path: Path) -> None:
 def test_another_kind_on_the_command_line_drops_the_settings_of_the_one_before() -> None:
     mapping = {"terrain": {"builtin": "open"}, "sensor": {"kind": f"{ELLIPSE}:Ellipse", "options": {"across": 2}}}
     assert load_scenario(mapping, {"sensor.kind": "disc"}).sensor.options is None
-
-
-# --- who may run it ---------------------------------------------------------------------------------------------------
 
 
 def test_only_a_user_who_runs_a_sensor_lets_other_commands_run_it(records: Path) -> None:
@@ -171,9 +163,6 @@ def test_options_are_checked() -> None:
     ):
         with pytest.raises(BadInput, match=says):
             allow_sensor(own(options=options).sensor)
-
-
-# --- what it returns --------------------------------------------------------------------------------------------------
 
 
 SETUP = SensorSetup(GROUND, 3.0)

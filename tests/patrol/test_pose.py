@@ -1,5 +1,3 @@
-"""Commands of every model: what a message holds of them, and the limits of bodies."""
-
 from __future__ import annotations
 
 import math

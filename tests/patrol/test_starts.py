@@ -43,9 +43,6 @@ def inside(pose: Pose, wall_m: float, side_m: float) -> bool:
     return wall_m < pose.x < side_m - wall_m and wall_m < pose.y < side_m - wall_m
 
 
-# --- random starts ---------------------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("seed", range(5))
 def test_bodies_fit_and_keep_apart(seed: int) -> None:
     terrain = Terrain("field", building(), 0.1, (-5.0, 3.0))
@@ -159,9 +156,6 @@ def test_a_given_start_draws_the_others_to_its_part() -> None:
     assert not inside(starts[1], 1.0, 4.0)
 
 
-# --- explicit starts -------------------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize(
     ("start", "problem"),
     [
@@ -195,9 +189,6 @@ def test_clearance_is_exact_anywhere_within_a_point() -> None:
         edge = min(x - 10.0, y - 20.0, 14.0 - x, 24.0 - y)
         expected = min(float(np.hypot(away[:, 0], away[:, 1]).min()), edge, 0.6)
         assert clearance_at(terrain, x, y, 0.6) == pytest.approx(expected)
-
-
-# --- bodies too wide -------------------------------------------------------------------------------------------------
 
 
 def two_rooms(left: int, door: int) -> Terrain:
@@ -250,8 +241,7 @@ def test_a_map_whose_settings_leave_only_the_walls_is_to_blame_and_not_the_body(
 def test_a_body_too_wide_for_every_door_is_refused_unless_told_where_to_start() -> None:
     assert place_starts(two_rooms(0, 9), robots(0.4), 1)
     with pytest.raises(
-        BadInput,
-        match=r"too wide for every door of rooms, .*; the widest, at \(6\.05, .* radius of 0\.4 m",
+        BadInput, match=r"too wide for every door of rooms, .*; the widest, at \(6\.05, .* radius of 0\.4 m"
     ):
         place_starts(two_rooms(0, 9), robots(0.45), 1)
     chosen = Pose(3.0, 2.0, 0.0)

@@ -36,15 +36,7 @@ from patrol.messages.phases import (
     encode,
 )
 from patrol.messages.stop_orders import Order, Outcome, outcome_of
-from patrol.messages.telemetry import (
-    Metrics,
-    Notice,
-    RobotView,
-    Telemetry,
-    Traffic,
-    pack_view,
-    read_traffic,
-)
+from patrol.messages.telemetry import Metrics, Notice, RobotView, Telemetry, Traffic, pack_view, read_traffic
 from patrol.pose import Drive, Pose, Twist, Velocity
 from patrol.wire import PRINTABLE, Finite, Row, Text, read, read_sparingly
 from tests.fleets import answer_so_far

@@ -1,5 +1,3 @@
-"""Ground of which points close, and what a sensor sees of it."""
-
 from __future__ import annotations
 
 import numpy as np

@@ -1,5 +1,3 @@
-"""The ground that is open to view, and the ages that count only the time in which it was."""
-
 from __future__ import annotations
 
 from dataclasses import replace

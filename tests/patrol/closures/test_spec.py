@@ -1,5 +1,3 @@
-"""The scenario's closures: what they may say, and what is refused."""
-
 from __future__ import annotations
 
 from pathlib import Path

@@ -1,5 +1,3 @@
-"""Batteries: what driving uses, what docks give, and what is the case for robots that are not there."""
-
 from __future__ import annotations
 
 from dataclasses import replace

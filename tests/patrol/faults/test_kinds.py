@@ -8,14 +8,7 @@ import pytest
 from patrol.errors import BadInput
 from patrol.faults.kinds import FRAME_KINDS, INSTANT, KINDS, PROCESS_KINDS, ActsOn, OneFault, Spoof, Wait
 from patrol.faults.targets import Target, meant
-from patrol.scenario import (
-    as_mapping,
-    dump_scenario,
-    load_scenario,
-    parse_overrides,
-    scenario_hash,
-    scenario_schema,
-)
+from patrol.scenario import as_mapping, dump_scenario, load_scenario, parse_overrides, scenario_hash, scenario_schema
 
 GATE = {"name": "gate", "polygon": [[50, 0], [51, 0], [51, 20], [50, 20]]}
 YARDS: dict[str, Any] = {
@@ -65,9 +58,6 @@ def test_a_fault_after_the_end_is_refused_with_the_duration_that_all_faults_need
         "90, or leave the kill out"
     )
     load_scenario({**YARDS, "faults": faults}, {"duration": 90.5})
-
-
-# --- what is understood ----------------------------------------------------------------------------------------------
 
 
 def test_every_kind_can_be_said_and_survives_writing(tmp_path: Path) -> None:
@@ -121,9 +111,6 @@ def test_faults_can_be_given_as_an_override() -> None:
     assert [fault.kind for fault in scenario.faults] == ["silence", "kill"]
     changed = load_scenario(as_mapping(scenario), {"faults.0.at": 7})
     assert changed.faults[0].at == 7.0
-
-
-# --- what is refused -------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(

@@ -1,7 +1,6 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from shapely import Polygon, box
@@ -43,19 +42,6 @@ def test_an_edge_along_the_grid_takes_no_point_more() -> None:
 def test_a_speck_inside_one_point_covers_it() -> None:
     covered = cover([(2.4, 3.4), (2.5, 3.4), (2.4, 3.5)], (6, 6), 1.0, (0.0, 0.0))
     assert np.argwhere(covered).tolist() == [[3, 2]]
-
-
-def test_a_concave_polygon_leaves_its_notch_free() -> None:
-    corners = [(0.0, 0.0), (6.0, 0.0), (6.0, 6.0), (4.0, 6.0), (4.0, 2.0), (2.0, 2.0), (2.0, 6.0), (0.0, 6.0)]
-    covered = cover(corners, (6, 6), 1.0, (0.0, 0.0))
-    assert not covered[2:, 2:4].any()
-    assert covered.sum() == 36 - 8
-
-
-@pytest.mark.parametrize("shift", [(-50.0, 0.0), (50.0, 0.0), (0.0, 50.0), (0.0, -50.0)])
-def test_a_polygon_off_the_grid_covers_nothing(shift: tuple[float, float]) -> None:
-    corners = [(x + shift[0], y + shift[1]) for x, y in [(0.0, 0.0), (3.0, 0.0), (0.0, 3.0)]]
-    assert not cover(corners, (5, 5), 1.0, (0.0, 0.0)).any()
 
 
 def by_every_point(

@@ -1,19 +1,14 @@
-"""Rounds that come by some ground more often than once."""
-
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
+from patrol.ground.terrain import ALL_WAYS
 from patrol.ground.ways import lengths_along
 from patrol.tours.round import Round
 from patrol.tours.visits import Ground, Visit, longest_gaps_m, plan_visits, with_visits
 
-POINT = 1.0
-SIDE = 21
-VAULT = 0
-ROW = 10
-"""Of the middle, in which the vault's way begins."""
+SIDE, ROW, VAULT = 21, 10, 0
 
 
 def ground(due_m: float) -> tuple[Round, Ground]:
@@ -24,10 +19,8 @@ def ground(due_m: float) -> tuple[Round, Ground]:
     base = Round(80.0, places, np.arange(80.0), places, np.arange(80), places)
     middle = np.array([ROW * SIDE + 12])
     vault = Round(1.0, middle, np.zeros(1), middle, np.zeros(1, dtype=np.int64), middle)
-    ways = lengths_along(np.ones((SIDE, SIDE), dtype=np.bool_), np.zeros((0, 0), dtype=np.uint8), [(ROW, 12)], 2**30)[
-        1:-1, 1:-1
-    ]
-    return base, Ground(vault, (ways * (POINT / 100.0)).astype(np.float32), due_m)
+    ways = lengths_along(np.ones((SIDE, SIDE), dtype=np.bool_), ALL_WAYS, [(ROW, 12)], 2**30)[1:-1, 1:-1]
+    return base, Ground(vault, (ways / 100.0).astype(np.float32), due_m)
 
 
 @pytest.mark.parametrize(("robots", "due_m", "most_m"), [(1, 70.0, 125.0), (2, 35.0, 125.0), (2, 60.0, 100.0)])

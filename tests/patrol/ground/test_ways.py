@@ -1,5 +1,3 @@
-"""Ways over the ground, with and without one-way zones: lengths, straight lines, corners and first bends."""
-
 from __future__ import annotations
 
 import heapq
@@ -23,18 +21,14 @@ Place = tuple[int, int]
 
 seeds = st.integers(0, 2**32 - 1)
 
-ROOM: BoolGrid = np.array(
-    [
-        [letter == "." for letter in row]
-        for row in (
-            "#########",
-            "#...#...#",
-            "#.#.#.#.#",
-            "#.#...#.#",
-            "#########",
-        )
-    ]
-)
+PLAN = """
+#########
+#...#...#
+#.#.#.#.#
+#.#...#.#
+#########
+"""
+ROOM: BoolGrid = np.array([[letter == "." for letter in row] for row in PLAN.split()])
 
 
 def dijkstra(reach: BoolGrid, zones: list[tuple[BoolGrid, int]], start: tuple[int, int]) -> NDArray[np.float64]:
@@ -171,9 +165,6 @@ def test_a_way_is_straight_where_it_can_be_and_else_turns_round_corners() -> Non
     assert way(ROOM, ALL_WAYS, start, (1, 3)) == [start, (1, 3)]
     assert way(ROOM, ALL_WAYS, start, (3, 1)) == [start, (3, 1)]
     assert way(ROOM, ALL_WAYS, start, (1, 7)) == [start, (1, 3), (3, 3), (3, 5), (1, 5), (1, 7)]
-
-
-def test_where_no_way_leads_there_are_no_corners() -> None:
     apart = ROOM.copy()
     apart[3, 4] = False
     assert way(apart, ALL_WAYS, (1, 1), (1, 7)) == []

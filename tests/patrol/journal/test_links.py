@@ -1,20 +1,9 @@
-"""Links as columns read like tuples of rows, and equal them."""
-
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from patrol.journal.links import (
-    NO_DROPS,
-    WholeLinks,
-    drops_of,
-    joined,
-    links_of,
-    pairs_of,
-    places_of,
-    to_others,
-)
+from patrol.journal.links import NO_DROPS, WholeLinks, drops_of, joined, links_of, pairs_of, places_of, to_others
 
 ROWS = ((1, 2, 7), (1, 3, 7), (2, 1, 7), (0, 1, 2**40))
 DROPPED = ((1, 2, 7, "loss:b"), (1, 2, 7, "loss:a"), (1, 1, 7, "loss:b"))
@@ -65,11 +54,7 @@ def test_each_frame_goes_to_all_but_its_sender() -> None:
     pairs = links.pairs
     assert list(zip(pairs.frame.tolist(), pairs.source.tolist(), pairs.destination.tolist(), strict=True)) == rows
     assert pairs.robots.tolist() == [to << 16 | source for _, source, to in rows]
-    assert links.reaches.tolist() == [
-        [True, True, True, True],
-        [True, False, False, True],
-        [True, True, True, False],
-    ]
+    assert links.reaches.tolist() == [[True, True, True, True], [True, False, False, True], [True, True, True, False]]
     assert not any(column.flags.writeable for column in (*pairs[:4], links.reaches))
     assert [column.size for column in to_others((), ()).pairs[:4]] == [0, 0, 0, 0]
 

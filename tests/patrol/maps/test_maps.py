@@ -61,9 +61,6 @@ def free_of(folder: Path, picture: Image.Image | bytes, **says: Any) -> list[lis
     return free
 
 
-# --- what a pixel means ----------------------------------------------------------------------------------------------
-
-
 def test_trinary_calls_free_what_is_below_free_thresh(tmp_path: Path) -> None:
     # Occupancies 0.996, 0.35, 0.196 (205: the usual grey for unknown), 0.192, 0.004.
     assert free_of(tmp_path, grey([1, 166, 205, 206, 254])) == [[False, False, False, True, True]]
@@ -178,9 +175,6 @@ def test_foreign_comments_and_a_missing_last_newline(tmp_path: Path, encoding: s
     assert says.image == tmp_path / "plan.pgm"
 
 
-# --- resampling ------------------------------------------------------------------------------------------------------
-
-
 @settings(max_examples=150)
 @given(
     cells=hnp.arrays(np.bool_, st.tuples(st.integers(1, 12), st.integers(1, 12))),
@@ -239,9 +233,6 @@ PLAN = """
 21222222
 """
 """Free ground 2, unknown 1, occupied 0. Specks: alone in the open, at a wall's end, not in a wall's gap or a group."""
-
-
-# --- bad input -------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -538,9 +529,6 @@ def test_free_space_too_narrow_for_the_points_is_told(tmp_path: Path) -> None:
     assert read_terrain(path, 0.1).passable.any()
     with pytest.raises(BadInput, match="choose a smaller point"):
         read_terrain(path, 0.2)
-
-
-# --- what a scenario asks for ----------------------------------------------------------------------------------------
 
 
 def test_a_scenarios_map_is_relative_to_its_base(tmp_path: Path) -> None:

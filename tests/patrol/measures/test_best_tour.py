@@ -22,10 +22,7 @@ ALIKE = (1.0, 1.0)
 
 
 def prepared(
-    door: bool = True,
-    radii: tuple[float, float] = (0.3, 0.3),
-    speeds: tuple[float, float] = (1.0, 2.0),
-    **sensor: Any,
+    door: bool = True, radii: tuple[float, float] = (0.3, 0.3), speeds: tuple[float, float] = (1.0, 2.0), **sensor: Any
 ) -> Prepared:
     """Two rooms of 10 x 10 m and a robot in each."""
     free = np.ones((20, 41), dtype=np.bool_)

@@ -1,5 +1,3 @@
-"""Measures on vertices, on a run worked out by hand."""
-
 from __future__ import annotations
 
 import math

@@ -137,8 +137,7 @@ def test_what_a_robot_cannot_get_to_does_not_trap_it(doors: bool) -> None:
 
 
 @pytest.mark.parametrize(
-    ("status", "state"),
-    [(Status.PAUSED, ""), (Status.DEAD, ""), (Status.ABSENT, ""), (Status.ALIVE, "surrounding")],
+    ("status", "state"), [(Status.PAUSED, ""), (Status.DEAD, ""), (Status.ABSENT, ""), (Status.ALIVE, "surrounding")]
 )
 def test_who_is_down_or_surrounds_an_intruder_may_stay(status: Status, state: str) -> None:
     assert judged_places(tick(0, (1.0, 2.0), status=status, state=state)) == ({1: (1.0, 2.0)}, [1])

@@ -1,5 +1,3 @@
-"""Zones as weights of the ground, and the rounds over them."""
-
 from __future__ import annotations
 
 from collections.abc import Mapping

@@ -1,5 +1,3 @@
-"""What watchers are sent."""
-
 from __future__ import annotations
 
 import tracemalloc

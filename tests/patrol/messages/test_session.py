@@ -84,8 +84,6 @@ def columns(table: str) -> list[tuple[str, str, str]]:
     return cases
 
 
-# --- the robot's end -------------------------------------------------------------------------------------------------
-
 ME = Identity("r1", 1, 77, HASH)
 
 
@@ -236,8 +234,6 @@ def test_an_ungreeted_robot_asks_for_a_greeting_and_says_so() -> None:
     assert robot.waited(0.1, NOW + UNGREETED_S + 0.5) == (asked, Unanswered(UNGREETED_S + 0.5))
 
 
-# --- the world's end -------------------------------------------------------------------------------------------------
-
 BEGUN = 300
 REPLY = Reply(Velocity(1.0, 0.0), "patrolling", None, 1.0, 0)
 
@@ -364,8 +360,6 @@ def test_a_token_that_has_gone_is_no_farewell() -> None:
     world.arrived(Presence(True), NOW + 60.0)
     assert not world.is_missing(NOW + 1000.0)
 
-
-# --- whatever comes --------------------------------------------------------------------------------------------------
 
 TICK = st.integers(0, 12)
 FROM = st.tuples(st.sampled_from([1, 1, 1, 2]), st.sampled_from([77, 77, 77, 78, ANYONE]))

@@ -9,15 +9,7 @@ from pathlib import Path
 import pytest
 
 from fogwatch.commands.control import control
-from patrol.messages.stop_orders import (
-    LONGEST_ANSWER,
-    Order,
-    Outcome,
-    StopOrders,
-    ask_robots,
-    outcome_of,
-    robots_there,
-)
+from patrol.messages.stop_orders import LONGEST_ANSWER, Order, Outcome, StopOrders, ask_robots, outcome_of, robots_there
 from patrol.net.link import Link, open_link
 from patrol.security.keys import WORLD, FleetKeys, fleet_keys
 from tests.routers import PATIENCE_S, guarded_by_passwords, routed

@@ -1,5 +1,3 @@
-"""Who gets in at a real router, and what each member may do there: with passwords, and with certificates."""
-
 from __future__ import annotations
 
 import shutil

@@ -1,5 +1,3 @@
-"""Two sites of a fleet, each with a router, linked over TLS: who hears whom, and who may speak for whom."""
-
 from __future__ import annotations
 
 import subprocess

@@ -1,5 +1,3 @@
-"""A fleet without a router: who hears whom, who may speak for whom, and who gets in."""
-
 from __future__ import annotations
 
 import copy

@@ -1,5 +1,3 @@
-"""A limit to the time of somebody else's code: it rings in the middle, and leaves no trace where it need not."""
-
 from __future__ import annotations
 
 import signal

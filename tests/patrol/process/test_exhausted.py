@@ -1,5 +1,3 @@
-"""Limits of the machine and of the account become one line, and no traceback."""
-
 from __future__ import annotations
 
 import errno

@@ -1,5 +1,3 @@
-"""Where a process meets its fleet, as its options and its credentials say."""
-
 from __future__ import annotations
 
 from pathlib import Path

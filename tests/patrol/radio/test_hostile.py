@@ -75,18 +75,9 @@ junk = st.recursive(
     max_leaves=12,
 )
 phases = st.one_of(
+    st.builds(PhaseB, st.just(1), st.just(7), st.integers(0, 99), st.just(5), st.lists(frames, max_size=6).map(tuple)),
     st.builds(
-        PhaseB,
-        st.just(1),
-        st.just(7),
-        st.integers(0, 99),
-        st.just(5),
-        st.lists(frames, max_size=6).map(tuple),
-    ),
-    st.builds(
-        lambda k, bumped: PhaseA(1, 7, k, 5, Sensed(k, Pose(1.0, 2.0, 3.0), bumped)),
-        st.integers(0, 99),
-        st.booleans(),
+        lambda k, bumped: PhaseA(1, 7, k, 5, Sensed(k, Pose(1.0, 2.0, 3.0), bumped)), st.integers(0, 99), st.booleans()
     ),
     st.builds(Hello, st.just(1), st.just(7), st.integers(0, 99), st.integers(0, 99)),
     st.builds(

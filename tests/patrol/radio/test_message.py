@@ -43,9 +43,6 @@ def packed(*values: object) -> bytes:
     return bytes(msgpack.packb(list(values)))
 
 
-# --- round trip ------------------------------------------------------------------------------------------------------
-
-
 @given(positions, keys)
 def test_what_is_encoded_is_decoded(position: Position, key: bytes | None) -> None:
     assert decode(encode(position, key), key) == position
@@ -73,9 +70,6 @@ def test_the_bytes_of_a_frame_are_fixed() -> None:
 
 def test_without_a_key_a_tag_is_skipped() -> None:
     assert decode(encode(HERE, KEY)) == HERE
-
-
-# --- rounding --------------------------------------------------------------------------------------------------------
 
 
 @given(poses)
@@ -116,9 +110,6 @@ def test_the_trail_leads_back_from_the_position() -> None:
     assert position.past == ((7.8, 5.0), (5.8, 4.0))
 
 
-# --- what cannot be sent ---------------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("field", [field.name for field in fields(Position) if field.name != "trail"])
 @pytest.mark.parametrize("value", [-(2**31) - 1, 2**32, 1.0, True, None, "1"])
 def test_a_position_holds_integers_in_range_only(field: str, value: object) -> None:
@@ -147,9 +138,6 @@ def test_a_key_is_neither_empty_nor_too_long(key: bytes) -> None:
         encode(HERE, key)
     with pytest.raises(ValueError, match="key"):
         decode(encode(HERE), key)
-
-
-# --- hostile bytes ---------------------------------------------------------------------------------------------------
 
 
 @given(st.binary(max_size=80), keys)

@@ -230,9 +230,6 @@ def test_parts_of_a_region_that_a_body_cannot_join_are_told_apart() -> None:
     assert split.connections == ()
 
 
-# --- regions by hand -------------------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("point", [0.1, 0.5])
 def test_regions_by_hand(point: float) -> None:
     terrain = builtin_terrain("yards", point)
@@ -301,9 +298,6 @@ def test_ground_that_no_body_gets_to_may_be_left_out() -> None:
     assert len(regions_by_hand(terrain, [west], body).polygons) == 1
 
 
-# --- in a scenario ---------------------------------------------------------------------------------------------------
-
-
 def test_a_scenario_is_prepared_with_a_split_for_each_body(tmp_path: Path) -> None:
     scenario = load_scenario(
         {
@@ -344,11 +338,7 @@ def by_regions(polygons: Any) -> dict[str, Any]:
 
 
 def test_a_scenarios_own_regions_are_used_and_checked() -> None:
-    raw = {
-        "terrain": {"builtin": "yards"},
-        "point": 0.5,
-        "patrol": by_regions(YARDS),
-    }
+    raw = {"terrain": {"builtin": "yards"}, "point": 0.5, "patrol": by_regions(YARDS)}
     regions = prepare(load_scenario(raw)).regions
     assert regions is not None
     assert len(regions[1].polygons) == 5

@@ -1,5 +1,3 @@
-"""What a process tells its service manager: that it is ready, and that its loop turns, no oftener than needed."""
-
 from __future__ import annotations
 
 import itertools

@@ -19,9 +19,6 @@ def problem(raw: dict[str, Any], overrides: dict[str, object] | None = None) -> 
     return str(caught.value)
 
 
-# --- what is refused -------------------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("value", [float("nan"), float("inf"), -float("inf"), -1, 0, True, "1", None, [1], 10**400])
 @pytest.mark.parametrize(
     "field",
@@ -254,9 +251,6 @@ def test_no_mapping_raises_anything_but_bad_input(raw: dict[str, Any]) -> None:
     assert load_scenario(as_mapping(scenario)) == scenario
 
 
-# --- overrides ------------------------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize(
     ("field", "value", "expected"),
     [
@@ -287,10 +281,7 @@ def test_a_wrong_override_is_named(field: str, value: str, expected: str) -> Non
     [
         ("robots.2.speed", "override robots.2.speed: there is no entry 2; the list has entries 0 to 1"),
         ("robots.1.speed", "override robots.1.speed = -2: expected a number above 0 and at most 1e9 (m/s, top speed)"),
-        (
-            "robots.speed",
-            "override robots.0.speed = -2: expected a number above 0 and at most 1e9",
-        ),
+        ("robots.speed", "override robots.0.speed = -2: expected a number above 0 and at most 1e9"),
         ("robots.count", "override robots.count: the scenario lists its 2 robots; add or remove entries there"),
         ("robots.wheels", "override robots.wheels: this is a list of 2; give an index, 0 to 1"),
     ],

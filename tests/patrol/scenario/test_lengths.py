@@ -88,9 +88,6 @@ def test_every_field_that_may_be_auto_is_so_by_default() -> None:
         assert {name for name, field in section.model_fields.items() if field.default == "auto"} == set(names)
 
 
-# --- where it is resolved --------------------------------------------------------------------------------------------
-
-
 def test_the_loaded_scenario_holds_the_numbers() -> None:
     scenario = load_scenario({**OPEN, "robots": SMALL, "patrol": PAPER})
     of_patrol = {name: getattr(scenario.patrol, name) for name in FIELDS}
@@ -139,17 +136,10 @@ def test_a_control_keeps_the_lengths() -> None:
         assert more.patrol == scenario.patrol
 
 
-# --- teams of different bodies ---------------------------------------------------------------------------------------
-
-
 def test_each_robot_of_a_mixed_team_has_its_own_lengths() -> None:
     scenario = load_scenario(MIXED)
     assert scenario.patrol.goal_distance == "auto"
-    assert {number: found.goal_distance for number, found in scenario.lengths.items()} == {
-        1: 6.6,
-        2: 1.65,
-        3: 1.65,
-    }
+    assert {number: found.goal_distance for number, found in scenario.lengths.items()} == {1: 6.6, 2: 1.65, 3: 1.65}
     assert load_scenario(as_mapping(scenario)) == scenario
 
 
@@ -179,9 +169,6 @@ def test_a_note_names_a_few_robots_of_many() -> None:
     assert "here 10 for r1, 5 for r2, r3, r4, r5, r6, r7, r8, r9 and 12 more" in dump_scenario(many)
 
 
-# --- what is refused -------------------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize(
     ("robots", "patrol", "expected"),
     [
@@ -197,11 +184,7 @@ def test_a_note_names_a_few_robots_of_many() -> None:
             {**PAPER, "options": {"dilatation": "Auto"}},
             'patrol.options.dilatation = "Auto": expected auto, or a number from 0 to 1e9 (m, how far',
         ),
-        (
-            {},
-            {**PAPER, "options": {"reach": "far"}},
-            'patrol.options.reach = "far": expected paper or area',
-        ),
+        ({}, {**PAPER, "options": {"reach": "far"}}, 'patrol.options.reach = "far": expected paper or area'),
     ],
 )
 def test_a_wrong_length_is_named(robots: Any, patrol: dict[str, Any], expected: str) -> None:

@@ -1,5 +1,3 @@
-"""The option `letter`: which of the paper's rules hold, what goes with the whole of it, and what is refused."""
-
 from __future__ import annotations
 
 from typing import Any
@@ -34,11 +32,7 @@ def test_without_the_letter_all_rules_are_ours() -> None:
 
 @pytest.mark.parametrize(
     ("letter", "rules"),
-    [
-        ("first-step", {"first-step"}),
-        (["first-step", "no-stop"], {"first-step", "no-stop"}),
-        (False, set()),
-    ],
+    [("first-step", {"first-step"}), (["first-step", "no-stop"], {"first-step", "no-stop"}), (False, set())],
 )
 def test_rules_are_taken_one_by_one(letter: Any, rules: set[str]) -> None:
     patrol = scenario(letter).patrol

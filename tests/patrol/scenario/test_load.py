@@ -56,9 +56,6 @@ def write_map(folder: Path, origin: str = "[0, 0, 0]", pixels: bytes = b"\xff" *
     return write(folder / "hall.yaml", f"image: hall.pgm\n{keys}")
 
 
-# --- reading ---------------------------------------------------------------------------------------------------------
-
-
 def test_the_defaults_are_those_of_the_designed_file(tmp_path: Path) -> None:
     designed = load_scenario(write(tmp_path / "five.yaml", DESIGNED))
     assert load_scenario({**YARDS, "name": "yards-five"}) == designed
@@ -88,11 +85,7 @@ def test_a_group_makes_a_roster() -> None:
     robots = {"count": 3, "model": "holonomic", "speed": 1, "starts": [[1, 2], [3, 4, 7]]}
     roster = load_scenario({**YARDS, "robots": robots}).roster
     assert [spec.number for spec in roster] == [1, 2, 3]
-    assert [spec.start for spec in roster] == [
-        Pose(1, 2, 0),
-        Pose(3, 4, wrap(7)),
-        None,
-    ]
+    assert [spec.start for spec in roster] == [Pose(1, 2, 0), Pose(3, 4, wrap(7)), None]
     assert {(spec.model, spec.speed, spec.radius) for spec in roster} == {("holonomic", 1.0, 1.0)}
 
 
@@ -182,9 +175,6 @@ def test_reading_leaves_the_callers_mapping_alone() -> None:
     assert json.dumps(raw) == before
 
 
-# --- overrides -------------------------------------------------------------------------------------------------------
-
-
 def test_overrides_replace_single_fields() -> None:
     scenario = load_scenario(
         {**YARDS, "robots": {"count": 5, "speed": 2}, "sensor": {"range": 20}},
@@ -231,9 +221,6 @@ def test_settings_of_the_command_line_become_overrides() -> None:
             parse_overrides([wrong])
 
 
-# --- opening what the command line names -----------------------------------------------------------------------------
-
-
 def test_a_builtin_a_map_and_a_scenario_can_be_opened(tmp_path: Path) -> None:
     assert open_scenario("yards", {"seed": "3"}) == load_scenario({**YARDS, "seed": 3})
     hall = write_map(tmp_path)
@@ -268,8 +255,6 @@ def test_an_angle_in_radians_is_refused(angle: float, degrees: int) -> None:
         load_scenario({**YARDS, "sensor": {"angle": angle}})
     assert load_scenario({**YARDS, "sensor": {"angle": round(angle, 1)}}).sensor.angle == round(angle, 1)
 
-
-# --- writing ---------------------------------------------------------------------------------------------------------
 
 LONG = {
     **YARDS,
@@ -326,9 +311,6 @@ def test_the_schema_knows_every_field_and_its_unit() -> None:
     for definition in [schema, *schema["$defs"].values()]:
         assert all(field.get("description") for field in definition["properties"].values())
     json.dumps(schema, allow_nan=False)
-
-
-# --- the hash --------------------------------------------------------------------------------------------------------
 
 
 def test_the_hash_is_of_the_meaning(tmp_path: Path) -> None:

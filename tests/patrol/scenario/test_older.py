@@ -232,10 +232,7 @@ def test_no_options_are_the_defaults() -> None:
             {"policy": "committed", "options": {"unpredictability": 2}},
             "patrol.options.unpredictability: does nothing for the policy committed, which is the tour; set patrol.pol",
         ),
-        (
-            {"commitment": "maybe"},
-            "patrol.commitment: is target or none in files of 0.2; since then set patrol",
-        ),
+        ({"commitment": "maybe"}, "patrol.commitment: is target or none in files of 0.2; since then set patrol"),
         ({"commitment": "none", "sectors": 0}, "patrol.options.sectors = 0: expected"),
     ],
 )

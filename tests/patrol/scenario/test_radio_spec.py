@@ -1,5 +1,3 @@
-"""The radio's budget and when robots send: what a scenario may say, and what changes its hash."""
-
 from __future__ import annotations
 
 from typing import Any

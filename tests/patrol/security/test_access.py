@@ -19,14 +19,7 @@ from fogwatch.launch.private import Secrets
 from patrol.errors import BadInput
 from patrol.net.open_links import open_links
 from patrol.process.options import meeting
-from patrol.security.access import (
-    FILE,
-    Access,
-    credentials_at,
-    is_private,
-    read_access,
-    write_pointer,
-)
+from patrol.security.access import FILE, Access, credentials_at, is_private, read_access, write_pointer
 from patrol.security.credentials import Credentials, as_json, read_credentials, read_router
 from patrol.security.private_files import write_private
 from patrol.security.roles import OPERATOR, VIEWER, WORLD_ROLE, Kind, robot_role

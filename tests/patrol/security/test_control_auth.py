@@ -136,10 +136,7 @@ def test_a_request_that_was_altered_is_refused(place: int) -> None:
         wire.gate.open(bytes(request))
 
 
-@pytest.mark.parametrize(
-    "other",
-    [{"run": RUN + 1}, {"fleet": "g"}, {"token": "another token"}, {"secret": b"t" * 16}],
-)
+@pytest.mark.parametrize("other", [{"run": RUN + 1}, {"fleet": "g"}, {"token": "another token"}, {"secret": b"t" * 16}])
 def test_a_request_counts_for_one_run_of_one_fleet(other: dict[str, Any]) -> None:
     wire = Wire()
     request = wire.request()

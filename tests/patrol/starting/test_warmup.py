@@ -103,10 +103,7 @@ def test_every_module_that_is_needed_seldom_exists() -> None:
     [
         ({}, set()),
         ({"terrain.builtin": "open"}, {"agent.kernels.dilate"}),
-        (
-            {"patrol.policy": "potential-field"},
-            {"agent.kernels.dilate", "agent.kernels.force"},
-        ),
+        ({"patrol.policy": "potential-field"}, {"agent.kernels.dilate", "agent.kernels.force"}),
         (
             {"patrol.policy": "potential-field", "patrol.options.paths": "regions"},
             {"agent.kernels.region_paths", "patrol.kernels.regions"},

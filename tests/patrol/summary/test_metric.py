@@ -1,5 +1,3 @@
-"""The declarations of metrics: how values are printed and reduced, and the tables of the documentation."""
-
 from __future__ import annotations
 
 from importlib.util import module_from_spec, spec_from_file_location

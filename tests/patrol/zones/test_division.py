@@ -1,5 +1,3 @@
-"""Divisions of robots between the rounds of zoned ground."""
-
 from __future__ import annotations
 
 from pathlib import Path

@@ -1,5 +1,3 @@
-"""Zones on the grid of a terrain."""
-
 from __future__ import annotations
 
 from dataclasses import dataclass

@@ -1,5 +1,3 @@
-"""The scenario's zones: what they may say, masks read from files, and what is refused."""
-
 from __future__ import annotations
 
 from pathlib import Path

@@ -1,5 +1,3 @@
-"""The top speeds of slow zones, place by place."""
-
 from __future__ import annotations
 
 import math
