@@ -45,15 +45,11 @@ def test_a_half_without_a_robot_is_closed_out(halves: Prepared) -> None:
     ground.tick(2, closed(halves), {"wall"}, {1: WEST, 2: EAST})
     assert not ground.closed_out[40, 80]
     assert ground.closed_out[40, 50]
-    ground.tick(3, halves.terrain, (), {1: WEST})
-    assert not ground.closed_out.any()
-
-
-def test_without_robots_nothing_is_closed_out(halves: Prepared) -> None:
-    ground = OpenGround(halves)
-    ground.tick(0, closed(halves), {"wall"}, {1: WEST})
+    ground.tick(3, closed(halves), {"wall"}, {})
+    assert not ground.closed_out.any(), "nor is anything without robots"
+    ground.tick(4, closed(halves), {"wall"}, {1: WEST})
     assert ground.closed_out.any()
-    ground.tick(1, closed(halves), {"wall"}, {})
+    ground.tick(5, halves.terrain, (), {1: WEST})
     assert not ground.closed_out.any()
 
 
@@ -62,12 +58,10 @@ def test_a_robot_is_not_asked_to_see_what_it_cannot_get_to(halves: Prepared) -> 
     both = {1: WEST, 2: EAST}
     ground.tick(5, closed(halves), {"wall"}, both)
     now = ground.last_seen_or_out(1, 8, seen)
-    assert now[40, 80] == 8
-    assert now[40, 20] == 3
+    assert (now[40, 80], now[40, 20]) == (8, 3)
     ground.tick(10, halves.terrain, (), both)
     later = ground.last_seen_or_out(1, 12, seen)
-    assert later[40, 80] == 9
-    assert later[40, 20] == 3
+    assert (later[40, 80], later[40, 20]) == (9, 3)
 
 
 def test_ages_stand_still_while_a_point_is_closed_out() -> None:

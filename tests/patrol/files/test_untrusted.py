@@ -74,12 +74,10 @@ def test_the_file_that_was_checked_is_the_one_that_is_opened(tmp_path: Path, mon
 
 
 def test_what_the_system_does_not_open_keeps_its_reason(tmp_path: Path) -> None:
-    with pytest.raises(FileNotFoundError):
-        read_untrusted(tmp_path / "none", KEY)
-    with pytest.raises(IsADirectoryError):
-        read_untrusted(tmp_path, KEY)
-    with pytest.raises(FileRefused, match="null character"):
-        read_untrusted(Path("a\0b"), KEY)
+    cases = ((tmp_path / "none", FileNotFoundError), (tmp_path, IsADirectoryError), (Path("a\0b"), FileRefused))
+    for path, why in cases:
+        with pytest.raises(why, match="null character" if why is FileRefused else None):
+            read_untrusted(path, KEY)
 
 
 def opened(path: Path) -> int:
@@ -101,13 +99,10 @@ def test_no_descriptor_is_left_open(tmp_path: Path) -> None:
         assert opened(path) == before
 
 
-@pytest.mark.parametrize(
-    ("way", "out"),
-    [("a", False), ("b/../a", False), ("../a", True), ("/etc/passwd", True), ("link", True), ("loop", False)],
-)
-def test_a_path_that_leads_out_of_a_folder_is_told(tmp_path: Path, way: str, out: bool) -> None:
+def test_a_path_that_leads_out_of_a_folder_is_told(tmp_path: Path) -> None:
     folder = tmp_path / "folder"
     folder.mkdir()
     (folder / "link").symlink_to(tmp_path)
     (folder / "loop").symlink_to(folder / "loop")
-    assert leads_out(folder, folder / way) == out
+    ways = ("a", "b/../a", "loop", "../a", "/etc/passwd", "link")
+    assert [leads_out(folder, folder / way) for way in ways] == [False] * 3 + [True] * 3

@@ -23,9 +23,7 @@ def test_columns_read_like_the_rows_they_were_made_of() -> None:
 
 
 def test_columns_equal_rows_and_each_other_in_the_same_order_only() -> None:
-    assert links_of(ROWS) == ROWS
-    assert links_of(ROWS) == ROWS
-    assert links_of(ROWS) == links_of(list(ROWS))
+    assert links_of(ROWS) == ROWS == links_of(list(ROWS))
     assert links_of(ROWS) != links_of(ROWS[::-1])
     assert links_of(ROWS[:2]) != links_of(ROWS)
     assert drops_of(DROPPED) == DROPPED
