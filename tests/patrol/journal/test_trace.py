@@ -53,8 +53,9 @@ def test_diagnostics_and_the_order_of_delivery_do_not_matter(other: TickRecord) 
         *({"k": 4}, {"mfow": 13}, {"robots": (GONE, CAR)}, {"robots": (CAR,)}, {"deliveries": TICK.deliveries[:1]}),
         *({"deliveries": ((1, 2, 3), (2, 1, sequence))} for sequence in (4, 3 + 2**32)),
         {"deliveries": ((1, 2, 3), (1, 2, 3), (2, 1, 3))},
-        *({"robots": (replace(CAR, **{field: 0.125}), GONE)} for field in ("x", "heading", "c0", "c1")),
-        *({"robots": (car, GONE)} for car in (replace(CAR, y=-2.5000000000000004), replace(CAR, status=Status.PAUSED))),
+        *({"robots": (car, GONE)} for car in (replace(CAR, x=0.125), replace(CAR, y=-2.5000000000000004))),
+        *({"robots": (car, GONE)} for car in (replace(CAR, heading=0.125), replace(CAR, status=Status.PAUSED))),
+        *({"robots": (car, GONE)} for car in (replace(CAR, c0=0.125), replace(CAR, c1=0.125))),
         {"robots": (CAR, replace(GONE, c0=-0.0))},
     ],
 )

@@ -36,12 +36,8 @@ def prepared(
         for number, (radius, speed) in enumerate(zip(radii, speeds, strict=True), start=1)
     ]
     facts = {"terrain": {"builtin": "open"}, "point": 0.5, "robots": robots, "sensor": {"range": 3.0, **sensor}}
-    fields = {
-        radius: compute_fields(
-            terrain, radius, 3.0, True, [start for start, own in zip(starts, radii, strict=True) if own == radius]
-        )
-        for radius in radii
-    }
+    of_radius = {radius: [start for start, own in zip(starts, radii, strict=True) if own == radius] for radius in radii}
+    fields = {radius: compute_fields(terrain, radius, 3.0, True, own) for radius, own in of_radius.items()}
     return Prepared(load_scenario(facts), terrain, starts, {n: fields[radius] for n, radius in enumerate(radii, 1)})
 
 
@@ -156,16 +152,9 @@ def test_the_tour_of_a_wheel_is_taken_and_nothing_is_stored(
 @pytest.mark.parametrize(
     "text",
     [
-        "",
-        "{}",
-        "[]",
-        '{"length_m": "far"}',
-        '{"length_m": -1.0, "way": [[5.25, 5.25]]}',
-        '{"length_m": NaN, "way": [[5.25, 5.25]]}',
-        '{"length_m": 5.0, "way": []}',
-        '{"length_m": 5.0, "way": [[1e9, 5.25]]}',
-        '{"length_m": 5.0, "way": [5.25]}',
-        "\x00",
+        *("", "{}", "[]", "\x00", '{"length_m": "far"}', '{"length_m": 5.0, "way": []}'),
+        *(f'{{"length_m": {length}, "way": [[5.25, 5.25]]}}' for length in ("-1.0", "NaN")),
+        *(f'{{"length_m": 5.0, "way": {way}}}' for way in ("[[1e9, 5.25]]", "[5.25]")),
     ],
 )
 def test_a_damaged_file_is_made_again(cache: Path, monkeypatch: pytest.MonkeyPatch, text: str) -> None:

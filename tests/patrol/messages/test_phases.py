@@ -1,8 +1,8 @@
 from __future__ import annotations
 
 import math
-import struct
 from dataclasses import replace
+from typing import Any
 
 import msgpack
 import pytest
@@ -32,8 +32,6 @@ from patrol.messages.phases import (
 from patrol.pose import Drive, Pose, Twist, Velocity
 from patrol.radio.message import MAX_CONTACTS, MAX_FRAMES
 
-Contacts = tuple[tuple[float, float], ...]
-
 counts = st.integers(0, 2**31 - 1)
 ids = st.integers(0, 2**63 - 1)
 finite = st.floats(allow_nan=False, allow_infinity=False)
@@ -49,47 +47,23 @@ zones = st.none() | st.lists(numbers, max_size=MOST_ZONES).map(tuple)
 weights = st.lists(st.tuples(numbers, st.floats(LEAST_WEIGHT, MOST_WEIGHT)), max_size=MOST_ZONES).map(tuple)
 
 
-def phase_a(
-    head: tuple[int, int, int, int],
-    pose: Pose,
-    bumped: bool,
-    contacts: Contacts,
-    clock_s: float,
-    in_force: tuple[int, ...] | None,
-    weights_now: tuple[tuple[int, float], ...],
-) -> PhaseA:
-    sensed = Sensed(head[2], pose, bumped, contacts, clock_s, zones=in_force, weights=weights_now)
-    return PhaseA(*head, sensed)
+def phase_a(head: tuple[int, int, int, int], *seen: Any, **zones: Any) -> PhaseA:
+    return PhaseA(*head, Sensed(head[2], *seen, **zones))
 
 
 to_robot: st.SearchStrategy[ToRobot] = st.one_of(
     st.builds(Hello, *heads),
-    st.builds(phase_a, st.tuples(*heads), poses, st.booleans(), pairs, finite, zones, weights),
+    st.builds(phase_a, st.tuples(*heads), poses, st.booleans(), pairs, finite, zones=zones, weights=weights),
     st.builds(PhaseB, *heads, st.lists(st.binary(max_size=64), max_size=8).map(tuple)),
     st.builds(Stop, *heads, st.booleans(), words),
 )
+commands = st.one_of(*(st.builds(command, anything, anything) for command in (Drive, Twist, Velocity)))
 to_world: st.SearchStrategy[ToWorld] = st.one_of(
     st.builds(HelloReply, *heads, words, counts),
     st.builds(ReplyA, *heads, st.lists(st.binary(max_size=100), max_size=MAX_FRAMES).map(tuple)),
-    st.builds(
-        ReplyB,
-        *heads,
-        st.builds(
-            Reply,
-            st.one_of(*(st.builds(command, anything, anything) for command in (Drive, Twist, Velocity))),
-            words,
-            st.none() | st.tuples(finite, finite),
-            finite,
-            ids,
-        ),
-    ),
+    st.builds(ReplyB, *heads, st.builds(Reply, commands, words, st.none() | st.tuples(finite, finite), finite, ids)),
     st.builds(Failed, *heads, words),
     st.builds(Farewell, *heads),
-)
-junk = st.recursive(
-    st.none() | st.booleans() | st.integers(-(2**63), 2**64 - 1) | st.floats() | st.binary(max_size=80) | st.text(),
-    lambda inner: st.lists(inner, max_size=10) | st.dictionaries(st.text(max_size=4), inner, max_size=3),
-    max_leaves=20,
 )
 
 
@@ -101,39 +75,6 @@ def test_a_message_to_a_robot_comes_back_bit_for_bit(message: ToRobot) -> None:
 @given(to_world)
 def test_a_message_to_the_world_comes_back_bit_for_bit(message: ToWorld) -> None:
     assert decode_to_world(encode(message)) == message
-
-
-def test_negative_zero_survives() -> None:
-    answer = decode_to_world(encode(ReplyB(1, 2, 3, 4, Reply(Drive(-0.0, 0.0), "patrolling", None, 0.0, 0))))
-    assert isinstance(answer, ReplyB)
-    assert isinstance(answer.reply.command, Drive)
-    assert math.copysign(1.0, answer.reply.command.speed) == -1.0
-
-
-def test_a_command_that_is_not_finite_is_for_the_world_to_refuse() -> None:
-    answer = decode_to_world(encode(ReplyB(1, 2, 3, 4, Reply(Velocity(math.nan, math.inf), "x", None, 0.0, 0))))
-    assert isinstance(answer, ReplyB)
-    assert isinstance(answer.reply.command, Velocity)
-    assert math.isnan(answer.reply.command.vx)
-
-
-@given(st.binary(max_size=200))
-def test_any_bytes_give_a_message_or_malformed(payload: bytes) -> None:
-    for decode in (decode_to_robot, decode_to_world):
-        try:
-            decode(payload)
-        except Malformed:
-            continue
-
-
-@given(st.integers(0, 5), st.lists(junk, max_size=12))
-def test_any_array_gives_a_message_or_malformed(kind: int, rest: list[object]) -> None:
-    payload = msgpack.packb([kind, *rest])
-    for decode in (decode_to_robot, decode_to_world):
-        try:
-            decode(payload)
-        except Malformed:
-            continue
 
 
 @given(to_robot, st.data())
@@ -168,6 +109,7 @@ REST: list[object] = [0.0, None, [], None, []]
         msgpack.packb([1, 1, 1, 0, 9, b"frame"]),
         msgpack.packb([1, 1, 1, 0, 9, 1.0, 2.0, 3.0, False, [1.0], *REST]),
         msgpack.packb([1, 1, 1, 0, 9, 1.0, 2.0, 3.0, False, [1.0, math.nan], *REST]),
+        msgpack.packb([1, 1, 1, 0, 9, 1.0, math.nan, 3.0, False, [], *REST]),
         msgpack.packb([1, 1, 1, 0, 9, 1.0, 2.0, 3.0, False, [], math.inf, *REST[1:]]),
         msgpack.packb([1, 1, 1, 0, 9, 1.0, 2.0, 3.0, False, []]),
         msgpack.packb([1, 1, 1, 0, 9, 1.0, 2.0, 3.0, False, [1.0, 2.0] * (MAX_CONTACTS + 1), *REST]),
@@ -205,19 +147,9 @@ def test_a_zone_that_the_scenario_does_not_have_is_malformed(
         decode_to_robot(encode(PhaseA(1, 1, 0, 9, sensed)), zones)
 
 
-def test_a_pose_that_is_not_finite_is_malformed() -> None:
-    payload = encode(PhaseA(1, 1, 0, 9, Sensed(0, Pose(1.0, 2.0, 3.0))))
-    with pytest.raises(Malformed):
-        decode_to_robot(payload.replace(struct.pack(">d", 2.0), struct.pack(">d", math.nan)))
-
-
 def test_a_long_reason_is_cut_to_what_fits() -> None:
-    stop = Stop(1, 1, 0, 9, orderly=False, reason="x" * 5000)
+    stop, failed = Stop(1, 1, 0, 9, orderly=False, reason="x" * 5000), Failed(1, 1, 0, 9, "x" * 5000)
     assert decode_to_robot(encode(stop)) == replace(stop, reason="x" * 400)
-
-
-def test_a_long_account_of_a_failure_is_cut_to_what_fits() -> None:
-    failed = Failed(1, 1, 0, 9, "x" * 5000)
     assert decode_to_world(encode(failed)) == replace(failed, reason="x" * 400)
 
 

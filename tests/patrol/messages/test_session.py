@@ -416,10 +416,8 @@ def test_no_sequence_makes_a_robot_obey_a_stranger_or_come_back(sequence: list[A
 @st.composite
 def to_worlds(draw: st.DrawFn) -> Any:
     """Messages to a world from processes of a robot; and what the world does with them."""
-    head, k = (
-        (draw(st.integers(1, 2)), draw(st.integers(71, 73))),
-        draw(st.sampled_from([0, 43, 44, 299, 300, 2**31 - 1])),
-    )
+    head = draw(st.integers(1, 2)), draw(st.integers(71, 73))
+    k = draw(st.sampled_from([0, 43, 44, 299, 300, 2**31 - 1]))
     run = draw(st.sampled_from([RUN, RUN, RUN, NO_RUN, OTHER]))
     kinds: list[Any] = [
         HelloReply(*head, k, run, draw(st.sampled_from([HASH, HASH, "d" * 64])), draw(st.sampled_from([PROTOCOL, 4]))),

@@ -1,11 +1,13 @@
 from __future__ import annotations
 
 import shutil
+import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -21,11 +23,13 @@ from patrol.security.roles import robot_role
 from tests.routers import (
     PATIENCE_S,
     Guarded,
+    await_last,
     await_seen,
     guarded_by_certificates,
     guarded_by_passwords,
     make_local_fleet,
     needs_openssl,
+    reach,
 )
 
 pytestmark = needs_openssl
@@ -84,13 +88,9 @@ def letters(*keys: str) -> Mailbox[bytes | Presence]:
     return Mailbox(keys, bytes, 100)
 
 
-def await_honest(post: Callable[[bytes], None], mailbox: Mailbox[bytes | Presence]) -> list[tuple[str, object]]:
-    """Send until something arrives, since a subscription takes a moment to be known; all that has arrived by then."""
-    end = time.monotonic() + PATIENCE_S
-    while (arrived := mailbox.get(0.05)) is None:
-        assert time.monotonic() < end, "the honest message does not arrive"
-        post(HONEST)
-    found: list[tuple[str, object]] = [arrived]
+def await_honest(post: Callable[[bytes], None], mailbox: Mailbox[Any]) -> list[tuple[str, object]]:
+    """Send until something arrives; return all that has arrived by then."""
+    found: list[tuple[str, object]] = [reach(post, mailbox, HONEST)]
     while (arrived := mailbox.get()) is not None:
         found.append(arrived)
     return found
@@ -101,25 +101,16 @@ def test_a_robot_speaks_for_itself_alone(members: Members) -> None:
     keys, world, r2 = members.keys, members["world"], members["robot-r2"]
     own = [make("r2") for make in (keys.reply, keys.position, keys.telemetry)]
     others = [make("r1") for make in (keys.reply, keys.position, keys.telemetry)]
-    for forged, honest, all_of_them in zip(others, own, map(_any_robot, own), strict=True):
-        mailbox = letters(forged, honest)
-        world.subscribe(all_of_them, mailbox)
+    for forged, honest in zip(others, own, strict=True):
+        mailbox: Mailbox[bytes] = Mailbox((forged, honest), bytes, 100)
+        world.subscribe(honest.replace("/r2", "/*"), mailbox)
         honestly = r2.post(honest)
         await_honest(honestly, mailbox)
         forge = r2.post(forged)
         for _ in range(20):
             forge(FORGED)
         honestly(b"last")
-        seen: list[tuple[str, object]] = []
-        while not seen or seen[-1] != (honest, b"last"):
-            arrived = mailbox.get(PATIENCE_S)
-            assert arrived is not None
-            seen.append(arrived)
-        assert {key for key, _ in seen} == {honest}
-
-
-def _any_robot(key: str) -> str:
-    return key.replace("/r2", "/*")
+        assert await_last(mailbox, (honest, b"last")) == {honest}
 
 
 @pytest.mark.parametrize("who", ["robot-r2", "viewer", "operator"])
@@ -198,8 +189,6 @@ def _unread(_payload: bytes) -> Question:
 
 def _answered(link: Link, key: str, asked: Mailbox[Question]) -> bool:
     """Whether the world is asked and its answer arrives, however long it takes until it is known."""
-    import threading
-
     end = time.monotonic() + PATIENCE_S
     got: list[bytes | None] = [None]
     while got[0] is None and time.monotonic() < end:
@@ -223,9 +212,8 @@ def test_a_password_must_be_the_member_s_own(who: str) -> None:
             "unknown": replace(r1, role=robot_role("r3")),
         }[who]
         members = Members(at)
-        with pytest.raises(
-            NotAdmitted, match=r"does not let this process in: its credentials are missing, wrong or expired"
-        ):
+        why = "does not let this process in: its credentials are missing, wrong or expired"
+        with pytest.raises(NotAdmitted, match=why):
             members.join(wrong, REFUSED_S)
         with pytest.raises(BadInput, match="does not let this process in"):
             open_links(at.router, None, REFUSED_S, lambda _line: None, lambda: False, wrong)

@@ -11,7 +11,7 @@ import zenoh
 from patrol.net.link import Link, LinkDown, _make_answer, open_link, open_router
 from patrol.net.mailbox import Mailbox, Presence
 from patrol.net.settings import MAX_MESSAGE, QUEUE
-from tests.routers import PATIENCE_S, free_endpoint
+from tests.routers import PATIENCE_S, free_endpoint, reach
 
 
 def test_an_answer_that_comes_too_late_is_nobody_s_failure() -> None:
@@ -67,15 +67,6 @@ def links(endpoint: str) -> Iterator[Callable[[], Link]]:
     yield join
     for link in made:
         assert link.close(PATIENCE_S)
-
-
-def reach(post: Callable[[bytes], None], mailbox: Mailbox[int], payload: bytes) -> tuple[str, int]:
-    """Send until it arrives, since a subscription takes a moment to be known."""
-    end = time.monotonic() + PATIENCE_S
-    while (arrived := mailbox.get(0.05)) is None:
-        assert time.monotonic() < end
-        post(payload)
-    return arrived
 
 
 def next_but(mailbox: Mailbox[int], former: int) -> tuple[str, int]:

@@ -140,15 +140,9 @@ def test_who_leaves_at_once_disturbs_nobody(server: MetricsServer) -> None:
 @pytest.mark.parametrize(
     ("told", "because"),
     [
-        ("9100", "is not HOST:PORT"),
-        ("localhost:", "is not HOST:PORT"),
-        (":9100", "is not HOST:PORT"),
-        ("127.0.0.1:99999", "is not HOST:PORT"),
-        ("127.0.0.1:-1", "is not HOST:PORT"),
+        *((at, "is not HOST:PORT") for at in ("9100", "localhost:", ":9100", "127.0.0.1:99999", "127.0.0.1:-1")),
         ("127.0.0.1:\u0661", "is not HOST:PORT"),
-        ("0.0.0.0:9100", "other machines could read the metrics"),
-        ("[::]:9100", "other machines could read the metrics"),
-        ("robot.example:9100", "other machines could read the metrics"),
+        *((f"{at}:9100", "other machines could read the metrics") for at in ("0.0.0.0", "[::]", "robot.example")),
     ],
 )
 def test_where_no_metrics_can_be(told: str, because: str) -> None:
