@@ -18,6 +18,7 @@ from patrol.pose import Pose
 from patrol.prepare import prepare, sensor_footprint
 from patrol.scenario import load_scenario, scenario_hash
 from tests.patrol.ground.masks import on_terrain
+from tests.patrol.maps.test_maps import write_map
 
 FILE = """
 3 100 80 0.5 1.0 -2.0
@@ -146,14 +147,11 @@ def test_what_is_no_graph_is_one_line(tmp_path: Path, old: str, new: str, says: 
 
 
 def test_a_graph_of_another_image_than_the_maps_is_refused(tmp_path: Path) -> None:
-    file, plan = tmp_path / "three.graph", tmp_path / "plan.yaml"
+    file = tmp_path / "three.graph"
     file.write_text(FILE, encoding="utf-8")
-    plan.write_text(
-        "image: plan.png\nresolution: 0.5\norigin: [0, 0, 0]\nnegate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.2\n"
-    )
     width, height = (int(word) for word in FILE.split()[1:3])
     for size in ((width, height), (height, width)):
-        Image.new("L", size, 255).save(tmp_path / "plan.png")
+        plan = write_map(tmp_path, Image.new("L", size, 255), {"resolution": 0.5})
         says = {"terrain": {"map": str(plan), "graph": str(file)}}
         if size == (width, height):
             assert load_scenario(says).terrain.graph is not None

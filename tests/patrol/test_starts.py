@@ -20,6 +20,7 @@ from patrol.pose import Pose
 from patrol.scenario import RobotSpec
 from patrol.scenario.sections import DEFAULT_RADIUS
 from patrol.starts import clearance_at, place_starts, starting_part
+from tests.patrol.maps.test_maps import write_map
 
 
 def robots(*radii: float, starts: tuple[Pose | None, ...] = ()) -> list[RobotSpec]:
@@ -139,10 +140,7 @@ def test_a_shed_in_a_field_is_no_place_to_start() -> None:
     terrain = Terrain("open hall", building(door=slice(15, 25)), 0.1)
     assert starting_part(terrain, 0.2)[5, 5]
     assert starting_part(terrain, 0.2)[20, 20]
-
-
-def test_a_part_is_outside_only_if_the_border_bounds_it() -> None:
-    framed = building()
+    framed = building()  # a part is outside only if the border bounds it
     framed[[0, -1], :] = False
     framed[:, [0, -1]] = False
     terrain = Terrain("framed", framed, 0.1)
@@ -226,12 +224,7 @@ def test_a_crowd_on_coarse_points_is_told_so() -> None:
 
 def test_a_map_whose_settings_leave_only_the_walls_is_to_blame_and_not_the_body(tmp_path: Path) -> None:
     picture = np.pad(np.full((398, 398), 254, dtype=np.uint8), 1)
-    Image.fromarray(picture).save(tmp_path / "plan.png")
-    plan = tmp_path / "plan.yaml"
-    plan.write_text(
-        "image: plan.png\nresolution: 0.1\norigin: [0, 0, 0]\nnegate: 1\noccupied_thresh: 0.65\nfree_thresh: 0.196\n",
-        encoding="utf-8",
-    )
+    plan = write_map(tmp_path, Image.fromarray(picture), {"negate": 1})
     with pytest.raises(BadInput, match=r"no room for a body .*make 1\.0 % of its cells free.*negate: 0") as caught:
         place_starts(read_terrain(plan, 0.1), robots(0.3), 1)
     assert str(caught.value).startswith(str(plan))
@@ -240,9 +233,8 @@ def test_a_map_whose_settings_leave_only_the_walls_is_to_blame_and_not_the_body(
 
 def test_a_body_too_wide_for_every_door_is_refused_unless_told_where_to_start() -> None:
     assert place_starts(two_rooms(0, 9), robots(0.4), 1)
-    with pytest.raises(
-        BadInput, match=r"too wide for every door of rooms, .*; the widest, at \(6\.05, .* radius of 0\.4 m"
-    ):
+    too_wide = r"too wide for every door of rooms, .*; the widest, at \(6\.05, .* radius of 0\.4 m"
+    with pytest.raises(BadInput, match=too_wide):
         place_starts(two_rooms(0, 9), robots(0.45), 1)
     chosen = Pose(3.0, 2.0, 0.0)
     assert place_starts(two_rooms(0, 9), robots(0.45, starts=(chosen,)), 1) == [chosen]
@@ -252,12 +244,7 @@ def test_a_corridor_between_the_points_of_the_grid_opens_with_the_smaller_point_
     picture = np.zeros((100, 380), dtype=np.uint8)
     picture[10:90, 10:90] = picture[10:90, 290:370] = 254
     picture[43:57, 90:290] = 254  # 0.7 m wide, from 2.15 to 2.85 m: five whole points of 0.1 m
-    Image.fromarray(picture).save(tmp_path / "plan.png")
-    plan = tmp_path / "plan.yaml"
-    plan.write_text(
-        "image: plan.png\nresolution: 0.05\norigin: [0, 0, 0]\nnegate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.196\n",
-        encoding="utf-8",
-    )
+    plan = write_map(tmp_path, Image.fromarray(picture), {"resolution": 0.05})
     with pytest.raises(BadInput, match=r"too wide for every door .*; use a smaller point, such as --point 0\.05 or"):
         place_starts(read_terrain(plan, 0.1), robots(0.3), 1)
     assert place_starts(read_terrain(plan, 0.05), robots(0.3), 1)

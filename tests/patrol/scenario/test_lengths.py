@@ -1,5 +1,3 @@
-"""The lengths that follow a robot's body: what `auto` comes to, where it is resolved, and what stays explicit."""
-
 from __future__ import annotations
 
 from dataclasses import asdict
@@ -34,6 +32,16 @@ MIXED: dict[str, Any] = {
 }
 
 
+NAMES = (
+    *("goal_distance", "refine_side", "refine_reach", "dilatation", "obstacle_radius", "fuzzy_distance"),
+    *("surround_distance", "critical_width"),
+)
+
+
+def options(**settings: Any) -> dict[str, Any]:
+    return {**PAPER, "options": settings}
+
+
 def lengths_for(robots: dict[str, Any], **more: Any) -> BodyLengths:
     scenario = load_scenario({**OPEN, "robots": robots, **more})
     return scenario.lengths[1]
@@ -42,29 +50,13 @@ def lengths_for(robots: dict[str, Any], **more: Any) -> BodyLengths:
 @pytest.mark.parametrize("robots", [{}, {"count": 1}, {"count": 16}, {"model": "holonomic", "count": 3, "spare": 2}])
 def test_the_papers_body_gets_the_papers_numbers_exactly(robots: dict[str, Any]) -> None:
     assert lengths_for(robots) == PAPER_LENGTHS
-    assert asdict(PAPER_LENGTHS) == {
-        "goal_distance": 5.5,
-        "refine_side": 2.0,
-        "refine_reach": 10.0,
-        "dilatation": 5.0,
-        "obstacle_radius": 5.0,
-        "fuzzy_distance": 5.5,
-        "surround_distance": 8.0,
-        "critical_width": 8.0,
-    }
+    assert tuple(asdict(PAPER_LENGTHS).items()) == tuple(
+        zip(NAMES, (5.5, 2.0, 10.0, 5.0, 5.0, 5.5, 8.0, 8.0), strict=True)
+    )
 
 
 def test_a_small_slow_body_gets_small_lengths() -> None:
-    assert lengths_for(SMALL) == BodyLengths(
-        goal_distance=1.65,
-        refine_side=0.6,
-        refine_reach=3.0,
-        dilatation=1.5,
-        obstacle_radius=1.5,
-        fuzzy_distance=1.65,
-        surround_distance=2.4,
-        critical_width=2.4,
-    )
+    assert tuple(asdict(lengths_for(SMALL)).values()) == (1.65, 0.6, 3.0, 1.5, 1.5, 1.65, 2.4, 2.4)
 
 
 def test_the_goal_lies_two_and_a_half_strides_ahead_of_a_fast_body() -> None:
@@ -108,19 +100,17 @@ def test_stating_a_number_means_the_same_as_leaving_it_to_auto(tmp_path: Path) -
 
 
 def test_a_number_stays_whatever_the_body() -> None:
-    found = lengths_for(SMALL, patrol={**PAPER, "goal_distance": 4, "options": {"dilatation": 0}})
+    found = lengths_for(SMALL, patrol={**options(dilatation=0), "goal_distance": 4})
     assert (found.dilatation, found.goal_distance, found.refine_side) == (0.0, 4.0, 0.6)
+    assert lengths_for({}, patrol={"goal_distance": 0.7}).refine_side == 1.4, "a short one cuts an automatic square"
 
 
 def test_auto_can_be_asked_for() -> None:
-    given_ = {**OPEN, "robots": SMALL, "patrol": {**PAPER, "options": {"dilatation": 2}}}
+    given_ = {**OPEN, "robots": SMALL, "patrol": options(dilatation=2)}
     auto = load_scenario(given_, parse_overrides(["patrol.options.dilatation=auto"]))
     assert auto.lengths[1].dilatation == 1.5
     wider = load_scenario(given_, {"robots.radius": 0.4, "patrol.options.dilatation": "auto"})
     assert wider.lengths[1].dilatation == 2.0
-
-
-def test_overrides_of_the_body_come_before_its_lengths() -> None:
     assert load_scenario(OPEN, {"robots.radius": 0.3, "robots.speed": 1}).patrol.goal_distance == 1.65
 
 
@@ -172,30 +162,26 @@ def test_a_note_names_a_few_robots_of_many() -> None:
 @pytest.mark.parametrize(
     ("robots", "patrol", "expected"),
     [
-        ({}, {"refine_side": 12}, "patrol.refine_side = 12: the square must not reach behind the robot: patrol.goal_"),
-        ({}, {"refine_side": 12}, "patrol.goal_distance is 5.5 m (auto), so at most 11"),
-        ({}, {"refine_side": 3, "goal_distance": 1}, "patrol.refine_side = 3: the square must not reach behind the ro"),
-        ({}, {"refine_side": 3, "goal_distance": 1}, "patrol.goal_distance is 1 m, so at most 2"),
-        (MIXED["robots"], {"refine_side": 4}, "patrol.goal_distance is 1.65 m (auto, for scout-1), so at most 3.3"),
-        ({}, {"goal_distance": 0.01}, "patrol.goal_distance = 0.01: shorter than one point of 0.1 m"),
-        ({}, {"goal_distance": 0}, "patrol.goal_distance = 0: expected auto, or a number above 0 and at most 1e9 (m, "),
+        ({}, {"refine_side": 12}, "refine_side = 12: the square must not reach behind the robot: patrol.goal_"),
+        ({}, {"refine_side": 12}, "goal_distance is 5.5 m (auto), so at most 11"),
+        ({}, {"refine_side": 3, "goal_distance": 1}, "refine_side = 3: the square must not reach behind the ro"),
+        ({}, {"refine_side": 3, "goal_distance": 1}, "goal_distance is 1 m, so at most 2"),
+        (MIXED["robots"], {"refine_side": 4}, "goal_distance is 1.65 m (auto, for scout-1), so at most 3.3"),
+        ({}, {"goal_distance": 0.01}, "goal_distance = 0.01: shorter than one point of 0.1 m"),
+        ({}, {"goal_distance": 0}, "goal_distance = 0: expected auto, or a number above 0 and at most 1e9 (m, "),
         (
             {},
-            {**PAPER, "options": {"dilatation": "Auto"}},
-            'patrol.options.dilatation = "Auto": expected auto, or a number from 0 to 1e9 (m, how far',
+            options(dilatation="Auto"),
+            'options.dilatation = "Auto": expected auto, or a number from 0 to 1e9 (m, how far',
         ),
-        ({}, {**PAPER, "options": {"reach": "far"}}, 'patrol.options.reach = "far": expected paper or area'),
+        ({}, options(reach="far"), 'options.reach = "far": expected paper or area'),
     ],
 )
 def test_a_wrong_length_is_named(robots: Any, patrol: dict[str, Any], expected: str) -> None:
     with pytest.raises(BadInput) as refused:
         load_scenario({**OPEN, "robots": robots, "patrol": patrol})
-    assert expected in str(refused.value)
+    assert f"patrol.{expected}" in str(refused.value)
     assert "\n" not in str(refused.value)
-
-
-def test_a_short_goal_distance_cuts_an_automatic_square() -> None:
-    assert lengths_for({}, patrol={"goal_distance": 0.7}).refine_side == 1.4
 
 
 @given(

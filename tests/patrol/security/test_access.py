@@ -227,41 +227,32 @@ def test_a_service_manager_s_folder_may_hold_secrets_that_an_access_list_lets_on
         read_credentials(file, "test")
 
 
-@pytest.mark.parametrize(
-    ("text", "says"),
-    [
-        ("{}", 'expected a JSON object with "fleet", "router" and "token", all strings'),
-        ("[]", "expected a JSON object"),
-        ("no", "expected a JSON object"),
-        ("[" * 60_000, "expected a JSON object"),
-        (" " * 2_000_000, "is larger than an access file may be, 64 KiB"),
-        (json.dumps({"fleet": "f", "router": ROUTER, "token": "short"}), "the token has 5 characters"),
-        (json.dumps({"fleet": "*", "router": ROUTER, "token": "x" * 16}), "not a name for a fleet"),
-        (json.dumps({"fleet": "f", "router": AWAY, "token": "x" * 16}), "leads to a router on this machine only"),
-        (as_json(Credentials("f", ROUTER, OPERATOR, "secret", "x" * 16)), "holds a member's credentials"),
-    ],
-)
-def test_a_control_file_that_cannot_be_used_is_refused_in_one_line(text: str, says: str, tmp_path: Path) -> None:
-    write_private(tmp_path / FILE, text)
-    with pytest.raises(BadInput, match=re.escape(says)) as caught:
-        read_access(tmp_path, "test")
-    assert "\n" not in str(caught.value)
+MEMBER = "operator.json"
 
 
 @pytest.mark.parametrize(
-    ("text", "says"),
+    ("file", "text", "says"),
     [
-        (json.dumps({"role": "root"}), "expected one of robot, world, viewer, operator"),
-        (json.dumps({"role": "robot", "robot": "*"}), "not a robot's name"),
-        (json.dumps({"role": "viewer", "password": 3}), "password: expected a text"),
-        (json.dumps({"role": "viewer", "password": "x"}), 'expected "fleet"'),
-        (as_json(Credentials("f", AWAY, OPERATOR, "secret", "x" * 16)), "passwords are for one machine"),
+        (FILE, "{}", 'expected a JSON object with "fleet", "router" and "token", all strings'),
+        (FILE, "[]", "expected a JSON object"),
+        (FILE, "no", "expected a JSON object"),
+        (FILE, "[" * 60_000, "expected a JSON object"),
+        (FILE, " " * 2_000_000, "is larger than an access file may be, 64 KiB"),
+        (FILE, json.dumps({"fleet": "f", "router": ROUTER, "token": "short"}), "the token has 5 characters"),
+        (FILE, json.dumps({"fleet": "*", "router": ROUTER, "token": "x" * 16}), "not a name for a fleet"),
+        (FILE, json.dumps({"fleet": "f", "router": AWAY, "token": "x" * 16}), "leads to a router on this machine only"),
+        (FILE, as_json(Credentials("f", ROUTER, OPERATOR, "secret", "x" * 16)), "holds a member's credentials"),
+        (MEMBER, json.dumps({"role": "root"}), "expected one of robot, world, viewer, operator"),
+        (MEMBER, json.dumps({"role": "robot", "robot": "*"}), "not a robot's name"),
+        (MEMBER, json.dumps({"role": "viewer", "password": 3}), "password: expected a text"),
+        (MEMBER, json.dumps({"role": "viewer", "password": "x"}), 'expected "fleet"'),
+        (MEMBER, as_json(Credentials("f", AWAY, OPERATOR, "secret", "x" * 16)), "passwords are for one machine"),
     ],
 )
-def test_credentials_that_cannot_be_used_are_refused_in_one_line(text: str, says: str, tmp_path: Path) -> None:
-    write_private(tmp_path / "operator.json", text)
+def test_a_file_that_cannot_be_used_is_refused_in_one_line(file: str, text: str, says: str, tmp_path: Path) -> None:
+    write_private(tmp_path / file, text)
     with pytest.raises(BadInput, match=re.escape(says)) as caught:
-        read_access(tmp_path / "operator.json", "test")
+        read_access(tmp_path if file == FILE else tmp_path / file, "test")
     assert "\n" not in str(caught.value)
 
 

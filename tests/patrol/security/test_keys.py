@@ -43,12 +43,8 @@ def test_a_name_that_is_no_part_of_a_key_is_bad_input(name: str) -> None:
 @pytest.mark.parametrize(
     "locator",
     [
-        "tcp/127.0.0.1:7447",
-        "tls/router.example:1",
-        "tcp/[::1]:65535",
-        "udp/a:7",
-        "quic/10.0.0.1:7447?mixed_rel=1",
-        "udp/10.0.0.1:7447?rel=1;mixed_rel=1",
+        *("tcp/127.0.0.1:7447", "tls/router.example:1", "tcp/[::1]:65535", "udp/a:7"),
+        *("quic/10.0.0.1:7447?mixed_rel=1", "udp/10.0.0.1:7447?rel=1;mixed_rel=1"),
     ],
 )
 def test_addresses_of_routers(locator: str) -> None:
@@ -58,18 +54,8 @@ def test_addresses_of_routers(locator: str) -> None:
 @pytest.mark.parametrize(
     "locator",
     [
-        "",
-        "here",
-        "127.0.0.1:7447",
-        "tcp/host",
-        "tcp/host:0",
-        "tcp/host:65536",
-        "tcp/:x",
-        "quic/h:1?mixed_rel=2",
-        "quic/h:1?",
-        "quic/h:1?mixed_rel=1;",
-        "quic/h:1?so_sndbuf=1",
-        "tcp/a:1,tcp/b:1",
+        *("", "here", "127.0.0.1:7447", "tcp/host", "tcp/host:0", "tcp/host:65536", "tcp/:x", "tcp/a:1,tcp/b:1"),
+        *(f"quic/h:1?{settings}" for settings in ("", "mixed_rel=2", "mixed_rel=1;", "so_sndbuf=1")),
     ],
 )
 def test_other_addresses_are_bad_input(locator: str) -> None:
@@ -103,15 +89,8 @@ def test_a_router_is_a_radio_too_and_none_is_none() -> None:
 @pytest.mark.parametrize(
     "radio",
     [
-        "",
-        "224.0.0.225:7448",
-        "tcp/224.0.0.225:1#iface=a",
-        "udp/224.0.0.225:0",
-        "udp/10.0.0.1:7448",
-        "udp/h:1#iface=a",
-        "tcp/g:99999",
-        "tcp/g:1,",
-        "udp/g:1?mixed_rel=1",
+        *("", "224.0.0.225:7448", "tcp/224.0.0.225:1#iface=a", "udp/224.0.0.225:0", "udp/10.0.0.1:7448"),
+        *("udp/h:1#iface=a", "tcp/g:99999", "tcp/g:1,", "udp/g:1?mixed_rel=1"),
     ],
 )
 def test_other_radios_are_bad_input(radio: str) -> None:
