@@ -26,7 +26,7 @@ def mixed_fleet() -> Scenario:
     return load_scenario({"terrain": terrain, "point": 0.5, "robots": robots})
 
 
-def test_bodies_of_one_radius_share_their_fields() -> None:
+def test_bodies_of_one_radius_share_their_fields_each_time() -> None:
     prepared = prepare(mixed_fleet())
     assert list(prepared.fields) == [1, 2, 3]
     assert prepared.fields[1] is prepared.fields[3]
@@ -35,9 +35,6 @@ def test_bodies_of_one_radius_share_their_fields() -> None:
     assert prepared.starts[1].heading == 1.0
     for spec, start in zip(prepared.scenario.roster, prepared.starts, strict=True):
         assert prepared.fields[spec.number].reach[prepared.terrain.point_at(start.x, start.y)]
-
-
-def test_preparing_twice_gives_the_same() -> None:
     first, second = prepare(mixed_fleet()), prepare(mixed_fleet())
     assert first.starts == second.starts
     assert np.array_equal(first.fields[1].proxy, second.fields[1].proxy)

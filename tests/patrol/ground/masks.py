@@ -37,7 +37,7 @@ def on_terrain(view: View, shape: tuple[int, int]) -> BoolGrid:
 
 
 def line_is_free(passable: BoolGrid, a: tuple[int, int], b: tuple[int, int], lenient: bool) -> bool:
-    """Whether the line between two points' centres passes every row (or, if it is flat, column) on its way.
+    """Return whether the line between two points' centres passes every row (or, if it is flat, column) on its way.
 
     Exactly between two points it passes with one of the two free if lenient, and needs both otherwise.
     """

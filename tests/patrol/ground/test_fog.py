@@ -72,7 +72,7 @@ def test_many_looks_at_once_do_what_each_by_itself_does(seed: int, number: int) 
 
 
 def test_after_years_the_mean_is_still_exact() -> None:
-    """What a row of points gains in one look does not fit into 32 bits."""
+    """One look at a row of points gains more than fits into 32 bits."""
     fog = Fog(np.ones((2, 50), dtype=np.bool_))
     fog.observe(view_of(0, 0, np.ones((50, 50))), 2**29 - 1)
     assert fog.mean(2**29) == 1.0

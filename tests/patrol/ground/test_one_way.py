@@ -70,7 +70,6 @@ def test_a_large_zone_over_everything_is_refused_at_once() -> None:
 
 
 def test_a_niche_that_is_open_against_the_zone_is_left_out() -> None:
-    """A body gets into it, and out of it only against the zone."""
     both_ways, one_way = (compute_fields(terrain, 0.3, 4.0, True, [Pose(3.0, 5.0, 0.0)]).reach for terrain in niche())
     assert np.argwhere(both_ways & ~one_way).tolist() == [[10, 24], [10, 25]]
 

@@ -47,7 +47,7 @@ def test_a_speck_inside_one_point_covers_it() -> None:
 def by_every_point(
     polygon: list[tuple[float, float]], shape: tuple[int, int], point: float, origin: tuple[float, float]
 ) -> BoolGrid:
-    """What `cover` gives, from each edge and each point by itself."""
+    """Return what `cover` gives, from each edge and each point by itself."""
     corners = [((x - origin[0]) / point, (y - origin[1]) / point) for x, y in polygon]
     covered = np.zeros(shape, dtype=np.bool_)
     for row, col in np.ndindex(shape):

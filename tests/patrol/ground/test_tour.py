@@ -53,12 +53,9 @@ def test_from_the_tour_all_patrolled_ground_is_seen(seed: int, range_m: float) -
     assert tour.length_m == pytest.approx(sum(math.dist(a, b) for a, b in pairwise([*tour.way, tour.way[0]])))
 
 
-def test_what_is_seen_from_one_place_needs_no_way() -> None:
+def test_ground_seen_from_one_place_needs_no_way_and_a_corridor_is_driven_up_and_down() -> None:
     tour, _ = tour_of(Terrain("room", np.ones((10, 10), dtype=np.bool_), 0.5), 10.0, 2.0, 2.0)
     assert (tour.length_m, len(tour.way)) == (0.0, 1)
-
-
-def test_a_corridor_is_driven_up_and_down() -> None:
     tour, _ = tour_of(Terrain("corridor", np.ones((3, 100), dtype=np.bool_), 0.5), 3.0, 2.0, 0.75)
     assert 2 * (50.0 - 2 * 3.0) <= tour.length_m <= 2 * 50.0
 

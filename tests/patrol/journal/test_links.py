@@ -32,18 +32,15 @@ def test_columns_equal_rows_and_each_other_in_the_same_order_only() -> None:
     assert hash(links_of(ROWS)) == hash(ROWS)
 
 
-def test_places_have_the_order_of_the_links() -> None:
+def test_joined_links_follow_one_another_and_places_have_their_order() -> None:
+    assert tuple(joined(links_of(ROWS), drops_of(DROPPED))) == (*ROWS, *(row[:3] for row in DROPPED))
+    assert joined(links_of(ROWS), NO_DROPS) == ROWS
     assert places_of(links_of(ROWS)) is None  # a forged frame's sequence
     rows = [(65535, 1, 3), (1, 65535, 2**32 - 1), (1, 65535, 0), (0, 2, 9)]
     places = places_of(links_of(rows))
     assert places is not None
     by_place = sorted(range(len(rows)), key=lambda index: int(places[index]))
     assert [rows[index] for index in by_place] == sorted(rows)
-
-
-def test_joined_links_follow_one_another() -> None:
-    assert tuple(joined(links_of(ROWS), drops_of(DROPPED))) == (*ROWS, *(row[:3] for row in DROPPED))
-    assert joined(links_of(ROWS), NO_DROPS) == ROWS
 
 
 def test_each_frame_goes_to_all_but_its_sender() -> None:

@@ -62,15 +62,23 @@ def free_of(folder: Path, picture: Image.Image | bytes, **says: Any) -> list[lis
     return free
 
 
-def test_trinary_calls_free_what_is_below_free_thresh(tmp_path: Path) -> None:
-    # Occupancies 0.996, 0.35, 0.196 (205: the usual grey for unknown), 0.192, 0.004.
-    assert free_of(tmp_path, grey([1, 166, 205, 206, 254])) == [[False, False, False, True, True]]
-
-
-def test_negate_turns_black_free(tmp_path: Path) -> None:
-    assert free_of(tmp_path, grey([0, 49, 50, 255]), negate=1) == [[True, True, False, False]]
-    assert free_of(tmp_path, grey([0, 255]), negate=True) == [[True, False]]
-    assert free_of(tmp_path, grey([0, 255]), negate=False) == [[False, True]]
+@pytest.mark.parametrize(
+    ("says", "greys", "free"),
+    [
+        # Occupancies 0.996, 0.35, 0.196 (205: the usual grey for unknown), 0.192, 0.004.
+        ({}, [1, 166, 205, 206, 254], [False, False, False, True, True]),
+        ({"negate": 1}, [0, 49, 50, 255], [True, True, False, False]),
+        *(({"negate": negate}, [0, 255], [negate, not negate]) for negate in (True, False)),
+        *(
+            ({"mode": "raw"} | more, [0, 19, 20, 100, 101, 255], [True] * 2 + [False] * 4)
+            for more in ({}, {"negate": 1})
+        ),
+    ],
+)
+def test_free_is_what_mode_negate_and_threshold_say(
+    says: dict[str, Any], greys: list[int], free: list[bool], tmp_path: Path
+) -> None:
+    assert free_of(tmp_path, grey(greys), **says) == [free]
 
 
 def test_the_images_lower_row_has_the_lowest_y(tmp_path: Path) -> None:
@@ -124,13 +132,6 @@ def test_an_image_beside_the_yaml_file_is_read_where_the_named_one_is_missing(tm
     terrain = read_terrain(path, 0.1)
     assert terrain.passable.any()
     assert doubts(terrain) == [f"plan.yaml: image = {named}: no such file; plan.pgm beside it is read"]
-
-
-def test_raw_is_occupancy_in_percent_whatever_negate_says(tmp_path: Path) -> None:
-    image = grey([0, 19, 20, 100, 101, 255])
-    expected = [[True, True, False, False, False, False]]
-    assert free_of(tmp_path, image, mode="raw") == expected
-    assert free_of(tmp_path, image, mode="raw", negate=1) == expected
 
 
 def test_palettes_and_transparent_colours_are_read_as_what_they_show(tmp_path: Path) -> None:
@@ -239,38 +240,20 @@ PLAN = """
 @pytest.mark.parametrize(
     ("says", "problem"),
     [
-        ({"image": None}, "image: missing"),
-        ({"image": ""}, "image ="),
-        ({"image": 5}, "image = 5"),
-        ({"resolution": None}, "resolution: missing"),
-        ({"resolution": 0}, "resolution = 0"),
-        ({"resolution": -0.1}, "resolution = -0.1"),
-        ({"resolution": math.nan}, "resolution = NaN"),
-        ({"resolution": math.inf}, "resolution = Infinity"),
-        ({"resolution": "wide"}, 'resolution = "wide"'),
-        ({"resolution": True}, "resolution = true"),
-        ({"resolution": [0.1]}, "resolution = [0.1]"),
-        ({"resolution": 1e9}, "more than"),
-        ({"resolution": 1e308}, "more than"),
+        *(({key: None}, f"{key}: missing") for key in SAYS),
+        *(({"image": ""}, "image ="), ({"image": 5}, "image = 5")),
+        *(({"resolution": value}, f"resolution = {value}") for value in (0, -0.1, [0.1])),
+        *(({"resolution": math.nan}, "resolution = NaN"), ({"resolution": math.inf}, "resolution = Infinity")),
+        *(({"resolution": "wide"}, 'resolution = "wide"'), ({"resolution": True}, "resolution = true")),
+        *(({"resolution": 1e9}, "more than"), ({"resolution": 1e308}, "more than")),
         ({"resolution": 1e-9}, "less than one point"),
-        ({"origin": None}, "origin: missing"),
-        ({"origin": [0.0, 0.0]}, "origin ="),
-        ({"origin": "here"}, "origin ="),
-        ({"origin": [0.0, math.nan, 0.0]}, "origin = NaN"),
-        ({"origin": [0.0, 0.0, 0.5]}, "yaw must be 0"),
-        ({"negate": None}, "negate: missing"),
-        ({"negate": 2}, "negate = 2"),
-        ({"negate": "maybe"}, 'negate = "maybe"'),
-        ({"occupied_thresh": None}, "occupied_thresh: missing"),
-        ({"free_thresh": None}, "free_thresh: missing"),
-        ({"free_thresh": math.nan}, "free_thresh = NaN"),
-        ({"free_thresh": 0.7}, "free_thresh = 0.7"),
-        ({"free_thresh": -0.1}, "free_thresh = -0.1"),
-        ({"occupied_thresh": 1.5}, "occupied_thresh = 1.5"),
-        ({"mode": "trinity"}, "did you mean trinary"),
-        ({"mode": 3}, "mode = 3"),
-        ({"negate": 1}, "leaves no free cell"),
-        ({"free_thresh": 0.0}, "leaves no free cell"),
+        *(({"origin": [0.0, 0.0]}, "origin ="), ({"origin": "here"}, "origin =")),
+        *(({"origin": [0.0, math.nan, 0.0]}, "origin = NaN"), ({"origin": [0.0, 0.0, 0.5]}, "yaw must be 0")),
+        *(({"negate": 2}, "negate = 2"), ({"negate": "maybe"}, 'negate = "maybe"')),
+        *(({"free_thresh": value}, f"free_thresh = {value}") for value in (0.7, -0.1)),
+        *(({"free_thresh": math.nan}, "free_thresh = NaN"), ({"occupied_thresh": 1.5}, "occupied_thresh = 1.5")),
+        *(({"mode": "trinity"}, "did you mean trinary"), ({"mode": 3}, "mode = 3")),
+        *(({"negate": 1}, "leaves no free cell"), ({"free_thresh": 0.0}, "leaves no free cell")),
     ],
     ids=str,
 )
@@ -330,9 +313,7 @@ def test_unknown_ground_that_is_read_as_free_is_named_with_its_area_and_the_cure
     assert doubt.endswith("set free_thresh: 0.196")
     assert np.count_nonzero(perhaps_unknown(terrain)) == 60 * 60 - 40 * 40
     assert doubts_of(tmp_path, mapped, free_thresh=0.25, mode="scale") == []
-    path = write_map(tmp_path, Image.fromarray(mapped), {"free_thresh": 0.25})
-    path.write_text(path.read_text().replace("0.25", "0.196"))
-    corrected = read_terrain(path, 0.1)
+    corrected = read_terrain(write_map(tmp_path, Image.fromarray(mapped)), 0.1)
     assert doubts(corrected) == []
     assert not perhaps_unknown(corrected).any()
 

@@ -43,7 +43,6 @@ def prepared(
 
 @pytest.fixture(autouse=True)
 def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A cache of this test's own."""
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     monkeypatch.setattr(module, "_known", {})
     return tmp_path / "fogwatch" / "tours"
@@ -173,12 +172,14 @@ def test_a_cache_that_cannot_be_written_is_done_without(cache: Path) -> None:
     assert best_tour(prepared()).length_m is not None
 
 
-def test_ground_that_is_seen_from_one_place_has_no_round() -> None:
+def test_ground_that_is_seen_from_one_place_and_large_fleets_have_no_round(monkeypatch: pytest.MonkeyPatch) -> None:
     rooms = prepared(door=False, speeds=ALIKE, range=30.0)
     assert [part.length_m for part in best_tour(rooms).parts] == [0.0, 0.0]
     assert round_of(rooms, 1) is None
     assert round_of(prepared(speeds=ALIKE), 1) is not None
     assert round_of(prepared(), 1) is None, "robots of several speeds"
+    monkeypatch.setattr(module, "MOST_ROBOTS", 1)
+    assert round_of(prepared(speeds=ALIKE), 1) is None
 
 
 def test_robots_keep_their_distances_in_each_part_of_the_terrain() -> None:
@@ -186,8 +187,3 @@ def test_robots_keep_their_distances_in_each_part_of_the_terrain() -> None:
     assert followers_of(prepared(radii=(0.3, 0.6), speeds=ALIKE), 1) == {1, 2}
     apart = prepared(door=False, speeds=ALIKE)
     assert [followers_of(apart, number) for number in (1, 2)] == [{1}, {2}]
-
-
-def test_large_fleets_have_no_rounds(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(module, "MOST_ROBOTS", 1)
-    assert round_of(prepared(speeds=ALIKE), 1) is None

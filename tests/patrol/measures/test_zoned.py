@@ -155,19 +155,16 @@ def test_without_weights_nothing_is_zoned(zones: tuple[dict[str, Any], ...]) -> 
     assert best_weighted_s(made) is None
 
 
-def test_weights_without_rounds_where_the_sensor_looks_ahead_only() -> None:
+def test_where_the_sensor_looks_ahead_only_there_are_no_rounds_and_no_wanted_age() -> None:
+    with pytest.raises(
+        BadInput, match=r"zones\.0\.age = 20: there is no tour .* to compare vault with; give it a weight"
+    ):
+        zoned_ground(prepared(VAULT | {"age": 20}, sensor={"angle": 90}))
     made = prepared(VAULT | {"weight": 10}, sensor={"angle": 90})
     ground = zoned_ground(made)
     assert ground is not None
     assert not ground.rounds
     assert best_weighted_s(made) is None
-
-
-def test_a_wanted_age_needs_a_tour() -> None:
-    with pytest.raises(
-        BadInput, match=r"zones\.0\.age = 20: there is no tour .* to compare vault with; give it a weight"
-    ):
-        zoned_ground(prepared(VAULT | {"age": 20}, sensor={"angle": 90}))
 
 
 def test_a_zone_that_no_robot_sees_is_refused() -> None:

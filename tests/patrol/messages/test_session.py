@@ -474,7 +474,6 @@ class Watched(dict[Any, Any]):
 
 
 def test_every_step_and_every_refusal_can_happen(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The cases above take every step of the tables."""
     robot, seat = Watched(ROBOT), Watched(SEAT)
     monkeypatch.setattr(session, "ROBOT", robot)
     monkeypatch.setattr(session, "SEAT", seat)

@@ -163,14 +163,13 @@ def test_robots_that_a_world_simulates_are_held_by_other_words(
     assert "fogwatch control RUN fault '{kind: pause, who: all}'" in said
 
 
-def test_a_robot_that_may_still_drive_is_no_success(fleet: Fleet, capsys: pytest.CaptureFixture[str]) -> None:
+def test_neither_no_robot_nor_one_that_may_still_drive_is_a_success(
+    fleet: Fleet, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert stop_all(fleet) == 3
+    assert "no robot is there" in capsys.readouterr().err
     fleet.join("r1", STOPPED)
     fleet.join("r2", Outcome(False, "may still drive: its odometry says 0.50 m/s"))
     fleet.ready()
     assert stop_all(fleet) == 1
     assert "r2: may still drive" in capsys.readouterr().err
-
-
-def test_where_no_robot_is_nobody_was_stopped(fleet: Fleet, capsys: pytest.CaptureFixture[str]) -> None:
-    assert stop_all(fleet) == 3
-    assert "no robot is there" in capsys.readouterr().err

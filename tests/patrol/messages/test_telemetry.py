@@ -28,7 +28,7 @@ def record(k: int, mfow: int) -> TickRecord:
     return TickRecord(k, (row,), (), (), (), mfow, 0.5, 50)
 
 
-def test_views_come_back() -> None:
+def test_views_come_back_and_readers_skip_what_they_do_not_know() -> None:
     assert read(Metrics, pack_view(METRICS)) == METRICS
     placed = replace(METRICS, stalest=(26.5, -9.5))
     assert read(Metrics, pack_view(placed)) == placed
@@ -36,9 +36,6 @@ def test_views_come_back() -> None:
     assert read(Notice, pack_view(notice)) == notice
     telemetry = Telemetry(1, "holding", None, (1.0, 2.0), None, 3, 4.0, 5)
     assert msgpack.unpackb(pack_view(telemetry))["refined"] == [1.0, 2.0]
-
-
-def test_readers_skip_what_they_do_not_know() -> None:
     says = {**msgpack.unpackb(pack_view(METRICS)), "news": [1, 2]}
     assert read(Metrics, msgpack.packb(says)) == METRICS
 

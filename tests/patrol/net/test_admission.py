@@ -44,13 +44,11 @@ Guard = Callable[[], AbstractContextManager[Guarded]]
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory: pytest.TempPathFactory) -> FleetFolder:
-    """A fleet with certificates."""
     return make_local_fleet(tmp_path_factory.mktemp("fleet") / "f", ROBOTS)
 
 
 @pytest.fixture
 def fleet(made: FleetFolder, tmp_path: Path) -> FleetFolder:
-    """A copy of it, to be changed."""
     shutil.copytree(made.path, tmp_path / "f")
     return open_fleet_folder(tmp_path / "f")
 
@@ -77,7 +75,6 @@ class Members:
 
 @pytest.fixture(params=["passwords", "certificates"])
 def members(request: pytest.FixtureRequest, made: FleetFolder) -> Iterator[Members]:
-    """A guarded router, and who wants to get in."""
     with guarded_by_passwords(ROBOTS) if request.param == "passwords" else guarded_by_certificates(made) as at:
         members = Members(at)
         yield members
@@ -188,7 +185,7 @@ def _unread(_payload: bytes) -> Question:
 
 
 def _answered(link: Link, key: str, asked: Mailbox[Question]) -> bool:
-    """Whether the world is asked and its answer arrives, however long it takes until it is known."""
+    """Return whether the world is asked and its answer arrives, however long it takes until it is known."""
     end = time.monotonic() + PATIENCE_S
     got: list[bytes | None] = [None]
     while got[0] is None and time.monotonic() < end:

@@ -51,11 +51,6 @@ def test_an_interpreter_that_ends_waits_for_sessions_that_close() -> None:
     assert subprocess.run([sys.executable, "-c", SLOW], capture_output=True, text=True, check=True).stdout == "closed\n"
 
 
-def whole(payload: bytes) -> int:
-    """Decodes what holds a number."""
-    return int(payload)
-
-
 @pytest.fixture
 def links(endpoint: str) -> Iterator[Callable[[], Link]]:
     made: list[Link] = []
@@ -89,7 +84,7 @@ def together(link: Link, key: str) -> Callable[[bytes], None]:
 def test_what_is_sent_arrives_under_its_key(
     way: Callable[..., Callable[[bytes], None]], links: Callable[[], Link]
 ) -> None:
-    mailbox: Mailbox[int] = Mailbox(("t/x/a",), whole, 100)
+    mailbox: Mailbox[int] = Mailbox(("t/x/a",), int, 100)
     receiver, sender = links(), links()
     receiver.subscribe("t/*/a", mailbox)
     assert reach(way(sender, "t/x/a"), mailbox, b"42") == ("t/x/a", 42)
@@ -101,7 +96,7 @@ def test_a_burst_that_may_be_dropped_is_not(
 ) -> None:
     """One message to each robot of a fleet, as at the beginning of a tick; many more than the queue has places."""
     keys = [f"t/{number}" for number in range(4 * QUEUE)]
-    mailbox: Mailbox[int] = Mailbox(keys, whole, 100)
+    mailbox: Mailbox[int] = Mailbox(keys, int, 100)
     receiver, sender = links(), links()
     receiver.subscribe("t/*", mailbox)
     posts = [way(sender, key) for key in keys]
@@ -115,7 +110,7 @@ def test_a_burst_that_may_be_dropped_is_not(
 
 
 def test_huge_messages_are_refused_and_the_link_lives_on(links: Callable[[], Link]) -> None:
-    mailbox: Mailbox[int] = Mailbox(("t",), whole, 100)
+    mailbox: Mailbox[int] = Mailbox(("t",), int, 100)
     receiver, sender = links(), links()
     receiver.subscribe("t", mailbox)
     post = sender.post("t")
@@ -129,7 +124,7 @@ def test_huge_messages_are_refused_and_the_link_lives_on(links: Callable[[], Lin
 def test_tokens_tell_who_is_there_and_who_has_gone(links: Callable[[], Link], endpoint: str) -> None:
     early = open_link(endpoint, PATIENCE_S)
     early.live("alive/early")
-    mailbox: Mailbox[int | Presence] = Mailbox(("alive/early", "alive/late"), whole, 100)
+    mailbox: Mailbox[int | Presence] = Mailbox(("alive/early", "alive/late"), int, 100)
     watcher = links()
     watcher.watch("alive/*", mailbox)
     assert mailbox.get(PATIENCE_S) == ("alive/early", Presence(True))
@@ -153,7 +148,7 @@ def test_a_link_waits_for_its_router_and_finds_back_to_it() -> None:
     link = open_link(where, PATIENCE_S, waiting)
     assert waited
     assert link.connected
-    mailbox: Mailbox[int] = Mailbox(("t",), whole, 100)
+    mailbox: Mailbox[int] = Mailbox(("t",), int, 100)
     link.subscribe("t", mailbox)
     routers.pop().close(PATIENCE_S)
     end = time.monotonic() + PATIENCE_S
@@ -221,7 +216,7 @@ def test_a_client_finds_the_next_router_where_the_first_is_gone() -> None:
     routers = [open_router(first), open_router(second, others=[first])]
     both = open_link(f"{first},{second}", PATIENCE_S)
     other = open_link(second, PATIENCE_S)
-    mailbox: Mailbox[int] = Mailbox(("t",), whole, 100)
+    mailbox: Mailbox[int] = Mailbox(("t",), int, 100)
     other.subscribe("t", mailbox)
     post = both.post("t", waits=False)
     assert reach(post, mailbox, b"1") == ("t", 1)

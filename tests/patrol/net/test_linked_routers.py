@@ -93,7 +93,7 @@ def sites(fleet: FleetFolder) -> Iterator[Sites]:
 
 
 def heard(sender: Link, key: str, receiver: Link) -> bytes:
-    """What a receiver hears under a key that a sender sends under until it does."""
+    """Send under a key until a receiver hears it; return what it hears."""
     mailbox: Mailbox[bytes] = Mailbox([key], bytes, 100)
     receiver.subscribe(key, mailbox)
     return reach(sender.broadcast(key), mailbox)[1]

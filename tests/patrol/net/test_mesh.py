@@ -66,7 +66,6 @@ Join = Callable[..., Link]
 
 @pytest.fixture
 def join(folder: Path) -> Iterator[Join]:
-    """Opens members' links."""
     links: list[Link] = []
 
     def opened(name: str, own: Path = folder, wait_s: float = PATIENCE_S) -> Link:
@@ -130,7 +129,6 @@ def tell_all(access: dict[str, Any]) -> None:
 
 @pytest.fixture
 def join_as(folder: Path) -> Iterator[Callable[[str, Change], Link]]:
-    """Opens links of members with other rules."""
     links: list[Link] = []
 
     def opened(name: str, change: Change) -> Link:

@@ -27,7 +27,6 @@ Join = Callable[[str], Link]
 
 @pytest.fixture
 def join() -> Iterator[Join]:
-    """Opens clients' links."""
     links: list[Link] = []
 
     def opened(router: str) -> Link:
@@ -44,7 +43,7 @@ def robot(link: Link) -> None:
 
 
 def stopped(operator: Link, meanwhile: Callable[[], None] = lambda: None) -> list[tuple[str, Outcome]]:
-    """What robot r1 has answered when the query is over, long before its time is up."""
+    """Return the answers of robot r1 when the query is over, long before its time is up."""
     answers: list[tuple[str, Outcome]] = []
     asking = threading.Thread(
         target=lambda: answers.extend(ask_robots(operator, KEYS, ["r1"], Order.STOP, 10 * PATIENCE_S)), daemon=True

@@ -30,7 +30,6 @@ def quiet_timer() -> Iterator[None]:
 
 
 def spin(seconds: float = LONG_S) -> None:
-    """Compute for so long."""
     end = time.monotonic() + seconds
     while time.monotonic() < end:
         pass

@@ -178,9 +178,11 @@ def test_with_a_key_a_frame_without_a_tag_is_refused_and_without_one_a_tag_is_sk
     assert decode(encode(HERE, KEY)) == HERE
 
 
-def test_a_tag_covers_whether_there_is_a_trail() -> None:
+def test_a_tag_covers_whether_there_is_a_trail_and_has_no_long_form() -> None:
     tagged, bare = encode(HERE, KEY), encode(replace(HERE, trail=()), KEY)
     assert rejected(tagged[:-10] + bare[-10:], KEY) is RejectReason.TAG
+    body = encode(HERE, KEY)[:-10]
+    assert rejected(body + b"\xc5\x00\x08" + b"12345678", KEY) is RejectReason.MALFORMED
 
 
 @pytest.mark.parametrize("version", [0, 2, -1, 2**40])
@@ -204,12 +206,6 @@ def test_another_version_is_told_apart_from_rubbish(version: int) -> None:
 )
 def test_another_shape_is_malformed(values: tuple[object, ...]) -> None:
     assert rejected(packed(*values)) is RejectReason.MALFORMED
-
-
-def test_a_long_form_of_the_tag_is_malformed() -> None:
-    """Only the two-byte header lies where the tag is looked for."""
-    body = encode(HERE, KEY)[:-10]
-    assert rejected(body + b"\xc5\x00\x08" + b"12345678", KEY) is RejectReason.MALFORMED
 
 
 def test_too_long_a_frame_is_not_looked_at() -> None:

@@ -82,7 +82,7 @@ def check_connections(terrain: Terrain, split: RegionSplit, body: BoolGrid) -> N
 
 
 def islands(split: RegionSplit) -> int:
-    """How many groups of parts the connections leave, counted the slow way."""
+    """Count the groups of parts that the connections leave, the slow way."""
     group = list(range(int(split.parts.max(initial=-1)) + 1))
     for link in split.connections:
         one, two = (group[part] for part in link.parts)

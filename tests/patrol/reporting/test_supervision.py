@@ -48,8 +48,6 @@ def test_open_metrics_need_metrics() -> None:
 
 
 class Manager:
-    """The socket of a service manager."""
-
     def __init__(self, address: str | bytes) -> None:
         self.socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
         self.socket.bind(address)

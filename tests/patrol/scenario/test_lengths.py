@@ -59,20 +59,17 @@ def test_a_small_slow_body_gets_small_lengths() -> None:
     assert tuple(asdict(lengths_for(SMALL)).values()) == (1.65, 0.6, 3.0, 1.5, 1.5, 1.65, 2.4, 2.4)
 
 
-def test_the_goal_lies_two_and_a_half_strides_ahead_of_a_fast_body() -> None:
+def test_the_goal_lies_two_and_a_half_strides_ahead_and_no_length_is_below_a_point() -> None:
     assert lengths_for({"radius": 0.3, "speed": 3.0}).goal_distance == 3.75
     assert lengths_for({"radius": 0.3, "speed": 3.0}, step=1.0).goal_distance == 7.5
+    tiny = lengths_for({"radius": 0.02, "speed": 0.1}, point=0.5)
+    assert (tiny.goal_distance, tiny.refine_reach) == (0.5, 0.5)
 
 
 def test_the_ring_around_an_intruder_holds_the_team_and_lies_in_view() -> None:
     assert lengths_for({**SMALL, "count": 12}).surround_distance == pytest.approx(12 * 1.6 / 6.2832, abs=1e-3)
     assert lengths_for({**SMALL, "count": 60}).surround_distance == 8.0
     assert lengths_for({}, sensor={"range": 5}).surround_distance == 4.0
-
-
-def test_no_length_is_shorter_than_a_point() -> None:
-    tiny = lengths_for({"radius": 0.02, "speed": 0.1}, point=0.5)
-    assert (tiny.goal_distance, tiny.refine_reach) == (0.5, 0.5)
 
 
 def test_every_field_that_may_be_auto_is_so_by_default() -> None:
@@ -114,27 +111,20 @@ def test_auto_can_be_asked_for() -> None:
     assert load_scenario(OPEN, {"robots.radius": 0.3, "robots.speed": 1}).patrol.goal_distance == 1.65
 
 
-def test_spare_robots_change_no_length_of_a_loaded_scenario() -> None:
+def test_spare_robots_and_controls_keep_the_lengths() -> None:
     scenario = load_scenario({**OPEN, "robots": SMALL})
     assert with_spares(scenario, 40).patrol == scenario.patrol
-
-
-def test_a_control_keeps_the_lengths() -> None:
     for given_ in ({**OPEN, "robots": SMALL}, MIXED):
         scenario = load_scenario(given_)
         more, _ = amended(scenario, 3, read_control({"do": "intruder", "place": [45.0, 40.0]}))
         assert more.patrol == scenario.patrol
 
 
-def test_each_robot_of_a_mixed_team_has_its_own_lengths() -> None:
+def test_robots_of_a_mixed_team_have_their_own_lengths_and_agree_on_the_ring() -> None:
     scenario = load_scenario(MIXED)
     assert scenario.patrol.goal_distance == "auto"
     assert {number: found.goal_distance for number, found in scenario.lengths.items()} == {1: 6.6, 2: 1.65, 3: 1.65}
     assert load_scenario(as_mapping(scenario)) == scenario
-
-
-def test_all_of_a_mixed_team_agree_on_the_ring() -> None:
-    """Each computes everybody's place on it."""
     assert load_scenario(MIXED).patrol.surround_distance == 8.0
     assert load_scenario(MIXED, {"sensor.range": 20}).patrol.surround_distance == 9.6
 
@@ -144,7 +134,7 @@ def test_robots_that_differ_in_other_ways_share_the_numbers() -> None:
     assert load_scenario({**OPEN, "robots": robots}).patrol == load_scenario(OPEN).patrol
 
 
-def test_the_file_of_a_mixed_team_says_what_each_robot_has(tmp_path: Path) -> None:
+def test_the_file_of_a_mixed_team_says_what_each_robot_has_or_a_few_of_many(tmp_path: Path) -> None:
     scenario = load_scenario(MIXED)
     text = dump_scenario(scenario)
     (line,) = [line for line in text.splitlines() if line.startswith("  goal_distance: auto ")]
@@ -152,9 +142,6 @@ def test_the_file_of_a_mixed_team_says_what_each_robot_has(tmp_path: Path) -> No
     file = tmp_path / "mixed.yaml"
     file.write_text(text, encoding="utf-8")
     assert load_scenario(file).patrol == scenario.patrol
-
-
-def test_a_note_names_a_few_robots_of_many() -> None:
     many = load_scenario({**OPEN, "robots": [{"radius": 2.0}, *[{} for _ in range(20)]]})
     assert "here 10 for r1, 5 for r2, r3, r4, r5, r6, r7, r8, r9 and 12 more" in dump_scenario(many)
 

@@ -81,15 +81,12 @@ def test_a_copy_with_other_robots_has_its_own_roster() -> None:
     assert "roster" not in copied.model_dump()
 
 
-def test_a_group_makes_a_roster() -> None:
+def test_a_group_or_a_list_makes_a_roster() -> None:
     robots = {"count": 3, "model": "holonomic", "speed": 1, "starts": [[1, 2], [3, 4, 7]]}
     roster = load_scenario({**YARDS, "robots": robots}).roster
     assert [spec.number for spec in roster] == [1, 2, 3]
     assert [spec.start for spec in roster] == [Pose(1, 2, 0), Pose(3, 4, wrap(7)), None]
     assert {(spec.model, spec.speed, spec.radius) for spec in roster} == {("holonomic", 1.0, 1.0)}
-
-
-def test_a_list_makes_a_roster() -> None:
     robots = [{"name": "scout", "radius": 0.3, "start": [5, 6]}, {"model": "holonomic"}, {"start": "random"}]
     roster = load_scenario({**YARDS, "robots": robots}).roster
     assert [(spec.name, spec.radius, spec.model) for spec in roster] == [
@@ -160,22 +157,19 @@ def test_a_pace_is_lockstep_or_a_factor(pace: object, factor: float | None) -> N
     assert load_scenario({**YARDS, "pace": pace}).factor == factor
 
 
-def test_a_scenario_cannot_be_changed() -> None:
+def test_neither_a_scenario_nor_the_mapping_that_was_read_changes() -> None:
     scenario = load_scenario(YARDS)
     with pytest.raises(ValidationError):
         scenario.seed = 3  # type: ignore[misc]
     assert load_scenario(as_mapping(scenario)) == scenario
     assert hash(scenario) == hash(load_scenario(YARDS))
-
-
-def test_reading_leaves_the_callers_mapping_alone() -> None:
     raw = {"terrain": {"builtin": "yards"}, "robots": [{"speed": 1}]}
     before = json.dumps(raw)
     load_scenario(raw, {"robots.0.speed": "2", "patrol.goal_distance": 3})
     assert json.dumps(raw) == before
 
 
-def test_overrides_replace_single_fields() -> None:
+def test_overrides_are_yaml_and_replace_single_fields() -> None:
     scenario = load_scenario(
         {**YARDS, "robots": {"count": 5, "speed": 2}, "sensor": {"range": 20}},
         {
@@ -189,9 +183,6 @@ def test_overrides_replace_single_fields() -> None:
     assert (scenario.patrol.contact_memory, scenario.sensor.range, scenario.pace) == (0.0, 12.0, "realtime")
     assert [spec.speed for spec in scenario.roster] == [2.0, 2.0, 2.0]
     assert scenario.radio.forget_after == 7.5
-
-
-def test_overrides_are_read_as_yaml() -> None:
     scenario = load_scenario(
         YARDS,
         {
@@ -237,6 +228,10 @@ def test_what_cannot_be_opened_is_named(tmp_path: Path) -> None:
         open_scenario(str(tmp_path / "hall.pgm"))
     with pytest.raises(BadInput, match="is a folder"):
         open_scenario(str(tmp_path))
+    file = tmp_path / "many.yaml"
+    file.write_text("base: {terrain: {builtin: open}}\ngrid: {seed: [1, 2]}\n")
+    with pytest.raises(BadInput, match=f"{file}: is a sweep of many runs; make them with: fogwatch sweep {file}"):
+        open_scenario(str(file))
 
 
 def test_a_map_that_is_not_there_is_named_with_the_line_that_names_it(tmp_path: Path) -> None:
@@ -382,10 +377,3 @@ def test_a_setting_stands_beside_its_switch_or_among_lengths(options: dict[str, 
     patrol = {"policy": "potential-field", "options": options}
     scenario = load_scenario({"terrain": {"builtin": "open"}, "patrol": patrol})
     assert load_scenario(as_mapping(scenario)) == scenario
-
-
-def test_a_sweeps_file_is_no_scenario(tmp_path: Path) -> None:
-    file = tmp_path / "many.yaml"
-    file.write_text("base: {terrain: {builtin: open}}\ngrid: {seed: [1, 2]}\n")
-    with pytest.raises(BadInput, match=f"{file}: is a sweep of many runs; make them with: fogwatch sweep {file}"):
-        open_scenario(str(file))

@@ -1,6 +1,5 @@
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -9,7 +8,7 @@ from hypothesis import strategies as st
 
 from patrol.errors import BadInput
 from patrol.faults.nemesis import DRAWN
-from patrol.scenario import Scenario, as_mapping, dump_scenario, load_scenario, scenario_hash
+from patrol.scenario import Scenario, as_mapping, load_scenario, scenario_hash
 
 OPEN: dict[str, Any] = {"terrain": {"builtin": "open"}}
 
@@ -87,15 +86,6 @@ def test_the_scenarios_own_faults_come_first_and_keep_their_robots() -> None:
     word = [{"kind": "join", "who": "one", "at": 100}]
     nobody = load_scenario({**OPEN, "faults": word, "nemesis": {"interval": 20, "kinds": ["kill"]}})
     assert len(nobody.faults) == 1
-
-
-def test_the_written_scenario_replays(tmp_path: Path) -> None:
-    found = scenario(seed=3)
-    file = tmp_path / "scenario.yaml"
-    file.write_text(dump_scenario(found), encoding="utf-8")
-    assert load_scenario(file).nemesis is None
-    assert load_scenario(file) == found
-    assert scenario_hash(load_scenario(file)) == scenario_hash(found)
 
 
 @pytest.mark.parametrize(

@@ -122,7 +122,7 @@ def test_neither_the_token_nor_anything_that_repeats_is_sent() -> None:
 
 
 def test_a_request_that_is_repeated_gets_the_same_answer_and_is_obeyed_once() -> None:
-    """Whoever has read it along, or an operator whose answer was lost."""
+    """A listener may send it again, or an operator whose answer was lost."""
     wire = Wire()
     request = wire.request()
     first = wire.world(KEYS.control(ASK), request)

@@ -16,7 +16,7 @@ from patrol.security.keys import (
 )
 
 
-def test_the_keys_of_a_fleet() -> None:
+def test_the_keys_of_a_fleet_tell_its_robots() -> None:
     keys = fleet_keys("yards-1")
     assert keys.tick("r1") == "fogwatch/yards-1/robot/r1/tick"
     assert keys.reply("*") == "fogwatch/yards-1/robot/*/reply"
@@ -25,9 +25,6 @@ def test_the_keys_of_a_fleet() -> None:
     assert keys.truth("metrics") == "fogwatch/yards-1/truth/metrics"
     assert keys.control("kill") == "fogwatch/yards-1/control/kill"
     assert keys.alive(WORLD) == "fogwatch/yards-1/alive/.world"
-
-
-def test_a_key_tells_its_robot() -> None:
     keys = fleet_keys("f")
     makers = (keys.tick, keys.reply, keys.position, keys.telemetry, keys.alive)
     assert {robot_of(make("anna")) for make in makers} == {"anna"}

@@ -84,7 +84,6 @@ def said(process: subprocess.Popen[str]) -> list[str]:
 
 
 def failed(process: subprocess.Popen[str]) -> str:
-    """The errors of a process that fails."""
     _, errors = process.communicate(timeout=600)
     assert process.returncode != 0
     return errors
