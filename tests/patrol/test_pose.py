@@ -48,13 +48,10 @@ def test_a_command_comes_back_from_its_numbers_and_from_a_message(model: str, fi
     assert signs[0] == signs[1]
 
 
-def test_the_kinds_of_commands_in_a_message_never_change() -> None:
+def test_the_kinds_of_commands_in_a_message_never_change_and_numbers_not_finite_pass() -> None:
     assert pack_command(Velocity(1.0, 2.0)) == (0, 1.0, 2.0)
     assert pack_command(Drive(1.0, 2.0)) == (1, 1.0, 2.0)
     assert pack_command(Twist(1.0, 2.0)) == (2, 1.0, 2.0)
-
-
-def test_numbers_that_are_not_finite_pass() -> None:
     again = unpack_command(*pack_command(Velocity(math.nan, -math.inf)))
     assert isinstance(again, Velocity)
     assert math.isnan(again.vx)
@@ -78,16 +75,13 @@ def test_a_halted_body_stands_still_whatever_its_limits(model: str) -> None:
     assert still.limited(Limits(0.5, 1.0, 1.0)) == still
 
 
-def test_a_turn_on_the_spot_is_no_halt_and_wheels_at_an_angle_are_one() -> None:
-    assert not is_halt(Twist(0.0, -0.1))
-    assert is_halt(Drive(0.0, 0.2))
-    assert not any(is_halt(command) for command in (Velocity(0.0, -0.1), Drive(-0.1, 0.0), Twist(-0.1, 0.0)))
-
-
-def test_a_speed_is_a_speed_in_any_direction() -> None:
+def test_speeds_have_any_direction_and_a_turn_on_the_spot_is_no_halt() -> None:
     assert Velocity(-3.0, 4.0).speed_mps == 5.0
     assert Drive(-3.0, 0.2).speed_mps == 3.0
     assert Twist(-3.0, 0.2).speed_mps == 3.0
+    assert not is_halt(Twist(0.0, -0.1))
+    assert is_halt(Drive(0.0, 0.2))
+    assert not any(is_halt(command) for command in (Velocity(0.0, -0.1), Drive(-0.1, 0.0), Twist(-0.1, 0.0)))
 
 
 @pytest.mark.parametrize("model", MODELS)

@@ -122,19 +122,16 @@ def test_a_vertex_on_which_no_body_fits_is_patrolled_where_it_is_seen() -> None:
     assert np.argwhere(fields.proxy >= 0).tolist() == [list(at_wall)], "no other point has a post"
 
 
-def test_a_vertex_that_no_robot_sees_is_refused() -> None:
-    graph = {"vertices": [[10, 44], in_a_building()]}
-    given = {**WATCHED, "terrain": {"builtin": "yards", "graph": graph, "patrolled": "vertices"}}
-    with pytest.raises(BadInput, match=r"terrain\.graph: vertex 1 near \[.*: no robot sees it from .*; correct"):
-        prepare(load_scenario(given))
-
-
-def test_robots_that_see_no_vertex_are_refused() -> None:
+def test_a_vertex_that_no_robot_sees_and_robots_that_see_none_are_refused() -> None:
     keep_out = [[[20, 0], [21, 0], [21, 88], [20, 88]]]
     terrain = {"builtin": "open", "graph": {"vertices": [[50, 44]]}, "patrolled": "vertices", "keep_out": keep_out}
     robots = [{"radius": 1.0, "start": [50, 40]}, {"radius": 0.5, "start": [10, 44]}]
     with pytest.raises(BadInput, match=r"terrain\.patrolled: robots of radius 0\.5 m see no vertex"):
         prepare(load_scenario({**WATCHED, "terrain": terrain, "robots": robots}))
+    graph = {"vertices": [[10, 44], in_a_building()]}
+    given = {**WATCHED, "terrain": {"builtin": "yards", "graph": graph, "patrolled": "vertices"}}
+    with pytest.raises(BadInput, match=r"terrain\.graph: vertex 1 near \[.*: no robot sees it from .*; correct"):
+        prepare(load_scenario(given))
 
 
 @pytest.mark.parametrize(

@@ -231,13 +231,14 @@ def test_a_map_whose_settings_leave_only_the_walls_is_to_blame_and_not_the_body(
     assert "smaller radius" not in str(caught.value)
 
 
-def test_a_body_too_wide_for_every_door_is_refused_unless_told_where_to_start() -> None:
+def test_a_body_too_wide_for_every_door_but_a_closets_is_refused_unless_told_where_to_start() -> None:
     assert place_starts(two_rooms(0, 9), robots(0.4), 1)
     too_wide = r"too wide for every door of rooms, .*; the widest, at \(6\.05, .* radius of 0\.4 m"
     with pytest.raises(BadInput, match=too_wide):
         place_starts(two_rooms(0, 9), robots(0.45), 1)
     chosen = Pose(3.0, 2.0, 0.0)
     assert place_starts(two_rooms(0, 9), robots(0.45, starts=(chosen,)), 1) == [chosen]
+    assert place_starts(two_rooms(55, 9), robots(0.45), 1)[0].x < 6.0
 
 
 def test_a_corridor_between_the_points_of_the_grid_opens_with_the_smaller_point_that_is_advised(tmp_path: Path) -> None:
@@ -264,7 +265,3 @@ def test_the_error_says_whether_the_radius_is_the_default() -> None:
         line = str(caught.value)
         assert line.startswith(f"robots.radius = {radius:g}{', the default' if default else ''}: ")
         assert ("your robot's own radius, or give starts" in line) == (default and rooms.name == "rooms")
-
-
-def test_being_shut_out_of_a_closet_does_not_matter() -> None:
-    assert place_starts(two_rooms(55, 9), robots(0.45), 1)[0].x < 6.0

@@ -80,7 +80,7 @@ def test_ages_stand_still_while_a_point_is_closed_out() -> None:
     assert ages.greatest[-2:] == [1, 2]
 
 
-def test_closings_say_what_is_closed_at_any_tick(halves: Prepared) -> None:
+def test_closings_say_what_is_closed_and_waits_at_any_tick_and_show_it_to_a_sensor(halves: Prepared) -> None:
     events = [Event(4, "closed", None, "wall"), Event(4, "dead", 1, "wall"), Event(9, "opened", None, "wall")]
     assert not Closings(halves.scenario.closures, halves.terrain, events[:1]).grid(0).any(), "closed at the end"
     closings = Closings(halves.scenario.closures, halves.terrain, events)
@@ -88,9 +88,6 @@ def test_closings_say_what_is_closed_at_any_tick(halves: Prepared) -> None:
     assert closings.grid(8)[40, 50]
     assert not closings.grid(9).any()
     assert not closings.grid(0).any()
-
-
-def test_closings_say_what_waits_and_show_a_sensor_the_ground_of_any_tick(halves: Prepared) -> None:
     waits = Event(3, "waiting", 1, "wall waits to close: r1 in it")
     closings = Closings(halves.scenario.closures, halves.terrain, [waits, Event(6, "closed", None, "wall")])
     more = [Event(8, "opened", None, "wall"), replace(waits, k=9), Event(12, "stays open", None, "wall")]

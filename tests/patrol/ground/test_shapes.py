@@ -32,14 +32,11 @@ def test_covers_exactly_the_points_that_share_area(corners: list[tuple[float, fl
                 assert shared < 1e-5 * point * point
 
 
-def test_an_edge_along_the_grid_takes_no_point_more() -> None:
+def test_an_edge_along_the_grid_takes_no_point_more_and_a_speck_covers_its_own() -> None:
     covered = cover([(0.3, 0.1), (0.7, 0.1), (0.7, 0.6), (0.3, 0.6)], (10, 10), 0.1, (0.0, 0.0))
     expected = np.zeros((10, 10), dtype=np.bool_)
     expected[1:6, 3:7] = True
     assert np.array_equal(covered, expected)
-
-
-def test_a_speck_inside_one_point_covers_it() -> None:
     covered = cover([(2.4, 3.4), (2.5, 3.4), (2.4, 3.5)], (6, 6), 1.0, (0.0, 0.0))
     assert np.argwhere(covered).tolist() == [[3, 2]]
 

@@ -146,13 +146,10 @@ def lengths(places: list[int], limit: int = 10**6) -> tuple[int, NDArray[np.int3
     return lengths_between(ROOM.view(np.uint8), np.array(places, dtype=np.int64), limit, found), found
 
 
-def test_lengths_lead_round_walls_and_cut_no_corner() -> None:
+def test_lengths_cut_no_corner_and_lead_through_other_places_beyond_the_limit() -> None:
     missing, found = lengths([10, 16, 28])
     assert missing == 0
     assert found.tolist() == [[0, 1000, 200], [1000, 0, 1200], [200, 1200, 0]]
-
-
-def test_lengths_beyond_the_limit_lead_through_other_places() -> None:
     missing, found = lengths([10, 16, 30], 700)
     assert missing == 0
     assert found[0, 1] == found[0, 2] + found[2, 1] == 1000

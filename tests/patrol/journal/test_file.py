@@ -170,12 +170,15 @@ def test_nothing_after_a_damaged_record_is_trusted(tmp_path: Path, damage: int) 
         assert journal.truncated
 
 
-def test_a_journal_still_being_written_can_be_read(tmp_path: Path) -> None:
+def test_a_journal_can_be_read_while_it_is_written_and_is_never_written_over(tmp_path: Path) -> None:
     path = tmp_path / "journal"
     with JournalWriter(path, HEADER) as writer:
         for k in range(3):
             writer.write(tick(k))
             assert [record.k for record in read_journal(path).ticks] == list(range(k + 1))
+    with pytest.raises(FileExistsError):
+        JournalWriter(path, HEADER)
+    assert [record.k for record in read_journal(path).ticks] == [0, 1, 2]
 
 
 def framed(value: object) -> bytes:
@@ -212,13 +215,6 @@ def test_a_missing_file_and_a_folder_are_bad_input(tmp_path: Path) -> None:
     for path in (tmp_path / "none", tmp_path):
         with pytest.raises(BadInput, match="cannot be read"):
             read_journal(path)
-
-
-def test_a_journal_is_never_written_over(tmp_path: Path) -> None:
-    path = write(tmp_path / "journal", tick(0))
-    with pytest.raises(FileExistsError):
-        JournalWriter(path, HEADER)
-    assert [record.k for record in read_journal(path).ticks] == [0]
 
 
 @pytest.mark.processes
@@ -269,16 +265,13 @@ def test_a_tick_of_a_large_fleet_is_small(tmp_path: Path) -> None:
     assert (sizes[1] - sizes[0]) / 10 < 10_000
 
 
-def test_too_long_a_record_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_too_long_a_record_and_too_many_events_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("patrol.journal.file.longest_record", lambda _: 5000)
     with JournalWriter(tmp_path / "journal", HEADER) as journal:
         with pytest.raises(ValueError, match="longer"):
             journal.write(tick(0, robots=100))
         journal.write(tick(0))
     assert [record.k for record in read_journal(tmp_path / "journal").ticks] == [0]
-
-
-def test_too_many_events_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("patrol.journal.file.MOST_EVENTS", 3)
     events = tuple(Event(k, "over") for k in range(4))
     assert read_journal(write(tmp_path / "three", *events[:3])).events == events[:3]

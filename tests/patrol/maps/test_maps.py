@@ -514,13 +514,10 @@ def test_a_yaml_that_is_no_map_is_named(tmp_path: Path, text: str) -> None:
         read_terrain(path, 0.1)
 
 
-def test_a_scenarios_map_is_relative_to_its_base(tmp_path: Path) -> None:
+def test_a_scenarios_map_is_relative_to_its_base_and_keep_out_polygons_keep_bodies_out(tmp_path: Path) -> None:
     write_map(tmp_path, WHITE)
     assert load_terrain(TerrainSpec(map="plan.yaml"), 0.1, tmp_path).shape == (3, 4)
     assert load_terrain(TerrainSpec(builtin="open"), 0.5, tmp_path).shape == (176, 200)
-
-
-def test_keep_out_polygons_keep_bodies_out(tmp_path: Path) -> None:
     write_map(tmp_path, WHITE)
     zone = ((0.1, 0.0), (0.25, 0.0), (0.25, 0.1), (0.1, 0.1))
     terrain = load_terrain(TerrainSpec(map="plan.yaml", keep_out=(zone,)), 0.1, tmp_path)

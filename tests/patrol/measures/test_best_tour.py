@@ -41,6 +41,11 @@ def prepared(
     return Prepared(load_scenario(facts), terrain, starts, {n: fields[radius] for n, radius in enumerate(radii, 1)})
 
 
+def metres(length_m: float | None) -> float:
+    assert length_m is not None
+    return length_m
+
+
 @pytest.fixture(autouse=True)
 def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
@@ -53,9 +58,8 @@ def test_robots_of_one_part_share_a_tour_at_the_speed_of_the_slowest() -> None:
     (part,) = tour.parts
     assert (part.robots, part.speed) == ((1, 2), 1.0)
     assert tour.length_m == part.length_m
-    assert part.length_m is not None
-    assert tour.bound_s({1: 1.0, 2: 1.0}) == part.length_m / 2.0
-    assert tour.bound_s({1: 1.0, 2: 0.5}) == part.length_m / 1.5
+    assert tour.bound_s({1: 1.0, 2: 1.0}) == metres(part.length_m) / 2.0
+    assert tour.bound_s({1: 1.0, 2: 0.5}) == metres(part.length_m) / 1.5
     assert tour.bound_s({}) is None
 
 
@@ -80,9 +84,7 @@ def test_a_sensor_of_ones_own_has_a_tour_of_its_own(tmp_path: Path) -> None:
     file.write_text(SQUARE, encoding="utf-8")
     square = prepared(kind=f"{file}:Square")
     allow_sensor(square.scenario.sensor)
-    of_disc, of_square = best_tour(prepared()).length_m, best_tour(square).length_m
-    assert of_disc is not None
-    assert of_square is not None
+    of_disc, of_square = metres(best_tour(prepared()).length_m), metres(best_tour(square).length_m)
     assert of_square > of_disc
     assert best_tour(prepared()).length_m == of_disc
     assert best_tour(square).length_m == of_square
@@ -92,9 +94,7 @@ def test_parts_that_nobody_can_change_between_have_a_tour_each() -> None:
     tour = best_tour(prepared(door=False))
     first, second = tour.parts
     assert (first.robots, second.robots) == ((1,), (2,))
-    assert first.length_m is not None
-    assert second.length_m is not None
-    assert tour.bound_s({1: 1.0, 2: 1.0}) == max(first.length_m, second.length_m / 2.0)
+    assert tour.bound_s({1: 1.0, 2: 1.0}) == max(metres(first.length_m), metres(second.length_m) / 2.0)
     assert tour.bound_s({1: 1.0}) is None
 
 
@@ -104,9 +104,7 @@ def test_of_two_bodies_the_larger_sees_what_it_can() -> None:
     assert more.any()
     large, small = best_tour(ready).parts
     assert (large.robots, small.robots) == ((1,), (2,))
-    assert large.length_m is not None
-    assert small.length_m is not None
-    assert small.length_m < large.length_m
+    assert metres(small.length_m) < metres(large.length_m)
 
 
 @pytest.mark.parametrize("sensor", [{"angle": 90.0}, {"quality": 0.5}])

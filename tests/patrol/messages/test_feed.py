@@ -27,11 +27,12 @@ from tests.fleets import answer_so_far
 MB = 1 << 20
 
 
-def test_what_is_thinned_lets_the_values_grow() -> None:
+def test_thinned_values_may_grow_and_so_may_records_of_larger_fleets() -> None:
     values = array("f", [1.0, 2.0, 3.0])
     found = thinned(values, 2)
     values.append(4.0)
     assert found.tolist() == [1.0, 3.0]
+    assert longest_record(1) < longest_record(100) < longest_record(1000) <= MAX_BATCH
 
 
 @pytest.fixture
@@ -118,7 +119,3 @@ def test_an_answer_must_fit_what_is_known(answer: dict[str, Any]) -> None:
         read_so_far(msgpack.packb({**answer, "header": b"other"}), first)
     with pytest.raises(Malformed, match="another size"):
         read_so_far(payload, fits=lambda *_: False)
-
-
-def test_records_may_be_longer_in_larger_fleets() -> None:
-    assert longest_record(1) < longest_record(100) < longest_record(1000) <= MAX_BATCH

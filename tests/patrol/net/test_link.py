@@ -163,15 +163,12 @@ def test_a_link_waits_for_its_router_and_finds_back_to_it() -> None:
         assert closing.close(PATIENCE_S)
 
 
-def test_a_router_that_never_comes_is_given_up() -> None:
+def test_what_cannot_be_reached_or_listened_at_is_said_in_one_line(endpoint: str) -> None:
     where = free_endpoint()
     with pytest.raises(LinkDown, match=f"no router answers at {where}"):
         open_link(where, 0.3)
     with pytest.raises(LinkDown):
         open_link(where, 60.0, stopped=lambda: True)
-
-
-def test_a_busy_port_and_a_foreign_address_are_said_in_one_line(endpoint: str) -> None:
     with pytest.raises(LinkDown, match=f"^{endpoint}: the port is busy; choose another$"):
         open_router(endpoint)
     with pytest.raises(LinkDown, match=r"cannot listen there \([^()\n]+\)$"):

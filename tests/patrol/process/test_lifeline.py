@@ -256,7 +256,7 @@ def test_a_thread_that_ends_while_its_children_are_listed_changes_nothing(
         pass
 
 
-def test_the_first_reason_counts() -> None:
+def test_the_first_reason_counts_and_ends_the_wait_for_a_path(tmp_path: Path) -> None:
     ending = Ending()
     assert not ending
     assert not ending.wait(0.0)
@@ -264,9 +264,6 @@ def test_the_first_reason_counts() -> None:
     ending.ask("two")
     assert ending
     assert (ending.reason, ending.times) == ("one", 2)
-
-
-def test_waiting_for_a_path(tmp_path: Path) -> None:
     ending = Ending()
     assert ending.wait_for(tmp_path, 0.0)
     assert not ending.wait_for(tmp_path / "none", 0.05)

@@ -214,15 +214,12 @@ def test_a_door_connects_only_bodies_that_fit_through() -> None:
     assert split.for_body(terrain, wide).labels is split.labels
 
 
-def test_each_separate_stretch_of_a_border_has_its_connection() -> None:
+def test_each_stretch_of_a_border_has_its_connection_and_parts_that_no_body_joins_are_apart() -> None:
     terrain = two_rooms((10, 20), (50, 70))
     west, east = ((0, 0), (10.05, 0), (10.05, 8), (0, 8)), ((10.05, 0), (20.1, 0), (20.1, 8), (10.05, 8))
     split = regions_by_hand(terrain, [west, east])
     assert [link.regions for link in split.connections] == [(0, 1), (0, 1)]
     assert sorted(link.y for link in split.connections) == pytest.approx([1.5, 6.0], abs=0.11)
-
-
-def test_parts_of_a_region_that_a_body_cannot_join_are_told_apart() -> None:
     terrain = two_rooms((30, 36))
     split = regions_by_hand(terrain, [((0, 0), (20.1, 0), (20.1, 8), (0, 8))], cspace_of(terrain, 0.4))
     assert len(split.polygons) == 1

@@ -21,15 +21,12 @@ def parsed(*words: str) -> argparse.Namespace:
     return parser.parse_args(words)
 
 
-def test_nothing_is_asked_for_by_default() -> None:
+def test_what_is_asked_for_and_by_default_nothing() -> None:
     options = parsed()
     supervision = take_supervision(options)
     assert supervision == Supervision()
     assert not supervision.counts
     assert vars(options) == {"other": 1}
-
-
-def test_what_is_asked_for() -> None:
     words = "--log-format json --log-level warning --health 5 --metrics 0.0.0.0:9100 --metrics-open"
     supervision = take_supervision(parsed(*words.split()))
     assert supervision == Supervision(Format.JSON, "warning", 5.0, "0.0.0.0:9100", metrics_open=True)
@@ -89,11 +86,6 @@ def test_the_first_sign_of_life_says_ready_and_the_next_come_four_times_within_t
     assert manager.told() == [b"WATCHDOG=1"]
 
 
-def test_long_work_asks_for_patience(manager: Manager, tmp_path: Path) -> None:
-    Notifier(environment(tmp_path, WATCHDOG_USEC="8000000")).busy(60.0)
-    assert manager.told() == [b"WATCHDOG_USEC=60000000"]
-
-
 @pytest.mark.parametrize("more", [{}, {"WATCHDOG_USEC": "8000000", "WATCHDOG_PID": "1"}, {"WATCHDOG_USEC": "soon"}])
 def test_without_a_watchdog_of_its_own_a_process_says_only_that_it_is_ready(
     more: dict[str, str], manager: Manager, tmp_path: Path
@@ -105,12 +97,16 @@ def test_without_a_watchdog_of_its_own_a_process_says_only_that_it_is_ready(
     assert manager.told() == [b"READY=1"]
 
 
-def test_a_manager_in_the_abstract_name_space_is_told() -> None:
+def test_long_work_asks_for_patience_and_a_manager_may_be_in_the_abstract_name_space(
+    manager: Manager, tmp_path: Path
+) -> None:
+    Notifier(environment(tmp_path, WATCHDOG_USEC="8000000")).busy(60.0)
+    assert manager.told() == [b"WATCHDOG_USEC=60000000"]
     name = f"fogwatch-test-{os.getpid()}"
-    manager = Manager(f"\0{name}")
+    abstract = Manager(f"\0{name}")
     Notifier({"NOTIFY_SOCKET": f"@{name}"}).alive()
-    assert manager.told() == [b"READY=1"]
-    manager.socket.close()
+    assert abstract.told() == [b"READY=1"]
+    abstract.socket.close()
 
 
 def test_a_manager_that_does_not_read_or_is_gone_holds_up_nobody(manager: Manager, tmp_path: Path) -> None:

@@ -153,12 +153,9 @@ def test_a_wrong_option_is_told_in_one_line(policy: dict[str, str], options: dic
     assert line.startswith(f"scenario: patrol.options.{field}{expected}")
 
 
-def test_a_scenario_needs_a_terrain_and_nothing_else() -> None:
+def test_a_missing_terrain_is_told_and_a_number_with_its_unit() -> None:
     missing = "scenario: terrain: missing; give {builtin: open | yards | clutter | site} or {map: FILE.yaml}"
     assert problem({}) == missing
-
-
-def test_the_unit_is_told_where_a_number_is_wrong() -> None:
     line = "scenario: sensor.range = -1: expected a number above 0 and at most 1e9 (m, range of view)"
     assert problem({**YARDS, "sensor": {"range": -1}}) == line
 

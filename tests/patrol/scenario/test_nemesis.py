@@ -55,9 +55,11 @@ def test_one_fault_begins_in_each_interval() -> None:
     assert [fault.id for fault in faults] == [f"n{place}" for place in range(1, 31)]
 
 
-def test_every_kind_is_drawn() -> None:
+def test_every_kind_is_drawn_and_does_something_alone() -> None:
     drawn = {fault.kind for seed in range(20) for fault in scenario(seed=seed).faults}
     assert drawn == set(DRAWN)
+    for kind in DRAWN:
+        assert any(fault.kind == kind for fault in scenario(kinds=[kind], duration=3000).faults), kind
 
 
 def test_the_kinds_of_all_and_their_order_stay() -> None:
@@ -65,11 +67,6 @@ def test_the_kinds_of_all_and_their_order_stay() -> None:
     processes = ("kill", "restart", "pause", "resume", "join", "leave")
     frames = ("loss", "delay", "duplicate", "reorder", "partition", "silence", "range", "bandwidth", "spoof")
     assert tuple(DRAWN) == (*processes, *frames, "drift", "clock", "motion")
-
-
-def test_every_kind_alone_does_something() -> None:
-    for kind in DRAWN:
-        assert any(fault.kind == kind for fault in scenario(kinds=[kind], duration=3000).faults), kind
 
 
 def test_one_robot_alone_is_only_started_again() -> None:

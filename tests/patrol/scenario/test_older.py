@@ -121,15 +121,12 @@ def test_they_are_refused_beside_a_policy_that_no_earlier_version_had() -> None:
         read(policy="stochastic", options={"random_move": 0.3})
 
 
-def test_so_does_one_that_followed_the_paper() -> None:
+def test_so_does_one_that_followed_the_paper_and_what_it_leaves_out_has_the_defaults_of_0_2() -> None:
     scenario = read(**{**RESOLVED_0_2, "commitment": "none", "dilatation": 2.0, "avoidance": "fuzzy", "tolerance": 0})
     options = paper_options(scenario)
     assert (options.dilatation, options.fuzzy, options.tolerance, options.separation) == (2.0, True, 0.0, "claims")
     assert (options.random_move, options.random_move_for) == (0.02, "all")
     assert scenario.patrol.avoidance == "none"
-
-
-def test_what_a_file_of_0_2_leaves_out_has_the_defaults_of_0_2() -> None:
     options = paper_options(read(commitment="none", alpha=3))
     assert (options.alpha, options.separation) == (3.0, "claims")
     assert (options.random_move, options.random_move_for) == (0.02, "all")

@@ -6,6 +6,7 @@ import pytest
 
 from patrol.errors import BadInput
 from patrol.files.yaml_text import parse_yaml
+from patrol.radio.allowance import Share
 from patrol.scenario import as_mapping, dump_scenario, load_scenario, scenario_hash
 
 YARDS: dict[str, Any] = {"terrain": {"builtin": "yards"}}
@@ -85,16 +86,15 @@ def test_a_robot_too_fast_for_a_trail_is_told(robots: Any, which: str) -> None:
 
 
 def test_the_share_of_a_robot() -> None:
+    def share_of(raw: dict[str, Any]) -> Share:
+        share = load_scenario(raw).radio_share
+        assert share is not None
+        return share
+
     assert load_scenario(YARDS).radio_share is None
-    share = load_scenario(with_radio(trail=2, budget={**BUDGET, "overhead": 8})).radio_share
-    assert share is not None
-    assert share.per_tick == 120.0
-    assert share.frame == 28 + 1 + 2 * 6
-    assert share.most == 8 * (41 + 8 + 28 + 8)
+    share = share_of(with_radio(trail=2, budget={**BUDGET, "overhead": 8}))
+    assert (share.per_tick, share.frame, share.most) == (120.0, 28 + 1 + 2 * 6, 8 * (41 + 8 + 28 + 8))
     assert share.cost(20) == 224
-    spare = load_scenario({**with_radio(budget=BUDGET), "robots": {"count": 4, "spare": 2}}).radio_share
-    assert spare is not None
+    spare = share_of({**with_radio(budget=BUDGET), "robots": {"count": 4, "spare": 2}})
     assert spare.per_tick == 100.0, "a robot that joins later takes nothing from the others"
-    rich = load_scenario(with_radio(budget={"bits_per_s": 50_000})).radio_share
-    assert rich is not None
-    assert rich.most == 10_000.0
+    assert share_of(with_radio(budget={"bits_per_s": 50_000})).most == 10_000.0

@@ -88,12 +88,6 @@ def test_a_run_s_folder_leads_to_the_secrets_and_holds_none(secrets: Secrets, ru
         assert str(one.token) not in f"{held}{one!r}{access!r}"
 
 
-def test_the_secrets_of_a_run_that_is_over_are_not_there(secrets: Secrets, run: Path) -> None:
-    secrets.remove()
-    with pytest.raises(BadInput, match="the secrets of its run are not here; the run is over"):
-        read_access(run, "test")
-
-
 def test_what_the_system_clears_while_a_run_goes_on_comes_back(secrets: Secrets, run: Path, roots: Path) -> None:
     before = read_credentials(secrets.of_robot("r1"), "test")
     secrets.of_world.unlink()
@@ -151,7 +145,7 @@ def test_secrets_that_others_can_see_are_refused(secrets: Secrets, run: Path) ->
         read_router(secrets.path / "router", "test")
 
 
-def test_a_link_in_place_of_the_private_folder_is_not_followed(secrets: Secrets, run: Path, roots: Path) -> None:
+def test_secrets_behind_a_link_or_of_a_run_that_is_over_are_not_there(secrets: Secrets, run: Path, roots: Path) -> None:
     moved = secrets.path.rename(roots / "elsewhere")
     secrets.path.symlink_to(moved)
     assert not is_private(secrets.path)
@@ -159,6 +153,9 @@ def test_a_link_in_place_of_the_private_folder_is_not_followed(secrets: Secrets,
         read_access(run, "test")
     secrets.path.unlink()
     moved.rename(secrets.path)
+    secrets.remove()
+    with pytest.raises(BadInput, match="the secrets of its run are not here; the run is over"):
+        read_access(run, "test")
 
 
 def test_what_a_launcher_left_that_was_killed_at_once_goes_when_it_is_old(roots: Path) -> None:

@@ -184,14 +184,11 @@ def test_tickets_take_no_memory_and_obeyed_requests_a_bounded_one() -> None:
     assert wire.client().ask(PAUSE, 1.0).answer.done
 
 
-def test_an_operator_with_another_token_is_told_so() -> None:
+def test_an_operator_with_another_token_and_a_silent_world_are_told() -> None:
     wire = Wire()
     with pytest.raises(Unanswered, match="either the token is not this fleet's, or somebody answers in the world's"):
         wire.client("another token").ask(PAUSE, 1.0)
     assert [key for key, _ in wire.sent] == [KEYS.control(CHALLENGE)]
-
-
-def test_a_world_that_is_silent_is_named() -> None:
     with pytest.raises(Unanswered, match="the world of fleet f did not answer within 3 s"):
         Wire(mute=True).client().ask(PAUSE, 3.0)
 

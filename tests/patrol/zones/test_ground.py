@@ -59,7 +59,7 @@ def test_a_mask_may_reach_past_the_terrain() -> None:
     assert np.array_equal(points, points_of(Given(polygon=box(-5.0, -5.0, 2.0, 15.0)), ROOM))
 
 
-def test_keep_outs_join_those_of_the_terrain() -> None:
+def test_keep_outs_join_those_of_the_terrain_which_stays_as_it_is_without() -> None:
     before = np.zeros(ROOM.shape, dtype=np.bool_)
     before[5, 7] = True
     terrain = Terrain("room", ROOM.passable, ROOM.point, ROOM.origin, before)
@@ -67,13 +67,10 @@ def test_keep_outs_join_those_of_the_terrain() -> None:
     kept = with_zones(terrain, zones)
     assert np.argwhere(kept.keep_out).tolist() == [[0, 0], [0, 1], [1, 0], [1, 1], [5, 7]]
     assert kept.passable.all()
-
-
-def test_without_a_keep_out_the_terrain_stays_as_it_is() -> None:
     assert with_zones(ROOM, [Given(polygon=box(1.0, 2.0, 2.0, 3.0))]) is ROOM
 
 
-def test_an_outline_is_where_a_zone_ends() -> None:
+def test_an_outline_is_where_a_zone_ends_and_its_middle_lies_in_it() -> None:
     points = np.zeros(ROOM.shape, dtype=np.bool_)
     points[0:2, 0] = points[0, 1] = True
     edges = {tuple(edge) for edge in outline(points, ROOM).tolist()}
@@ -81,9 +78,6 @@ def test_an_outline_is_where_a_zone_ends() -> None:
         *((1.0, 2.0, 2.0, 2.0), (1.5, 2.5, 2.0, 2.5), (1.0, 3.0, 1.5, 3.0)),
         *((1.0, 2.0, 1.0, 3.0), (1.5, 2.5, 1.5, 3.0), (2.0, 2.0, 2.0, 2.5)),
     }
-
-
-def test_the_middle_of_a_zone_lies_in_it() -> None:
     points = np.ones(ROOM.shape, dtype=np.bool_)
     points[1:5, 1:7] = False
     row, col = ROOM.point_at(*middle(points, ROOM))

@@ -138,13 +138,10 @@ def test_what_needs_ways_that_are_as_long_there_as_back(given: dict[str, Any], w
         load_scenario(YARDS | given | {"zones": [zone(one_way=90)]})
 
 
-def test_a_one_way_zone_shows_its_direction() -> None:
+def test_a_one_way_zone_shows_its_direction_and_a_few_later_weights_are_named() -> None:
     loaded = load_scenario(YARDS | {"zones": [zone(name=f"z{way}", one_way=way) for way in (0, 90, 225)]}).zones
     assert [each.label for each in loaded] == ["z0 →", "z90 ↑", "z225 ↙"]
     assert {each.kind for each in loaded} == {"oneway"}
-
-
-def test_later_weights_are_said_and_a_few_named() -> None:
     turns = [[60 * n, n] for n in range(1, 8)]
     few, many = load_scenario(
         YARDS | {"zones": [zone(weight=10, weights=turns[:2]), zone(name="cellar", weight=2, weights=turns[2:])]}
@@ -171,13 +168,10 @@ def test_times_between_two_ticks(span: tuple[float, float], step: float, holds: 
     assert any(span[0] <= k * step < span[1] for k in range(100)) == holds
 
 
-def test_a_mask_without_a_mark_is_refused(tmp_path: Path) -> None:
+def test_a_mask_without_a_mark_and_cells_of_another_number_are_refused(tmp_path: Path) -> None:
     file = write_mask(tmp_path, [[255, 255]])
     with pytest.raises(BadInput, match=r"zones\.0\.mask: .*mask\.yaml: marks no cell; correct the image"):
         load_scenario(masked(file))
-
-
-def test_cells_of_another_number_are_refused(tmp_path: Path) -> None:
     file = write_mask(tmp_path, [[0] * 40] * 40)
     raw = yaml.safe_load(dump_scenario(load_scenario(masked(file))))
     raw["zones"][0]["mask"]["rows"] = 41
