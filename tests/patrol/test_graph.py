@@ -32,6 +32,11 @@ FILE = """
 """
 
 
+def write_graph(folder: Path, text: str = FILE) -> Path:
+    (folder / "some.graph").write_text(text, encoding="utf-8")
+    return folder / "some.graph"
+
+
 def random_graph(seed: int) -> Graph:
     """A connected graph of up to twelve vertices."""
     dice = np.random.default_rng(seed)
@@ -90,21 +95,16 @@ def test_vertices_beside_a_stretch_are_found() -> None:
 
 
 def test_a_file_of_patrolling_sim_is_read_in_metres(tmp_path: Path) -> None:
-    file = tmp_path / "three.graph"
-    file.write_text(FILE, encoding="utf-8")
-    assert read_graph(file) == {
-        "vertices": [(6.0, 8.0), (26.0, 8.0), (26.0, 23.0)],
-        "edges": [(0, 1, 20.0), (1, 2, 15.0)],
-        "pixel": 0.5,
-    }
+    file = write_graph(tmp_path)
+    vertices, edges = [(6.0, 8.0), (26.0, 8.0), (26.0, 23.0)], [(0, 1, 20.0), (1, 2, 15.0)]
+    assert read_graph(file) == {"vertices": vertices, "edges": edges, "pixel": 0.5}
     spec = load_scenario({"terrain": {"builtin": "open", "graph": str(file)}}).terrain.graph
     assert spec is not None
     assert spec.edges == ((0, 1, 20.0), (1, 2, 15.0))
 
 
 def test_the_distance_of_a_visit_can_be_set_and_leaves_the_hash_where_it_is_not(tmp_path: Path) -> None:
-    file = tmp_path / "three.graph"
-    file.write_text(FILE, encoding="utf-8")
+    file = write_graph(tmp_path)
     loaded = {
         name: load_scenario({"terrain": {"builtin": "open", "graph": given}, "point": 1.0})
         for name, given in (
@@ -136,9 +136,8 @@ def test_the_distance_of_a_visit_can_be_set_and_leaves_the_hash_where_it_is_not(
     ],
 )
 def test_what_is_no_graph_is_one_line(tmp_path: Path, old: str, new: str, says: str) -> None:
-    file = tmp_path / "wrong.graph"
-    file.write_text(FILE.replace(old, new, 1), encoding="utf-8")
-    with pytest.raises(BadInput, match=r"\A[^\n]*wrong\.graph: [^\n]*\Z") as error:
+    file = write_graph(tmp_path, FILE.replace(old, new, 1))
+    with pytest.raises(BadInput, match=r"\A[^\n]*some\.graph: [^\n]*\Z") as error:
         read_graph(file)
     assert says in str(error.value)
     with pytest.raises(BadInput) as error:
@@ -147,8 +146,7 @@ def test_what_is_no_graph_is_one_line(tmp_path: Path, old: str, new: str, says: 
 
 
 def test_a_graph_of_another_image_than_the_maps_is_refused(tmp_path: Path) -> None:
-    file = tmp_path / "three.graph"
-    file.write_text(FILE, encoding="utf-8")
+    file = write_graph(tmp_path)
     width, height = (int(word) for word in FILE.split()[1:3])
     for size in ((width, height), (height, width)):
         plan = write_map(tmp_path, Image.new("L", size, 255), {"resolution": 0.5})

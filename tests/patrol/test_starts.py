@@ -22,6 +22,8 @@ from patrol.scenario.sections import DEFAULT_RADIUS
 from patrol.starts import clearance_at, place_starts, starting_part
 from tests.patrol.maps.test_maps import write_map
 
+FIELD = Terrain("field", np.ones((40, 40), dtype=np.bool_), 0.1)
+
 
 def robots(*radii: float, starts: tuple[Pose | None, ...] = ()) -> list[RobotSpec]:
     given = [*starts, *[None] * (len(radii) - len(starts))]
@@ -57,13 +59,12 @@ def test_bodies_fit_and_keep_apart(seed: int) -> None:
 
 
 def test_random_starts_are_clear_of_closures_and_otherwise_the_same() -> None:
-    terrain = Terrain("field", np.ones((40, 40), dtype=np.bool_), 0.1)
-    passable = terrain.passable.copy()
+    passable = FIELD.passable.copy()
     passable[:, 14:] = False
     all_closed = Terrain("field", passable, 0.1)
     moved = 0
     for seed in range(20):
-        before, after = (place_starts(terrain, robots(0.2, 0.2), seed, ground) for ground in (None, all_closed))
+        before, after = (place_starts(FIELD, robots(0.2, 0.2), seed, ground) for ground in (None, all_closed))
         assert all(free_fraction(all_closed, start, start, 0.2) == 1.0 for start in after)
         if all(free_fraction(all_closed, start, start, 0.2) == 1.0 for start in before):
             assert after == before
@@ -171,11 +172,10 @@ def test_a_start_that_does_not_fit_is_named(start: Pose, problem: str) -> None:
 
 
 def test_starts_that_overlap_are_named() -> None:
-    terrain = Terrain("field", np.ones((40, 40), dtype=np.bool_), 0.1)
     touching = (Pose(1.0, 1.0, 0.0), Pose(1.5, 1.0, 0.0))
-    assert place_starts(terrain, robots(0.2, 0.3, starts=touching), 1) == list(touching)
+    assert place_starts(FIELD, robots(0.2, 0.3, starts=touching), 1) == list(touching)
     with pytest.raises(BadInput, match="of r2: overlaps robot 1"):
-        place_starts(terrain, robots(0.2, 0.3, starts=(Pose(1.0, 1.0, 0.0), Pose(1.49, 1.0, 0.0))), 1)
+        place_starts(FIELD, robots(0.2, 0.3, starts=(Pose(1.0, 1.0, 0.0), Pose(1.49, 1.0, 0.0))), 1)
 
 
 def test_clearance_is_exact_anywhere_within_a_point() -> None:

@@ -18,9 +18,10 @@ SHORT_S = 1.0
 STOPPED = Outcome(True, "stopped by an operator")
 
 
-def asked(
-    link: Link, keys: FleetKeys, robots: list[str], order: Order, wait_s: float = PATIENCE_S
-) -> list[tuple[str, Outcome]]:
+Answers = list[tuple[str, Outcome]]
+
+
+def asked(link: Link, keys: FleetKeys, robots: list[str], order: Order, wait_s: float = PATIENCE_S) -> Answers:
     return sorted(ask_robots(link, keys, robots, order, wait_s), key=lambda one: one[0])
 
 

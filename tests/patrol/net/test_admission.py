@@ -53,7 +53,7 @@ def fleet(made: FleetFolder, tmp_path: Path) -> FleetFolder:
     return open_fleet_folder(tmp_path / "f")
 
 
-class Members:
+class Members(AbstractContextManager["Members"]):
     """Sessions of a fleet's members at its router."""
 
     def __init__(self, at: Guarded) -> None:
@@ -68,17 +68,16 @@ class Members:
     def __getitem__(self, user: str) -> Link:
         return self.join(self.at.credentials[user])
 
-    def close(self) -> None:
+    def __exit__(self, *_: object) -> None:
         for link in self._links:
             assert link.close(PATIENCE_S)
 
 
 @pytest.fixture(params=["passwords", "certificates"])
 def members(request: pytest.FixtureRequest, made: FleetFolder) -> Iterator[Members]:
-    with guarded_by_passwords(ROBOTS) if request.param == "passwords" else guarded_by_certificates(made) as at:
-        members = Members(at)
+    guard = guarded_by_passwords(ROBOTS) if request.param == "passwords" else guarded_by_certificates(made)
+    with guard as at, Members(at) as members:
         yield members
-        members.close()
 
 
 def letters(*keys: str) -> Mailbox[bytes | Presence]:
@@ -200,7 +199,7 @@ def _answered(link: Link, key: str, asked: Mailbox[Question]) -> bool:
 
 @pytest.mark.parametrize("who", ["nobody", "wrong", "another's", "unknown"])
 def test_a_password_must_be_the_member_s_own(who: str) -> None:
-    with guarded_by_passwords(ROBOTS) as at:
+    with guarded_by_passwords(ROBOTS) as at, Members(at) as members:
         r1, r2 = at.credentials["robot-r1"], at.credentials["robot-r2"]
         wrong = {
             "nobody": None,
@@ -208,14 +207,12 @@ def test_a_password_must_be_the_member_s_own(who: str) -> None:
             "another's": replace(r1, password=r2.password),
             "unknown": replace(r1, role=robot_role("r3")),
         }[who]
-        members = Members(at)
         why = "does not let this process in: its credentials are missing, wrong or expired"
         with pytest.raises(NotAdmitted, match=why):
             members.join(wrong, REFUSED_S)
         with pytest.raises(BadInput, match="does not let this process in"):
             open_links(at.router, None, REFUSED_S, lambda _line: None, lambda: False, wrong)
         assert members.join(r1).connected
-        members.close()
 
 
 def test_a_member_needs_a_certificate_of_the_fleet_that_is_valid_now(fleet: FleetFolder, tmp_path: Path) -> None:
@@ -226,8 +223,7 @@ def test_a_member_needs_a_certificate_of_the_fleet_that_is_valid_now(fleet: Flee
     issue(tmp_path / "authority", folders["stranger"], "robot-r1.1", 1)
     shutil.copyfile(good / "authority.pem", folders["stranger"] / "authority.pem")
     shutil.copyfile(fleet.path / "r2" / "key.pem", folders["swapped"] / "key.pem")
-    with guarded_by_certificates(fleet) as at:
-        members = Members(at)
+    with guarded_by_certificates(fleet) as at, Members(at) as members:
         refused = {
             "expired": at.credentials["robot-late"],
             "wrong authority": read_credentials(folders["stranger"], "test"),
@@ -240,18 +236,15 @@ def test_a_member_needs_a_certificate_of_the_fleet_that_is_valid_now(fleet: Flee
                 members.join(credentials, REFUSED_S)
             assert "\n" not in str(caught.value), why
         assert members.join(at.credentials["robot-r1"]).connected
-        members.close()
 
 
 def test_a_member_does_not_join_a_router_that_another_authority_has_made(fleet: FleetFolder, tmp_path: Path) -> None:
     other = make_local_fleet(tmp_path / "other", ROBOTS)
     mine = read_credentials(fleet.path / "operator", "test")
-    with guarded_by_certificates(other) as at:
-        members = Members(at)
+    with guarded_by_certificates(other) as at, Members(at) as members:
         with pytest.raises(NotAdmitted):
             members.join(mine, REFUSED_S)
         assert members.join(at.credentials["operator"]).connected
-        members.close()
 
 
 def test_a_member_cannot_pass_for_the_router(fleet: FleetFolder) -> None:
@@ -267,8 +260,7 @@ def test_a_revoked_member_has_no_rights_and_the_one_that_replaces_it_has(fleet: 
     keys_of = robot_role("r2")
     fleet.revoke(keys_of, 1)
     fleet.add(keys_of, days=1)
-    with guarded_by_certificates(fleet) as at:
-        members = Members(at)
+    with guarded_by_certificates(fleet) as at, Members(at) as members:
         keys, world, thief = at.keys, members["world"], members.join(stolen)
         mailbox = letters(keys.reply("r1"), keys.reply("r2"), keys.alive("r2"))
         world.subscribe(keys.reply("*"), mailbox)
@@ -284,7 +276,6 @@ def test_a_revoked_member_has_no_rights_and_the_one_that_replaces_it_has(fleet: 
         own = letters(keys.reply("r1"), keys.reply("r2"))
         world.subscribe(keys.reply("r2"), own)
         assert {payload for _, payload in await_honest(members["robot-r2"].post(keys.reply("r2")), own)} == {HONEST}
-        members.close()
 
 
 def test_a_viewer_sees_what_observers_may_see(members: Members) -> None:

@@ -77,13 +77,6 @@ def test_every_field_that_may_be_auto_is_so_by_default() -> None:
         assert {name for name, field in section.model_fields.items() if field.default == "auto"} == set(names)
 
 
-def test_the_loaded_scenario_holds_the_numbers() -> None:
-    scenario = load_scenario({**OPEN, "robots": SMALL, "patrol": PAPER})
-    of_patrol = {name: getattr(scenario.patrol, name) for name in FIELDS}
-    of_policy = {name: getattr(scenario.patrol.options, name) for name in OPTION_LENGTHS}
-    assert {**of_patrol, **of_policy} == asdict(lengths_for(SMALL))
-
-
 def test_stating_a_number_means_the_same_as_leaving_it_to_auto(tmp_path: Path) -> None:
     scenario = load_scenario({**OPEN, "robots": SMALL, "patrol": PAPER})
     lengths = asdict(lengths_for(SMALL))

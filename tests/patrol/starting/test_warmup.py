@@ -70,10 +70,8 @@ def python_path(folder: Path) -> str:
 
 
 def start(code: str = WARM, **environment: str) -> subprocess.Popen[str]:
-    command = [sys.executable, "-P", "-c", code]
-    return subprocess.Popen(
-        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env={**os.environ, **environment}
-    )
+    command, pipe = [sys.executable, "-P", "-c", code], subprocess.PIPE
+    return subprocess.Popen(command, stdout=pipe, stderr=pipe, text=True, env={**os.environ, **environment})
 
 
 def said(process: subprocess.Popen[str]) -> list[str]:
@@ -94,14 +92,11 @@ def entry_files(folder: Path) -> list[Path]:
     return sorted(path for path in (folder / "cache").rglob("*") if path.is_file() and path.name != "lock")
 
 
-def test_every_kernel_of_ours_is_found() -> None:
+def test_every_kernel_of_ours_and_each_that_is_needed_seldom_is_found() -> None:
     found = kernel_files("patrol")
     assert "patrol.kernels.fog" in found
     assert all(path.is_file() for path in found.values())
     assert kernel_files("there_is_no_such_package") == {}
-
-
-def test_every_module_that_is_needed_seldom_exists() -> None:
     packages = ("patrol", "agent", "worldsim", "monitor", "experiments")
     assert SELDOM.keys() <= {name for package in packages for name in kernel_files(package)}
 
