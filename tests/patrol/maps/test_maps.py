@@ -290,7 +290,7 @@ WALLED = np.pad(np.full((38, 38), 254, dtype=np.uint8), 1)
         ),
         (
             {"mode": "raw"},
-            ["9.8 % of its cells free, 0.0 % occupied and 90.2 %", "(mode: trinary would make 90.2 % free)"],
+            ["9.8 % of its cells free, 0.0 % occupied and 90.2 % unknown", "(mode: trinary would make 90.2 % free)"],
         ),
     ],
     ids=["negate", "mode"],

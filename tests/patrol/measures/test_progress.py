@@ -99,15 +99,16 @@ def test_the_fog_is_not_looked_at_unless_it_is_needed(stale_from: int, times: Se
         asked.append(k)
         return seen
 
-    needed = []
+    needed, found = [], []
     for k in range(1200):
         seen[:, : 40 if k >= stale_from else 81] = k
         place = (5.0, 5.0) if k < 1100 else (30.0, 5.0)
         needed += [k] if traps.needs_fog(k) else []
-        traps.tick(tick(k, place), last_seen)
+        found += traps.tick(tick(k, place), last_seen)
     assert set(asked) <= set(needed)
     assert set(needed) <= {*asked, 1100}
     assert asked == list(times)
+    assert bool(found) == (stale_from < 1200)
 
 
 @pytest.mark.parametrize("doors", [True, False])

@@ -105,11 +105,11 @@ def test_what_may_be_zero_is_never_negative(field: str) -> None:
         ({"sensor": {"quality": [[1, 0.5], [2, 0]]}}, "sensor.quality.1 = [2, 0]: expected [distance in m,"),
         (
             {"sensor": {"quality": [[1, 1], [1, 1]]}},
-            "sensor.quality = [[1, 1], [1, 1]]: expected distances that increase",
+            "sensor.quality = [[1, 1], [1, 1]]: expected distances that increase along the list",
         ),
         (
             {"patrol": {"policy": "my policy"}},
-            'patrol.policy = "my policy": expected committed, potential-field, package.mod',
+            'patrol.policy = "my policy": expected committed, potential-field, package.module',
         ),
         ({"patrol": {"options": 3}}, "patrol.options = 3: expected keys and values (separation, obstacle_radius"),
         ({"patrol": {"refine_side": 12}}, "patrol.refine_side = 12: the square must not reach behind the robot"),
@@ -144,7 +144,11 @@ def test_a_wrong_scenario_is_told_in_one_line(raw: dict[str, Any], expected: str
         (PAPER, {"length": 500}, ": has no effect unless distance is g3 or g5; set that as well"),
         ({}, {"critical_areas": [AREA]}, ": has no effect unless separation is semaphores; set that as well"),
         ({}, {"dilatation": 2}, ": does nothing for the policy stochastic; leave it out, or set p"),
-        ({}, {"separation": ["claims", "repulsion"]}, ": repulsion changes sums of forces, which only potential-field"),
+        (
+            {},
+            {"separation": ["claims", "repulsion"]},
+            ": repulsion changes sums of forces, which only potential-field has; ch",
+        ),
     ],
 )
 def test_a_wrong_option_is_told_in_one_line(policy: dict[str, str], options: dict[str, Any], expected: str) -> None:

@@ -175,5 +175,7 @@ def test_a_mask_without_a_mark_and_cells_of_another_number_are_refused(tmp_path:
     file = write_mask(tmp_path, [[0] * 40] * 40)
     raw = yaml.safe_load(dump_scenario(load_scenario(masked(file))))
     raw["zones"][0]["mask"]["rows"] = 41
-    with pytest.raises(BadInput, match=r"zones\.0\.mask\.cells: are not 41 x 40 cells; name the mask's YAML file ag"):
+    with pytest.raises(
+        BadInput, match=r"zones\.0\.mask\.cells: are not 41 x 40 cells; name the mask's YAML file again"
+    ):
         load_scenario(raw)
