@@ -106,6 +106,14 @@ def test_a_robot_that_swings_stays_though_it_leaves_where_it_began() -> None:
     assert (stay.x, stay.y) == pytest.approx((0.0, 0.0), abs=0.01)
 
 
+def test_a_long_stay_ends_when_the_robot_leaves_its_circle() -> None:
+    path = [(0.0, 0.0)] * 300 + [(1.0 * i, 0.0) for i in range(30)]
+    stays = tracked(path)
+    assert stays[303].since == 0  # 3 m from where it stood
+    assert stays[307].since > 290  # more than a circle away
+    assert stays[-1].since >= len(path) - 8
+
+
 def test_positions_are_looked_at_once_a_second() -> None:
     stays = Stays({1: R}, 0.1)
     for k in range(1900):

@@ -100,6 +100,7 @@ REST: list[object] = [0.0, None, [], None, []]
         b"\xdd\xff\xff\xff\xff",
         b"\xc6\xff\xff\xff\xff",
         b"\xd6\xff\x00\x00\x00\x00",
+        b"\xd4\x05\x00",
         msgpack.packb({"kind": 1}),
         msgpack.packb([True, 1, 1, 0, 9]),
         msgpack.packb([1, 1.0, 1, 0, 9, b""]),

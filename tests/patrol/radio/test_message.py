@@ -138,6 +138,7 @@ def test_a_key_is_neither_empty_nor_too_long(key: bytes) -> None:
 @example(b"\xdd\xff\xff\xff\xff", None)
 @example(b"\x91" * 64, None)
 @example(b"\xc7\x00\xff", None)
+@example(b"\xd4\x05\x00", None)
 @example(b"\xd7\xff" + b"\xff" * 8, None)
 @example(b"\xa1\xff", None)
 def test_any_bytes_are_a_position_or_rejected(frame: bytes, key: bytes | None) -> None:
