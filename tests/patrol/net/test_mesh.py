@@ -62,15 +62,36 @@ def folder(template: Path, tmp_path: Path) -> Path:
 
 
 Join = Callable[..., Link]
+Change = Callable[[dict[str, Any]], None]
+"""Changes the access rules of a member's session."""
+
+
+def drop_rules(access: dict[str, Any]) -> None:
+    access["enabled"] = False
+
+
+def tell_all(access: dict[str, Any]) -> None:
+    """Let everybody learn what a member wants and offers: then its rules for what comes in decide alone."""
+    kinds = ("put", "declare_subscriber", "query", "reply", "declare_queryable", "liveliness_token")
+    rule = {"permission": "allow", "flows": ["egress"], "messages": [*kinds], "key_exprs": [KEYS.anything]}
+    access["rules"].append({"id": "tell-all", **rule})
+    for policy in access["policies"]:
+        policy["rules"].append("tell-all")
 
 
 @pytest.fixture
 def join(folder: Path) -> Iterator[Join]:
+    """Opens members' links, on demand with other rules."""
     links: list[Link] = []
 
-    def opened(name: str, own: Path = folder, wait_s: float = PATIENCE_S) -> Link:
+    def opened(name: str, own: Path = folder, change: Change | None = None) -> Link:
         credentials = read_credentials(own / name, "test")
-        links.append(open_link(credentials.router, wait_s, credentials=credentials))
+        settings = copy.deepcopy(client_settings(credentials.router, 1.0, credentials))
+        if change is None:
+            links.append(open_link(credentials.router, PATIENCE_S, credentials=credentials))
+        else:
+            change(cast("dict[str, Any]", settings["access_control"]))
+            links.append(Link(open_session(settings, credentials.router, PATIENCE_S, lambda _: None, lambda: False)))
         return links[-1]
 
     yield opened
@@ -110,50 +131,17 @@ def test_the_death_of_a_robot_silences_no_other(join: Join) -> None:
     assert reach(r2.broadcast(KEYS.position("r2")), box)[0] == KEYS.position("r2")
 
 
-Change = Callable[[dict[str, Any]], None]
-"""Changes the access rules of a member's session."""
-
-
-def drop_rules(access: dict[str, Any]) -> None:
-    access["enabled"] = False
-
-
-def tell_all(access: dict[str, Any]) -> None:
-    """Let everybody learn what a member wants and offers: then its rules for what comes in decide alone."""
-    kinds = ("put", "declare_subscriber", "query", "reply", "declare_queryable", "liveliness_token")
-    rule = {"permission": "allow", "flows": ["egress"], "messages": [*kinds], "key_exprs": [KEYS.anything]}
-    access["rules"].append({"id": "tell-all", **rule})
-    for policy in access["policies"]:
-        policy["rules"].append("tell-all")
-
-
-@pytest.fixture
-def join_as(folder: Path) -> Iterator[Callable[[str, Change], Link]]:
-    links: list[Link] = []
-
-    def opened(name: str, change: Change) -> Link:
-        credentials = read_credentials(folder / name, "test")
-        settings = copy.deepcopy(client_settings(credentials.router, 1.0, credentials))
-        change(cast("dict[str, Any]", settings["access_control"]))
-        links.append(Link(open_session(settings, credentials.router, PATIENCE_S, lambda _waited: None, lambda: False)))
-        return links[-1]
-
-    yield opened
-    for link in links:
-        link.close()
-
-
 def another(name: str) -> str:
     return "operator" if name == "viewer" else "viewer"
 
 
 @pytest.mark.processes
 @pytest.mark.parametrize("liar", MEMBERS)
-def test_no_member_can_speak_for_another(liar: str, join_as: Callable[[str, Change], Link]) -> None:
+def test_no_member_can_speak_for_another(liar: str, join: Join) -> None:
     """A witness without rules shows that the forged was sent, and to all that have rules: they want it as well."""
-    witness = join_as(another(liar), drop_rules)
-    guarded = {name: join_as(name, tell_all) for name in MEMBERS if name not in (liar, another(liar))}
-    link = join_as(liar, drop_rules)
+    witness = join(another(liar), change=drop_rules)
+    guarded = {name: join(name, change=tell_all) for name in MEMBERS if name not in (liar, another(liar))}
+    link = join(liar, change=drop_rules)
     await_neighbours(link, another(liar), *guarded)
     makers = (KEYS.position, KEYS.tick, KEYS.reply, KEYS.telemetry)
     every = [KEYS.truth("metrics"), *(make(name) for name in ("r1", "r2", "r3") for make in makers)]
@@ -180,11 +168,11 @@ def test_no_member_can_speak_for_another(liar: str, join_as: Callable[[str, Chan
 
 @pytest.mark.processes
 @pytest.mark.parametrize("liar", ["r1", "world", "viewer"])
-def test_no_member_can_stand_in_for_another(liar: str, join: Join, join_as: Callable[[str, Change], Link]) -> None:
+def test_no_member_can_stand_in_for_another(liar: str, join: Join) -> None:
     """Neither its tokens nor its answers to orders: a witness without rules gets them all."""
     join("r2")  # the others meet there
-    witness, guarded = join_as(another(liar), drop_rules), join_as("operator", tell_all)
-    link = join_as(liar, drop_rules)
+    witness, guarded = join(another(liar), change=drop_rules), join("operator", change=tell_all)
+    link = join(liar, change=drop_rules)
     await_neighbours(link, "operator", another(liar))
     names = ["r1", "r2", "r3"]
     tokens = {KEYS.alive(name) for name in (*names, WORLD)}
