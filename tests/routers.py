@@ -7,12 +7,12 @@ import os
 import shutil
 import socket
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from itertools import count
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import pytest
 
@@ -84,6 +84,27 @@ def take_messages(mailbox: Mailbox[bytes], count: int) -> list[tuple[str, bytes]
         if (arrived := mailbox.get(0.1)) is not None:
             found.append(arrived)
     return found
+
+
+M = TypeVar("M")
+
+
+def reach(post: Callable[[bytes], None], mailbox: Mailbox[M], payload: bytes = b"here") -> tuple[str, M]:
+    """Send until something arrives, since a subscription takes a moment to be known; return what arrives."""
+    end = time.monotonic() + PATIENCE_S
+    while (arrived := mailbox.get(0.05)) is None:
+        assert time.monotonic() < end, "nothing arrives"
+        post(payload)
+    return arrived
+
+
+def await_last(mailbox: Mailbox[bytes], last: tuple[str, bytes]) -> set[str]:
+    """Wait for a message; return the keys of all that arrive up to it."""
+    keys = set()
+    while (arrived := mailbox.get(PATIENCE_S)) != last:
+        assert arrived is not None, f"never arrives: {last}"
+        keys.add(arrived[0])
+    return {*keys, last[0]}
 
 
 def await_seen(link: Link, key: str) -> None:

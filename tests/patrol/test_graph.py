@@ -1,5 +1,3 @@
-"""Graphs: lengths of ways, files of patrolling_sim, graphs made from the ground, and tours."""
-
 from __future__ import annotations
 
 import heapq
@@ -19,6 +17,8 @@ from patrol.graph_from_ground import closed_tour, graph_from_ground, tour_length
 from patrol.pose import Pose
 from patrol.prepare import prepare, sensor_footprint
 from patrol.scenario import load_scenario, scenario_hash
+from tests.patrol.ground.masks import on_terrain
+from tests.patrol.maps.test_maps import write_map
 
 FILE = """
 3 100 80 0.5 1.0 -2.0
@@ -30,6 +30,11 @@ FILE = """
 2 50 50 1
 1 S 30
 """
+
+
+def write_graph(folder: Path, text: str = FILE) -> Path:
+    (folder / "some.graph").write_text(text, encoding="utf-8")
+    return folder / "some.graph"
 
 
 def random_graph(seed: int) -> Graph:
@@ -90,21 +95,16 @@ def test_vertices_beside_a_stretch_are_found() -> None:
 
 
 def test_a_file_of_patrolling_sim_is_read_in_metres(tmp_path: Path) -> None:
-    file = tmp_path / "three.graph"
-    file.write_text(FILE, encoding="utf-8")
-    assert read_graph(file) == {
-        "vertices": [(6.0, 8.0), (26.0, 8.0), (26.0, 23.0)],
-        "edges": [(0, 1, 20.0), (1, 2, 15.0)],
-        "pixel": 0.5,
-    }
+    file = write_graph(tmp_path)
+    vertices, edges = [(6.0, 8.0), (26.0, 8.0), (26.0, 23.0)], [(0, 1, 20.0), (1, 2, 15.0)]
+    assert read_graph(file) == {"vertices": vertices, "edges": edges, "pixel": 0.5}
     spec = load_scenario({"terrain": {"builtin": "open", "graph": str(file)}}).terrain.graph
     assert spec is not None
     assert spec.edges == ((0, 1, 20.0), (1, 2, 15.0))
 
 
 def test_the_distance_of_a_visit_can_be_set_and_leaves_the_hash_where_it_is_not(tmp_path: Path) -> None:
-    file = tmp_path / "three.graph"
-    file.write_text(FILE, encoding="utf-8")
+    file = write_graph(tmp_path)
     loaded = {
         name: load_scenario({"terrain": {"builtin": "open", "graph": given}, "point": 1.0})
         for name, given in (
@@ -136,9 +136,8 @@ def test_the_distance_of_a_visit_can_be_set_and_leaves_the_hash_where_it_is_not(
     ],
 )
 def test_what_is_no_graph_is_one_line(tmp_path: Path, old: str, new: str, says: str) -> None:
-    file = tmp_path / "wrong.graph"
-    file.write_text(FILE.replace(old, new, 1), encoding="utf-8")
-    with pytest.raises(BadInput, match=r"\A[^\n]*wrong\.graph: [^\n]*\Z") as error:
+    file = write_graph(tmp_path, FILE.replace(old, new, 1))
+    with pytest.raises(BadInput, match=r"\A[^\n]*some\.graph: [^\n]*\Z") as error:
         read_graph(file)
     assert says in str(error.value)
     with pytest.raises(BadInput) as error:
@@ -147,14 +146,10 @@ def test_what_is_no_graph_is_one_line(tmp_path: Path, old: str, new: str, says: 
 
 
 def test_a_graph_of_another_image_than_the_maps_is_refused(tmp_path: Path) -> None:
-    file, plan = tmp_path / "three.graph", tmp_path / "plan.yaml"
-    file.write_text(FILE, encoding="utf-8")
-    plan.write_text(
-        "image: plan.png\nresolution: 0.5\norigin: [0, 0, 0]\nnegate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.2\n"
-    )
+    file = write_graph(tmp_path)
     width, height = (int(word) for word in FILE.split()[1:3])
     for size in ((width, height), (height, width)):
-        Image.new("L", size, 255).save(tmp_path / "plan.png")
+        plan = write_map(tmp_path, Image.new("L", size, 255), {"resolution": 0.5})
         says = {"terrain": {"map": str(plan), "graph": str(file)}}
         if size == (width, height):
             assert load_scenario(says).terrain.graph is not None
@@ -183,11 +178,7 @@ def test_all_of_the_ground_is_seen_from_the_vertices_made_from_it(terrain: str) 
     seen = np.zeros(prepared.terrain.shape, dtype=np.bool_)
     for x, y in graph.places.tolist():
         assert fields.reach[prepared.terrain.point_at(x, y)]
-        view = footprint.visible(Pose(x, y, 0.0))
-        rows, cols = np.nonzero(view.mask)
-        rows, cols = rows + view.row0, cols + view.col0
-        inside = (rows >= 0) & (cols >= 0) & (rows < seen.shape[0]) & (cols < seen.shape[1])
-        seen[rows[inside], cols[inside]] = True
+        seen |= on_terrain(footprint.visible(Pose(x, y, 0.0)), seen.shape)
     assert (seen | ~fields.patrolled).all()
     assert np.isfinite(graph.lengths).all()
     for vertex, row in enumerate(graph.edges):

@@ -1,5 +1,3 @@
-"""Sensors of one's own: found by name, run only where this user runs them, and checked."""
-
 from __future__ import annotations
 
 import hashlib
@@ -43,9 +41,6 @@ def refused(**sensor: Any) -> str:
     return str(bad.value)
 
 
-# --- what a scenario says ---------------------------------------------------------------------------------------------
-
-
 def test_a_section_of_0_2_means_what_it_meant() -> None:
     """Its hash is as before there were other fields than these four."""
     assert scenario_hash(scenario_with()) == "3f9cf6044dca8870b136058ec4568db4f963d34874929df25dcd5ef3110aced1"
@@ -53,9 +48,11 @@ def test_a_section_of_0_2_means_what_it_meant() -> None:
     assert scenario_hash(scenario_with(**told)) == "d035de56f7fbc3b3eeaa4d3e27fb26c2fb264e9a8304e87cecc0788fe1b6d915"
 
 
-def test_a_disc_is_a_sector_all_round() -> None:
+def test_a_disc_is_a_sector_all_round_and_another_kind_drops_the_settings_before() -> None:
     assert scenario_hash(scenario_with(kind="disc")) == scenario_hash(scenario_with())
     assert scenario_hash(scenario_with(kind="sector", angle=90)) == scenario_hash(scenario_with(angle=90))
+    mapping = {"terrain": {"builtin": "open"}, "sensor": {"kind": f"{ELLIPSE}:Ellipse", "options": {"across": 2}}}
+    assert load_scenario(mapping, {"sensor.kind": "disc"}).sensor.options is None
 
 
 @pytest.mark.parametrize(
@@ -92,14 +89,6 @@ def test_a_run_folder_keeps_the_file(tmp_path: Path) -> None:
     assert scenario_hash(again) == scenario_hash(own(options={"across": 2}))
     kept.write_text(dump_scenario(again), encoding="utf-8")
     assert load_scenario(kept) == again
-
-
-def test_another_kind_on_the_command_line_drops_the_settings_of_the_one_before() -> None:
-    mapping = {"terrain": {"builtin": "open"}, "sensor": {"kind": f"{ELLIPSE}:Ellipse", "options": {"across": 2}}}
-    assert load_scenario(mapping, {"sensor.kind": "disc"}).sensor.options is None
-
-
-# --- who may run it ---------------------------------------------------------------------------------------------------
 
 
 def test_only_a_user_who_runs_a_sensor_lets_other_commands_run_it(records: Path) -> None:
@@ -171,9 +160,6 @@ def test_options_are_checked() -> None:
     ):
         with pytest.raises(BadInput, match=says):
             allow_sensor(own(options=options).sensor)
-
-
-# --- what it returns --------------------------------------------------------------------------------------------------
 
 
 SETUP = SensorSetup(GROUND, 3.0)

@@ -1,5 +1,3 @@
-"""The one palette: what has to be told apart can be, and everybody draws with these colours."""
-
 from __future__ import annotations
 
 import re

@@ -1,5 +1,3 @@
-"""Commands of every model: what a message holds of them, and the limits of bodies."""
-
 from __future__ import annotations
 
 import math
@@ -46,18 +44,14 @@ def test_a_command_comes_back_from_its_numbers_and_from_a_message(model: str, fi
     assert [type(value) for value in packed] == [int, float, float]
     again = unpack_command(*packed)
     assert again == command
-    assert [math.copysign(1.0, value) for value in again.numbers] == [
-        math.copysign(1.0, value) for value in command.numbers
-    ]
+    signs = [[math.copysign(1.0, value) for value in each.numbers] for each in (again, command)]
+    assert signs[0] == signs[1]
 
 
-def test_the_kinds_of_commands_in_a_message_never_change() -> None:
+def test_the_kinds_of_commands_in_a_message_never_change_and_numbers_not_finite_pass() -> None:
     assert pack_command(Velocity(1.0, 2.0)) == (0, 1.0, 2.0)
     assert pack_command(Drive(1.0, 2.0)) == (1, 1.0, 2.0)
     assert pack_command(Twist(1.0, 2.0)) == (2, 1.0, 2.0)
-
-
-def test_numbers_that_are_not_finite_pass() -> None:
     again = unpack_command(*pack_command(Velocity(math.nan, -math.inf)))
     assert isinstance(again, Velocity)
     assert math.isnan(again.vx)
@@ -81,16 +75,13 @@ def test_a_halted_body_stands_still_whatever_its_limits(model: str) -> None:
     assert still.limited(Limits(0.5, 1.0, 1.0)) == still
 
 
-def test_a_turn_on_the_spot_is_no_halt_and_wheels_at_an_angle_are_one() -> None:
-    assert not is_halt(Twist(0.0, -0.1))
-    assert is_halt(Drive(0.0, 0.2))
-    assert not any(is_halt(command) for command in (Velocity(0.0, -0.1), Drive(-0.1, 0.0), Twist(-0.1, 0.0)))
-
-
-def test_a_speed_is_a_speed_in_any_direction() -> None:
+def test_speeds_have_any_direction_and_a_turn_on_the_spot_is_no_halt() -> None:
     assert Velocity(-3.0, 4.0).speed_mps == 5.0
     assert Drive(-3.0, 0.2).speed_mps == 3.0
     assert Twist(-3.0, 0.2).speed_mps == 3.0
+    assert not is_halt(Twist(0.0, -0.1))
+    assert is_halt(Drive(0.0, 0.2))
+    assert not any(is_halt(command) for command in (Velocity(0.0, -0.1), Drive(-0.1, 0.0), Twist(-0.1, 0.0)))
 
 
 @pytest.mark.parametrize("model", MODELS)
@@ -112,9 +103,8 @@ def test_a_limited_velocity_keeps_its_direction_and_as_much_speed_as_it_can(vx: 
     wanted = math.hypot(vx, vy)
     assert limited.speed_mps == pytest.approx(min(speed, wanted))
     if wanted > 1e-300:
-        assert math.remainder(math.atan2(limited.vy, limited.vx) - math.atan2(vy, vx), math.tau) == pytest.approx(
-            0.0, abs=1e-9
-        )
+        turned = math.atan2(limited.vy, limited.vx) - math.atan2(vy, vx)
+        assert math.remainder(turned, math.tau) == pytest.approx(0.0, abs=1e-9)
 
 
 def test_a_limited_drive_is_cut_in_speed_and_curvature_by_themselves() -> None:
@@ -135,25 +125,20 @@ def test_a_limited_twist_keeps_its_arc_and_the_faster_wheel_runs_as_fast_as_it_c
         assert max(wheels) == pytest.approx(bounds.speed)
         # The same curvature, multiplied out; the numbers are scaled down so that no product overflows.
         larger = max(abs(speed), abs(turn_rate))
-        assert limited.turn_rate * (speed / larger) == pytest.approx(
-            limited.speed * (turn_rate / larger), rel=1e-9, abs=1e-300
-        )
+        due = limited.speed * (turn_rate / larger)
+        assert limited.turn_rate * (speed / larger) == pytest.approx(due, rel=1e-9, abs=1e-300)
         assert math.copysign(1.0, limited.speed) == math.copysign(1.0, speed)
         assert math.copysign(1.0, limited.turn_rate) == math.copysign(1.0, turn_rate)
 
 
 def test_a_command_beyond_a_limit_is_not_within_it() -> None:
-    assert Velocity(3.0, 4.0).is_within(Limits(5.0, 1.0, 1.0))
+    disc, car, base = Limits(5.0, 1.0, 1.0), Limits(2.0, 1.0, 4.0), Limits(2.0, 0.5, 4.0)
+    assert Velocity(3.0, 4.0).is_within(disc)
     assert not Velocity(3.0, 4.0).is_within(Limits(4.999, 1.0, 1.0))
-    car = Limits(2.0, 1.0, 4.0)
     assert Drive(-2.0, 0.25).is_within(car)
-    assert not Drive(-2.001, 0.0).is_within(car)
-    assert not Drive(0.0, 0.2501).is_within(car)
-    base = Limits(2.0, 0.5, 4.0)
-    assert Twist(-1.0, 2.0).is_within(base)
-    assert Twist(0.0, -4.0).is_within(base)
-    assert not Twist(-1.001, 2.0).is_within(base)
-    assert not Twist(0.0, -4.001).is_within(base)
+    assert not any(command.is_within(car) for command in (Drive(-2.001, 0.0), Drive(0.0, 0.2501)))
+    assert all(command.is_within(base) for command in (Twist(-1.0, 2.0), Twist(0.0, -4.0)))
+    assert not any(command.is_within(base) for command in (Twist(-1.001, 2.0), Twist(0.0, -4.001)))
     for bad in (math.nan, math.inf, -math.inf):
         for command in (Velocity(bad, 0.0), Drive(bad, 0.0), Drive(0.0, bad), Twist(bad, 0.0), Twist(0.0, bad)):
             assert not command.is_within(base)

@@ -17,20 +17,16 @@ CHARGED = {"count": 1, "model": "holonomic", "radius": 0.4, "starts": [[50.5, 50
 
 
 def mixed_fleet() -> Scenario:
-    return load_scenario(
-        {
-            "terrain": {"builtin": "yards", "keep_out": [[[20, 40], [30, 40], [30, 48], [20, 48]]]},
-            "point": 0.5,
-            "robots": [
-                {"radius": 1.0},
-                {"radius": 0.4, "model": "holonomic", "start": [10, 44, 1.0]},
-                {"radius": 1.0, "name": "late"},
-            ],
-        }
-    )
+    robots = [
+        {"radius": 1.0},
+        {"radius": 0.4, "model": "holonomic", "start": [10, 44, 1.0]},
+        {"radius": 1.0, "name": "late"},
+    ]
+    terrain = {"builtin": "yards", "keep_out": [[[20, 40], [30, 40], [30, 48], [20, 48]]]}
+    return load_scenario({"terrain": terrain, "point": 0.5, "robots": robots})
 
 
-def test_bodies_of_one_radius_share_their_fields() -> None:
+def test_bodies_of_one_radius_share_their_fields_each_time() -> None:
     prepared = prepare(mixed_fleet())
     assert list(prepared.fields) == [1, 2, 3]
     assert prepared.fields[1] is prepared.fields[3]
@@ -39,9 +35,6 @@ def test_bodies_of_one_radius_share_their_fields() -> None:
     assert prepared.starts[1].heading == 1.0
     for spec, start in zip(prepared.scenario.roster, prepared.starts, strict=True):
         assert prepared.fields[spec.number].reach[prepared.terrain.point_at(start.x, start.y)]
-
-
-def test_preparing_twice_gives_the_same() -> None:
     first, second = prepare(mixed_fleet()), prepare(mixed_fleet())
     assert first.starts == second.starts
     assert np.array_equal(first.fields[1].proxy, second.fields[1].proxy)
@@ -63,9 +56,8 @@ def test_what_is_saved_is_loaded_memory_mapped(tmp_path: Path) -> None:
 
 
 def test_a_start_off_the_terrain_is_refused() -> None:
-    scenario = load_scenario({"terrain": {"builtin": "open"}, "point": 0.5, "robots": {"starts": [[-5, 5]]}})
     with pytest.raises(BadInput, match="not on open"):
-        prepare(scenario)
+        prepare(load_scenario({"terrain": {"builtin": "open"}, "point": 0.5, "robots": {"starts": [[-5, 5]]}}))
 
 
 @pytest.mark.parametrize(
@@ -77,13 +69,17 @@ def test_an_intruder_must_be_on_the_terrain(place: list[float], problem: str) ->
         prepare(load_scenario({"terrain": {"builtin": "open"}, "point": 0.5, "intruders": [{"place": place}]}))
 
 
+ONE_IN_YARDS: dict[str, Any] = {"terrain": {"builtin": "yards"}, "point": 0.5, "robots": {"count": 1}}
+
+
+def in_a_building() -> list[float]:
+    terrain = prepare(load_scenario(ONE_IN_YARDS)).terrain
+    return list(terrain.centre(*map(int, np.argwhere(~terrain.passable)[0])))
+
+
 def test_an_intruder_must_be_on_passable_ground() -> None:
-    mapping = {"terrain": {"builtin": "yards"}, "point": 0.5, "robots": {"count": 1}}
-    terrain = prepare(load_scenario(mapping)).terrain
-    row, col = map(int, np.argwhere(~terrain.passable)[0])
-    place = list(terrain.centre(row, col))
     with pytest.raises(BadInput, match=r"intruders\.0\.place = .*: in an obstacle of yards; move it"):
-        prepare(load_scenario({**mapping, "intruders": [{"place": place}]}))
+        prepare(load_scenario({**ONE_IN_YARDS, "intruders": [{"place": in_a_building()}]}))
 
 
 @pytest.mark.parametrize("area", [[[200, 200], [210, 200], [210, 210]], [[19.5, 1], [20.5, 1], [20, 9]]])
@@ -91,9 +87,8 @@ def test_a_critical_area_must_hold_free_ground(area: list[list[float]]) -> None:
     """One lies off the terrain, the other within a building."""
     around = [[40, 40], [60, 40], [60, 60]]
     patrol = {"options": {"separation": "semaphores", "critical_areas": [around, area]}}
-    mapping = {"terrain": {"builtin": "yards"}, "point": 0.5, "robots": {"count": 1}, "patrol": patrol}
     with pytest.raises(BadInput, match=r"patrol\.options\.critical_areas\.1: holds no free point of yards; correct"):
-        prepare(load_scenario(mapping))
+        prepare(load_scenario({**ONE_IN_YARDS, "patrol": patrol}))
 
 
 GRAPH: dict[str, Any] = {"vertices": [[10, 44], [50, 44], [90, 44]], "edges": [[0, 1, 40], [1, 2, 40]]}
@@ -127,21 +122,16 @@ def test_a_vertex_on_which_no_body_fits_is_patrolled_where_it_is_seen() -> None:
     assert np.argwhere(fields.proxy >= 0).tolist() == [list(at_wall)], "no other point has a post"
 
 
-def test_a_vertex_that_no_robot_sees_is_refused() -> None:
-    terrain = prepare(load_scenario({"terrain": {"builtin": "yards"}, "point": 0.5, "robots": {"count": 1}})).terrain
-    vertex = list(terrain.centre(*map(int, np.argwhere(~terrain.passable)[0])))
-    graph = {"vertices": [[10, 44], vertex]}
-    given = {**WATCHED, "terrain": {"builtin": "yards", "graph": graph, "patrolled": "vertices"}}
-    with pytest.raises(BadInput, match=r"terrain\.graph: vertex 1 near \[.*: no robot sees it from .*; correct"):
-        prepare(load_scenario(given))
-
-
-def test_robots_that_see_no_vertex_are_refused() -> None:
+def test_a_vertex_that_no_robot_sees_and_robots_that_see_none_are_refused() -> None:
     keep_out = [[[20, 0], [21, 0], [21, 88], [20, 88]]]
     terrain = {"builtin": "open", "graph": {"vertices": [[50, 44]]}, "patrolled": "vertices", "keep_out": keep_out}
     robots = [{"radius": 1.0, "start": [50, 40]}, {"radius": 0.5, "start": [10, 44]}]
     with pytest.raises(BadInput, match=r"terrain\.patrolled: robots of radius 0\.5 m see no vertex"):
         prepare(load_scenario({**WATCHED, "terrain": terrain, "robots": robots}))
+    graph = {"vertices": [[10, 44], in_a_building()]}
+    given = {**WATCHED, "terrain": {"builtin": "yards", "graph": graph, "patrolled": "vertices"}}
+    with pytest.raises(BadInput, match=r"terrain\.graph: vertex 1 near \[.*: no robot sees it from .*; correct"):
+        prepare(load_scenario(given))
 
 
 @pytest.mark.parametrize(
@@ -149,7 +139,7 @@ def test_robots_that_see_no_vertex_are_refused() -> None:
     [
         ({"docks": [{"place": [5.5, 5.5]}, {"place": [6.5, 5.5]}]}, r"docks\.1\.place = .*: 1 m from docks\.0, so one"),
         (
-            {"robots": {**CHARGED, "battery": {**BATTERY, "capacity": 1e-4}}},
+            {"robots": CHARGED | {"battery": BATTERY | {"capacity": 1e-4}}},
             r"capacity = 0\.0001: r1 starts with 0\.0001 Wh",
         ),
         ({"docks": [{"place": [5.5, 5.5], "radius": 6.0}]}, r"docks\.0\.radius = 6: .*give at most 5"),
@@ -172,7 +162,7 @@ def box(x0: float, x1: float) -> list[list[float]]:
         (
             [box(10, 11), box(-1, 101)],
             2,
-            r"^closures\.1\.polygon: c1 leaves no room on open for the starts of 2 robots, ",
+            r"^closures\.1\.polygon: c1 leaves no room on open for the starts of 2 robots",
         ),
         ([box(-1, 51), box(49, 101)], 1, r"^closures: together they leave no room on open for the starts of 1 robot, "),
         ([box(10, 11)], 2000, r"^robots: 2000 robots do not fit on open"),
@@ -194,7 +184,5 @@ def test_vertices_without_a_graph_are_refused() -> None:
 def test_patrolling_the_ground_keeps_the_scenario_hash() -> None:
     ground = load_scenario({"terrain": {"builtin": "open", "patrolled": "ground"}})
     assert scenario_hash(ground) == scenario_hash(load_scenario({"terrain": {"builtin": "open"}}))
-    watched = load_scenario(WATCHED)
-    assert scenario_hash(watched) != scenario_hash(
-        load_scenario({**WATCHED, "terrain": {"builtin": "open", "graph": GRAPH}})
-    )
+    unwatched = load_scenario({**WATCHED, "terrain": {"builtin": "open", "graph": GRAPH}})
+    assert scenario_hash(load_scenario(WATCHED)) != scenario_hash(unwatched)

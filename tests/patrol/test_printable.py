@@ -1,5 +1,3 @@
-"""What somebody else wrote reaches a terminal as plain characters only."""
-
 from __future__ import annotations
 
 import unicodedata

@@ -20,6 +20,9 @@ from patrol.pose import Pose
 from patrol.scenario import RobotSpec
 from patrol.scenario.sections import DEFAULT_RADIUS
 from patrol.starts import clearance_at, place_starts, starting_part
+from tests.patrol.maps.test_maps import write_map
+
+FIELD = Terrain("field", np.ones((40, 40), dtype=np.bool_), 0.1)
 
 
 def robots(*radii: float, starts: tuple[Pose | None, ...] = ()) -> list[RobotSpec]:
@@ -43,9 +46,6 @@ def inside(pose: Pose, wall_m: float, side_m: float) -> bool:
     return wall_m < pose.x < side_m - wall_m and wall_m < pose.y < side_m - wall_m
 
 
-# --- random starts ---------------------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("seed", range(5))
 def test_bodies_fit_and_keep_apart(seed: int) -> None:
     terrain = Terrain("field", building(), 0.1, (-5.0, 3.0))
@@ -59,13 +59,12 @@ def test_bodies_fit_and_keep_apart(seed: int) -> None:
 
 
 def test_random_starts_are_clear_of_closures_and_otherwise_the_same() -> None:
-    terrain = Terrain("field", np.ones((40, 40), dtype=np.bool_), 0.1)
-    passable = terrain.passable.copy()
+    passable = FIELD.passable.copy()
     passable[:, 14:] = False
     all_closed = Terrain("field", passable, 0.1)
     moved = 0
     for seed in range(20):
-        before, after = (place_starts(terrain, robots(0.2, 0.2), seed, ground) for ground in (None, all_closed))
+        before, after = (place_starts(FIELD, robots(0.2, 0.2), seed, ground) for ground in (None, all_closed))
         assert all(free_fraction(all_closed, start, start, 0.2) == 1.0 for start in after)
         if all(free_fraction(all_closed, start, start, 0.2) == 1.0 for start in before):
             assert after == before
@@ -142,10 +141,7 @@ def test_a_shed_in_a_field_is_no_place_to_start() -> None:
     terrain = Terrain("open hall", building(door=slice(15, 25)), 0.1)
     assert starting_part(terrain, 0.2)[5, 5]
     assert starting_part(terrain, 0.2)[20, 20]
-
-
-def test_a_part_is_outside_only_if_the_border_bounds_it() -> None:
-    framed = building()
+    framed = building()  # a part is outside only if the border bounds it
     framed[[0, -1], :] = False
     framed[:, [0, -1]] = False
     terrain = Terrain("framed", framed, 0.1)
@@ -157,9 +153,6 @@ def test_a_given_start_draws_the_others_to_its_part() -> None:
     starts = place_starts(terrain, robots(0.2, 0.2, starts=(Pose(0.5, 0.5, 1.0),)), 3)
     assert starts[0] == Pose(0.5, 0.5, 1.0)
     assert not inside(starts[1], 1.0, 4.0)
-
-
-# --- explicit starts -------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -179,11 +172,10 @@ def test_a_start_that_does_not_fit_is_named(start: Pose, problem: str) -> None:
 
 
 def test_starts_that_overlap_are_named() -> None:
-    terrain = Terrain("field", np.ones((40, 40), dtype=np.bool_), 0.1)
     touching = (Pose(1.0, 1.0, 0.0), Pose(1.5, 1.0, 0.0))
-    assert place_starts(terrain, robots(0.2, 0.3, starts=touching), 1) == list(touching)
+    assert place_starts(FIELD, robots(0.2, 0.3, starts=touching), 1) == list(touching)
     with pytest.raises(BadInput, match="of r2: overlaps robot 1"):
-        place_starts(terrain, robots(0.2, 0.3, starts=(Pose(1.0, 1.0, 0.0), Pose(1.49, 1.0, 0.0))), 1)
+        place_starts(FIELD, robots(0.2, 0.3, starts=(Pose(1.0, 1.0, 0.0), Pose(1.49, 1.0, 0.0))), 1)
 
 
 def test_clearance_is_exact_anywhere_within_a_point() -> None:
@@ -195,9 +187,6 @@ def test_clearance_is_exact_anywhere_within_a_point() -> None:
         edge = min(x - 10.0, y - 20.0, 14.0 - x, 24.0 - y)
         expected = min(float(np.hypot(away[:, 0], away[:, 1]).min()), edge, 0.6)
         assert clearance_at(terrain, x, y, 0.6) == pytest.approx(expected)
-
-
-# --- bodies too wide -------------------------------------------------------------------------------------------------
 
 
 def two_rooms(left: int, door: int) -> Terrain:
@@ -235,39 +224,28 @@ def test_a_crowd_on_coarse_points_is_told_so() -> None:
 
 def test_a_map_whose_settings_leave_only_the_walls_is_to_blame_and_not_the_body(tmp_path: Path) -> None:
     picture = np.pad(np.full((398, 398), 254, dtype=np.uint8), 1)
-    Image.fromarray(picture).save(tmp_path / "plan.png")
-    plan = tmp_path / "plan.yaml"
-    plan.write_text(
-        "image: plan.png\nresolution: 0.1\norigin: [0, 0, 0]\nnegate: 1\noccupied_thresh: 0.65\nfree_thresh: 0.196\n",
-        encoding="utf-8",
-    )
+    plan = write_map(tmp_path, Image.fromarray(picture), {"negate": 1})
     with pytest.raises(BadInput, match=r"no room for a body .*make 1\.0 % of its cells free.*negate: 0") as caught:
         place_starts(read_terrain(plan, 0.1), robots(0.3), 1)
     assert str(caught.value).startswith(str(plan))
     assert "smaller radius" not in str(caught.value)
 
 
-def test_a_body_too_wide_for_every_door_is_refused_unless_told_where_to_start() -> None:
+def test_a_body_too_wide_for_every_door_but_a_closets_is_refused_unless_told_where_to_start() -> None:
     assert place_starts(two_rooms(0, 9), robots(0.4), 1)
-    with pytest.raises(
-        BadInput,
-        match=r"too wide for every door of rooms, .*; the widest, at \(6\.05, .* radius of 0\.4 m",
-    ):
+    too_wide = r"too wide for every door of rooms, .*; the widest, at \(6\.05, .* radius of 0\.4 m"
+    with pytest.raises(BadInput, match=too_wide):
         place_starts(two_rooms(0, 9), robots(0.45), 1)
     chosen = Pose(3.0, 2.0, 0.0)
     assert place_starts(two_rooms(0, 9), robots(0.45, starts=(chosen,)), 1) == [chosen]
+    assert place_starts(two_rooms(55, 9), robots(0.45), 1)[0].x < 6.0
 
 
 def test_a_corridor_between_the_points_of_the_grid_opens_with_the_smaller_point_that_is_advised(tmp_path: Path) -> None:
     picture = np.zeros((100, 380), dtype=np.uint8)
     picture[10:90, 10:90] = picture[10:90, 290:370] = 254
     picture[43:57, 90:290] = 254  # 0.7 m wide, from 2.15 to 2.85 m: five whole points of 0.1 m
-    Image.fromarray(picture).save(tmp_path / "plan.png")
-    plan = tmp_path / "plan.yaml"
-    plan.write_text(
-        "image: plan.png\nresolution: 0.05\norigin: [0, 0, 0]\nnegate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.196\n",
-        encoding="utf-8",
-    )
+    plan = write_map(tmp_path, Image.fromarray(picture), {"resolution": 0.05})
     with pytest.raises(BadInput, match=r"too wide for every door .*; use a smaller point, such as --point 0\.05 or"):
         place_starts(read_terrain(plan, 0.1), robots(0.3), 1)
     assert place_starts(read_terrain(plan, 0.05), robots(0.3), 1)
@@ -287,7 +265,3 @@ def test_the_error_says_whether_the_radius_is_the_default() -> None:
         line = str(caught.value)
         assert line.startswith(f"robots.radius = {radius:g}{', the default' if default else ''}: ")
         assert ("your robot's own radius, or give starts" in line) == (default and rooms.name == "rooms")
-
-
-def test_being_shut_out_of_a_closet_does_not_matter() -> None:
-    assert place_starts(two_rooms(55, 9), robots(0.45), 1)[0].x < 6.0

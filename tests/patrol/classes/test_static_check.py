@@ -1,5 +1,3 @@
-"""Policies are checked without running anything of them, as far as that is possible."""
-
 from __future__ import annotations
 
 import sys

@@ -1,5 +1,3 @@
-"""Ground of which points close, and what a sensor sees of it."""
-
 from __future__ import annotations
 
 import numpy as np
@@ -44,8 +42,4 @@ def test_a_sensor_sees_the_face_of_what_is_closed_and_nothing_behind() -> None:
     assert 4 in rows
     sight.close(np.zeros((9, 20), dtype=np.bool_))
     assert sight.visible(HERE).shows(4, 11)
-
-
-def test_nothing_closed_in_the_window_has_no_face() -> None:
-    sight = footprint_of(HALL, 2.0)
-    assert faces(sight.visible(HERE), wall()).size == 0
+    assert faces(footprint_of(HALL, 2.0).visible(HERE), wall()).size == 0, "nothing closed is in this window"

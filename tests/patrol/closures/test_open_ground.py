@@ -1,5 +1,3 @@
-"""The ground that is open to view, and the ages that count only the time in which it was."""
-
 from __future__ import annotations
 
 from dataclasses import replace
@@ -47,15 +45,11 @@ def test_a_half_without_a_robot_is_closed_out(halves: Prepared) -> None:
     ground.tick(2, closed(halves), {"wall"}, {1: WEST, 2: EAST})
     assert not ground.closed_out[40, 80]
     assert ground.closed_out[40, 50]
-    ground.tick(3, halves.terrain, (), {1: WEST})
-    assert not ground.closed_out.any()
-
-
-def test_without_robots_nothing_is_closed_out(halves: Prepared) -> None:
-    ground = OpenGround(halves)
-    ground.tick(0, closed(halves), {"wall"}, {1: WEST})
+    ground.tick(3, closed(halves), {"wall"}, {})
+    assert not ground.closed_out.any(), "nor is anything without robots"
+    ground.tick(4, closed(halves), {"wall"}, {1: WEST})
     assert ground.closed_out.any()
-    ground.tick(1, closed(halves), {"wall"}, {})
+    ground.tick(5, halves.terrain, (), {1: WEST})
     assert not ground.closed_out.any()
 
 
@@ -64,12 +58,10 @@ def test_a_robot_is_not_asked_to_see_what_it_cannot_get_to(halves: Prepared) -> 
     both = {1: WEST, 2: EAST}
     ground.tick(5, closed(halves), {"wall"}, both)
     now = ground.last_seen_or_out(1, 8, seen)
-    assert now[40, 80] == 8
-    assert now[40, 20] == 3
+    assert (now[40, 80], now[40, 20]) == (8, 3)
     ground.tick(10, halves.terrain, (), both)
     later = ground.last_seen_or_out(1, 12, seen)
-    assert later[40, 80] == 9
-    assert later[40, 20] == 3
+    assert (later[40, 80], later[40, 20]) == (9, 3)
 
 
 def test_ages_stand_still_while_a_point_is_closed_out() -> None:
@@ -88,7 +80,7 @@ def test_ages_stand_still_while_a_point_is_closed_out() -> None:
     assert ages.greatest[-2:] == [1, 2]
 
 
-def test_closings_say_what_is_closed_at_any_tick(halves: Prepared) -> None:
+def test_closings_say_what_is_closed_and_waits_at_any_tick_and_show_it_to_a_sensor(halves: Prepared) -> None:
     events = [Event(4, "closed", None, "wall"), Event(4, "dead", 1, "wall"), Event(9, "opened", None, "wall")]
     assert not Closings(halves.scenario.closures, halves.terrain, events[:1]).grid(0).any(), "closed at the end"
     closings = Closings(halves.scenario.closures, halves.terrain, events)
@@ -96,9 +88,6 @@ def test_closings_say_what_is_closed_at_any_tick(halves: Prepared) -> None:
     assert closings.grid(8)[40, 50]
     assert not closings.grid(9).any()
     assert not closings.grid(0).any()
-
-
-def test_closings_say_what_waits_and_show_a_sensor_the_ground_of_any_tick(halves: Prepared) -> None:
     waits = Event(3, "waiting", 1, "wall waits to close: r1 in it")
     closings = Closings(halves.scenario.closures, halves.terrain, [waits, Event(6, "closed", None, "wall")])
     more = [Event(8, "opened", None, "wall"), replace(waits, k=9), Event(12, "stays open", None, "wall")]

@@ -1,5 +1,3 @@
-"""Batteries: what driving uses, what docks give, and what is the case for robots that are not there."""
-
 from __future__ import annotations
 
 from dataclasses import replace
@@ -33,7 +31,7 @@ def test_driving_uses_charge_by_time_and_way() -> None:
     assert batteries.share(1) == pytest.approx((1800.0 - 10.0 - 100.0) / 3600.0)
 
 
-def test_a_robot_charges_while_it_stands_at_a_dock() -> None:
+def test_a_robot_charges_while_it_stands_at_a_dock_and_is_the_nearest() -> None:
     batteries = Batteries(scenario())
     for x, speed, change in ((5.9, 0.0, 50.0), (6.1, 0.0, -5.0), (5.9, 2.0, -105.0)):
         before = batteries.share(1)
@@ -41,9 +39,6 @@ def test_a_robot_charges_while_it_stands_at_a_dock() -> None:
         batteries.tick([row(x, 5.0, speed)])
         assert batteries.share(1) == pytest.approx(before + change / 3600.0)
         assert batteries.docked == ({1} if change > 0.0 else set())
-
-
-def test_a_dock_charges_the_nearest_of_two() -> None:
     batteries = Batteries(scenario(2))
     batteries.tick([row(5.6, 5.0), row(4.5, 5.0, number=2)])
     assert batteries.docked == {2}

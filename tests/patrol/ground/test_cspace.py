@@ -1,12 +1,11 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import ndimage
 
-from patrol.ground.cspace import cspace_of, parts_of, planning_radius
+from patrol.ground.cspace import cspace_of, parts_of
 from patrol.ground.terrain import BoolGrid, Terrain
 from tests.patrol.ground.masks import masks, random_map
 
@@ -38,19 +37,3 @@ def test_parts_are_those_without_corner_cutting(mask: BoolGrid) -> None:
     expected, expected_count = ndimage.label(mask)
     assert count == expected_count
     assert np.array_equal(labels, expected)
-
-
-def test_a_straight_drive_between_neighbouring_cspace_points_touches_no_wall() -> None:
-    terrain = Terrain("field", random_map(2), 0.1)
-    radius = 0.25
-    cspace = cspace_of(terrain, radius)
-    blocked = np.argwhere(~np.pad(terrain.passable, 1)) - 1
-    for row, col in np.argwhere(cspace):
-        for dr, dc in ((0, 1), (1, 0), (1, 1), (1, -1)):
-            r, c = row + dr, col + dc
-            if not terrain.inside(r, c) or not (cspace[r, c] and cspace[row, c] and cspace[r, col]):
-                continue
-            for share in (0.25, 0.5, 0.75):
-                across = np.maximum(np.abs(blocked - [row + share * dr, col + share * dc]) - 0.5, 0.0) * 0.1
-                assert np.hypot(across[:, 0], across[:, 1]).min() >= radius - 1e-9
-    assert planning_radius(radius, 0.1) == pytest.approx(0.3)

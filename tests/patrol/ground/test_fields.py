@@ -1,7 +1,5 @@
 from __future__ import annotations
 
-import math
-from fractions import Fraction
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +13,7 @@ from patrol.ground.fields import StaticFields, anchor, compute_fields
 from patrol.ground.sensors import footprint_of
 from patrol.ground.terrain import BoolGrid, Terrain
 from patrol.pose import Pose
-from tests.patrol.ground.masks import masks, random_map
+from tests.patrol.ground.masks import line_is_free, masks, random_map
 
 
 def fields_of(terrain: Terrain, radius: float, sensor_range: float, line_of_sight: bool = True) -> StaticFields:
@@ -26,9 +24,6 @@ def fields_of(terrain: Terrain, radius: float, sensor_range: float, line_of_sigh
     largest = 1 + int(np.argmax(np.bincount(labels.ravel())[1:]))
     row, col = np.argwhere(labels == largest)[0]
     return compute_fields(terrain, radius, sensor_range, line_of_sight, [Pose(*terrain.centre(row, col), 0.0)])
-
-
-# --- where it gets to ------------------------------------------------------------------------------------------------
 
 
 def two_rooms(door: int) -> Terrain:
@@ -64,28 +59,6 @@ def test_a_start_beside_the_cspace_joins_it_but_not_through_a_wall() -> None:
 def test_a_start_where_the_body_does_not_fit_is_refused() -> None:
     with pytest.raises(BadInput, match=r"does not fit at \(0\.05, 0\.05\)"):
         compute_fields(two_rooms(7), 0.3, 5.0, True, [Pose(0.05, 0.05, 0.0)])
-
-
-# --- what it sees ----------------------------------------------------------------------------------------------------
-
-
-def line_is_free(passable: BoolGrid, a: tuple[int, int], b: tuple[int, int], lenient: bool) -> bool:
-    """Whether the line between two points' centres passes every row (or, if it is flat, column) on its way.
-
-    Exactly between two points it passes with one of the two free if lenient, and needs both otherwise.
-    """
-    (r0, c0), (r1, c1) = a, b
-    if abs(c1 - c0) > abs(r1 - r0):
-        return line_is_free(passable.T, (c0, r0), (c1, r1), lenient)
-    steps = abs(r1 - r0)
-    for step in range(1, steps):
-        across = Fraction((c1 - c0) * step, steps) + c0
-        row = r0 + (step if r1 > r0 else -step)
-        touched = {math.floor(across + Fraction(1, 2)), math.ceil(across - Fraction(1, 2))}
-        free = [bool(passable[row, col]) for col in touched]
-        if not (any(free) if lenient else all(free)):
-            return False
-    return True
 
 
 def seen_by_force(terrain: Terrain, reach: BoolGrid, radius: float, lenient: bool) -> BoolGrid:

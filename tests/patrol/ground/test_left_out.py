@@ -18,6 +18,12 @@ def left_out(rooms: np.ndarray, **changes: Any) -> LeftOut | None:
     return prepare(scenario, Terrain("rooms", rooms, 0.1)).left_out
 
 
+def some_left_out(rooms: np.ndarray) -> LeftOut:
+    left = left_out(rooms)
+    assert left is not None
+    return left
+
+
 def three_rooms() -> np.ndarray:
     """Rooms of 3 x 3 m with walls of 0.2 m between them."""
     free = np.zeros((34, 98), dtype=np.bool_)
@@ -27,8 +33,7 @@ def three_rooms() -> np.ndarray:
 
 
 def test_rooms_without_doors_are_left_out_with_their_area_place_and_reason() -> None:
-    left = left_out(three_rooms())
-    assert left is not None
+    left = some_left_out(three_rooms())
     assert (left.area_m2, left.parts, left.largest_m2) == (18.0, 2, 9.0)
     assert (left.x, left.y) == pytest.approx((4.85, 1.65))
     assert left.text == (
@@ -40,8 +45,7 @@ def test_rooms_without_doors_are_left_out_with_their_area_place_and_reason() -> 
 def test_a_door_that_is_too_narrow_is_the_reason_and_with_a_wider_one_nothing_is_left_out() -> None:
     rooms = three_rooms()
     rooms[30:32, 32:66] = rooms[12:18, 64:66] = True  # a slit of 0.2 m into the second room, a door to the third
-    left = left_out(rooms)
-    assert left is not None
+    left = some_left_out(rooms)
     assert left.parts == 1
     assert left.text.endswith("behind an opening that is too narrow for a body of radius 0.2 m")
     rooms[12:18, 32:34] = True
@@ -54,15 +58,13 @@ def test_closets_count_together_where_each_is_small_and_a_blind_corner_does_not(
     for closet in range(20):
         row, column = 2 + 11 * (closet // 4), 62 + 12 * (closet % 4)
         free[row : row + 8, column : column + 8] = True
-    left = left_out(free)
-    assert left is not None
+    left = some_left_out(free)
     assert (left.area_m2, left.parts, left.small_parts, left.largest_m2) == (12.8, 20, 20, 0.64)
     assert left.text.startswith(
         "13 m² of free ground in 20 parts, each of less than 1 m², which no robot sees; the largest, 0.64 m², is"
     )
     free[2:58, 62:116] = True
-    with_room = left_out(free)
-    assert with_room is not None
+    with_room = some_left_out(free)
     assert (with_room.parts, with_room.small_parts) == (1, 0)
     free[:, 62:] = False
     free[2:7, 62:67] = True  # 0.25 of 31.6 m2
@@ -73,8 +75,7 @@ def test_a_slit_that_takes_no_body_is_out_of_sight() -> None:
     free = np.zeros((50, 60), dtype=np.bool_)
     free[2:22, 2:22] = True
     free[20:22, 22:50] = free[22:50, 48:50] = free[48:50, 20:50] = True
-    left = left_out(free)
-    assert left is not None
+    left = some_left_out(free)
     assert left.why == "too narrow for a body of radius 0.2 m"
 
 

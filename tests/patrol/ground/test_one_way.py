@@ -1,5 +1,3 @@
-"""Steps against one-way zones, the ground from which ways lead back, and tours on it."""
-
 from __future__ import annotations
 
 import math
@@ -44,15 +42,20 @@ def test_ground_from_which_no_way_leads_back_is_refused(zones: tuple[dict[str, o
     assert "\n" not in str(caught.value)
 
 
-def test_a_start_in_ground_that_is_left_out_is_refused() -> None:
+def niche() -> tuple[Terrain, Terrain]:
+    """A room with a niche, without and with a one-way zone from it."""
     passable = np.ones((21, 40), dtype=np.bool_)
     passable[:, 25:] = False
     passable[9:12, 25:27] = True
-    niche = ZoneSpec.model_validate(zone("niche", [[10, 3.5], [14, 3.5], [14, 7], [10, 7]], 0))
-    terrain = with_zones(Terrain("room", passable, 0.5), [niche])
-    with pytest.raises(
-        BadInput, match=r"robots\.starts: one-way zones leave no way back to \(12\.75, 5\.25\), or none"
-    ):
+    before_it = ZoneSpec.model_validate(zone("niche", [[10, 3.5], [14, 3.5], [14, 7], [10, 7]], 0))
+    room = Terrain("room", passable, 0.5)
+    return room, with_zones(room, [before_it])
+
+
+def test_a_start_in_ground_that_is_left_out_is_refused() -> None:
+    _, terrain = niche()
+    refused = r"robots\.starts: one-way zones leave no way back to \(12\.75, 5\.25\), or none"
+    with pytest.raises(BadInput, match=refused):
         compute_fields(terrain, 0.3, 4.0, True, [Pose(12.75, 5.25, 0.0)])
     drawn = starting_part(terrain, 0.3)
     assert drawn.any()
@@ -67,20 +70,8 @@ def test_a_large_zone_over_everything_is_refused_at_once() -> None:
 
 
 def test_a_niche_that_is_open_against_the_zone_is_left_out() -> None:
-    """A body gets into it, and out of it only against the zone."""
-    passable = np.ones((21, 40), dtype=np.bool_)
-    passable[:, 25:] = False
-    passable[9:12, 25:27] = True
-    niche = ZoneSpec.model_validate(zone("niche", [[10, 3.5], [14, 3.5], [14, 7], [10, 7]], 0))
-    fields = {
-        way: compute_fields(terrain, 0.3, 4.0, True, [Pose(3.0, 5.0, 0.0)])
-        for way, terrain in (
-            ("open", Terrain("room", passable, 0.5)),
-            ("one way", with_zones(Terrain("room", passable, 0.5), [niche])),
-        )
-    }
-    lost = np.argwhere(fields["open"].reach & ~fields["one way"].reach).tolist()
-    assert lost == [[10, 24], [10, 25]]
+    both_ways, one_way = (compute_fields(terrain, 0.3, 4.0, True, [Pose(3.0, 5.0, 0.0)]).reach for terrain in niche())
+    assert np.argwhere(both_ways & ~one_way).tolist() == [[10, 24], [10, 25]]
 
 
 def test_ground_with_ways_back_is_found_once_for_starts_and_fields() -> None:

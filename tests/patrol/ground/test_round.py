@@ -1,5 +1,3 @@
-"""A round: each patrolled point belongs to a stop on the tour from which it is seen."""
-
 from __future__ import annotations
 
 from pathlib import Path
@@ -13,6 +11,7 @@ from patrol.ground.terrain import Terrain
 from patrol.pose import Pose
 from patrol.tours.round import ARRAYS, SLACK, Round, lay_out
 from patrol.tours.search import find_tour
+from tests.patrol.ground.masks import on_terrain
 from tests.patrol.ground.test_tour import building
 
 RANGE_M = 4.0
@@ -27,10 +26,14 @@ def round_in(terrain: Terrain) -> tuple[Round, StaticFields]:
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_every_patrolled_point_is_seen_from_where_it_says(seed: int) -> None:
+def test_places_go_round_in_order_and_every_patrolled_point_is_seen_from_where_it_says(seed: int) -> None:
     terrain = building(seed)
     laid_out, fields = round_in(terrain)
     footprint = footprint_of(terrain, RANGE_M)
+    assert (np.diff(laid_out.along) > 0.0).all()
+    assert 0.0 <= laid_out.along[0] < laid_out.along[-1] < laid_out.length_m
+    assert (np.diff(laid_out.place_of) >= 0).all()
+    assert fields.reach.reshape(-1)[laid_out.places].all()
     assert sorted(laid_out.points.tolist()) == np.flatnonzero(fields.patrolled).tolist()
     for point, stand in zip(laid_out.points.tolist(), laid_out.stands.tolist(), strict=True):
         row, col = divmod(point, terrain.width)
@@ -45,12 +48,8 @@ def test_points_belong_to_a_stop_that_sees_them_from_around(seed: int) -> None:
     laid_out, _ = round_in(terrain)
     footprint = footprint_of(terrain, RANGE_M)
     places = [divmod(int(place), terrain.width) for place in laid_out.places]
-    seen = np.zeros((len(places), *terrain.shape), dtype=np.bool_)
-    for number, place in enumerate(places):
-        view = footprint.visible(Pose(*terrain.centre(*place), 0.0))
-        for row, col in np.argwhere(view.mask):
-            if 0 <= row + view.row0 < terrain.height and 0 <= col + view.col0 < terrain.width:
-                seen[number, row + view.row0, col + view.col0] = True
+    views = [footprint.visible(Pose(*terrain.centre(*place), 0.0)) for place in places]
+    seen = np.array([on_terrain(view, terrain.shape) for view in views])
     along, slack_m = laid_out.along.tolist(), SLACK * RANGE_M
     stops = np.unique(laid_out.place_of).tolist()
 
@@ -69,16 +68,6 @@ def test_points_belong_to_a_stop_that_sees_them_from_around(seed: int) -> None:
         else:
             assert not seen[:, row, col].any()
     assert len(stops) < len(places) / 2
-
-
-def test_places_go_round_in_order() -> None:
-    terrain = building(1)
-    laid_out, fields = round_in(terrain)
-    assert (np.diff(laid_out.along) > 0.0).all()
-    assert laid_out.along[0] >= 0.0
-    assert laid_out.along[-1] < laid_out.length_m
-    assert (np.diff(laid_out.place_of) >= 0).all()
-    assert fields.reach.reshape(-1)[laid_out.places].all()
 
 
 def test_what_is_saved_is_loaded(tmp_path: Path) -> None:

@@ -1,5 +1,3 @@
-"""Swept motion: the closed forms against dense sampling, and the rules at contact."""
-
 from __future__ import annotations
 
 import math
@@ -131,14 +129,7 @@ def test_a_disc_stops_where_it_touches_and_then_slides() -> None:
     assert not arc(blocked, (2.5, 5.0, math.pi / 2), 1.5, -0.5, 0.5)
 
 
-def test_nothing_is_jumped_over() -> None:
-    blocked = squares(*[(row, 5) for row in range(12)])
-    assert line(blocked, 0.0, 5.0, 5.0, 5.0, 0.1) < 0.5
-    assert not arc(blocked, (0.0, 5.0, 0.0), 5.0, 0.0, 0.1)
-    assert not arc(blocked, (0.0, 5.0, -0.3), 5.0, 0.1, 0.1)
-
-
-def test_an_overlapping_disc_may_only_leave() -> None:
+def test_an_overlapping_disc_may_only_leave_and_the_edge_is_a_wall() -> None:
     blocked = squares((6, 8))  # [3, 3.5] x [5, 5.5]
     assert line(blocked, 2.8, 5.2, 2.0, 5.2, 0.5) == 1.0
     assert line(blocked, 2.8, 5.2, 2.8, 6.2, 0.5) == 0.0
@@ -146,9 +137,6 @@ def test_an_overlapping_disc_may_only_leave() -> None:
     assert line(blocked, 3.2, 5.2, 2.0, 5.2, 0.5) == 0.0
     assert arc(blocked, (2.8, 5.2, math.pi), 1.0, 0.3, 0.5)
     assert not arc(blocked, (2.8, 5.2, 0.0), 1.0, 0.3, 0.5)
-
-
-def test_the_edge_is_a_wall() -> None:
     blocked = squares()
     assert line(blocked, 0.0, 5.0, -1.0, 5.0, 0.5) == pytest.approx(0.5)
     assert line(blocked, 0.0, 5.0, 0.0, 9.0, 0.5) == pytest.approx(2.5 / 4.0)

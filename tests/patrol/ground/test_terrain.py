@@ -48,15 +48,12 @@ def test_bodies_are_kept_out_where_sight_is_not() -> None:
     assert field.passable[2, 2]
 
 
-def test_a_terrain_cannot_be_changed_and_leaves_its_source_alone() -> None:
+def test_a_terrain_cannot_be_changed_and_grids_that_do_not_fit_are_refused() -> None:
     passable = np.ones((3, 3), dtype=np.bool_)
     field = Terrain("field", passable, 1.0)
     for grid in (field.passable, field.keep_out, field.free):
         assert not grid.flags.writeable
     assert passable.flags.writeable
-
-
-def test_grids_that_do_not_fit_are_refused() -> None:
     with pytest.raises(ValueError, match="two-dimensional"):
         Terrain("field", np.ones(3, dtype=np.bool_), 1.0)
     with pytest.raises(ValueError, match="keep_out"):

@@ -11,11 +11,12 @@ from hypothesis import strategies as st
 import patrol.tours.search
 from patrol.ground.fields import StaticFields, compute_fields
 from patrol.ground.sensors import footprint_of
-from patrol.ground.terrain import BoolGrid, Terrain
+from patrol.ground.terrain import Terrain
 from patrol.kernels.tour import shorten
 from patrol.pose import Pose
 from patrol.tours.round import Tour
 from patrol.tours.search import find_tour
+from tests.patrol.ground.masks import on_terrain
 
 
 def tour_of(terrain: Terrain, range_m: float, x: float, y: float) -> tuple[Tour, StaticFields]:
@@ -24,18 +25,6 @@ def tour_of(terrain: Terrain, range_m: float, x: float, y: float) -> tuple[Tour,
     tour = find_tour(terrain, fields.reach, fields.patrolled, fields.proxy, footprint_of(terrain, range_m))
     assert tour is not None
     return tour, fields
-
-
-def seen_from(terrain: Terrain, range_m: float, places: list[tuple[float, float]]) -> BoolGrid:
-    seen = np.zeros(terrain.shape, dtype=np.bool_)
-    footprint = footprint_of(terrain, range_m)
-    for x, y in places:
-        view = footprint.visible(Pose(x, y, 0.0))
-        rows, cols = np.nonzero(view.mask)
-        rows, cols = rows + view.row0, cols + view.col0
-        inside = (rows >= 0) & (rows < terrain.height) & (cols >= 0) & (cols < terrain.width)
-        seen[rows[inside], cols[inside]] = True
-    return seen
 
 
 def building(seed: int) -> Terrain:
@@ -58,16 +47,15 @@ def test_from_the_tour_all_patrolled_ground_is_seen(seed: int, range_m: float) -
         parts = max(math.ceil(math.dist(a, b) / 0.1), 1)
         stops += [(a[0] + (b[0] - a[0]) * i / parts, a[1] + (b[1] - a[1]) * i / parts) for i in range(parts)]
     assert all(fields.reach[terrain.point_at(*stop)] for stop in stops)
-    assert not (fields.patrolled & ~seen_from(terrain, range_m, sorted(set(stops)))).any()
+    footprint = footprint_of(terrain, range_m)
+    seen = [on_terrain(footprint.visible(Pose(*stop, 0.0)), terrain.shape) for stop in set(stops)]
+    assert not (fields.patrolled & ~np.logical_or.reduce(seen)).any()
     assert tour.length_m == pytest.approx(sum(math.dist(a, b) for a, b in pairwise([*tour.way, tour.way[0]])))
 
 
-def test_what_is_seen_from_one_place_needs_no_way() -> None:
+def test_ground_seen_from_one_place_needs_no_way_and_a_corridor_is_driven_up_and_down() -> None:
     tour, _ = tour_of(Terrain("room", np.ones((10, 10), dtype=np.bool_), 0.5), 10.0, 2.0, 2.0)
     assert (tour.length_m, len(tour.way)) == (0.0, 1)
-
-
-def test_a_corridor_is_driven_up_and_down() -> None:
     tour, _ = tour_of(Terrain("corridor", np.ones((3, 100), dtype=np.bool_), 0.5), 3.0, 2.0, 0.75)
     assert 2 * (50.0 - 2 * 3.0) <= tour.length_m <= 2 * 50.0
 

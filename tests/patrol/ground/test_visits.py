@@ -1,19 +1,14 @@
-"""Rounds that come by some ground more often than once."""
-
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
+from patrol.ground.terrain import ALL_WAYS
 from patrol.ground.ways import lengths_along
 from patrol.tours.round import Round
 from patrol.tours.visits import Ground, Visit, longest_gaps_m, plan_visits, with_visits
 
-POINT = 1.0
-SIDE = 21
-VAULT = 0
-ROW = 10
-"""Of the middle, in which the vault's way begins."""
+SIDE, ROW, VAULT = 21, 10, 0
 
 
 def ground(due_m: float) -> tuple[Round, Ground]:
@@ -24,35 +19,28 @@ def ground(due_m: float) -> tuple[Round, Ground]:
     base = Round(80.0, places, np.arange(80.0), places, np.arange(80), places)
     middle = np.array([ROW * SIDE + 12])
     vault = Round(1.0, middle, np.zeros(1), middle, np.zeros(1, dtype=np.int64), middle)
-    ways = lengths_along(np.ones((SIDE, SIDE), dtype=np.bool_), np.zeros((0, 0), dtype=np.uint8), [(ROW, 12)], 2**30)[
-        1:-1, 1:-1
-    ]
-    return base, Ground(vault, (ways * (POINT / 100.0)).astype(np.float32), due_m)
+    ways = lengths_along(np.ones((SIDE, SIDE), dtype=np.bool_), ALL_WAYS, [(ROW, 12)], 2**30)[1:-1, 1:-1]
+    return base, Ground(vault, (ways / 100.0).astype(np.float32), due_m)
 
 
 @pytest.mark.parametrize(("robots", "due_m", "most_m"), [(1, 70.0, 125.0), (2, 35.0, 125.0), (2, 60.0, 100.0)])
-def test_visits_are_as_close_as_they_are_due_and_few(robots: int, due_m: float, most_m: float) -> None:
+def test_visits_are_few_and_as_close_as_due_on_a_way_over_the_ground(robots: int, due_m: float, most_m: float) -> None:
     base, vault = ground(due_m)
     visits = plan_visits(base, {VAULT: vault}, robots)
     laid_out = with_visits(base, {VAULT: vault}, visits)
     assert longest_gaps_m(base, [VAULT], robots, [visits])[0, 0] <= due_m
     assert laid_out.length_m == base.length_m + sum(visit.length_m for visit in visits) <= most_m
+    assert (np.diff(laid_out.along) > 0.0).all()
+    rows, cols = np.divmod(np.append(laid_out.places, laid_out.places[0]), SIDE)
+    assert np.maximum(abs(np.diff(rows)), abs(np.diff(cols))).max() == 1
+    assert (np.diff(laid_out.place_of) >= 0).all()
+    assert set(laid_out.points.tolist()) == {*base.points.tolist(), *vault.round.points.tolist()}
     # Found again on the round: evenly spaced robots come by so often.
     own = laid_out.along[laid_out.place_of[laid_out.points == vault.round.points[0]]]
     assert len(own) == len(visits)
     lap_m = laid_out.length_m / robots
     at_m = np.sort(own % lap_m)
     assert np.diff([*at_m, at_m[0] + lap_m]).max() <= due_m + 1.0
-
-
-def test_a_round_with_visits_is_a_way_over_the_ground() -> None:
-    base, vault = ground(35.0)
-    laid_out = with_visits(base, {VAULT: vault}, plan_visits(base, {VAULT: vault}, 2))
-    assert (np.diff(laid_out.along) > 0.0).all()
-    rows, cols = np.divmod(np.append(laid_out.places, laid_out.places[0]), SIDE)
-    assert np.maximum(abs(np.diff(rows)), abs(np.diff(cols))).max() == 1
-    assert (np.diff(laid_out.place_of) >= 0).all()
-    assert set(laid_out.points.tolist()) == {*base.points.tolist(), *vault.round.points.tolist()}
 
 
 @pytest.mark.filterwarnings("error")

@@ -1,5 +1,3 @@
-"""Ways over the ground, with and without one-way zones: lengths, straight lines, corners and first bends."""
-
 from __future__ import annotations
 
 import heapq
@@ -23,18 +21,14 @@ Place = tuple[int, int]
 
 seeds = st.integers(0, 2**32 - 1)
 
-ROOM: BoolGrid = np.array(
-    [
-        [letter == "." for letter in row]
-        for row in (
-            "#########",
-            "#...#...#",
-            "#.#.#.#.#",
-            "#.#...#.#",
-            "#########",
-        )
-    ]
-)
+PLAN = """
+#########
+#...#...#
+#.#.#.#.#
+#.#...#.#
+#########
+"""
+ROOM: BoolGrid = np.array([[letter == "." for letter in row] for row in PLAN.split()])
 
 
 def dijkstra(reach: BoolGrid, zones: list[tuple[BoolGrid, int]], start: tuple[int, int]) -> NDArray[np.float64]:
@@ -152,13 +146,10 @@ def lengths(places: list[int], limit: int = 10**6) -> tuple[int, NDArray[np.int3
     return lengths_between(ROOM.view(np.uint8), np.array(places, dtype=np.int64), limit, found), found
 
 
-def test_lengths_lead_round_walls_and_cut_no_corner() -> None:
+def test_lengths_cut_no_corner_and_lead_through_other_places_beyond_the_limit() -> None:
     missing, found = lengths([10, 16, 28])
     assert missing == 0
     assert found.tolist() == [[0, 1000, 200], [1000, 0, 1200], [200, 1200, 0]]
-
-
-def test_lengths_beyond_the_limit_lead_through_other_places() -> None:
     missing, found = lengths([10, 16, 30], 700)
     assert missing == 0
     assert found[0, 1] == found[0, 2] + found[2, 1] == 1000
@@ -171,9 +162,6 @@ def test_a_way_is_straight_where_it_can_be_and_else_turns_round_corners() -> Non
     assert way(ROOM, ALL_WAYS, start, (1, 3)) == [start, (1, 3)]
     assert way(ROOM, ALL_WAYS, start, (3, 1)) == [start, (3, 1)]
     assert way(ROOM, ALL_WAYS, start, (1, 7)) == [start, (1, 3), (3, 3), (3, 5), (1, 5), (1, 7)]
-
-
-def test_where_no_way_leads_there_are_no_corners() -> None:
     apart = ROOM.copy()
     apart[3, 4] = False
     assert way(apart, ALL_WAYS, (1, 1), (1, 7)) == []

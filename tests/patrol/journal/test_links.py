@@ -1,20 +1,9 @@
-"""Links as columns read like tuples of rows, and equal them."""
-
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from patrol.journal.links import (
-    NO_DROPS,
-    WholeLinks,
-    drops_of,
-    joined,
-    links_of,
-    pairs_of,
-    places_of,
-    to_others,
-)
+from patrol.journal.links import NO_DROPS, WholeLinks, drops_of, joined, links_of, pairs_of, places_of, to_others
 
 ROWS = ((1, 2, 7), (1, 3, 7), (2, 1, 7), (0, 1, 2**40))
 DROPPED = ((1, 2, 7, "loss:b"), (1, 2, 7, "loss:a"), (1, 1, 7, "loss:b"))
@@ -34,9 +23,7 @@ def test_columns_read_like_the_rows_they_were_made_of() -> None:
 
 
 def test_columns_equal_rows_and_each_other_in_the_same_order_only() -> None:
-    assert links_of(ROWS) == ROWS
-    assert links_of(ROWS) == ROWS
-    assert links_of(ROWS) == links_of(list(ROWS))
+    assert links_of(ROWS) == ROWS == links_of(list(ROWS))
     assert links_of(ROWS) != links_of(ROWS[::-1])
     assert links_of(ROWS[:2]) != links_of(ROWS)
     assert drops_of(DROPPED) == DROPPED
@@ -45,7 +32,9 @@ def test_columns_equal_rows_and_each_other_in_the_same_order_only() -> None:
     assert hash(links_of(ROWS)) == hash(ROWS)
 
 
-def test_places_have_the_order_of_the_links() -> None:
+def test_joined_links_follow_one_another_and_places_have_their_order() -> None:
+    assert tuple(joined(links_of(ROWS), drops_of(DROPPED))) == (*ROWS, *(row[:3] for row in DROPPED))
+    assert joined(links_of(ROWS), NO_DROPS) == ROWS
     assert places_of(links_of(ROWS)) is None  # a forged frame's sequence
     rows = [(65535, 1, 3), (1, 65535, 2**32 - 1), (1, 65535, 0), (0, 2, 9)]
     places = places_of(links_of(rows))
@@ -54,22 +43,13 @@ def test_places_have_the_order_of_the_links() -> None:
     assert [rows[index] for index in by_place] == sorted(rows)
 
 
-def test_joined_links_follow_one_another() -> None:
-    assert tuple(joined(links_of(ROWS), drops_of(DROPPED))) == (*ROWS, *(row[:3] for row in DROPPED))
-    assert joined(links_of(ROWS), NO_DROPS) == ROWS
-
-
 def test_each_frame_goes_to_all_but_its_sender() -> None:
     links = to_others((0, 2, 2, 3), (1, 2, 3))
     rows = [(0, 0, 1), (0, 0, 2), (0, 0, 3), (1, 2, 1), (1, 2, 3), (2, 2, 1), (2, 2, 3), (3, 3, 1), (3, 3, 2)]
     pairs = links.pairs
     assert list(zip(pairs.frame.tolist(), pairs.source.tolist(), pairs.destination.tolist(), strict=True)) == rows
     assert pairs.robots.tolist() == [to << 16 | source for _, source, to in rows]
-    assert links.reaches.tolist() == [
-        [True, True, True, True],
-        [True, False, False, True],
-        [True, True, True, False],
-    ]
+    assert links.reaches.tolist() == [[True, True, True, True], [True, False, False, True], [True, True, True, False]]
     assert not any(column.flags.writeable for column in (*pairs[:4], links.reaches))
     assert [column.size for column in to_others((), ()).pairs[:4]] == [0, 0, 0, 0]
 

@@ -15,6 +15,7 @@ import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
+from numpy.typing import NDArray
 from PIL import Image
 
 from patrol.errors import BadInput
@@ -61,18 +62,23 @@ def free_of(folder: Path, picture: Image.Image | bytes, **says: Any) -> list[lis
     return free
 
 
-# --- what a pixel means ----------------------------------------------------------------------------------------------
-
-
-def test_trinary_calls_free_what_is_below_free_thresh(tmp_path: Path) -> None:
-    # Occupancies 0.996, 0.35, 0.196 (205: the usual grey for unknown), 0.192, 0.004.
-    assert free_of(tmp_path, grey([1, 166, 205, 206, 254])) == [[False, False, False, True, True]]
-
-
-def test_negate_turns_black_free(tmp_path: Path) -> None:
-    assert free_of(tmp_path, grey([0, 49, 50, 255]), negate=1) == [[True, True, False, False]]
-    assert free_of(tmp_path, grey([0, 255]), negate=True) == [[True, False]]
-    assert free_of(tmp_path, grey([0, 255]), negate=False) == [[False, True]]
+@pytest.mark.parametrize(
+    ("says", "greys", "free"),
+    [
+        # Occupancies 0.996, 0.35, 0.196 (205: the usual grey for unknown), 0.192, 0.004.
+        ({}, [1, 166, 205, 206, 254], [False, False, False, True, True]),
+        ({"negate": 1}, [0, 49, 50, 255], [True, True, False, False]),
+        *(({"negate": negate}, [0, 255], [negate, not negate]) for negate in (True, False)),
+        *(
+            ({"mode": "raw"} | more, [0, 19, 20, 100, 101, 255], [True] * 2 + [False] * 4)
+            for more in ({}, {"negate": 1})
+        ),
+    ],
+)
+def test_free_is_what_mode_negate_and_threshold_say(
+    says: dict[str, Any], greys: list[int], free: list[bool], tmp_path: Path
+) -> None:
+    assert free_of(tmp_path, grey(greys), **says) == [free]
 
 
 def test_the_images_lower_row_has_the_lowest_y(tmp_path: Path) -> None:
@@ -128,13 +134,6 @@ def test_an_image_beside_the_yaml_file_is_read_where_the_named_one_is_missing(tm
     assert doubts(terrain) == [f"plan.yaml: image = {named}: no such file; plan.pgm beside it is read"]
 
 
-def test_raw_is_occupancy_in_percent_whatever_negate_says(tmp_path: Path) -> None:
-    image = grey([0, 19, 20, 100, 101, 255])
-    expected = [[True, True, False, False, False, False]]
-    assert free_of(tmp_path, image, mode="raw") == expected
-    assert free_of(tmp_path, image, mode="raw", negate=1) == expected
-
-
 def test_palettes_and_transparent_colours_are_read_as_what_they_show(tmp_path: Path) -> None:
     palette = Image.fromarray(np.array([[0, 1, 2]], dtype=np.uint8)).convert("P")
     palette.putpalette([255, 255, 255, 0, 0, 0, 128, 128, 128])
@@ -176,9 +175,6 @@ def test_foreign_comments_and_a_missing_last_newline(tmp_path: Path, encoding: s
     says = read_map_file(path)
     assert (says.resolution, says.origin, says.negate, says.mode) == (0.05, (-1.0, 2.5), False, "trinary")
     assert says.image == tmp_path / "plan.pgm"
-
-
-# --- resampling ------------------------------------------------------------------------------------------------------
 
 
 @settings(max_examples=150)
@@ -241,44 +237,23 @@ PLAN = """
 """Free ground 2, unknown 1, occupied 0. Specks: alone in the open, at a wall's end, not in a wall's gap or a group."""
 
 
-# --- bad input -------------------------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize(
     ("says", "problem"),
     [
-        ({"image": None}, "image: missing"),
-        ({"image": ""}, "image ="),
-        ({"image": 5}, "image = 5"),
-        ({"resolution": None}, "resolution: missing"),
-        ({"resolution": 0}, "resolution = 0"),
-        ({"resolution": -0.1}, "resolution = -0.1"),
-        ({"resolution": math.nan}, "resolution = NaN"),
-        ({"resolution": math.inf}, "resolution = Infinity"),
-        ({"resolution": "wide"}, 'resolution = "wide"'),
-        ({"resolution": True}, "resolution = true"),
-        ({"resolution": [0.1]}, "resolution = [0.1]"),
-        ({"resolution": 1e9}, "more than"),
-        ({"resolution": 1e308}, "more than"),
+        *(({key: None}, f"{key}: missing") for key in SAYS),
+        *(({"image": ""}, "image ="), ({"image": 5}, "image = 5")),
+        *(({"resolution": value}, f"resolution = {value}") for value in (0, -0.1, [0.1])),
+        *(({"resolution": math.nan}, "resolution = NaN"), ({"resolution": math.inf}, "resolution = Infinity")),
+        *(({"resolution": "wide"}, 'resolution = "wide"'), ({"resolution": True}, "resolution = true")),
+        *(({"resolution": 1e9}, "more than"), ({"resolution": 1e308}, "more than")),
         ({"resolution": 1e-9}, "less than one point"),
-        ({"origin": None}, "origin: missing"),
-        ({"origin": [0.0, 0.0]}, "origin ="),
-        ({"origin": "here"}, "origin ="),
-        ({"origin": [0.0, math.nan, 0.0]}, "origin = NaN"),
-        ({"origin": [0.0, 0.0, 0.5]}, "yaw must be 0"),
-        ({"negate": None}, "negate: missing"),
-        ({"negate": 2}, "negate = 2"),
-        ({"negate": "maybe"}, 'negate = "maybe"'),
-        ({"occupied_thresh": None}, "occupied_thresh: missing"),
-        ({"free_thresh": None}, "free_thresh: missing"),
-        ({"free_thresh": math.nan}, "free_thresh = NaN"),
-        ({"free_thresh": 0.7}, "free_thresh = 0.7"),
-        ({"free_thresh": -0.1}, "free_thresh = -0.1"),
-        ({"occupied_thresh": 1.5}, "occupied_thresh = 1.5"),
-        ({"mode": "trinity"}, "did you mean trinary"),
-        ({"mode": 3}, "mode = 3"),
-        ({"negate": 1}, "leaves no free cell"),
-        ({"free_thresh": 0.0}, "leaves no free cell"),
+        *(({"origin": [0.0, 0.0]}, "origin ="), ({"origin": "here"}, "origin =")),
+        *(({"origin": [0.0, math.nan, 0.0]}, "origin = NaN"), ({"origin": [0.0, 0.0, 0.5]}, "yaw must be 0")),
+        *(({"negate": 2}, "negate = 2"), ({"negate": "maybe"}, 'negate = "maybe"')),
+        *(({"free_thresh": value}, f"free_thresh = {value}") for value in (0.7, -0.1)),
+        *(({"free_thresh": math.nan}, "free_thresh = NaN"), ({"occupied_thresh": 1.5}, "occupied_thresh = 1.5")),
+        *(({"mode": "trinity"}, "did you mean trinary"), ({"mode": 3}, "mode = 3")),
+        *(({"negate": 1}, "leaves no free cell"), ({"free_thresh": 0.0}, "leaves no free cell")),
     ],
     ids=str,
 )
@@ -294,6 +269,10 @@ def test_what_the_yaml_says_wrong_is_named(tmp_path: Path, says: dict[str, Any],
     assert "\n" not in line
 
 
+def doubts_of(folder: Path, picture: NDArray[np.uint8], **says: Any) -> list[str]:
+    return doubts(read_terrain(write_map(folder, Image.fromarray(picture), says), 0.1))
+
+
 WALLED = np.pad(np.full((38, 38), 254, dtype=np.uint8), 1)
 """A room of 38 x 38 free cells with walls of one cell."""
 
@@ -301,20 +280,27 @@ WALLED = np.pad(np.full((38, 38), 254, dtype=np.uint8), 1)
 @pytest.mark.parametrize(
     ("says", "words"),
     [
-        ({"negate": 1}, "negate = true, mode = trinary, free_thresh = 0.196 and occupied_thresh = 0.65 make 9.8 % of"),
-        ({"negate": 1}, "90.2 % occupied and 0.0 % unknown; if the image shows something else, correct negate, mode"),
-        ({"negate": 1}, "or the thresholds (negate: 0 would make 90.2 % free)"),
-        ({"mode": "raw"}, "9.8 % of its cells free, 0.0 % occupied and 90.2 % unknown"),
-        ({"mode": "raw"}, "(mode: trinary would make 90.2 % free)"),
+        (
+            {"negate": 1},
+            [
+                "negate = true, mode = trinary, free_thresh = 0.196 and occupied_thresh = 0.65 make 9.8 % of",
+                "90.2 % occupied and 0.0 % unknown; if the image shows something else, correct negate, mode",
+                "or the thresholds (negate: 0 would make 90.2 % free)",
+            ],
+        ),
+        (
+            {"mode": "raw"},
+            ["9.8 % of its cells free, 0.0 % occupied and 90.2 % unknown", "(mode: trinary would make 90.2 % free)"],
+        ),
     ],
-    ids=str,
+    ids=["negate", "mode"],
 )
 def test_settings_that_leave_only_the_walls_free_are_suspicious(
-    tmp_path: Path, says: dict[str, Any], words: str
+    tmp_path: Path, says: dict[str, Any], words: list[str]
 ) -> None:
-    (doubt,) = doubts(read_terrain(write_map(tmp_path, Image.fromarray(WALLED), says), 0.1))
-    assert words in doubt
-    assert doubts(read_terrain(write_map(tmp_path, Image.fromarray(WALLED)), 0.1)) == []
+    (doubt,) = doubts_of(tmp_path, WALLED, **says)
+    assert [word for word in words if word not in doubt] == []
+    assert doubts_of(tmp_path, WALLED) == []
 
 
 def test_unknown_ground_that_is_read_as_free_is_named_with_its_area_and_the_cure(tmp_path: Path) -> None:
@@ -326,12 +312,8 @@ def test_unknown_ground_that_is_read_as_free_is_named_with_its_area_and_the_cure
     assert "reads grey 205 as free: 20.0 m² of 34.4 m² free ground" in doubt
     assert doubt.endswith("set free_thresh: 0.196")
     assert np.count_nonzero(perhaps_unknown(terrain)) == 60 * 60 - 40 * 40
-    assert (
-        doubts(read_terrain(write_map(tmp_path, Image.fromarray(mapped), {"free_thresh": 0.25, "mode": "scale"}), 0.1))
-        == []
-    )
-    path.write_text(path.read_text().replace("0.25", "0.196"))
-    corrected = read_terrain(path, 0.1)
+    assert doubts_of(tmp_path, mapped, free_thresh=0.25, mode="scale") == []
+    corrected = read_terrain(write_map(tmp_path, Image.fromarray(mapped)), 0.1)
     assert doubts(corrected) == []
     assert not perhaps_unknown(corrected).any()
 
@@ -348,7 +330,7 @@ def test_unknown_ground_that_is_read_as_free_is_named_with_its_area_and_the_cure
 def test_a_cure_that_leaves_no_floor_is_not_advised(tmp_path: Path, white: int, ending: str) -> None:
     mapped = np.full((200, 200), 205, dtype=np.uint8)
     mapped[:white, : 2 * white] = 254
-    (doubt,) = doubts(read_terrain(write_map(tmp_path, Image.fromarray(mapped), {"free_thresh": 0.25}), 0.1))
+    (doubt,) = doubts_of(tmp_path, mapped, free_thresh=0.25)
     assert doubt.endswith(ending)
 
 
@@ -364,7 +346,7 @@ def test_dark_greys_that_are_few_each_and_many_together_are_named_with_a_cure_fo
     assert np.count_nonzero(perhaps_unknown(terrain)) == 25 * 88
     mapped[:25, :88] = 205
     mapped[0, :10] = 216  # as few as a converter leaves at edges
-    (doubt,) = doubts(read_terrain(write_map(tmp_path, Image.fromarray(mapped), {"free_thresh": 0.25}), 0.1))
+    (doubt,) = doubts_of(tmp_path, mapped, free_thresh=0.25)
     assert "reads greys 205 to 216 as free" in doubt
     assert doubt.endswith("set free_thresh: 0.196")
 
@@ -373,7 +355,7 @@ def test_a_map_that_is_mostly_unknown_or_filled_around_is_read_without_doubt(tmp
     for around in (205, 0):
         mapped = np.full((200, 200), around, dtype=np.uint8)
         mapped[:40, :40] = WALLED
-        assert doubts(read_terrain(write_map(tmp_path, Image.fromarray(mapped)), 0.1)) == []
+        assert doubts_of(tmp_path, mapped) == []
 
 
 @pytest.mark.parametrize("around", [205, 0], ids=["unknown", "filled"])
@@ -381,7 +363,7 @@ def test_an_inverted_negate_is_noticed_where_walls_are_thick_too(tmp_path: Path,
     mapped = np.full((80, 80), around, dtype=np.uint8)
     mapped[10:70, 10:70] = 0
     mapped[20:60, 20:60] = 254
-    (doubt,) = doubts(read_terrain(write_map(tmp_path, Image.fromarray(mapped), {"negate": 1}), 0.1))
+    (doubt,) = doubts_of(tmp_path, mapped, negate=1)
     assert "negate: 0 would make 25.0 % free" in doubt
 
 
@@ -390,21 +372,20 @@ def test_an_inverted_image_is_noticed_by_its_unknown_ground(tmp_path: Path, unkn
     mapped = np.full((80, 80), unknown, dtype=np.uint8)
     mapped[10:70, 10:70] = 254
     mapped[20:60, 20:60] = 0
-    (doubt,) = doubts(read_terrain(write_map(tmp_path, Image.fromarray(mapped), {"free_thresh": 0.19}), 0.1))
+    (doubt,) = doubts_of(tmp_path, mapped, free_thresh=0.19)
     assert "negate: 1 would make 25.0 % free" in doubt
     mapped[10:70, 10:70] = 254  # a drawing whose walls have that grey
     for outside in (unknown, 0):
         mapped[:5] = mapped[-5:] = mapped[:, :5] = mapped[:, -5:] = outside
-        assert doubts(read_terrain(write_map(tmp_path, Image.fromarray(mapped), {"free_thresh": 0.25}), 0.1)) == []
+        assert doubts_of(tmp_path, mapped, free_thresh=0.25) == []
 
 
 def test_a_jpeg_that_blurs_unknown_into_free_is_named(tmp_path: Path) -> None:
     mapped = np.full((80, 80), 205, dtype=np.uint8)
     mapped[21:61, 21:61] = WALLED
-    blurred = write_map(tmp_path, Image.fromarray(mapped), {"image": "plan.jpg"})
-    (doubt,) = doubts(read_terrain(blurred, 0.1))
+    (doubt,) = doubts_of(tmp_path, mapped, image="plan.jpg")
     assert doubt.startswith("plan.jpg: a JPEG, which blurs greys: ")
-    assert doubts(read_terrain(write_map(tmp_path, Image.fromarray(mapped), {"image": "plan.png"}), 0.1)) == []
+    assert doubts_of(tmp_path, mapped, image="plan.png") == []
 
 
 def test_too_coarse_points_are_not_blamed_where_the_settings_are(tmp_path: Path) -> None:
@@ -533,23 +514,10 @@ def test_a_yaml_that_is_no_map_is_named(tmp_path: Path, text: str) -> None:
         read_terrain(path, 0.1)
 
 
-def test_free_space_too_narrow_for_the_points_is_told(tmp_path: Path) -> None:
-    path = write_map(tmp_path, grey([0, 254, 0, 254], [0, 254, 0, 254]))
-    assert read_terrain(path, 0.1).passable.any()
-    with pytest.raises(BadInput, match="choose a smaller point"):
-        read_terrain(path, 0.2)
-
-
-# --- what a scenario asks for ----------------------------------------------------------------------------------------
-
-
-def test_a_scenarios_map_is_relative_to_its_base(tmp_path: Path) -> None:
+def test_a_scenarios_map_is_relative_to_its_base_and_keep_out_polygons_keep_bodies_out(tmp_path: Path) -> None:
     write_map(tmp_path, WHITE)
     assert load_terrain(TerrainSpec(map="plan.yaml"), 0.1, tmp_path).shape == (3, 4)
     assert load_terrain(TerrainSpec(builtin="open"), 0.5, tmp_path).shape == (176, 200)
-
-
-def test_keep_out_polygons_keep_bodies_out(tmp_path: Path) -> None:
     write_map(tmp_path, WHITE)
     zone = ((0.1, 0.0), (0.25, 0.0), (0.25, 0.1), (0.1, 0.1))
     terrain = load_terrain(TerrainSpec(map="plan.yaml", keep_out=(zone,)), 0.1, tmp_path)

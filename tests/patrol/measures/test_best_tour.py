@@ -22,10 +22,7 @@ ALIKE = (1.0, 1.0)
 
 
 def prepared(
-    door: bool = True,
-    radii: tuple[float, float] = (0.3, 0.3),
-    speeds: tuple[float, float] = (1.0, 2.0),
-    **sensor: Any,
+    door: bool = True, radii: tuple[float, float] = (0.3, 0.3), speeds: tuple[float, float] = (1.0, 2.0), **sensor: Any
 ) -> Prepared:
     """Two rooms of 10 x 10 m and a robot in each."""
     free = np.ones((20, 41), dtype=np.bool_)
@@ -39,18 +36,18 @@ def prepared(
         for number, (radius, speed) in enumerate(zip(radii, speeds, strict=True), start=1)
     ]
     facts = {"terrain": {"builtin": "open"}, "point": 0.5, "robots": robots, "sensor": {"range": 3.0, **sensor}}
-    fields = {
-        radius: compute_fields(
-            terrain, radius, 3.0, True, [start for start, own in zip(starts, radii, strict=True) if own == radius]
-        )
-        for radius in radii
-    }
+    of_radius = {radius: [start for start, own in zip(starts, radii, strict=True) if own == radius] for radius in radii}
+    fields = {radius: compute_fields(terrain, radius, 3.0, True, own) for radius, own in of_radius.items()}
     return Prepared(load_scenario(facts), terrain, starts, {n: fields[radius] for n, radius in enumerate(radii, 1)})
+
+
+def metres(length_m: float | None) -> float:
+    assert length_m is not None
+    return length_m
 
 
 @pytest.fixture(autouse=True)
 def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A cache of this test's own."""
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     monkeypatch.setattr(module, "_known", {})
     return tmp_path / "fogwatch" / "tours"
@@ -61,9 +58,8 @@ def test_robots_of_one_part_share_a_tour_at_the_speed_of_the_slowest() -> None:
     (part,) = tour.parts
     assert (part.robots, part.speed) == ((1, 2), 1.0)
     assert tour.length_m == part.length_m
-    assert part.length_m is not None
-    assert tour.bound_s({1: 1.0, 2: 1.0}) == part.length_m / 2.0
-    assert tour.bound_s({1: 1.0, 2: 0.5}) == part.length_m / 1.5
+    assert tour.bound_s({1: 1.0, 2: 1.0}) == metres(part.length_m) / 2.0
+    assert tour.bound_s({1: 1.0, 2: 0.5}) == metres(part.length_m) / 1.5
     assert tour.bound_s({}) is None
 
 
@@ -88,9 +84,7 @@ def test_a_sensor_of_ones_own_has_a_tour_of_its_own(tmp_path: Path) -> None:
     file.write_text(SQUARE, encoding="utf-8")
     square = prepared(kind=f"{file}:Square")
     allow_sensor(square.scenario.sensor)
-    of_disc, of_square = best_tour(prepared()).length_m, best_tour(square).length_m
-    assert of_disc is not None
-    assert of_square is not None
+    of_disc, of_square = metres(best_tour(prepared()).length_m), metres(best_tour(square).length_m)
     assert of_square > of_disc
     assert best_tour(prepared()).length_m == of_disc
     assert best_tour(square).length_m == of_square
@@ -100,9 +94,7 @@ def test_parts_that_nobody_can_change_between_have_a_tour_each() -> None:
     tour = best_tour(prepared(door=False))
     first, second = tour.parts
     assert (first.robots, second.robots) == ((1,), (2,))
-    assert first.length_m is not None
-    assert second.length_m is not None
-    assert tour.bound_s({1: 1.0, 2: 1.0}) == max(first.length_m, second.length_m / 2.0)
+    assert tour.bound_s({1: 1.0, 2: 1.0}) == max(metres(first.length_m), metres(second.length_m) / 2.0)
     assert tour.bound_s({1: 1.0}) is None
 
 
@@ -112,9 +104,7 @@ def test_of_two_bodies_the_larger_sees_what_it_can() -> None:
     assert more.any()
     large, small = best_tour(ready).parts
     assert (large.robots, small.robots) == ((1,), (2,))
-    assert large.length_m is not None
-    assert small.length_m is not None
-    assert small.length_m < large.length_m
+    assert metres(small.length_m) < metres(large.length_m)
 
 
 @pytest.mark.parametrize("sensor", [{"angle": 90.0}, {"quality": 0.5}])
@@ -159,16 +149,9 @@ def test_the_tour_of_a_wheel_is_taken_and_nothing_is_stored(
 @pytest.mark.parametrize(
     "text",
     [
-        "",
-        "{}",
-        "[]",
-        '{"length_m": "far"}',
-        '{"length_m": -1.0, "way": [[5.25, 5.25]]}',
-        '{"length_m": NaN, "way": [[5.25, 5.25]]}',
-        '{"length_m": 5.0, "way": []}',
-        '{"length_m": 5.0, "way": [[1e9, 5.25]]}',
-        '{"length_m": 5.0, "way": [5.25]}',
-        "\x00",
+        *("", "{}", "[]", "\x00", '{"length_m": "far"}', '{"length_m": 5.0, "way": []}'),
+        *(f'{{"length_m": {length}, "way": [[5.25, 5.25]]}}' for length in ("-1.0", "NaN")),
+        *(f'{{"length_m": 5.0, "way": {way}}}' for way in ("[[1e9, 5.25]]", "[5.25]")),
     ],
 )
 def test_a_damaged_file_is_made_again(cache: Path, monkeypatch: pytest.MonkeyPatch, text: str) -> None:
@@ -187,12 +170,14 @@ def test_a_cache_that_cannot_be_written_is_done_without(cache: Path) -> None:
     assert best_tour(prepared()).length_m is not None
 
 
-def test_ground_that_is_seen_from_one_place_has_no_round() -> None:
+def test_ground_that_is_seen_from_one_place_and_large_fleets_have_no_round(monkeypatch: pytest.MonkeyPatch) -> None:
     rooms = prepared(door=False, speeds=ALIKE, range=30.0)
     assert [part.length_m for part in best_tour(rooms).parts] == [0.0, 0.0]
     assert round_of(rooms, 1) is None
     assert round_of(prepared(speeds=ALIKE), 1) is not None
     assert round_of(prepared(), 1) is None, "robots of several speeds"
+    monkeypatch.setattr(module, "MOST_ROBOTS", 1)
+    assert round_of(prepared(speeds=ALIKE), 1) is None
 
 
 def test_robots_keep_their_distances_in_each_part_of_the_terrain() -> None:
@@ -200,8 +185,3 @@ def test_robots_keep_their_distances_in_each_part_of_the_terrain() -> None:
     assert followers_of(prepared(radii=(0.3, 0.6), speeds=ALIKE), 1) == {1, 2}
     apart = prepared(door=False, speeds=ALIKE)
     assert [followers_of(apart, number) for number in (1, 2)] == [{1}, {2}]
-
-
-def test_large_fleets_have_no_rounds(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(module, "MOST_ROBOTS", 1)
-    assert round_of(prepared(speeds=ALIKE), 1) is None

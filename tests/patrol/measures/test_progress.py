@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -85,8 +86,11 @@ def test_a_trap_is_over_when_all_outside_has_been_seen_and_the_time_counts_anew(
     assert traps.open == {1: second}
 
 
-@pytest.mark.parametrize("stale_from", [0, 700])
-def test_the_fog_is_not_looked_at_unless_it_is_needed(stale_from: int) -> None:
+@pytest.mark.parametrize(
+    ("stale_from", "times"),
+    [(0, range(360, 1100, 10)), (700, (360, 720, *range(1080, 1100, 10))), (1200, (360, 720, 1080))],
+)
+def test_the_fog_is_not_looked_at_unless_it_is_needed(stale_from: int, times: Sequence[int]) -> None:
     ready = prepared(rooms(), LEFT)
     traps, seen = Traps(ready), np.full(ready.terrain.shape, -1, dtype=np.int32)
     asked: list[int] = []
@@ -95,29 +99,16 @@ def test_the_fog_is_not_looked_at_unless_it_is_needed(stale_from: int) -> None:
         asked.append(k)
         return seen
 
-    needed = []
+    needed, found = [], []
     for k in range(1200):
         seen[:, : 40 if k >= stale_from else 81] = k
         place = (5.0, 5.0) if k < 1100 else (30.0, 5.0)
         needed += [k] if traps.needs_fog(k) else []
-        traps.tick(tick(k, place), last_seen)
+        found += traps.tick(tick(k, place), last_seen)
     assert set(asked) <= set(needed)
     assert set(needed) <= {*asked, 1100}
-    assert asked == list(range(360, 1100, 10)) if stale_from == 0 else [360, 720, *range(1080, 1100, 10)]
-
-
-def test_the_fog_is_asked_for_only_when_a_robot_stays() -> None:
-    ready = prepared(rooms(), LEFT)
-    traps = Traps(ready)
-    asked: list[int] = []
-
-    def last_seen() -> np.ndarray[tuple[int, int], np.dtype[np.int32]]:
-        asked.append(k)
-        return np.full(ready.terrain.shape, k, dtype=np.int32)
-
-    for k in range(1100):
-        assert not traps.tick(tick(k, (5.0, 5.0)), last_seen)
-    assert asked == [360, 720, 1080]
+    assert asked == list(times)
+    assert bool(found) == (stale_from < 1200)
 
 
 @pytest.mark.parametrize("doors", [True, False])
@@ -137,8 +128,7 @@ def test_what_a_robot_cannot_get_to_does_not_trap_it(doors: bool) -> None:
 
 
 @pytest.mark.parametrize(
-    ("status", "state"),
-    [(Status.PAUSED, ""), (Status.DEAD, ""), (Status.ABSENT, ""), (Status.ALIVE, "surrounding")],
+    ("status", "state"), [(Status.PAUSED, ""), (Status.DEAD, ""), (Status.ABSENT, ""), (Status.ALIVE, "surrounding")]
 )
 def test_who_is_down_or_surrounds_an_intruder_may_stay(status: Status, state: str) -> None:
     assert judged_places(tick(0, (1.0, 2.0), status=status, state=state)) == ({1: (1.0, 2.0)}, [1])

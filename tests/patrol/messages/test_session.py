@@ -84,8 +84,6 @@ def columns(table: str) -> list[tuple[str, str, str]]:
     return cases
 
 
-# --- the robot's end -------------------------------------------------------------------------------------------------
-
 ME = Identity("r1", 1, 77, HASH)
 
 
@@ -236,8 +234,6 @@ def test_an_ungreeted_robot_asks_for_a_greeting_and_says_so() -> None:
     assert robot.waited(0.1, NOW + UNGREETED_S + 0.5) == (asked, Unanswered(UNGREETED_S + 0.5))
 
 
-# --- the world's end -------------------------------------------------------------------------------------------------
-
 BEGUN = 300
 REPLY = Reply(Velocity(1.0, 0.0), "patrolling", None, 1.0, 0)
 
@@ -365,8 +361,6 @@ def test_a_token_that_has_gone_is_no_farewell() -> None:
     assert not world.is_missing(NOW + 1000.0)
 
 
-# --- whatever comes --------------------------------------------------------------------------------------------------
-
 TICK = st.integers(0, 12)
 FROM = st.tuples(st.sampled_from([1, 1, 1, 2]), st.sampled_from([77, 77, 77, 78, ANYONE]))
 
@@ -422,10 +416,8 @@ def test_no_sequence_makes_a_robot_obey_a_stranger_or_come_back(sequence: list[A
 @st.composite
 def to_worlds(draw: st.DrawFn) -> Any:
     """Messages to a world from processes of a robot; and what the world does with them."""
-    head, k = (
-        (draw(st.integers(1, 2)), draw(st.integers(71, 73))),
-        draw(st.sampled_from([0, 43, 44, 299, 300, 2**31 - 1])),
-    )
+    head = draw(st.integers(1, 2)), draw(st.integers(71, 73))
+    k = draw(st.sampled_from([0, 43, 44, 299, 300, 2**31 - 1]))
     run = draw(st.sampled_from([RUN, RUN, RUN, NO_RUN, OTHER]))
     kinds: list[Any] = [
         HelloReply(*head, k, run, draw(st.sampled_from([HASH, HASH, "d" * 64])), draw(st.sampled_from([PROTOCOL, 4]))),
@@ -482,7 +474,6 @@ class Watched(dict[Any, Any]):
 
 
 def test_every_step_and_every_refusal_can_happen(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The cases above take every step of the tables."""
     robot, seat = Watched(ROBOT), Watched(SEAT)
     monkeypatch.setattr(session, "ROBOT", robot)
     monkeypatch.setattr(session, "SEAT", seat)

@@ -9,15 +9,7 @@ from pathlib import Path
 import pytest
 
 from fogwatch.commands.control import control
-from patrol.messages.stop_orders import (
-    LONGEST_ANSWER,
-    Order,
-    Outcome,
-    StopOrders,
-    ask_robots,
-    outcome_of,
-    robots_there,
-)
+from patrol.messages.stop_orders import LONGEST_ANSWER, Order, Outcome, StopOrders, ask_robots, outcome_of, robots_there
 from patrol.net.link import Link, open_link
 from patrol.security.keys import WORLD, FleetKeys, fleet_keys
 from tests.routers import PATIENCE_S, guarded_by_passwords, routed
@@ -26,9 +18,10 @@ SHORT_S = 1.0
 STOPPED = Outcome(True, "stopped by an operator")
 
 
-def asked(
-    link: Link, keys: FleetKeys, robots: list[str], order: Order, wait_s: float = PATIENCE_S
-) -> list[tuple[str, Outcome]]:
+Answers = list[tuple[str, Outcome]]
+
+
+def asked(link: Link, keys: FleetKeys, robots: list[str], order: Order, wait_s: float = PATIENCE_S) -> Answers:
     return sorted(ask_robots(link, keys, robots, order, wait_s), key=lambda one: one[0])
 
 
@@ -171,14 +164,13 @@ def test_robots_that_a_world_simulates_are_held_by_other_words(
     assert "fogwatch control RUN fault '{kind: pause, who: all}'" in said
 
 
-def test_a_robot_that_may_still_drive_is_no_success(fleet: Fleet, capsys: pytest.CaptureFixture[str]) -> None:
+def test_neither_no_robot_nor_one_that_may_still_drive_is_a_success(
+    fleet: Fleet, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert stop_all(fleet) == 3
+    assert "no robot is there" in capsys.readouterr().err
     fleet.join("r1", STOPPED)
     fleet.join("r2", Outcome(False, "may still drive: its odometry says 0.50 m/s"))
     fleet.ready()
     assert stop_all(fleet) == 1
     assert "r2: may still drive" in capsys.readouterr().err
-
-
-def test_where_no_robot_is_nobody_was_stopped(fleet: Fleet, capsys: pytest.CaptureFixture[str]) -> None:
-    assert stop_all(fleet) == 3
-    assert "no robot is there" in capsys.readouterr().err

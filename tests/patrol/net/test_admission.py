@@ -1,13 +1,13 @@
-"""Who gets in at a real router, and what each member may do there: with passwords, and with certificates."""
-
 from __future__ import annotations
 
 import shutil
+import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -23,11 +23,13 @@ from patrol.security.roles import robot_role
 from tests.routers import (
     PATIENCE_S,
     Guarded,
+    await_last,
     await_seen,
     guarded_by_certificates,
     guarded_by_passwords,
     make_local_fleet,
     needs_openssl,
+    reach,
 )
 
 pytestmark = needs_openssl
@@ -42,18 +44,16 @@ Guard = Callable[[], AbstractContextManager[Guarded]]
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory: pytest.TempPathFactory) -> FleetFolder:
-    """A fleet with certificates."""
     return make_local_fleet(tmp_path_factory.mktemp("fleet") / "f", ROBOTS)
 
 
 @pytest.fixture
 def fleet(made: FleetFolder, tmp_path: Path) -> FleetFolder:
-    """A copy of it, to be changed."""
     shutil.copytree(made.path, tmp_path / "f")
     return open_fleet_folder(tmp_path / "f")
 
 
-class Members:
+class Members(AbstractContextManager["Members"]):
     """Sessions of a fleet's members at its router."""
 
     def __init__(self, at: Guarded) -> None:
@@ -68,31 +68,25 @@ class Members:
     def __getitem__(self, user: str) -> Link:
         return self.join(self.at.credentials[user])
 
-    def close(self) -> None:
+    def __exit__(self, *_: object) -> None:
         for link in self._links:
             assert link.close(PATIENCE_S)
 
 
 @pytest.fixture(params=["passwords", "certificates"])
 def members(request: pytest.FixtureRequest, made: FleetFolder) -> Iterator[Members]:
-    """A guarded router, and who wants to get in."""
-    with guarded_by_passwords(ROBOTS) if request.param == "passwords" else guarded_by_certificates(made) as at:
-        members = Members(at)
+    guard = guarded_by_passwords(ROBOTS) if request.param == "passwords" else guarded_by_certificates(made)
+    with guard as at, Members(at) as members:
         yield members
-        members.close()
 
 
 def letters(*keys: str) -> Mailbox[bytes | Presence]:
     return Mailbox(keys, bytes, 100)
 
 
-def await_honest(post: Callable[[bytes], None], mailbox: Mailbox[bytes | Presence]) -> list[tuple[str, object]]:
-    """Send until something arrives, since a subscription takes a moment to be known; all that has arrived by then."""
-    end = time.monotonic() + PATIENCE_S
-    while (arrived := mailbox.get(0.05)) is None:
-        assert time.monotonic() < end, "the honest message does not arrive"
-        post(HONEST)
-    found: list[tuple[str, object]] = [arrived]
+def await_honest(post: Callable[[bytes], None], mailbox: Mailbox[Any]) -> list[tuple[str, object]]:
+    """Send until something arrives; return all that has arrived by then."""
+    found: list[tuple[str, object]] = [reach(post, mailbox, HONEST)]
     while (arrived := mailbox.get()) is not None:
         found.append(arrived)
     return found
@@ -103,25 +97,16 @@ def test_a_robot_speaks_for_itself_alone(members: Members) -> None:
     keys, world, r2 = members.keys, members["world"], members["robot-r2"]
     own = [make("r2") for make in (keys.reply, keys.position, keys.telemetry)]
     others = [make("r1") for make in (keys.reply, keys.position, keys.telemetry)]
-    for forged, honest, all_of_them in zip(others, own, map(_any_robot, own), strict=True):
-        mailbox = letters(forged, honest)
-        world.subscribe(all_of_them, mailbox)
+    for forged, honest in zip(others, own, strict=True):
+        mailbox: Mailbox[bytes] = Mailbox((forged, honest), bytes, 100)
+        world.subscribe(honest.replace("/r2", "/*"), mailbox)
         honestly = r2.post(honest)
         await_honest(honestly, mailbox)
         forge = r2.post(forged)
         for _ in range(20):
             forge(FORGED)
         honestly(b"last")
-        seen: list[tuple[str, object]] = []
-        while not seen or seen[-1] != (honest, b"last"):
-            arrived = mailbox.get(PATIENCE_S)
-            assert arrived is not None
-            seen.append(arrived)
-        assert {key for key, _ in seen} == {honest}
-
-
-def _any_robot(key: str) -> str:
-    return key.replace("/r2", "/*")
+        assert await_last(mailbox, (honest, b"last")) == {honest}
 
 
 @pytest.mark.parametrize("who", ["robot-r2", "viewer", "operator"])
@@ -199,9 +184,7 @@ def _unread(_payload: bytes) -> Question:
 
 
 def _answered(link: Link, key: str, asked: Mailbox[Question]) -> bool:
-    """Whether the world is asked and its answer arrives, however long it takes until it is known."""
-    import threading
-
+    """Return whether the world is asked and its answer arrives, however long it takes until it is known."""
     end = time.monotonic() + PATIENCE_S
     got: list[bytes | None] = [None]
     while got[0] is None and time.monotonic() < end:
@@ -216,7 +199,7 @@ def _answered(link: Link, key: str, asked: Mailbox[Question]) -> bool:
 
 @pytest.mark.parametrize("who", ["nobody", "wrong", "another's", "unknown"])
 def test_a_password_must_be_the_member_s_own(who: str) -> None:
-    with guarded_by_passwords(ROBOTS) as at:
+    with guarded_by_passwords(ROBOTS) as at, Members(at) as members:
         r1, r2 = at.credentials["robot-r1"], at.credentials["robot-r2"]
         wrong = {
             "nobody": None,
@@ -224,15 +207,12 @@ def test_a_password_must_be_the_member_s_own(who: str) -> None:
             "another's": replace(r1, password=r2.password),
             "unknown": replace(r1, role=robot_role("r3")),
         }[who]
-        members = Members(at)
-        with pytest.raises(
-            NotAdmitted, match=r"does not let this process in: its credentials are missing, wrong or expired"
-        ):
+        why = "does not let this process in: its credentials are missing, wrong or expired"
+        with pytest.raises(NotAdmitted, match=why):
             members.join(wrong, REFUSED_S)
         with pytest.raises(BadInput, match="does not let this process in"):
             open_links(at.router, None, REFUSED_S, lambda _line: None, lambda: False, wrong)
         assert members.join(r1).connected
-        members.close()
 
 
 def test_a_member_needs_a_certificate_of_the_fleet_that_is_valid_now(fleet: FleetFolder, tmp_path: Path) -> None:
@@ -243,8 +223,7 @@ def test_a_member_needs_a_certificate_of_the_fleet_that_is_valid_now(fleet: Flee
     issue(tmp_path / "authority", folders["stranger"], "robot-r1.1", 1)
     shutil.copyfile(good / "authority.pem", folders["stranger"] / "authority.pem")
     shutil.copyfile(fleet.path / "r2" / "key.pem", folders["swapped"] / "key.pem")
-    with guarded_by_certificates(fleet) as at:
-        members = Members(at)
+    with guarded_by_certificates(fleet) as at, Members(at) as members:
         refused = {
             "expired": at.credentials["robot-late"],
             "wrong authority": read_credentials(folders["stranger"], "test"),
@@ -257,18 +236,15 @@ def test_a_member_needs_a_certificate_of_the_fleet_that_is_valid_now(fleet: Flee
                 members.join(credentials, REFUSED_S)
             assert "\n" not in str(caught.value), why
         assert members.join(at.credentials["robot-r1"]).connected
-        members.close()
 
 
 def test_a_member_does_not_join_a_router_that_another_authority_has_made(fleet: FleetFolder, tmp_path: Path) -> None:
     other = make_local_fleet(tmp_path / "other", ROBOTS)
     mine = read_credentials(fleet.path / "operator", "test")
-    with guarded_by_certificates(other) as at:
-        members = Members(at)
+    with guarded_by_certificates(other) as at, Members(at) as members:
         with pytest.raises(NotAdmitted):
             members.join(mine, REFUSED_S)
         assert members.join(at.credentials["operator"]).connected
-        members.close()
 
 
 def test_a_member_cannot_pass_for_the_router(fleet: FleetFolder) -> None:
@@ -284,8 +260,7 @@ def test_a_revoked_member_has_no_rights_and_the_one_that_replaces_it_has(fleet: 
     keys_of = robot_role("r2")
     fleet.revoke(keys_of, 1)
     fleet.add(keys_of, days=1)
-    with guarded_by_certificates(fleet) as at:
-        members = Members(at)
+    with guarded_by_certificates(fleet) as at, Members(at) as members:
         keys, world, thief = at.keys, members["world"], members.join(stolen)
         mailbox = letters(keys.reply("r1"), keys.reply("r2"), keys.alive("r2"))
         world.subscribe(keys.reply("*"), mailbox)
@@ -301,7 +276,6 @@ def test_a_revoked_member_has_no_rights_and_the_one_that_replaces_it_has(fleet: 
         own = letters(keys.reply("r1"), keys.reply("r2"))
         world.subscribe(keys.reply("r2"), own)
         assert {payload for _, payload in await_honest(members["robot-r2"].post(keys.reply("r2")), own)} == {HONEST}
-        members.close()
 
 
 def test_a_viewer_sees_what_observers_may_see(members: Members) -> None:

@@ -11,7 +11,7 @@ import zenoh
 from patrol.net.link import Link, LinkDown, _make_answer, open_link, open_router
 from patrol.net.mailbox import Mailbox, Presence
 from patrol.net.settings import MAX_MESSAGE, QUEUE
-from tests.routers import PATIENCE_S, free_endpoint
+from tests.routers import PATIENCE_S, free_endpoint, reach
 
 
 def test_an_answer_that_comes_too_late_is_nobody_s_failure() -> None:
@@ -51,11 +51,6 @@ def test_an_interpreter_that_ends_waits_for_sessions_that_close() -> None:
     assert subprocess.run([sys.executable, "-c", SLOW], capture_output=True, text=True, check=True).stdout == "closed\n"
 
 
-def whole(payload: bytes) -> int:
-    """Decodes what holds a number."""
-    return int(payload)
-
-
 @pytest.fixture
 def links(endpoint: str) -> Iterator[Callable[[], Link]]:
     made: list[Link] = []
@@ -67,15 +62,6 @@ def links(endpoint: str) -> Iterator[Callable[[], Link]]:
     yield join
     for link in made:
         assert link.close(PATIENCE_S)
-
-
-def reach(post: Callable[[bytes], None], mailbox: Mailbox[int], payload: bytes) -> tuple[str, int]:
-    """Send until it arrives, since a subscription takes a moment to be known."""
-    end = time.monotonic() + PATIENCE_S
-    while (arrived := mailbox.get(0.05)) is None:
-        assert time.monotonic() < end
-        post(payload)
-    return arrived
 
 
 def next_but(mailbox: Mailbox[int], former: int) -> tuple[str, int]:
@@ -98,7 +84,7 @@ def together(link: Link, key: str) -> Callable[[bytes], None]:
 def test_what_is_sent_arrives_under_its_key(
     way: Callable[..., Callable[[bytes], None]], links: Callable[[], Link]
 ) -> None:
-    mailbox: Mailbox[int] = Mailbox(("t/x/a",), whole, 100)
+    mailbox: Mailbox[int] = Mailbox(("t/x/a",), int, 100)
     receiver, sender = links(), links()
     receiver.subscribe("t/*/a", mailbox)
     assert reach(way(sender, "t/x/a"), mailbox, b"42") == ("t/x/a", 42)
@@ -110,7 +96,7 @@ def test_a_burst_that_may_be_dropped_is_not(
 ) -> None:
     """One message to each robot of a fleet, as at the beginning of a tick; many more than the queue has places."""
     keys = [f"t/{number}" for number in range(4 * QUEUE)]
-    mailbox: Mailbox[int] = Mailbox(keys, whole, 100)
+    mailbox: Mailbox[int] = Mailbox(keys, int, 100)
     receiver, sender = links(), links()
     receiver.subscribe("t/*", mailbox)
     posts = [way(sender, key) for key in keys]
@@ -124,7 +110,7 @@ def test_a_burst_that_may_be_dropped_is_not(
 
 
 def test_huge_messages_are_refused_and_the_link_lives_on(links: Callable[[], Link]) -> None:
-    mailbox: Mailbox[int] = Mailbox(("t",), whole, 100)
+    mailbox: Mailbox[int] = Mailbox(("t",), int, 100)
     receiver, sender = links(), links()
     receiver.subscribe("t", mailbox)
     post = sender.post("t")
@@ -138,7 +124,7 @@ def test_huge_messages_are_refused_and_the_link_lives_on(links: Callable[[], Lin
 def test_tokens_tell_who_is_there_and_who_has_gone(links: Callable[[], Link], endpoint: str) -> None:
     early = open_link(endpoint, PATIENCE_S)
     early.live("alive/early")
-    mailbox: Mailbox[int | Presence] = Mailbox(("alive/early", "alive/late"), whole, 100)
+    mailbox: Mailbox[int | Presence] = Mailbox(("alive/early", "alive/late"), int, 100)
     watcher = links()
     watcher.watch("alive/*", mailbox)
     assert mailbox.get(PATIENCE_S) == ("alive/early", Presence(True))
@@ -162,7 +148,7 @@ def test_a_link_waits_for_its_router_and_finds_back_to_it() -> None:
     link = open_link(where, PATIENCE_S, waiting)
     assert waited
     assert link.connected
-    mailbox: Mailbox[int] = Mailbox(("t",), whole, 100)
+    mailbox: Mailbox[int] = Mailbox(("t",), int, 100)
     link.subscribe("t", mailbox)
     routers.pop().close(PATIENCE_S)
     end = time.monotonic() + PATIENCE_S
@@ -177,15 +163,12 @@ def test_a_link_waits_for_its_router_and_finds_back_to_it() -> None:
         assert closing.close(PATIENCE_S)
 
 
-def test_a_router_that_never_comes_is_given_up() -> None:
+def test_what_cannot_be_reached_or_listened_at_is_said_in_one_line(endpoint: str) -> None:
     where = free_endpoint()
     with pytest.raises(LinkDown, match=f"no router answers at {where}"):
         open_link(where, 0.3)
     with pytest.raises(LinkDown):
         open_link(where, 60.0, stopped=lambda: True)
-
-
-def test_a_busy_port_and_a_foreign_address_are_said_in_one_line(endpoint: str) -> None:
     with pytest.raises(LinkDown, match=f"^{endpoint}: the port is busy; choose another$"):
         open_router(endpoint)
     with pytest.raises(LinkDown, match=r"cannot listen there \([^()\n]+\)$"):
@@ -230,7 +213,7 @@ def test_a_client_finds_the_next_router_where_the_first_is_gone() -> None:
     routers = [open_router(first), open_router(second, others=[first])]
     both = open_link(f"{first},{second}", PATIENCE_S)
     other = open_link(second, PATIENCE_S)
-    mailbox: Mailbox[int] = Mailbox(("t",), whole, 100)
+    mailbox: Mailbox[int] = Mailbox(("t",), int, 100)
     other.subscribe("t", mailbox)
     post = both.post("t", waits=False)
     assert reach(post, mailbox, b"1") == ("t", 1)

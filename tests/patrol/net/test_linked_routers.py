@@ -1,5 +1,3 @@
-"""Two sites of a fleet, each with a router, linked over TLS: who hears whom, and who may speak for whom."""
-
 from __future__ import annotations
 
 import subprocess
@@ -20,7 +18,7 @@ from patrol.net.mailbox import Mailbox, Presence
 from patrol.security.credentials import Credentials, read_credentials, read_router
 from patrol.security.keys import WORLD, FleetKeys, fleet_keys
 from patrol.security.roles import Kind, Role, robot_role
-from tests.routers import PATIENCE_S, free_endpoint, make_local_fleet, needs_openssl
+from tests.routers import PATIENCE_S, await_last, free_endpoint, make_local_fleet, needs_openssl, reach
 
 pytestmark = needs_openssl
 
@@ -28,7 +26,6 @@ TRIES_S = 2.0
 """How long a stranger tries."""
 RETURNS = 3
 TRY_S = 0.05
-"""How often to send until something arrives: a subscription takes a moment to be known at the other site."""
 
 
 def free_tls() -> str:
@@ -52,20 +49,16 @@ class Sites:
     def start_second(self) -> None:
         self._keep(open_router(self.where[1], self._security, [self.where[0]]))
 
+    def start_both(self) -> None:
+        self.start_first()
+        self.start_second()
+
     @contextmanager
     def process(self, site: int) -> Iterator[None]:
         """A router as a process, which is killed at the end."""
         linked = ["--connect", self.where[0]] if site else []
-        command: list[str | Path] = [
-            "-P",
-            "-m",
-            "fogwatch.router",
-            "--fleet",
-            self._fleet.path,
-            "--listen",
-            self.where[site],
-            *linked,
-        ]
+        command: list[str | Path] = ["-P", "-m", "fogwatch.router", "--fleet", self._fleet.path]
+        command += ["--listen", self.where[site], *linked]
         with subprocess.Popen([sys.executable, *command], stdout=subprocess.DEVNULL) as router:
             try:
                 yield
@@ -100,15 +93,10 @@ def sites(fleet: FleetFolder) -> Iterator[Sites]:
 
 
 def heard(sender: Link, key: str, receiver: Link) -> bytes:
-    """What a receiver hears under a key that a sender sends under until it does."""
+    """Send under a key until a receiver hears it; return what it hears."""
     mailbox: Mailbox[bytes] = Mailbox([key], bytes, 100)
     receiver.subscribe(key, mailbox)
-    post = sender.broadcast(key)
-    for _ in range(int(PATIENCE_S / TRY_S)):
-        post(b"here")
-        if (arrived := mailbox.get(TRY_S)) is not None:
-            return arrived[1]
-    raise AssertionError(f"nothing arrives under {key}")
+    return reach(sender.broadcast(key), mailbox)[1]
 
 
 @pytest.mark.parametrize("first_to_start", [0, 1])
@@ -124,8 +112,7 @@ def test_positions_of_both_sites_reach_each_other_whichever_router_starts_first(
 
 
 def test_a_world_sees_who_is_alive_at_the_other_site(sites: Sites) -> None:
-    sites.start_first()
-    sites.start_second()
+    sites.start_both()
     world, r2 = sites.join(Role(Kind.WORLD), 0), sites.join(robot_role("r2"), 1)
     alive = sites.keys.alive("r2")
     tokens: Mailbox[bytes | Presence] = Mailbox([alive], bytes, 100)
@@ -139,8 +126,7 @@ def test_a_world_sees_who_is_alive_at_the_other_site(sites: Sites) -> None:
 
 def test_the_rules_hold_from_one_site_to_the_other(sites: Sites) -> None:
     """One session sends both, in order: what comes under its own key shows that the forged was not let through."""
-    sites.start_first()
-    sites.start_second()
+    sites.start_both()
     r1, r2 = sites.join(robot_role("r1"), 0), sites.join(robot_role("r2"), 1)
     viewer = sites.join(Role(Kind.VIEWER), 0)
     own, others = sites.keys.position("r2"), sites.keys.position("r1")
@@ -151,12 +137,7 @@ def test_the_rules_hold_from_one_site_to_the_other(sites: Sites) -> None:
     for _ in range(20):
         forge(b"forged")
     honestly(b"last")
-    seen: list[tuple[str, bytes]] = []
-    while not seen or seen[-1] != (own, b"last"):
-        arrived = mailbox.get(PATIENCE_S)
-        assert arrived is not None
-        seen.append(arrived)
-    assert {key for key, _ in seen} == {own}
+    assert await_last(mailbox, (own, b"last")) == {own}
 
 
 def test_a_router_with_the_certificates_of_another_authority_is_not_linked(sites: Sites, tmp_path: Path) -> None:
@@ -208,8 +189,7 @@ def test_routers_without_certificates_link_on_this_machine_only(capsys: pytest.C
 
 
 def test_the_link_comes_back_when_a_router_does(sites: Sites) -> None:
-    sites.start_first()
-    sites.start_second()
+    sites.start_both()
     r2 = sites.join(robot_role("r2"), 1)
     r1 = sites.join(robot_role("r1"), 0)
     heard(r2, sites.keys.position("r2"), r1)

@@ -1,5 +1,3 @@
-"""A fleet without a router: who hears whom, who may speak for whom, and who gets in."""
-
 from __future__ import annotations
 
 import copy
@@ -27,7 +25,7 @@ from patrol.security.credentials import Credentials, read_credentials
 from patrol.security.keys import WORLD, address_of, fleet_keys
 from patrol.security.mesh import MESH, everywhere, read_mesh
 from patrol.security.roles import robot_role
-from tests.routers import PATIENCE_S, await_seen, free_port, needs_openssl
+from tests.routers import PATIENCE_S, await_seen, free_port, needs_openssl, reach
 
 pytestmark = needs_openssl
 
@@ -64,64 +62,6 @@ def folder(template: Path, tmp_path: Path) -> Path:
 
 
 Join = Callable[..., Link]
-
-
-@pytest.fixture
-def join(folder: Path) -> Iterator[Join]:
-    """Opens members' links."""
-    links: list[Link] = []
-
-    def opened(name: str, own: Path = folder, wait_s: float = PATIENCE_S) -> Link:
-        credentials = read_credentials(own / name, "test")
-        links.append(open_link(credentials.router, wait_s, credentials=credentials))
-        return links[-1]
-
-    yield opened
-    for link in links:
-        link.close()
-
-
-def await_neighbours(link: Link, *names: str) -> None:
-    kinds = {name: f"robot-{name}.1" if name.startswith("r") else f"{name}.1" for name in names}
-    assert link.neighbours.await_all(kinds.values(), PATIENCE_S), f"has met {set(link.neighbours.names)} alone"
-
-
-def hear(receiver: Link, expression: str, *keys: str) -> Mailbox[bytes]:
-    mailbox: Mailbox[bytes] = Mailbox(keys, bytes, 100)
-    receiver.subscribe(expression, mailbox)
-    return mailbox
-
-
-def arrives(post: Callable[[bytes], None], mailbox: Mailbox[bytes]) -> str:
-    """Send until something arrives, since a subscription takes a moment to be known; the key of what arrives."""
-    for _ in range(int(PATIENCE_S / TRY_S)):
-        post(b"here")
-        if (arrived := mailbox.get(TRY_S)) is not None:
-            return arrived[0]
-    raise AssertionError("nothing arrives")
-
-
-def test_every_robot_hears_every_other_though_one_s_address_was_told_to_nobody(join: Join) -> None:
-    """Nor are the viewer's and r3's told to each other: Zenoh's issue 2753, peers that do not find each other."""
-    robots = {name: join(name) for name in ("r3", "r1", "r2")}
-    boxes = {name: hear(link, KEYS.position("*"), *map(KEYS.position, robots)) for name, link in robots.items()}
-    for sender, link in robots.items():
-        post = link.broadcast(KEYS.position(sender))
-        for receiver in robots:
-            if receiver != sender:
-                while arrives(post, boxes[receiver]) != KEYS.position(sender):
-                    pass
-    await_neighbours(join("viewer"), *robots)
-
-
-def test_the_death_of_a_robot_silences_no_other(join: Join) -> None:
-    r1, r2, r3 = join("r1"), join("r2"), join("r3")
-    await_neighbours(r2, "r1", "r3")
-    r1.close()
-    box = hear(r3, KEYS.position("*"), KEYS.position("r2"))
-    assert arrives(r2.broadcast(KEYS.position("r2")), box) == KEYS.position("r2")
-
-
 Change = Callable[[dict[str, Any]], None]
 """Changes the access rules of a member's session."""
 
@@ -140,20 +80,55 @@ def tell_all(access: dict[str, Any]) -> None:
 
 
 @pytest.fixture
-def join_as(folder: Path) -> Iterator[Callable[[str, Change], Link]]:
-    """Opens links of members with other rules."""
+def join(folder: Path) -> Iterator[Join]:
+    """Opens members' links, on demand with other rules."""
     links: list[Link] = []
 
-    def opened(name: str, change: Change) -> Link:
-        credentials = read_credentials(folder / name, "test")
+    def opened(name: str, own: Path = folder, change: Change | None = None) -> Link:
+        credentials = read_credentials(own / name, "test")
         settings = copy.deepcopy(client_settings(credentials.router, 1.0, credentials))
-        change(cast("dict[str, Any]", settings["access_control"]))
-        links.append(Link(open_session(settings, credentials.router, PATIENCE_S, lambda _waited: None, lambda: False)))
+        if change is None:
+            links.append(open_link(credentials.router, PATIENCE_S, credentials=credentials))
+        else:
+            change(cast("dict[str, Any]", settings["access_control"]))
+            links.append(Link(open_session(settings, credentials.router, PATIENCE_S, lambda _: None, lambda: False)))
         return links[-1]
 
     yield opened
     for link in links:
         link.close()
+
+
+def await_neighbours(link: Link, *names: str) -> None:
+    kinds = {name: f"robot-{name}.1" if name.startswith("r") else f"{name}.1" for name in names}
+    assert link.neighbours.await_all(kinds.values(), PATIENCE_S), f"has met {set(link.neighbours.names)} alone"
+
+
+def hear(receiver: Link, expression: str, *keys: str) -> Mailbox[bytes]:
+    mailbox: Mailbox[bytes] = Mailbox(keys, bytes, 100)
+    receiver.subscribe(expression, mailbox)
+    return mailbox
+
+
+def test_every_robot_hears_every_other_though_one_s_address_was_told_to_nobody(join: Join) -> None:
+    """Nor are the viewer's and r3's told to each other: Zenoh's issue 2753, peers that do not find each other."""
+    robots = {name: join(name) for name in ("r3", "r1", "r2")}
+    boxes = {name: hear(link, KEYS.position("*"), *map(KEYS.position, robots)) for name, link in robots.items()}
+    for sender, link in robots.items():
+        post = link.broadcast(KEYS.position(sender))
+        for receiver in robots:
+            if receiver != sender:
+                while reach(post, boxes[receiver])[0] != KEYS.position(sender):
+                    pass
+    await_neighbours(join("viewer"), *robots)
+
+
+def test_the_death_of_a_robot_silences_no_other(join: Join) -> None:
+    r1, r2, r3 = join("r1"), join("r2"), join("r3")
+    await_neighbours(r2, "r1", "r3")
+    r1.close()
+    box = hear(r3, KEYS.position("*"), KEYS.position("r2"))
+    assert reach(r2.broadcast(KEYS.position("r2")), box)[0] == KEYS.position("r2")
 
 
 def another(name: str) -> str:
@@ -162,11 +137,11 @@ def another(name: str) -> str:
 
 @pytest.mark.processes
 @pytest.mark.parametrize("liar", MEMBERS)
-def test_no_member_can_speak_for_another(liar: str, join_as: Callable[[str, Change], Link]) -> None:
+def test_no_member_can_speak_for_another(liar: str, join: Join) -> None:
     """A witness without rules shows that the forged was sent, and to all that have rules: they want it as well."""
-    witness = join_as(another(liar), drop_rules)
-    guarded = {name: join_as(name, tell_all) for name in MEMBERS if name not in (liar, another(liar))}
-    link = join_as(liar, drop_rules)
+    witness = join(another(liar), change=drop_rules)
+    guarded = {name: join(name, change=tell_all) for name in MEMBERS if name not in (liar, another(liar))}
+    link = join(liar, change=drop_rules)
     await_neighbours(link, another(liar), *guarded)
     makers = (KEYS.position, KEYS.tick, KEYS.reply, KEYS.telemetry)
     every = [KEYS.truth("metrics"), *(make(name) for name in ("r1", "r2", "r3") for make in makers)]
@@ -193,14 +168,11 @@ def test_no_member_can_speak_for_another(liar: str, join_as: Callable[[str, Chan
 
 @pytest.mark.processes
 @pytest.mark.parametrize("liar", ["r1", "world", "viewer"])
-def test_no_member_can_stand_in_for_another(liar: str, join: Join, join_as: Callable[[str, Change], Link]) -> None:
+def test_no_member_can_stand_in_for_another(liar: str, join: Join) -> None:
     """Neither its tokens nor its answers to orders: a witness without rules gets them all."""
     join("r2")  # the others meet there
-    witness, guarded, link = (
-        join_as(another(liar), drop_rules),
-        join_as("operator", tell_all),
-        join_as(liar, drop_rules),
-    )
+    witness, guarded = join(another(liar), change=drop_rules), join("operator", change=tell_all)
+    link = join(liar, change=drop_rules)
     await_neighbours(link, "operator", another(liar))
     names = ["r1", "r2", "r3"]
     tokens = {KEYS.alive(name) for name in (*names, WORLD)}
@@ -237,7 +209,7 @@ def test_strangers_and_members_that_were_revoked_do_not_get_in(join: Join, folde
         for _ in range(int(SHORT_S / TRY_S)):
             post(b"x")
             assert box.get(TRY_S) is None
-    assert arrives(r3.broadcast(KEYS.position("r3")), box) == KEYS.position("r3")
+    assert reach(r3.broadcast(KEYS.position("r3")), box)[0] == KEYS.position("r3")
     assert not stranger.neighbours.names
     shutil.copy(own / MESH, folder / "r2" / MESH)
     with pytest.raises(BadInput, match="r2 is no member of fleet mesh; copy the fleet's"):
@@ -258,23 +230,11 @@ def end_certificate(fleet: Path, member: str, common_name: str, after_s: float) 
     )
     end = time.strftime("%Y%m%d%H%M%SZ", time.gmtime(time.time() + after_s))
     wish, authority = str(work / "wish.pem"), fleet / "authority"
-    subprocess.run(
-        ["openssl", "req", "-new", "-key", own / "key.pem", "-subj", f"/O=fogwatch/CN={common_name}", "-out", wish],
-        check=True,
-        capture_output=True,
-    )
-    command: list[str | Path] = [
-        "openssl",
-        "ca",
-        "-batch",
-        "-notext",
-        "-config",
-        work / "ca.cnf",
-        "-in",
-        wish,
-        "-enddate",
-        end,
-    ]
+    request: list[str | Path] = ["openssl", "req", "-new", "-key", own / "key.pem", "-out", wish]
+    request += ["-subj", f"/O=fogwatch/CN={common_name}"]
+    subprocess.run(request, check=True, capture_output=True)
+    command: list[str | Path] = ["openssl", "ca", "-batch", "-notext", "-config", work / "ca.cnf", "-in", wish]
+    command += ["-enddate", end]
     command += ["-cert", authority / "certificate.pem", "-keyfile", authority / "key.pem"]
     subprocess.run([*command, "-out", own / "certificate.pem"], check=True, capture_output=True)
 
@@ -324,7 +284,7 @@ def test_a_connection_ends_with_the_certificate_and_its_owner_gets_no_other(join
     assert not again.neighbours.await_any(SHORT_S)
     assert r1.neighbours.names == {"robot-r3.1"}
     box = hear(r3, KEYS.position("*"), KEYS.position("r1"))
-    assert arrives(r1.broadcast(KEYS.position("r1")), box) == KEYS.position("r1")
+    assert reach(r1.broadcast(KEYS.position("r1")), box)[0] == KEYS.position("r1")
 
 
 def test_neighbours_can_be_read_while_a_change_is_told(join: Join) -> None:
@@ -352,7 +312,7 @@ def test_a_copy_of_a_certificate_shows_itself_to_its_owner(join: Join, folder: P
     thief = open_link(credentials.router, PATIENCE_S, credentials=credentials)
     await_neighbours(r2, "r2")
     box = hear(r1, KEYS.position("*"), KEYS.position("r2"))
-    assert arrives(thief.broadcast(KEYS.position("r2")), box) == KEYS.position("r2")
+    assert reach(thief.broadcast(KEYS.position("r2")), box)[0] == KEYS.position("r2")
     thief.close()
 
 
@@ -361,7 +321,7 @@ def test_a_member_that_floods_takes_no_room_from_the_others(join: Join) -> None:
     await_neighbours(r3, "r1", "r2")
     box = hear(r3, KEYS.position("*"), KEYS.position("r1"), KEYS.position("r2"))
     flood, own = r2.broadcast(KEYS.position("r2")), r1.broadcast(KEYS.position("r1"))
-    assert arrives(flood, box) == KEYS.position("r2")
+    assert reach(flood, box)[0] == KEYS.position("r2")
     over = threading.Event()
 
     def go_on() -> None:
@@ -429,7 +389,7 @@ def test_a_radio_on_a_mesh_of_its_own(folder: Path, join: Join, tmp_path: Path) 
     links = open_links(credentials.router, str(radio / "r1"), PATIENCE_S, print, lambda: False, credentials)
     assert links is not None
     box = hear(join("r2", radio), KEYS.position("*"), KEYS.position("r1"))
-    assert arrives(links[1].broadcast(KEYS.position("r1")), box) == KEYS.position("r1")
+    assert reach(links[1].broadcast(KEYS.position("r1")), box)[0] == KEYS.position("r1")
     for link in links:
         link.close()
 
@@ -515,10 +475,7 @@ def test_a_member_whose_host_cannot_be_leaves_nothing(tmp_path: Path) -> None:
         ("[]", "expected a JSON object"),
         ('{"fleet": "mesh", "members": {"r": "robot-r1"}, "places": {}}', "names no address"),
         ('{"fleet": "mesh", "members": {}}', 'expected "places"'),
-        (
-            '{"fleet": "mesh", "members": {"a": "king"}, "places": {"robot-r1": "quic/a:1"}}',
-            "'king': no role of a fleet",
-        ),
+        ('{"fleet": "mesh", "members": {"a": "x"}, "places": {"robot-r1": "quic/a:1"}}', "'x': no role of a fleet"),
         ('{"fleet": "mesh", "members": {"a": 1}, "places": {}}', 'expected "members"'),
         ('{"fleet": "mesh", "members": {}, "places": {"robot-r1": "tcp/a:1"}}', "which need quic or tls"),
         ('{"fleet": "mesh", "members": {}, "places": {"robot-r1": "here"}}', "not a router's address"),

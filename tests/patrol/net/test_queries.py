@@ -27,7 +27,6 @@ Join = Callable[[str], Link]
 
 @pytest.fixture
 def join() -> Iterator[Join]:
-    """Opens clients' links."""
     links: list[Link] = []
 
     def opened(router: str) -> Link:
@@ -44,7 +43,7 @@ def robot(link: Link) -> None:
 
 
 def stopped(operator: Link, meanwhile: Callable[[], None] = lambda: None) -> list[tuple[str, Outcome]]:
-    """What robot r1 has answered when the query is over, long before its time is up."""
+    """Return the answers of robot r1 when the query is over, long before its time is up."""
     answers: list[tuple[str, Outcome]] = []
     asking = threading.Thread(
         target=lambda: answers.extend(ask_robots(operator, KEYS, ["r1"], Order.STOP, 10 * PATIENCE_S)), daemon=True
@@ -56,17 +55,14 @@ def stopped(operator: Link, meanwhile: Callable[[], None] = lambda: None) -> lis
     return answers
 
 
-def test_an_order_reaches_a_robot_that_has_just_come_back(join: Join) -> None:
+def test_an_order_reaches_a_robot_that_has_just_come_back(endpoint: str, join: Join) -> None:
     """Zenoh's issue 2767: a query ends at once, without an answer, though it was to wait for a long time."""
-    where = free_endpoint()
-    router = open_router(where)
-    operator = join(where)
+    operator = join(endpoint)
     for _ in range(RETURNS):
-        link = open_link(where, PATIENCE_S)
+        link = open_link(endpoint, PATIENCE_S)
         robot(link)
         assert stopped(operator) == [("r1", STOPPED)]
         assert link.close(PATIENCE_S)
-    assert router.close(PATIENCE_S)
 
 
 def test_an_order_that_is_given_while_the_router_is_down_is_carried_out_when_it_is_back(join: Join) -> None:
@@ -82,16 +78,14 @@ def test_an_order_that_is_given_while_the_router_is_down_is_carried_out_when_it_
     assert routers[0].close(PATIENCE_S)
 
 
-def test_an_operator_controls_a_world_that_has_just_come_back(join: Join) -> None:
+def test_an_operator_controls_a_world_that_has_just_come_back(endpoint: str, join: Join) -> None:
     """As above: the world is asked twice, for a ticket and with the request."""
-    where = free_endpoint()
-    router = open_router(where)
-    operator = join(where)
+    operator = join(endpoint)
     client = ControlClient(operator, KEYS, TOKEN, time.monotonic, os.urandom)
     outcome: list[Answer] = []
     asking = threading.Thread(target=lambda: outcome.append(client.ask({"do": "pause"}, PATIENCE_S).answer))
     asking.start()
-    world = join(where)
+    world = join(endpoint)
     gate = ControlGate(KEYS.fleet, TOKEN, 9, b"s" * 16, time.monotonic)
     asked: Mailbox[Question] = Mailbox([KEYS.control(CHALLENGE), KEYS.control(ASK)], _none, 1 << 16)
     for key in (CHALLENGE, ASK):
@@ -104,7 +98,6 @@ def test_an_operator_controls_a_world_that_has_just_come_back(join: Join) -> Non
     request[1].answer(gate.open(request[1].payload).seal(Answer(True, "paused")))
     asking.join(PATIENCE_S)
     assert outcome == [Answer(True, "paused")]
-    assert router.close(PATIENCE_S)
 
 
 def _none(payload: bytes) -> Question:

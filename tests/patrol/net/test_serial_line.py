@@ -1,33 +1,44 @@
-"""Positions over real pseudo-terminals: between lines of one process, between processes, and a whole fleet by hand."""
-
 from __future__ import annotations
 
 import json
 import os
+import pickle
 import subprocess
 import sys
 import termios
 import time
 import tty
 from collections.abc import Iterator
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from patrol.errors import BadInput
 from patrol.net.mailbox import Mailbox
-from patrol.net.serial_line import PACKET_OVERHEAD, SerialDown, SerialLine, open_serial, packet
+from patrol.net.serial_line import (
+    END,
+    MAX_PACKET,
+    PACKET_OVERHEAD,
+    SerialDown,
+    SerialLine,
+    Unpacker,
+    open_serial,
+    packet,
+)
 from patrol.pose import Pose
-from patrol.radio.message import Position, decode, encode
+from patrol.radio.message import MAX_FRAME, Position, decode, encode
 from patrol.security.keys import check_radio
-from tests.routers import take_messages
+from tests.fleets import COARSE
+from tests.routers import PATIENCE_S, take_messages
 from tests.serial_lines import Modems
 from tests.worldsim.test_fleet_by_hand import Hand
 
 A, B, C = "f/position/a", "f/position/b", "f/position/c"
 CALLERS = {1: A, 2: B, 3: C}
-PATIENCE_S = 300.0
 
 
 @pytest.fixture
@@ -35,6 +46,15 @@ def modems() -> Iterator[Modems]:
     modems = Modems(3)
     yield modems
     modems.close()
+
+
+@pytest.fixture
+def pty() -> Iterator[tuple[int, int]]:
+    """A pseudo-terminal: nobody reads the first end, the second is a line."""
+    ends = os.openpty()
+    yield ends
+    for end in ends:
+        os.close(end)
 
 
 @pytest.fixture
@@ -83,11 +103,9 @@ def test_noise_strangers_and_contacts_of_nobody_are_not_heard(modems: Modems, li
     assert mailbox.get() is None
 
 
-def test_what_a_line_does_not_take_is_dropped_and_never_sent_late() -> None:
-    # Nobody reads the other end, so the line fills up.
-    master, slave = os.openpty()
-    line = SerialLine(os.ttyname(slave), 13, CALLERS)
-    try:
+def test_what_a_line_does_not_take_is_dropped_and_never_sent_late(pty: tuple[int, int]) -> None:
+    master, slave = pty
+    with closing(SerialLine(os.ttyname(slave), 13, CALLERS)) as line:
         post = line.broadcast(A)
         sent = 0
         while line.dropped == 0:
@@ -108,25 +126,16 @@ def test_what_a_line_does_not_take_is_dropped_and_never_sent_late() -> None:
                 read += os.read(master, 65536)
             except BlockingIOError:
                 time.sleep(0.01)
-    finally:
-        line.close()
-        os.close(master)
-        os.close(slave)
     assert read.endswith(b"\0" + packet(frame_of(1, 99_999)))
 
 
-def test_what_another_program_set_on_a_line_holds_no_frame_back() -> None:
-    master, slave = os.openpty()
+def test_what_another_program_set_on_a_line_holds_no_frame_back(pty: tuple[int, int]) -> None:
+    _, slave = pty
     settings = termios.tcgetattr(slave)
     settings[2] |= termios.CSTOPB | termios.CRTSCTS
     termios.tcsetattr(slave, termios.TCSANOW, settings)
-    line = SerialLine(os.ttyname(slave), 13, CALLERS)
-    try:
+    with closing(SerialLine(os.ttyname(slave), 13, CALLERS)):
         assert termios.tcgetattr(slave)[2] & (termios.CSTOPB | termios.CRTSCTS) == 0
-    finally:
-        line.close()
-        os.close(master)
-        os.close(slave)
 
 
 def test_a_line_that_goes_down_drops_frames_and_comes_back(tmp_path: Path) -> None:
@@ -212,8 +221,7 @@ def test_positions_pass_from_one_process_to_another(modems: Modems, lines: list[
 def test_a_fleet_patrols_whose_robots_hear_each_other_over_serial_lines(modems: Modems, tmp_path: Path) -> None:
     radio = {"via": "direct", "trail": 2, "budget": {"bits_per_s": 2400, "overhead": PACKET_OVERHEAD}}
     scenario: dict[str, Any] = {
-        "terrain": {"builtin": "open"},
-        "point": 1.0,
+        **COARSE,
         "duration": 20,
         "pace": 4,
         "robots": [{"name": "a", "model": "holonomic"}, {"name": "b", "model": "holonomic"}],
@@ -236,3 +244,53 @@ def test_a_fleet_patrols_whose_robots_hear_each_other_over_serial_lines(modems: 
     assert summary["messages"]["frames"] >= 1, "the world overhears them too"
     bits = 8 * sum(map(len, modems.carried))
     assert 0 < bits <= 2400 * (20 + 1)
+
+
+frames = st.binary(min_size=1, max_size=MAX_FRAME)
+
+
+def test_a_packet_is_the_stuffed_frame_with_its_checksum_and_a_zero() -> None:
+    # The catalogues' check value of this CRC-16, of "123456789", is 0xD64E.
+    assert packet(b"123456789") == b"\x0c123456789\xd6\x4e\0"
+    assert packet(b"\0\0") == b"\x01\x01\x03\xe2\xf0\0"
+
+
+@given(st.lists(frames, max_size=8), st.integers(1, 80))
+def test_frames_arrive_as_they_were_however_the_line_cuts_them(sent: list[bytes], cut: int) -> None:
+    line = b"".join(map(packet, sent))
+    unpacker = Unpacker()
+    assert [frame for at in range(0, len(line), cut) for frame in unpacker.feed(line[at : at + cut])] == sent
+    assert unpacker.spoilt == 0
+
+
+@given(frames)
+def test_a_packet_has_one_zero_and_four_bytes_more_than_its_frame(frame: bytes) -> None:
+    assert packet(frame).count(END) == 1
+    assert len(packet(frame)) == len(frame) + PACKET_OVERHEAD <= MAX_PACKET
+
+
+@pytest.mark.parametrize("k", range(0, 400, 37))
+def test_no_flipped_bit_gives_another_frame_and_the_next_packet_is_whole(k: int) -> None:
+    frame = encode(Position.of(1 + k % 5, k, 0.5 * k, Pose(0.37 * k, 256.0, 0.1 * k % 6.0), ((-k, 0), (0, 256))))
+    whole = packet(frame)
+    for bit in range(8 * len(whole)):
+        line = bytearray(whole)
+        line[bit // 8] ^= 1 << bit % 8
+        unpacker = Unpacker()
+        assert list(unpacker.feed(bytes(line) + END + packet(b"next"))) == [b"next"]
+        assert unpacker.spoilt >= 1
+
+
+@given(st.binary(max_size=500), frames)
+def test_after_any_noise_and_a_zero_the_next_frame_is_heard(noise: bytes, frame: bytes) -> None:
+    assert list(Unpacker().feed(noise + END + packet(frame)))[-1] == frame
+
+
+@pytest.mark.parametrize("flood", [b"\x01" * 1_000_000, b"\xff" * 1_000_000], ids=["ones", "highest"])
+def test_a_flood_without_an_end_is_not_kept(flood: bytes) -> None:
+    unpacker = Unpacker()
+    for at in range(0, len(flood), 4096):
+        assert list(unpacker.feed(flood[at : at + 4096])) == []
+        assert len(pickle.dumps(unpacker)) < MAX_PACKET + 200
+    assert list(unpacker.feed(END)) == []
+    assert unpacker.spoilt == 1

@@ -62,13 +62,10 @@ def test_bad_input_is_one_line_and_the_launcher_learns_of_it(
     options = parsed("--ready", str(os.dup(start.child_end)))
     assert run_with(options, "test", raising(error)) == 2
     assert capsys.readouterr().err == f"test: {error}\n"
-    assert start.report() == StartReport("", failure, str(error))
-    start.close()
-
-
-def test_options_of_a_process_that_do_not_fit_are_bad_input(capsys: pytest.CaptureFixture[str]) -> None:
     assert run_with(parsed("--health", "0"), "test", raising(AssertionError())) == 2
     assert capsys.readouterr().err == "test: --health 0: give from 0.1 to 86400 seconds\n"
+    assert start.report() == StartReport("", failure, str(error))
+    start.close()
 
 
 def test_a_process_that_is_asked_to_leave_says_nothing(capsys: pytest.CaptureFixture[str]) -> None:

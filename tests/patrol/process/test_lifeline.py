@@ -29,15 +29,19 @@ run_process(main)
 def child(work: str = "ending.wait(600)", code: str = "0", lifeline: str = "-") -> subprocess.Popen[str]:
     program = CHILD.format(work=work, code=code)
     fds = [] if lifeline == "-" else [int(lifeline)]
-    process = subprocess.Popen(
-        [sys.executable, "-P", "-c", program, lifeline],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        pass_fds=fds,
-    )
+    command, out = [sys.executable, "-P", "-c", program, lifeline], subprocess.PIPE
+    process = subprocess.Popen(command, stdout=out, stderr=out, text=True, pass_fds=fds)
     assert process.stdout is not None
     assert process.stdout.readline() == "ready\n"
+    return process
+
+
+def orphan(work: str = "ending.wait(600)") -> subprocess.Popen[str]:
+    """A process whose launcher has died."""
+    reading, writing = os.pipe()
+    process = child(work, lifeline=str(reading))
+    os.close(reading)
+    os.close(writing)
     return process
 
 
@@ -143,34 +147,27 @@ def test_an_interrupt_comes_later_where_it_would_do_harm_or_be_lost(place: str, 
 
 
 @pytest.mark.processes
-def test_an_import_without_end_can_be_interrupted(tmp_path: Path) -> None:
-    told = tell_at(IMPORTED, tmp_path, "import time; time.sleep(600)")
-    assert (told.returncode, told.stdout, told.stderr) == (130, "told\n", "")
-
-
-@pytest.mark.processes
-def test_an_interrupt_that_comes_after_all_is_done_leaves_the_exit_code_alone(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("place", "last", "code"),
+    [(IMPORTED, "import time; time.sleep(600)", 130), (ENDED, "", 7)],
+    ids=["an import without end is interrupted", "after all is done the exit code stays"],
+)
+def test_an_interrupt_is_not_put_off_for_ever(place: str, last: str, code: int, tmp_path: Path) -> None:
     """The interpreter takes its time to put itself away, longer than the interrupt is put off."""
-    told = tell_at(ENDED, tmp_path, "")
-    assert (told.returncode, told.stdout, told.stderr) == (7, "told\n", "")
+    told = tell_at(place, tmp_path, last)
+    assert (told.returncode, told.stdout, told.stderr) == (code, "told\n", "")
 
 
 @pytest.mark.processes
 def test_the_end_of_the_lifeline_asks_to_leave() -> None:
-    reading, writing = os.pipe()
-    process = child(lifeline=str(reading))
-    os.close(reading)
-    os.close(writing)
+    process = orphan()
     assert process.communicate(timeout=300)[0] == "its launcher has died 1\n"
     assert process.returncode == 0
 
 
 @pytest.mark.processes
 def test_who_does_not_leave_in_time_is_made_to() -> None:
-    reading, writing = os.pipe()
-    process = child(work="threading.Event().wait()", lifeline=str(reading))
-    os.close(reading)
-    os.close(writing)
+    process = orphan(work="threading.Event().wait()")
     process.communicate(timeout=300)
     assert process.returncode == INTERRUPTED
 
@@ -187,9 +184,8 @@ def test_a_stopped_process_notices_too() -> None:
         "print(child.pid, flush=True)\n"
         "sys.stdin.read()\n"
     )
-    process = subprocess.Popen(
-        [sys.executable, "-P", "-c", parent], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
-    )
+    command, pipe = [sys.executable, "-P", "-c", parent], subprocess.PIPE
+    process = subprocess.Popen(command, stdin=pipe, stdout=pipe, text=True)
     assert process.stdout is not None
     lines = {process.stdout.readline().strip(), process.stdout.readline().strip()}
     pid = int(next(line for line in lines if line != "ready"))
@@ -259,7 +255,7 @@ def test_a_thread_that_ends_while_its_children_are_listed_changes_nothing(
         pass
 
 
-def test_the_first_reason_counts() -> None:
+def test_the_first_reason_counts_and_ends_the_wait_for_a_path(tmp_path: Path) -> None:
     ending = Ending()
     assert not ending
     assert not ending.wait(0.0)
@@ -267,9 +263,6 @@ def test_the_first_reason_counts() -> None:
     ending.ask("two")
     assert ending
     assert (ending.reason, ending.times) == ("one", 2)
-
-
-def test_waiting_for_a_path(tmp_path: Path) -> None:
     ending = Ending()
     assert ending.wait_for(tmp_path, 0.0)
     assert not ending.wait_for(tmp_path / "none", 0.05)

@@ -1,5 +1,3 @@
-"""Where a process meets its fleet, as its options and its credentials say."""
-
 from __future__ import annotations
 
 from pathlib import Path
@@ -22,14 +20,11 @@ def file_of(role: Role, folder: Path) -> Path:
     return file
 
 
-def test_credentials_say_it_all(tmp_path: Path) -> None:
+def test_credentials_say_it_all_and_another_way_to_the_router_may_be_given(tmp_path: Path) -> None:
     met = meeting(file_of(robot_role("r1"), tmp_path), None, None, Kind.ROBOT)
     assert (met.router, met.keys) == (ROUTER, fleet_keys("f"))
     assert met.credentials is not None
     assert robot_named(None, met.credentials) == robot_named("r1", met.credentials) == "r1"
-
-
-def test_another_way_to_the_router_may_be_given(tmp_path: Path) -> None:
     met = meeting(file_of(VIEWER, tmp_path), "tcp/127.0.0.1:7000", "f", Kind.VIEWER, Kind.OPERATOR)
     assert met.router == "tcp/127.0.0.1:7000"
 

@@ -18,16 +18,13 @@ def test_a_robot_begins_with_nothing_and_sends_once_it_has_earned_the_frame() ->
     assert sent == [False, False, False, True, False, True, False, False, True]
 
 
-def test_what_is_saved_up_is_bounded_and_ticks_that_were_left_out_count() -> None:
+def test_savings_are_bounded_ticks_left_out_count_and_too_long_a_frame_uses_nothing() -> None:
     allowance = Allowance(SHARE)
     allowance.earn(10)
     assert not allowance.take(1), "the first tick is the beginning, whichever it is"
     allowance.earn(1000)
     assert allowance.take(37)
     assert not allowance.take(1)
-
-
-def test_a_frame_that_is_too_long_uses_nothing() -> None:
     allowance = Allowance(Share(per_tick=1e6, most=1e6, overhead=0, frame=37))
     allowance.earn(0)
     allowance.earn(1)

@@ -74,42 +74,20 @@ junk = st.recursive(
     lambda inner: st.lists(inner, max_size=10) | st.dictionaries(st.text(max_size=3), inner, max_size=3),
     max_leaves=12,
 )
+ticks = st.integers(0, 99)
+head = st.just(1), st.just(7), ticks, st.just(5)
+goals = st.none() | st.just((1.0, 2.0))
 phases = st.one_of(
-    st.builds(
-        PhaseB,
-        st.just(1),
-        st.just(7),
-        st.integers(0, 99),
-        st.just(5),
-        st.lists(frames, max_size=6).map(tuple),
-    ),
-    st.builds(
-        lambda k, bumped: PhaseA(1, 7, k, 5, Sensed(k, Pose(1.0, 2.0, 3.0), bumped)),
-        st.integers(0, 99),
-        st.booleans(),
-    ),
-    st.builds(Hello, st.just(1), st.just(7), st.integers(0, 99), st.integers(0, 99)),
-    st.builds(
-        ReplyA, st.just(1), st.just(7), st.integers(0, 99), st.just(5), st.lists(frames, max_size=MAX_FRAMES).map(tuple)
-    ),
+    st.builds(PhaseB, *head, st.lists(frames, max_size=6).map(tuple)),
+    st.builds(lambda k, bumped: PhaseA(1, 7, k, 5, Sensed(k, Pose(1.0, 2.0, 3.0), bumped)), ticks, st.booleans()),
+    st.builds(Hello, *head[:3], ticks),
+    st.builds(ReplyA, *head, st.lists(frames, max_size=MAX_FRAMES).map(tuple)),
     st.builds(
         ReplyB,
-        st.just(1),
-        st.just(7),
-        st.integers(0, 99),
-        st.just(5),
-        st.builds(
-            Reply,
-            command=st.just(Drive(1.0, 0.1)),
-            state=st.just("patrolling"),
-            goal=st.none() | st.just((1.0, 2.0)),
-            decision_ms=st.just(1.0),
-            rejected=st.integers(0, 99),
-        ),
+        *head,
+        st.builds(Reply, st.just(Drive(1.0, 0.1)), st.just("patrolling"), goals, st.just(1.0), ticks),
     ),
-    st.builds(
-        Failed, st.just(1), st.just(7), st.integers(0, 99), st.just(5), st.sampled_from(["", "its policy failed"])
-    ),
+    st.builds(Failed, *head, st.sampled_from(["", "its policy failed"])),
 )
 hostile = st.one_of(
     st.binary(max_size=100), frames, plausible, phases.map(encode_phase), st.lists(junk, max_size=10).map(msgpack.packb)

@@ -46,12 +46,9 @@ def test_a_robot_goes_on_as_its_trail_shows_to_the_first_wall(
     assert pose.heading == pytest.approx(0.25)
 
 
-def test_the_places_of_a_trail_may_be_several_ticks_apart() -> None:
+def test_places_may_be_several_ticks_apart_and_the_error_is_the_distance_to_the_robot() -> None:
     pose = Predictor(field(), 3, horizon=8).pose(said(2.0, 15.0, (-300, 0)), 2)
     assert (pose.x, pose.y) == pytest.approx((4.0, 15.0))
-
-
-def test_the_error_is_the_distance_to_where_the_robot_is() -> None:
     predictor = Predictor(field(), 1, horizon=8)
     last = said(2.0, 15.0, (-100, 0))
     assert predictor.error(last, said(5.0, 15.0, k=13)) == pytest.approx(0.0)

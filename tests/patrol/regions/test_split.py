@@ -82,7 +82,7 @@ def check_connections(terrain: Terrain, split: RegionSplit, body: BoolGrid) -> N
 
 
 def islands(split: RegionSplit) -> int:
-    """How many groups of parts the connections leave, counted the slow way."""
+    """Count the groups of parts that the connections leave, the slow way."""
     group = list(range(int(split.parts.max(initial=-1)) + 1))
     for link in split.connections:
         one, two = (group[part] for part in link.parts)
@@ -214,23 +214,17 @@ def test_a_door_connects_only_bodies_that_fit_through() -> None:
     assert split.for_body(terrain, wide).labels is split.labels
 
 
-def test_each_separate_stretch_of_a_border_has_its_connection() -> None:
+def test_each_stretch_of_a_border_has_its_connection_and_parts_that_no_body_joins_are_apart() -> None:
     terrain = two_rooms((10, 20), (50, 70))
     west, east = ((0, 0), (10.05, 0), (10.05, 8), (0, 8)), ((10.05, 0), (20.1, 0), (20.1, 8), (10.05, 8))
     split = regions_by_hand(terrain, [west, east])
     assert [link.regions for link in split.connections] == [(0, 1), (0, 1)]
     assert sorted(link.y for link in split.connections) == pytest.approx([1.5, 6.0], abs=0.11)
-
-
-def test_parts_of_a_region_that_a_body_cannot_join_are_told_apart() -> None:
     terrain = two_rooms((30, 36))
     split = regions_by_hand(terrain, [((0, 0), (20.1, 0), (20.1, 8), (0, 8))], cspace_of(terrain, 0.4))
     assert len(split.polygons) == 1
     assert split.parts.max() == 1
     assert split.connections == ()
-
-
-# --- regions by hand -------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("point", [0.1, 0.5])
@@ -257,32 +251,20 @@ def test_what_was_found_can_be_given(name: str) -> None:
 @pytest.mark.parametrize(
     ("change", "problem"),
     [
-        ({0: YARDS[0][:2]}, "patrol.options.regions.0: has 2 corners; give at least 3"),
-        ({0: ((0, 37), (10, 37), (15, 37))}, "patrol.options.regions.0: covers less than one point"),
-        (
-            {4: ((80, 0), (100, 0), (90, 40), (100, 88), (80, 40))},
-            "patrol.options.regions.4: is not convex at (90, 40); split",
-        ),
-        (
-            {0: ((0, 0), (20, 88), (20, 0), (0, 88))},
-            "patrol.options.regions.0: its sides cross; list the corners in order",
-        ),
-        ({0: ((0, 0), (23, 0), (23, 88), (0, 88))}, "patrol.options.regions.1: overlaps region 0 by 3.00 m; move"),
-        (
-            {2: ((157, 51), (196, 51), (196, 88))},
-            "patrol.options.regions.2: holds no free point of yards; correct or drop it",
-        ),
-        (
-            {4: ((80, 0), (98, 0), (98, 88), (84.5, 88), (80, 40))},
-            "patrol.options.regions: 176.00 m2 of free ground lie in no",
-        ),
+        ({0: YARDS[0][:2]}, ".0: has 2 corners; give at least 3"),
+        ({0: ((0, 37), (10, 37), (15, 37))}, ".0: covers less than one point"),
+        ({4: ((80, 0), (100, 0), (90, 40), (100, 88), (80, 40))}, ".4: is not convex at (90, 40); split"),
+        ({0: ((0, 0), (20, 88), (20, 0), (0, 88))}, ".0: its sides cross; list the corners in order"),
+        ({0: ((0, 0), (23, 0), (23, 88), (0, 88))}, ".1: overlaps region 0 by 3.00 m; move"),
+        ({2: ((157, 51), (196, 51), (196, 88))}, ".2: holds no free point of yards; correct or drop it"),
+        ({4: ((80, 0), (98, 0), (98, 88), (84.5, 88), (80, 40))}, ": 176.00 m2 of free ground lie in no"),
     ],
 )
 def test_regions_by_hand_that_are_no_split(change: dict[int, tuple[tuple[float, float], ...]], problem: str) -> None:
     polygons = [change.get(number, polygon) for number, polygon in enumerate(YARDS)]
     with pytest.raises(BadInput) as caught:
         regions_by_hand(builtin_terrain("yards", 0.5), polygons)
-    assert str(caught.value).startswith(problem)
+    assert str(caught.value).startswith(f"patrol.options.regions{problem}")
     assert "\n" not in str(caught.value)
 
 
@@ -301,18 +283,17 @@ def test_ground_that_no_body_gets_to_may_be_left_out() -> None:
     assert len(regions_by_hand(terrain, [west], body).polygons) == 1
 
 
-# --- in a scenario ---------------------------------------------------------------------------------------------------
+COARSE_YARDS: dict[str, Any] = {"terrain": {"builtin": "yards"}, "point": 0.5}
+
+
+def by_regions(**options: Any) -> dict[str, Any]:
+    """A scenario's section `patrol` with paths over regions."""
+    return {"policy": "potential-field", "options": {"paths": "regions", **options}}
 
 
 def test_a_scenario_is_prepared_with_a_split_for_each_body(tmp_path: Path) -> None:
-    scenario = load_scenario(
-        {
-            "terrain": {"builtin": "yards"},
-            "point": 0.5,
-            "robots": [{"radius": 1.0}, {"radius": 0.4, "model": "holonomic"}, {"radius": 1.0}],
-            "patrol": {"policy": "potential-field", "options": {"paths": "regions"}},
-        }
-    )
+    robots = [{"radius": 1.0}, {"radius": 0.4, "model": "holonomic"}, {"radius": 1.0}]
+    scenario = load_scenario({**COARSE_YARDS, "robots": robots, "patrol": by_regions()})
     prepared = prepare(scenario)
     assert prepared.regions is not None
     assert prepared.regions[1] is prepared.regions[3]
@@ -330,7 +311,7 @@ def test_a_scenario_is_prepared_with_a_split_for_each_body(tmp_path: Path) -> No
 
 
 def test_other_paths_need_no_regions(tmp_path: Path) -> None:
-    scenario = load_scenario({"terrain": {"builtin": "yards"}, "point": 0.5})
+    scenario = load_scenario(COARSE_YARDS)
     prepared = prepare(scenario)
     assert prepared.regions is None
     assert prepared.regions_of(1) is None
@@ -338,20 +319,10 @@ def test_other_paths_need_no_regions(tmp_path: Path) -> None:
     assert Prepared.load(scenario, tmp_path / "static").regions is None
 
 
-def by_regions(polygons: Any) -> dict[str, Any]:
-    """A scenario's section `patrol` with these regions."""
-    return {"policy": "potential-field", "options": {"paths": "regions", "regions": polygons}}
-
-
 def test_a_scenarios_own_regions_are_used_and_checked() -> None:
-    raw = {
-        "terrain": {"builtin": "yards"},
-        "point": 0.5,
-        "patrol": by_regions(YARDS),
-    }
-    regions = prepare(load_scenario(raw)).regions
+    regions = prepare(load_scenario({**COARSE_YARDS, "patrol": by_regions(regions=YARDS)})).regions
     assert regions is not None
     assert len(regions[1].polygons) == 5
     assert any((20.0, 48.0) in polygon for polygon in regions[1].polygons)
     with pytest.raises(BadInput, match="lie in no region"):
-        prepare(load_scenario({**raw, "patrol": by_regions(YARDS[:4])}))
+        prepare(load_scenario({**COARSE_YARDS, "patrol": by_regions(regions=YARDS[:4])}))

@@ -5,6 +5,8 @@ import math
 import threading
 from typing import Any
 
+import pytest
+
 from patrol.reporting.health import HealthLines, HealthReading, facts_of, health_line
 from patrol.reporting.logs import Log
 from patrol.reporting.vitals import (
@@ -44,19 +46,20 @@ def test_a_robots_line() -> None:
     )
 
 
-def test_the_first_line_knows_no_rate_and_one_before_the_first_tick_says_so() -> None:
-    assert health_line(HealthReading(1.0, {TICK: 5}), None) == "health: tick 5"
-    assert health_line(HealthReading(1.0, {TICK: 5}), HealthReading(0.0, {})) == "health: tick 5"
-    assert health_line(HealthReading(1.0, {QUEUE: 0}), None) == "health: no tick yet, messages waiting: 0"
-
-
-def test_a_router_has_no_ticks() -> None:
-    assert health_line(HealthReading(1.0, {CONNECTIONS: 5, MEMORY: 33e6}), None) == "health: connections: 5, 33 MB"
-
-
-def test_only_robots_that_there_are_are_told() -> None:
-    line = health_line(HealthReading(1.0, {ROBOTS: {"alive": 4, "dead": 1, "lost": 0}}), None)
-    assert line == "health: robots: 4 alive and 1 dead"
+@pytest.mark.parametrize(
+    ("figures", "line"),
+    [
+        ({TICK: 5}, "tick 5"),
+        ({QUEUE: 0}, "no tick yet, messages waiting: 0"),
+        ({CONNECTIONS: 5, MEMORY: 33e6}, "connections: 5, 33 MB"),
+        ({ROBOTS: {"alive": 4, "dead": 1, "lost": 0}}, "robots: 4 alive and 1 dead"),
+    ],
+    ids=["no rate at first", "before the first tick", "a router has no ticks", "only robots that there are"],
+)
+def test_the_first_line(figures: dict[Figure, Value], line: str) -> None:
+    assert health_line(HealthReading(1.0, figures), None) == f"health: {line}"
+    if TICK in figures:
+        assert health_line(HealthReading(1.0, figures), HealthReading(0.0, {})) == f"health: {line}"
 
 
 def test_facts_are_json() -> None:
@@ -92,6 +95,4 @@ def test_lines_come_until_they_are_closed() -> None:
     assert log.there.wait(300.0)
     health.close()
     assert all(line.startswith("health: tick 4") for line in log.lines)
-    told = len(log.lines)
     assert not any(thread.name == "health" for thread in threading.enumerate())
-    assert len(log.lines) == told

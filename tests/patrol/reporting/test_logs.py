@@ -67,6 +67,7 @@ def test_a_json_line_says_when_who_and_how_grave(capsys: pytest.CaptureFixture[s
 @pytest.mark.parametrize("form", list(Format))
 def test_the_level_leaves_lines_out(form: Format, level: str, left: int, capsys: pytest.CaptureFixture[str]) -> None:
     log = begin_log("r1", form, level)
+    assert logs.is_json() == (form is Format.JSON)
     for report in (log.debug, log.info, log.warning, log.error):
         report("line")
     log.announce("ready")
@@ -142,10 +143,3 @@ def test_a_log_that_nobody_can_write_ends_nothing(monkeypatch: pytest.MonkeyPatc
     Log("r1").info("goes on")
     monkeypatch.setattr(sys, "stderr", None)
     Log("r1").info("goes on")
-
-
-def test_the_format_can_be_asked_for() -> None:
-    begin_log("r1", Format.JSON, "info")
-    assert logs.is_json()
-    begin_log("r1", Format.TEXT, "info")
-    assert not logs.is_json()

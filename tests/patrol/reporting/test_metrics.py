@@ -124,13 +124,10 @@ def test_who_says_nothing_or_little_keeps_nobody_waiting(server: MetricsServer) 
         assert "fogwatch_tick" in scraped(server)
 
 
-def test_who_stays_too_long_is_sent_away(server: MetricsServer) -> None:
+def test_a_client_that_stays_is_sent_away_and_one_that_leaves_disturbs_nobody(server: MetricsServer) -> None:
     with socket.create_connection(where(server), PATIENCE_S) as client:
         client.sendall(b"GET /met")
         assert client.recv(1) == b""
-
-
-def test_who_leaves_at_once_disturbs_nobody(server: MetricsServer) -> None:
     for _ in range(20):
         with socket.create_connection(where(server), PATIENCE_S) as client:
             client.sendall(GET)
@@ -140,15 +137,9 @@ def test_who_leaves_at_once_disturbs_nobody(server: MetricsServer) -> None:
 @pytest.mark.parametrize(
     ("told", "because"),
     [
-        ("9100", "is not HOST:PORT"),
-        ("localhost:", "is not HOST:PORT"),
-        (":9100", "is not HOST:PORT"),
-        ("127.0.0.1:99999", "is not HOST:PORT"),
-        ("127.0.0.1:-1", "is not HOST:PORT"),
+        *((at, "is not HOST:PORT") for at in ("9100", "localhost:", ":9100", "127.0.0.1:99999", "127.0.0.1:-1")),
         ("127.0.0.1:\u0661", "is not HOST:PORT"),
-        ("0.0.0.0:9100", "other machines could read the metrics"),
-        ("[::]:9100", "other machines could read the metrics"),
-        ("robot.example:9100", "other machines could read the metrics"),
+        *((f"{at}:9100", "other machines could read the metrics") for at in ("0.0.0.0", "[::]", "robot.example")),
     ],
 )
 def test_where_no_metrics_can_be(told: str, because: str) -> None:
@@ -158,12 +149,9 @@ def test_where_no_metrics_can_be(told: str, because: str) -> None:
     assert "\n" not in str(bad.value)
 
 
-def test_a_busy_port_is_bad_input() -> None:
+def test_a_busy_port_is_bad_input_and_other_machines_are_served_only_when_told() -> None:
     why = r"cannot listen there \(Address already in use\); choose another port"
     with listen_at("127.0.0.1:0", is_open=False) as first, pytest.raises(BadInput, match=why):
         listen_at(f"127.0.0.1:{first.getsockname()[1]}", is_open=False)
-
-
-def test_other_machines_only_when_told() -> None:
     with listen_at("0.0.0.0:0", is_open=True) as listening:
         assert listening.getsockname()[0] == "0.0.0.0"

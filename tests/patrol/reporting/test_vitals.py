@@ -24,16 +24,13 @@ class Clock:
         return self.now_s
 
 
-def test_before_the_first_tick_only_the_process_is_known() -> None:
+def test_ticks_are_counted_and_before_the_first_only_the_process_is_known() -> None:
     known = Vitals().read()
     assert TICK not in known
     assert SINCE_TICK not in known
     assert known[MEMORY] > 1e6  # type: ignore[operator]
     assert known[PROCESSOR] > 0.0  # type: ignore[operator]
     assert len(known[VERSION]) == 1  # type: ignore[arg-type]
-
-
-def test_ticks_are_counted_and_their_age_grows() -> None:
     clock = Clock()
     vitals = Vitals(clock)
     vitals.beat(7, {MFOW: 3.0})

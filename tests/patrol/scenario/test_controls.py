@@ -1,5 +1,3 @@
-"""What may be asked for: anything at all is either a control or refused in one line."""
-
 from __future__ import annotations
 
 import json

@@ -1,5 +1,3 @@
-"""The lengths that follow a robot's body: what `auto` comes to, where it is resolved, and what stays explicit."""
-
 from __future__ import annotations
 
 from dataclasses import asdict
@@ -34,6 +32,16 @@ MIXED: dict[str, Any] = {
 }
 
 
+NAMES = (
+    *("goal_distance", "refine_side", "refine_reach", "dilatation", "obstacle_radius", "fuzzy_distance"),
+    *("surround_distance", "critical_width"),
+)
+
+
+def options(**settings: Any) -> dict[str, Any]:
+    return {**PAPER, "options": settings}
+
+
 def lengths_for(robots: dict[str, Any], **more: Any) -> BodyLengths:
     scenario = load_scenario({**OPEN, "robots": robots, **more})
     return scenario.lengths[1]
@@ -42,34 +50,20 @@ def lengths_for(robots: dict[str, Any], **more: Any) -> BodyLengths:
 @pytest.mark.parametrize("robots", [{}, {"count": 1}, {"count": 16}, {"model": "holonomic", "count": 3, "spare": 2}])
 def test_the_papers_body_gets_the_papers_numbers_exactly(robots: dict[str, Any]) -> None:
     assert lengths_for(robots) == PAPER_LENGTHS
-    assert asdict(PAPER_LENGTHS) == {
-        "goal_distance": 5.5,
-        "refine_side": 2.0,
-        "refine_reach": 10.0,
-        "dilatation": 5.0,
-        "obstacle_radius": 5.0,
-        "fuzzy_distance": 5.5,
-        "surround_distance": 8.0,
-        "critical_width": 8.0,
-    }
-
-
-def test_a_small_slow_body_gets_small_lengths() -> None:
-    assert lengths_for(SMALL) == BodyLengths(
-        goal_distance=1.65,
-        refine_side=0.6,
-        refine_reach=3.0,
-        dilatation=1.5,
-        obstacle_radius=1.5,
-        fuzzy_distance=1.65,
-        surround_distance=2.4,
-        critical_width=2.4,
+    assert tuple(asdict(PAPER_LENGTHS).items()) == tuple(
+        zip(NAMES, (5.5, 2.0, 10.0, 5.0, 5.0, 5.5, 8.0, 8.0), strict=True)
     )
 
 
-def test_the_goal_lies_two_and_a_half_strides_ahead_of_a_fast_body() -> None:
+def test_a_small_slow_body_gets_small_lengths() -> None:
+    assert tuple(asdict(lengths_for(SMALL)).values()) == (1.65, 0.6, 3.0, 1.5, 1.5, 1.65, 2.4, 2.4)
+
+
+def test_the_goal_lies_two_and_a_half_strides_ahead_and_no_length_is_below_a_point() -> None:
     assert lengths_for({"radius": 0.3, "speed": 3.0}).goal_distance == 3.75
     assert lengths_for({"radius": 0.3, "speed": 3.0}, step=1.0).goal_distance == 7.5
+    tiny = lengths_for({"radius": 0.02, "speed": 0.1}, point=0.5)
+    assert (tiny.goal_distance, tiny.refine_reach) == (0.5, 0.5)
 
 
 def test_the_ring_around_an_intruder_holds_the_team_and_lies_in_view() -> None:
@@ -78,24 +72,9 @@ def test_the_ring_around_an_intruder_holds_the_team_and_lies_in_view() -> None:
     assert lengths_for({}, sensor={"range": 5}).surround_distance == 4.0
 
 
-def test_no_length_is_shorter_than_a_point() -> None:
-    tiny = lengths_for({"radius": 0.02, "speed": 0.1}, point=0.5)
-    assert (tiny.goal_distance, tiny.refine_reach) == (0.5, 0.5)
-
-
 def test_every_field_that_may_be_auto_is_so_by_default() -> None:
     for section, names in ((PatrolSpec, FIELDS), (PotentialFieldOptions, OPTION_LENGTHS)):
         assert {name for name, field in section.model_fields.items() if field.default == "auto"} == set(names)
-
-
-# --- where it is resolved --------------------------------------------------------------------------------------------
-
-
-def test_the_loaded_scenario_holds_the_numbers() -> None:
-    scenario = load_scenario({**OPEN, "robots": SMALL, "patrol": PAPER})
-    of_patrol = {name: getattr(scenario.patrol, name) for name in FIELDS}
-    of_policy = {name: getattr(scenario.patrol.options, name) for name in OPTION_LENGTHS}
-    assert {**of_patrol, **of_policy} == asdict(lengths_for(SMALL))
 
 
 def test_stating_a_number_means_the_same_as_leaving_it_to_auto(tmp_path: Path) -> None:
@@ -111,50 +90,34 @@ def test_stating_a_number_means_the_same_as_leaving_it_to_auto(tmp_path: Path) -
 
 
 def test_a_number_stays_whatever_the_body() -> None:
-    found = lengths_for(SMALL, patrol={**PAPER, "goal_distance": 4, "options": {"dilatation": 0}})
+    found = lengths_for(SMALL, patrol={**options(dilatation=0), "goal_distance": 4})
     assert (found.dilatation, found.goal_distance, found.refine_side) == (0.0, 4.0, 0.6)
+    assert lengths_for({}, patrol={"goal_distance": 0.7}).refine_side == 1.4, "a short one cuts an automatic square"
 
 
 def test_auto_can_be_asked_for() -> None:
-    given_ = {**OPEN, "robots": SMALL, "patrol": {**PAPER, "options": {"dilatation": 2}}}
+    given_ = {**OPEN, "robots": SMALL, "patrol": options(dilatation=2)}
     auto = load_scenario(given_, parse_overrides(["patrol.options.dilatation=auto"]))
     assert auto.lengths[1].dilatation == 1.5
     wider = load_scenario(given_, {"robots.radius": 0.4, "patrol.options.dilatation": "auto"})
     assert wider.lengths[1].dilatation == 2.0
-
-
-def test_overrides_of_the_body_come_before_its_lengths() -> None:
     assert load_scenario(OPEN, {"robots.radius": 0.3, "robots.speed": 1}).patrol.goal_distance == 1.65
 
 
-def test_spare_robots_change_no_length_of_a_loaded_scenario() -> None:
+def test_spare_robots_and_controls_keep_the_lengths() -> None:
     scenario = load_scenario({**OPEN, "robots": SMALL})
     assert with_spares(scenario, 40).patrol == scenario.patrol
-
-
-def test_a_control_keeps_the_lengths() -> None:
     for given_ in ({**OPEN, "robots": SMALL}, MIXED):
         scenario = load_scenario(given_)
         more, _ = amended(scenario, 3, read_control({"do": "intruder", "place": [45.0, 40.0]}))
         assert more.patrol == scenario.patrol
 
 
-# --- teams of different bodies ---------------------------------------------------------------------------------------
-
-
-def test_each_robot_of_a_mixed_team_has_its_own_lengths() -> None:
+def test_robots_of_a_mixed_team_have_their_own_lengths_and_agree_on_the_ring() -> None:
     scenario = load_scenario(MIXED)
     assert scenario.patrol.goal_distance == "auto"
-    assert {number: found.goal_distance for number, found in scenario.lengths.items()} == {
-        1: 6.6,
-        2: 1.65,
-        3: 1.65,
-    }
+    assert {number: found.goal_distance for number, found in scenario.lengths.items()} == {1: 6.6, 2: 1.65, 3: 1.65}
     assert load_scenario(as_mapping(scenario)) == scenario
-
-
-def test_all_of_a_mixed_team_agree_on_the_ring() -> None:
-    """Each computes everybody's place on it."""
     assert load_scenario(MIXED).patrol.surround_distance == 8.0
     assert load_scenario(MIXED, {"sensor.range": 20}).patrol.surround_distance == 9.6
 
@@ -164,7 +127,7 @@ def test_robots_that_differ_in_other_ways_share_the_numbers() -> None:
     assert load_scenario({**OPEN, "robots": robots}).patrol == load_scenario(OPEN).patrol
 
 
-def test_the_file_of_a_mixed_team_says_what_each_robot_has(tmp_path: Path) -> None:
+def test_the_file_of_a_mixed_team_says_what_each_robot_has_or_a_few_of_many(tmp_path: Path) -> None:
     scenario = load_scenario(MIXED)
     text = dump_scenario(scenario)
     (line,) = [line for line in text.splitlines() if line.startswith("  goal_distance: auto ")]
@@ -172,47 +135,33 @@ def test_the_file_of_a_mixed_team_says_what_each_robot_has(tmp_path: Path) -> No
     file = tmp_path / "mixed.yaml"
     file.write_text(text, encoding="utf-8")
     assert load_scenario(file).patrol == scenario.patrol
-
-
-def test_a_note_names_a_few_robots_of_many() -> None:
     many = load_scenario({**OPEN, "robots": [{"radius": 2.0}, *[{} for _ in range(20)]]})
     assert "here 10 for r1, 5 for r2, r3, r4, r5, r6, r7, r8, r9 and 12 more" in dump_scenario(many)
-
-
-# --- what is refused -------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
     ("robots", "patrol", "expected"),
     [
-        ({}, {"refine_side": 12}, "patrol.refine_side = 12: the square must not reach behind the robot: patrol.goal_"),
-        ({}, {"refine_side": 12}, "patrol.goal_distance is 5.5 m (auto), so at most 11"),
-        ({}, {"refine_side": 3, "goal_distance": 1}, "patrol.refine_side = 3: the square must not reach behind the ro"),
-        ({}, {"refine_side": 3, "goal_distance": 1}, "patrol.goal_distance is 1 m, so at most 2"),
-        (MIXED["robots"], {"refine_side": 4}, "patrol.goal_distance is 1.65 m (auto, for scout-1), so at most 3.3"),
-        ({}, {"goal_distance": 0.01}, "patrol.goal_distance = 0.01: shorter than one point of 0.1 m"),
-        ({}, {"goal_distance": 0}, "patrol.goal_distance = 0: expected auto, or a number above 0 and at most 1e9 (m, "),
+        ({}, {"refine_side": 12}, "refine_side = 12: the square must not reach behind the robot: patrol.goal_"),
+        ({}, {"refine_side": 12}, "goal_distance is 5.5 m (auto), so at most 11"),
+        ({}, {"refine_side": 3, "goal_distance": 1}, "refine_side = 3: the square must not reach behind the ro"),
+        ({}, {"refine_side": 3, "goal_distance": 1}, "goal_distance is 1 m, so at most 2"),
+        (MIXED["robots"], {"refine_side": 4}, "goal_distance is 1.65 m (auto, for scout-1), so at most 3.3"),
+        ({}, {"goal_distance": 0.01}, "goal_distance = 0.01: shorter than one point of 0.1 m"),
+        ({}, {"goal_distance": 0}, "goal_distance = 0: expected auto, or a number above 0 and at most 1e9 (m, "),
         (
             {},
-            {**PAPER, "options": {"dilatation": "Auto"}},
-            'patrol.options.dilatation = "Auto": expected auto, or a number from 0 to 1e9 (m, how far',
+            options(dilatation="Auto"),
+            'options.dilatation = "Auto": expected auto, or a number from 0 to 1e9 (m, how far',
         ),
-        (
-            {},
-            {**PAPER, "options": {"reach": "far"}},
-            'patrol.options.reach = "far": expected paper or area',
-        ),
+        ({}, options(reach="far"), 'options.reach = "far": expected paper or area'),
     ],
 )
 def test_a_wrong_length_is_named(robots: Any, patrol: dict[str, Any], expected: str) -> None:
     with pytest.raises(BadInput) as refused:
         load_scenario({**OPEN, "robots": robots, "patrol": patrol})
-    assert expected in str(refused.value)
+    assert f"patrol.{expected}" in str(refused.value)
     assert "\n" not in str(refused.value)
-
-
-def test_a_short_goal_distance_cuts_an_automatic_square() -> None:
-    assert lengths_for({}, patrol={"goal_distance": 0.7}).refine_side == 1.4
 
 
 @given(

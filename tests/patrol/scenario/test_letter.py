@@ -1,5 +1,3 @@
-"""The option `letter`: which of the paper's rules hold, what goes with the whole of it, and what is refused."""
-
 from __future__ import annotations
 
 from typing import Any
@@ -10,6 +8,7 @@ from patrol.errors import BadInput
 from patrol.scenario import Scenario, as_mapping, load_scenario, scenario_hash
 from patrol.scenario.policies import PAPER_RULES, PaperRule
 
+YARDS: dict[str, Any] = {"terrain": {"builtin": "yards"}}
 INTRUDERS = [{"place": [20, 20]}]
 
 
@@ -17,16 +16,14 @@ def scenario(letter: Any = None, model: str = "holonomic", patrol: Any = None, *
     options = {} if letter is None else {"letter": letter}
     section = {"policy": "potential-field", **(patrol or {})}
     section["options"] = options | section.get("options", {})
-    return load_scenario({"terrain": {"builtin": "yards"}, "robots": {"model": model}, "patrol": section, **more})
+    return load_scenario({**YARDS, "robots": {"model": model}, "patrol": section, **more})
 
 
-def test_one_word_gives_the_paper() -> None:
-    whole = scenario(True).patrol
-    assert whole.paper_rules == set(PAPER_RULES)
-    assert (whole.give_way, whole.manoeuvres) == (False, False)
-
-
-def test_without_the_letter_all_rules_are_ours() -> None:
+def test_one_word_gives_the_paper_and_without_it_all_rules_are_ours() -> None:
+    override = {"patrol.policy": "potential-field", "patrol.options.letter": "true"}
+    for whole in (scenario(True), load_scenario(YARDS, override)):
+        assert whole.patrol.paper_rules == set(PAPER_RULES)
+        assert (whole.patrol.give_way, whole.patrol.manoeuvres) == (False, False)
     ours = scenario().patrol
     assert ours.paper_rules == frozenset()
     assert (ours.give_way, ours.manoeuvres) == (True, True)
@@ -34,11 +31,7 @@ def test_without_the_letter_all_rules_are_ours() -> None:
 
 @pytest.mark.parametrize(
     ("letter", "rules"),
-    [
-        ("first-step", {"first-step"}),
-        (["first-step", "no-stop"], {"first-step", "no-stop"}),
-        (False, set()),
-    ],
+    [("first-step", {"first-step"}), (["first-step", "no-stop"], {"first-step", "no-stop"}), (False, set())],
 )
 def test_rules_are_taken_one_by_one(letter: Any, rules: set[str]) -> None:
     patrol = scenario(letter).patrol
@@ -47,14 +40,9 @@ def test_rules_are_taken_one_by_one(letter: Any, rules: set[str]) -> None:
 
 
 def test_the_default_policy_has_no_letter() -> None:
-    assert load_scenario({"terrain": {"builtin": "yards"}}).patrol.paper_rules == frozenset()
+    assert load_scenario(YARDS).patrol.paper_rules == frozenset()
     with pytest.raises(BadInput, match=r"patrol\.options\.letter"):
-        load_scenario({"terrain": {"builtin": "yards"}}, {"patrol.options.letter": "true"})
-
-
-def test_an_override_sets_it() -> None:
-    given = {"patrol.policy": "potential-field", "patrol.options.letter": "true"}
-    assert not load_scenario({"terrain": {"builtin": "yards"}}, given).patrol.give_way
+        load_scenario(YARDS, {"patrol.options.letter": "true"})
 
 
 @pytest.mark.parametrize("letter", [True, "first-step", ["no-stop", "far-goal"]])
@@ -99,16 +87,16 @@ def test_ties_and_origin_change_the_hash_where_they_differ() -> None:
 
 
 def test_random_steps_that_no_robot_makes_are_refused() -> None:
-    def read(**options: Any) -> Scenario:
-        patrol = {"policy": "potential-field", "options": options}
-        return load_scenario({"terrain": {"builtin": "yards"}, "robots": {"model": "car"}, "patrol": patrol})
+    def read(robots: Any = None, **options: Any) -> Scenario:
+        return scenario(patrol={"options": options}, robots=robots or {"model": "car"})
 
-    remedy = (
+    no_effect = (
         r"patrol\.options\.random_move = 0\.3: has no effect unless patrol\.options\.random_move_for is .*; set that"
     )
-    with pytest.raises(BadInput, match=remedy):
+    with pytest.raises(BadInput, match=no_effect):
         read(random_move=0.3)
     read(random_move=0)
+    read([{"model": "car"}, {"model": "holonomic"}], random_move=0.3)
     read(random_move=0.3, random_move_for="all")
     written = as_mapping(read())
     assert load_scenario(written, {"patrol.options.random_move": 0.3}) != read()
@@ -118,13 +106,7 @@ def test_random_steps_that_no_robot_makes_are_refused() -> None:
 def test_random_steps_are_no_setting_of_policies_that_keep_to_a_place(policy: str) -> None:
     overrides = {"patrol.policy": policy, "patrol.options.random_move": 0.3}
     with pytest.raises(BadInput, match=rf"random_move: does nothing for the policy {policy}; leave it out, or set"):
-        load_scenario({"terrain": {"builtin": "yards"}}, overrides)
-
-
-def test_holonomic_robots_of_the_paper_make_random_steps() -> None:
-    patrol = {"policy": "potential-field", "options": {"random_move": 0.3}}
-    robots = [{"model": "car"}, {"model": "holonomic"}]
-    assert load_scenario({"terrain": {"builtin": "yards"}, "robots": robots, "patrol": patrol}).roster
+        load_scenario(YARDS, overrides)
 
 
 EFFECTLESS: list[tuple[PaperRule, dict[str, Any], str]] = [

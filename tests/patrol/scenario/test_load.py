@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import yaml
 from pydantic import ValidationError
 
 from patrol.errors import BadInput
@@ -56,9 +57,6 @@ def write_map(folder: Path, origin: str = "[0, 0, 0]", pixels: bytes = b"\xff" *
     return write(folder / "hall.yaml", f"image: hall.pgm\n{keys}")
 
 
-# --- reading ---------------------------------------------------------------------------------------------------------
-
-
 def test_the_defaults_are_those_of_the_designed_file(tmp_path: Path) -> None:
     designed = load_scenario(write(tmp_path / "five.yaml", DESIGNED))
     assert load_scenario({**YARDS, "name": "yards-five"}) == designed
@@ -84,26 +82,16 @@ def test_a_copy_with_other_robots_has_its_own_roster() -> None:
     assert "roster" not in copied.model_dump()
 
 
-def test_a_group_makes_a_roster() -> None:
+def test_a_group_or_a_list_makes_a_roster() -> None:
     robots = {"count": 3, "model": "holonomic", "speed": 1, "starts": [[1, 2], [3, 4, 7]]}
     roster = load_scenario({**YARDS, "robots": robots}).roster
     assert [spec.number for spec in roster] == [1, 2, 3]
-    assert [spec.start for spec in roster] == [
-        Pose(1, 2, 0),
-        Pose(3, 4, wrap(7)),
-        None,
-    ]
+    assert [spec.start for spec in roster] == [Pose(1, 2, 0), Pose(3, 4, wrap(7)), None]
     assert {(spec.model, spec.speed, spec.radius) for spec in roster} == {("holonomic", 1.0, 1.0)}
-
-
-def test_a_list_makes_a_roster() -> None:
-    robots = [{"name": "scout", "radius": 0.3, "start": [5, 6]}, {"model": "holonomic"}, {"start": "random"}]
-    roster = load_scenario({**YARDS, "robots": robots}).roster
-    assert [(spec.name, spec.radius, spec.model) for spec in roster] == [
-        ("scout", 0.3, "car"),
-        ("r2", 1.0, "holonomic"),
-        ("r3", 1.0, "car"),
-    ]
+    listed = [{"name": "scout", "radius": 0.3, "start": [5, 6]}, {"model": "holonomic"}, {"start": "random"}]
+    roster = load_scenario({**YARDS, "robots": listed}).roster
+    bodies = [(spec.name, spec.radius, spec.model) for spec in roster]
+    assert bodies == [("scout", 0.3, "car"), ("r2", 1.0, "holonomic"), ("r3", 1.0, "car")]
     assert [spec.start for spec in roster] == [Pose(5, 6, 0), None, None]
 
 
@@ -129,11 +117,13 @@ def test_spare_robots_come_last_and_change_nothing_that_is_there_without_them() 
         ([{"spare": True}], "all robots are spare, so none patrols; leave spare out for one"),
         ({"spare": -1}, "expected a whole number from 0 to 65000"),
         ({"count": 1, "spare": 1, "starts": [[1, 1], [2, 2], [3, 3]]}, "3 starts for 2 robots"),
+        ({"count": 2, "spare": 2}, "there are 2 robots; give at most 2"),
     ],
 )
-def test_spare_robots_that_cannot_be(robots: Any, problem: str) -> None:
+def test_spare_robots_that_cannot_be_or_be_meant(robots: Any, problem: str) -> None:
+    fault = {"kind": "kill", "at": 1, "who": {"count": 3}}
     with pytest.raises(BadInput, match=problem):
-        load_scenario({**YARDS, "robots": robots})
+        load_scenario({**YARDS, "robots": robots, "faults": [fault]})
 
 
 def test_a_robot_must_not_leap_over_what_it_should_see() -> None:
@@ -144,12 +134,6 @@ def test_a_robot_must_not_leap_over_what_it_should_see() -> None:
         load_scenario({**YARDS, "step": 0.5, "robots": {"speed": 40.2}, "sensor": {"range": 10}})
     with pytest.raises(BadInput, match=r"robots\.1\.speed = 4\.4: a stride of 6\.6 m .* give at most 4, a shorter"):
         load_scenario({**YARDS, "step": 1.5, "robots": [{"speed": 1}, {"speed": 4.4}], "sensor": {"range": 3}})
-
-
-def test_sizes_are_of_the_robots_that_are_not_spare() -> None:
-    fault = {"kind": "kill", "at": 1, "who": {"count": 3}}
-    with pytest.raises(BadInput, match="there are 2 robots; give at most 2"):
-        load_scenario({**YARDS, "robots": {"count": 2, "spare": 2}, "faults": [fault]})
 
 
 def test_paths_are_relative_to_the_file_and_absolute_once_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -167,49 +151,27 @@ def test_a_pace_is_lockstep_or_a_factor(pace: object, factor: float | None) -> N
     assert load_scenario({**YARDS, "pace": pace}).factor == factor
 
 
-def test_a_scenario_cannot_be_changed() -> None:
+def test_neither_a_scenario_nor_the_mapping_that_was_read_changes() -> None:
     scenario = load_scenario(YARDS)
     with pytest.raises(ValidationError):
         scenario.seed = 3  # type: ignore[misc]
     assert load_scenario(as_mapping(scenario)) == scenario
     assert hash(scenario) == hash(load_scenario(YARDS))
-
-
-def test_reading_leaves_the_callers_mapping_alone() -> None:
     raw = {"terrain": {"builtin": "yards"}, "robots": [{"speed": 1}]}
     before = json.dumps(raw)
     load_scenario(raw, {"robots.0.speed": "2", "patrol.goal_distance": 3})
     assert json.dumps(raw) == before
 
 
-# --- overrides -------------------------------------------------------------------------------------------------------
-
-
-def test_overrides_replace_single_fields() -> None:
-    scenario = load_scenario(
-        {**YARDS, "robots": {"count": 5, "speed": 2}, "sensor": {"range": 20}},
-        {
-            "patrol.contact_memory": "0",
-            "sensor.range": "12",
-            "robots.count": "3",
-            "pace": "realtime",
-            "radio.forget_after": 7.5,
-        },
-    )
+def test_overrides_are_yaml_and_replace_single_fields() -> None:
+    given = {"patrol.contact_memory": "0", "sensor.range": "12", "robots.count": "3", "radio.forget_after": 7.5}
+    raw = {**YARDS, "robots": {"count": 5, "speed": 2}, "sensor": {"range": 20}}
+    scenario = load_scenario(raw, {**given, "pace": "realtime"})
     assert (scenario.patrol.contact_memory, scenario.sensor.range, scenario.pace) == (0.0, 12.0, "realtime")
     assert [spec.speed for spec in scenario.roster] == [2.0, 2.0, 2.0]
     assert scenario.radio.forget_after == 7.5
-
-
-def test_overrides_are_read_as_yaml() -> None:
-    scenario = load_scenario(
-        YARDS,
-        {
-            "robots.starts": "[[1, 2], [3, 4, 0]]",
-            "sensor": "{range: 5, line_of_sight: false}",
-            "patrol.goal_distance": "4e0",
-        },
-    )
+    given = {"robots.starts": "[[1, 2], [3, 4, 0]]", "sensor": "{range: 5, line_of_sight: false}"}
+    scenario = load_scenario(YARDS, {**given, "patrol.goal_distance": "4e0"})
     assert [spec.start for spec in scenario.roster][:2] == [Pose(1, 2, 0), Pose(3, 4, 0)]
     assert (scenario.sensor.range, scenario.sensor.line_of_sight, scenario.patrol.goal_distance) == (5.0, False, 4.0)
 
@@ -231,9 +193,6 @@ def test_settings_of_the_command_line_become_overrides() -> None:
             parse_overrides([wrong])
 
 
-# --- opening what the command line names -----------------------------------------------------------------------------
-
-
 def test_a_builtin_a_map_and_a_scenario_can_be_opened(tmp_path: Path) -> None:
     assert open_scenario("yards", {"seed": "3"}) == load_scenario({**YARDS, "seed": 3})
     hall = write_map(tmp_path)
@@ -250,13 +209,15 @@ def test_what_cannot_be_opened_is_named(tmp_path: Path) -> None:
         open_scenario(str(tmp_path / "hall.pgm"))
     with pytest.raises(BadInput, match="is a folder"):
         open_scenario(str(tmp_path))
+    file = write(tmp_path / "many.yaml", "base: {terrain: {builtin: open}}\ngrid: {seed: [1, 2]}\n")
+    with pytest.raises(BadInput, match=f"{file}: is a sweep of many runs; make them with: fogwatch sweep {file}"):
+        open_scenario(str(file))
 
 
 def test_a_map_that_is_not_there_is_named_with_the_line_that_names_it(tmp_path: Path) -> None:
     path = write(tmp_path / "mine.yaml", "duration: 20\nterrain: {map: hall.yaml}")
-    with pytest.raises(
-        BadInput, match=r"mine.yaml: line 2: terrain.map = .*hall.yaml: no such file; a path is relative"
-    ):
+    named = r"mine.yaml: line 2: terrain.map = .*hall.yaml: no such file; a path is relative"
+    with pytest.raises(BadInput, match=named):
         open_scenario(str(path))
     with pytest.raises(BadInput, match=r"^override: terrain.map = .*other.yaml: no such file"):
         open_scenario(str(path), {"terrain.map": "other.yaml"})
@@ -268,8 +229,6 @@ def test_an_angle_in_radians_is_refused(angle: float, degrees: int) -> None:
         load_scenario({**YARDS, "sensor": {"angle": angle}})
     assert load_scenario({**YARDS, "sensor": {"angle": round(angle, 1)}}).sensor.angle == round(angle, 1)
 
-
-# --- writing ---------------------------------------------------------------------------------------------------------
 
 LONG = {
     **YARDS,
@@ -285,6 +244,7 @@ LONG["terrain"] = {"builtin": "site", "keep_out": [[[0, 0], [1.5, 0], [0, 1e-7]]
 @pytest.mark.parametrize("raw", [YARDS, LONG, {"terrain": {"map": "~/maps/a b.yaml"}, "robots": {"starts": [[1, 2]]}}])
 def test_a_dump_loads_back_equal(raw: dict[str, Any], tmp_path: Path) -> None:
     scenario = load_scenario(raw)
+    assert load_scenario(yaml.safe_load(dump_scenario(scenario))) == scenario, "any YAML reader reads the same"
     for n, text in enumerate((dump_scenario(scenario), json.dumps(as_mapping(scenario)))):
         assert load_scenario(write(tmp_path / f"{n}.yaml", text)) == scenario
     assert dump_scenario(load_scenario(tmp_path / "0.yaml")) == dump_scenario(scenario)
@@ -296,16 +256,8 @@ def test_a_dump_shows_no_character_that_a_terminal_acts_on(strange: str, tmp_pat
     dump = dump_scenario(scenario)
     assert all(line.isprintable() for line in dump.split("\n"))
     assert load_scenario(write(tmp_path / "dump.yaml", dump)) == scenario
-    assert "/caf\xe9/fleet.key" in dump_scenario(
-        load_scenario({"terrain": {"builtin": "open"}, "radio": {"key": "/caf\xe9/fleet.key"}})
-    )
-
-
-def test_a_dump_says_the_same_to_any_yaml_reader() -> None:
-    import yaml
-
-    scenario = load_scenario(LONG)
-    assert load_scenario(yaml.safe_load(dump_scenario(scenario))) == scenario
+    plain = load_scenario({"terrain": {"builtin": "open"}, "radio": {"key": "/caf\xe9/fleet.key"}})
+    assert "/caf\xe9/fleet.key" in dump_scenario(plain)
 
 
 def test_a_dump_has_one_field_a_line_with_its_unit() -> None:
@@ -313,9 +265,8 @@ def test_a_dump_has_one_field_a_line_with_its_unit() -> None:
     assert "point: 0.1                       # m, side of one point of the grid" in lines
     spreads = "m, how far staleness spreads; 0: not at all; auto: 5 radii"
     assert f"    dilatation: auto             # {spreads}; here 5 for on, 1.5 for 007" in lines
-    assert any(
-        line.startswith("  - {model: car, speed: 4.4, radius: 1.0, turning_radius: 3.5, name: 'on', ") for line in lines
-    )
+    robot = "  - {model: car, speed: 4.4, radius: 1.0, turning_radius: 3.5, name: 'on', "
+    assert any(line.startswith(robot) for line in lines)
 
 
 def test_the_schema_knows_every_field_and_its_unit() -> None:
@@ -326,9 +277,6 @@ def test_the_schema_knows_every_field_and_its_unit() -> None:
     for definition in [schema, *schema["$defs"].values()]:
         assert all(field.get("description") for field in definition["properties"].values())
     json.dumps(schema, allow_nan=False)
-
-
-# --- the hash --------------------------------------------------------------------------------------------------------
 
 
 def test_the_hash_is_of_the_meaning(tmp_path: Path) -> None:
@@ -342,12 +290,7 @@ def test_the_hash_is_of_the_meaning(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     "field",
     [
-        "seed=8",
-        "point=0.2",
-        "pace=realtime",
-        "robots.count=4",
-        "robots.starts=[[1,2]]",
-        "radio.key=a",
+        *("seed=8", "point=0.2", "pace=realtime", "robots.count=4", "robots.starts=[[1,2]]", "radio.key=a"),
         "patrol.options.unpredictability=0",
     ],
 )
@@ -400,10 +343,3 @@ def test_a_setting_stands_beside_its_switch_or_among_lengths(options: dict[str, 
     patrol = {"policy": "potential-field", "options": options}
     scenario = load_scenario({"terrain": {"builtin": "open"}, "patrol": patrol})
     assert load_scenario(as_mapping(scenario)) == scenario
-
-
-def test_a_sweeps_file_is_no_scenario(tmp_path: Path) -> None:
-    file = tmp_path / "many.yaml"
-    file.write_text("base: {terrain: {builtin: open}}\ngrid: {seed: [1, 2]}\n")
-    with pytest.raises(BadInput, match=f"{file}: is a sweep of many runs; make them with: fogwatch sweep {file}"):
-        open_scenario(str(file))

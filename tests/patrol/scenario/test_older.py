@@ -1,5 +1,3 @@
-"""Sections `patrol` of earlier versions: what they come to, and what is refused."""
-
 from __future__ import annotations
 
 from pathlib import Path
@@ -60,21 +58,22 @@ def read(**patrol: Any) -> Scenario:
     return load_scenario({**YARDS, "patrol": patrol})
 
 
+def paper_options(scenario: Scenario) -> PotentialFieldOptions:
+    assert isinstance(scenario.patrol.options, PotentialFieldOptions)
+    return scenario.patrol.options
+
+
+OPTIONS_0_3 = {"separation": "claims", "random_move": 0.02, "random_move_for": "all"}
 RESOLVED_0_3: dict[str, Any] = {
     "policy": "committed",
-    "options": {
-        "separation": "claims",
-        "random_move": 0.02,
-        "random_move_for": "all",
-        "obstacle_radius": 5.0,
-        "critical_width": 8.0,
-    },
+    "options": {**OPTIONS_0_3, "obstacle_radius": 5.0, "critical_width": 8.0},
 }
 """Of the section that 0.3 wrote, what chooses a policy."""
 
 
 def test_a_run_folder_of_0_2_means_what_it_meant() -> None:
-    assert read(**RESOLVED_0_2) == read()
+    assert read(**RESOLVED_0_2) == read() == read(options=None)
+    assert read(commitment="target", random_move=0.3) == read(), "steps that its robots hardly made are no mistake"
 
 
 @pytest.mark.parametrize(
@@ -122,28 +121,15 @@ def test_they_are_refused_beside_a_policy_that_no_earlier_version_had() -> None:
         read(policy="stochastic", options={"random_move": 0.3})
 
 
-def test_random_steps_of_a_file_of_0_2_that_its_robots_hardly_made_are_no_mistake() -> None:
-    assert read(commitment="target", random_move=0.3) == read()
-
-
-def test_so_does_one_that_followed_the_paper() -> None:
+def test_so_does_one_that_followed_the_paper_and_what_it_leaves_out_has_the_defaults_of_0_2() -> None:
     scenario = read(**{**RESOLVED_0_2, "commitment": "none", "dilatation": 2.0, "avoidance": "fuzzy", "tolerance": 0})
-    options = scenario.patrol.options
-    assert isinstance(options, PotentialFieldOptions)
+    options = paper_options(scenario)
     assert (options.dilatation, options.fuzzy, options.tolerance, options.separation) == (2.0, True, 0.0, "claims")
     assert (options.random_move, options.random_move_for) == (0.02, "all")
     assert scenario.patrol.avoidance == "none"
-
-
-def test_what_a_file_of_0_2_leaves_out_has_the_defaults_of_0_2() -> None:
-    options = read(commitment="none", alpha=3).patrol.options
-    assert isinstance(options, PotentialFieldOptions)
-    assert (options.alpha, options.separation, options.random_move, options.random_move_for) == (
-        3.0,
-        "claims",
-        0.02,
-        "all",
-    )
+    options = paper_options(read(commitment="none", alpha=3))
+    assert (options.alpha, options.separation) == (3.0, "claims")
+    assert (options.random_move, options.random_move_for) == (0.02, "all")
 
 
 def test_a_section_that_does_not_state_commitment_has_the_policy_that_it_names() -> None:
@@ -168,9 +154,11 @@ def test_defaults_of_0_2_are_no_settings_of_a_policy_of_ones_own(tmp_path: Path)
 
 
 def test_overrides_of_0_2_go_where_the_fields_are() -> None:
-    options = load_scenario(YARDS, parse_overrides(["patrol.commitment=none", "patrol.sectors=16"])).patrol.options
-    assert isinstance(options, PotentialFieldOptions)
-    assert options.sectors == 16
+    assert (
+        paper_options(load_scenario(YARDS, parse_overrides(["patrol.commitment=none", "patrol.sectors=16"]))).sectors
+        == 16
+    )
+    assert paper_options(load_scenario(YARDS, parse_overrides(["patrol={commitment: none, alpha: 3}"]))).alpha == 3.0
     over_a_file = load_scenario({**YARDS, "patrol": RESOLVED_0_2}, {"patrol.separation": "none"}).patrol.options
     assert isinstance(over_a_file, StochasticOptions)
     assert over_a_file.separation == "none"
@@ -200,27 +188,13 @@ def test_commitment_over_a_file_of_this_version_chooses_a_policy_and_changes_no_
     paper = {**YARDS, "patrol": {"policy": "potential-field"}}
     assert load_scenario(paper, {"patrol.commitment": "none"}) == load_scenario(paper)
     assert load_scenario(paper, {"patrol.commitment": "target"}) == load_scenario(YARDS)
-    options = load_scenario(YARDS, {"patrol.commitment": "none", "patrol.random_move": 0.3}).patrol.options
-    assert isinstance(options, PotentialFieldOptions)
+    options = paper_options(load_scenario(YARDS, {"patrol.commitment": "none", "patrol.random_move": 0.3}))
     assert (options.separation, options.random_move) == ("claims", 0.3)
 
 
 def test_fuzzy_avoidance_over_a_resolved_file_is_fuzzy() -> None:
     resolved = as_mapping(load_scenario(YARDS, {"patrol.policy": "potential-field"}))
-    options = load_scenario(resolved, {"patrol.avoidance": "fuzzy"}).patrol.options
-    assert isinstance(options, PotentialFieldOptions)
-    assert options.fuzzy
-
-
-def test_a_whole_section_of_0_2_may_be_an_override() -> None:
-    scenario = load_scenario(YARDS, parse_overrides(["patrol={commitment: none, alpha: 3}"]))
-    options = scenario.patrol.options
-    assert isinstance(options, PotentialFieldOptions)
-    assert options.alpha == 3.0
-
-
-def test_no_options_are_the_defaults() -> None:
-    assert read(options=None) == load_scenario(YARDS)
+    assert paper_options(load_scenario(resolved, {"patrol.avoidance": "fuzzy"})).fuzzy
 
 
 @pytest.mark.parametrize(
@@ -232,10 +206,7 @@ def test_no_options_are_the_defaults() -> None:
             {"policy": "committed", "options": {"unpredictability": 2}},
             "patrol.options.unpredictability: does nothing for the policy committed, which is the tour; set patrol.pol",
         ),
-        (
-            {"commitment": "maybe"},
-            "patrol.commitment: is target or none in files of 0.2; since then set patrol",
-        ),
+        ({"commitment": "maybe"}, "patrol.commitment: is target or none in files of 0.2; since then set patrol"),
         ({"commitment": "none", "sectors": 0}, "patrol.options.sectors = 0: expected"),
     ],
 )

@@ -1,5 +1,3 @@
-"""The radio's budget and when robots send: what a scenario may say, and what changes its hash."""
-
 from __future__ import annotations
 
 from typing import Any
@@ -8,10 +6,12 @@ import pytest
 
 from patrol.errors import BadInput
 from patrol.files.yaml_text import parse_yaml
+from patrol.radio.allowance import Share
 from patrol.scenario import as_mapping, dump_scenario, load_scenario, scenario_hash
 
 YARDS: dict[str, Any] = {"terrain": {"builtin": "yards"}}
 BUDGET = {"bits_per_s": 1200}
+AHEAD: dict[str, Any] = {"sensor": {"angle": 90}}
 
 
 def with_radio(**radio: Any) -> dict[str, Any]:
@@ -29,14 +29,9 @@ def test_a_scenario_that_says_nothing_of_savings_means_what_it_meant() -> None:
 @pytest.mark.parametrize(
     "radio",
     [
-        {"budget": BUDGET},
-        {"budget": {**BUDGET, "overhead": 8}},
-        {"budget": {**BUDGET, "frame": 40}},
-        {"adaptive": {}},
-        {"adaptive": {"error": 3}},
-        {"adaptive": {"silence": 3}},
-        {"trail": 4, "trail_every": 3},
-        {"trail": 4},
+        *({"budget": BUDGET}, {"budget": {**BUDGET, "overhead": 8}}, {"budget": {**BUDGET, "frame": 40}}),
+        *({"adaptive": adaptive} for adaptive in ({}, {"error": 3}, {"silence": 3})),
+        *({"trail": 4, "trail_every": 3}, {"trail": 4}),
     ],
 )
 def test_each_saving_changes_the_hash_and_survives_being_written_down(radio: dict[str, Any]) -> None:
@@ -50,69 +45,56 @@ def test_each_saving_changes_the_hash_and_survives_being_written_down(radio: dic
 @pytest.mark.parametrize(
     ("raw", "expected"),
     [
-        (with_radio(budget={}), "radio.budget.bits_per_s: missing; give bit/s on the air of all robots together"),
-        (with_radio(budget=1200), "radio.budget = 1200: expected keys and values (bits_per_s, overhead, frame)"),
-        (with_radio(budget={"bit_per_s": 1}), "radio.budget.bit_per_s: unknown key; did you mean bits_per_s?"),
-        (with_radio(bits_per_s=1), "radio.bits_per_s: unknown key; did you mean radio.budget.bits_per_s?"),
-        (with_radio(adaptive={"silense": 1}), "radio.adaptive.silense: unknown key; did you mean silence?"),
-        (with_radio(budget={"bits_per_s": 0}), "radio.budget.bits_per_s = 0: expected a number above 0"),
-        (
-            with_radio(budget={**BUDGET, "overhead": 1001}),
-            "radio.budget.overhead = 1001: expected a whole number from 0",
-        ),
-        (with_radio(budget={**BUDGET, "frame": 65}), "radio.budget.frame = 65: expected a whole number from 1 to 64"),
-        (with_radio(budget={**BUDGET, "frame": 27}), "radio.budget.frame = 27: less than a frame without a trail"),
-        (with_radio(budget={**BUDGET, "frame": 37}, key="a"), "radio.budget.frame = 37: less than a frame without"),
+        (with_radio(budget={}), "budget.bits_per_s: missing; give bit/s on the air of all robots together"),
+        (with_radio(budget=1200), "budget = 1200: expected keys and values (bits_per_s, overhead, frame)"),
+        (with_radio(budget={"bit_per_s": 1}), "budget.bit_per_s: unknown key; did you mean bits_per_s?"),
+        (with_radio(bits_per_s=1), "bits_per_s: unknown key; did you mean radio.budget.bits_per_s?"),
+        (with_radio(adaptive={"silense": 1}), "adaptive.silense: unknown key; did you mean silence?"),
+        (with_radio(budget={"bits_per_s": 0}), "budget.bits_per_s = 0: expected a number above 0"),
+        (with_radio(budget={**BUDGET, "overhead": 1001}), "budget.overhead = 1001: expected a whole number from 0"),
+        (with_radio(budget={**BUDGET, "frame": 65}), "budget.frame = 65: expected a whole number from 1 to 64"),
+        (with_radio(budget={**BUDGET, "frame": 27}), "budget.frame = 27: less than a frame without a trail"),
+        (with_radio(budget={**BUDGET, "frame": 37}, key="a"), "budget.frame = 37: less than a frame without"),
         (
             with_radio(trail=4, budget={"bits_per_s": 200}),
-            "radio.budget.bits_per_s = 200: so low that a robot may be silent for 11 s, and claims end after 10 s",
+            "budget.bits_per_s = 200: so low that a robot may be silent for 11 s, and claims end after 10 s",
         ),
         (
             {**with_radio(budget={"bits_per_s": 200}), "intruders": [{"place": [10, 10]}]},
-            "radio.budget.bits_per_s = 200: so low that a robot may be silent for 11.5 s",
+            "budget.bits_per_s = 200: so low that a robot may be silent for 11.5 s",
         ),
-        (with_radio(adaptive={"silence": 10.5}), "radio.adaptive.silence = 10.5: not between one step, 0.5 s, and"),
-        (with_radio(adaptive={"silence": 0.4}), "radio.adaptive.silence = 0.4: not between one step, 0.5 s, and"),
-        (with_radio(adaptive={"error": -1}), "radio.adaptive.error = -1: expected a number from 0"),
-        (with_radio(trail=1, trail_every=16), "radio.trail_every = 16: expected a whole number from 1 to 15"),
-        (
-            {**with_radio(trail=4, trail_every=15), "step": 4.0, "watchdog": 9, "robots": {"speed": 5.5}},
-            "robots.speed = 5.5: a trail holds steps below 327.67 m per 15 ticks",
-        ),
-        (
-            {**with_radio(trail=1, trail_every=2), "sensor": {"angle": 90}},
-            "radio.trail = 1: a trail has places and no headings",
-        ),
-        (
-            {**with_radio(trail=1, budget=BUDGET), "sensor": {"angle": 90}},
-            "radio.trail = 1: a trail has places and no headings",
-        ),
+        (with_radio(adaptive={"silence": 10.5}), "adaptive.silence = 10.5: not between one step, 0.5 s, and"),
+        (with_radio(adaptive={"silence": 0.4}), "adaptive.silence = 0.4: not between one step, 0.5 s, and"),
+        (with_radio(adaptive={"error": -1}), "adaptive.error = -1: expected a number from 0"),
+        (with_radio(trail=1, trail_every=16), "trail_every = 16: expected a whole number from 1 to 15"),
+        (AHEAD | with_radio(trail=1, trail_every=2), "trail = 1: a trail has places and no headings"),
+        (AHEAD | with_radio(trail=1, budget=BUDGET), "trail = 1: a trail has places and no headings"),
     ],
 )
 def test_what_cannot_be_is_told_in_one_line(raw: dict[str, Any], expected: str) -> None:
     with pytest.raises(BadInput) as caught:
         load_scenario(raw)
-    assert f"scenario: {expected}" in str(caught.value)
+    assert f"scenario: radio.{expected}" in str(caught.value)
     assert "\n" not in str(caught.value)
 
 
-def test_a_list_of_robots_is_told_which_of_them_is_too_fast_for_a_trail() -> None:
-    robots = [{"speed": 1}, {"speed": 5.5}]
-    with pytest.raises(BadInput, match=r"robots\.1\.speed = 5\.5: a trail holds steps"):
+@pytest.mark.parametrize(("robots", "which"), [({"speed": 5.5}, ""), ([{"speed": 1}, {"speed": 5.5}], r"1\.")])
+def test_a_robot_too_fast_for_a_trail_is_told(robots: Any, which: str) -> None:
+    says = rf"scenario: robots\.{which}speed = 5\.5: a trail holds steps below 327\.67 m per 15 ticks"
+    with pytest.raises(BadInput, match=says):
         load_scenario({**with_radio(trail=4, trail_every=15), "step": 4.0, "watchdog": 9, "robots": robots})
 
 
 def test_the_share_of_a_robot() -> None:
+    def share_of(raw: dict[str, Any]) -> Share:
+        share = load_scenario(raw).radio_share
+        assert share is not None
+        return share
+
     assert load_scenario(YARDS).radio_share is None
-    share = load_scenario(with_radio(trail=2, budget={**BUDGET, "overhead": 8})).radio_share
-    assert share is not None
-    assert share.per_tick == 120.0
-    assert share.frame == 28 + 1 + 2 * 6
-    assert share.most == 8 * (41 + 8 + 28 + 8)
+    share = share_of(with_radio(trail=2, budget={**BUDGET, "overhead": 8}))
+    assert (share.per_tick, share.frame, share.most) == (120.0, 28 + 1 + 2 * 6, 8 * (41 + 8 + 28 + 8))
     assert share.cost(20) == 224
-    spare = load_scenario({**with_radio(budget=BUDGET), "robots": {"count": 4, "spare": 2}}).radio_share
-    assert spare is not None
+    spare = share_of({**with_radio(budget=BUDGET), "robots": {"count": 4, "spare": 2}})
     assert spare.per_tick == 100.0, "a robot that joins later takes nothing from the others"
-    rich = load_scenario(with_radio(budget={"bits_per_s": 50_000})).radio_share
-    assert rich is not None
-    assert rich.most == 10_000.0
+    assert share_of(with_radio(budget={"bits_per_s": 50_000})).most == 10_000.0

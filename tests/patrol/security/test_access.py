@@ -19,14 +19,7 @@ from fogwatch.launch.private import Secrets
 from patrol.errors import BadInput
 from patrol.net.open_links import open_links
 from patrol.process.options import meeting
-from patrol.security.access import (
-    FILE,
-    Access,
-    credentials_at,
-    is_private,
-    read_access,
-    write_pointer,
-)
+from patrol.security.access import FILE, Access, credentials_at, is_private, read_access, write_pointer
 from patrol.security.credentials import Credentials, as_json, read_credentials, read_router
 from patrol.security.private_files import write_private
 from patrol.security.roles import OPERATOR, VIEWER, WORLD_ROLE, Kind, robot_role
@@ -95,12 +88,6 @@ def test_a_run_s_folder_leads_to_the_secrets_and_holds_none(secrets: Secrets, ru
         assert str(one.token) not in f"{held}{one!r}{access!r}"
 
 
-def test_the_secrets_of_a_run_that_is_over_are_not_there(secrets: Secrets, run: Path) -> None:
-    secrets.remove()
-    with pytest.raises(BadInput, match="the secrets of its run are not here; the run is over"):
-        read_access(run, "test")
-
-
 def test_what_the_system_clears_while_a_run_goes_on_comes_back(secrets: Secrets, run: Path, roots: Path) -> None:
     before = read_credentials(secrets.of_robot("r1"), "test")
     secrets.of_world.unlink()
@@ -158,7 +145,7 @@ def test_secrets_that_others_can_see_are_refused(secrets: Secrets, run: Path) ->
         read_router(secrets.path / "router", "test")
 
 
-def test_a_link_in_place_of_the_private_folder_is_not_followed(secrets: Secrets, run: Path, roots: Path) -> None:
+def test_secrets_behind_a_link_or_of_a_run_that_is_over_are_not_there(secrets: Secrets, run: Path, roots: Path) -> None:
     moved = secrets.path.rename(roots / "elsewhere")
     secrets.path.symlink_to(moved)
     assert not is_private(secrets.path)
@@ -166,6 +153,9 @@ def test_a_link_in_place_of_the_private_folder_is_not_followed(secrets: Secrets,
         read_access(run, "test")
     secrets.path.unlink()
     moved.rename(secrets.path)
+    secrets.remove()
+    with pytest.raises(BadInput, match="the secrets of its run are not here; the run is over"):
+        read_access(run, "test")
 
 
 def test_what_a_launcher_left_that_was_killed_at_once_goes_when_it_is_old(roots: Path) -> None:
@@ -234,41 +224,32 @@ def test_a_service_manager_s_folder_may_hold_secrets_that_an_access_list_lets_on
         read_credentials(file, "test")
 
 
-@pytest.mark.parametrize(
-    ("text", "says"),
-    [
-        ("{}", 'expected a JSON object with "fleet", "router" and "token", all strings'),
-        ("[]", "expected a JSON object"),
-        ("no", "expected a JSON object"),
-        ("[" * 60_000, "expected a JSON object"),
-        (" " * 2_000_000, "is larger than an access file may be, 64 KiB"),
-        (json.dumps({"fleet": "f", "router": ROUTER, "token": "short"}), "the token has 5 characters"),
-        (json.dumps({"fleet": "*", "router": ROUTER, "token": "x" * 16}), "not a name for a fleet"),
-        (json.dumps({"fleet": "f", "router": AWAY, "token": "x" * 16}), "leads to a router on this machine only"),
-        (as_json(Credentials("f", ROUTER, OPERATOR, "secret", "x" * 16)), "holds a member's credentials"),
-    ],
-)
-def test_a_control_file_that_cannot_be_used_is_refused_in_one_line(text: str, says: str, tmp_path: Path) -> None:
-    write_private(tmp_path / FILE, text)
-    with pytest.raises(BadInput, match=re.escape(says)) as caught:
-        read_access(tmp_path, "test")
-    assert "\n" not in str(caught.value)
+MEMBER = "operator.json"
 
 
 @pytest.mark.parametrize(
-    ("text", "says"),
+    ("file", "text", "says"),
     [
-        (json.dumps({"role": "root"}), "expected one of robot, world, viewer, operator"),
-        (json.dumps({"role": "robot", "robot": "*"}), "not a robot's name"),
-        (json.dumps({"role": "viewer", "password": 3}), "password: expected a text"),
-        (json.dumps({"role": "viewer", "password": "x"}), 'expected "fleet"'),
-        (as_json(Credentials("f", AWAY, OPERATOR, "secret", "x" * 16)), "passwords are for one machine"),
+        (FILE, "{}", 'expected a JSON object with "fleet", "router" and "token", all strings'),
+        (FILE, "[]", "expected a JSON object"),
+        (FILE, "no", "expected a JSON object"),
+        (FILE, "[" * 60_000, "expected a JSON object"),
+        (FILE, " " * 2_000_000, "is larger than an access file may be, 64 KiB"),
+        (FILE, json.dumps({"fleet": "f", "router": ROUTER, "token": "short"}), "the token has 5 characters"),
+        (FILE, json.dumps({"fleet": "*", "router": ROUTER, "token": "x" * 16}), "not a name for a fleet"),
+        (FILE, json.dumps({"fleet": "f", "router": AWAY, "token": "x" * 16}), "leads to a router on this machine only"),
+        (FILE, as_json(Credentials("f", ROUTER, OPERATOR, "secret", "x" * 16)), "holds a member's credentials"),
+        (MEMBER, json.dumps({"role": "root"}), "expected one of robot, world, viewer, operator"),
+        (MEMBER, json.dumps({"role": "robot", "robot": "*"}), "not a robot's name"),
+        (MEMBER, json.dumps({"role": "viewer", "password": 3}), "password: expected a text"),
+        (MEMBER, json.dumps({"role": "viewer", "password": "x"}), 'expected "fleet"'),
+        (MEMBER, as_json(Credentials("f", AWAY, OPERATOR, "secret", "x" * 16)), "passwords are for one machine"),
     ],
 )
-def test_credentials_that_cannot_be_used_are_refused_in_one_line(text: str, says: str, tmp_path: Path) -> None:
-    write_private(tmp_path / "operator.json", text)
+def test_a_file_that_cannot_be_used_is_refused_in_one_line(file: str, text: str, says: str, tmp_path: Path) -> None:
+    write_private(tmp_path / file, text)
     with pytest.raises(BadInput, match=re.escape(says)) as caught:
-        read_access(tmp_path / "operator.json", "test")
+        read_access(tmp_path if file == FILE else tmp_path / file, "test")
     assert "\n" not in str(caught.value)
 
 

@@ -16,7 +16,7 @@ from patrol.security.keys import (
 )
 
 
-def test_the_keys_of_a_fleet() -> None:
+def test_the_keys_of_a_fleet_tell_its_robots() -> None:
     keys = fleet_keys("yards-1")
     assert keys.tick("r1") == "fogwatch/yards-1/robot/r1/tick"
     assert keys.reply("*") == "fogwatch/yards-1/robot/*/reply"
@@ -25,9 +25,6 @@ def test_the_keys_of_a_fleet() -> None:
     assert keys.truth("metrics") == "fogwatch/yards-1/truth/metrics"
     assert keys.control("kill") == "fogwatch/yards-1/control/kill"
     assert keys.alive(WORLD) == "fogwatch/yards-1/alive/.world"
-
-
-def test_a_key_tells_its_robot() -> None:
     keys = fleet_keys("f")
     makers = (keys.tick, keys.reply, keys.position, keys.telemetry, keys.alive)
     assert {robot_of(make("anna")) for make in makers} == {"anna"}
@@ -43,12 +40,8 @@ def test_a_name_that_is_no_part_of_a_key_is_bad_input(name: str) -> None:
 @pytest.mark.parametrize(
     "locator",
     [
-        "tcp/127.0.0.1:7447",
-        "tls/router.example:1",
-        "tcp/[::1]:65535",
-        "udp/a:7",
-        "quic/10.0.0.1:7447?mixed_rel=1",
-        "udp/10.0.0.1:7447?rel=1;mixed_rel=1",
+        *("tcp/127.0.0.1:7447", "tls/router.example:1", "tcp/[::1]:65535", "udp/a:7"),
+        *("quic/10.0.0.1:7447?mixed_rel=1", "udp/10.0.0.1:7447?rel=1;mixed_rel=1"),
     ],
 )
 def test_addresses_of_routers(locator: str) -> None:
@@ -58,18 +51,8 @@ def test_addresses_of_routers(locator: str) -> None:
 @pytest.mark.parametrize(
     "locator",
     [
-        "",
-        "here",
-        "127.0.0.1:7447",
-        "tcp/host",
-        "tcp/host:0",
-        "tcp/host:65536",
-        "tcp/:x",
-        "quic/h:1?mixed_rel=2",
-        "quic/h:1?",
-        "quic/h:1?mixed_rel=1;",
-        "quic/h:1?so_sndbuf=1",
-        "tcp/a:1,tcp/b:1",
+        *("", "here", "127.0.0.1:7447", "tcp/host", "tcp/host:0", "tcp/host:65536", "tcp/:x", "tcp/a:1,tcp/b:1"),
+        *(f"quic/h:1?{settings}" for settings in ("", "mixed_rel=2", "mixed_rel=1;", "so_sndbuf=1")),
     ],
 )
 def test_other_addresses_are_bad_input(locator: str) -> None:
@@ -103,15 +86,8 @@ def test_a_router_is_a_radio_too_and_none_is_none() -> None:
 @pytest.mark.parametrize(
     "radio",
     [
-        "",
-        "224.0.0.225:7448",
-        "tcp/224.0.0.225:1#iface=a",
-        "udp/224.0.0.225:0",
-        "udp/10.0.0.1:7448",
-        "udp/h:1#iface=a",
-        "tcp/g:99999",
-        "tcp/g:1,",
-        "udp/g:1?mixed_rel=1",
+        *("", "224.0.0.225:7448", "tcp/224.0.0.225:1#iface=a", "udp/224.0.0.225:0", "udp/10.0.0.1:7448"),
+        *("udp/h:1#iface=a", "tcp/g:99999", "tcp/g:1,", "udp/g:1?mixed_rel=1"),
     ],
 )
 def test_other_radios_are_bad_input(radio: str) -> None:

@@ -44,9 +44,8 @@ def test_each_role_may_do_what_its_process_does_and_no_more() -> None:
 
 @given(st.lists(NAMES, max_size=5, unique=True))
 def test_roles_are_known_by_names_that_cannot_be_confused(names: list[str]) -> None:
-    roles = roles_of(
-        ["world", "viewer", "robot", *(name for name in names if name not in ("world", "viewer", "robot"))]
-    )
+    words = ("world", "viewer", "robot")
+    roles = roles_of([*words, *(name for name in names if name not in words)])
     assert len({role.user for role in roles}) == len(roles)
     assert [role_of(role.user, "test") for role in roles] == list(roles)
 

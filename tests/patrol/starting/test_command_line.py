@@ -20,7 +20,6 @@ sys.stdout.flush()
 
 
 def shown(words: str, room: str) -> list[str]:
-    """What is shown of a process that wants some words shown."""
     command = [sys.executable, "-P", "-c", PROGRAM, room]
     line = subprocess.run(command, input=words, capture_output=True, text=True, check=True, timeout=300).stdout
     return line.rstrip("\0").split("\0")

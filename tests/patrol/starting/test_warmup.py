@@ -53,12 +53,16 @@ def toy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
+def source_of(folder: Path) -> Path:
+    return folder / "toy" / "kernels" / "sums.py"
+
+
 def make_toy(folder: Path) -> None:
     kernels = folder / "toy" / "kernels"
     kernels.mkdir(parents=True)
     (folder / "toy" / "__init__.py").touch()
     (kernels / "__init__.py").write_text(KERNELS, encoding="utf-8")
-    (kernels / "sums.py").write_text(KERNEL, encoding="utf-8")
+    source_of(folder).write_text(KERNEL, encoding="utf-8")
 
 
 def python_path(folder: Path) -> str:
@@ -66,10 +70,8 @@ def python_path(folder: Path) -> str:
 
 
 def start(code: str = WARM, **environment: str) -> subprocess.Popen[str]:
-    command = [sys.executable, "-P", "-c", code]
-    return subprocess.Popen(
-        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env={**os.environ, **environment}
-    )
+    command, pipe = [sys.executable, "-P", "-c", code], subprocess.PIPE
+    return subprocess.Popen(command, stdout=pipe, stderr=pipe, text=True, env={**os.environ, **environment})
 
 
 def said(process: subprocess.Popen[str]) -> list[str]:
@@ -79,23 +81,24 @@ def said(process: subprocess.Popen[str]) -> list[str]:
     return [line for line in lines if not line.startswith(PROGRESS)]  # how many there are depends on the machine
 
 
+def failed(process: subprocess.Popen[str]) -> str:
+    _, errors = process.communicate(timeout=600)
+    assert process.returncode != 0
+    return errors
+
+
 def entry_files(folder: Path) -> list[Path]:
     """The files of the one entry of a cache."""
     return sorted(path for path in (folder / "cache").rglob("*") if path.is_file() and path.name != "lock")
 
 
-def test_every_kernel_of_ours_is_found() -> None:
+def test_every_kernel_of_ours_and_each_that_is_needed_seldom_is_found() -> None:
     found = kernel_files("patrol")
     assert "patrol.kernels.fog" in found
     assert all(path.is_file() for path in found.values())
     assert kernel_files("there_is_no_such_package") == {}
-
-
-def test_every_module_that_is_needed_seldom_exists() -> None:
-    kernels = {
-        name for package in ("patrol", "agent", "worldsim", "monitor", "experiments") for name in kernel_files(package)
-    }
-    assert SELDOM.keys() <= kernels
+    packages = ("patrol", "agent", "worldsim", "monitor", "experiments")
+    assert SELDOM.keys() <= {name for package in packages for name in kernel_files(package)}
 
 
 @pytest.mark.parametrize(
@@ -103,10 +106,7 @@ def test_every_module_that_is_needed_seldom_exists() -> None:
     [
         ({}, set()),
         ({"terrain.builtin": "open"}, {"agent.kernels.dilate"}),
-        (
-            {"patrol.policy": "potential-field"},
-            {"agent.kernels.dilate", "agent.kernels.force"},
-        ),
+        ({"patrol.policy": "potential-field"}, {"agent.kernels.dilate", "agent.kernels.force"}),
         (
             {"patrol.policy": "potential-field", "patrol.options.paths": "regions"},
             {"agent.kernels.region_paths", "patrol.kernels.regions"},
@@ -152,8 +152,7 @@ def test_processes_that_import_a_kernel_together_store_it_once(toy: Path) -> Non
 def test_a_clone_elsewhere_finds_what_was_compiled(toy: Path) -> None:
     assert said(start(IMPORT)) == COMPILED
     make_toy(toy / "clone")
-    source = toy / "clone" / "toy" / "kernels" / "sums.py"
-    os.utime(source, (1, 1))
+    os.utime(source_of(toy / "clone"), (1, 1))
     assert said(start(IMPORT, PYTHONPATH=python_path(toy / "clone"))) == LOADED
     assert said(start(PYTHONPATH=python_path(toy / "clone"))) == []
 
@@ -162,10 +161,9 @@ def test_a_clone_elsewhere_finds_what_was_compiled(toy: Path) -> None:
 def test_a_changed_source_and_other_settings_have_entries_of_their_own(toy: Path) -> None:
     assert said(start()) == [COMPILING]
     assert said(start(NUMBA_BOUNDSCHECK="1")) == [COMPILING]
-    source = toy / "toy" / "kernels" / "sums.py"
-    source.write_text(f"{KERNEL}\n# changed\n", encoding="utf-8")
+    source_of(toy).write_text(f"{KERNEL}\n# changed\n", encoding="utf-8")
     assert said(start()) == [COMPILING]
-    source.write_text(KERNEL, encoding="utf-8")
+    source_of(toy).write_text(KERNEL, encoding="utf-8")
     assert said(start()) == []
     assert said(start(NUMBA_BOUNDSCHECK="1")) == []
 
@@ -222,17 +220,13 @@ def test_a_damaged_file_is_noticed_and_made_again(toy: Path, damage: str, at: in
 
 @pytest.mark.processes
 def test_a_process_that_is_killed_while_it_compiles_leaves_nothing_behind(toy: Path) -> None:
-    source = toy / "toy" / "kernels" / "sums.py"
-    source.write_text(f"{KERNEL}\nimport os, signal\nos.kill(os.getpid(), signal.SIGKILL)\n", encoding="utf-8")
+    source_of(toy).write_text(f"{KERNEL}\nimport os, signal\nos.kill(os.getpid(), signal.SIGKILL)\n", encoding="utf-8")
     process = start(IMPORT)
     process.communicate(timeout=600)
     assert process.returncode == -signal.SIGKILL
     assert list((toy / "cache").rglob(".making-*"))
-    process = start()
-    _, errors = process.communicate(timeout=600)
-    assert process.returncode != 0
-    assert "sums.py ended with signal 9; run the command again" in errors.splitlines()[-1]
-    source.write_text(KERNEL, encoding="utf-8")
+    assert "sums.py ended with signal 9; run the command again" in failed(start()).splitlines()[-1]
+    source_of(toy).write_text(KERNEL, encoding="utf-8")
     assert said(start()) == [COMPILING]
     assert said(start(IMPORT)) == LOADED
     assert not list((toy / "cache").rglob(".making-*"))
@@ -241,9 +235,8 @@ def test_a_process_that_is_killed_while_it_compiles_leaves_nothing_behind(toy: P
 @pytest.mark.processes
 def test_ctrl_c_ends_the_workers(toy: Path) -> None:
     begun = toy / "begun"
-    source = toy / "toy" / "kernels" / "sums.py"
     wait = f"import os, time\nopen({str(begun)!r}, 'w').write(str(os.getpid()))\ntime.sleep(3600)\n"
-    source.write_text(f"{KERNEL}\n{wait}", encoding="utf-8")
+    source_of(toy).write_text(f"{KERNEL}\n{wait}", encoding="utf-8")
     process = start()
     while not (begun.exists() and begun.read_text(encoding="utf-8")):
         assert process.poll() is None
@@ -253,33 +246,28 @@ def test_ctrl_c_ends_the_workers(toy: Path) -> None:
     process.communicate(timeout=600)
     with pytest.raises(ProcessLookupError):
         os.kill(worker, 0)
-    source.write_text(KERNEL, encoding="utf-8")
+    source_of(toy).write_text(KERNEL, encoding="utf-8")
     assert said(start()) == [COMPILING]
 
 
 @pytest.mark.processes
 def test_a_kernel_that_cannot_be_compiled_is_named(toy: Path) -> None:
-    source = toy / "toy" / "kernels" / "sums.py"
-    source.write_text(KERNEL.replace("2 * n", "n.missing"), encoding="utf-8")
-    process = start()
-    _, errors = process.communicate(timeout=600)
-    assert process.returncode != 0
-    assert f"{source} cannot be compiled: TypingError" in errors
+    source_of(toy).write_text(KERNEL.replace("2 * n", "n.missing"), encoding="utf-8")
+    assert f"{source_of(toy)} cannot be compiled: TypingError" in failed(start())
 
 
 @pytest.mark.processes
 def test_entries_that_nobody_has_used_for_long_are_deleted(toy: Path) -> None:
-    source = toy / "toy" / "kernels" / "sums.py"
     for source_text, days in ((f"{KERNEL}# 1\n", 100), (f"{KERNEL}# 2\n", 10)):
         before = {*(toy / "cache").rglob("files.json")}
-        source.write_text(source_text, encoding="utf-8")
+        source_of(toy).write_text(source_text, encoding="utf-8")
         assert said(start(IMPORT)) == COMPILED
         (new,) = {*(toy / "cache").rglob("files.json")} - before
         long_ago = time.time() - days * 86400
         os.utime(new, (long_ago, long_ago))
-    source.write_text(f"{KERNEL}# 3\n", encoding="utf-8")
+    source_of(toy).write_text(f"{KERNEL}# 3\n", encoding="utf-8")
     assert said(start(IMPORT)) == COMPILED
-    source.write_text(f"{KERNEL}# 2\n", encoding="utf-8")
+    source_of(toy).write_text(f"{KERNEL}# 2\n", encoding="utf-8")
     assert said(start(IMPORT)) == LOADED
     assert len([*(toy / "cache").rglob("files.json")]) == 2
     assert all(time.time() - file.stat().st_mtime < 86400 for file in (toy / "cache").rglob("files.json"))
@@ -289,9 +277,7 @@ def test_entries_that_nobody_has_used_for_long_are_deleted(toy: Path) -> None:
 @pytest.mark.parametrize("code", [WARM, IMPORT])
 def test_where_nothing_can_be_stored_the_error_is_kind(toy: Path, code: str) -> None:
     (toy / "file").touch()
-    process = start(code, NUMBA_CACHE_DIR=str(toy / "file"))
-    _, errors = process.communicate(timeout=600)
-    assert process.returncode != 0
+    errors = failed(start(code, NUMBA_CACHE_DIR=str(toy / "file")))
     assert "set NUMBA_CACHE_DIR to a folder" in errors.splitlines()[-1]
 
 
@@ -347,9 +333,8 @@ def test_nobody_else_can_write_to_a_new_cache(tmp_path: Path, umask: int, mode: 
 
 @pytest.mark.processes
 def test_another_source_of_the_same_size_and_time_is_not_taken_for_the_first(toy: Path) -> None:
-    source = toy / "toy" / "kernels" / "sums.py"
-    os.utime(source, (1, 1))
+    os.utime(source_of(toy), (1, 1))
     assert said(start(IMPORT, PYTHONDONTWRITEBYTECODE="")) == COMPILED
-    source.write_text(KERNEL.replace("2 * n", "3 * n"), encoding="utf-8")
-    os.utime(source, (1, 1))
+    source_of(toy).write_text(KERNEL.replace("2 * n", "3 * n"), encoding="utf-8")
+    os.utime(source_of(toy), (1, 1))
     assert said(start(IMPORT, PYTHONDONTWRITEBYTECODE="")) == ["63", "0"]

@@ -1,5 +1,3 @@
-"""The declarations of metrics: how values are printed and reduced, and the tables of the documentation."""
-
 from __future__ import annotations
 
 from importlib.util import module_from_spec, spec_from_file_location
@@ -44,11 +42,9 @@ def test_the_values_of_all_robots_make_one_number(sweep: str, values: list[Any],
     assert Metric("", "%", sweep=sweep).reduced(values) == pytest.approx(reduced)
 
 
-def test_a_column_with_a_name_of_its_own_holds_values_as_printed() -> None:
+def test_a_column_of_its_own_holds_values_as_printed_and_an_undeclared_field_is_no_metric() -> None:
     assert Metric("", "%", sweep="mean", column="percent").reduced([0.1, 0.3]) == pytest.approx(20.0)
 
-
-def test_a_field_without_a_declaration_is_no_metric() -> None:
     class Part(BaseModel):
         name: str = ""
         height_m: Annotated[float, Metric("height", "m")] = 0.0

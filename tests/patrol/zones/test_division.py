@@ -1,5 +1,3 @@
-"""Divisions of robots between the rounds of zoned ground."""
-
 from __future__ import annotations
 
 from pathlib import Path
@@ -32,18 +30,21 @@ def test_robots_go_where_the_greatest_weighted_time_is_least() -> None:
     assert VAULT.cost_s(groups) == 200.0
 
 
-def test_a_robot_alone_follows_one_tour_over_all() -> None:
-    assert VAULT.divide(1) == (Group((0, 1), 1),)
+THREE = {(0, 0): 300.0, (0, 1): 310.0, (0, 2): 320.0, (1, 1): 100.0, (1, 2): 150.0, (2, 2): 20.0}
 
 
-def test_one_tour_over_all_where_two_are_no_better() -> None:
-    near = zoned({(0, 0): 100.0, (0, 1): 100.0, (1, 1): 99.0}, classes=(1.0, 1.01))
-    assert near.divide(6) == (Group((0, 1), 6),)
-
-
-def test_three_classes_of_which_two_share_a_tour() -> None:
-    lengths = {(0, 0): 300.0, (0, 1): 310.0, (0, 2): 320.0, (1, 1): 100.0, (1, 2): 150.0, (2, 2): 20.0}
-    assert zoned(lengths, classes=(1.0, 2.0, 30.0)).divide(2) == (Group((0, 1), 1), Group((2, 2), 1))
+@pytest.mark.parametrize(
+    ("ground", "robots", "groups"),
+    [
+        (VAULT, 1, [Group((0, 1), 1)]),
+        (zoned({(0, 0): 100.0, (0, 1): 100.0, (1, 1): 99.0}, classes=(1.0, 1.01)), 6, [Group((0, 1), 6)]),
+        (zoned(THREE, classes=(1.0, 2.0, 30.0)), 2, [Group((0, 1), 1), Group((2, 2), 1)]),
+        (zoned({}), 4, []),
+    ],
+    ids=["one robot", "two tours are no better than one", "two of three classes share a tour", "no rounds"],
+)
+def test_classes_share_a_tour_where_that_is_no_worse(ground: ZonedGround, robots: int, groups: list[Group]) -> None:
+    assert list(ground.divide(robots)) == groups
 
 
 def test_wishes_go_first() -> None:
@@ -55,10 +56,6 @@ def test_wishes_go_first() -> None:
     assert wishing.wish_kept(groups, 1)
     assert not wishing.wish_kept(plain, 1)
     assert wishing.wish_kept(groups, 0)
-
-
-def test_without_rounds_there_is_no_division() -> None:
-    assert zoned({}).divide(4) == ()
 
 
 @pytest.mark.parametrize("robots", [1, 2, 5, 24])

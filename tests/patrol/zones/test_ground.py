@@ -1,5 +1,3 @@
-"""Zones on the grid of a terrain."""
-
 from __future__ import annotations
 
 from dataclasses import dataclass
@@ -61,7 +59,7 @@ def test_a_mask_may_reach_past_the_terrain() -> None:
     assert np.array_equal(points, points_of(Given(polygon=box(-5.0, -5.0, 2.0, 15.0)), ROOM))
 
 
-def test_keep_outs_join_those_of_the_terrain() -> None:
+def test_keep_outs_join_those_of_the_terrain_which_stays_as_it_is_without() -> None:
     before = np.zeros(ROOM.shape, dtype=np.bool_)
     before[5, 7] = True
     terrain = Terrain("room", ROOM.passable, ROOM.point, ROOM.origin, before)
@@ -69,27 +67,17 @@ def test_keep_outs_join_those_of_the_terrain() -> None:
     kept = with_zones(terrain, zones)
     assert np.argwhere(kept.keep_out).tolist() == [[0, 0], [0, 1], [1, 0], [1, 1], [5, 7]]
     assert kept.passable.all()
-
-
-def test_without_a_keep_out_the_terrain_stays_as_it_is() -> None:
     assert with_zones(ROOM, [Given(polygon=box(1.0, 2.0, 2.0, 3.0))]) is ROOM
 
 
-def test_an_outline_is_where_a_zone_ends() -> None:
+def test_an_outline_is_where_a_zone_ends_and_its_middle_lies_in_it() -> None:
     points = np.zeros(ROOM.shape, dtype=np.bool_)
     points[0:2, 0] = points[0, 1] = True
     edges = {tuple(edge) for edge in outline(points, ROOM).tolist()}
     assert edges == {
-        (1.0, 2.0, 2.0, 2.0),
-        (1.5, 2.5, 2.0, 2.5),
-        (1.0, 3.0, 1.5, 3.0),
-        (1.0, 2.0, 1.0, 3.0),
-        (1.5, 2.5, 1.5, 3.0),
-        (2.0, 2.0, 2.0, 2.5),
+        *((1.0, 2.0, 2.0, 2.0), (1.5, 2.5, 2.0, 2.5), (1.0, 3.0, 1.5, 3.0)),
+        *((1.0, 2.0, 1.0, 3.0), (1.5, 2.5, 1.5, 3.0), (2.0, 2.0, 2.0, 2.5)),
     }
-
-
-def test_the_middle_of_a_zone_lies_in_it() -> None:
     points = np.ones(ROOM.shape, dtype=np.bool_)
     points[1:5, 1:7] = False
     row, col = ROOM.point_at(*middle(points, ROOM))
@@ -97,18 +85,12 @@ def test_the_middle_of_a_zone_lies_in_it() -> None:
 
 
 @pytest.mark.parametrize(
-    ("zone", "message"),
+    ("zone", "says"),
     [
-        (
-            Given(polygon=box(9, 9, 10, 10)),
-            r"zones\.0: vault lies outside of room, which spans x 1 to 5 m and y 2 to 5 m",
-        ),
-        (
-            Given(polygon=box(0, 0, 9, 9), keep_out=True),
-            r"zones: vault keep robots out of all free space of room; leave",
-        ),
+        (Given(polygon=box(9, 9, 10, 10)), r"\.0: vault lies outside of room, which spans x 1 to 5 m and y 2 to 5 m"),
+        (Given(polygon=box(0, 0, 9, 9), keep_out=True), ": vault keep robots out of all free space of room; leave"),
     ],
 )
-def test_what_is_refused(zone: Any, message: str) -> None:
-    with pytest.raises(BadInput, match=message):
+def test_what_is_refused(zone: Any, says: str) -> None:
+    with pytest.raises(BadInput, match=f"zones{says}"):
         with_zones(ROOM, [zone])

@@ -1,5 +1,3 @@
-"""The scenario's zones: what they may say, masks read from files, and what is refused."""
-
 from __future__ import annotations
 
 from pathlib import Path
@@ -22,6 +20,10 @@ def zone(**fields: Any) -> dict[str, Any]:
     return {"name": "vault", "polygon": SQUARE} | fields
 
 
+def masked(file: Path) -> dict[str, Any]:
+    return YARDS | {"zones": [zone(polygon=None, mask=str(file), weight=2)]}
+
+
 def write_mask(folder: Path, shades: list[list[int]], **says: Any) -> Path:
     """Write a mask whose pixels have the given shades, the upper row first."""
     Image.fromarray(np.array(shades, dtype=np.uint8)).save(folder / "mask.pgm")
@@ -33,7 +35,7 @@ def write_mask(folder: Path, shades: list[list[int]], **says: Any) -> Path:
 
 def test_a_loaded_scenario_needs_no_mask_any_more(tmp_path: Path) -> None:
     file = write_mask(tmp_path, [[0, 255], [255, 255]])
-    loaded = load_scenario(YARDS | {"zones": [zone(polygon=None, mask=str(file), weight=3)]})
+    loaded = load_scenario(masked(file))
     file.unlink()
     again = load_scenario(yaml.safe_load(dump_scenario(loaded)))
     assert again == loaded
@@ -52,8 +54,7 @@ def test_a_loaded_scenario_needs_no_mask_any_more(tmp_path: Path) -> None:
 )
 def test_modes_of_a_mask(tmp_path: Path, mode: str, thresholds: dict[str, float], marked: list[bool]) -> None:
     file = write_mask(tmp_path, [[0, 100, 250, 255]], mode=mode, **thresholds)
-    loaded = load_scenario(YARDS | {"zones": [zone(polygon=None, mask=str(file), weight=3)]})
-    mask = loaded.zones[0].mask
+    mask = load_scenario(masked(file)).zones[0].mask
     assert mask is not None
     assert mask.marked().tolist() == [marked]
 
@@ -80,62 +81,47 @@ def test_hashes() -> None:
     assert len(hashes | ways | {plain}) == 5
 
 
+ONE_NEEDED = r"0: vault: exactly one is needed: keep_out: true, a weight, an age, a speed or one_way"
+
+
 @pytest.mark.parametrize(
     ("zones", "message"),
     [
-        ([zone(weight=2, weights=[[9, 0]])], r"zones\.0\.weights\.0\.1 = 0: expected a number from 0\.001 to 1000"),
-        ([zone(weight=2, weights=[[9, 3], [9, 4]])], r"zones\.0\.weights: .*: each begins later than the one before"),
-        ([zone(weight=2, weights=[[1e5, 3]])], r"zones\.0\.weights: .*3 times from 100000 s on.*the run ends"),
-        ([zone(weight=2, weights=[[9.1, 3], [9.2, 4]])], r"zones\.0\.weights: .*3 times from 9\.1 s on.*the next one"),
-        ([zone(speed=0.5, weights=[])], r"zones\.0\.weights: .*: take the place of weight, which is missing"),
-        ([zone(age=9, weights=[[9, 3]])], r"zones\.0\.weights: .*: take the place of weight, which is missing"),
-        ([zone(weight=0)], r"zones\.0\.weight = 0: expected a number from 0\.001 to 1000"),
-        ([zone(weight=1e6)], r"zones\.0\.weight = 1000000\.0: expected a number from 0\.001 to 1000"),
-        ([zone(polygon=SQUARE[:2], weight=2)], r"zones\.0\.polygon = .*: expected 3 or more corners"),
-        (
-            [zone(polygon=[[2, 2], [30, 2], [50, 2]], weight=2)],
-            r"zones\.0\.polygon: vault: its corners lie on one line",
-        ),
-        ([zone(one_way=[1, 0])], r"zones\.0\.one_way = .*: expected a whole number of degrees from 0 to 315"),
-        ([zone(one_way=360)], r"zones\.0\.one_way = 360: expected a whole number of degrees from 0 to 315"),
-        ([zone(one_way=100)], r"zones\.0\.one_way: vault: 100 is no multiple of 45 degrees; the nearest is 90"),
-        ([zone(one_way=340)], r"zones\.0\.one_way: vault: 340 is no multiple of 45 degrees; the nearest is 0"),
-        ([zone(one_way=90, times=[[0, 9]])], r"zones\.0\.times: vault: a one-way zone always holds; drop them"),
-        (
-            [zone(weight=2, age=60)],
-            r"zones\.0: vault: exactly one is needed: keep_out: true, a weight, an age, a speed or one_way",
-        ),
-        ([zone()], r"zones\.0: vault: exactly one is needed: keep_out: true, a weight, an age, a speed or one_way"),
-        (
-            [zone(weight=2, speed=0.5)],
-            r"zones\.0: vault: exactly one is needed: keep_out: true, a weight, an age, a speed or one_way",
-        ),
-        ([zone(speed=0)], r"zones\.0\.speed = 0: expected a number above 0 and at most 1e9"),
-        (
-            [zone(speed=4.4)],
-            r"zones\.0\.speed = 4\.4: vault slows no robot, as the fastest drives 4\.4 m/s; give less, or",
-        ),
-        ([zone(keep_out=True, times=[[0, 9]])], r"zones\.0\.times: vault: a keep-out always holds; drop them, or make"),
-        ([zone(weight=2, times=[[9, 9]])], r"zones\.0\.times\.0: vault: ends at 9 s, not after its begin; correct it"),
-        (
-            [zone(weight=2, times=[[0, 9], [9, 12]])],
-            r"zones\.0\.times\.1: vault: begins before the one before it is over",
-        ),
-        ([zone(weight=2, times=[[-1, 9]])], r"zones\.0\.times\.0\.0 = -1: expected a number from 0 to 1e9"),
-        (
-            [zone(weight=2, times=[[9.1, 9.2]])],
-            r"zones\.0\.times: vault: 9\.1 to 9\.2 s holds no tick of 0\.5 s; make it",
-        ),
-        ([zone(keep_out=False)], r"zones\.0\.keep_out: vault: is true or left out; drop it"),
-        ([{"name": "vault", "weight": 2}], r"zones\.0: vault: exactly one is needed: a polygon or a mask"),
-        ([zone(weight=2), zone(weight=3)], r"zones\.1\.name: vault is the name of another zone too; rename one"),
-        ([zone(name="elsewhere", weight=2)], r"zones\.0\.name: elsewhere is what figures call"),
-        ("none.yaml", r"zones: .*none\.yaml: no such file"),
-        ([{"name": "stairs", "mask": "none.yaml", "keep_out": True}], r"zones\.0\.mask: .*none\.yaml: no such file"),
+        ([zone(weight=2, weights=[[9, 0]])], r"0\.weights\.0\.1 = 0: expected a number from 0\.001 to 1000"),
+        ([zone(weight=2, weights=[[9, 3], [9, 4]])], r"0\.weights: .*: each begins later than the one before"),
+        ([zone(weight=2, weights=[[1e5, 3]])], r"0\.weights: .*3 times from 100000 s on.*the run ends"),
+        ([zone(weight=2, weights=[[9.1, 3], [9.2, 4]])], r"0\.weights: .*3 times from 9\.1 s on.*the next one"),
+        ([zone(speed=0.5, weights=[])], r"0\.weights: .*: take the place of weight, which is missing"),
+        ([zone(age=9, weights=[[9, 3]])], r"0\.weights: .*: take the place of weight, which is missing"),
+        ([zone(weight=0)], r"0\.weight = 0: expected a number from 0\.001 to 1000"),
+        ([zone(weight=1e6)], r"0\.weight = 1000000\.0: expected a number from 0\.001 to 1000"),
+        ([zone(polygon=SQUARE[:2], weight=2)], r"0\.polygon = .*: expected 3 or more corners"),
+        ([zone(polygon=[[2, 2], [30, 2], [50, 2]], weight=2)], r"0\.polygon: vault: its corners lie on one line"),
+        ([zone(one_way=[1, 0])], r"0\.one_way = .*: expected a whole number of degrees from 0 to 315"),
+        ([zone(one_way=360)], r"0\.one_way = 360: expected a whole number of degrees from 0 to 315"),
+        ([zone(one_way=100)], r"0\.one_way: vault: 100 is no multiple of 45 degrees; the nearest is 90"),
+        ([zone(one_way=340)], r"0\.one_way: vault: 340 is no multiple of 45 degrees; the nearest is 0"),
+        ([zone(one_way=90, times=[[0, 9]])], r"0\.times: vault: a one-way zone always holds; drop them"),
+        ([zone(weight=2, age=60)], ONE_NEEDED),
+        ([zone()], ONE_NEEDED),
+        ([zone(weight=2, speed=0.5)], ONE_NEEDED),
+        ([zone(speed=0)], r"0\.speed = 0: expected a number above 0 and at most 1e9"),
+        ([zone(speed=4.4)], r"0\.speed = 4\.4: vault slows no robot, as the fastest drives 4\.4 m/s; give less, or"),
+        ([zone(keep_out=True, times=[[0, 9]])], r"0\.times: vault: a keep-out always holds; drop them, or make"),
+        ([zone(weight=2, times=[[9, 9]])], r"0\.times\.0: vault: ends at 9 s, not after its begin; correct it"),
+        ([zone(weight=2, times=[[0, 9], [9, 12]])], r"0\.times\.1: vault: begins before the one before it is over"),
+        ([zone(weight=2, times=[[-1, 9]])], r"0\.times\.0\.0 = -1: expected a number from 0 to 1e9"),
+        ([zone(weight=2, times=[[9.1, 9.2]])], r"0\.times: vault: 9\.1 to 9\.2 s holds no tick of 0\.5 s; make it"),
+        ([zone(keep_out=False)], r"0\.keep_out: vault: is true or left out; drop it"),
+        ([{"name": "vault", "weight": 2}], r"0: vault: exactly one is needed: a polygon or a mask"),
+        ([zone(weight=2), zone(weight=3)], r"1\.name: vault is the name of another zone too; rename one"),
+        ([zone(name="elsewhere", weight=2)], r"0\.name: elsewhere is what figures call"),
+        ("none.yaml", r".*none\.yaml: no such file"),
+        ([{"name": "stairs", "mask": "none.yaml", "keep_out": True}], r"0\.mask: .*none\.yaml: no such file"),
     ],
 )
 def test_what_is_refused_in_one_line(zones: Any, message: str) -> None:
-    with pytest.raises(BadInput, match=message) as caught:
+    with pytest.raises(BadInput, match=rf"zones(\.|: ){message}") as caught:
         load_scenario(YARDS | {"zones": zones})
     assert "\n" not in str(caught.value)
 
@@ -152,13 +138,10 @@ def test_what_needs_ways_that_are_as_long_there_as_back(given: dict[str, Any], w
         load_scenario(YARDS | given | {"zones": [zone(one_way=90)]})
 
 
-def test_a_one_way_zone_shows_its_direction() -> None:
+def test_a_one_way_zone_shows_its_direction_and_a_few_later_weights_are_named() -> None:
     loaded = load_scenario(YARDS | {"zones": [zone(name=f"z{way}", one_way=way) for way in (0, 90, 225)]}).zones
     assert [each.label for each in loaded] == ["z0 →", "z90 ↑", "z225 ↙"]
     assert {each.kind for each in loaded} == {"oneway"}
-
-
-def test_later_weights_are_said_and_a_few_named() -> None:
     turns = [[60 * n, n] for n in range(1, 8)]
     few, many = load_scenario(
         YARDS | {"zones": [zone(weight=10, weights=turns[:2]), zone(name="cellar", weight=2, weights=turns[2:])]}
@@ -185,17 +168,12 @@ def test_times_between_two_ticks(span: tuple[float, float], step: float, holds: 
     assert any(span[0] <= k * step < span[1] for k in range(100)) == holds
 
 
-def test_a_mask_without_a_mark_is_refused(tmp_path: Path) -> None:
+def test_a_mask_without_a_mark_and_cells_of_another_number_are_refused(tmp_path: Path) -> None:
     file = write_mask(tmp_path, [[255, 255]])
     with pytest.raises(BadInput, match=r"zones\.0\.mask: .*mask\.yaml: marks no cell; correct the image"):
-        load_scenario(YARDS | {"zones": [zone(polygon=None, mask=str(file), weight=2)]})
-
-
-def test_cells_of_another_number_are_refused(tmp_path: Path) -> None:
+        load_scenario(masked(file))
     file = write_mask(tmp_path, [[0] * 40] * 40)
-    raw = yaml.safe_load(
-        dump_scenario(load_scenario(YARDS | {"zones": [zone(polygon=None, mask=str(file), weight=2)]}))
-    )
+    raw = yaml.safe_load(dump_scenario(load_scenario(masked(file))))
     raw["zones"][0]["mask"]["rows"] = 41
     with pytest.raises(
         BadInput, match=r"zones\.0\.mask\.cells: are not 41 x 40 cells; name the mask's YAML file again"

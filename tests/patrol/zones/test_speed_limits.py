@@ -1,5 +1,3 @@
-"""The top speeds of slow zones, place by place."""
-
 from __future__ import annotations
 
 import math
@@ -38,11 +36,8 @@ def test_the_lowest_speed_of_the_zones_in_force_holds(
     assert SpeedLimits([VAULT, WARD, BED], GROUND).at(*place, in_force) == limit
 
 
-def test_without_slow_zones_there_is_no_limit() -> None:
+def test_limits_add_time_to_each_metre_and_without_slow_zones_there_are_none() -> None:
     assert SpeedLimits([VAULT], GROUND).at(3.0, 1.0, ALL) == math.inf
-
-
-def test_limits_add_time_to_each_metre() -> None:
     limits = SpeedLimits([VAULT, WARD, BED], GROUND)
     added = limits.delays(1.0, ALL)
     assert added is not None

@@ -1,5 +1,3 @@
-"""The file of a trained network: a scenario has it by its content, and a run folder has a copy."""
-
 from __future__ import annotations
 
 from pathlib import Path
