@@ -363,8 +363,10 @@ class JointPlan:
     def _chances(self, view: View, number: int, choices: Routes) -> NDArray[np.float64]:
         """Return the draws of one robot's choices: less their Gumbel-distributed worth, in spreads."""
         drawn = [self._chance(self._spell(view), number, choice + 1) for choice in choices.tolist()]
-        # A draw may be 0, which has no logarithm, so half of the smallest step is added.
-        return np.array([math.log(-math.log(0.5**54 + share)) for share in drawn])
+        # A draw may be 0, which has no logarithm, so half of the smallest step is added. The largest draw would then round
+        # to 1, whose logarithm is 0.
+        shares = [min(0.5**54 + share, 1.0 - 0.5**53) for share in drawn]
+        return np.array([math.log(-math.log(share)) for share in shares])
 
     def _seed(self, view: View, number: int) -> int:
         return int(self._chance(self._spell(view), number, 0) * 2.0**53)
