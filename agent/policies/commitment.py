@@ -64,7 +64,11 @@ class Commitment:
         self._decided_at = 0
 
     def decide(self, view: View) -> Intent:
-        """Return the way to the target, or to a new one; now and then a random step."""
+        """Return the way to the target, or to a new one; now and then a random step.
+
+        A target that no way leads to is forgotten at once, even if its way is blocked for this one tick only: a robot
+        that waited for another one in a door would be in its way. The target may be chosen again in any later tick.
+        """
         pursuit, goes_on = self.pursuit, view.tick <= self._decided_at + 1
         self._decided_at = view.tick
         # It was at a dock, and others have seen to its target meanwhile.
