@@ -76,7 +76,7 @@ class Commitment:
             pursuit.target = None
             self.choice.forget()
         self._separation.keep_apart(view)
-        self._share(view, goes_on)
+        self._update_round(view, goes_on)
         makes_random_steps = self.choice.note(view, pursuit)
         start, wander = view.start, self._random_steps.draw(view) if makes_random_steps else None
         if start is None:
@@ -100,5 +100,5 @@ class Commitment:
                 return Bearing((math.atan2(up, across),), wander=wander, figures=figures)
         return Place(*way.place, bend=way.bend, wander=wander, exact=target.age > 0, gives_room=True, figures=figures)
 
-    def _share(self, view: View, goes_on: bool) -> None:
+    def _update_round(self, view: View, goes_on: bool) -> None:
         """Update the robots and the ground of the shared round; ``goes_on`` if it decided in the last tick too."""
