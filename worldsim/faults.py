@@ -1,6 +1,6 @@
 """The times and targets of a scenario's faults, and what they do to a robot's process between ticks.
 
-Entries are resolved to ticks and robot numbers. A journal says what became of them.
+Entries are resolved to ticks and robot numbers. A journal has their effects.
 
 Which robots `one`, `half` and the like are is drawn from (seed, Purpose.FAULT, the fault's index, the field, robot):
 the robots with the lowest draws. So it depends on no other fault, and on nothing that happens in the run.
@@ -127,7 +127,7 @@ class Timeline:
         return max(ends, default=0)
 
     def describe(self, entry: Entry) -> str:
-        """Describe in a few words what a fault acts on, and how."""
+        """Describe in a few words the targets and the effect of a fault."""
         fault = entry.fault
         parts = []
         if isinstance(fault, OnLinks):

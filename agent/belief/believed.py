@@ -7,7 +7,7 @@ Theory of operation
     copy. Those that learn of others part with a copy, at that moment. Where a look leaves age, a fog depends on the
     order of the looks, which differs from mind to mind, and each mind is a group of its own.
 
-    The table of inboxes holds what each mind has heard of each robot, and so which looks it learns of.
+    The table of inboxes holds the frames that each mind has heard of each robot, and so which looks it learns of.
 """
 
 from __future__ import annotations
@@ -88,7 +88,7 @@ class BelievedFog:
         self.take(((looked_at, self._footprint.visible(pose)) for looked_at, pose in looks), tick)
 
     def take(self, views: Iterable[tuple[int, SensorView]], tick: int) -> None:
-        """Take in what was seen, tick and points of each view, one view after the other; `tick` is now."""
+        """Take in some views, tick and points of each view, one view after the other; `tick` is now."""
         boxes = []
         for looked_at, view in views:
             if self._footprint.leaves_age:
@@ -196,7 +196,7 @@ class Beliefs:
         """Start without minds.
 
         `shares` lets minds share a fog, where a look leaves no age. `at_once` says that minds decide at once in several
-        threads, so that what they share must be up to date before.
+        threads, so that their shared fog must be up to date before.
         """
         self.inboxes = inboxes
         self.shares = shares and not footprint.leaves_age
@@ -252,7 +252,7 @@ class Beliefs:
                     part.refresh()
 
     def _part_group(self, fog: BelievedFog, learnt: Mapping[int, bytes]) -> list[tuple[BelievedFog, bytes]]:
-        """Part a group by what its minds have learnt; those that take no part in the tick keep what they believe."""
+        """Part a group by the looks that its minds have learnt; minds without part in the tick keep their belief."""
         parts: dict[bytes | None, set[int]] = defaultdict(set)
         for number in fog.members:
             parts[learnt.get(number)].add(number)

@@ -80,7 +80,7 @@ class Blocked:
         self._part = 0
 
     def sense(self, sensed: Sensed) -> None:
-        """Take in what the robot senses, before it looks around."""
+        """Take in the robot's senses, before it looks around."""
         if not sensed.blocked and self.area is None:
             return
         seen_at = self._seen_at.reshape(-1)

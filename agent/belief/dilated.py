@@ -112,7 +112,7 @@ class Dilated:
         return fork
 
     def changed(self, looks: list[Box]) -> None:
-        """Take in what a tick's looks have changed in the fog."""
+        """Take in the changes of the fog by a tick's looks."""
         if not looks:
             return
         grids = (self._fog.last_seen, self._ground, self._carried, self._posts_by_block, self._block_ends)

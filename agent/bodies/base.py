@@ -1,4 +1,4 @@
-"""The part that all bodies share: the goal along a bearing, and what they do in a stand-off."""
+"""The part that all bodies share: the goal along a bearing, and the moves in a stand-off."""
 
 from __future__ import annotations
 

@@ -121,7 +121,7 @@ class FreeChoice:
     def best(self, view: View, start: Element, rivals: NDArray[np.float64], given_up: GivenUp) -> Best | None:
         """Find the point that counts most, or return None where nothing is stale.
 
-        What was given up is left out, unless nothing else is left.
+        Places given up are left out, unless nothing else is left.
         """
         left_out = given_up.now(view.tick)
         ages = self._weigh_ages(view)

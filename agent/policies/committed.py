@@ -1,4 +1,4 @@
-"""The tour: a robot follows a round, and goes on when what it went to see has been seen.
+"""The tour: a robot follows a round, and goes on when its target has been seen.
 
 - *On the round*: the first stale point ahead on a short closed tour that shows all of the ground
   (below). All robots follow the same tour, evenly spaced (`agent.policies.spacing`).
@@ -26,7 +26,7 @@ Following a round: always on to the first place from which something stale is to
 
 A robot on a round keeps a *cursor*, the place of the tour that it has come to. Its next target is the first point after
 the cursor that is stale, and it drives to the place to which that point belongs, the shortest way. So it cuts
-corners where nothing is left to see, leaves out what another robot has just seen, and misses nothing.
+corners where nothing is left to see, leaves out points that another robot has just seen, and misses nothing.
 
 A point is stale once it has been unseen for half of the time between two robots of an evenly spaced round; one that the
 round visits several times, for half of the time between two visits. Where
@@ -84,7 +84,7 @@ class Comparison:
     def note(self, view: View, robots: int, is_lossy: bool) -> None:
         """Take note of the fog of a tick, and of how many robots are on the round; decide where a period begins.
 
-        ``is_lossy`` is True where many positions are lost: what robots believe says little, so they keep to the round.
+        ``is_lossy`` is True where many positions are lost: beliefs say little, so robots keep to the round.
         """
         period, share = divmod(view.tick / self._length, 1.0)
         if period != self._period:

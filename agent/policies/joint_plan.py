@@ -1,7 +1,7 @@
 """A plan for the whole fleet that every robot works out for itself, and in which each next station is drawn.
 
 No robot says where it is going. All believe nearly the same fog, hear where the others are, and draw the same numbers,
-so each can work out what *all* will do, and take its own part:
+so each can work out the moves of *all*, and take its own part:
 
 - *Stations* (`patrol.tours.stations`) are to be visited, each by one robot.
 - A *plan* is a route for each robot; together they visit every station. It costs the sum of the eighth powers of the
@@ -128,7 +128,7 @@ class KnownStations:
         return slice(*self._stations.begins[station : station + 2].tolist())
 
     def ages_s(self, view: View, span: slice) -> Ages:
-        """Return the weighted ages of some of the round's points, s; 0 for what is in view or out of reach now."""
+        """Return the weighted ages of some of the round's points, s; 0 for those in view or out of reach now."""
         points, fog = self._points[span], view.fog
         ages = np.empty(points.size)
         weighted_ages(points, fog.patrolled, fog.last_seen, fog.looked, self._weights, view.tick, self._step, ages)
@@ -271,7 +271,7 @@ class JointPlan:
         return True
 
     def _is_stuck(self, view: View, number: int) -> bool:
-        """Return True if another robot has stood still for long: it will not see what is left to it."""
+        """Return True if another robot has stood still for long: it will not see the stations left to it."""
         pose, (x, y, since) = view.peers[number].pose, self._stood.get(number, (math.inf, math.inf, 0))
         if math.hypot(pose.x - x, pose.y - y) > view.stride:
             self._stood[number] = pose.x, pose.y, view.tick

@@ -164,7 +164,7 @@ class Field:
     def _claim_points(self, ground: Ground, row: int, col: int, rivals: Sequence[Place]) -> None:
         """Compute how near the rivals are to every point, before the window is used for the robot's own paths.
 
-        The rivals' paths ignore what is closed to this robot, above all a disc around the rival itself. They are
+        The rivals' paths ignore ground closed to this robot, above all a disc around the rival itself. They are
         followed until they leave the whole of each force.
         """
         self._contest = _Contest(self.paths.length, UNCLAIMED)

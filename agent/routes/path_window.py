@@ -99,5 +99,5 @@ class PathWindow(ABC):
     def extend(self, limit: int) -> None:
         """Settle every path up to a length in hundredths of a point, at most 100 * span.
 
-        What is settled stays so: a length no larger than an earlier one since `begin` changes nothing.
+        Settled paths stay so: a length no larger than an earlier one since `begin` changes nothing.
         """

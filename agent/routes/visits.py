@@ -1,4 +1,4 @@
-"""A robot's visits to one-way zones: what of a zone lies behind it, and whether it can still get out ahead.
+"""A robot's visits to one-way zones: the part of a zone that lies behind it, and whether it can still get out ahead.
 
 Ways lead against no zone, but bodies do not only follow ways: they take turns in several moves, back off from each
 other, and take random steps. So a robot in a zone may go back to where it came in, and a body's width farther. A step

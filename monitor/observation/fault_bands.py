@@ -67,7 +67,7 @@ def bands_of(events: Iterable[Event], step: float, end_s: float) -> tuple[Band, 
 def intruder_bands(scenario: Scenario, end_s: float) -> tuple[Band, ...]:
     """Return the intruders of a run that came, as bands with their names and places.
 
-    `scenario` includes what operators have added.
+    `scenario` includes the operators' additions.
     """
     bands = []
     for index, intruder in enumerate(scenario.intruders):

@@ -55,7 +55,7 @@ UNKNOWN_GREYS = (205, 206)
 
 
 def doubts(terrain: Terrain) -> list[str]:
-    """Describe what is doubtful about the reading of a terrain's map, each with the remedy, in one line.
+    """Describe the doubts about the reading of a terrain's map, each with the remedy, in one line.
 
     The map is read again. A terrain that was read from no map has no doubts.
     """

@@ -165,7 +165,7 @@ class OnTime(Check):
 class ShareCheck(Check):
     """A check of how often faults act on frames, as far as chance allows (`chance.py`).
 
-    A subclass counts in `_series`, by the indices of its faults, and says in `_list_counts` what it found.
+    A subclass counts in `_series`, by the indices of its faults, and gives its counts in `_list_counts`.
     """
 
     of_ether = True

@@ -83,7 +83,7 @@ class MovesAreTrue(Check):
     """Each body goes from its start where its commands take it, to the bit, and they are within its limits.
 
     Under motion faults it goes where commands and draws take it; the check `motion` judges these draws. Without one it
-    does exactly what it is commanded.
+    does exactly as it is commanded.
 
     A body without a driver, or whose move was cancelled, stays exactly where it is; one that was away comes back at
     its start. A move that was not cancelled touches no wall. For one that was cancelled there is a wall in its way, or

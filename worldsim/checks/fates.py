@@ -219,7 +219,7 @@ def _find_origins(dropped: Drops, sent: Mapping[tuple[int, int], int], k: int) -
 class NothingCrossed(Check):
     """Silences and partitions stop the frames that they should stop, and no others.
 
-    The faults' ticks and groups are compared with what became of each frame when it was sent: the first silence that
+    The faults' ticks and groups are compared with the fate of each frame when it was sent: the first silence that
     applies is named, then the first partition. A forged frame counts as sent by the robot whose radio sent it.
     """
 

@@ -79,7 +79,7 @@ class TrueFog(JournalReading):
 class GroundOpen(JournalReading):
     """The ground that is open to view, tick by tick.
 
-    `open_ground` is what each robot can get to and see; None where the scenario has no closures.
+    `open_ground` has the points that each robot can get to and see; None where the scenario has no closures.
     """
 
     def __init__(self, run: JudgedRun) -> None:
@@ -95,7 +95,7 @@ class GroundOpen(JournalReading):
 
 
 class FogIsTrue(Check):
-    """MFoW, mean fog and points seen are what the poses give, recomputed from the beginning.
+    """MFoW, mean fog and points seen are those of the poses, recomputed from the beginning.
 
     A fog keeps sums from look to look; those of the last tick are also counted point by point.
     """

@@ -51,7 +51,7 @@ class _Stated:
 class FatesAsRecomputed(Check):
     """A fresh ether decides the fates of the journal's frames as the journal has them, draw for draw.
 
-    `delivery` is what the ether did in the last tick, None where that could not be recomputed.
+    `delivery` is the ether's work in the last tick, None where that could not be recomputed.
     """
 
     name = "radio"
@@ -134,7 +134,7 @@ class FatesAsRecomputed(Check):
 class LinksAddUp(Check):
     """On every directed link each frame sent, copies included, was delivered or dropped once, or is still in flight.
 
-    Nothing else was delivered or dropped. `FatesAsRecomputed` says what is in flight at the end.
+    Nothing else was delivered or dropped. `FatesAsRecomputed` names the frames in flight at the end.
     """
 
     name = "links add up"

@@ -1,4 +1,4 @@
-"""The verdict's checks of the journal itself, of the times of faults, and of what only a run of processes shows."""
+"""The verdict's checks of the journal itself, of the times of faults, and of facts only of runs of processes."""
 
 from __future__ import annotations
 

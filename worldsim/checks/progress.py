@@ -209,7 +209,7 @@ class ProgressCheck(Check):
     # --- fog ---------------------------------------------------------------------------------------------------------
 
     def _about_fog(self, end: Stalest) -> tuple[str, str]:
-        """Return a warning about the fog at the end, or empty, and without one what was found."""
+        """Return a warning about the fog at the end, or empty, and without one the finding."""
         if self._was_closed_out:
             return "", self._behind_closures()
         never, took_s = self._fog.points - self._fog.seen, self._ticks * self._step

@@ -235,7 +235,7 @@ class PathLossAsAsked(Check):
         return lowest - 10.0 * math.log10(loud[1]) - needs, greatest - 10.0 * math.log10(loud[0]) - needs
 
     def _find_power_dbm(self, origin: int, to: int) -> Span:
-        """Return the power that a robot receives from another, dBm; its own is what it sends with."""
+        """Return the power that a robot receives from another, dBm; its own is the sending power."""
         options = self._options
         if origin == to:
             return options.power, options.power

@@ -287,7 +287,7 @@ class WithinBudget(Check):
 
 
 class SpoofsAsAsked(Check):
-    """Each active spoof sends one frame in each victim's name, or one for each robot it invents, saying what it should.
+    """Each active spoof sends one frame in each victim's name, or one for each robot it invents, with its payload.
 
     Nothing else is forged: not before or after the fault, not by a robot that is not alive, not in the name of a robot
     of which nothing can be said yet. `offset`, `freeze` and `ahead` are compared with the victim's own frame of the
@@ -412,7 +412,7 @@ class SpoofsAsAsked(Check):
 
 
 def _read_field(entry: Entry, field: str) -> Any:
-    """Return a field of what a spoof's frames are to say; None where it asks for something else."""
+    """Return a field that a spoof sets in its frames; None where it asks for something else."""
     return getattr(entry.fault.payload, field, None) if isinstance(entry.fault, Spoof) else None
 
 

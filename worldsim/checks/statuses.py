@@ -35,7 +35,7 @@ class ExpectedStatuses(JournalReading):
     waits for no process, and it may do so later. Lost robots were not planned; another check reports them.
 
     After each tick `away` has the numbers of the robots whose bodies are not in the world, and `appeared` of those that
-    came back at their starts for this tick. `problem` is what is wrong with this tick's statuses, or empty; from then
+    came back at their starts for this tick. `problem` is the error in this tick's statuses, or empty; from then
     on they are taken as they are. `events` are the events of robots before this tick, in order, without those of lost
     robots. `may_wait` are further events that are allowed at a pace: nothing else shows when a process came that then
     had to wait for its place.

@@ -204,7 +204,7 @@ class OneWayZonesKept(ZoneCheck):
 class ZoneTimesTold(Check):
     """The journal has an event in each tick before which a zone begins or ends, and no other.
 
-    Whether a zone is in force is recomputed from the scenario's times, with what operators have switched.
+    Whether a zone is in force is recomputed from the scenario's times, with the operators' switching.
     """
 
     name = "zone times"
