@@ -43,10 +43,10 @@ if TYPE_CHECKING:
 
 
 FIRST_LOOK = 20.0
-"""Path length in m of the first round, whose forces determine the horizon of the second."""
+"""Path length in m of the first look, whose forces determine the horizon of the second."""
 
 MARGIN = 1.02
-"""Factor by which paths are followed beyond the last tick's horizon, so that few ticks take a second round."""
+"""Factor by which paths are followed beyond the last tick's horizon, so that few ticks take a second look."""
 
 CLOSE_ENOUGH = 0.5
 """A place close by is worth a stop when it pulls with at least this share of the strongest force."""
@@ -146,7 +146,7 @@ class Field:
         return Pull(forces.sums, self._find_bend(nearby) if close else None, self._find_bend(forces))
 
     def _find_horizon(self, forces: _Forces, by_age: NDArray[np.float64]) -> int:
-        """Return the longest path to be followed, by the forces of the first round; see `ForceLaw`."""
+        """Return the longest path to be followed, by the forces of the first look; see `ForceLaw`."""
         exerted = float(forces.sums[2] if self._as_vector else forces.sums.sum())
         return max(self._first, self.law.horizon(exerted, float(by_age[-1])))
 
