@@ -472,12 +472,12 @@ class Charging:
                 # A dock beyond the nearest one is of use only while the charge suffices for it.
                 if self.goes and index != nearest and left_j < self._needed_j(index, DETOUR * way_m, view):
                     continue
-            claimed = any(self._is_claimed(number, index, way_m, view) for number in self._others)
+            claimed = any(self._is_claimed_by(number, index, way_m, view) for number in self._others)
             key = claimed, way_m * (KEEP if index == self._dock else 1.0), index
             best = key if best is None else min(best, key)
         return None if best is None else best[2]
 
-    def _is_claimed(self, number: int, index: int, own_m: float, view: View) -> bool:
+    def _is_claimed_by(self, number: int, index: int, own_m: float, view: View) -> bool:
         """Return True if another robot goes to a dock, and has the shorter way."""
         neighbour = self._others[number]
         first, last = neighbour.course[0], neighbour.course[-1]
