@@ -38,7 +38,7 @@ def raised_at(cause: BaseException | None) -> str:
 
 
 def failure_of(error: BaseException) -> str:
-    """Describe what foreign code has raised, by its type and message, or by its type alone.
+    """Describe an exception of foreign code by its type and message, or by its type alone.
 
     The message is left out where it cannot be read.
     """

@@ -102,7 +102,7 @@ def shared_by(
     groups: int = 1,
     believe: bool = False,
 ) -> Shared:
-    """Make what the minds of a scenario can share; `footprint` and `psi` are computed unless given.
+    """Make the parts that the minds of a scenario can share; `footprint` and `psi` are computed unless given.
 
     Up to `groups` minds may think at the same time, one of each group (`group_of`). With `believe` they share what they
     believe, where that is the same and no ground closes; then the caller lets `Shared.beliefs` hear for all of them,
@@ -132,7 +132,7 @@ def shared_by(
 
 
 def known_to_robots(prepared: Prepared) -> Prepared:
-    """Leave out of a scenario what robots do not know: faults, intruders and closures."""
+    """Leave out of a scenario the sections that robots do not know: faults, intruders and closures."""
     unknown = {"faults": (), "nemesis": None, "intruders": (), "closures": ()}
     return replace(prepared, scenario=prepared.scenario.model_copy(update=unknown))
 
@@ -234,7 +234,7 @@ def build_mind(
 
 
 def _dilation_points(scenario: Scenario, terrain: Terrain, lengths: BodyLengths, kind: PolicyKind) -> int:
-    """Return by how many points a mind dilates what it believes."""
+    """Return by how many points a mind dilates its belief."""
     if scenario.patrol.needs_rounds or kind.name == LEARNED:
         return 0  # they do not ask for it
     # A window of half the terrain's points in every direction already holds all of it.
@@ -259,7 +259,7 @@ def _policy_of(kind: PolicyKind, setup: PolicySetup, speed_limits: SpeedLimits) 
 
 
 def _make_sending(scenario: Scenario, terrain: Terrain) -> Sending:
-    """Return how the robots of a scenario send; predictions know the map, and not what a robot believes closed."""
+    """Return how the robots of a scenario send; predictions know the map, and no belief about closed ground."""
     radio, share = scenario.radio, scenario.radio_share
     if radio.adaptive is None:
         return Sending(radio.trail, radio.trail_every, share)
@@ -269,5 +269,5 @@ def _make_sending(scenario: Scenario, terrain: Terrain) -> Sending:
 
 
 def mind_maker(prepared: Prepared, shared: Shared, kind: PolicyKind | None = None) -> MakeMind:
-    """Return a function that makes the minds of a scenario, which share what they can."""
+    """Return a function that makes the minds of a scenario, with all parts shared that can be."""
     return lambda number, incarnation: build_mind(prepared, number, incarnation, shared, kind)

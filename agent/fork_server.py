@@ -1,4 +1,4 @@
-"""``python -m agent.fork_server``: the agents of one run from one process that has loaded what all of them need.
+"""``python -m agent.fork_server``: the agents of one run from one process that has loaded the modules that all need.
 
 The launcher starts it (`fogwatch.launch.fork_server`) and asks it for each robot's process. Its limits are in
 `patrol.starting.forking`.
@@ -59,7 +59,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _load_modules(kernels: Sequence[str]) -> None:
-    """Load what agents need, and some kernels beside. Nothing of it may open a connection or start a thread."""
+    """Load the modules that agents need, and some kernels beside. None may open a connection or start a thread."""
     importlib.import_module("agent.build")
     for module in (*NEEDED, *kernels):
         importlib.import_module(module)

@@ -42,7 +42,7 @@ class Facts:
 
 
 class Mind:
-    """Call `frames` with what was sensed at tick k, then `step` with what was heard; once each, k counting up."""
+    """Call `frames` with the senses of tick k, then `step` with the frames heard; once each, k counting up."""
 
     def __init__(
         self,
@@ -57,7 +57,7 @@ class Mind:
         silent: Silent,
         blocked: Blocked | None = None,
     ) -> None:
-        """Put together what `agent.build` has made; `blocked` is None on ground without closures."""
+        """Put the parts together that `agent.build` has made; `blocked` is None on ground without closures."""
         self.facts = facts
         self.spec = facts.spec
         self.belief = belief
@@ -86,13 +86,13 @@ class Mind:
         return self.decide(sensed)
 
     def hear(self, sensed: Sensed, heard: Sequence[bytes]) -> None:
-        """Take in what was heard, as the first half of `step`."""
+        """Take in the frames heard, as the first half of `step`."""
         if self.blocked is not None:
             self.blocked.sense(sensed)
         self.belief.hear(sensed.k, as_received(sensed.pose), heard)
 
     def decide(self, sensed: Sensed, view: View | None = None) -> Decision:
-        """Decide as the second half of `step`, once the belief has taken in what was heard."""
+        """Decide as the second half of `step`, once the belief has taken in the frames heard."""
         if view is None:
             view = self.look(sensed)
         try:
@@ -165,7 +165,7 @@ class Mind:
         return frozenset((zone.name, weight) for zone, weight in in_force if zone.weighs)
 
     def _leave_out_blocked(self, blocked: Blocked, pose: Pose) -> None:
-        """Close what is believed blocked for this tick, and leave what lies behind it out of the policy's fog."""
+        """Close points believed blocked for this tick, and leave the ground behind them out of the policy's fog."""
         if blocked.area is not None:
             self._ground.close(areas=[blocked.area])
             start = self._ground.join(pose.x, pose.y)

@@ -231,7 +231,7 @@ def spec_of(scenario: Scenario, name: str, called: str = "robot") -> RobotSpec:
     Args:
         scenario: The scenario.
         name: The robot's name.
-        called: What the user knows the name by.
+        called: The option or field that gave the name.
 
     Raises:
         BadInput: There is no such robot.

@@ -183,12 +183,12 @@ class GroundSetup:
     """The ground of a robot.
 
     Attributes:
-        terrain: The ground, and what blocks the view.
-        fields: Where the robot's body fits and gets to, and what it can see from there.
-        posts: Where to stand to see what no body can reach.
-        sight: The sensor on the terrain: what the robot sees from a pose, and how far.
+        terrain: The ground, and the points that block the view.
+        fields: Where the robot's body fits and gets to, and the points that it can see from there.
+        posts: Where to stand to see points that no body can reach.
+        sight: The sensor on the terrain: the points seen from a pose, and how far it sees.
         prepared: The ground of the whole fleet, from which rounds, regions and zoned ground are made. Its scenario is
-            without what no robot knows: faults, intruders and closures.
+            without sections that no robot knows: faults, intruders and closures.
         scratch: Working memory by name, shared by policies of one process that never think at the same time.
     """
 
@@ -278,7 +278,7 @@ class Policy(Protocol):
     """The choice of a robot's next intent.
 
     A policy is made anew with each incarnation of its robot, by ``Policy(setup)`` (`PolicySetup`). It may
-    keep what state it likes. Its class may have a pydantic model named ``Options``, which `patrol.options` of the
+    keep any state. Its class may have a pydantic model named ``Options``, which `patrol.options` of the
     scenario is validated by. If it raises, or returns anything but an intent, its own robot stops and no other does.
 
     For example, a policy that always drives to the right of the map:
@@ -346,7 +346,7 @@ class Body(Protocol):
     """The way in which a robot of one model moves."""
 
     def obstacles(self, tick: int, pose: Pose, bumped: bool, peers: Mapping[int, Peer]) -> Sequence[Disc]:
-        """Return what is in this body's way for now, besides walls: the robots that it gives way to.
+        """Return the discs in this body's way for now, besides walls: the robots that it gives way to.
 
         Args:
             tick: Now.
@@ -367,7 +367,7 @@ class Body(Protocol):
             view: The same as the policy's.
 
         Returns:
-            The command, and what it is meant for.
+            The command, and its purpose.
         """
         ...
 
@@ -377,7 +377,7 @@ class Decision:
     """One tick's decision and its diagnostics.
 
     Attributes:
-        command: What to do for the next step.
+        command: For the next step.
         state: `State.DEAD_END` while escaping (car, differential) or blocked on every side (holonomic), `State.HOLDING`
             when nothing pulls or the robot is off the reachable ground; else the policy's word.
         direction: The bearing that was chosen, rad, or None.
@@ -462,7 +462,7 @@ class Telemetry(Protocol):
         """Take note of a decision that is about to be acted on.
 
         Args:
-            sensed: What the robot sensed in this tick.
+            sensed: The robot's senses in this tick.
             decision: The decision of its mind.
             decision_ms: Wall time that this took, ms.
         """

@@ -29,13 +29,13 @@ def psi_of(scenario: Scenario, terrain: Terrain) -> Psi:
 
 
 def save_psi(prepared: Prepared, folder: Path) -> None:
-    """Write what `load_psi` reads into an existing folder."""
+    """Write the fields that `load_psi` reads into an existing folder."""
     for number, psi in enumerate(psi_of(prepared.scenario, prepared.terrain).values(), start=1):
         np.save(folder / _psi_file(number), psi)
 
 
 def load_psi(scenario: Scenario, folder: Path) -> Psi:
-    """Map what `save_psi` wrote for a scenario, read-only."""
+    """Map the fields that `save_psi` wrote for a scenario, read-only."""
     return {
         reach: np.load(folder / _psi_file(number), mmap_mode="r")
         for number, reach in enumerate(_psi_reaches(scenario), start=1)

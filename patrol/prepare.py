@@ -101,7 +101,7 @@ class Prepared:
         )
 
     def as_operated(self, events: Iterable[Event]) -> Prepared:
-        """Return the scenario with what operators have asked for, which changes neither terrain nor robots."""
+        """Return the scenario with the operators' requests, which changes neither terrain nor robots."""
         from patrol.scenario.controls import operated  # here: an agent needs no controls
 
         scenario = operated(self.scenario, events)
@@ -141,7 +141,7 @@ class Prepared:
 
     @staticmethod
     def load(scenario: Scenario, folder: Path) -> Prepared:
-        """Load what `save` wrote for a scenario; the arrays are memory-mapped and read-only."""
+        """Load the fields that `save` wrote for a scenario; the arrays are memory-mapped and read-only."""
         facts = json.loads((folder / FACTS).read_text(encoding="utf-8"))
         x, y = facts["origin"]
         passable, keep_out, free, blocked = (load_grid(folder / f"{name}.npy") for name in GROUND)

@@ -1,4 +1,4 @@
-"""Randomness without a stream: every draw is a hash of what it is for.
+"""Randomness without a stream: every draw is a hash of its arguments.
 
 A draw depends on its arguments alone, never on how many draws came before it, so the order in which robots, links or
 processes ask cannot change a run. The hash is splitmix64 (Steele, Lea and Flood, "Fast splittable pseudorandom number

@@ -119,7 +119,7 @@ class Survey:
         return full_name(self.namespace, self.wanted.topic(usual))
 
     def odometry(self, form: Format) -> Iterator[Overheard]:
-        """Yield what was heard under the keys of the robot's odometry."""
+        """Yield the messages heard under the keys of the robot's odometry."""
         where = form.heard(self.name("odom")).removesuffix("/*/*")
         yield from (topic for key, topic in self.heard.items() if key == where or key.startswith(f"{where}/"))
 

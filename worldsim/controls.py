@@ -1,7 +1,7 @@
 """An operator's controls: taken between ticks, written to the journal, and answered.
 
 Ticks can be held, let go and paced. In lockstep a pace is a limit: the world still waits for every robot, so the trace
-does not depend on it. What is asked for while the ticks are held is done before the next one.
+does not depend on it. A request that comes while the ticks are held is done before the next one.
 
 Only requests of clients that know the fleet's token come through (`patrol.security.control_auth`). All others are
 counted and get no answer.
@@ -149,7 +149,7 @@ class PacedBetweenTicks(Protocol):
     """A fleet that can wait between ticks."""
 
     def rest(self) -> None:
-        """Deal with what arrives while no tick is due."""
+        """Deal with requests that arrive while no tick is due."""
         ...
 
     def set_step(self, step_s: float) -> None:
@@ -166,9 +166,9 @@ class RunState:
 
 
 class Operator:
-    """Does what operators ask for, between the ticks of a world.
+    """Obeys operators between the ticks of a world.
 
-    `rest` is called again and again while no tick is due, and after what was asked for.
+    `rest` is called again and again while no tick is due, and after each request.
     """
 
     def __init__(
@@ -207,7 +207,7 @@ class Operator:
         return RunState(not self._held, self._pace)
 
     def between(self, stop: Callable[[], bool]) -> Iterator[Event]:
-        """Do what is asked for until the next tick is due, and yield what was done, as events for the journal.
+        """Obey requests until the next tick is due, and yield what was done as events for the journal.
 
         `stop` is asked again and again whether to stop waiting.
         """
@@ -234,7 +234,7 @@ class Operator:
             self._due = max(self._due + self._world.step / self._pace, self._now())
 
     def during(self) -> None:
-        """While a tick is waited for: do what is asked of the pace, and keep all else for the end of the tick."""
+        """While a tick is waited for: obey requests about the pace, and keep all else for the end of the tick."""
         for _ in range(MOST_DURING):
             if len(self._deferred) >= MOST_DEFERRED or (request := self._requests.get(0.0)) is None:
                 return
@@ -252,7 +252,7 @@ class Operator:
         return max(0.0, self._due - self._now())
 
     def _do_request(self, request: ControlRequest, k: int) -> Iterator[Event]:
-        """Do what is asked for before tick k; whatever that raises refuses the request and ends nothing else."""
+        """Obey requests before tick k; whatever one raises refuses the request and ends nothing else."""
         try:
             if isinstance(request.control, BadInput):
                 raise request.control
@@ -265,7 +265,7 @@ class Operator:
         request.answer(Answer(True, text))
 
     def _obey_control(self, control: Control, k: int) -> str:
-        """Do what is asked for before tick k; the text of the answer."""
+        """Obey a request before tick k; the text of the answer."""
         match control:
             case Pause():
                 self._held, self._steps = True, 0
@@ -300,7 +300,7 @@ class Operator:
 
 
 def refusal(error: Exception) -> BadInput:
-    """Turn what handling a request has raised into its refusal; a mistake of ours also goes to the log."""
+    """Turn an exception in handling a request into its refusal; a mistake of ours also goes to the log."""
     if isinstance(error, BadInput):
         return error
     if isinstance(error, RecursionError):

@@ -1,6 +1,6 @@
 """The times and targets of a scenario's faults, and what they do to a robot's process between ticks.
 
-Entries are resolved to ticks and robot numbers. A journal says what became of them.
+Entries are resolved to ticks and robot numbers. A journal has their effects.
 
 Which robots `one`, `half` and the like are is drawn from (seed, Purpose.FAULT, the fault's index, the field, robot):
 the robots with the lowest draws. So it depends on no other fault, and on nothing that happens in the run.
@@ -31,7 +31,7 @@ from patrol.faults.kinds import (
     Spoof,
 )
 from patrol.faults.roster import tick_of, ticks_of
-from patrol.faults.targets import Some, Target, in_drawn_order, meant
+from patrol.faults.targets import Some, TargetField, in_drawn_order, meant
 from patrol.journal import Status
 from patrol.journal.records import Event
 from patrol.scenario import Scenario
@@ -127,7 +127,7 @@ class Timeline:
         return max(ends, default=0)
 
     def describe(self, entry: Entry) -> str:
-        """Describe in a few words what a fault acts on, and how."""
+        """Describe in a few words the targets and the effect of a fault."""
         fault = entry.fault
         parts = []
         if isinstance(fault, OnLinks):
@@ -156,26 +156,30 @@ class Timeline:
         if isinstance(fault, Lasting):
             end = None if fault.lasts is None else begin + ticks_of(fault.lasts, self._step)
         if isinstance(fault, OnLinks):
-            sources = self._resolve_target(fault.sources, index, Target.FROM)
-            return Entry(index, fault, begin, end, (), sources, self._resolve_target(fault.targets, index, Target.TO))
+            sources = self._resolve_target(fault.sources, index, TargetField.FROM)
+            return Entry(
+                index, fault, begin, end, (), sources, self._resolve_target(fault.targets, index, TargetField.TO)
+            )
         if isinstance(fault, Partition):
             return Entry(index, fault, begin, end, groups=self._resolve_groups(fault, index))
         if isinstance(fault, Spoof):
             forger = 0 if fault.by == STRANGER else self._names[fault.by]
-            return Entry(index, fault, begin, end, self._resolve_target(fault.victims, index, Target.AS), (forger,))
+            return Entry(
+                index, fault, begin, end, self._resolve_target(fault.victims, index, TargetField.AS), (forger,)
+            )
         if isinstance(fault, OnClosure):
             return Entry(index, fault, begin, end)
         assert isinstance(fault, OnRobots)
-        return Entry(index, fault, begin, end, self._resolve_target(fault.who, index, Target.WHO))
+        return Entry(index, fault, begin, end, self._resolve_target(fault.who, index, TargetField.WHO))
 
-    def _resolve_target(self, who: str | tuple[str, ...] | Some, index: int, field: Target) -> tuple[int, ...]:
+    def _resolve_target(self, who: str | tuple[str, ...] | Some, index: int, field: TargetField) -> tuple[int, ...]:
         """Return the robots that a target means, ascending."""
         return meant(who, self._names, self._spares, (self._seed, index, field))
 
     def _resolve_groups(self, fault: Partition, index: int) -> tuple[tuple[int, ...], ...]:
         if isinstance(fault.groups, str):
             fleet = (number for number in self._names.values() if number not in self._spares)
-            drawn = in_drawn_order(fleet, (self._seed, index, Target.GROUPS))
+            drawn = in_drawn_order(fleet, (self._seed, index, TargetField.GROUPS))
             first = 1 if fault.groups == "one" else len(drawn) // 2
             groups = [drawn[:first], [*drawn[first:], *self._spares]]
         else:

@@ -17,7 +17,7 @@ class Mailbox(Protocol[T_co]):
 
 
 class CountingMailbox(Mailbox[T_co], Protocol[T_co]):
-    """A mailbox that counts what it dropped."""
+    """A mailbox that counts dropped messages."""
 
     refused: Counter[str]
 

@@ -1,4 +1,4 @@
-"""The process around the world: it gathers the robots, runs the ticks, and records what happens as it happens."""
+"""The process around the world: it gathers the robots, runs the ticks, and records events as they happen."""
 
 from __future__ import annotations
 
@@ -112,7 +112,7 @@ def _run_and_judge(process: ProcessContext, meeting: Meeting) -> int:
 
 
 def _missing_remedy(meeting: Meeting) -> str:
-    """Return what to do about robots that have not come."""
+    """Return the remedy for robots that have not come."""
     if meeting.credentials is None:
         return (
             f"start each with: fogwatch agent --router {meeting.router} --fleet {meeting.keys.fleet} --robot NAME ..."
@@ -132,7 +132,7 @@ def _check_process_control(scenario: Scenario, options: Namespace) -> None:
 def _record_run(
     wiring: Wiring, prepared: Prepared, sessions: Sessions, listener: Listener | None, token: str | None
 ) -> None:
-    """Run the ticks and record what happens."""
+    """Run the ticks and record them."""
     from patrol.journal import JournalWriter
     from worldsim.fleet.loop import run_ticks
     from worldsim.fleet.sessions import Interrupted

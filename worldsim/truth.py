@@ -1,4 +1,4 @@
-"""The true fog: what the whole fleet has seen, from the true poses of all robots that are alive."""
+"""The true fog: the points that the whole fleet has seen, from the true poses of all robots that are alive."""
 
 from __future__ import annotations
 

@@ -175,7 +175,7 @@ class Wiring:
         return None if descriptor is None else _make_asker(descriptor, self.process.ending)
 
     def operator(self, world: World, fleet: LockstepFleet | PacedFleet, token: str | None) -> Operator | None:
-        """Make what serves operators and keeps the scenario as they change it; None without a token."""
+        """Make the server of operators that also keeps the scenario as they change it; None without a token."""
         if token is None:
             return None
         key, challenge = self.keys.control(ASK), self.keys.control(CHALLENGE)

@@ -36,8 +36,8 @@ if TYPE_CHECKING:
 class World:
     """The ground truth of one run.
 
-    Tick k consists of begin_tick (what each robot senses, for phase A), exchange (the ether carries phase A's frames;
-    what each robot hears for phase B) and end_tick (phase B's commands move the bodies; the tick's record). The true
+    Tick k consists of begin_tick (each robot's senses, for phase A), exchange (the ether carries phase A's frames;
+    frames for each robot, for phase B) and end_tick (phase B's commands move the bodies; the tick's record). The true
     fog is brought up to date in between, at the latest by end_tick: robots do not wait for it. The set of living robots
     changes only between ticks, by `stand_down` and `wake`; `worldsim.fleet` decides when. The world does not depend on
     whether robots are processes, nor on a clock.
@@ -46,7 +46,7 @@ class World:
     holds until none has come for `watchdog` seconds.
 
     `scenario` and `timeline` are as amended so far, while `prepared` stays as it was. `step` is in s. `truth` is the
-    true fog; its sensor's terrain is the ground with what is closed now, `terrain` the map without it.
+    true fog; its sensor's terrain is the ground as closed now, `terrain` the map without it.
     """
 
     def __init__(self, prepared: Prepared, *, footprint: Footprint | None = None, operated: bool = False) -> None:
@@ -103,7 +103,7 @@ class World:
             yield from self.closures.tick(self.tick, self.bodies, self.truth.footprint)
 
     def begin_tick(self) -> dict[int, Sensed]:
-        """Begin a tick; return what each living robot senses, by number, for phase A."""
+        """Begin a tick; return each living robot's senses, by number, for phase A."""
         self._frames, self._delivery = (), Delivery({}, (), ())
         living = {number: self.bodies[number] for number in self.living}
         self._to_observe = [(number, body.pose) for number, body in living.items()]
@@ -127,7 +127,7 @@ class World:
         }
 
     def _blocked_points(self, body: Body) -> tuple[int, ...]:
-        """Return what a robot sees closed."""
+        """Return the points that a robot sees closed."""
         footprint = self.truth.footprint
         return self.closures.blocked(body, footprint) if isinstance(footprint, ChangingFootprint) else ()
 
@@ -148,7 +148,7 @@ class World:
         self.truth.observe(self.tick, looking)
 
     def exchange(self, frames: Mapping[int, Sequence[bytes]]) -> Mapping[int, list[bytes]]:
-        """Let the ether carry the living robots' frames; return what each robot hears, for phase B.
+        """Let the ether carry the living robots' frames; return the frames that each robot hears, for phase B.
 
         The frames of each robot have its position first; a robot that stays silent has none. A robot that is missing
         has died in phase A and hears nothing any more. The frames heard are ordered by sender and sequence.

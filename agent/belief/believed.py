@@ -7,7 +7,7 @@ Theory of operation
     copy. Those that learn of others part with a copy, at that moment. Where a look leaves age, a fog depends on the
     order of the looks, which differs from mind to mind, and each mind is a group of its own.
 
-    The table of inboxes holds what each mind has heard of each robot, and so which looks it learns of.
+    The table of inboxes holds the frames that each mind has heard of each robot, and so which looks it learns of.
 """
 
 from __future__ import annotations
@@ -88,20 +88,20 @@ class BelievedFog:
         self.take(((looked_at, self._footprint.visible(pose)) for looked_at, pose in looks), tick)
 
     def take(self, views: Iterable[tuple[int, SensorView]], tick: int) -> None:
-        """Take in what was seen, tick and points of each view, one view after the other; `tick` is now."""
+        """Take in some views, tick and points of each view, one view after the other; `tick` is now."""
         boxes = []
         for looked_at, view in views:
             if self._footprint.leaves_age:
                 view.mark(self.looked, looked_at)
             self.fog.observe(view, looked_at)
             boxes.append(view.box(self.looked.shape))
-        self._changed(boxes, tick)
+        self._note_changes(boxes, tick)
 
     def see_some(self, looks: Looks, chosen: NDArray[np.uint8], tick: int) -> None:
         """Take in those of many looks for which `chosen` is not 0; looks must leave no age."""
         self.fog.observe_each(looks, chosen)
         places = [] if self._dilated is None else np.flatnonzero(chosen).tolist()
-        self._changed([looks.views[look].box(self.looked.shape) for look in places], tick)
+        self._note_changes([looks.views[look].box(self.looked.shape) for look in places], tick)
 
     def dilated_within(self, box: Box) -> NDArray[np.int32]:
         """Return the fog after dilatation, up to date in a box: it is computed only where it is read.
@@ -119,7 +119,7 @@ class BelievedFog:
         height, width = self.fog.last_seen.shape
         return self.dilated_within((0, height - 1, 0, width - 1))
 
-    def _changed(self, boxes: Iterable[Box | None], tick: int) -> None:
+    def _note_changes(self, boxes: Iterable[Box | None], tick: int) -> None:
         self._tick = tick
         if self._dilated is not None:
             self._dilated.changed([box for box in boxes if box is not None])
@@ -196,7 +196,7 @@ class Beliefs:
         """Start without minds.
 
         `shares` lets minds share a fog, where a look leaves no age. `at_once` says that minds decide at once in several
-        threads, so that what they share must be up to date before.
+        threads, so that their shared fog must be up to date before.
         """
         self.inboxes = inboxes
         self.shares = shares and not footprint.leaves_age
@@ -245,14 +245,14 @@ class Beliefs:
         looks, chosen = _side_by_side(intake, [own[number] for number in minds], self._footprint)
         learnt = {number: row.tobytes() for number, row in zip(minds, chosen, strict=True)}
         for fog in {id(mind.shared): mind.shared for mind in minds.values()}.values():
-            for part, chosen_looks in self._parted(fog, learnt):
+            for part, chosen_looks in self._part_group(fog, learnt):
                 part.see_some(looks, np.frombuffer(chosen_looks, dtype=np.uint8), tick)
                 part.fog.mfow(tick)  # computed now, so that minds that decide at once in several threads only read
                 if self._at_once and len(part.members) > 1:
                     part.refresh()
 
-    def _parted(self, fog: BelievedFog, learnt: Mapping[int, bytes]) -> list[tuple[BelievedFog, bytes]]:
-        """Part a group by what its minds have learnt; those that take no part in the tick keep what they believe."""
+    def _part_group(self, fog: BelievedFog, learnt: Mapping[int, bytes]) -> list[tuple[BelievedFog, bytes]]:
+        """Part a group by the looks that its minds have learnt; minds without part in the tick keep their belief."""
         parts: dict[bytes | None, set[int]] = defaultdict(set)
         for number in fog.members:
             parts[learnt.get(number)].add(number)

@@ -80,7 +80,7 @@ class Blocked:
         self._part = 0
 
     def sense(self, sensed: Sensed) -> None:
-        """Take in what the robot senses, before it looks around."""
+        """Take in the robot's senses, before it looks around."""
         if not sensed.blocked and self.area is None:
             return
         seen_at = self._seen_at.reshape(-1)
@@ -100,7 +100,7 @@ class Blocked:
         self._seen_at[~grid] = UNSEEN
         if not np.array_equal(grid, self.grid):
             self.grid = grid
-            self._changed()
+            self._note_change()
 
     def stand_at(self, point: tuple[int, int] | None) -> None:
         """Bring `left_out` up to date with the part of the ground in which the robot stands.
@@ -128,7 +128,7 @@ class Blocked:
         if self._posts is not None:
             self._posts.move(proxy)
 
-    def _changed(self) -> None:
+    def _note_change(self) -> None:
         self._parts = None
         if not self.grid.any():
             self.area = self.left_out = self.stands = None

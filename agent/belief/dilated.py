@@ -112,7 +112,7 @@ class Dilated:
         return fork
 
     def changed(self, looks: list[Box]) -> None:
-        """Take in what a tick's looks have changed in the fog."""
+        """Take in the changes of the fog by a tick's looks."""
         if not looks:
             return
         grids = (self._fog.last_seen, self._ground, self._carried, self._posts_by_block, self._block_ends)
@@ -125,7 +125,7 @@ class Dilated:
         Each call returns the same array. The box may reach beyond the ground. Points that are not ground are always
         `AGELESS`; other points outside the box may be out of date.
         """
-        rows, cols = self._blocks(box)
+        rows, cols = self._find_blocks(box)
         if rows[0] <= rows[1] and cols[0] <= cols[1]:
             height, width = self._ground.shape
             count = boxes_due(self._due, height, width, *rows, *cols, self._boxes)
@@ -139,7 +139,7 @@ class Dilated:
             note_freshest(self._ground, self._grid, self._freshest, boxes)
         return self._grid
 
-    def _blocks(self, box: Box) -> tuple[tuple[int, int], tuple[int, int]]:
+    def _find_blocks(self, box: Box) -> tuple[tuple[int, int], tuple[int, int]]:
         """First and last row and first and last column of the blocks that a box of points touches."""
         rows, cols = self._due.shape
         top, bottom, left, right = box

@@ -1,4 +1,4 @@
-"""The part that all bodies share: the goal along a bearing, and what they do in a stand-off."""
+"""The part that all bodies share: the goal along a bearing, and the moves in a stand-off."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ class BodyBase(ABC):
         if self._keeping_right is not None:
             self._keeping_right.note(view)
         choice = self._back_off(view) if isinstance(intent, (Bearing, Place)) else None
-        choice = choice or self._carry_out(self._led(intent, view), view)
+        choice = choice or self._carry_out(self._replace_intent(intent, view), view)
         right = self._keeping_right
         if right is None or is_halt(choice.command) or not (isinstance(intent, Place) and intent.gives_room):
             self._stops = 0
@@ -92,7 +92,7 @@ class BodyBase(ABC):
         self._stops = 1 if bumped else self._stops + 1
         return choice if self._stops > self._most_stops else replace(choice, command=halted(self.spec.model))
 
-    def _led(self, intent: Intent, view: View) -> Intent:
+    def _replace_intent(self, intent: Intent, view: View) -> Intent:
         """Return the intent, or another one for a robot that has another one before it on its way to a place."""
         led = self.stand_off.lead(intent, view)
         if self._keeping_right is None or self.stand_off.is_settled or not isinstance(led, Place) or not led.gives_room:
@@ -112,7 +112,7 @@ class BodyBase(ABC):
             return None
         return Choice(command, State.DEAD_END)
 
-    def _leave(self, view: View) -> Choice | None:
+    def _leave_dead_end(self, view: View) -> Choice | None:
         """Count a dead end, and return the first step away where that is the role in it."""
         self.stand_off.meet_dead_end(view.tick)
         return self._back_off(view)
@@ -122,7 +122,7 @@ class BodyBase(ABC):
         share = 1.0 if self._keeping_right is None else self._keeping_right.room(self._step_to(view.pose, spot), view)
         return share * self.straight.reach(view.pose, spot)
 
-    def _proceed(self, state: str, view: View) -> Choice | None:
+    def _proceed_on_manoeuvre(self, state: str, view: View) -> Choice | None:
         """Return the next step of a manoeuvre that leads over places from which no route leads on, to its end."""
         if self.manoeuvres is None or view.bumped:
             return None
@@ -134,34 +134,34 @@ class BodyBase(ABC):
         pose = view.pose
         spot = self.way_back.spot(pose.x, pose.y) if self.way_back.is_needed(pose.x, pose.y) else None
         if spot is None:
-            return self._stand(State.HOLDING)
+            return self._make_halt(State.HOLDING)
         bearing = math.atan2(spot[1] - pose.y, spot[0] - pose.x)
         command = self._step_to(pose, spot)
-        out = self._leave(view) if is_halt(command) else None
+        out = self._leave_dead_end(view) if is_halt(command) else None
         return out or Choice(command, State.DEAD_END, bearing, Goal(spot, spot))
 
     def _carry_out(self, intent: Intent, view: View) -> Choice:
         match intent:
             case Bearing():
-                return self._bear(intent, view)
+                return self._take_bearing(intent, view)
             case Place():
-                return self._approach(intent, view)
+                return self._approach_place(intent, view)
             case Steer(command, state):
                 if not isinstance(command, self.command):
                     robot = "car" if self.spec.model == "car" else f"{self.spec.model} robot"
                     given_name, wanted = type(command).__name__, self.command.__name__
                     raise PolicyFailed(f"returned Steer({given_name}) for a {robot}; give a {wanted}")
-                allowed = self._allowed(view.pose, command.limited(self.spec.limits))
-                return self._stand(State.HOLDING) if allowed is None else Choice(allowed, state)
+                allowed = self._limit_command(view.pose, command.limited(self.spec.limits))
+                return self._make_halt(State.HOLDING) if allowed is None else Choice(allowed, state)
             case Stay(state):
-                return self._stay(state, view)
+                return self._keep_still(state, view)
 
     @abstractmethod
-    def _bear(self, intent: Bearing, view: View) -> Choice:
+    def _take_bearing(self, intent: Bearing, view: View) -> Choice:
         """Take the first direction of an intent in which the body can move."""
 
     @abstractmethod
-    def _approach(self, place: Place, view: View) -> Choice:
+    def _approach_place(self, place: Place, view: View) -> Choice:
         """Take a step towards a place."""
 
     @abstractmethod
@@ -169,15 +169,15 @@ class BodyBase(ABC):
         """Return the step, forward or in reverse, that leads nearest to a spot; a halt where none does."""
 
     @abstractmethod
-    def _allowed(self, pose: Pose, wanted: Any) -> Command | None:
+    def _limit_command(self, pose: Pose, wanted: Any) -> Command | None:
         """Return a policy's own command, as far as it leads into no wall; None if it does from the start."""
 
-    def _stay(self, state: str, view: View) -> Choice:
+    def _keep_still(self, state: str, view: View) -> Choice:
         """Stand still, in a state that the policy gives."""
         del view
-        return self._stand(state)
+        return self._make_halt(state)
 
-    def _stand(self, state: str) -> Choice:
+    def _make_halt(self, state: str) -> Choice:
         return Choice(halted(self.spec.model), state)
 
 

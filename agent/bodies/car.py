@@ -96,21 +96,21 @@ class CarBody(BodyBase):
             self.manoeuvres.drop()
         return super()._carry_out(intent, view)
 
-    def _stay(self, state: str, view: View) -> Choice:
-        return self._drive(view, None, None, state) if self._unstuck.active else self._stand(state)
+    def _keep_still(self, state: str, view: View) -> Choice:
+        return self._drive_ahead(view, None, None, state) if self._unstuck.active else self._make_halt(state)
 
-    def _bear(self, intent: Bearing, view: View) -> Choice:
-        bearing, goal = self._ahead(intent, view)
+    def _take_bearing(self, intent: Bearing, view: View) -> Choice:
+        bearing, goal = self._find_direction(intent, view)
         if view.start is None and not self._unstuck.active:
-            return self._proceed(intent.state, view) or self._come_back(view)
+            return self._proceed_on_manoeuvre(intent.state, view) or self._come_back(view)
         # After a bump a random step would lead into the same obstacle.
         if intent.wander is not None and not view.bumped and not self._unstuck.active:
             aside = self._steering.turning(view.pose, intent.wander, self.spec.speed)
             if self._steering.is_free(view.pose, aside):
                 return Choice(aside, intent.state, intent.wander)
-        return self._drive(view, bearing, goal, intent.state)
+        return self._drive_ahead(view, bearing, goal, intent.state)
 
-    def _ahead(self, intent: Bearing, view: View) -> tuple[float | None, Goal | None]:
+    def _find_direction(self, intent: Bearing, view: View) -> tuple[float | None, Goal | None]:
         """The strongest direction that leads at least half a step, and its goal; the strongest of all if none does.
 
         The paper's forces act along first steps of paths, which are free by construction. A bearing rounded to its
@@ -134,13 +134,13 @@ class CarBody(BodyBase):
         assert strongest is not None
         return strongest
 
-    def _approach(self, place: Place, view: View) -> Choice:
+    def _approach_place(self, place: Place, view: View) -> Choice:
         """Return the way to a place, and parking there."""
         way = way_of(place, view)
         if way is None and not self._unstuck.active:
-            return self._proceed(place.state, view) or self._come_back(view)
+            return self._proceed_on_manoeuvre(place.state, view) or self._come_back(view)
         if way is None:
-            return self._drive(view, None, None, place.state)
+            return self._drive_ahead(view, None, None, place.state)
         spot, bend = way
         pose = view.pose
         if place.wander is not None and not view.bumped and not self._unstuck.active:
@@ -159,29 +159,29 @@ class CarBody(BodyBase):
             drive = Drive(0.0, 0.0) if is_there else self.manoeuvres.next(view, spot, exact=exact)
             if drive is not None:
                 return Choice(drive, place.state, bearing, goal)
-        choice = self._drive(view, bearing, goal, place.state)
+        choice = self._drive_ahead(view, bearing, goal, place.state)
         return Choice(choice.command, choice.state, bearing, goal)
 
-    def _drive(self, view: View, bearing: float | None, goal: Goal | None, state: str) -> Choice:
+    def _drive_ahead(self, view: View, bearing: float | None, goal: Goal | None, state: str) -> Choice:
         """Towards the goal ahead in direction ``bearing`` (rad), or out of a dead end."""
         pose, bumped = view.pose, view.bumped
         if self._unstuck.active:
             drive = self._unstuck.step(pose, bumped)
             if drive is not None:
-                out = self._leave(view) if is_halt(drive) else None
+                out = self._leave_dead_end(view) if is_halt(drive) else None
                 return out or Choice(drive, State.DEAD_END, None, goal)
             # It has faced about since the bump, so the bump says nothing of the next step.
             bumped = False
         if goal is None or bearing is None:
-            return self._stand(State.HOLDING)
+            return self._make_halt(State.HOLDING)
         drive = self._steering.towards(pose, goal.refined)
         if not bumped and self._steering.is_free(pose, drive):
             return Choice(drive, state, bearing, goal)
-        return self._escape(view, bearing, goal)
+        return self._escape_dead_end(view, bearing, goal)
 
-    def _escape(self, view: View, desired: float, goal: Goal | None) -> Choice:
+    def _escape_dead_end(self, view: View, desired: float, goal: Goal | None) -> Choice:
         """Begin to leave a dead end, to face the direction `desired`, rad."""
-        if (back := self._leave(view)) is not None:
+        if (back := self._leave_dead_end(view)) is not None:
             return back
         self._unstuck.begin(desired)
         out = self._unstuck.step(view.pose, bumped=False)
@@ -191,5 +191,5 @@ class CarBody(BodyBase):
         self._unstuck.active = False
         return self._steering.park(pose, spot)
 
-    def _allowed(self, pose: Pose, wanted: Drive) -> Drive | None:
+    def _limit_command(self, pose: Pose, wanted: Drive) -> Drive | None:
         return wanted if self._steering.is_free(pose, wanted) else None

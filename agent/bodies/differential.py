@@ -90,7 +90,7 @@ class WheelSteering:
         askew = wrap(math.atan2(target[1] - pose.y, target[0] - pose.x) - pose.heading)
         if abs(askew) <= ALIGNED:
             return self.straight(pose, self.reach(pose, target))
-        for arc in self._arcs(distance, askew):
+        for arc in self._list_arcs(distance, askew):
             if self.is_possible(pose, arc) and self._leads_on(advance(pose, arc, self._step), target):
                 return arc
         return self.on_the_spot(askew)
@@ -134,7 +134,7 @@ class WheelSteering:
         """Return True if the body gets from the end of an arc straight to where the arc leads."""
         return line_is_free(self._terrain, (end.x, end.y), target, self._spec.radius)
 
-    def _arcs(self, distance: float, askew: float) -> Iterator[Twist]:
+    def _list_arcs(self, distance: float, askew: float) -> Iterator[Twist]:
         """Yield the arcs towards a target that the wheels are fast enough for, best first.
 
         `distance` is in m; `askew` is the angle from the body's heading to the target, rad.
@@ -180,25 +180,25 @@ class DifferentialBody(BodyBase):
             moves = wheel_moves(setup.spec, setup.step, reverses=setup.sees_all_round)
             self.manoeuvres = Manoeuvres(moves, setup.spec, setup.ground.terrain, self._steering.is_free, setup.step)
 
-    def _bear(self, intent: Bearing, view: View) -> Choice:
+    def _take_bearing(self, intent: Bearing, view: View) -> Choice:
         if intent.wander is not None:
             return Choice(self._steering.turning(view.pose, intent.wander), intent.state, intent.wander)
         start = view.start
         if start is None:
             return self._come_back(view)
         if not intent.bearings:
-            return self._stand(State.HOLDING)
-        return self._take(self._options(intent, view, start), intent.state, view, self._steering.towards)
+            return self._make_halt(State.HOLDING)
+        return self._take_option(self._list_options(intent, view, start), intent.state, view, self._steering.towards)
 
-    def _options(self, intent: Bearing, view: View, start: tuple[int, int]) -> Iterator[_Option]:
+    def _list_options(self, intent: Bearing, view: View, start: tuple[int, int]) -> Iterator[_Option]:
         """Give the options of a `Bearing`, best first."""
         centre = view.ground.centre(*start)
         if intent.near is not None:
-            to_near = self._option(intent.near, view.pose, intent.bearings[0], Goal(intent.near, intent.near))
+            to_near = self._make_option(intent.near, view.pose, intent.bearings[0], Goal(intent.near, intent.near))
             yield to_near
             if self._steering.reach(Pose(*centre, 0.0), intent.near) >= to_near.enough > BARELY:
                 # The way is free from the centre of the robot's point, but not quite from where it stands on it.
-                yield self._option(centre, view.pose, intent.bearings[0], to_near.goal)
+                yield self._make_option(centre, view.pose, intent.bearings[0], to_near.goal)
         bearings: Iterable[float] = intent.bearings
         if self._turns_to is not None and self._turns_to in intent.bearings:
             # A turn on the spot is followed by a step, so that a robot between two equal pulls gets away.
@@ -210,32 +210,32 @@ class DifferentialBody(BodyBase):
         for spot in (intent.bend, centre):
             if spot is not None:
                 bearing = math.atan2(spot[1] - view.pose.y, spot[0] - view.pose.x)
-                yield self._option(spot, view.pose, bearing, Goal(spot, spot))
+                yield self._make_option(spot, view.pose, bearing, Goal(spot, spot))
 
-    def _approach(self, place: Place, view: View) -> Choice:
+    def _approach_place(self, place: Place, view: View) -> Choice:
         """Return a step towards a place, round others that are in the way."""
         pose, start, way = view.pose, view.start, way_of(place, view)
         if way is None or start is None:
-            return self._proceed(place.state, view) or self._come_back(view)
+            return self._proceed_on_manoeuvre(place.state, view) or self._come_back(view)
         spot, bend = way
         bearing, goal = math.atan2(bend[1] - pose.y, bend[0] - pose.x), Goal(spot, bend)
         if math.dist((pose.x, pose.y), spot) < BARELY:
             return Choice(halted(self.spec.model), place.state, bearing, goal)
         if place.wander is not None:
             return Choice(self._steering.turning(pose, place.wander), place.state, place.wander)
-        if (command := self._manoeuvre(place, way, view)) is not None:
+        if (command := self._step_along_arcs(place, way, view)) is not None:
             return Choice(command, place.state, bearing, goal)
         enough = CLEAR_SHARE * min(self.stride, math.dist((pose.x, pose.y), bend))
         targets = [bend, view.ground.centre(*start)]
         if place.lean is not None:
             targets = [place.lean, *targets]
         options = (
-            _Option(target, min(enough, self._option(target, pose, bearing, goal).enough), bearing, goal)
+            _Option(target, min(enough, self._make_option(target, pose, bearing, goal).enough), bearing, goal)
             for target in targets
         )
-        return self._take(options, place.state, view, self._towards_places)
+        return self._take_option(options, place.state, view, self._towards_places)
 
-    def _manoeuvre(self, place: Place, way: tuple[Spot, Spot], view: View) -> Command | None:
+    def _step_along_arcs(self, place: Place, way: tuple[Spot, Spot], view: View) -> Command | None:
         """Return the next step of arcs to near a place; None where there are none, or the policy leans aside."""
         if self.manoeuvres is None or place.lean is not None:
             return None
@@ -254,7 +254,7 @@ class DifferentialBody(BodyBase):
             view.ground.terrain, here, bend, radius
         )
 
-    def _take(
+    def _take_option(
         self, options: Iterator[_Option], state: str, view: View, towards: Callable[[Pose, Spot], Twist]
     ) -> Choice:
         """Choose the first option that is good enough, else the farthest one, else a way out of the dead end.
@@ -273,10 +273,10 @@ class DifferentialBody(BodyBase):
         else:
             # Less than good enough is better than nothing, but not where the body would hardly move.
             if farthest < BLOCKED_SHARE * self.stride:
-                return self._leave(view) or self._stand(State.DEAD_END)
+                return self._leave_dead_end(view) or self._make_halt(State.DEAD_END)
         assert best is not None
         twist = towards(pose, best.target)
-        # A body that only turns now drives that way next: see `_options`.
+        # A body that only turns now drives that way next: see `_list_options`.
         self._turns_to = best.bearing if twist.speed == 0.0 else None
         return Choice(twist, state, best.bearing, best.goal)
 
@@ -289,7 +289,7 @@ class DifferentialBody(BodyBase):
         twist = self._steering.towards(Pose(pose.x, pose.y, wrap(pose.heading + math.pi)), target)
         return Twist(-twist.speed, twist.turn_rate)
 
-    def _option(self, target: Spot, pose: Pose, bearing: float, goal: Goal) -> _Option:
+    def _make_option(self, target: Spot, pose: Pose, bearing: float, goal: Goal) -> _Option:
         """Return a target that may lie within a step."""
         enough = CLEAR_SHARE * min(self.stride, math.dist((pose.x, pose.y), target))
         return _Option(target, enough, bearing, goal)
@@ -301,5 +301,5 @@ class DifferentialBody(BodyBase):
         is_turning = reach > 0.0 and abs(turn) > ALIGNED
         return self._steering.on_the_spot(turn) if is_turning else self._steering.straight(pose, sense * reach)
 
-    def _allowed(self, pose: Pose, wanted: Twist) -> Twist | None:
+    def _limit_command(self, pose: Pose, wanted: Twist) -> Twist | None:
         return wanted if self._steering.is_free(pose, wanted) else None

@@ -26,7 +26,7 @@ class HolonomicBody(BodyBase):
     def __init__(self, setup: BodySetup) -> None:
         super().__init__(setup, Moves.SIDEWAYS)
 
-    def _bear(self, intent: Bearing, view: View) -> Choice:
+    def _take_bearing(self, intent: Bearing, view: View) -> Choice:
         pose, start = view.pose, view.start
         if intent.wander is not None:
             return Choice(self.straight.heading(pose, intent.wander)[0], intent.state, intent.wander)
@@ -58,18 +58,18 @@ class HolonomicBody(BodyBase):
             velocity, way = self.straight.towards(pose, view.ground.centre(*start))
         return velocity if way > BARELY else None
 
-    def _approach(self, place: Place, view: View) -> Choice:
+    def _approach_place(self, place: Place, view: View) -> Choice:
         """Return a step towards a place. The body yields to others on the way, but not on the last step."""
         pose, start, route = view.pose, view.start, way_of(place, view)
-        if place.wander is not None and (aside := self._aside(pose, place.wander)) is not None:
+        if place.wander is not None and (aside := self._step_aside(pose, place.wander)) is not None:
             return Choice(aside, place.state, place.wander)
         if route is None or start is None:
             return self._come_back(view)
         spot, bend = route
-        bend = self._farthest(spot, bend, view)
+        bend = self._find_farthest_bend(spot, bend, view)
         bearing = math.atan2(bend[1] - pose.y, bend[0] - pose.x)
         if view.bumped and view.draw(0, Purpose.RANDOM_MOVE) < AFTER_BUMP:
-            aside = self._aside(pose, TAU * view.draw(1, Purpose.RANDOM_MOVE))
+            aside = self._step_aside(pose, TAU * view.draw(1, Purpose.RANDOM_MOVE))
             if aside is not None:
                 return Choice(aside, place.state, bearing, Goal(spot, bend))
         targets = [bend, view.ground.centre(*start)]
@@ -85,7 +85,7 @@ class HolonomicBody(BodyBase):
             velocity, way = self.straight.towards(pose, out)
         return Choice(velocity, place.state, bearing, Goal(spot, bend))
 
-    def _farthest(self, spot: Spot, bend: Spot, view: View) -> Spot:
+    def _find_farthest_bend(self, spot: Spot, bend: Spot, view: View) -> Spot:
         """Return the farthest of the bends within a step to which the body gets straight.
 
         Ways run over the centres of points, so in a slanting slit they bend at each point. The body need not.
@@ -115,7 +115,7 @@ class HolonomicBody(BodyBase):
                 return True
         return False
 
-    def _aside(self, pose: Pose, bearing: float) -> Velocity | None:
+    def _step_aside(self, pose: Pose, bearing: float) -> Velocity | None:
         """Return a step in a direction, in rad; None where no route would lead on from its end."""
         velocity, way = self.straight.heading(pose, bearing)
         end = pose.x + way * math.cos(bearing), pose.y + way * math.sin(bearing)
@@ -131,5 +131,5 @@ class HolonomicBody(BodyBase):
     def _step_to(self, pose: Pose, spot: Spot) -> Velocity:
         return self.straight.towards(pose, spot)[0]
 
-    def _allowed(self, pose: Pose, wanted: Velocity) -> Velocity:
+    def _limit_command(self, pose: Pose, wanted: Velocity) -> Velocity:
         return self.straight.along(pose, wanted)

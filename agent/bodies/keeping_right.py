@@ -150,9 +150,9 @@ class KeepingRight:
         free, x, y = SAMPLES, view.pose.x, view.pose.y
         for number, neighbour in self._others.items():
             # Too far apart to touch within a step, whatever both do.
-            if math.dist((x, y), neighbour.place) >= self._both(number) + self._stride + self._strides[number]:
+            if math.dist((x, y), neighbour.place) >= self._sum_radii(number) + self._stride + self._strides[number]:
                 continue
-            across, up, limit = self._side(number, neighbour)
+            across, up, limit = self._find_side(number, neighbour)
             # Only as far as the robots before have left free.
             for sample in range(1, free + 1):
                 end = advance(view.pose, command, sample / SAMPLES * self._step)
@@ -161,14 +161,14 @@ class KeepingRight:
                     break
         return free / SAMPLES
 
-    def _side(self, number: int, other: Motion) -> tuple[float, float, float]:
+    def _find_side(self, number: int, other: Motion) -> tuple[float, float, float]:
         """Return the direction (x, y) to the line between this robot and another, and how far it may go there, m.
 
         The line is square to where the robots would be nearest to each other in the next step if both went on, or to
         where they are if they would touch. Each may go on as before if there is room for both, and half of the rest.
         """
         # Positions were rounded when they were sent, so the gap may be smaller by that much.
-        own_motion, radii = self._own, self._both(number) + HEARD_M
+        own_motion, radii = self._own, self._sum_radii(number) + HEARD_M
         x, y = other.place[0] - own_motion.place[0], other.place[1] - own_motion.place[1]
         right, up = other.moved[0] - own_motion.moved[0], other.moved[1] - own_motion.moved[1]
         speed = right**2 + up**2
@@ -200,11 +200,11 @@ class KeepingRight:
             return place
         ground, point = view.ground, self._ground.terrain.point
         row, col = ground.terrain.nearest_point(place.x, place.y)
-        target, radii = (row + 1, col + 1), self._both(meeting.other)
+        target, radii = (row + 1, col + 1), self._sum_radii(meeting.other)
         direct = view.routes.way(view.start, target, self._expected)
         longest = direct.length + LONGER * radii
         self._expected = math.ceil(100.0 * (longest + self._stride) / point)
-        for discs in self._barriers(meeting, (view.pose.x, view.pose.y)):
+        for discs in self._list_barriers(meeting, (view.pose.x, view.pose.y)):
             closed = Ground(self._ground.terrain, ground.open_now, ground)
             closed.begin(discs)
             start = closed.join(view.pose.x, view.pose.y)
@@ -231,7 +231,7 @@ class KeepingRight:
             (other_x, other_y), (moved_x, moved_y) = neighbour.place, neighbour.moved
             apart_x, apart_y = other_x - x, other_y - y
             closer_x, closer_y = moved_x - across, moved_y - up
-            radii, speed = self._both(number), closer_x**2 + closer_y**2
+            radii, speed = self._sum_radii(number), closer_x**2 + closer_y**2
             ticks = -(apart_x * closer_x + apart_y * closer_y) / speed if speed > 0.0 else 0.0
             # Not above 0 where they move apart.
             if not 0.0 < ticks <= LOOK_AHEAD + LOOK_AHEAD_BODIES * radii / self._stride:
@@ -245,9 +245,9 @@ class KeepingRight:
                 meetings.append(Meeting(ticks, number, here, corner, comes))
         return min(meetings, key=lambda meeting: meeting.ticks, default=None)
 
-    def _barriers(self, meeting: Meeting, here: Spot) -> Iterator[list[Disc]]:
+    def _list_barriers(self, meeting: Meeting, here: Spot) -> Iterator[list[Disc]]:
         """Yield the discs to close so that the way leads past another robot, best first."""
-        point, radii = self._ground.terrain.point, self._both(meeting.other)
+        point, radii = self._ground.terrain.point, self._sum_radii(meeting.other)
         neighbour = self._others[meeting.other]
         now = neighbour.place
         apart = math.dist(here, now)
@@ -261,6 +261,6 @@ class KeepingRight:
             centres = ((x + number * shift * left[0], y + number * shift * left[1]) for number in range(BARRIER))
             yield [disc_round(centre, here, radius, point) for centre in centres]
 
-    def _both(self, other: int) -> float:
+    def _sum_radii(self, other: int) -> float:
         """Return the radii of this robot and another together, m."""
         return self._radii[self._number] + self._radii[other]

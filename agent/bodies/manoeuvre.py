@@ -194,15 +194,15 @@ class Manoeuvres:
             self.drop()
         if not self._goes_on(view.pose) or self._is_closed_ahead(view):
             self.drop()
-            self._approach(view, place, exact=exact)
-        return self._take(view.pose)
+            self._search_near_place(view, place, exact=exact)
+        return self._take_first_step(view.pose)
 
     def proceed(self, pose: Pose) -> Command | None:
         """Return the next step of the arcs that were found before, wherever it leads.
 
         It is None where nothing was found, or the body cannot go on with it.
         """
-        return self._take(pose) if self._goes_on(pose) else None
+        return self._take_first_step(pose) if self._goes_on(pose) else None
 
     def _goes_on(self, pose: Pose) -> bool:
         """Return True if the body is where the last step should have brought it, and can take the next one."""
@@ -224,7 +224,7 @@ class Manoeuvres:
         ends = (advance(pose, self._plan[0], share * self._step) for share in (0.5, 1.0))
         return any(ground.is_closed(*view.point_of((end.x, end.y))) for end in ends)
 
-    def _take(self, pose: Pose) -> Command | None:
+    def _take_first_step(self, pose: Pose) -> Command | None:
         """Return the first step of the plan; None without one that is free."""
         if not self._plan or not self._is_free(pose, self._plan[0]):
             self.drop()
@@ -233,7 +233,7 @@ class Manoeuvres:
         self._expected = advance(pose, drive, self._step)
         return drive
 
-    def _approach(self, view: View, place: Spot, *, exact: bool) -> None:
+    def _search_near_place(self, view: View, place: Spot, *, exact: bool) -> None:
         """Look for arcs that bring the body nearer to a place; none where no way leads there.
 
         A search ends near the place, or on its very point (`exact`), or where it has made progress. The longest ways
@@ -272,9 +272,11 @@ class Manoeuvres:
         self._place, self._exact = place, exact
         # Half of the way at most, or a search from close by would end where it begins.
         near = ON_IT * point if exact else min(self._near, 0.5 * first)
-        self._search(view, paths, first, paths.limit, near=near, progress=AHEAD * turning)
+        self._search_arcs(view, paths, first, paths.limit, near=near, progress=AHEAD * turning)
 
-    def _search(self, view: View, paths: BoxPaths, first: float, limit: int, *, near: float, progress: float) -> None:
+    def _search_arcs(
+        self, view: View, paths: BoxPaths, first: float, limit: int, *, near: float, progress: float
+    ) -> None:
         """Look for arcs that bring the body nearer.
 
         `first` is the way left from where the body is, m; `limit` is the longest way that counts, in hundredths of a
@@ -282,7 +284,7 @@ class Manoeuvres:
         """
         pose, terrain = view.pose, self._terrain
         arcs = np.zeros(MOST_ARCS, dtype=np.int64)
-        closed = self._closed(view)
+        closed = self._find_closed_points(view)
         # The body may stand nearer to a wall than the clearance, so its first step is judged without it.
         begins = np.array([self._is_free(pose, move.command) for move in self._moves], dtype=np.uint8)
         count = 0
@@ -320,7 +322,7 @@ class Manoeuvres:
             move = self._moves[index]
             self._plan.extend([move.command] * move.ticks)
 
-    def _closed(self, view: View) -> NDArray[np.uint8]:
+    def _find_closed_points(self, view: View) -> NDArray[np.uint8]:
         """The points that are closed at this tick or lie behind in a one-way zone.
 
         Of size 0 where there are none or the body is on one of them.

@@ -28,7 +28,7 @@ def psi_field(terrain: Terrain, reach_m: float) -> NDArray[np.float32]:
     weight = 1.0 / squared
     obstacles = np.pad(terrain.blocked.astype(np.float64), reach, constant_values=1.0)
     # Circular convolution spoils the first 2 * reach rows and columns, which the padding keeps free of our points.
-    shape = [_smooth(size) for size in obstacles.shape]
+    shape = [_round_up_size(size) for size in obstacles.shape]
     product = np.fft.rfft2(obstacles, shape) * np.fft.rfft2(weight, shape)
     full = np.fft.irfft2(product, shape)
     psi = full[2 * reach : 2 * reach + terrain.height, 2 * reach : 2 * reach + terrain.width]
@@ -37,7 +37,7 @@ def psi_field(terrain: Terrain, reach_m: float) -> NDArray[np.float32]:
     return rounded
 
 
-def _smooth(size: int) -> int:
+def _round_up_size(size: int) -> int:
     """Return the next size with no prime factor above 5, for which Fourier transforms are quick."""
     while True:
         remaining = size

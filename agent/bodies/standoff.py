@@ -109,14 +109,14 @@ Moves = Enum("Moves", "SIDEWAYS ON_THE_SPOT ALONG_ARCS AS_PRINTED")
 Role = Enum("Role", "GOES_ON GIVES_WAY GOES_FIRST GOES_BACK BACKS_OFF TURNS_OUT")
 
 
-def _roles(table: str) -> Mapping[tuple[Situation, Moves], Role]:
+def _read_roles(table: str) -> Mapping[tuple[Situation, Moves], Role]:
     """Read a table: a row for each situation, a column for each kind of moves."""
     head, *rows = [line.split() for line in table.strip().splitlines()]
     columns = list(enumerate(head, 1))
     return {(Situation[row[0]], Moves[moves]): Role[row[column]] for row in rows for column, moves in columns}
 
 
-ROLES = _roles(
+ROLES = _read_roles(
     """
                    SIDEWAYS    ON_THE_SPOT ALONG_ARCS  AS_PRINTED
     LOWER          GIVES_WAY   GIVES_WAY   GIVES_WAY   GIVES_WAY    a way leads round a robot with a lower number
@@ -171,15 +171,15 @@ class StandOff:
         if not bumped:
             self._bumps_since = tick + 1
         else:
-            self._add(tick)
+            self._count_event(tick)
             if self._considers_others:
                 self._give_way(tick, pose, peers)
             # It has bumped on its way back: the same spot would not be reached either.
             self._away = None
             if self.count % OFTEN == 0:
-                self._leave(Situation.OFTEN, tick)
+                self._begin_leaving(Situation.OFTEN, tick)
         giving_way = sorted(other for other, until in self._gives_way_until.items() if tick < until)
-        return [self._disc(pose, peers[other].pose, other) for other in giving_way]
+        return [self._make_disc(pose, peers[other].pose, other) for other in giving_way]
 
     def lead(self, intent: Intent, view: View) -> Intent:
         """Return where to go instead of a place, or the intent itself where no robot is in the way."""
@@ -191,18 +191,18 @@ class StandOff:
             self.role = Role.GOES_ON
         # A bump on the way back changes nothing about which refuge is nearer, so the role stays.
         if view.bumped and self.role is not Role.GOES_BACK:
-            self._settle(target, view, self._in_reach(view.pose, view.peers))
-        return self._act(target, view)
+            self._settle_role(target, view, self._in_reach(view.pose, view.peers))
+        return self._act_in_role(target, view)
 
     def meet(self, place: Place, other: int, view: View) -> Place:
         """Settle with a robot that comes towards this one where they cannot pass, and return where to go."""
-        self._settle(place, view, other)
-        return self._act(place, view)
+        self._settle_role(place, view, other)
+        return self._act_in_role(place, view)
 
     def meet_dead_end(self, tick: int) -> Role:
         """Count a dead end, and return the role in it."""
-        self._add(tick)
-        return self._leave(Situation.OFTEN if self.count % OFTEN == 0 else Situation.DEAD_END, tick)
+        self._count_event(tick)
+        return self._begin_leaving(Situation.OFTEN if self.count % OFTEN == 0 else Situation.DEAD_END, tick)
 
     def backs_off_to(self, view: View, room: Callable[[Spot], float]) -> Spot | None:
         """Return where to a robot backs off that does so; None for any other.
@@ -230,11 +230,11 @@ class StandOff:
 
     # --- bumps and dead ends -----------------------------------------------------------------------------------------
 
-    def _add(self, tick: int) -> None:
+    def _count_event(self, tick: int) -> None:
         self.count = self.count + 1 if tick - self._counted_at <= CALM_S / self._step else 1
         self._counted_at = tick
 
-    def _leave(self, situation: Situation, tick: int) -> Role:
+    def _begin_leaving(self, situation: Situation, tick: int) -> Role:
         """Begin to back off where that is the role; return the role."""
         role = ROLES[situation, self._moves]
         if role is Role.BACKS_OFF:
@@ -275,20 +275,20 @@ class StandOff:
             self._gives_way_until.pop(other, None)
             self._bumps_since = tick + 1
             return
-        if ROLES[self._passable(tick, other), self._moves] is Role.GIVES_WAY:
+        if ROLES[self._find_situation(tick, other), self._moves] is Role.GIVES_WAY:
             shortest_s, longest_s = GIVES_WAY_S
             # Drawn, so that two robots that give way do not come back in step.
             spell_s = shortest_s + (longest_s - shortest_s) * self._chance(Purpose.GIVE_WAY, tick)
             self._gives_way_until[other] = tick + round(spell_s / self._step)
 
-    def _passable(self, tick: int, other: int) -> Situation:
+    def _find_situation(self, tick: int, other: int) -> Situation:
         """Return the situation of a robot that has bumped into another one which a way leads round."""
         if other < self._number:
             return Situation.LOWER
         # It should have given way by now: it does not hear this robot, or has no room.
         return Situation.UNMOVED if tick - self._bumps_since >= STILL_S / self._step else Situation.HIGHER
 
-    def _act(self, place: Place, view: View) -> Place:
+    def _act_in_role(self, place: Place, view: View) -> Place:
         """Return where to go in the role that the robot has."""
         if not self.is_settled:
             return place
@@ -301,7 +301,7 @@ class StandOff:
             # A way leads round the other again, so this robot takes it.
             self.role = Role.GOES_FIRST
         # The disc closes the old way, so the bend has to be found anew.
-        view.ground.close([self._disc(view.pose, other_pose, self._other)])
+        view.ground.close([self._make_disc(view.pose, other_pose, self._other)])
         return replace(place, bend=None, lean=None, wander=None)
 
     def _is_over(self, view: View) -> bool:
@@ -316,11 +316,14 @@ class StandOff:
             self._moved_at = view.tick
         self._seen = spot
         farthest = FARTHEST_M if self.role is Role.GOES_BACK else PAST * self._stride
-        if math.dist(spot, (here.x, here.y)) > self._both(self._other) + 0.5 * self._ground.terrain.point + farthest:
+        if (
+            math.dist(spot, (here.x, here.y))
+            > self._sum_radii(self._other) + 0.5 * self._ground.terrain.point + farthest
+        ):
             return True
         return view.tick - self._moved_at > STILL_S / self._step
 
-    def _settle(self, place: Place, view: View, other: int | None) -> None:
+    def _settle_role(self, place: Place, view: View, other: int | None) -> None:
         """Take the role that follows from another robot on the way to a place."""
         if other is None:
             return
@@ -373,7 +376,7 @@ class StandOff:
         # Where no body can ever stand, it is not the other robot that is in the way.
         if not self._ground.static.open_now[row, col]:
             return False
-        ground = self._closed(self._disc(pose, there, other))
+        ground = self._close_disc(self._make_disc(pose, there, other))
         start = ground.join(pose.x, pose.y)
         if start is None:
             return True
@@ -389,8 +392,8 @@ class StandOff:
 
         `here` is the robot that goes back, `there` the one that it lets through.
         """
-        point, radii = self._ground.terrain.point, self._both(other)
-        ground = self._closed(disc_round(there, here, radii, point))
+        point, radii = self._ground.terrain.point, self._sum_radii(other)
+        ground = self._close_disc(disc_round(there, here, radii, point))
         lengths = Routes(ground).lengths(here, FARTHEST_M)
         rows, cols = np.nonzero(np.isfinite(lengths))
         # Stable: points at the same length keep their order, on which the trace depends.
@@ -407,17 +410,17 @@ class StandOff:
                 return float(lengths[row, col]), ground.terrain.centre(row, col)
         return None
 
-    def _closed(self, disc: Disc) -> Ground:
+    def _close_disc(self, disc: Disc) -> Ground:
         """Return the ground with nothing closed but a disc."""
         static = self._ground.static
         ground = Ground(static.terrain, static.open_now, static)
         ground.begin([disc])
         return ground
 
-    def _disc(self, here: Pose, there: Pose, other: int) -> Disc:
-        return disc_round((there.x, there.y), (here.x, here.y), self._both(other), self._ground.terrain.point)
+    def _make_disc(self, here: Pose, there: Pose, other: int) -> Disc:
+        return disc_round((there.x, there.y), (here.x, here.y), self._sum_radii(other), self._ground.terrain.point)
 
-    def _both(self, other: int) -> float:
+    def _sum_radii(self, other: int) -> float:
         """Return the radii of this robot and another together, m."""
         return self._radii[other] + self._radii[self._number]
 

@@ -1,4 +1,4 @@
-"""The observation of a learned policy: what its robot believes, as arrays of fixed shapes.
+"""The observation of a learned policy: its robot's belief, as arrays of fixed shapes.
 
     fog      (2, window, window)   the believed age of each point around the robot, and where its centre may be now
     pose     (4,)                  its place on the terrain, and the cosine and sine of its heading

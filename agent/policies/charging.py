@@ -171,7 +171,7 @@ class Charging:
         self._others: dict[int, _Heard] = {}
         self._charged = frozenset(robot.number for robot in setup.fleet.roster if robot.battery is not None)
         self._ready = False
-        self._own = self._newcomer()
+        self._own = self._make_newcomer()
         self._patrolling: Set[int] = frozenset()
         self._patrolling_since = 0
         self._dock: int | None = None
@@ -180,7 +180,7 @@ class Charging:
 
     def decide(self, view: View) -> Intent:
         """Let the other policy decide, or go to a dock."""
-        self._listen(view)
+        self._listen_to_others(view)
         if self._battery is not None and view.charge is not None and self._docks:
             charge = view.charge
             if self.goes and self._is_done(view, charge):
@@ -191,18 +191,18 @@ class Charging:
                 return self._to_dock(view)
             if self._asks_for_room(view, charge):
                 return Stay(State.DOCKING)
-        return self._patrol(view)
+        return self._let_patrol(view)
 
     # --- what is heard -----------------------------------------------------------------------------------------------
 
-    def _listen(self, view: View) -> None:
+    def _listen_to_others(self, view: View) -> None:
         """Take note of where the others are, and of the docks that something is at."""
         for number in [number for number in self._others if number not in view.peers]:
             del self._others[number]
         for number, peer in view.peers.items():
-            neighbour = self._others.setdefault(number, self._newcomer())
-            self._note(neighbour, (peer.pose.x, peer.pose.y), peer.tick)
-        self._note(self._own, (view.reported.x, view.reported.y), view.tick)
+            neighbour = self._others.setdefault(number, self._make_newcomer())
+            self._note_place(neighbour, (peer.pose.x, peer.pose.y), peer.tick)
+        self._note_place(self._own, (view.reported.x, view.reported.y), view.tick)
         patrolling = self._others.keys() & self._charged - self._off_patrol(view.tick)
         if patrolling != self._patrolling:
             self._patrolling, self._patrolling_since = patrolling, view.tick
@@ -214,17 +214,17 @@ class Charging:
             elif dock.used_since is None:
                 dock.used_since = view.tick
 
-    def _newcomer(self) -> _Heard:
+    def _make_newcomer(self) -> _Heard:
         return _Heard(charge=1.0 if self._battery is None else self._battery.start)
 
-    def _note(self, robot: _Heard, spot: Spot, tick: int) -> None:
+    def _note_place(self, robot: _Heard, spot: Spot, tick: int) -> None:
         """Take note of where a robot is, this one or another."""
         course = robot.course
         # Nothing has been heard of it since.
         if course and course[-1].tick >= tick:
             return
         if course:
-            self._reckon(robot, (tick - course[-1].tick) * self._step, math.dist(course[-1].spot, spot))
+            self._reckon_charge(robot, (tick - course[-1].tick) * self._step, math.dist(course[-1].spot, spot))
         # Each of the two positions is rounded, so a robot that stands may seem to move.
         if not course or math.dist(course[-1].spot, spot) > 2.0 * ROUNDED_M:
             robot.still_since = tick
@@ -233,30 +233,30 @@ class Charging:
             course.popleft()
         dock_index = next((index for index, dock in enumerate(self._docks) if dock.holds(spot)), None)
         if dock_index != robot.at:
-            if robot.at is not None and self._lasts(robot.since, tick, STOOD_S):
+            if robot.at is not None and self._has_lasted(robot.since, tick, STOOD_S):
                 robot.rests = robot.at
             robot.at, robot.since = dock_index, tick
         if robot.rests is not None and not self._is_beside(robot.rests, spot):
             robot.rests = None
 
-    def _reckon(self, robot: _Heard, passed_s: float, driven_m: float) -> None:
+    def _reckon_charge(self, robot: _Heard, passed_s: float, driven_m: float) -> None:
         """Subtract the use of a robot from its charge, or add the gain at a dock."""
         if (battery := self._battery) is None:
             return
         gained_j = -battery.idle * passed_s - battery.drive * driven_m
-        if robot.at is not None and self._lasts(robot.since, robot.course[-1].tick, STOOD_S):
+        if robot.at is not None and self._has_lasted(robot.since, robot.course[-1].tick, STOOD_S):
             gained_j += battery.charge * passed_s
         # It may have begun with more than docks charge to; that is not taken away.
         ceiling = max(robot.charge, battery.full)
         robot.charge = min(max(robot.charge + gained_j / battery.capacity_j, 0.0), ceiling)
 
-    def _lasts(self, since: int | None, tick: int, seconds: float) -> bool:
+    def _has_lasted(self, since: int | None, tick: int, seconds: float) -> bool:
         return since is not None and (tick - since) * self._step >= seconds
 
-    def _standing(self, tick: int) -> set[int]:
+    def _find_docked(self, tick: int) -> set[int]:
         """Return the robots that stand at docks."""
         robots = self._others.items()
-        return {n for n, robot in robots if robot.at is not None and self._lasts(robot.since, tick, STOOD_S)}
+        return {n for n, robot in robots if robot.at is not None and self._has_lasted(robot.since, tick, STOOD_S)}
 
     def _is_beside(self, index: int, spot: Spot) -> bool:
         """Return True if x and y in m are at a dock or near enough to wait for it."""
@@ -264,7 +264,7 @@ class Charging:
 
     def _wants_room(self, other: _Heard, tick: int) -> int | None:
         """Return the index of the dock beside which a robot waits for one with much more charge to make room."""
-        if other.at is not None or not self._lasts(other.still_since, tick, WAITED_S):
+        if other.at is not None or not self._has_lasted(other.still_since, tick, WAITED_S):
             return None
         for index in range(len(self._docks)):
             if self._is_beside(index, other.course[-1].spot):
@@ -278,23 +278,23 @@ class Charging:
 
     def _off_patrol(self, tick: int) -> set[int]:
         """Return the robots that stand at docks, beside them after that, or beside them to take over."""
-        numbers = self._standing(tick)
+        numbers = self._find_docked(tick)
         for number, robot in self._others.items():
-            still = self._lasts(robot.still_since, tick, WAITED_S)
+            still = self._has_lasted(robot.still_since, tick, WAITED_S)
             if still and (robot.rests is not None or self._wants_room(robot, tick) is not None):
                 numbers.add(number)
         return numbers
 
-    def _surplus(self, view: View) -> int:
+    def _count_surplus(self, view: View) -> int:
         """Return how many robots more are on patrol than the others can recharge meanwhile; 0 until that is settled."""
         battery = self._battery
         assert battery is not None
-        if not self._lasts(self._patrolling_since, view.tick, SETTLED_S):
+        if not self._has_lasted(self._patrolling_since, view.tick, SETTLED_S):
             return 0
         fleet = 1 + len(self._others.keys() & self._charged)
         return len(self._patrolling) + (not self.goes) - battery.most_on_patrol(fleet, self._speed)
 
-    def _patrol(self, view: View) -> Intent:
+    def _let_patrol(self, view: View) -> Intent:
         """Let the policy decide, without the robots off patrol; it does not stand still at a dock."""
         off_patrol = self._off_patrol(view.tick)
         if off_patrol:
@@ -314,8 +314,8 @@ class Charging:
         """Return True if it is time to charge, or if the robot takes over a free dock from one that waits beside it."""
         battery = self._battery
         assert battery is not None
-        best = self._choose(view)
-        nearest = best if best is not None else self._nearest(view)
+        best = self._choose_dock(view)
+        nearest = best if best is not None else self._find_nearest(view)
         if nearest is None:
             return False
         direct_m = self._open_length(nearest, (view.pose.x, view.pose.y), view)
@@ -323,7 +323,7 @@ class Charging:
         left_j = (charge - battery.reserve) * battery.capacity_j
         if left_j <= self._needed_j(nearest, way_m, view):
             return True
-        if self._surplus(view) > 0:
+        if self._count_surplus(view) > 0:
             # The charge that the others reckon, not the true one, so that all find the same robot.
             own_rank = self._own.charge, self._number
             lowest = all(own_rank < (self._others[number].charge, number) for number in self._patrolling)
@@ -341,14 +341,14 @@ class Charging:
             if not self._is_taken(self._asks, tick):
                 self.goes, self._dock, self._asks = True, self._asks, None
                 return True
-            if not self._lasts(self._asked_at, tick, ANSWER_S):
+            if not self._has_lasted(self._asked_at, tick, ANSWER_S):
                 return True
             self._asks = None
         pose = view.pose.x, view.pose.y
         beside = next((index for index in range(len(self._docks)) if self._is_beside(index, pose)), None)
-        if beside is None or not self._lasts(self._asked_at, tick, PAUSE_S):
+        if beside is None or not self._has_lasted(self._asked_at, tick, PAUSE_S):
             return False
-        standing = (self._others[number] for number in self._standing(tick))
+        standing = (self._others[number] for number in self._find_docked(tick))
         if not any(neighbour.at == beside and neighbour.charge >= charge + WORTH for neighbour in standing):
             return False
         self._asks, self._asked_at = beside, tick
@@ -361,8 +361,8 @@ class Charging:
         # The bound is lower once it has charged, or waiting beside the dock would send it back at once.
         self._ready = charge >= (STILL_CHARGED if self._ready else 1.0) * self._battery.full
         if self._ready:
-            is_relieved = any(self._others[number].at == self._dock for number in self._standing(tick))
-            return self._dock is None or is_relieved or self._surplus(view) < 0
+            is_relieved = any(self._others[number].at == self._dock for number in self._find_docked(tick))
+            return self._dock is None or is_relieved or self._count_surplus(view) < 0
         if self._dock is None or not self._docks[self._dock].holds(pose):
             return False
         return any(
@@ -377,7 +377,7 @@ class Charging:
         pose = view.pose.x, view.pose.y
         if self._ready and self._dock is not None:
             return self._beside_dock(view, self._dock)
-        self._dock = self._choose(view)
+        self._dock = self._choose_dock(view)
         if self._dock is not None:
             dock = self._docks[self._dock]
             centre = view.place_of(dock.point)
@@ -385,8 +385,8 @@ class Charging:
             if math.dist(dock.place, pose) <= max(0.5 * dock.radius, math.dist(dock.place, centre) + ROUNDED_M):
                 return Stay(State.CHARGING)
             state = State.CHARGING if dock.holds(pose) else State.DOCKING
-            return self._place(view, centre, state)
-        nearest = self._nearest(view)
+            return self._go_to_spot(view, centre, state)
+        nearest = self._find_nearest(view)
         if nearest is None:
             return Stay(State.DOCKING)
         return self._beside_dock(view, nearest)
@@ -394,10 +394,10 @@ class Charging:
     def _beside_dock(self, view: View, index: int) -> Intent:
         """Return the way to where a robot waits beside a dock: near it, and clear of all docks."""
         dock, pose = self._docks[index], (view.pose.x, view.pose.y)
-        if self._way(view, index) > self._beside_m(dock):
+        if self._measure_own_way(view, index) > self._beside_m(dock):
             self._waits_at = None
-            return self._place(view, view.place_of(dock.point), State.DOCKING)
-        near = self._near(pose, view)
+            return self._go_to_spot(view, view.place_of(dock.point), State.DOCKING)
+        near = self._find_waiting(pose, view)
         waits_at = self._waits_at
         # Another robot stands there by now.
         if waits_at is not None and any(math.dist(waits_at, position) <= 2.0 * view.spec.radius for position in near):
@@ -411,23 +411,23 @@ class Charging:
         self._waits_at = waits_at
         if math.dist(waits_at, pose) <= view.stride:
             return Stay(State.DOCKING)
-        return self._place(view, waits_at, State.DOCKING)
+        return self._go_to_spot(view, waits_at, State.DOCKING)
 
-    def _near(self, pose: Spot, view: View) -> list[Spot]:
+    def _find_waiting(self, pose: Spot, view: View) -> list[Spot]:
         """Return where the others stand that wait near some place."""
         spots = (self._others[number].course[-1].spot for number in sorted(self._off_patrol(view.tick)))
         return [spot for spot in spots if math.dist(spot, pose) <= 4.0 * self._clear_m]
 
-    def _place(self, view: View, spot: Spot, state: str) -> Intent:
+    def _go_to_spot(self, view: View, spot: Spot, state: str) -> Intent:
         way = view.way(spot)
         if way is None:
             return Place(*spot, state=state)
         return Place(*way.place, bend=way.bend, exact=True, state=state)
 
-    def _way(self, view: View, index: int) -> float:
-        return self._length(index, (view.pose.x, view.pose.y), view)
+    def _measure_own_way(self, view: View, index: int) -> float:
+        return self._measure_way(index, (view.pose.x, view.pose.y), view)
 
-    def _length(self, index: int, spot: Spot, view: View) -> float:
+    def _measure_way(self, index: int, spot: Spot, view: View) -> float:
         """Return `_open_length`; of a dock that the robot believes shut out `SHUT_OUT_M`, so that it takes another."""
         if view.fog.left_out is not None and view.fog.left_out[self._docks[index].point]:
             return SHUT_OUT_M
@@ -451,44 +451,44 @@ class Charging:
         return self._docks[index].slow_ways.delay_s(view.point_of(spot), view.zones)
 
     def _is_taken(self, index: int, tick: int) -> bool:
-        return self._lasts(self._docks[index].used_since, tick, STOOD_S)
+        return self._has_lasted(self._docks[index].used_since, tick, STOOD_S)
 
-    def _nearest(self, view: View) -> int | None:
+    def _find_nearest(self, view: View) -> int | None:
         """Return the index of the nearest dock, taken or not."""
-        return min(range(len(self._docks)), key=lambda index: (self._way(view, index), index), default=None)
+        return min(range(len(self._docks)), key=lambda index: (self._measure_own_way(view, index), index), default=None)
 
-    def _choose(self, view: View) -> int | None:
+    def _choose_dock(self, view: View) -> int | None:
         """Return the index of the dock to go to: the nearest that is not taken, best one that none claims; or None."""
-        pose, nearest = (view.pose.x, view.pose.y), self._nearest(view)
+        pose, nearest = (view.pose.x, view.pose.y), self._find_nearest(view)
         best: tuple[bool, float, int] | None = None
         for index, dock in enumerate(self._docks):
             if index == self._dock and dock.holds(pose):
                 return index
             if self._is_taken(index, view.tick):
                 continue
-            way_m = self._way(view, index)
+            way_m = self._measure_own_way(view, index)
             if self._battery is not None and view.charge is not None:
                 left_j = view.charge * self._battery.capacity_j
                 # A dock beyond the nearest one is of use only while the charge suffices for it.
                 if self.goes and index != nearest and left_j < self._needed_j(index, DETOUR * way_m, view):
                     continue
-            claimed = any(self._claims(number, index, way_m, view) for number in self._others)
+            claimed = any(self._is_claimed_by(number, index, way_m, view) for number in self._others)
             key = claimed, way_m * (KEEP if index == self._dock else 1.0), index
             best = key if best is None else min(best, key)
         return None if best is None else best[2]
 
-    def _claims(self, number: int, index: int, own_m: float, view: View) -> bool:
+    def _is_claimed_by(self, number: int, index: int, own_m: float, view: View) -> bool:
         """Return True if another robot goes to a dock, and has the shorter way."""
         neighbour = self._others[number]
         first, last = neighbour.course[0], neighbour.course[-1]
         passed_s = (last.tick - first.tick) * self._step
         if passed_s <= 0.0 or neighbour.at is not None:
             return neighbour.at == index
-        way_m = self._length(index, last.spot, view)
+        way_m = self._measure_way(index, last.spot, view)
         # The other robot compares the same two pairs, so only one of them gives up the dock.
         if (way_m, number) > (own_m, self._number):
             return False
-        nearer_m = self._length(index, first.spot, view) - way_m
+        nearer_m = self._measure_way(index, first.spot, view) - way_m
         held_up_s = self._delay_s(index, first.spot, view) - self._delay_s(index, last.spot, view)
         return nearer_m + self._speed * held_up_s >= TOWARDS * self._speed * passed_s
 

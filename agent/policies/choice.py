@@ -121,17 +121,17 @@ class FreeChoice:
     def best(self, view: View, start: Element, rivals: NDArray[np.float64], given_up: GivenUp) -> Best | None:
         """Find the point that counts most, or return None where nothing is stale.
 
-        What was given up is left out, unless nothing else is left.
+        Places given up are left out, unless nothing else is left.
         """
         left_out = given_up.now(view.tick)
-        ages = self._ages(view)
-        best = self._search(view, ages, start, rivals, left_out)
+        ages = self._weigh_ages(view)
+        best = self._search_best(view, ages, start, rivals, left_out)
         if best is None and left_out.size:
             given_up.clear()
-            best = self._search(view, ages, start, rivals, left_out[:0])
+            best = self._search_best(view, ages, start, rivals, left_out[:0])
         return best
 
-    def _ages(self, view: View) -> Ages:
+    def _weigh_ages(self, view: View) -> Ages:
         """Return the believed ages, times their weights on ground with zones."""
         fog = view.fog
         zoned = zoned_ground(self._prepared, view.weighing)
@@ -147,7 +147,7 @@ class FreeChoice:
         last_seen = np.ascontiguousarray(np.int32(greatest) - ages)
         return Ages(np.ascontiguousarray(counts), last_seen, last_seen, greatest, greatest)
 
-    def _search(
+    def _search_best(
         self, view: View, ages: Ages, start: Element, rivals: NDArray[np.float64], left_out: NDArray[np.int64]
     ) -> Best | None:
         if ages.oldest <= 0:
@@ -175,7 +175,7 @@ class FreeChoice:
                     own_ways &= own_paths.length <= rival.length
                 patch_ends = 2 * own_paths.length.max(where=own_ways, initial=0) <= limit
                 to_beat = best.score / OTHERS if patch_ends else best.score
-                enough = self._enough(ages, here, worth, to_beat, 2 * reach)
+                enough = self._find_reach(ages, here, worth, to_beat, 2 * reach)
             if limit == LONGEST or reach >= enough:
                 break
             reach = min(enough, 2 * reach)
@@ -185,7 +185,7 @@ class FreeChoice:
         self._reach = min(max(self._least_reach, enough), max(shape))
         return best
 
-    def _enough(self, ages: Ages, here: Point, worth: NDArray[np.float64], score: float, most: int) -> int:
+    def _find_reach(self, ages: Ages, here: Point, worth: NDArray[np.float64], score: float, most: int) -> int:
         """Return the reach of a box that holds each way at the end of which a point could have a score, or more.
 
         Of a larger box than `most`, it returns no more than that it is as large.

@@ -64,7 +64,11 @@ class Commitment:
         self._decided_at = 0
 
     def decide(self, view: View) -> Intent:
-        """Return the way to the target, or to a new one; now and then a random step."""
+        """Return the way to the target, or to a new one; now and then a random step.
+
+        A target that no way leads to is forgotten at once, even if its way is blocked for this one tick only: a robot
+        that waited for another one in a door would be in its way. The target may be chosen again in any later tick.
+        """
         pursuit, goes_on = self.pursuit, view.tick <= self._decided_at + 1
         self._decided_at = view.tick
         # It was at a dock, and others have seen to its target meanwhile.
@@ -72,7 +76,7 @@ class Commitment:
             pursuit.target = None
             self.choice.forget()
         self._separation.keep_apart(view)
-        self._share(view, goes_on)
+        self._update_round(view, goes_on)
         makes_random_steps = self.choice.note(view, pursuit)
         start, wander = view.start, self._random_steps.draw(view) if makes_random_steps else None
         if start is None:
@@ -96,5 +100,5 @@ class Commitment:
                 return Bearing((math.atan2(up, across),), wander=wander, figures=figures)
         return Place(*way.place, bend=way.bend, wander=wander, exact=target.age > 0, gives_room=True, figures=figures)
 
-    def _share(self, view: View, goes_on: bool) -> None:
+    def _update_round(self, view: View, goes_on: bool) -> None:
         """Update the robots and the ground of the shared round; ``goes_on`` if it decided in the last tick too."""

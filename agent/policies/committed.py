@@ -1,4 +1,4 @@
-"""The tour: a robot follows a round, and goes on when what it went to see has been seen.
+"""The tour: a robot follows a round, and goes on when its target has been seen.
 
 - *On the round*: the first stale point ahead on a short closed tour that shows all of the ground
   (below). All robots follow the same tour, evenly spaced (`agent.policies.spacing`).
@@ -26,7 +26,7 @@ Following a round: always on to the first place from which something stale is to
 
 A robot on a round keeps a *cursor*, the place of the tour that it has come to. Its next target is the first point after
 the cursor that is stale, and it drives to the place to which that point belongs, the shortest way. So it cuts
-corners where nothing is left to see, leaves out what another robot has just seen, and misses nothing.
+corners where nothing is left to see, leaves out points that another robot has just seen, and misses nothing.
 
 A point is stale once it has been unseen for half of the time between two robots of an evenly spaced round; one that the
 round visits several times, for half of the time between two visits. Where
@@ -84,13 +84,13 @@ class Comparison:
     def note(self, view: View, robots: int, is_lossy: bool) -> None:
         """Take note of the fog of a tick, and of how many robots are on the round; decide where a period begins.
 
-        ``is_lossy`` is True where many positions are lost: what robots believe says little, so they keep to the round.
+        ``is_lossy`` is True where many positions are lost: beliefs say little, so robots keep to the round.
         """
         period, share = divmod(view.tick / self._length, 1.0)
         if period != self._period:
             # A robot that joins during a period has not seen enough to judge it.
             self._whole = share * self._length < 1.0
-            self._begin(int(period))
+            self._begin_period(int(period))
         if is_lossy:
             self.on_round, self._whole = True, False
             self._means.clear()
@@ -98,7 +98,7 @@ class Comparison:
         elif self._whole and share >= 0.5:
             self._ratios.append(view.fog.mfow(view.tick) * self._step * robots / self._tour_s)
 
-    def _begin(self, period: int) -> None:
+    def _begin_period(self, period: int) -> None:
         if self._ratios:
             self._means[self.on_round] = sum(self._ratios) / len(self._ratios)
         if period % PERIODS == 0:
@@ -165,7 +165,7 @@ class RoundAhead:
 
     def next(self, view: View, team: int, given_up: GivenUp) -> Stop:
         """Return the next stop of a robot on a round of ``team`` robots."""
-        cursor = self._reachable(view, self.cursor or 0)
+        cursor = self._find_reachable(view, self.cursor or 0)
         end = float(self.round.along[cursor]) + self._ahead_m
         last = int(np.searchsorted(self.round.along, end))
         stretches = [(cursor, last)]
@@ -173,23 +173,26 @@ class RoundAhead:
             stretches.append((0, min(int(np.searchsorted(self.round.along, end - self.round.length_m)), cursor)))
         threshold = max(1.0, min(STALE * self.interval(team), 0.5 * view.mfow))
         overdue = max(threshold, OVERDUE * self.interval(team))
-        if view.fog.stands is not None and (stop := self._orphan(view, cursor, overdue, view.fog.stands)) is not None:
+        if (
+            view.fog.stands is not None
+            and (stop := self._find_orphan(view, cursor, overdue, view.fog.stands)) is not None
+        ):
             return stop
         for first, until in stretches:
-            if (stop := self._first(view, first, until, threshold, given_up)) is not None:
+            if (stop := self._find_first_stale(view, first, until, threshold, given_up)) is not None:
                 return stop
-        stop_index = self._reachable(view, stretches[-1][1] % len(self.round.places))
+        stop_index = self._find_reachable(view, stretches[-1][1] % len(self.round.places))
         spot = divmod(int(self.round.places[stop_index]), self._width)
         return Stop(spot, spot, 0, stop_index)
 
-    def _reachable(self, view: View, place: int) -> int:
+    def _find_reachable(self, view: View, place: int) -> int:
         """Return the first place that the robot gets to, from ``place`` on; ``place`` where there is none."""
         if view.fog.stands is None:
             return place
         reached = view.fog.stands[self.round.places] == self.round.places
         return (place + int(np.roll(reached, -place).argmax())) % len(reached)
 
-    def _orphan(self, view: View, cursor: int, least: float, stands: Flat) -> Stop | None:
+    def _find_orphan(self, view: View, cursor: int, least: float, stands: Flat) -> Stop | None:
         """Return a stop at the nearest point close by whose place on the tour the robot does not get to now.
 
         The point is ``least`` ticks old or older. The cursor stays where it is.
@@ -213,7 +216,7 @@ class RoundAhead:
         stand = divmod(int(stands[point]), self._width)
         return Stop(divmod(point, self._width), stand, int(ages[nearest]), cursor)
 
-    def _first(self, view: View, first: int, until: int, least: float, given_up: GivenUp) -> Stop | None:
+    def _find_first_stale(self, view: View, first: int, until: int, least: float, given_up: GivenUp) -> Stop | None:
         """Return the first stale point of a stretch of places, in the order of the tour."""
         part = slice(int(self._firsts[first]), int(self._firsts[until]))
         points = self.round.points[part]
@@ -349,7 +352,7 @@ class Committed(SharedRound):
 
     Options = CommittedOptions
 
-    def _begin(self, laid_out: Round, robots: frozenset[int], view: View | None) -> OnRound:
+    def _begin_round(self, laid_out: Round, robots: frozenset[int], view: View | None) -> OnRound:
         setup, spec, step = self._setup, self._setup.robot.spec, self._setup.fleet.step
         terrain, range_m = setup.ground.terrain, setup.ground.sight.range_m
         stride = max(spec.speed * step, terrain.point)

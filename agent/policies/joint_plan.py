@@ -1,7 +1,7 @@
 """A plan for the whole fleet that every robot works out for itself, and in which each next station is drawn.
 
 No robot says where it is going. All believe nearly the same fog, hear where the others are, and draw the same numbers,
-so each can work out what *all* will do, and take its own part:
+so each can work out the moves of *all*, and take its own part:
 
 - *Stations* (`patrol.tours.stations`) are to be visited, each by one robot.
 - A *plan* is a route for each robot; together they visit every station. It costs the sum of the eighth powers of the
@@ -128,7 +128,7 @@ class KnownStations:
         return slice(*self._stations.begins[station : station + 2].tolist())
 
     def ages_s(self, view: View, span: slice) -> Ages:
-        """Return the weighted ages of some of the round's points, s; 0 for what is in view or out of reach now."""
+        """Return the weighted ages of some of the round's points, s; 0 for those in view or out of reach now."""
         points, fog = self._points[span], view.fog
         ages = np.empty(points.size)
         weighted_ages(points, fog.patrolled, fog.last_seen, fog.looked, self._weights, view.tick, self._step, ages)
@@ -240,18 +240,18 @@ class JointPlan:
         self._interval_s = self._length_m * self._pace / len(robots)
         if robots != sorted(self.parts) or period != self._period:
             self._period = period
-            self._begin(view, robots)
+            self._begin_plan(view, robots)
             return
         arrived = [number for number in robots if self._is_done(view, self.parts[number])]
         leads = self._leads_s(view, robots)
         ways = dict(zip(robots, leads, strict=True))
         turned = [
-            number for number in robots if number not in arrived and self._turned(self.parts[number], ways[number])
+            number for number in robots if number not in arrived and self._has_turned(self.parts[number], ways[number])
         ]
         if arrived or turned:
             idle = [number for number in robots if not self.parts[number].route]
             drawing = sorted([*arrived, *turned, *idle])
-            self._draw(view, drawing, arrived, self._known.oldest_s(view), leads)
+            self._draw_stations(view, drawing, arrived, self._known.oldest_s(view), leads)
 
     def _is_done(self, view: View, part: Part) -> bool:
         """Return True if a robot's station has been seen, or is taken as given up."""
@@ -271,14 +271,14 @@ class JointPlan:
         return True
 
     def _is_stuck(self, view: View, number: int) -> bool:
-        """Return True if another robot has stood still for long: it will not see what is left to it."""
+        """Return True if another robot has stood still for long: it will not see the stations left to it."""
         pose, (x, y, since) = view.peers[number].pose, self._stood.get(number, (math.inf, math.inf, 0))
         if math.hypot(pose.x - x, pose.y - y) > view.stride:
             self._stood[number] = pose.x, pose.y, view.tick
             return False
         return (view.tick - since) * self._step > STUCK_S
 
-    def _turned(self, part: Part, ways_s: NDArray[np.float64]) -> bool:
+    def _has_turned(self, part: Part, ways_s: NDArray[np.float64]) -> bool:
         """Return True if a robot goes away from its station, as where its fog differs and it has drawn another one."""
         if not part.route:
             return False
@@ -286,7 +286,7 @@ class JointPlan:
         part.least_way_s = min(part.least_way_s, way_s)
         return way_s > part.least_way_s + self._turned_s
 
-    def _begin(self, view: View, robots: Sequence[int]) -> None:
+    def _begin_plan(self, view: View, robots: Sequence[int]) -> None:
         """Make a new plan: always the robot that is free first goes to the best station that is left."""
         ages, leads = self._known.oldest_s(view), self._leads_s(view, robots)
         rows: list[list[int]] = [[] for _ in robots]
@@ -301,14 +301,14 @@ class JointPlan:
             rows[row].append(best)
             free_at[row] += ways[best]
         self.parts = {number: Part(row) for number, row in zip(robots, rows, strict=True)}
-        self._draw(view, robots, (), ages, leads, MOVES_FIRST * len(ages))
+        self._draw_stations(view, robots, (), ages, leads, MOVES_FIRST * len(ages))
 
     def _leads_s(self, view: View, robots: Sequence[int]) -> NDArray[np.float64]:
         """Return about how long each robot takes to each station, float64 (robots, stations), s."""
         poses = [view.reported if number == self._number else view.peers[number].pose for number in robots]
         return np.array([self._known.ways_s(view, pose) for pose in poses])
 
-    def _draw(
+    def _draw_stations(
         self,
         view: View,
         drawing: Sequence[int],
@@ -325,25 +325,25 @@ class JointPlan:
             route = self.parts[number].route
             route = _gone_on(route, ages, self._least_s) if number in done else route
             routes[row, : len(route)], counts[row] = route, len(route)
-        _fill(routes, counts)
+        _fill_empty_routes(routes, counts)
         pinned = np.array([number not in drawing for number in robots])
         inputs = (leads, self._known.apart_s, ages, self._known.near)
         if moves_first:
-            improve(routes, counts, pinned, *inputs, moves_first, self._seed(view, 0))
+            improve(routes, counts, pinned, *inputs, moves_first, self._make_seed(view, 0))
         spread_s = self._spread * self._interval_s * len(robots) / len(self._known)
         for number in drawing:
             row, visited = robots.index(number), self.parts[number].route[:1] if number in done else []
             # The first stations of the others are theirs, and the one that it has just seen is fresh.
             occupied = [*routes[pinned, 0].tolist(), *visited]
-            choices = np.union1d(self._choices(ages, leads, row, occupied), routes[row, : counts[row]][:1])
+            choices = np.union1d(self._list_choices(ages, leads, row, occupied), routes[row, : counts[row]][:1])
             if not choices.size:
                 continue  # there are fewer stations than robots
             plans = np.zeros((len(choices), *routes.shape), dtype=np.int64)
             plan_counts, costs = np.zeros((len(choices), len(routes)), dtype=np.int64), np.zeros(len(choices))
-            seed = self._seed(view, number)
+            seed = self._make_seed(view, number)
             compare(routes, counts, pinned, row, choices, *inputs, MOVES, seed, plans, plan_counts, costs)
             # The least cost after Gumbel noise: a choice is drawn with the weight exp(-cost / spread).
-            drawn = int((costs + spread_s * self._chances(view, number, choices)).argmin())
+            drawn = int((costs + spread_s * self._draw_chances(view, number, choices)).argmin())
             station, routes, counts = int(choices[drawn]), plans[drawn], plan_counts[drawn]
             # The robots that draw after it plan with this choice.
             pinned[row] = True
@@ -353,23 +353,25 @@ class JointPlan:
         for row, number in enumerate(robots):
             self.parts[number].route = routes[row, : counts[row]].tolist()
 
-    def _choices(self, ages: Ages, leads: NDArray[np.float64], row: int, taken: Sequence[int]) -> Routes:
+    def _list_choices(self, ages: Ages, leads: NDArray[np.float64], row: int, taken: Sequence[int]) -> Routes:
         """Return the nearest stations that are worth a visit and to which no other robot has a shorter way."""
         worth = (ages > self._least_s) & (leads[row] <= leads.min(axis=0))
         worth[list(taken)] = False
         stations = np.flatnonzero(worth)
         return stations[np.argsort(leads[row, stations], kind="stable")[:CHOICES]]
 
-    def _chances(self, view: View, number: int, choices: Routes) -> NDArray[np.float64]:
+    def _draw_chances(self, view: View, number: int, choices: Routes) -> NDArray[np.float64]:
         """Return the draws of one robot's choices: less their Gumbel-distributed worth, in spreads."""
-        drawn = [self._chance(self._spell(view), number, choice + 1) for choice in choices.tolist()]
-        # A draw may be 0, which has no logarithm, so half of the smallest step is added.
-        return np.array([math.log(-math.log(0.5**54 + share)) for share in drawn])
+        drawn = [self._chance(self._find_spell(view), number, choice + 1) for choice in choices.tolist()]
+        # A draw may be 0, which has no logarithm, so half of the smallest step is added. The largest one then rounds to
+        # 1, whose logarithm is 0.
+        shares = [min(0.5**54 + share, 1.0 - 0.5**53) for share in drawn]
+        return np.array([math.log(-math.log(share)) for share in shares])
 
-    def _seed(self, view: View, number: int) -> int:
-        return int(self._chance(self._spell(view), number, 0) * 2.0**53)
+    def _make_seed(self, view: View, number: int) -> int:
+        return int(self._chance(self._find_spell(view), number, 0) * 2.0**53)
 
-    def _spell(self, view: View) -> int:
+    def _find_spell(self, view: View) -> int:
         """Return the number of the time in which draws stay the same."""
         return int(view.tick * self._step * self._team / (SPELL * self._length_m * self._pace))
 
@@ -385,7 +387,7 @@ def _gone_on(route: list[int], ages: Ages, least_s: float) -> list[int]:
     return route[1:] + route[:1]
 
 
-def _fill(routes: Routes, counts: Routes) -> None:
+def _fill_empty_routes(routes: Routes, counts: Routes) -> None:
     """Give a robot without a station the last one of the robot that has most."""
     for row in np.flatnonzero(counts == 0).tolist():
         longest = int(counts.argmax())

@@ -43,10 +43,10 @@ if TYPE_CHECKING:
 
 
 FIRST_LOOK = 20.0
-"""Path length in m of the first round, whose forces determine the horizon of the second."""
+"""Path length in m of the first look, whose forces determine the horizon of the second."""
 
 MARGIN = 1.02
-"""Factor by which paths are followed beyond the last tick's horizon, so that few ticks take a second round."""
+"""Factor by which paths are followed beyond the last tick's horizon, so that few ticks take a second look."""
 
 CLOSE_ENOUGH = 0.5
 """A place close by is worth a stop when it pulls with at least this share of the strongest force."""
@@ -128,43 +128,43 @@ class Field:
         as hard as the strongest one does with it, the result also names that place, or the first bend on the way to it.
         """
         by_age = self.law.pull(mfow)
-        self._claim(ground, row, col, rivals)
+        self._claim_points(ground, row, col, rivals)
         self.paths.begin(ground, row, col, aside, key)
         # Paths as long as at the last tick are likely to be asked for again: one wave is faster than three.
         self._settled = min(self.law.limit, self._expected)
         self.paths.extend(self._settled)
-        nearby = self._forces()
-        self._gather(0, self._nearby, seen, seen, tick, by_age, nearby, looked)
-        forces = self._forces()
+        nearby = self._make_forces()
+        self._gather_forces(0, self._nearby, seen, seen, tick, by_age, nearby, looked)
+        forces = self._make_forces()
         first = self._first
-        self._gather(0, first, dilated(self._span(first)), seen, tick, by_age, forces)
-        horizon = self._horizon(forces, by_age)
+        self._gather_forces(0, first, dilated(self._find_span(first)), seen, tick, by_age, forces)
+        horizon = self._find_horizon(forces, by_age)
         self._expected = round(horizon * MARGIN)
         if horizon > first:
-            self._gather(first, horizon, dilated(self._span(horizon)), seen, tick, by_age, forces)
+            self._gather_forces(first, horizon, dilated(self._find_span(horizon)), seen, tick, by_age, forces)
         close = nearby.strongest[0] >= CLOSE_ENOUGH * forces.strongest[0]
-        return Pull(forces.sums, self._bend(nearby) if close else None, self._bend(forces))
+        return Pull(forces.sums, self._find_bend(nearby) if close else None, self._find_bend(forces))
 
-    def _horizon(self, forces: _Forces, by_age: NDArray[np.float64]) -> int:
-        """Return the longest path to be followed, by the forces of the first round; see `ForceLaw`."""
+    def _find_horizon(self, forces: _Forces, by_age: NDArray[np.float64]) -> int:
+        """Return the longest path to be followed, by the forces of the first look; see `ForceLaw`."""
         exerted = float(forces.sums[2] if self._as_vector else forces.sums.sum())
         return max(self._first, self.law.horizon(exerted, float(by_age[-1])))
 
-    def _span(self, length: int) -> int:
+    def _find_span(self, length: int) -> int:
         """Return the most rows and columns that a path reaches, by its length in hundredths of a point."""
         return min(self.paths.span, -(-length // 100))
 
-    def _bend(self, forces: _Forces) -> tuple[int, int] | None:
+    def _find_bend(self, forces: _Forces) -> tuple[int, int] | None:
         """Return the element of the ground where the path to the strongest of some forces first bends."""
         if forces.strongest[0] <= 0.0:
             return None
         up, across = divmod(int(self.paths.bend.reshape(-1)[forces.source[0]]), self.paths.state.shape[1])
         return up + self.paths.row0 + 1, across + self.paths.col0 + 1
 
-    def _claim(self, ground: Ground, row: int, col: int, rivals: Sequence[Place]) -> None:
+    def _claim_points(self, ground: Ground, row: int, col: int, rivals: Sequence[Place]) -> None:
         """Compute how near the rivals are to every point, before the window is used for the robot's own paths.
 
-        The rivals' paths ignore what is closed to this robot, above all a disc around the rival itself. They are
+        The rivals' paths ignore ground closed to this robot, above all a disc around the rival itself. They are
         followed until they leave the whole of each force.
         """
         self._contest = _Contest(self.paths.length, UNCLAIMED)
@@ -173,10 +173,10 @@ class Field:
             lengths = self.paths.lengths_from(ground.static, row, col, rivals, limit)
             self._contest = _Contest(lengths, self._share)
 
-    def _forces(self) -> _Forces:
+    def _make_forces(self) -> _Forces:
         return _Forces(np.zeros(3 if self._as_vector else self._sectors), np.zeros(1), np.zeros(1, dtype=np.int64))
 
-    def _gather(
+    def _gather_forces(
         self,
         first: int,
         last: int,
@@ -196,7 +196,7 @@ class Field:
         if last > self._settled:
             paths.extend(last)
             self._settled = last
-        span = self._span(last)
+        span = self._find_span(last)
         grids = (paths.state, paths.length, paths.bend)
         window = (paths.start_row, paths.start_col, *paths.aside, paths.row0, paths.col0)
         law = (tick, by_age, self.law.decay, *self._contest, self._sector, self._as_vector)
@@ -306,8 +306,8 @@ class PotentialField:
         if start is None:
             # The body has to find its way back to the reachable ground first.
             return Bearing((), wander=wander)
-        pull = self._pull(view, start)
-        bearings = self._bearings(pull)
+        pull = self._find_pull(view, start)
+        bearings = self._list_bearings(pull)
         figures = dict(zip(self._names, pull.sums.tolist(), strict=True))
         if not bearings:
             return Stay(figures=figures) if wander is None else Bearing((), wander=wander, figures=figures)
@@ -318,7 +318,7 @@ class PotentialField:
         bend = None if pull.bend is None or pull.bend == start else centre(*pull.bend)
         return Bearing(bearings, near, bend, wander, figures=figures)
 
-    def _pull(self, view: View, start: tuple[int, int]) -> Pull:
+    def _find_pull(self, view: View, start: tuple[int, int]) -> Pull:
         """Return the forces at this tick, modified by other robots and by close obstacles."""
         rivals: list[Place] = []
         if "claims" in self._options.separations:
@@ -342,7 +342,7 @@ class PotentialField:
             repel(pull.sums, view.pose, view.peers, self._options)
         return pull
 
-    def _bearings(self, pull: Pull) -> tuple[float, ...]:
+    def _list_bearings(self, pull: Pull) -> tuple[float, ...]:
         """Return the bearings to try, rad, best first."""
         if self._options.direction == "vector":
             return tuple(bearings_by_vector(float(pull.sums[0]), float(pull.sums[1]), self._options.sectors))

@@ -5,7 +5,7 @@ rooms with equally stale points it turns round again and again, and sees neither
 its target:
 
 - *Commitment*: it keeps the target until half of its age or more has gone, because a robot has seen it.
-- *Giving up*: a target that comes no nearer for a while is left out for some time, with what lies around it.
+- *Giving up*: a target that comes no nearer for a while is left out for some time, with its surroundings.
 """
 
 from __future__ import annotations
@@ -76,7 +76,7 @@ class GivenUp:
         self.places = [*elsewhere, (*point, tick + spell, spell)][-MOST_PLACES:]
 
     def forgive(self, point: Point) -> None:
-        """Forget what is around a point."""
+        """Forget the places given up around a point."""
         self.places = [entry for entry in self.places if not self._is_beside(entry, point)]
 
     def clear(self) -> None:
@@ -84,12 +84,12 @@ class GivenUp:
         self.places = []
 
     def now(self, tick: int) -> NDArray[np.int64]:
-        """Return what is left out at a tick: int64 (n, 3), row, column and squared radius in points."""
+        """Return the places left out at a tick: int64 (n, 3), row, column and squared radius in points."""
         rows = [(row, col, self._around) for row, col, until, _ in self.places if tick < until]
         return np.array(rows, dtype=np.int64).reshape(-1, 3) if rows else NONE
 
     def covers(self, tick: int, stands: NDArray[np.int64], width: int) -> NDArray[np.bool_]:
-        """Return which of some flat indices lie within what is left out at a tick; ``width`` is that of the terrain."""
+        """Return which flat indices lie within the places left out at a tick; ``width`` is that of the terrain."""
         rows, cols = stands // width, stands % width
         out = np.zeros(stands.shape, dtype=np.bool_)
         for row, col, squared in self.now(tick).tolist():
@@ -111,7 +111,7 @@ class Target:
 
 
 class Pursuit:
-    """The target of one robot, how it comes nearer to it, and what it has given up."""
+    """The target of one robot, how it comes nearer to it, and the places given up."""
 
     def __init__(self, setup: PolicySetup) -> None:
         spec, point, step = setup.robot.spec, setup.ground.terrain.point, setup.fleet.step

@@ -137,10 +137,10 @@ class Division:
         self._heard[self._number] = view.tick
         team = frozenset(self._heard)
         if team not in self._crews:
-            self._crews[team] = self._divided(sorted(team))
+            self._crews[team] = self._divide_robots(sorted(team))
         return self._crews[team]
 
-    def _divided(self, numbers: list[int]) -> Crew:
+    def _divide_robots(self, numbers: list[int]) -> Crew:
         begin = 0
         # In reverse, so that the lowest numbers get the round with the greatest weight.
         for group in reversed(self.zoned.divide(len(numbers))):
@@ -174,12 +174,12 @@ class SharedRound(Commitment):
         if (zoned := zoned_ground(prepared, self._weighing)) is not None:
             self._take_zones(zoned)
         elif (laid_out := round_of(prepared, number)) is not None:
-            self._choose_on(self._begin(laid_out, followers_of(prepared, number), None))
+            self._choose_on(self._begin_round(laid_out, followers_of(prepared, number), None))
 
     def _choose_on(self, on_round: RoundChoice | None) -> None:
         self.on_round, self.choice = on_round, on_round or self._free
 
-    def _begin(self, laid_out: Round, robots: frozenset[int], view: View | None) -> RoundChoice | None:
+    def _begin_round(self, laid_out: Round, robots: frozenset[int], view: View | None) -> RoundChoice | None:
         """Return the choice on a round that is shared with some robots, this one among them, or None for none.
 
         Meanwhile `_round` is still the one before, None for none. ``view`` is None before the first tick.
@@ -203,7 +203,7 @@ class SharedRound(Commitment):
         else:
             self.division.divide(zoned)
 
-    def _share(self, view: View, goes_on: bool) -> None:
+    def _update_round(self, view: View, goes_on: bool) -> None:
         if view.weighing != self._weighing:
             self._weighing, self._since = view.weighing, view.tick if goes_on else 0
             zoned = zoned_ground(self._setup.ground.prepared, view.weighing)
@@ -215,7 +215,7 @@ class SharedRound(Commitment):
             # Rounds are kept, so the same round is the same object.
             if laid_out is not self._round:
                 self.pursuit.target = None
-                self._choose_on(self._begin(laid_out, crew.robots, view))
+                self._choose_on(self._begin_round(laid_out, crew.robots, view))
             elif self.on_round is not None:
                 self.on_round.follow_with(crew.robots)
             self._round = laid_out

@@ -130,7 +130,7 @@ class Spacing:
         spots = np.array([terrain.centre(*divmod(int(cell), terrain.width)) for cell in laid_out.places])
         lost, slack = np.zeros(len(spots) + 1), SLACK
         if spec.model != "holonomic":
-            turns = _turns(spots, laid_out, TURNING_STRIDES * stride)
+            turns = _find_turns(spots, laid_out, TURNING_STRIDES * stride)
             lost[1:], slack = TURNING_RADII * spec.radius * np.cumsum(turns), WHEELS_SLACK
         length_m = laid_out.length_m + float(lost[-1])
         count = max(4, min(int(length_m / stride), len(laid_out.places)))
@@ -216,20 +216,20 @@ class Spacing:
         choices = [[int((slot + shift) * self.count / team) % self.count for slot in range(team)] for shift in shifts]
         if team == 1 and self.whole > 1:
             choices = [[sorted(self.followers).index(self.number) % self.whole * self.count // self.whole]]
-        to_all = self._ways(view, here)
+        to_all = self._measure_ways(view, here)
         for slots in choices:
             ways = to_all[:, slots]
-            pairs = _pairs(ways)
+            pairs = _pair_rows(ways)
             lengths = [float(ways[robot, slot]) for robot, slot in enumerate(pairs)]
             if (max(lengths), sum(lengths)) < best:
                 best = max(lengths), sum(lengths)
                 chosen = {number: slots[slot] for number, slot in zip(numbers, pairs, strict=True)}
         self._all_there = view.tick + math.ceil(ON_THE_WAY * best[0] / view.stride)
         for number in numbers:
-            self._enter(number, reports[number].spot, view.tick, chosen[number])
+            self._enter_robot(number, reports[number].spot, view.tick, chosen[number])
         return chosen[self.number]
 
-    def _ways(self, view: View, spots: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _measure_ways(self, view: View, spots: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the lengths of the ways from some spots to all places, m: `begin`."""
         ways: NDArray[np.float64] = np.sqrt(((spots[:, None, :] - self.tour[None, :, :2]) ** 2).sum(axis=2))
         ground = view.ground.static
@@ -248,10 +248,10 @@ class Spacing:
         for number, (spot, tick) in self.heard.items():
             robot = self.robots.get(number)
             if robot is None:
-                robot = self._enter(number, spot, tick, None)
-            self._follow(robot, spot, tick)
+                robot = self._enter_robot(number, spot, tick, None)
+            self._follow_robot(robot, spot, tick)
 
-    def _enter(self, number: int, spot: Spot, heard: int, place: int | None) -> Followed:
+    def _enter_robot(self, number: int, spot: Spot, heard: int, place: int | None) -> Followed:
         costs = np.full(self.count, JUMP if place is not None else 0.0)
         if place is not None:
             costs[place] = 0.0
@@ -260,7 +260,7 @@ class Spacing:
         )
         return robot
 
-    def _follow(self, robot: Followed, spot: Spot, heard: int) -> None:
+    def _follow_robot(self, robot: Followed, spot: Spot, heard: int) -> None:
         if heard <= robot.heard:
             return
         ticks = min(heard - robot.heard, LATE_TICKS)
@@ -309,7 +309,7 @@ class Spacing:
         return ahead < behind - max(self.slack * equal, places)
 
 
-def _turns(spots: NDArray[np.float64], laid_out: Round, stretch_m: float) -> NDArray[np.float64]:
+def _find_turns(spots: NDArray[np.float64], laid_out: Round, stretch_m: float) -> NDArray[np.float64]:
     """Return by how much the tour turns from each of its places to the next, rad.
 
     Its direction is taken over ``stretch_m`` before and after a place, because a tour on points is jagged.
@@ -324,7 +324,7 @@ def _turns(spots: NDArray[np.float64], laid_out: Round, stretch_m: float) -> NDA
     return np.asarray(turned * steps / stretch_m)
 
 
-def _pairs(ways: NDArray[np.float64]) -> list[int]:
+def _pair_rows(ways: NDArray[np.float64]) -> list[int]:
     """Give each row a column of its own, those first that are nearest to each other."""
     remaining = ways.copy()
     pairs = [0] * len(ways)

@@ -37,7 +37,7 @@ class Stochastic(SharedRound):
 
     Options = StochasticOptions
 
-    def _begin(self, laid_out: Round, robots: frozenset[int], view: View | None) -> JointPlan | None:
+    def _begin_round(self, laid_out: Round, robots: frozenset[int], view: View | None) -> JointPlan | None:
         del view
         if laid_out.stations is None:
             return None

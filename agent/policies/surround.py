@@ -166,7 +166,7 @@ def _with_gap(spots: Sequence[Stand], count: int, gap: float, spacing: float) ->
         index = start
         while len(chosen) < count:
             index = bisect_left(bearings, chosen[-1].bearing + gap, lo=index + 1)
-            while index < len(spots) and not _apart(chosen, spots[index], spacing):
+            while index < len(spots) and not _is_apart(chosen, spots[index], spacing):
                 index += 1
             if index >= len(spots) or bearings[index] > end:
                 break
@@ -176,7 +176,7 @@ def _with_gap(spots: Sequence[Stand], count: int, gap: float, spacing: float) ->
     return []
 
 
-def _apart(chosen: Sequence[Stand], spot: Stand, spacing: float) -> bool:
+def _is_apart(chosen: Sequence[Stand], spot: Stand, spacing: float) -> bool:
     return all(math.hypot(spot.x - stand.x, spot.y - stand.y) >= spacing for stand in chosen)
 
 
@@ -202,7 +202,7 @@ class Surround:
         way = None
         if view.contacts and start is not None:
             if self._by_forces:
-                return self._pulled(view)
+                return self._find_pull(view)
             way = self.way(view.reported, view.peers, view.contacts, view.routes, start)
         if way is None:
             return self.otherwise.decide(view)
@@ -210,15 +210,15 @@ class Surround:
         lean = self.pushed(view.pose, view.peers, way.bend) if far else None
         return Place(*way.place, bend=way.bend, lean=lean, state=State.SURROUNDING)
 
-    def _pulled(self, view: View) -> Intent:
+    def _find_pull(self, view: View) -> Intent:
         """Return the direction of the paper's forces: attraction from outside the ring, repulsion everywhere."""
         pose, here = view.pose, (view.pose.x, view.pose.y)
-        intruder = _nearest(here, view.contacts)
+        intruder = _find_nearest(here, view.contacts)
         way = view.way(intruder) if math.dist(here, intruder) > self._radius else None
         x, y = 0.0, 0.0
         if way is not None and (distance := math.dist(here, way.bend)) > 0.0:
             x, y = (way.bend[0] - pose.x) / distance, (way.bend[1] - pose.y) / distance
-        x, y = self._repelled(pose, view.peers, x, y)
+        x, y = self._add_repulsion(pose, view.peers, x, y)
         if x == 0.0 == y:
             return Stay(State.SURROUNDING)
         return Bearing((math.atan2(y, x),), state=State.SURROUNDING)
@@ -236,13 +236,13 @@ class Surround:
         ``pose`` is the robot's own as others hear it, so that all find the same assignment.
         """
         places = {self._number: (pose.x, pose.y)} | {n: (peer.pose.x, peer.pose.y) for n, peer in peers.items()}
-        target = {number: _nearest(spot, contacts) for number, spot in places.items()}
+        target = {number: _find_nearest(spot, contacts) for number, spot in places.items()}
         mine = target[self._number]
         team = sorted(number for number, spot in target.items() if spot == mine)
         ring = self._ring_of(mine, len(team))
         if not ring.stands:
             return None
-        from_spots = [[_length(lengths, ring.ground.join(*places[n])) for n in team] for lengths in ring.lengths]
+        from_spots = [[_read_length(lengths, ring.ground.join(*places[n])) for n in team] for lengths in ring.lengths]
         takes = assign([[length * length for length in row] for row in from_spots])
         for stand, row, index in zip(ring.stands, from_spots, takes, strict=True):
             if team[index] == self._number:
@@ -255,11 +255,11 @@ class Surround:
         distance = math.hypot(across, up)
         if distance == 0.0:
             return bend
-        x, y = self._repelled(pose, peers, across / distance, up / distance)
+        x, y = self._add_repulsion(pose, peers, across / distance, up / distance)
         length = math.hypot(x, y)
         return (pose.x + distance * x / length, pose.y + distance * y / length) if length > 0.0 else bend
 
-    def _repelled(self, pose: Pose, peers: Mapping[int, Peer], x: float, y: float) -> tuple[float, float]:
+    def _add_repulsion(self, pose: Pose, peers: Mapping[int, Peer], x: float, y: float) -> tuple[float, float]:
         """Return the sum of a force (x, y) and the repulsion of peers close by."""
         for _, peer in sorted(peers.items()):
             away_x, away_y = pose.x - peer.pose.x, pose.y - peer.pose.y
@@ -291,9 +291,9 @@ class _Ring:
     lengths: list[NDArray[np.int32]]  # (h + 2, w + 2), of the paths to each stand, in hundredths of a point
 
 
-def _nearest(place: Spot, contacts: Sequence[Spot]) -> Spot:
+def _find_nearest(place: Spot, contacts: Sequence[Spot]) -> Spot:
     return min(contacts, key=lambda contact: (math.dist(place, contact), contact))
 
 
-def _length(lengths: NDArray[np.int32], element: tuple[int, int] | None) -> int:
+def _read_length(lengths: NDArray[np.int32], element: tuple[int, int] | None) -> int:
     return LONGEST if element is None else min(int(lengths[element]), LONGEST)

@@ -167,7 +167,7 @@ class DirectRadio:
         return None if news is None else news[1]
 
     def traffic(self, incarnation: int, *, final: bool) -> Traffic:
-        """Return the counts of what has been sent and heard so far."""
+        """Return the counts of frames sent and heard so far."""
         heard_frames = {robot_of(key): self.heard[key] for key in self._numbers}
         refused = self._mailbox.refused.total() + self.skew.late
         return Traffic(incarnation, self.sent, heard_frames, refused, final)

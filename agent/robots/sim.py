@@ -1,6 +1,6 @@
 """A robot of the world simulator, over Zenoh: the world simulates its body and carries its radio.
 
-Each tick the world sends phase A (the robot's pose), receives the robot's frames, sends phase B (what the robot hears)
+Each tick the world sends phase A (the robot's pose), receives the robot's frames, sends phase B (frames for the robot)
 and receives its command. In lockstep the world waits for the answers, and repeats a message when it has waited long; a
 repeated message gets the same answer again, so that nothing is decided twice. At any other pace the world does not
 wait: a robot that is late continues with the newest tick, and decides on everything it has heard since its last
@@ -79,7 +79,7 @@ class SimRobot:
         """Join a run; `join` connects everything.
 
         `model` is for the command that stops the robot. `waiting` is called at intervals with the time, s, that the
-        robot has waited for a world's greeting, `alive` in each round of waiting. `now` is a monotonic clock, s.
+        robot has waited for a world's greeting, `alive` as often. `now` is a monotonic clock, s.
         """
         self.farewell = ""
         self.orderly = False
@@ -117,7 +117,7 @@ class SimRobot:
         return phase.k
 
     def sense(self) -> Sensed | None:
-        """Return what the robot senses in a new tick, as the world reports it; None when it is time to leave."""
+        """Return the robot's senses in a new tick, as the world reports it; None when it is time to leave."""
         return None if self.tick() is None else self._sensed
 
     def decide(self) -> bool:
@@ -170,7 +170,7 @@ class SimRobot:
         return self._mailbox.refused.total()
 
     def show(self, vitals: Vitals) -> None:
-        """Have what waits and what was dropped read with this process's figures."""
+        """Have waiting and dropped messages read with this process's figures."""
         vitals.probe_mailbox(self._mailbox)
 
     # --- receiving ---------------------------------------------------------------------------------------------------

@@ -1,4 +1,4 @@
-"""The ground as one robot's planning sees it: where its centre may be, and what is in the way at this tick."""
+"""The ground as one robot's planning sees it: where its centre may be, and the discs in the way at this tick."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class Area:
 
 
 class Ground:
-    """The points on which a robot's centre may be, minus what is in the way at this tick.
+    """The points on which a robot's centre may be, minus the discs in the way at this tick.
 
     `begin` sets the obstacles of the robot's body each tick. A policy may `close` more for that tick, which affects its
     own routes and the body alike. Elements are numbered like those of `state`.
@@ -73,13 +73,13 @@ class Ground:
         self._is_open: NDArray[np.bool_]
         self._state: NDArray[np.uint8]
         if base is not None:
-            self._borrow(base)
+            self._borrow_grids(base)
             return
         self._is_open = np.pad(reach, 1)
         height, width = terrain.shape
         self._state = np.zeros((height + 2, width + 2), dtype=np.uint8)
         self._shown = _read_only(self._state)  # kernels rely on its frame, and policies have access to it
-        self._encode((0, height + 2, 0, width + 2))
+        self._encode_box((0, height + 2, 0, width + 2))
 
     @property
     def state(self) -> NDArray[np.uint8]:
@@ -88,13 +88,13 @@ class Ground:
         Read-only. Element (row + 1, col + 1) belongs to the terrain's point (row, col). The two low bits are OPEN or
         BLOCKED; HEMMED is set beside a blocked point.
         """
-        self._apply()
+        self._apply_changes()
         return self._shown
 
     @property
     def open_now(self) -> NDArray[np.bool_]:
         """The terrain's points on which the robot's centre may be now: bool (h, w), read-only."""
-        self._apply()
+        self._apply_changes()
         is_open = self._is_open[1:-1, 1:-1]
         is_open.flags.writeable = False
         return is_open
@@ -126,8 +126,8 @@ class Ground:
                 raise ValueError(f"the disc {disc} to be closed has a number that is not finite")
         self._wanted = (*self._wanted[0], *discs), (*self._wanted[1], *areas)
 
-    def _apply(self) -> None:
-        """Bring the grids up to date with what is to be closed."""
+    def _apply_changes(self) -> None:
+        """Bring the grids up to date with the discs to be closed."""
         if self._wanted == self._closed:
             return
         before, self._closed = self._closed, self._wanted
@@ -135,24 +135,24 @@ class Ground:
         discs, areas = self._closed
         if self._borrows and self._static is not None:
             if not discs and not areas:
-                self._borrow(self._static)
+                self._borrow_grids(self._static)
                 return
             if self._state is self._static._state:
                 self._is_open, self._state = self._is_open.copy(), self._state.copy()
                 self._shown = _read_only(self._state)
-        boxes = [self._box(disc) for disc in (*before[0], *discs)]
+        boxes = [self._bound_disc(disc) for disc in (*before[0], *discs)]
         boxes += [area.box for area in (*before[1], *areas)]
         inside, reach = self._is_open[1:-1, 1:-1], self._reach
         for top, bottom, left, right in boxes:
             rows, cols = slice(max(top - 1, 0), max(bottom - 1, 0)), slice(max(left - 1, 0), max(right - 1, 0))
             inside[rows, cols] = reach[rows, cols]
         for disc in discs:
-            self._block(disc)
+            self._block_disc(disc)
         for area in areas:
             top, bottom, left, right = area.box
             self._is_open[top:bottom, left:right] &= ~area.mask
         for box in boxes:
-            self._encode(box)
+            self._encode_box(box)
 
     def join(self, x: float, y: float) -> tuple[int, int] | None:
         """Return (row, col) of the open element of `state` through which a body joins the reachable points.
@@ -160,13 +160,13 @@ class Ground:
         That is the body's own point, or, where that is not open, a neighbouring one that a straight line leads to; None
         if there is none.
         """
-        self._apply()
+        self._apply_changes()
         joined = self._joined  # one attribute, because several threads may ask at once
         if joined is None or joined[0] != x or joined[1] != y:
-            joined = self._joined = x, y, self._join(x, y)
+            joined = self._joined = x, y, self._find_join(x, y)
         return joined[2]
 
-    def _join(self, x: float, y: float) -> tuple[int, int] | None:
+    def _find_join(self, x: float, y: float) -> tuple[int, int] | None:
         row, col = self.terrain.point_at(x, y)
         if self.terrain.inside(row, col) and self._is_open[row + 1, col + 1]:
             return row + 1, col + 1
@@ -179,7 +179,7 @@ class Ground:
         The places are float64 (n, 2), x and y of the bodies' centres in m. The result is int64 (k, 2), row and column
         as of `join`, in the order of the bodies; those that do not join are left out.
         """
-        self._apply()
+        self._apply_changes()
         if self._static is not None and self._state is self._static._state:
             return self._static.join_each(places)  # which remembers for all that borrow its grids
         # The frame, which is closed, stands for all that lies off the terrain.
@@ -200,32 +200,32 @@ class Ground:
         """Return the centre (x, y) in m of element (row, col) of `state`."""
         return self.terrain.centre(row - 1, col - 1)
 
-    def _borrow(self, base: Ground) -> None:
+    def _borrow_grids(self, base: Ground) -> None:
         self._is_open, self._state, self._shown = base._is_open, base._state, base._shown
 
-    def _place(self, disc: Disc) -> tuple[float, float, float]:
+    def _locate_disc(self, disc: Disc) -> tuple[float, float, float]:
         """Return a disc's row, column and radius in points of `state`."""
         x, y, radius = disc
         ox, oy = self.terrain.origin
         point = self.terrain.point
         return (y - oy) / point + 1.0, (x - ox) / point + 1.0, radius / point
 
-    def _box(self, disc: Disc) -> tuple[int, int, int, int]:
+    def _bound_disc(self, disc: Disc) -> tuple[int, int, int, int]:
         """Return a disc's bounds in `state`: first row, end row, first column, end column; ends are exclusive."""
-        row, col, radius = self._place(disc)
+        row, col, radius = self._locate_disc(disc)
         rows, cols = self._state.shape
-        top, bottom = _within(math.floor(row - radius), math.ceil(row + radius) + 1, rows)
-        left, right = _within(math.floor(col - radius), math.ceil(col + radius) + 1, cols)
+        top, bottom = _clip_range(math.floor(row - radius), math.ceil(row + radius) + 1, rows)
+        left, right = _clip_range(math.floor(col - radius), math.ceil(col + radius) + 1, cols)
         return top, bottom, left, right
 
-    def _block(self, disc: Disc) -> None:
-        row, col, radius = self._place(disc)
-        top, bottom, left, right = self._box(disc)
+    def _block_disc(self, disc: Disc) -> None:
+        row, col, radius = self._locate_disc(disc)
+        top, bottom, left, right = self._bound_disc(disc)
         up = np.arange(top, bottom) + 0.5 - row
         across = np.arange(left, right) + 0.5 - col
         self._is_open[top:bottom, left:right] &= up[:, None] ** 2 + across[None, :] ** 2 >= radius**2
 
-    def _encode(self, box: tuple[int, int, int, int]) -> None:
+    def _encode_box(self, box: tuple[int, int, int, int]) -> None:
         """Bring `state` up to date in a box and one point around it; the frame stays blocked."""
         rows, cols = self._state.shape
         top, bottom = max(1, box[0] - 1), min(rows - 1, box[1] + 1)
@@ -246,7 +246,7 @@ def _read_only(grid: NDArray[np.uint8]) -> NDArray[np.uint8]:
     return shown
 
 
-def _within(first: int, end: int, size: int) -> tuple[int, int]:
+def _clip_range(first: int, end: int, size: int) -> tuple[int, int]:
     """Clip the range from ``first`` to before ``end`` to 0 to ``size``; the result may be empty."""
     low = min(max(0, first), size)
     return low, min(max(low, end), size)

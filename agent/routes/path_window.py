@@ -50,10 +50,10 @@ class PathWindow(ABC):
 
     def begin(self, ground: Ground, row: int, col: int, aside: Aside = CENTRE, key: int = 0) -> None:
         """Start from an open element of the ground, (row, col) of `Ground.state`."""
-        self._place(ground, row, col)
+        self._place_window(ground, row, col)
         self.start_row, self.start_col = row - self.row0 - 1, col - self.col0 - 1
         self.aside, self.key = aside, key
-        self._begin()
+        self._prepare_memory()
 
     def lengths_from(self, ground: Ground, row: int, col: int, starts: Sequence[Place], limit: int) -> Lengths:
         """Return the path lengths from the nearest of several starts, int32 (m, n) in hundredths of a point.
@@ -65,39 +65,39 @@ class PathWindow(ABC):
         nearest = np.full(self.state.shape, FAR, dtype=np.int32)
         self.aside = CENTRE
         for start_row, start_col in starts:
-            self._place(ground, row, col)
+            self._place_window(ground, row, col)
             self.start_row, self.start_col = start_row - self.row0 - 1, start_col - self.col0 - 1
-            if self._holds(self.start_row, self.start_col):
-                self._begin()
+            if self._holds_point(self.start_row, self.start_col):
+                self._prepare_memory()
                 self.extend(limit)
                 np.minimum(nearest, np.where(self.state & STATUS == SETTLED, self.length, FAR), out=nearest)
         return nearest
 
-    def _place(self, ground: Ground, row: int, col: int) -> None:
+    def _place_window(self, ground: Ground, row: int, col: int) -> None:
         """Lay the window around (row, col) of the ground's state, with all paths unknown."""
-        self._lie(ground, row, col)
+        self._find_window(ground, row, col)
         rows, cols = self.state.shape
         top, left = self.row0 + 1, self.col0 + 1
         self.state[1:-1, 1:-1] = ground.state[top + 1 : top + rows - 1, left + 1 : left + cols - 1]
 
-    def _lie(self, ground: Ground, row: int, col: int) -> None:
+    def _find_window(self, ground: Ground, row: int, col: int) -> None:
         """Find where the window around (row, col) of the ground's state lies."""
         rows, cols = self.state.shape
         top = min(max(0, row - 1 - self.span), ground.state.shape[0] - rows)
         left = min(max(0, col - 1 - self.span), ground.state.shape[1] - cols)
         self.row0, self.col0 = top - 1, left - 1
 
-    def _holds(self, row: int, col: int) -> bool:
+    def _holds_point(self, row: int, col: int) -> bool:
         rows, cols = self.state.shape
         return 0 < row < rows - 1 and 0 < col < cols - 1
 
     @abstractmethod
-    def _begin(self) -> None:
+    def _prepare_memory(self) -> None:
         """Prepare the method's own working memory."""
 
     @abstractmethod
     def extend(self, limit: int) -> None:
         """Settle every path up to a length in hundredths of a point, at most 100 * span.
 
-        What is settled stays so: a length no larger than an earlier one since `begin` changes nothing.
+        Settled paths stay so: a length no larger than an earlier one since `begin` changes nothing.
         """

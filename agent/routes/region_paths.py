@@ -35,8 +35,8 @@ class Regions(PathWindow):
         self._graph = _Graph.of([link.points[0] for link in links], [link.parts for link in links], split.parts)
         self._sources = _Sources.room(self._graph, 0)
 
-    def _begin(self) -> None:
-        self._route([(self.start_row, self.start_col)])
+    def _prepare_memory(self) -> None:
+        self._route_connections([(self.start_row, self.start_col)])
 
     def extend(self, limit: int) -> None:
         """Settle every path up to ``limit`` hundredths of a point."""
@@ -44,17 +44,17 @@ class Regions(PathWindow):
         rows, cols = self.state.shape
         top, bottom = max(0, self.start_row - span), min(rows, self.start_row + span + 1)
         left, right = max(0, self.start_col - span), min(cols, self.start_col + span + 1)
-        self._settle(top, bottom, left, right, limit)
+        self._settle_box(top, bottom, left, right, limit)
 
     def lengths_from(self, ground: Ground, row: int, col: int, starts: Sequence[Place], limit: int) -> Lengths:
         """Find lengths as `PathWindow.lengths_from`, from all starts at once."""
-        self._place(ground, row, col)
+        self._place_window(ground, row, col)
         inside = [(r - self.row0 - 1, c - self.col0 - 1) for r, c in starts]
-        self._route([start for start in sorted(set(inside)) if self._holds(*start)])
-        self._settle(0, self.state.shape[0], 0, self.state.shape[1], limit)
+        self._route_connections([start for start in sorted(set(inside)) if self._holds_point(*start)])
+        self._settle_box(0, self.state.shape[0], 0, self.state.shape[1], limit)
         return np.where(self.state & STATUS == SETTLED, self.length, FAR)
 
-    def _route(self, starts: Sequence[Place]) -> None:
+    def _route_connections(self, starts: Sequence[Place]) -> None:
         """Find the shortest ways from the nearest of some elements of the window to all connections."""
         graph = self._graph
         placed = []
@@ -73,7 +73,7 @@ class Regions(PathWindow):
         limit = float(self.span)
         route(rows, cols, parts, *graph, limit, np.empty(count), lead, came, heap, slots, *self._sources)
 
-    def _settle(self, top: int, bottom: int, left: int, right: int, limit: int) -> None:
+    def _settle_box(self, top: int, bottom: int, left: int, right: int, limit: int) -> None:
         box = (self.row0, self.col0, top, bottom, left, right)
         last_legs(self.state, self.length, self.bend, self._parts, self._graph.places, *box, limit, *self._sources)
 

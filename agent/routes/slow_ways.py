@@ -60,7 +60,7 @@ def _delays(lengths: NDArray[np.float32], point: float, slower: NDArray[np.float
     length[1:-1, 1:-1][is_finite] = np.rint(lengths[is_finite] * (100.0 / point))
     per_step = np.pad(slower * (0.01 * point), 1).ravel()
     delays = np.zeros(length.size)
-    near, steps = _neighbours(width + 2)
+    near, steps = _list_neighbours(width + 2)
     flat = length.ravel()
     points = np.flatnonzero(flat < FAR)
     points = points[np.argsort(flat[points], kind="stable")]
@@ -72,7 +72,7 @@ def _delays(lengths: NDArray[np.float32], point: float, slower: NDArray[np.float
     return delays.reshape(length.shape)[1:-1, 1:-1]
 
 
-def _neighbours(width: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def _list_neighbours(width: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Return the flat offsets of a point's eight neighbours and the lengths of the steps there.
 
     Both are int64 (8, 1), the lengths in hundredths of a point; the width is that of the grid.

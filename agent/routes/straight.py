@@ -26,12 +26,12 @@ class Straight(PathWindow):
         # No path bends.
         self.bend = np.arange(self.state.size, dtype=np.int32).reshape(self.state.shape)
 
-    def _place(self, ground: Ground, row: int, col: int) -> None:
+    def _place_window(self, ground: Ground, row: int, col: int) -> None:
         """Lay the window as any other, with the patrolled points open."""
-        self._lie(ground, row, col)
+        self._find_window(ground, row, col)
         open_up(ground.state, self._open, self.state, self.row0 + 1, self.col0 + 1)
 
-    def _begin(self) -> None:
+    def _prepare_memory(self) -> None:
         """Nothing is kept between calls: a longer limit overwrites."""
 
     def extend(self, limit: int) -> None:

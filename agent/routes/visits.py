@@ -1,4 +1,4 @@
-"""A robot's visits to one-way zones: what of a zone lies behind it, and whether it can still get out ahead.
+"""A robot's visits to one-way zones: the part of a zone that lies behind it, and whether it can still get out ahead.
 
 Ways lead against no zone, but bodies do not only follow ways: they take turns in several moves, back off from each
 other, and take random steps. So a robot in a zone may go back to where it came in, and a body's width farther. A step
@@ -79,10 +79,10 @@ class Visits:
         self._came_in = {
             number: before.get(number, zone.place(x, y))
             for number, zone in enumerate(self._zones)
-            if self._holds(zone, x, y)
+            if self._contains_spot(zone, x, y)
         }
         if self._came_in != before:
-            self._ground.behind = self._behind()
+            self._ground.behind = self._find_behind()
         self._ground.against = self._ground.terrain.against
         if self._came_in and self._ground.static is not self._ground and self._is_shut_in(x, y):
             self._ground.against = ALL_WAYS
@@ -95,15 +95,15 @@ class Visits:
         for number, came_in in self._came_in.items():
             zone = self._zones[number]
             limit_m = min(came_in - self._back_m, zone.place(pose.x, pose.y))
-            if self._holds(zone, end.x, end.y) and zone.place(end.x, end.y) < limit_m:
+            if self._contains_spot(zone, end.x, end.y) and zone.place(end.x, end.y) < limit_m:
                 return False
         return True
 
-    def _holds(self, zone: _OneWay, x: float, y: float) -> bool:
+    def _contains_spot(self, zone: _OneWay, x: float, y: float) -> bool:
         row, col = self._ground.terrain.point_at(x, y)
         return self._ground.terrain.inside(row, col) and bool(zone.points[row, col])
 
-    def _behind(self) -> NDArray[np.bool_] | None:
+    def _find_behind(self) -> NDArray[np.bool_] | None:
         """Return the points of the zones that the robot is in that lie behind it; None for none."""
         if not self._came_in:
             return None

@@ -66,7 +66,7 @@ class Waiting:
     def lets_others_pass(self, spot: Spot, standing: Iterable[Spot]) -> bool:
         """Return True if the ground around a robot stays in one piece for the centres of others.
 
-        What it cuts off counts only if it is larger than what a disc leaves in a corner.
+        The part cut off counts only if it is larger than the rest that a disc leaves in a corner.
         """
         point, points = self._terrain.point_at(*spot), [self._terrain.point_at(*neighbour) for neighbour in standing]
         wide = math.nextafter(self._keep, math.inf)  # a point just as far away is taken as well

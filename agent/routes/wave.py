@@ -126,15 +126,15 @@ class Wave(PathWindow):
         self._queues = np.zeros((2, ROOM), dtype=np.uint64)
         self._settled = -1
 
-    def _begin(self) -> None:
+    def _prepare_memory(self) -> None:
         self._settled = -1
 
     def lengths_from(self, ground: Ground, row: int, col: int, starts: Sequence[Place], limit: int) -> Lengths:
         """Find lengths as `PathWindow.lengths_from`, by one wave from all starts at once."""
-        self._lie(ground, row, col)
+        self._find_window(ground, row, col)
         rows, cols = self.state.shape
         box = self.row0 + 1, self.row0 + rows - 1, self.col0 + 1, self.col0 + cols - 1
-        inside = [(r - 1, c - 1) for r, c in starts if self._holds(r - self.row0 - 1, c - self.col0 - 1)]
+        inside = [(r - 1, c - 1) for r, c in starts if self._holds_point(r - self.row0 - 1, c - self.col0 - 1)]
         return paths_in(ground, inside, box, min(limit, LONGEST)).length
 
     def extend(self, limit: int) -> None:

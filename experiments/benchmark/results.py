@@ -174,12 +174,12 @@ def _whole_text(value: float | None) -> str:
 
 
 def describe(team: int, condition: str) -> str:
-    """Return what the runs of a team under a condition share, in words."""
+    """Return the settings that the runs of a team under a condition share, in words."""
     return f"{robots_text(team)}, {'no fault' if condition == 'none' else condition}"
 
 
 def shared_settings(matrix: Matrix) -> str:
-    """Return what all runs share, in words."""
+    """Return the settings that all runs share, in words."""
     settings: Mapping[str, object] = {"duration": matrix.duration_s, **matrix.settings}
     seeds = ", ".join(map(str, matrix.seeds))
     return f"{', '.join(f'{name} = {value}' for name, value in settings.items())}; seeds {seeds}"

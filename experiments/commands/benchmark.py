@@ -184,7 +184,7 @@ def benchmark(
 
 
 def _read_overrides(settings: Sequence[str]) -> dict[str, object]:
-    """Read what ``--set`` sets; refuse fields that the benchmark sets."""
+    """Read the settings of ``--set``; refuse fields that the benchmark sets."""
     overrides = parse_overrides(settings)
     for name in overrides:
         for field, taken_by in TAKEN.items():

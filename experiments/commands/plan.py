@@ -163,7 +163,7 @@ class _Shown:
         self._task = self.bar.add_task("plan", total=1.0)
 
     def show(self, what: str, done: float) -> None:
-        """Show what is computed, and the share of it that is done."""
+        """Show the present computation, and the share of it that is done."""
         self.bar.update(self._task, description=what, completed=done)
         if done == 0.0 and not self._console.is_terminal:
             self._console.print(f"{what} ...", highlight=False, markup=False, soft_wrap=True)

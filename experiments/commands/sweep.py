@@ -172,7 +172,7 @@ def print_cases(console: Console, rows: list[CaseRow]) -> None:
 def _cases_table(rows: list[CaseRow], names: Mapping[str, str], between: str) -> Table:
     """Return the table of the cases' means.
 
-    `names` is what the table calls each case. `between` separates a mean from its interval, and the halves of a title:
+    `names` has the table's name of each case. `between` separates a mean from its interval, and the halves of a title:
     a space or a line break.
     """
     narrow = between == "\n"

@@ -9,7 +9,7 @@
 - *each*: for each robot the 10 moments of the past in which any robot was nearest to its place, now and 3 s before
   (analogs of each robot: its most likely next turn); what these saw afterwards, robots being independent. Beyond 60 s
   the base rate.
-- *picture*: what is seen now, for ever.
+- *picture*: the view of now, for ever.
 - *blind*: nothing, so the shortest way.
 
 Moments are at least 5 s apart. The *base rate* of a point is the share of the past in which it was seen. It counts as

@@ -1,4 +1,4 @@
-"""Sightings of a run: what intruders can see of it, written down while it is made or replayed."""
+"""Sightings of a run, as intruders can see it: written down while it is made or replayed."""
 
 from __future__ import annotations
 
@@ -87,7 +87,7 @@ class Sightings:
         return self._log.watch()
 
     def game(self) -> Game:
-        """Return the moving intruder's game on what was written down, or raise BadInput where it cannot be played."""
+        """Return the moving intruder's game on the sightings, or raise BadInput where it cannot be played."""
         return Game(self.watched(), self._infiltrator or Infiltrator())
 
 

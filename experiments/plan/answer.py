@@ -89,7 +89,7 @@ def _kept_by(size: FleetSize, wanted_s: float) -> str:
 
 
 def _remedy_text(plan: FleetPlan, wanted_s: float) -> str:
-    """Say what may help where no number keeps the wanted age."""
+    """Name remedies where no number keeps the wanted age."""
     last = plan.sizes[-1]
     if plan.opened and plan.opened[-1].keeps(wanted_s):
         robots = len(plan.opened[-1].scenario.roster)

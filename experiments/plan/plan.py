@@ -272,7 +272,7 @@ class _Planner:
         self.sizes[number] = replace(size, one_dead=dead, other_patrol=alternative)
 
     def size(self, number: int) -> FleetSize:
-        """Return what tours a fleet of some size has."""
+        """Return the tours of a fleet of some size."""
         if number not in self.sizes:
             self._progress(f"{robots_text(number)}: tours", 0.0)
             self._add_size(number, *self._with_tours(number))
@@ -283,7 +283,7 @@ class _Planner:
         return prepared, best_tour(prepared)
 
     def _add_size(self, number: int, prepared: Prepared, tours: BestTour) -> None:
-        """Divide the ground among a fleet of some size, and keep what tours it has."""
+        """Divide the ground among a fleet of some size, and keep its tours."""
         territories = None if tours.length_m is None else self._divider.divide(prepared)
         scenario = prepared.scenario
         own_s = [

@@ -202,7 +202,7 @@ def told_apart(cases: Mapping[str, Sequence[str]]) -> tuple[dict[str, str], str]
 def shown_table(rows: Sequence[CaseRow], names: Mapping[str, str]) -> Table:
     """Return the table that terminals and notebooks show: runs, the measures of `SHOWN`, and changes if there are any.
 
-    `names` is what the table calls each case.
+    `names` has the table's name of each case.
     """
     shown = [name for name in SHOWN if any(name in row.metrics for row in rows)]
     compared = any(row.against for row in rows)

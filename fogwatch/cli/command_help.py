@@ -10,6 +10,7 @@ import typer
 from typer.core import TyperGroup
 
 from fogwatch.cli.bad_arguments import HelpfulCommand
+from fogwatch.cli.ending import renew_words
 from fogwatch.cli.options import spread
 from patrol.errors import BadInput, did_you_mean
 
@@ -36,6 +37,8 @@ class OrderedGroup(TyperGroup):
 
     def resolve_command(self, ctx: Any, args: list[str]) -> tuple[str | None, Any, list[str]]:
         """Find the command that the arguments name."""
+        if ctx.resilient_parsing:  # a shell completes the line, and shows an error in the middle of it
+            return super().resolve_command(ctx, renew_words(args))
         if args[0] not in self.commands and not args[0].startswith("-"):
             raise BadInput(f"{args[0]}: no such command; {did_you_mean(args[0], list(PANEL_OF))}")
         return super().resolve_command(ctx, args)

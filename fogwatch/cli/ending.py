@@ -34,22 +34,26 @@ GONE = {"chaos": "`fogwatch chaos` is now `make chaos` in a clone of fogwatch"}
 """Commands of fogwatch 1.0 that have gone, and the remedy."""
 
 
-def old_words(words: Sequence[str]) -> str | None:
+def find_old_words(words: Sequence[str]) -> str | None:
     """Return the old words with which a command line begins; None where it has none."""
     return next((old for old in OLD_WORDS if list(words[: len(old.split())]) == old.split()), None)
+
+
+def renew_words(words: Sequence[str]) -> list[str]:
+    """Return a command line with new words in place of old ones."""
+    old = find_old_words(words)
+    return list(words) if old is None else [*OLD_WORDS[old].split(), *words[len(old.split()) :]]
 
 
 def _translate(words: Sequence[str]) -> list[str]:
     """Return a command line in new words; tell which ones where it has old ones."""
     if words and words[0] in GONE:
         raise BadInput(GONE[words[0]])
-    old = old_words(words)
-    if old is None:
-        return list(words)
-    complain(f"`fogwatch {old}` is now `fogwatch {OLD_WORDS[old]}`; the old words go with fogwatch 2")
-    if (line := " ".join(words)) in BARE:
-        raise BadInput(f"{line}: say which one; see fogwatch reproduce --help")
-    return [*OLD_WORDS[old].split(), *words[len(old.split()) :]]
+    if (old := find_old_words(words)) is not None:
+        complain(f"`fogwatch {old}` is now `fogwatch {OLD_WORDS[old]}`; the old words go with fogwatch 2")
+        if (line := " ".join(words)) in BARE:
+            raise BadInput(f"{line}: say which one; see fogwatch reproduce --help")
+    return renew_words(words)
 
 
 def run_app(app: typer.Typer) -> int:

@@ -150,6 +150,8 @@ def _print_judgement(
     typer.echo(f"trace       {trace}")
     if codes:
         typer.echo(f"exit codes  of {len(codes)} processes, as summary.json states them: no journal holds any")
+    elif summary.ended is not None and "refused" not in summary.model_fields_set:  # which every world process states
+        typer.echo("exit codes  none: the run was in one process")
     else:
         typer.echo("exit codes  none are known: how processes ended was not judged")
     if edited:

@@ -414,7 +414,6 @@ class FeedSource:
             goal=row.goal,
             decision_ms=row.decision_ms,
             heard_s=None if heard_tick is None else (last.k - heard_tick) * self._step,
-            rejected=row.rejected,
             trapped=self._traps.trapped(row.number),
         )
 

@@ -254,7 +254,6 @@ class PositionsSource:
             goal=None if view is None else view.refined or view.goal,
             decision_ms=None if view is None else view.decision_ms,
             heard_s=heard_s,
-            rejected=None if view is None else view.rejected,
             trapped=self._traps.trapped(number),
             radio_wrong=self._hearing.wrong(name, self._present),
         )

@@ -18,7 +18,7 @@ Frames = dict[tuple[int, int], bytes]
 
 
 class BeliefFollower:
-    """Follows what robots believe, before dilatation; `listeners` has the fog of each, by robot number."""
+    """Follows the robots' beliefs, before dilatation; `listeners` has the fog of each, by robot number."""
 
     def __init__(self, numbers: Collection[int], make: Callable[[int], Listener], kept_ticks: int) -> None:
         """Start without knowledge.

@@ -86,7 +86,6 @@ class RobotState:
     decision_ms: float | None = None  # wall time of its last decision; None when unknown
     # time since another robot (if unknown or without one, the source) last heard it; None if never
     heard_s: float | None = None
-    rejected: int | None = None  # frames that it has rejected so far; None when unknown, as in a replay
     trapped: Trapped | None = None  # None for a robot that is not, or while this is being computed
     radio_wrong: str = ""  # what is wrong with its direct radio, as it reports; empty if nothing is known
 

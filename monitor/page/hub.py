@@ -1,7 +1,7 @@
 """Connects one source with many viewers: one thread reads the source and packs what each viewer needs next.
 
 A viewer receives the next frame only after it has reported the last one as drawn. So a slow or stopped browser skips
-frames and costs nothing. What several viewers need is packed once.
+frames and costs nothing. Packets for several viewers are packed once.
 """
 
 from __future__ import annotations

@@ -87,7 +87,7 @@ class BeliefWatcher(Watcher):
         self._key = key
         self._robots = chosen_robots(run, work) if robots is None else tuple(robots)
         numbers = [run.numbers[index] for index in self._robots]
-        self._beliefs = BeliefFollower(numbers, self._listener, run.links.late + 1)
+        self._beliefs = BeliefFollower(numbers, self._make_listener, run.links.late + 1)
         self._records = iter(run.journal.ticks)
         self._ended: dict[int, set[int]] = defaultdict(set)
         for event in run.events:
@@ -122,7 +122,7 @@ class BeliefWatcher(Watcher):
         mean, mfow = (np.array(rows, dtype=np.float64).reshape(shape) for rows in (self._mean, self._mfow))
         return BeliefErrors(ticks, self._robots, mean, mfow, exact=False)
 
-    def _listener(self, number: int) -> Listener:
+    def _make_listener(self, number: int) -> Listener:
         prepared = self._run.prepared
         inboxes = inboxes_of(prepared.scenario, [number], prepared.terrain.bounds, self._key)
         return Listener(self._footprint, prepared.fields[number].patrolled, inboxes, number, self._run.closings)

@@ -135,8 +135,8 @@ class _LookLog(BeliefWatcher):
         self._at.append(tick)
         self._poses.extend((pose.x, pose.y, pose.heading))
 
-    def _listener(self, number: int) -> Listener:
-        noting = _LookRecorder(self._footprint, _NOWHERE, super()._listener(number).inboxes, number)
+    def _make_listener(self, number: int) -> Listener:
+        noting = _LookRecorder(self._footprint, _NOWHERE, super()._make_listener(number).inboxes, number)
         noting.note = self._note_look
         self.fresh.add(self.ticks)
         return noting

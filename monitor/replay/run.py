@@ -177,7 +177,7 @@ def open_run(folder: Path, key: Path | None = None) -> Run:
 
 
 def prepared_in(folder: Path, journal: Journal) -> Prepared:
-    """Prepare the scenario in a run's folder, without what operators have added.
+    """Prepare the scenario in a run's folder, without the operators' additions.
 
     The folder may come from a stranger, so no file outside of it is opened.
     """

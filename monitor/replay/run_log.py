@@ -58,7 +58,7 @@ class RunLog:
         until = self._now() + BUDGET_S
         while self._next is not None:
             if self._fog_ready(self._next.k):
-                self._take(self._next)
+                self._take_tick(self._next)
                 self._next = next(self._records, None)
             if self._now() > until:
                 return
@@ -71,7 +71,7 @@ class RunLog:
         self._replay.fog(self._fog_k)
         return self._fog_k == k
 
-    def _take(self, record: TickRecord) -> None:
+    def _take_tick(self, record: TickRecord) -> None:
         self.links.tick(record)
         events = self._watch.tick(record, lambda: self._replay.fog(record.k).last_seen, self._run.closings)
         self._ticks = record.k + 1

@@ -11,7 +11,7 @@ MOST_LINKS = 400
 
 
 def links_section(run: Run) -> str:
-    """Describe what happened to the frames: counts, causes of loss, and a table of links.
+    """Describe the fates of the frames: counts, causes of loss, and a table of links.
 
     Of a direct radio, only the robots' reports are known.
     """

@@ -51,7 +51,7 @@ class ClassSection(Section):
     """A section that may name a class of one's own.
 
     `NAMED` is the field that does, such as ``sensor.kind``; the one after it has the SHA-256 of the class's file, if it
-    comes from one. `SORT` is what is named, such as ``sensor``. A run's folder keeps the file in a folder of that name.
+    comes from one. `SORT` is its kind, such as ``sensor``. A run's folder keeps the file in a folder of that name.
     """
 
     NAMED: ClassVar[str]

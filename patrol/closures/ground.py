@@ -1,4 +1,4 @@
-"""Ground some of whose points are closed for now, and what a sensor sees of it.
+"""Ground some of whose points are closed for now, and the points that a sensor sees of it.
 
 A robot that stands before a closed door sees the points up to it, and that the door's own points are blocked:
 
@@ -8,7 +8,7 @@ A robot that stands before a closed door sees the points up to it, and that the 
     . . . . # . .
 
 The world shows a robot the faces, and the robot's own view of the ground without the points that it believes blocked
-ends at the same points. So both use what stands here.
+ends at the same points. So both use the code here.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ class ChangingFootprint(Footprint):
         self.all_round, self.leaves_age = now.all_round, now.leaves_age
 
     def visible(self, pose: Pose) -> View:
-        """The points seen from a pose, with what is closed now."""
+        """The points seen from a pose, as doors are closed now."""
         return self._now.visible(pose)
 
     def close(self, closed: BoolGrid) -> None:

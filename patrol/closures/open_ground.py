@@ -79,7 +79,7 @@ class OpenGround:
         return sorted(number for number, out in self._out.items() if np.count_nonzero(out) > half)
 
     def _visible_ground(self, terrain: Terrain, places: Mapping[int, Place]) -> dict[int, BoolGrid]:
-        """Return what each robot can get to and see, by number."""
+        """Return the points that each robot can get to and see, by number."""
         scenario = self._prepared.scenario
         labels: dict[float, tuple[BoolGrid, NDArray[np.int32]]] = {}
         parts: dict[tuple[float, int], BoolGrid] = {}

@@ -56,7 +56,7 @@ class ClosedPoints:
         self.grid: BoolGrid = np.zeros(terrain.shape, dtype=np.bool_)
 
     def take(self, event: Event) -> bool:
-        """Take in what an event says of a closure; return False for an event about anything else."""
+        """Take in an event of a closure; return False for an event about anything else."""
         if (name := closure_of(event)) not in self.points:
             return False
         if event.kind == WAITING:
@@ -93,7 +93,7 @@ class Closings:
                 self._waiting.append(frozenset(self.now.waiting))
 
     def show(self, k: int, footprint: Footprint) -> None:
-        """Close on a sensor's ground what is closed in a tick.
+        """Close on a sensor's ground the closures of a tick.
 
         Nothing else may close that ground.
         """

@@ -1,4 +1,4 @@
-"""Batteries: the charge of each robot, from what it did tick by tick.
+"""Batteries: the charge of each robot, from its moves tick by tick.
 
 A robot uses `idle` watts all the time and `drive` joules for each metre. It charges while it stands within the radius
 of a dock; a dock charges one robot at a time, the one nearest to its place. Metres are those of the command, which
@@ -42,7 +42,7 @@ class Batteries:
     """
 
     def __init__(self, scenario: Scenario) -> None:
-        """Begin with what each battery holds at first."""
+        """Begin with each battery's first charge."""
         self._step = scenario.step
         self._docks = scenario.docks
         self._models = {spec.number: spec.model for spec in scenario.roster}
@@ -71,7 +71,7 @@ class Batteries:
             self._levels_j[number] = self._specs[number].start * self._specs[number].capacity_j
 
     def tick(self, rows: Iterable[RobotTick]) -> None:
-        """Take in what the robots did in a tick."""
+        """Take in the robots' moves of a tick."""
         if not self._specs:
             return
         powered: dict[int, tuple[RobotTick, float]] = {}

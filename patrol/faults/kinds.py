@@ -294,7 +294,7 @@ class Spoof(OnFrames):
 
 
 class OnSenses(OnRobots, Lasting):
-    """A fault of what robots measure."""
+    """A fault of the robots' measurements."""
 
     acts_on = "senses"
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 from patrol.errors import did_you_mean
 from patrol.faults.kinds import STRANGER, Fault, Forgery, OnClosure, OnLinks, Partition, Spoof
-from patrol.faults.targets import Drawing, Target, check_name, check_who, meant
+from patrol.faults.targets import Drawing, TargetField, check_name, check_who, meant
 from patrol.values import wrong
 
 
@@ -52,7 +52,7 @@ def check_faults(
         if isinstance(fault, Partition):
             _check_partition(fault, names, fleet, f"{where}.groups")
         if isinstance(fault, Spoof) and fault.by != STRANGER:
-            _check_insider(fault, names, spares, (seed, index, Target.AS))
+            _check_insider(fault, names, spares, (seed, index, TargetField.AS))
         if isinstance(fault, OnLinks):
             _check_links(fault, names, spares, seed, index)
         if isinstance(fault, OnClosure) and fault.closure not in closures:
@@ -70,10 +70,10 @@ def _check_partition(fault: Partition, names: Sequence[str], fleet: int, where: 
 def _check_links(fault: OnLinks, names: Sequence[str], spares: frozenset[int], seed: int, place: int) -> None:
     """Raise if the draws leave no link, with one robot as both sender and receiver."""
     numbers = {name: number for number, name in enumerate(names, start=1)}
-    sources = meant(fault.sources, numbers, spares, (seed, place, Target.FROM))
+    sources = meant(fault.sources, numbers, spares, (seed, place, TargetField.FROM))
     if (
         len(names) > 1
-        and sources == meant(fault.targets, numbers, spares, (seed, place, Target.TO))
+        and sources == meant(fault.targets, numbers, spares, (seed, place, TargetField.TO))
         and len(sources) == 1
     ):
         name = names[sources[0] - 1]

@@ -22,7 +22,7 @@ WORDS = ("one", "minority", "half", "all")
 """Targets by size; in a target these words never mean a robot of that name, in a list of names they do."""
 
 
-class Target(IntEnum):
+class TargetField(IntEnum):
     """The one of a fault's targets that a draw is for."""
 
     WHO = 0
@@ -32,7 +32,7 @@ class Target(IntEnum):
     AS = 4
 
 
-Drawing = tuple[int, int, Target]
+Drawing = tuple[int, int, TargetField]
 """Arguments of a target's draw: the scenario's seed, the fault's place among all faults, and the field."""
 
 

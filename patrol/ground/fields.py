@@ -52,7 +52,7 @@ class StaticFields:
 
     @staticmethod
     def load(folder: Path) -> StaticFields:
-        """Load what `save` wrote into a folder, memory-mapped and read-only."""
+        """Load the fields that `save` wrote into a folder, memory-mapped and read-only."""
         cspace, reach, patrolled, proxy = (load_grid(folder / f"{name}.npy") for name in GRIDS)
         return StaticFields(cspace, reach, patrolled, proxy)
 

@@ -73,7 +73,7 @@ class Fog:
     def observe_each(self, looks: Looks, chosen: NDArray[np.uint8]) -> None:
         """Take in those of many footprints for which `chosen`, uint8, is not 0.
 
-        What the mean needs is counted when it is asked for.
+        The mean's terms are counted when it is asked for.
         """
         places = looks.rows, looks.cols, looks.ticks
         observe_each(self.last_seen, self.patrolled, looks.masks, *places, chosen)

@@ -1,4 +1,4 @@
-"""Marks: what maps show of a scenario's sections, such as the outline of a zone or the place of a dock.
+"""Marks of a scenario's sections on maps, such as the outline of a zone or the place of a dock.
 
 A section says itself how it is marked, so maps draw whatever there is (`patrol.scenario.marks`). `patrol.palette.MARKS`
 has the colours.

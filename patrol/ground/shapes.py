@@ -45,7 +45,7 @@ def _polygon_edges(corners: Sequence[tuple[float, float]]) -> list[_Edge]:
 def _paint_polygon(
     covered: BoolGrid, edges: Sequence[_Edge], rows: NDArray[np.int64], cols: NDArray[np.int64]
 ) -> BoolGrid:
-    """Mark what lies inside of a polygon, and what its edges run through, within some rows and columns."""
+    """Mark the points inside of a polygon, and those that its edges run through, within some rows and columns."""
     xs = np.asarray(cols + 0.5, dtype=np.float64)
     # Where an edge crosses the middle of a row, inside and outside change places for all that lies left of it.
     flips = np.zeros((rows.size, cols.size + 1), dtype=np.bool_)

@@ -27,7 +27,7 @@ class _Rows(Sequence[Row], Generic[Row]):
     def __init__(self, source: Column, destination: Column, sequence: Column | None) -> None:
         """Take the columns, int64 (n,), which must not change any more.
 
-        The sequence is that of `patrol.journal.records.frame_sequence`; None where `_laid` lays it out.
+        The sequence is that of `patrol.journal.records.frame_sequence`; None where `_compute_sequences` lays it out.
         """
         self.source = source
         self.destination = destination
@@ -37,7 +37,7 @@ class _Rows(Sequence[Row], Generic[Row]):
     def sequence(self) -> Column:
         """The frames' sequences, int64 (n,)."""
         if self._sequence is None:
-            self._sequence = self._laid()
+            self._sequence = self._compute_sequences()
         return self._sequence
 
     def __len__(self) -> int:
@@ -51,17 +51,17 @@ class _Rows(Sequence[Row], Generic[Row]):
 
     def __getitem__(self, index: int | slice) -> Row | tuple[Row, ...]:
         if isinstance(index, slice):
-            return tuple(self._rows(index))
-        return next(iter(self._rows(slice(index, index + 1 or None))))
+            return tuple(self._iterate_rows(index))
+        return next(iter(self._iterate_rows(slice(index, index + 1 or None))))
 
     def __iter__(self) -> Iterator[Row]:
-        return self._rows(slice(None))
+        return self._iterate_rows(slice(None))
 
     def __eq__(self, other: object) -> bool:
         if other is self:
             return True
         if isinstance(other, _Rows) and (isinstance(other, type(self)) or isinstance(self, type(other))):
-            return len(self) == len(other) and self._equals(other)
+            return len(self) == len(other) and self._has_equal_rows(other)
         if isinstance(other, Sequence) and not isinstance(other, str | bytes):
             return len(self) == len(other) and all(mine == row for mine, row in zip(self, other, strict=True))
         return NotImplemented
@@ -72,15 +72,15 @@ class _Rows(Sequence[Row], Generic[Row]):
     def __repr__(self) -> str:
         return f"{type(self).__name__}({tuple(self)!r})"
 
-    def _rows(self, part: slice) -> Iterator[Row]:
+    def _iterate_rows(self, part: slice) -> Iterator[Row]:
         columns = (self.source[part].tolist(), self.destination[part].tolist(), self.sequence[part].tolist())
         return cast("Iterator[Row]", zip(*columns, strict=True))
 
-    def _laid(self) -> Column:
+    def _compute_sequences(self) -> Column:
         """Return the sequences, where they were not given."""
         raise NotImplementedError
 
-    def _equals(self, other: Any) -> bool:
+    def _has_equal_rows(self, other: Any) -> bool:
         """Return True if rows of the same kind that are as many are the same."""
         return (
             _columns_equal(self.sequence, other.sequence)
@@ -136,13 +136,13 @@ class WholeLinks(Links):
         self.pairs = pairs
         self.of_frames = of_frames
 
-    def _laid(self) -> Column:
+    def _compute_sequences(self) -> Column:
         return self.of_frames[self.pairs.frame]
 
-    def _equals(self, other: Any) -> bool:
+    def _has_equal_rows(self, other: Any) -> bool:
         if isinstance(other, WholeLinks) and np.array_equal(self.of_frames, other.of_frames):
             return self.pairs is other.pairs or all(map(_columns_equal, self.pairs[:3], other.pairs[:3]))
-        return super()._equals(other)
+        return super()._has_equal_rows(other)
 
 
 class Drops(_Rows[tuple[int, int, int, str]]):
@@ -160,13 +160,13 @@ class Drops(_Rows[tuple[int, int, int, str]]):
         self.cause = cause
         self.causes = causes
 
-    def _rows(self, part: slice) -> Iterator[tuple[int, int, int, str]]:
+    def _iterate_rows(self, part: slice) -> Iterator[tuple[int, int, int, str]]:
         columns = (self.source[part].tolist(), self.destination[part].tolist(), self.sequence[part].tolist())
         names = self.causes
         return zip(*columns, (names[cause] for cause in self.cause[part].tolist()), strict=True)
 
-    def _equals(self, other: Any) -> bool:
-        if not super()._equals(other):
+    def _has_equal_rows(self, other: Any) -> bool:
+        if not super()._has_equal_rows(other):
             return False
         if self.causes == other.causes:
             return _columns_equal(self.cause, other.cause)

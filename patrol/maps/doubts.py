@@ -55,7 +55,7 @@ UNKNOWN_GREYS = (205, 206)
 
 
 def doubts(terrain: Terrain) -> list[str]:
-    """Describe what is doubtful about the reading of a terrain's map, each with the remedy, in one line.
+    """Describe the doubts about the reading of a terrain's map, each with the remedy, in one line.
 
     The map is read again. A terrain that was read from no map has no doubts.
     """
@@ -173,7 +173,7 @@ def _setting_doubts(says: MapFile, image: MapImage) -> Iterator[str]:
     best = max(freed, key=lambda spelled: freed[spelled])
     if "negate" in best or freed[best] > max(SEVERAL * now.share, NEARLY_NOTHING):
         remedy = "if the image shows something else, correct negate, mode or the thresholds"
-        yield f"{_shares_text(says, image)}; {remedy} ({best} would make {_percent(freed[best])} free)"
+        yield f"{_shares_text(says, image)}; {remedy} ({best} would make {_format_percent(freed[best])} free)"
 
 
 def _border_of(grid: NDArray[Any]) -> NDArray[Any]:
@@ -255,12 +255,12 @@ def _shares_text(says: MapFile, image: MapImage) -> str:
     unknown = max(1.0 - free - occupied, 0.0)
     return (
         f"negate = {str(says.negate).lower()}, mode = {says.mode}, free_thresh = {says.free_thresh:g} and "
-        f"occupied_thresh = {says.occupied_thresh:g} make {_percent(free)} of its cells free, {_percent(occupied)} "
-        f"occupied and {_percent(unknown)} unknown"
+        f"occupied_thresh = {says.occupied_thresh:g} make {_format_percent(free)} of its cells free, "
+        f"{_format_percent(occupied)} occupied and {_format_percent(unknown)} unknown"
     )
 
 
-def _percent(share: float) -> str:
+def _format_percent(share: float) -> str:
     return f"{100.0 * share:.1f} %"
 
 

@@ -35,8 +35,8 @@ def fits_nowhere(terrain: Terrain, radius: float, default: bool = False) -> str:
     if largest_m >= LEAST_RADIUS:
         remedies.append(f"a radius of at most {largest_m:g} m")
     return (
-        f"{_named(radius, default)}: a body this wide fits nowhere on {terrain.name}, on points of {terrain.point:g} "
-        f"m; use {' or '.join(remedies or ['a smaller radius'])}"
+        f"{_name_value(radius, default)}: a body this wide fits nowhere on {terrain.name}, on points of "
+        f"{terrain.point:g} m; use {' or '.join(remedies or ['a smaller radius'])}"
     )
 
 
@@ -57,8 +57,8 @@ def fits_no_door(
     if passing >= LEAST_RADIUS or not remedies:
         remedies.append("your robot's own radius" if default else "a smaller radius")
     return (
-        f"{_named(radius, default)}: too wide for every door of {terrain.name}, on points of {terrain.point:g} m; the "
-        f"widest, at ({widest.x:.2f}, {widest.y:.2f}), is {widest.width:.2f} m wide and {lets}; use "
+        f"{_name_value(radius, default)}: too wide for every door of {terrain.name}, on points of {terrain.point:g} m; "
+        f"the widest, at ({widest.x:.2f}, {widest.y:.2f}), is {widest.width:.2f} m wide and {lets}; use "
         f"{' or '.join(remedies)}, or give starts to patrol one room"
     )
 
@@ -75,7 +75,7 @@ def no_room_for_all(terrain: Terrain, radius: float, robots: int, why: str) -> s
     return f"robots: {fleet} do not fit on {terrain.name}: {why}; use {', or '.join(remedies)}"
 
 
-def _named(radius: float, default: bool) -> str:
+def _name_value(radius: float, default: bool) -> str:
     """Return the field with its value."""
     return f"robots.radius = {radius:g}{', the default' if default else ''}"
 

@@ -112,7 +112,7 @@ def read_map_file(path: Path, within: Path | None = None) -> MapFile:
 
 
 def map_meaning(path: Path) -> dict[str, Any]:
-    """Return what a map's YAML file means, with the SHA-256 (hex) of its image; where they lie does not matter."""
+    """Return the meaning of a map's YAML file, with the SHA-256 (hex) of its image; where they lie does not matter."""
     says = read_map_file(path)
     try:
         image = read_untrusted(says.image, IMAGE)

@@ -1,4 +1,4 @@
-"""The session between the world and a robot's process: the states of both ends, and what moves them.
+"""The session between the world and a robot's process: the states of both ends, and the events that move them.
 
 Theory of operation
 ===================
@@ -166,7 +166,7 @@ class Refuse:
 
 @dataclass(frozen=True, slots=True)
 class Deliver:
-    """Hand on what the mind hears, or an answer for the tick that may wait for it."""
+    """Hand on frames for the mind, or an answer for the tick that may wait for it."""
 
     message: PhaseB | ReplyA | ReplyB
 

@@ -24,7 +24,7 @@ class GroupDown(Exception):
 
 
 class Group(Carrier):
-    """A member of a multicast group (`patrol.net.mailbox.Air`). It does not hear what it sends itself."""
+    """A member of a multicast group (`patrol.net.mailbox.Air`). It does not hear its own messages."""
 
     def __init__(self, out: socket.socket, into: socket.socket, address: tuple[str, int]) -> None:
         super().__init__()

@@ -1,4 +1,4 @@
-"""Opens what a process of a fleet needs: the link to the router, and what carries positions where that is another."""
+"""Opens the links of a process of a fleet: to the router, and for positions where that is another."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ def open_air(
     credentials: Credentials | None = None,
     callers: Mapping[int, str] = MappingProxyType({}),
 ) -> Air:
-    """Open what carries positions alone: a group, a serial line, a mesh, or a router of its own."""
+    """Open the link for positions alone: a group, a serial line, a mesh, or a router of its own."""
     if is_group(radio):
         return open_group(radio)
     if is_serial(radio):

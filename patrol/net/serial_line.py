@@ -121,7 +121,7 @@ class SerialDown(Exception):
 
 
 class SerialLine(Carrier):
-    """One end of a serial line (`patrol.net.mailbox.Air`). It does not hear what it sends itself.
+    """One end of a serial line (`patrol.net.mailbox.Air`). It does not hear its own messages.
 
     A line that goes down, such as that of an adapter that is unplugged, is opened again when it is back. `dropped`
     counts frames that the line did not take.

@@ -74,7 +74,7 @@ class ProcessContext:
 
     @property
     def static(self) -> Path | None:
-        """The folder with what the launcher has prepared; None where this process prepares it."""
+        """The folder that the launcher has prepared; None where this process prepares it."""
         return getattr(self.options, "static", None)
 
     def leaving(self) -> bool:
@@ -170,7 +170,7 @@ class ProcessContext:
         warm(packages, self.log.info, () if scenario is None else seldom_kernels(scenario))
 
     def prepare(self, scenario: Scenario) -> Prepared:
-        """Prepare the scenario, or load what the launcher has prepared; `AskedToLeave` ends the wait for that."""
+        """Prepare the scenario, or load the launcher's preparation; `AskedToLeave` ends the wait for that."""
         from patrol.prepare import Prepared, prepare
 
         static = self.static
@@ -197,7 +197,7 @@ def run_with(
     on_death: Callable[[], None] = lambda: None,
     patience: int | None = None,
 ) -> int:
-    """Run a process's work, close what it has opened, and return the exit code.
+    """Run a process's work, close all that it has opened, and return the exit code.
 
     That is the code of `work`, 2 for bad input, and 130 where the process was asked to leave before it could begin.
     Lines for people about an error that ends the process begin with `prefix`, by default the name and a colon.

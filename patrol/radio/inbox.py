@@ -144,7 +144,7 @@ class Inboxes:
         self._longest_step_cm = m_to_cm(rules.speed * rules.step * rules.trail_every + ROUNDING)
 
     def clear(self, number: int) -> None:
-        """Forget what a listener has heard and refused: another process or mind takes its place."""
+        """Forget the frames that a listener has heard and refused: another process or mind takes its place."""
         row = self._row[number]
         self._cells[row] = np.zeros((), dtype=CELL)
         self._cells["sequence"][row] = NOTHING

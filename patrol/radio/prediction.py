@@ -23,7 +23,7 @@ class Predictor:
     """Predicts robots on one terrain."""
 
     def __init__(self, terrain: Terrain, trail_every: int, horizon: int) -> None:
-        """Make a predictor with what all robots of a fleet know.
+        """Make a predictor with the knowledge of all robots of a fleet.
 
         `trail_every` is the number of ticks between the places of a trail, and `horizon` the ticks after which a
         prediction stands still.

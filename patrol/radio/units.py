@@ -1,8 +1,8 @@
-"""The units of the wire: whole centimetres, milliradians and milliseconds, and what they are in m, rad and s.
+"""The units of the wire: whole centimetres, milliradians and milliseconds, and their values in m, rad and s.
 
 Everything inside a program is in metres, radians and seconds (`patrol.pose`); only a position message is not. These
 functions scale and do not round: `patrol.radio.message` rounds when it makes a frame. There each pose is scaled with
-the numbers themselves, because a call costs more than what it does.
+the numbers themselves, because a call costs more than its work.
 """
 
 from __future__ import annotations

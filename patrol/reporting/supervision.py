@@ -40,7 +40,7 @@ class Notifier:
         self._ready = False
 
     def alive(self) -> None:
-        """Tell that the loop turns, the first time that the process is ready; called in each round of the loop.
+        """Tell that the loop turns, the first time that the process is ready; called in each turn of the loop.
 
         It sends four times within the manager's patience, however often it is called.
         """

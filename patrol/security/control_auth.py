@@ -104,7 +104,7 @@ class ControlGate:
         """
         if len(nonce) != NONCE:
             raise RequestRefused(f"a nonce has {NONCE} bytes")
-        ticket = self._ticket(int(self._now() * 1000.0), nonce)
+        ticket = self._make_ticket(int(self._now() * 1000.0), nonce)
         mac = _compute_mac(self._token, b"challenge", self._fleet, self._run, nonce, ticket)
         return _CHALLENGED.pack(mac, self._run, ticket)
 
@@ -126,7 +126,7 @@ class ControlGate:
             raise RequestRefused("the request's sender does not know the token")
         made_ms = _TICKET.unpack(ticket)[0]
         until = made_ms / 1000.0 + LIFETIME_S
-        if not hmac.compare_digest(ticket, self._ticket(made_ms, nonce)) or self._now() > until:
+        if not hmac.compare_digest(ticket, self._make_ticket(made_ms, nonce)) or self._now() > until:
             raise RequestRefused("the request's ticket is not ours or too old")
         before = self._obeyed.get(nonce)
         if before is not None and before.mac != mac:
@@ -142,7 +142,7 @@ class ControlGate:
 
         return Admitted(_parse_control(control), seal, None if before is None else before.answer)
 
-    def _ticket(self, made_ms: int, nonce: bytes) -> bytes:
+    def _make_ticket(self, made_ms: int, nonce: bytes) -> bytes:
         tag = hashlib.blake2b(struct.pack("<Q", made_ms) + nonce, key=self._secret, digest_size=16).digest()
         return _TICKET.pack(made_ms, tag)
 
@@ -206,7 +206,7 @@ class ControlClient:
         fleet, nonce = self.keys.fleet, self.random(NONCE)
         strangers = 0
         for _, received in self.link.answers_until((self.keys.control(CHALLENGE),), nonce, MAX_ANSWER, wait_s):
-            if (run_and_ticket := self._ticket(received, nonce)) is not None:
+            if (run_and_ticket := self._read_ticket(received, nonce)) is not None:
                 break
             strangers += 1
         else:
@@ -224,7 +224,7 @@ class ControlClient:
             strangers += 1
         raise Unanswered(self._why_silent(strangers, wait_s))
 
-    def _ticket(self, given: bytes, nonce: bytes) -> tuple[int, bytes] | None:
+    def _read_ticket(self, given: bytes, nonce: bytes) -> tuple[int, bytes] | None:
         """Read run and ticket from an answer to a challenge; return None without a valid MAC."""
         if len(given) != _CHALLENGED.size:
             return None

@@ -58,7 +58,7 @@ NEIGHBOURS = 4
 """Places of a tour beside which a new one may be put in."""
 
 PASSES = 8
-"""Largest number of times that all places are tried in one round."""
+"""Largest number of times that all places are tried in a row."""
 
 
 Flat = NDArray[np.int64]

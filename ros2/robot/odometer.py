@@ -120,7 +120,7 @@ class Odometer:
         driven_m = 0.0
         if last is not None:
             lapsed_s = min(max(0.0, arrived_s - last.arrived_s), _DRIVEN_S)
-            driven_m = last.driven_m + _speed(message.twist) * lapsed_s
+            driven_m = last.driven_m + _measure_speed(message.twist) * lapsed_s
         return OdometryReading(stamp_s, arrived_s, message.pose, message.twist, driven_m)
 
     def _note_sender(self, sender: bytes, arrived_s: float) -> None:
@@ -150,7 +150,7 @@ class Odometer:
         """Return True if a body that was at the one can be at the other."""
         lapsed_s = max(after.stamp_s - before.stamp_s, after.arrived_s - before.arrived_s, 0.0)
         time_s = min(lapsed_s, SETTLED_S) + self._settings.fresh_s  # messages that waited arrive together
-        speed = max(self._settings.speed, min(_speed(before.twist), _speed(after.twist)))
+        speed = max(self._settings.speed, min(_measure_speed(before.twist), _measure_speed(after.twist)))
         reported = min(abs(before.twist.turn_rate), abs(after.twist.turn_rate)) * time_s
         unseen = self._settings.turn_rate * max(0.0, min(lapsed_s, SETTLED_S) - USUAL_S)
         moved, turned = apart(before.pose, after.pose)
@@ -160,5 +160,5 @@ class Odometer:
         )
 
 
-def _speed(twist: Twist) -> float:
+def _measure_speed(twist: Twist) -> float:
     return math.hypot(twist.vx, twist.vy)

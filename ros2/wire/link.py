@@ -104,7 +104,7 @@ class ZenohRos2Link:
                 express=True,
             )
         self._declared.append(publisher)
-        attacher = self._attacher(self._make_entity(EntityKind.PUBLISHER, full, type_name, qos))
+        attacher = self._make_attacher(self._make_entity(EntityKind.PUBLISHER, full, type_name, qos))
         return _Publisher(publisher, attacher)
 
     def subscribe(self, topic: str, kind: type[M], mailbox: RosMailbox[M], qos: Qos = USUAL) -> None:
@@ -132,7 +132,9 @@ class ZenohRos2Link:
         full = self.resolve(name)
         payload = encode(request)
         if full not in self._clients:
-            self._clients[full] = self._attacher(self._make_entity(EntityKind.CLIENT, full, service.type_name, SERVICE))
+            self._clients[full] = self._make_attacher(
+                self._make_entity(EntityKind.CLIENT, full, service.type_name, SERVICE)
+            )
         mailbox: RosMailbox[A] = RosMailbox()
 
         def receive(reply: zenoh.Reply) -> None:
@@ -233,7 +235,7 @@ class ZenohRos2Link:
         if self._format.attaches:
             self._declared.append(self._session.liveliness().declare_token(entity.token))
 
-    def _attacher(self, entity: Entity) -> Attacher:
+    def _make_attacher(self, entity: Entity) -> Attacher:
         """Show a publisher or client, and return the maker of its attachments, which count its messages."""
         self._show_entity(entity)
         if not self._format.attaches:

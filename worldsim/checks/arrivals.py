@@ -65,12 +65,12 @@ class OnTime(Check):
         if not entries and not self._due:
             self._at_once(record, landed)
             return
-        self._expect(record, entries)
+        self._expect_arrivals(record, entries)
         for link in landed:
-            self._land(link, record.k)
+            self._match_arrival(link, record.k)
         for link in self._last.pop(record.k, ()):
             if any(last <= record.k for _, last in self._due.get(link, ())):
-                self._wrong(link, f"should have arrived by tick {record.k}")
+                self._fail_frame(link, f"should have arrived by tick {record.k}")
 
     def _end(self) -> str:
         return f"{self._arrived} frames arrived in time"
@@ -82,25 +82,25 @@ class OnTime(Check):
         if places is None or (landed.sequence != record.k).any() or (np.diff(np.sort(places)) == 0).any():
             for link, times in Counter(landed).items():
                 if sent_at(link[2]) != record.k:
-                    self._wrong(link, f"arrived in tick {record.k}")
+                    self._fail_frame(link, f"arrived in tick {record.k}")
                 elif times > 1:
-                    self._wrong(link, f"arrived {times} times")
+                    self._fail_frame(link, f"arrived {times} times")
         for row in (*record.copies, *record.delayed):
-            self._wrong(row[:3], f"was copied or delayed by {row[3]}, which is not active")
+            self._fail_frame(row[:3], f"was copied or delayed by {row[3]}, which is not active")
 
-    def _expect(self, record: TickRecord, entries: Sequence[Entry]) -> None:
+    def _expect_arrivals(self, record: TickRecord, entries: Sequence[Entry]) -> None:
         """Note the ticks in which the frames of a tick may arrive."""
         delayed, copied = _by_link(record.delayed), _by_link(record.copies)
         for origin, link in airborne(record, self._run.forgers):
             on = {entry.id: entry for entry in entries if on_link(entry, origin, link[1])}
             holders = delayed.pop(link, [])
-            takes = self._takes(link, on, holders)
+            takes = self._bound_delay(link, on, holders)
             spans = [takes]
             copies = copied.pop(link, [])
             for fault in copies:
                 entry = on.get(fault)
                 if entry is None or not isinstance(entry.fault, Duplicate) or copies.count(fault) > 1:
-                    self._wrong(link, f"was copied by {fault}, which does not copy it")
+                    self._fail_frame(link, f"was copied by {fault}, which does not copy it")
                     continue
                 extra = (0.0, 0.0) if entry.fault.delay is None else bounds(entry.fault.delay)
                 spans.append((takes[0] + extra[0], takes[1] + extra[1]))
@@ -114,9 +114,9 @@ class OnTime(Check):
                 if last < math.inf:
                     self._last[last].append(link)
         for link in (*delayed, *copied):
-            self._wrong(link, "was copied or delayed, but was not in flight")
+            self._fail_frame(link, "was copied or delayed, but was not in flight")
 
-    def _takes(self, link: Link, on: dict[str, Entry], delayers: Sequence[str]) -> Span:
+    def _bound_delay(self, link: Link, on: dict[str, Entry], delayers: Sequence[str]) -> Span:
         """Return the least and the longest time (s) of a frame that, by the journal, these faults delayed, or none."""
         lowest = greatest = 0.0
         for fault, entry in on.items():
@@ -130,11 +130,11 @@ class OnTime(Check):
                 greatest += hold * (fault in delayers or not delayers)
         for fault in delayers:
             if fault not in on or isinstance(on[fault].fault, Duplicate):
-                self._wrong(link, f"was delayed by {fault}, which does not delay it")
+                self._fail_frame(link, f"was delayed by {fault}, which does not delay it")
         if delayers and self._heard_in(0, greatest) < 1:
-            self._wrong(link, "was recorded as delayed, but by too little to arrive in a later tick")
+            self._fail_frame(link, "was recorded as delayed, but by too little to arrive in a later tick")
         if not delayers and self._heard_in(0, lowest) > 0:
-            self._wrong(link, "was not delayed and should have been")
+            self._fail_frame(link, "was not delayed and should have been")
         at_once_s = SOON * self._step
         return (max(lowest, at_once_s), greatest) if delayers else (lowest, min(greatest, at_once_s))
 
@@ -145,27 +145,27 @@ class OnTime(Check):
         # Rounding must not put a frame off to the next tick.
         return k + max(0, math.ceil((seconds - SOON * self._step) / self._step - 1e-9))
 
-    def _land(self, link: Link, k: int) -> None:
+    def _match_arrival(self, link: Link, k: int) -> None:
         """Match an arriving copy of a frame to the span that is open now and closes first."""
         spans = self._due.get(link, [])
         fitting = [span for span in spans if span[0] <= k]
         if not fitting:
             first = min((first for first, _ in spans), default=None)
             late = "once too often" if first is None else f"and should not have before tick {first:g}"
-            self._wrong(link, f"arrived in tick {k} {late}")
+            self._fail_frame(link, f"arrived in tick {k} {late}")
             return
         spans.remove(min(fitting, key=lambda span: span[1]))
         if not spans:
             del self._due[link]
 
-    def _wrong(self, link: Link, problem: str) -> None:
+    def _fail_frame(self, link: Link, problem: str) -> None:
         self._fail(f"frame {link[2]} {self._way(link)} {problem}")
 
 
 class ShareCheck(Check):
     """A check of how often faults act on frames, as far as chance allows (`chance.py`).
 
-    A subclass counts in `_series`, by the indices of its faults, and says in `_details` what it found.
+    A subclass counts in `_series`, by the indices of its faults, and gives its counts in `_list_counts`.
     """
 
     of_ether = True
@@ -175,19 +175,19 @@ class ShareCheck(Check):
         self._series: dict[int, list[Series]] = {}
         self._alarm = alarm_of(run.timeline)
 
-    def _add(self, entry: Entry, p: float, what: str) -> None:
+    def _add_fault(self, entry: Entry, p: float, what: str) -> None:
         """Begin to count how often a fault acts; `p` is its probability."""
         words, expected = f"{entry.id}: {{hits}} of {{draws}} {what}", f", {100.0 * p:.4g} % configured"
         self._series.setdefault(entry.index, []).append(Series(p, words, expected))
 
-    def _details(self) -> Iterator[str]:
+    def _list_counts(self) -> Iterator[str]:
         """Yield the counts as text; nothing where no fault acts by chance."""
         return (series.found() for of_fault in self._series.values() for series in of_fault)
 
     def _end(self) -> str:
         counted = [series for of_fault in self._series.values() for series in of_fault]
         self._fail("; ".join(filter(None, (series.problem(self._alarm) for series in counted))))
-        details = "; ".join(self._details())
+        details = "; ".join(self._list_counts())
         if not details:
             self._unknown = "none of these faults is random"
         elif not any(series.is_told(self._alarm) for series in counted):
@@ -217,15 +217,15 @@ class LossesAsAsked(ShareCheck):
             assert isinstance(entry.fault, Loss)
             rate = entry.fault.rate
             if entry.fault.mean_burst is None:
-                self._add(entry, rate, "frames were lost")
+                self._add_fault(entry, rate, "frames were lost")
                 continue
             recovers = 1.0 / entry.fault.mean_burst
             # With this chance, links are bad for the share `rate` of the time in the long run.
-            self._add(entry, min(rate * recovers / (1.0 - rate), 1.0), "good ticks turned bad")
-            self._add(entry, recovers, "bad ticks turned good")
-            self._add(entry, rate, "links were bad to begin with")
+            self._add_fault(entry, min(rate * recovers / (1.0 - rate), 1.0), "good ticks turned bad")
+            self._add_fault(entry, recovers, "bad ticks turned good")
+            self._add_fault(entry, rate, "links were bad to begin with")
 
-    def _details(self) -> Iterator[str]:
+    def _list_counts(self) -> Iterator[str]:
         for entry in self._entries:
             lost, frames = self._lost[entry.index], self._frames[entry.index]
             share = f"{100.0 * lost / frames:.1f} % of {frames} frames lost" if frames else "no frames"
@@ -237,10 +237,10 @@ class LossesAsAsked(ShareCheck):
             return
         sent, dropped = sent_links(record), drops_of(record.dropped)
         now = (dropped.sequence % (MAX_TICKS + 1) == record.k) & (dropped.source != FORGED)
-        stop = np.array([self._stop(why) for why in dropped.causes], dtype=np.int64)[dropped.cause]
+        stop = np.array([self._find_stop(why) for why in dropped.causes], dtype=np.int64)[dropped.cause]
         for entry in entries:
-            reached = _between(entry, sent) & (sent.source != FORGED)
-            on = now & _between(entry, dropped)
+            reached = _mark_links(entry, sent) & (sent.source != FORGED)
+            on = now & _mark_links(entry, dropped)
             before, lost = on & (stop < entry.index), on & (stop == entry.index)
             frames, hits = int(np.count_nonzero(reached) - np.count_nonzero(before)), int(np.count_nonzero(lost))
             self._frames[entry.index] += frames
@@ -252,17 +252,17 @@ class LossesAsAsked(ShareCheck):
                 continue
             # All frames of a tick share a link's fate, so the first of each sender tells it.
             first = dropped.sequence == record.k
-            bad = _ends(dropped, lost & first)
-            for link in _ends(sent, reached & (sent.sequence == record.k)) - _ends(dropped, before & first):
-                self._turn(entry, record.k, link, link in bad)
+            bad = _list_ends(dropped, lost & first)
+            for link in _list_ends(sent, reached & (sent.sequence == record.k)) - _list_ends(dropped, before & first):
+                self._count_turn(entry, record.k, link, link in bad)
 
-    def _stop(self, cause: str) -> int:
+    def _find_stop(self, cause: str) -> int:
         """Return the index of the loss that is a cause; below all of them where a frame never got as far as a loss."""
         if kind_of(cause) in BEFORE_THE_AIR:
             return -1
         return self._index.get(fault_of(cause), _NEVER) if kind_of(cause) == "loss" else _NEVER
 
-    def _turn(self, entry: Entry, k: int, link: tuple[int, int], is_bad: bool) -> None:
+    def _count_turn(self, entry: Entry, k: int, link: tuple[int, int], is_bad: bool) -> None:
         """Count how a link has turned since the tick before."""
         to_bad, to_good, first = self._series[entry.index]
         before = self._bad[entry.index].get(link)
@@ -292,13 +292,15 @@ class DelaysAsAsked(ShareCheck):
         for entry in self._entries:
             fault = entry.fault
             if isinstance(fault, Duplicate):
-                self._add(entry, fault.rate, "frames were copied")
+                self._add_fault(entry, fault.rate, "frames were copied")
             elif isinstance(fault, Reorder) and (step if fault.hold is None else fault.hold) > (SOON + 1e-6) * step:
-                self._add(entry, fault.rate, "frames were held back")
+                self._add_fault(entry, fault.rate, "frames were held back")
             elif isinstance(fault, Delay) and bounds(fault.delay)[0] < bounds(fault.delay)[1]:
-                ticks = math.floor(_median(fault.delay) / step)
+                ticks = math.floor(_find_median(fault.delay) / step)
                 self._patience[entry.index] = ticks
-                self._add(entry, longer(fault.delay, (ticks + SOON) * step), f"frames took longer than {ticks} ticks")
+                self._add_fault(
+                    entry, longer(fault.delay, (ticks + SOON) * step), f"frames took longer than {ticks} ticks"
+                )
         self._awaited: set[Link] = set()
         self._until: dict[int, list[tuple[Link, Series]]] = defaultdict(list)
 
@@ -313,13 +315,13 @@ class DelaysAsAsked(ShareCheck):
                     if entry.index in self._series and not isinstance(entry.fault, Delay):
                         self._series[entry.index][0].add((*link, entry.id) in befell)
                 if link not in copied:
-                    self._await(on, link, record.k)
+                    self._await_frame(on, link, record.k)
         self._awaited.difference_update(arrived(record))
         for link, series in self._until.pop(record.k, ()):
             series.add(link in self._awaited)
             self._awaited.discard(link)
 
-    def _await(self, on: Iterable[Entry], link: Link, k: int) -> None:
+    def _await_frame(self, on: Iterable[Entry], link: Link, k: int) -> None:
         """Look for a frame when the median delay is over, if a random delay is the only fault that acts on it."""
         holding = [entry.index for entry in on if not isinstance(entry.fault, Duplicate)]
         if len(holding) == 1 and holding[0] in self._patience:
@@ -369,7 +371,7 @@ def longer(wait: Wait, seconds: float) -> float:
     return math.exp(-seconds / first)
 
 
-def _median(wait: Wait) -> float:
+def _find_median(wait: Wait) -> float:
     """Return the median of a wait, s."""
     first, *parameters = wait.values
     match wait.shape:
@@ -380,13 +382,13 @@ def _median(wait: Wait) -> float:
     return first
 
 
-def _between(entry: Entry, links: Links | Drops) -> NDArray[np.bool_]:
+def _mark_links(entry: Entry, links: Links | Drops) -> NDArray[np.bool_]:
     """Mark the links that a fault acts on."""
     on: NDArray[np.bool_] = np.isin(links.source, entry.sources) & np.isin(links.destination, entry.targets)
     return on
 
 
-def _ends(links: Links | Drops, of: NDArray[np.bool_]) -> set[tuple[int, int]]:
+def _list_ends(links: Links | Drops, of: NDArray[np.bool_]) -> set[tuple[int, int]]:
     """Return the sources and destinations of some links."""
     return set(zip(links.source[of].tolist(), links.destination[of].tolist(), strict=True))
 

@@ -83,7 +83,7 @@ class MovesAreTrue(Check):
     """Each body goes from its start where its commands take it, to the bit, and they are within its limits.
 
     Under motion faults it goes where commands and draws take it; the check `motion` judges these draws. Without one it
-    does exactly what it is commanded.
+    does exactly as it is commanded.
 
     A body without a driver, or whose move was cancelled, stays exactly where it is; one that was away comes back at
     its start. A move that was not cancelled touches no wall. For one that was cancelled there is a wall in its way, or
@@ -151,7 +151,7 @@ class MovesAreTrue(Check):
         expected = self._due[row.number]
         # To the bit: both sides are computed by the same code from the same numbers.
         if pose != expected:
-            return f"is at {_place(pose)} and not at {_place(expected)}, where its last move ended,"
+            return f"is at {_format_pose(pose)} and not at {_format_pose(expected)}, where its last move ended,"
         if row.status is not Status.ALIVE and (not is_halt(command) or row.bumped):
             return f"is {row.status.name.lower()} and drives"
         if row.refused and (row.c0 != 0.0 or row.c1 != 0.0):
@@ -160,7 +160,7 @@ class MovesAreTrue(Check):
         return "" if within else f"obeys {command}, which is beyond its limits,"
 
 
-def _place(pose: Pose) -> str:
+def _format_pose(pose: Pose) -> str:
     return f"({pose.x!r}, {pose.y!r}; {pose.heading!r} rad)"
 
 
@@ -241,7 +241,7 @@ class BatteriesLast(Check):
         for wrong in np.flatnonzero((ways > 0.0) & is_on & (self._left < NOTHING_J)):
             self._fail(f"{self._name(self._numbers[wrong])} drives at tick {record.k} although its battery is empty")
         change = np.where(is_on, -self._per_s * self._step - self._per_m * ways, 0.0)
-        for index in self._charging(rows, is_on & (ways == 0.0)):
+        for index in self._find_charging(rows, is_on & (ways == 0.0)):
             change[index] += self._gained_per_s[index] * self._step
         before, self._left = self._left, np.minimum(self._left + change, self._capacity)
         self._left[self._left < NOTHING_J] = 0.0
@@ -263,7 +263,7 @@ class BatteriesLast(Check):
             return 0.0
         return command_of(self._models[row.number], row.c0, row.c1).speed_mps * self._step
 
-    def _charging(self, rows: list[RobotTick], stands: NDArray[np.bool_]) -> set[int]:
+    def _find_charging(self, rows: list[RobotTick], stands: NDArray[np.bool_]) -> set[int]:
         """Return the indices of the robots that docks charge: at each dock the nearest one that stands there."""
         if not len(self._places) or not stands.any():
             return set()

@@ -8,7 +8,7 @@ over all q by a Beta(1/2, 1/2) distribution:
 As long as each draw's chance is p whatever came before, E is a martingale that begins at 1, so the probability that it
 ever reaches 1 / a is at most a (Ville's inequality; Robbins, "Statistical methods related to the law of the iterated
 logarithm", 1970). That holds for any rule of when to count and when to stop that does not look ahead: the number of
-frames on a link may depend on what was lost before, which an exact binomial test rules out. The price is small: at 1e-9
+frames on a link may depend on earlier losses, which an exact binomial test rules out. The price is small: at 1e-9
 about seven standard deviations are needed instead of six.
 """
 

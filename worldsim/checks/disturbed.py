@@ -57,7 +57,7 @@ Move = tuple[int, "Entry", RobotTick]
 """A tick, the motion fault, and the robot's row."""
 
 
-def _halves(what: str, *named: str) -> list[Series]:
+def _make_halves(what: str, *named: str) -> list[Series]:
     """Return series of which half of the draws are expected to hit."""
     return [Series(0.5, f"of {{draws}} {what} {{hits}} were {name}", "; half of them are expected") for name in named]
 
@@ -106,7 +106,7 @@ class SensesAsAsked(Check):
         self._point = run.prepared.terrain.point
         self._reports: dict[int, _Reports] = {}
         along = ("small along x", "small along y", "above zero along x", "above zero along y")
-        self._series = _halves("draws of noise", *along)
+        self._series = _make_halves("draws of noise", *along)
         self._looked = 0
 
     def _tick(self, record: TickRecord) -> None:
@@ -127,7 +127,7 @@ class SensesAsAsked(Check):
 
     def _end(self) -> str:
         for number, reports in self._reports.items():
-            self._compare(number, reports)
+            self._compare_segments(number, reports)
         self._fail(first_problem(self._series, ALARM / len(self._series)))
         return f"{self._looked} frames with the configured errors"
 
@@ -139,16 +139,20 @@ class SensesAsAsked(Check):
         expected_s = min(max(expected_s, 0.0), ms_to_s(MAX_TIME_MS))
         reported_s = ms_to_s(said.time_ms)
         if abs(reported_s - expected_s) > ROUNDED_S:
-            self._blame(number, f"reports the time {reported_s:g} s in tick {k}, but its clock shows {expected_s:g} s")
+            self._blame_robot(
+                number, f"reports the time {reported_s:g} s in tick {k}, but its clock shows {expected_s:g} s"
+            )
 
     def _look_at_place(self, k: int, row: RobotTick, said: Position, mine: Sequence[Entry]) -> None:
         x, y = cm_to_m(said.x_cm), cm_to_m(said.y_cm)
         x_min, y_min, x_max, y_max = self._bounds
         if not (x_min <= x <= x_max and y_min <= y <= y_max):
-            self._blame(row.number, f"reports in tick {k} a place off the terrain: ({x:.2f}, {y:.2f})")
+            self._blame_robot(row.number, f"reports in tick {k} a place off the terrain: ({x:.2f}, {y:.2f})")
         # The remainder also compares headings on both sides of 0.
         if abs(math.remainder(said.heading_mrad / MRAD_PER_RAD - row.heading, TAU)) > ROUNDED_RAD:
-            self._blame(row.number, f"reports in tick {k} a heading of {said.heading_mrad} mrad, which is not its own")
+            self._blame_robot(
+                row.number, f"reports in tick {k} a heading of {said.heading_mrad} mrad, which is not its own"
+            )
         drifts = [(entry, entry.fault) for entry in mine if isinstance(entry.fault, Drift)]
         due_x, due_y, jumps = row.x, row.y, []
         for entry, fault in drifts:
@@ -160,7 +164,7 @@ class SensesAsAsked(Check):
                 jumps.append(math.floor(elapsed_s / fault.jump.every + 1e-9))
         if len(jumps) <= 1:
             reports = self._reports_of(row.number, drifts, sum(jumps))
-            self._hold(k, row.number, reports, (x, y), (due_x, due_y))
+            self._compare_place(k, row.number, reports, (x, y), (due_x, due_y))
 
     def _reports_of(self, number: int, drifts: Sequence[tuple[Entry, Drift]], jumps: int) -> _Reports:
         """Return the known error of a robot since its drifts began and since its last jump."""
@@ -168,11 +172,11 @@ class SensesAsAsked(Check):
         entries = [entry for entry, _ in drifts]
         if reports is not None and reports.entries == entries:
             if jumps != reports.now.jumps:
-                self._compare(number, reports)
+                self._compare_segments(number, reports)
                 reports.before, reports.now = reports.now if reports.now.count else reports.before, _Segment(jumps)
             return reports
         if reports is not None:
-            self._compare(number, reports)
+            self._compare_segments(number, reports)
         noise = math.hypot(*(drift.noise for _, drift in drifts))
         size = max((drift.jump.size for _, drift in drifts if drift.jump is not None), default=0.0)
         # Without a jump the error is known exactly, as if it had been measured for ever.
@@ -180,23 +184,23 @@ class SensesAsAsked(Check):
         self._reports[number] = _Reports(entries, noise, size, _Segment(jumps), before)
         return self._reports[number]
 
-    def _hold(self, k: int, number: int, reports: _Reports, said: Place, due: Place) -> None:
+    def _compare_place(self, k: int, number: int, reports: _Reports, said: Place, due: Place) -> None:
         """Compare a place with those since the last jump under the same drifts, and add it to these."""
         segment = reports.now if reports.now.jumps else _Segment(0, math.inf)
         if not segment.count:
-            if all(self._inland(coordinate, axis, 0.0) for axis, coordinate in enumerate(said)):
+            if all(self._is_inland(coordinate, axis, 0.0) for axis, coordinate in enumerate(said)):
                 reports.now.add(said[0] - due[0], said[1] - due[1])
             return
         expected = due[0] + segment.x, due[1] + segment.y
         # The mean that it is compared with is uncertain as well, by its own share of the noise.
         spread = reports.noise * math.sqrt(1.0 + 1.0 / segment.count)
         margin = 2.0 * ROUNDED_M + SURE * spread
-        inland = [self._inland(coordinate, axis, margin) for axis, coordinate in enumerate(expected)]
+        inland = [self._is_inland(coordinate, axis, margin) for axis, coordinate in enumerate(expected)]
         for axis in (0, 1):
             coordinate = min(max(expected[axis], self._bounds[axis]), self._bounds[axis + 2])
             if abs(said[axis] - coordinate) > margin + (0.0 if inland[axis] else self._point):
                 reported, wanted = (f"({x:.2f}, {y:.2f})" for x, y in (said, expected))
-                self._blame(number, f"reports the place {reported} in tick {k}, but its drift asks for {wanted}")
+                self._blame_robot(number, f"reports the place {reported} in tick {k}, but its drift asks for {wanted}")
         if all(inland):
             reports.now.add(said[0] - due[0], said[1] - due[1])
             if reports.noise >= COARSE_M:
@@ -205,12 +209,12 @@ class SensesAsAsked(Check):
                 for series, hit in zip(self._series, hits, strict=True):
                     series.add(hit)
 
-    def _inland(self, at: float, axis: int, margin: float) -> bool:
+    def _is_inland(self, at: float, axis: int, margin: float) -> bool:
         """Return True if a place is so far from the terrain's edge that the world does not move it inland."""
         away = self._point + margin
         return self._bounds[axis] + away <= at <= self._bounds[axis + 2] - away
 
-    def _compare(self, number: int, reports: _Reports) -> None:
+    def _compare_segments(self, number: int, reports: _Reports) -> None:
         """Compare the mean error of the segment that ends with that of the one before."""
         now, before = reports.now, reports.before
         if before is None or not now.count:
@@ -223,9 +227,11 @@ class SensesAsAsked(Check):
         if apart > jumps * reports.size + slack or (jumps == 1 and apart < reports.size - slack):
             jumped = "1 jump" if jumps == 1 else f"{jumps} jumps"
             words = f"reports places {apart:.2f} m apart after {jumped} of {reports.size:g} m"
-            self._blame(number, words if jumps else f"reports places off by {apart:.2f} m on average beyond its drift")
+            self._blame_robot(
+                number, words if jumps else f"reports places off by {apart:.2f} m on average beyond its drift"
+            )
 
-    def _blame(self, number: int, words: str) -> None:
+    def _blame_robot(self, number: int, words: str) -> None:
         self._fail(f"{self._name(number)} {words}")
 
 
@@ -252,7 +258,7 @@ class MotionAsAsked(Check):
         self._roomy: set[int] = set()
         self._stretches: dict[tuple[int, int, str], int] = {}
         named = ("slower or faster by little", "faster than commanded", "off by little", "off to one side")
-        self._series = _halves("moves", *named)
+        self._series = _make_halves("moves", *named)
         self._near_speed, self._fast, self._near_turn, self._one_side = self._series
         self._slips: dict[int, Series] = {}
         for entry in self._entries:
@@ -270,7 +276,7 @@ class MotionAsAsked(Check):
         self._roomy.clear()
         for row in record.robots:
             mine = [entry for entry in now if row.number in entry.who]
-            if len(mine) == 1 and row.status is Status.ALIVE and not is_halt(self._command(row)):
+            if len(mine) == 1 and row.status is Status.ALIVE and not is_halt(self._read_command(row)):
                 self._moves[row.number] = record.k, mine[0], row
                 # Other robots may be under all motion faults at once.
                 if self._has_room(row, record.robots, FASTEST ** len(now)):
@@ -281,18 +287,18 @@ class MotionAsAsked(Check):
         self._fail(first_problem(series, ALARM / len(series)))
         return f"{self._looked} moves as uneven as configured"
 
-    def _command(self, row: RobotTick) -> Command:
+    def _read_command(self, row: RobotTick) -> Command:
         return command_of(self._specs[row.number].model, row.c0, row.c1)
 
     def _has_room(self, row: RobotTick, rows: Sequence[RobotTick], factor: float) -> bool:
         """Return True if nothing can cancel a robot's move, although it and others get so many times as far."""
         time_s, pose = factor * self._step, Pose(row.x, row.y, row.heading)
-        reach_m = self._specs[row.number].radius + self._command(row).speed_mps * time_s
+        reach_m = self._specs[row.number].radius + self._read_command(row).speed_mps * time_s
         if free_fraction(self._terrain, pose, pose, reach_m) < 1.0:
             return False
         return all(
             math.hypot(neighbour.x - row.x, neighbour.y - row.y)
-            > reach_m + self._specs[neighbour.number].radius + self._command(neighbour).speed_mps * time_s
+            > reach_m + self._specs[neighbour.number].radius + self._read_command(neighbour).speed_mps * time_s
             for neighbour in rows
             if neighbour.number != row.number and neighbour.number not in self._expected.away
         )
@@ -306,11 +312,11 @@ class MotionAsAsked(Check):
         if fault.slip is not None and self._is_new("slip", fault.slip.every, move):
             self._slips[entry.index].add(stood)
         if not stood and row.number in self._roomy:
-            self._measure(move, fault, after)
+            self._measure_move(move, fault, after)
 
-    def _measure(self, move: Move, fault: Motion, after: Pose) -> None:
+    def _measure_move(self, move: Move, fault: Motion, after: Pose) -> None:
         row = move[2]
-        command = self._command(row)
+        command = self._read_command(row)
         asked_m = command.speed_mps * self._step
         chord_m = math.hypot(after.x - row.x, after.y - row.y)
         match command:

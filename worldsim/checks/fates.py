@@ -58,7 +58,7 @@ BEFORE_THE_AIR = causes_before(Loss)
 """Causes that drop a frame before it can be lost on its way."""
 
 
-def _sequences(record: TickRecord) -> Iterator[tuple[int, int, int]]:
+def _list_sequences(record: TickRecord) -> Iterator[tuple[int, int, int]]:
     """Yield the source and the sequence of each frame of a tick, and its place among those of its source."""
     places: Counter[int] = Counter()
     for source, _ in record.frames:
@@ -74,7 +74,7 @@ def origins_of(record: TickRecord, forgers: Mapping[str, int]) -> dict[tuple[int
     forged = dict(enumerate(record.forged))
     return {
         (source, sequence): forgers.get(forged.get(index, ""), NO_ROBOT) if source == FORGED else source
-        for source, sequence, index in _sequences(record)
+        for source, sequence, index in _list_sequences(record)
     }
 
 
@@ -109,12 +109,12 @@ def arrived(record: TickRecord) -> Links:
 def sent_links(record: TickRecord) -> WholeLinks:
     """Return the link of every frame of a tick to every robot that is there, by frame and receiver."""
     here = tuple([row.number for row in record.robots if row.status.is_present])
-    pairs = _pairs(tuple([source for source, _ in record.frames]), here)
-    return WholeLinks(pairs, np.array([sequence for _, sequence, _ in _sequences(record)], dtype=np.int64))
+    pairs = _pair_frames(tuple([source for source, _ in record.frames]), here)
+    return WholeLinks(pairs, np.array([sequence for _, sequence, _ in _list_sequences(record)], dtype=np.int64))
 
 
 @lru_cache(maxsize=2)
-def _pairs(sources: tuple[int, ...], here: tuple[int, ...]) -> Pairs:
+def _pair_frames(sources: tuple[int, ...], here: tuple[int, ...]) -> Pairs:
     """Pair each frame with each robot that is there but its sender.
 
     The ether has code of its own for this, so that an error in it does not confirm itself.
@@ -164,7 +164,7 @@ class DropsExplained(Check):
         dropped = drops_of(record.dropped)
         now = dropped.sequence % (MAX_TICKS + 1) == record.k
         sent = origins_of(record, self._run.forgers)
-        origins = _origins(dropped, sent, record.k)
+        origins = _find_origins(dropped, sent, record.k)
         right = np.zeros(len(dropped), dtype=np.bool_)
         for number, why in enumerate(dropped.causes):
             if why in _DEAF:
@@ -175,7 +175,7 @@ class DropsExplained(Check):
                 long = {key for key, (_, frame) in zip(sent, record.frames, strict=True) if len(frame) > MAX_FRAME}
                 applies = now & np.array([(source, sequence) in long for source, _, sequence, _ in dropped])
             else:
-                applies = now & self._acts(why, origins, dropped, record.k)
+                applies = now & self._mark_dropped(why, origins, dropped, record.k)
             right |= (dropped.cause == number) & applies
         if not right.all():
             source, to, sequence, why = dropped[int(right.argmin())]
@@ -186,7 +186,7 @@ class DropsExplained(Check):
     def _end(self) -> str:
         return f"{self._explained} frames dropped, each for a cause that applies"
 
-    def _acts(self, why: str, origins: NDArray[np.int64], dropped: Drops, k: int) -> NDArray[np.bool_]:
+    def _mark_dropped(self, why: str, origins: NDArray[np.int64], dropped: Drops, k: int) -> NDArray[np.bool_]:
         """Mark the dropped frames on which a cause can act when they are sent."""
         to, every = dropped.destination, np.ones(len(dropped), dtype=np.bool_)
         if why == OWN:
@@ -205,7 +205,7 @@ class DropsExplained(Check):
         return every if isinstance(entry.fault, Silence | Partition) else ~every
 
 
-def _origins(dropped: Drops, sent: Mapping[tuple[int, int], int], k: int) -> NDArray[np.int64]:
+def _find_origins(dropped: Drops, sent: Mapping[tuple[int, int], int], k: int) -> NDArray[np.int64]:
     """Return the robot whose radio sent each dropped frame; `NO_ROBOT` also where none was sent."""
     # A position has its tick as sequence; only the few contacts and forgeries are looked up one by one.
     positions = [source for source, sequence in sent if source != FORGED and sequence == k]
@@ -219,7 +219,7 @@ def _origins(dropped: Drops, sent: Mapping[tuple[int, int], int], k: int) -> NDA
 class NothingCrossed(Check):
     """Silences and partitions stop the frames that they should stop, and no others.
 
-    The faults' ticks and groups are compared with what became of each frame when it was sent: the first silence that
+    The faults' ticks and groups are compared with the fate of each frame when it was sent: the first silence that
     applies is named, then the first partition. A forged frame counts as sent by the robot whose radio sent it.
     """
 
@@ -237,7 +237,7 @@ class NothingCrossed(Check):
         for origin, link, why in fates(record, self._run.forgers) if cuts else ():
             if why in (OVERSIZED, OWN):
                 continue
-            stopper = next((entry for entry in cuts if _stops(entry, origin, link[1])), None)
+            stopper = next((entry for entry in cuts if _is_stopped(entry, origin, link[1])), None)
             cut = why if kind_of(why) in ("silence", "partition") else ""
             self._stopped += bool(cut)
             if cut == ("" if stopper is None else f"{stopper.fault.kind}:{stopper.id}"):
@@ -255,7 +255,7 @@ class NothingCrossed(Check):
         return f"{self._stopped} frames were stopped, none got through"
 
 
-def _stops(entry: Entry, origin: int, to: int) -> bool:
+def _is_stopped(entry: Entry, origin: int, to: int) -> bool:
     """Return True if a silence or partition stops the frames of a radio to a robot; a stranger is in no group."""
     fault = entry.fault
     if isinstance(fault, Silence):

@@ -79,7 +79,7 @@ class TrueFog(JournalReading):
 class GroundOpen(JournalReading):
     """The ground that is open to view, tick by tick.
 
-    `open_ground` is what each robot can get to and see; None where the scenario has no closures.
+    `open_ground` has the points that each robot can get to and see; None where the scenario has no closures.
     """
 
     def __init__(self, run: JudgedRun) -> None:
@@ -95,7 +95,7 @@ class GroundOpen(JournalReading):
 
 
 class FogIsTrue(Check):
-    """MFoW, mean fog and points seen are what the poses give, recomputed from the beginning.
+    """MFoW, mean fog and points seen are those of the poses, recomputed from the beginning.
 
     A fog keeps sums from look to look; those of the last tick are also counted point by point.
     """
@@ -116,17 +116,17 @@ class FogIsTrue(Check):
     def _tick(self, record: TickRecord) -> None:
         self._ticks += 1
         self._last = record
-        self._compare(record, (self._fog.mfow(record.k), self._fog.mean(record.k), self._fog.seen))
+        self._compare_figures(record, (self._fog.mfow(record.k), self._fog.mean(record.k), self._fog.seen))
 
     def _end(self) -> str:
         if self._last is not None and not self._problem:
             k, seen_at = self._last.k, self._fog.last_seen[self._fog.patrolled != 0]
             since = np.maximum(seen_at, 0)
             mean = k - int(since.sum(dtype=np.int64)) / since.size
-            self._compare(self._last, (k - int(since.min()), mean, int(np.count_nonzero(seen_at >= 0))))
+            self._compare_figures(self._last, (k - int(since.min()), mean, int(np.count_nonzero(seen_at >= 0))))
         return f"recomputed over {self._ticks} ticks"
 
-    def _compare(self, record: TickRecord, figures: tuple[int, float, int]) -> None:
+    def _compare_figures(self, record: TickRecord, figures: tuple[int, float, int]) -> None:
         recorded = (record.mfow, record.fog_mean, record.seen)
         if figures != recorded:
             step = self._step

@@ -51,7 +51,7 @@ class _Stated:
 class FatesAsRecomputed(Check):
     """A fresh ether decides the fates of the journal's frames as the journal has them, draw for draw.
 
-    `delivery` is what the ether did in the last tick, None where that could not be recomputed.
+    `delivery` is the ether's work in the last tick, None where that could not be recomputed.
     """
 
     name = "radio"
@@ -98,14 +98,14 @@ class FatesAsRecomputed(Check):
         if self._stated is not None:
             self._stated.record = record
         self.delivery = self._ether.carry(record.k, frames, statuses, poses)
-        self._fail(self._differs(record, self.delivery))
+        self._fail(self._describe_difference(record, self.delivery))
         self._fates += len(record.deliveries) + len(record.dropped)
 
     def _end(self) -> str:
         of_model = "" if self._stated is None else ", but for what the radio model has lost, which is code of one's own"
         return f"the fates of {self._fates} frames are as recomputed{of_model}"
 
-    def _differs(self, record: TickRecord, due: Delivery) -> str:
+    def _describe_difference(self, record: TickRecord, due: Delivery) -> str:
         forged = [frame for source, frame in record.frames if source == FORGED]
         if (forged, record.forged) != ([forgery.frame for forgery in due.forged], tuple(f.fault for f in due.forged)):
             return f"tick {record.k}: the forged frames are not those that the faults ask for"
@@ -115,11 +115,11 @@ class FatesAsRecomputed(Check):
             ("copied", record.copies, due.copies),
             ("delayed", record.delayed, due.delayed),
         ):
-            if rows != expected and (difference := self._first(fate, rows, expected)):
+            if rows != expected and (difference := self._describe_first(fate, rows, expected)):
                 return f"tick {record.k}: {difference}"
         return ""
 
-    def _first(self, fate: str, rows: Sequence[tuple[object, ...]], due: Sequence[tuple[object, ...]]) -> str:
+    def _describe_first(self, fate: str, rows: Sequence[tuple[object, ...]], due: Sequence[tuple[object, ...]]) -> str:
         """Return the first difference between two rows of fates, in words; empty where there is none that matters."""
         surplus, missing = Counter(rows) - Counter(due), Counter(due) - Counter(rows)
         if not surplus and not missing:
@@ -134,7 +134,7 @@ class FatesAsRecomputed(Check):
 class LinksAddUp(Check):
     """On every directed link each frame sent, copies included, was delivered or dropped once, or is still in flight.
 
-    Nothing else was delivered or dropped. `FatesAsRecomputed` says what is in flight at the end.
+    Nothing else was delivered or dropped. `FatesAsRecomputed` names the frames in flight at the end.
     """
 
     name = "links add up"
@@ -281,16 +281,16 @@ class Hearing(Check):
             if source != FORGED:
                 break  # forged frames come first
             forged[to].append(sequence)
-        self._look(record.k, intake, forged)
+        self._collect_forged(record.k, intake, forged)
         for row in rows:
-            self._compare(row.number, row.rejected, self._inboxes.rejected(row.number), record.k)
+            self._compare_refused(row.number, row.rejected, self._inboxes.rejected(row.number), record.k)
 
     def _end(self) -> str:
         if not self._problem:
             self._drop_inboxes(self._listening)
         return ", ".join(f"{count} {reason}" for reason, count in sorted(self._refused.items())) or "none"
 
-    def _look(self, k: int, intake: Intake, forged: Mapping[int, Sequence[int]]) -> None:
+    def _collect_forged(self, k: int, intake: Intake, forged: Mapping[int, Sequence[int]]) -> None:
         """Collect the forged frames that robots have accepted, and fail for other frames accepted twice.
 
         `forged` has the sequences of the forged frames that each robot heard; they come before all others.
@@ -301,7 +301,7 @@ class Hearing(Check):
             rows = np.flatnonzero(intake.accepted[:, column])
             if position is None or not rows.size:
                 continue
-            again = self._again(listeners[rows], position)
+            again = self._note_sequence(listeners[rows], position)
             if not forged and not again.any():
                 continue
             for row, is_again in zip(rows.tolist(), again.tolist(), strict=True):
@@ -316,13 +316,13 @@ class Hearing(Check):
                     self._fail(f"{self._name(number)} accepted {frame} a second time at tick {k}")
         self.accepted += [forgery for _, _, forgery in sorted(accepted, key=lambda entry: entry[:2])]
 
-    def _compare(self, number: int, reported: int | None, counted: int, k: int) -> None:
+    def _compare_refused(self, number: int, reported: int | None, counted: int, k: int) -> None:
         if reported is None or self._problem or reported == counted or (self._run.processes and reported > counted):
             return
         refused = f"refused {reported} frames; from what it heard it should be {counted}"
         self._fail(f"{self._name(number)} reports at tick {k} that it {refused}")
 
-    def _again(self, receivers: NDArray[np.int64], position: Position) -> NDArray[np.bool_]:
+    def _note_sequence(self, receivers: NDArray[np.int64], position: Position) -> NDArray[np.bool_]:
         """Note that receivers accept a sender's sequence; return whether each had before.
 
         `receivers` are places in the roster. Contacts have no sequence.
@@ -377,7 +377,7 @@ class ForgedAsConfigured(Check):
             fault = self._fault_of.get(accepted.sequence, "")
             self._accepted[fault] += 1
             if fault in self._spoofs:
-                self._judge(record.k, accepted, fault)
+                self._judge_forgery(record.k, accepted, fault)
 
     def _end(self) -> str:
         self._unknown = self._hearing.unknown
@@ -385,7 +385,7 @@ class ForgedAsConfigured(Check):
             f"{fault}: {self._accepted[fault]} of {self._heard[fault]} heard were accepted" for fault in self._spoofs
         )
 
-    def _judge(self, k: int, accepted: AcceptedForgery, fault: str) -> None:
+    def _judge_forgery(self, k: int, accepted: AcceptedForgery, fault: str) -> None:
         entry, position = self._spoofs[fault], accepted.position
         assert isinstance(entry.fault, Spoof)
         payload = entry.fault.payload

@@ -1,4 +1,4 @@
-"""The verdict's checks of the journal itself, of the times of faults, and of what only a run of processes shows."""
+"""The verdict's checks of the journal itself, of the times of faults, and of facts only of runs of processes."""
 
 from __future__ import annotations
 
@@ -102,23 +102,23 @@ class FaultsOnTime(Check):
                 + ("to the end of the run" if entry.end is None else f"to before tick {entry.end}")
                 + ", which is not what its `at` and `for` say"
                 for entry in self._entries
-                if not (_begins(entry, self._step) and _ends(entry, self._step))
+                if not (_begins_on_time(entry, self._step) and _ends_on_time(entry, self._step))
             )
         )
         numbers = {name: number for number, name in self._run.names.items()}
         for entry in self._entries:
-            if any(sorted(robots) != sorted(numbers[name] for name in names) for names, robots in _named(entry)):
+            if any(sorted(robots) != sorted(numbers[name] for name in names) for names, robots in _list_named(entry)):
                 self._fail(f"{entry.id} acts on other robots than it names")
         return f"{len(self._entries)} faults scheduled by their `at` and `for`"
 
 
-def _begins(entry: Entry, step: float) -> bool:
+def _begins_on_time(entry: Entry, step: float) -> bool:
     """Return True if a fault begins in the first tick that is not before its `at`."""
     begin_tick = entry.fault.at / step - _ROUNDING
     return entry.begin >= begin_tick and (entry.begin == 0 or entry.begin - 1 < begin_tick)
 
 
-def _ends(entry: Entry, step: float) -> bool:
+def _ends_on_time(entry: Entry, step: float) -> bool:
     """Return True if a fault goes on for its `for`, rounded to ticks, half a tick up, and at least one tick."""
     fault = entry.fault
     if not isinstance(fault, Lasting):
@@ -130,7 +130,7 @@ def _ends(entry: Entry, step: float) -> bool:
     return excess < 0.5 and (ticks == 1 or (ticks > 1 and excess >= -0.5))
 
 
-def _named(entry: Entry) -> Iterator[tuple[Sequence[str], Sequence[int]]]:
+def _list_named(entry: Entry) -> Iterator[tuple[Sequence[str], Sequence[int]]]:
     """Yield the robots that a fault names, not those that it asks for by number, and those that it acts on."""
     fields = {"who": entry.who, "victims": entry.who, "sources": entry.sources, "targets": entry.targets}
     for field, robots in fields.items():
@@ -152,7 +152,7 @@ class ExitCodes(Check):
     needs_no_robots = True
 
     def _end(self) -> str:
-        codes, planned = self._run.exit_codes, self._planned()
+        codes, planned = self._run.exit_codes, self._plan_exit_codes()
         if not codes:
             return "the run had no processes"
         missing = [name for name, planned_code in planned.items() if planned_code is not None and name not in codes]
@@ -167,7 +167,7 @@ class ExitCodes(Check):
         as_planned = f", {killed} were killed as planned" if killed else ""
         return f"{len(judged) - killed} processes ended with 0{as_planned}"
 
-    def _planned(self) -> dict[str, int | None]:
+    def _plan_exit_codes(self) -> dict[str, int | None]:
         """Return the exit codes due by process, None where any will do."""
         codes: dict[str, int | None] = {}
         for number, name in self._run.names.items():
@@ -208,7 +208,7 @@ class PausedStandStill(Check):
     def _end(self) -> str:
         if not self._run.processes:
             self._unknown = "the run had no processes"
-        looks = self._looks()
+        looks = self._list_looks()
         self._fail(
             "; ".join(
                 f"{self._name(robot)} was paused {to} tick {k}, but {finding or 'its process was not inspected'}"
@@ -221,7 +221,7 @@ class PausedStandStill(Check):
             self._unknown = f"in {unseen} of {len(looks)} inspections the state of the process was unknown"
         return f"{len(looks)} inspections found the process stopped"
 
-    def _looks(self) -> list[tuple[int, int, str, str]]:
+    def _list_looks(self) -> list[tuple[int, int, str, str]]:
         """Return tick and robot of each begin ("at") and end ("until") of a pause, and what was seen of the process."""
         looks: list[tuple[int, int, str, str]] = []
         status: dict[int, str] = {}

@@ -138,7 +138,7 @@ class ProgressCheck(Check):
         self._was_closed_out |= self._open_ground is not None and bool(self._open_ground.closed_out.any())
         age = fog.mfow(k)
         if self._worst is None or age > self._worst[0]:
-            self._worst = age, self._stalest(record)
+            self._worst = age, self._find_stalest(record)
         self._last, self._ticks = record, k + 1
 
     def facts(self) -> RunProgress:
@@ -152,26 +152,26 @@ class ProgressCheck(Check):
         }
         traps = sorted(self._found.values(), key=lambda trap: (trap.since, trap.robot))
         trapped = tuple(self._trapped_robot(trap) for trap in traps)
-        return RunProgress(self._worst[1], self._stalest(self._last), stays, trapped)
+        return RunProgress(self._worst[1], self._find_stalest(self._last), stays, trapped)
 
     def _end(self) -> str:
         if self._last is None:
             self._unknown = "not judged: the run has no tick"
             return ""
-        warning, judged = self._about_fog(self._stalest(self._last))
-        self._warnings = [*self._trapped(), *([warning] if warning else [])]
+        warning, judged = self._about_fog(self._find_stalest(self._last))
+        self._warnings = [*self._list_trapped(), *([warning] if warning else [])]
         return "; ".join(self._warnings) or f"no robot was trapped; {judged}"
 
     # --- trapped robots ----------------------------------------------------------------------------------------------
 
-    def _trapped(self) -> Iterator[str]:
+    def _list_trapped(self) -> Iterator[str]:
         """Yield one line for each robot that was trapped, about the longest time."""
         for number, name in self._run.names.items():
             traps = [trap for trap in self._found.values() if trap.robot == number]
             if traps:
-                longest = max(traps, key=lambda trap: self._until(trap) - trap.since)
-                total = f"; {len(traps)} times in all, {self._together(traps) * self._step:g} s"
-                yield f"{name} was trapped: {self._told(longest)}{total if len(traps) > 1 else ''}"
+                longest = max(traps, key=lambda trap: self._find_end(trap) - trap.since)
+                total = f"; {len(traps)} times in all, {self._count_trapped(traps) * self._step:g} s"
+                yield f"{name} was trapped: {self._describe_trap(longest)}{total if len(traps) > 1 else ''}"
 
     def _trapped_robot(self, trap: Trap) -> TrappedRobot:
         stay, step = trap.stay, self._step
@@ -180,36 +180,36 @@ class ProgressCheck(Check):
         name = self._name(trap.robot)
         return TrappedRobot(name, stay.x, stay.y, stay.radius, trap.since * step, until_s, trap.point, seen_s)
 
-    def _until(self, trap: Trap) -> int:
+    def _find_end(self, trap: Trap) -> int:
         return self._ticks if trap.until is None else trap.until
 
-    def _together(self, traps: Sequence[Trap]) -> int:
+    def _count_trapped(self, traps: Sequence[Trap]) -> int:
         """Count the ticks in which one robot was trapped; a tick that lies in two stays counts once.
 
         For example, stays from tick 0 to 10 and from 5 to 20 are 20 ticks.
         """
         ticks = counted = 0
         for trap in sorted(traps, key=lambda trap: trap.since):
-            ticks += max(self._until(trap) - max(trap.since, counted), 0)
-            counted = max(counted, self._until(trap))
+            ticks += max(self._find_end(trap) - max(trap.since, counted), 0)
+            counted = max(counted, self._find_end(trap))
         return ticks
 
-    def _told(self, trap: Trap) -> str:
+    def _describe_trap(self, trap: Trap) -> str:
         step, stay = self._step, trap.stay
-        until = f"{self._until(trap) * step:g} s"
+        until = f"{self._find_end(trap) * step:g} s"
         until = f"the end ({until})" if trap.until is None else until
         never = trap.unseen_since == NEVER
         unseen = "had never been seen" if never else f"was last seen at {trap.unseen_since * step:g} s"
         suffix = "; then all that it could see elsewhere had been seen" if trap.all_seen else ""
         return (
-            f"it stayed within {stay.radius:.1f} m of {_at((stay.x, stay.y))} from {trap.since * step:g} s to {until}, "
-            f"while {_at(trap.point)}, {trap.away:.0f} m away, {unseen}{suffix}"
+            f"it stayed within {stay.radius:.1f} m of {_format_place((stay.x, stay.y))} from {trap.since * step:g} s "
+            f"to {until}, while {_format_place(trap.point)}, {trap.away:.0f} m away, {unseen}{suffix}"
         )
 
     # --- fog ---------------------------------------------------------------------------------------------------------
 
     def _about_fog(self, end: Stalest) -> tuple[str, str]:
-        """Return a warning about the fog at the end, or empty, and without one what was found."""
+        """Return a warning about the fog at the end, or empty, and without one the finding."""
         if self._was_closed_out:
             return "", self._behind_closures()
         never, took_s = self._fog.points - self._fog.seen, self._ticks * self._step
@@ -225,7 +225,7 @@ class ProgressCheck(Check):
         least_s = max(TOURS * tour_s, SHORTEST_S)
         if took_s < least_s:
             return "", f"the fog is not judged: the run takes {took_s:g} s, and it would have to take {least_s:.0f} s"
-        return self._never(never, took_s) if never else self._stale(end), ""
+        return self._describe_unseen(never, took_s) if never else self._describe_stalest(end), ""
 
     def _without_tour(self, never: int, took_s: float) -> tuple[str, str]:
         """Return the same where there is no tour to compare with: only ground that was never seen is judged."""
@@ -236,7 +236,7 @@ class ProgressCheck(Check):
         before = self._seen[self._ticks // 2 - 1]
         if self._fog.seen - before > NEW_SHARE * before:
             return "", "the fog is not judged: there is no tour to compare with, and new ground was seen to the end"
-        return self._never(never, took_s), ""
+        return self._describe_unseen(never, took_s), ""
 
     def _behind_closures(self) -> str:
         """Return the text about the fog where ground was closed out."""
@@ -253,12 +253,12 @@ class ProgressCheck(Check):
         never: BoolGrid = (self._fog.last_seen == NEVER) & (self._fog.patrolled != 0)
         return never
 
-    def _stale(self, end: Stalest) -> str:
+    def _describe_stalest(self, end: Stalest) -> str:
         near = "" if end.nearest is None else f"; {end.nearest} was nearest to it then, {end.nearest_m:.0f} m away"
         phrase = f"was last seen at {end.at_s - end.age_s:g} s, {end.age_s:g} s before the end"
-        return f"the fog grew to the end: {_at((end.x, end.y))} {phrase}{near}"
+        return f"the fog grew to the end: {_format_place((end.x, end.y))} {phrase}{near}"
 
-    def _never(self, never: int, took_s: float) -> str:
+    def _describe_unseen(self, never: int, took_s: float) -> str:
         terrain = self._run.prepared.terrain
         labels, count = parts_of(self._never_seen())
         sizes = np.bincount(labels.reshape(-1), minlength=count + 1)
@@ -267,15 +267,15 @@ class ProgressCheck(Check):
         rows, cols = np.nonzero(labels == int(sizes.argmax()))
         # A point of the piece itself, since the middle of a bent piece may lie outside of it.
         middle = np.argmin((rows - rows.mean()) ** 2 + (cols - cols.mean()) ** 2)
-        where = _at(terrain.centre(int(rows[middle]), int(cols[middle])))
+        where = _format_place(terrain.centre(int(rows[middle]), int(cols[middle])))
         share = 100.0 * never / self._fog.points
-        points = f"{never} point{'s' if never != 1 else ''} ({_area(never * terrain.point_area)}, "
+        points = f"{never} point{'s' if never != 1 else ''} ({_format_area(never * terrain.point_area)}, "
         points += f"{share:{'.0f' if share >= 10.0 else '.2g'}} % of what can be seen)"
         largest_m2 = int(sizes.max()) * terrain.point_area
-        largest = f"the largest of {count} pieces, {_area(largest_m2)}, " if count > 1 else ""
+        largest = f"the largest of {count} pieces, {_format_area(largest_m2)}, " if count > 1 else ""
         return f"{points} {'was' if never == 1 else 'were'} never seen in {took_s:g} s: {largest}at {where}"
 
-    def _stalest(self, record: TickRecord) -> Stalest:
+    def _find_stalest(self, record: TickRecord) -> Stalest:
         """Return the stalest place after a tick that was just taken in."""
         point, step = self._fog.stalest(), self._step
         x, y = self._run.prepared.terrain.centre(*point)
@@ -286,11 +286,11 @@ class ProgressCheck(Check):
         return Stalest(x, y, age_s, record.k * step, is_seen, nearest, nearest_m)
 
 
-def _at(place: Place) -> str:
+def _format_place(place: Place) -> str:
     return f"({place[0]:.1f}, {place[1]:.1f})"
 
 
-def _area(m2: float) -> str:
+def _format_area(m2: float) -> str:
     return f"{m2:.0f} m²" if m2 >= 10.0 else f"{m2:.2g} m²"
 
 

@@ -59,14 +59,14 @@ class Sightlines:
         opaque = ~terrain.passable
         self._origin = terrain.origin
         self._point = terrain.point
-        self._sums = tuple(_running(mask) for mask in (opaque, opaque.T))
+        self._sums = tuple(_sum_columns(mask) for mask in (opaque, opaque.T))
 
     def walls(self, a: Place, b: Place, margin: float) -> int:
         """Count the points of wall that a line touches.
 
         `margin` is how much the line is widened or, where negative, narrowed, m.
         """
-        sums, ends = self._cuts(a, b)[0]
+        sums, ends = self._find_cuts(a, b)[0]
         return int(touched(sums, *ends, margin / self._point).sum())
 
     def crossings(self, a: Place, b: Place) -> tuple[int, int]:
@@ -75,10 +75,10 @@ class Sightlines:
         The line is cut into columns, or into rows where it is steeper than its diagonals. A wall is an unbroken stretch
         of these in which the line touches points of wall. One in which the line only grazes them may count or not.
         """
-        counts = [crossings(sums, *ends, GRAZING_M / self._point) for sums, ends in self._cuts(a, b)]
+        counts = [crossings(sums, *ends, GRAZING_M / self._point) for sums, ends in self._find_cuts(a, b)]
         return min(lowest for lowest, _ in counts), max(greatest for _, greatest in counts)
 
-    def _cuts(self, a: Place, b: Place) -> list[tuple[NDArray[np.int64], tuple[float, float, float, float]]]:
+    def _find_cuts(self, a: Place, b: Place) -> list[tuple[NDArray[np.int64], tuple[float, float, float, float]]]:
         """Return running sums and the ends in points; a line that is nearly a diagonal may be cut both ways."""
         ends = ([(end[axis] - self._origin[axis]) / self._point for axis in (0, 1)] for end in (a, b))
         (x0, y0), (x1, y1) = ends
@@ -88,7 +88,7 @@ class Sightlines:
         return cuts if abs(steeper) < _DIAGONAL else cuts[1:] if steeper > 0.0 else cuts[:1]
 
 
-def _running(mask: NDArray[np.bool_]) -> NDArray[np.int64]:
+def _sum_columns(mask: NDArray[np.bool_]) -> NDArray[np.int64]:
     """Count the set points below each row, column by column; int64 (h + 1, w)."""
     return np.ascontiguousarray(np.pad(np.cumsum(mask, axis=0, dtype=np.int64), ((1, 0), (0, 0))))
 
@@ -176,16 +176,16 @@ class PathLossAsAsked(Check):
             for origin, link, why in fates(record, self._run.forgers)
             if origin != NO_ROBOT and why in ("", PATH_LOSS)
         ]
-        disturbs = self._disturbing(record, [link for _, link, _ in through])
+        disturbs = self._find_disturbing(record, [link for _, link, _ in through])
         for origin, link, why in through:
-            lowest, greatest = self._margin(origin, link[1], disturbs.get(link, []))
+            lowest, greatest = self._find_margin_db(origin, link[1], disturbs.get(link, []))
             drawn = draw(self._seed, Purpose.RADIO, _RECEPTION, *link)
             self._lost += why == PATH_LOSS
             self._judged += 1
             problem = ""
-            if why == PATH_LOSS and drawn < self._chance(lowest - ROUNDING_DB):
+            if why == PATH_LOSS and drawn < self._find_probability(lowest - ROUNDING_DB):
                 problem = "was lost by path loss and should have been received"
-            elif not why and drawn >= self._chance(greatest + ROUNDING_DB):
+            elif not why and drawn >= self._find_probability(greatest + ROUNDING_DB):
                 problem = "got through and should have been lost by path loss"
             if problem:
                 self._fail(f"a frame {self._way(link)} of tick {record.k} {problem}")
@@ -193,7 +193,7 @@ class PathLossAsAsked(Check):
     def _end(self) -> str:
         return f"{self._lost} of {self._judged} frames were lost by path loss, as recomputed"
 
-    def _disturbing(self, record: TickRecord, through: list[Link]) -> dict[Link, list[int]]:
+    def _find_disturbing(self, record: TickRecord, through: list[Link]) -> dict[Link, list[int]]:
         """Find the robots whose frames overlap a frame at a receiver; the receiver itself where it was sending."""
         airtime = self._options.airtime
         if airtime == 0.0:
@@ -224,18 +224,18 @@ class PathLossAsAsked(Check):
             if (source, sequence) in overlapping
         }
 
-    def _margin(self, origin: int, to: int, disturbing: list[int]) -> Span:
+    def _find_margin_db(self, origin: int, to: int, disturbing: list[int]) -> Span:
         """Return by how much a receiver has more than it needs, dB."""
         options = self._options
         needs = options.sensitivity - options.noise
         noise = 10.0 ** (options.noise / 10.0)
-        powers = [self._power(disturber, to) for disturber in disturbing]
+        powers = [self._find_power_dbm(disturber, to) for disturber in disturbing]
         loud = [noise + math.fsum(10.0 ** (power[side] / 10.0) for power in powers) for side in (0, 1)]
-        lowest, greatest = self._power(origin, to)
+        lowest, greatest = self._find_power_dbm(origin, to)
         return lowest - 10.0 * math.log10(loud[1]) - needs, greatest - 10.0 * math.log10(loud[0]) - needs
 
-    def _power(self, origin: int, to: int) -> Span:
-        """Return the power that a robot receives from another, dBm; its own is what it sends with."""
+    def _find_power_dbm(self, origin: int, to: int) -> Span:
+        """Return the power that a robot receives from another, dBm; its own is the sending power."""
         options = self._options
         if origin == to:
             return options.power, options.power
@@ -250,7 +250,7 @@ class PathLossAsAsked(Check):
                 self._powers[link] = level - options.wall * walls[1], level - options.wall * walls[0]
         return self._powers[origin, to]
 
-    def _chance(self, margin: float) -> float:
+    def _find_probability(self, margin: float) -> float:
         """Return the probability with which a frame is received."""
         edge = self._options.edge
         if edge == 0.0:

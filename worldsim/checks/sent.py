@@ -140,7 +140,7 @@ class FramesAreTrue(Check):
 
     def _tick(self, record: TickRecord) -> None:
         # Only now does the journal show which robots were lost in the tick before.
-        self._miss()
+        self._find_missing()
         if self._problem:
             return
         expected: dict[int, Position] = {}
@@ -176,10 +176,10 @@ class FramesAreTrue(Check):
             self._missing += [(record.k, number, "a contact") for number in self._without_contact(contacts, sent)]
 
     def _end(self) -> str:
-        self._miss()
+        self._find_missing()
         return f"{self._looked} frames agree with the truth{self._unknown_key}"
 
-    def _miss(self) -> None:
+    def _find_missing(self) -> None:
         """Find frames that were missing in the last tick; whether their senders were lost in it is known only now."""
         for k, number, frame in () if self._problem else self._missing:
             if number not in self._run.lost_in(k):
@@ -287,7 +287,7 @@ class WithinBudget(Check):
 
 
 class SpoofsAsAsked(Check):
-    """Each active spoof sends one frame in each victim's name, or one for each robot it invents, saying what it should.
+    """Each active spoof sends one frame in each victim's name, or one for each robot it invents, with its payload.
 
     Nothing else is forged: not before or after the fault, not by a robot that is not alive, not in the name of a robot
     of which nothing can be said yet. `offset`, `freeze` and `ahead` are compared with the victim's own frame of the
@@ -304,7 +304,7 @@ class SpoofsAsAsked(Check):
         self._spares = run.prepared.scenario.spares
         self._bounds = run.prepared.terrain.bounds
         self._drifts = run.entries(Drift)
-        self._age = {entry.id: _ago(_asked(entry, "replay") or 0.0, run.step) for entry in self._entries}
+        self._age = {entry.id: _count_ticks(_read_field(entry, "replay") or 0.0, run.step) for entry in self._entries}
         # The first frame of each source, the newest tick first.
         self._sent: deque[Mapping[int, bytes]] = deque(maxlen=1 + max(self._age.values()))
         self._frozen: dict[tuple[str, int], Place] = {}
@@ -316,7 +316,9 @@ class SpoofsAsAsked(Check):
         for fault, frame in zip(record.forged, frames, strict=False):
             forged[fault].append(frame)
         if len(frames) != len(record.forged):
-            self._wrong(record.k, f"{len(frames)} forged frames, but the record names faults for {len(record.forged)}")
+            self._fail_tick(
+                record.k, f"{len(frames)} forged frames, but the record names faults for {len(record.forged)}"
+            )
         # Reversed, so that of several frames of a source the first one stays.
         self._sent.appendleft(dict(reversed(record.frames)))
         self._forged += len(frames)
@@ -328,16 +330,16 @@ class SpoofsAsAsked(Check):
             else:
                 problem = "sends forged frames and should not" if sent else ""
             if problem:
-                self._wrong(record.k, f"{entry.id} {problem}")
+                self._fail_tick(record.k, f"{entry.id} {problem}")
         for fault in forged:
-            self._wrong(record.k, f"{fault} sends forged frames and is not a spoof")
+            self._fail_tick(record.k, f"{fault} sends forged frames and is not a spoof")
 
     def _end(self) -> str:
         return f"{self._forged} frames forged as configured"
 
     def _problem_of(self, entry: Entry, k: int, frames: list[bytes], rows: Mapping[int, RobotTick]) -> str:
         """Describe errors in the frames that an active spoof sends in a tick."""
-        if _asked(entry, "replay") is not None:
+        if _read_field(entry, "replay") is not None:
             age = self._age[entry.id]
             old = self._sent[age] if age < len(self._sent) else {}
             repeated = sorted(old[number] for number in self._known(entry, rows) if number in old)
@@ -362,16 +364,16 @@ class SpoofsAsAsked(Check):
 
     def _due(self, entry: Entry, rows: Mapping[int, RobotTick]) -> Iterator[int]:
         """Yield the robots to forge, ascending: victims whose place is known, or robots that do not exist."""
-        if (invented := _asked(entry, "invented")) is not None:
+        if (invented := _read_field(entry, "invented")) is not None:
             yield from range(self._robots + 1, min(self._robots + invented, MAX_ROBOT) + 1)
             return
         for number in self._known(entry, rows):
-            if _is(entry, "random") or (entry.id, number) in self._frozen or rows[number].status.is_present:
+            if _has_payload(entry, "random") or (entry.id, number) in self._frozen or rows[number].status.is_present:
                 yield number
 
     def _problem_of_one(self, entry: Entry, k: int, position: Position, victim: RobotTick | None) -> str:
         """Describe the error of a forged position that is no replay; `victim` is None for a robot that is invented."""
-        sequence = k + (_asked(entry, "ahead") or 0)
+        sequence = k + (_read_field(entry, "ahead") or 0)
         if position.sequence != sequence:
             return f"sequence {position.sequence} instead of {sequence}"
         sent = None if victim is None else self._sent_by(victim.number)
@@ -381,15 +383,15 @@ class SpoofsAsAsked(Check):
         if position.time_ms != stamp:
             return f"time {position.time_ms} ms instead of {stamp} ms"
         pose = (position.x_cm, position.y_cm, position.heading_mrad)
-        if victim is None or _is(entry, "random"):
+        if victim is None or _has_payload(entry, "random"):
             return "" if self._on_terrain(position) else f"place {pose}, which is off the terrain"
-        if _is(entry, "freeze"):
+        if _has_payload(entry, "freeze"):
             frozen = self._frozen.get((entry.id, position.robot))
             if frozen is not None:
                 return "" if pose == frozen else f"place {pose}, but it was frozen at {frozen}"
             self._frozen[entry.id, position.robot] = pose
         is_honest = victim.number not in robots_hit(self._drifts, k)
-        offset = _asked(entry, "offset") or (0.0, 0.0)
+        offset = _read_field(entry, "offset") or (0.0, 0.0)
         is_right = _is_shifted(pose, victim, sent, offset, is_honest)
         return "" if is_right else f"place {pose}, not its own plus the offset"
 
@@ -405,20 +407,20 @@ class SpoofsAsAsked(Check):
         across = x_min - _HALF_CM <= position.x_cm <= x_max + _HALF_CM
         return across and y_min - _HALF_CM <= position.y_cm <= y_max + _HALF_CM
 
-    def _wrong(self, k: int, problem: str) -> None:
+    def _fail_tick(self, k: int, problem: str) -> None:
         self._fail(f"tick {k}: {problem}")
 
 
-def _asked(entry: Entry, field: str) -> Any:
-    """Return a field of what a spoof's frames are to say; None where it asks for something else."""
+def _read_field(entry: Entry, field: str) -> Any:
+    """Return a field that a spoof sets in its frames; None where it asks for something else."""
     return getattr(entry.fault.payload, field, None) if isinstance(entry.fault, Spoof) else None
 
 
-def _is(entry: Entry, payload: str) -> bool:
+def _has_payload(entry: Entry, payload: str) -> bool:
     return isinstance(entry.fault, Spoof) and entry.fault.payload == payload
 
 
-def _ago(seconds: float, step: float) -> int:
+def _count_ticks(seconds: float, step: float) -> int:
     """Return the least number of whole ticks, at least one, that is not less than a time; 0 for no time."""
     # Rounding must not add a tick to a time that is a whole number of them.
     near = max(round(seconds / step), 1)

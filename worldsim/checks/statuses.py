@@ -35,7 +35,7 @@ class ExpectedStatuses(JournalReading):
     waits for no process, and it may do so later. Lost robots were not planned; another check reports them.
 
     After each tick `away` has the numbers of the robots whose bodies are not in the world, and `appeared` of those that
-    came back at their starts for this tick. `problem` is what is wrong with this tick's statuses, or empty; from then
+    came back at their starts for this tick. `problem` is the error in this tick's statuses, or empty; from then
     on they are taken as they are. `events` are the events of robots before this tick, in order, without those of lost
     robots. `may_wait` are further events that are allowed at a pace: nothing else shows when a process came that then
     had to wait for its place.
@@ -69,8 +69,8 @@ class ExpectedStatuses(JournalReading):
         for number, row in rows.items():
             if row.status is Status.LOST and number not in self._coming:
                 self._status[number] = Status.LOST
-        for act in self._acts(record.k):
-            self._act(act)
+        for act in self._list_acts(record.k):
+            self._apply_act(act)
         for number in list(self._coming):
             self._bring_in(number, rows)
         for number, row in rows.items():
@@ -81,7 +81,7 @@ class ExpectedStatuses(JournalReading):
                     self.problem = f"{name} is {status} at tick {record.k}, but should be {expected.name.lower()}"
                 self._take_as_it_is(number, row.status)
 
-    def _acts(self, k: int) -> Iterator[Act]:
+    def _list_acts(self, k: int) -> Iterator[Act]:
         """Yield the acts on robots before a tick, by the ticks and robots of the faults."""
         for entry in self._entries:
             if entry.begin == k:
@@ -90,28 +90,28 @@ class ExpectedStatuses(JournalReading):
             if isinstance(entry.fault, Pause) and entry.end == k:
                 yield from (Act("resume", number, entry.id) for number in entry.who)
 
-    def _act(self, act: Act) -> None:
+    def _apply_act(self, act: Act) -> None:
         number, reason = act.number, f"{act.fault} {act.kind}"
         status = self._status[number]
         if number in self._coming or status not in APPLIES[act.kind]:
             state = BEING_STARTED if number in self._coming else AS_IT_IS[status]
-            self._tell(SKIPPED, number, f"{reason}: {self._name(number)} is {state}")
+            self._add_event(SKIPPED, number, f"{reason}: {self._name(number)} is {state}")
             return
         if act.kind not in ("restart", "join"):
-            self._become(number, BECOMES[act.kind], reason)
+            self._set_status(number, BECOMES[act.kind], reason)
             if act.kind == "leave" or act.wreck == "removed":
                 self.away.add(number)
             return
         if act.kind == "restart" and status is not Status.DEAD:
-            self._become(number, Status.DEAD, reason)
+            self._set_status(number, Status.DEAD, reason)
         self._incarnations[number] += 1
         self._coming[number] = f"{reason}: process {self._incarnations[number]}"
 
-    def _become(self, number: int, status: Status, reason: str) -> None:
+    def _set_status(self, number: int, status: Status, reason: str) -> None:
         self._status[number] = status
-        self._tell(status.name.lower(), number, reason)
+        self._add_event(status.name.lower(), number, reason)
 
-    def _tell(self, kind: str, number: int, detail: str) -> None:
+    def _add_event(self, kind: str, number: int, detail: str) -> None:
         self.events.append(Event(self._k, kind, number, detail))
 
     def _bring_in(self, number: int, rows: Mapping[int, RobotTick]) -> None:
@@ -131,8 +131,8 @@ class ExpectedStatuses(JournalReading):
                 self.may_wait.append(waits)
         elif has_come:
             self._waiting.discard(number)
-            self._become(number, Status.ALIVE, self._coming.pop(number))
-            self._appear(number)
+            self._set_status(number, Status.ALIVE, self._coming.pop(number))
+            self._note_appearance(number)
 
     def _in_the_way(self, number: int, rows: Mapping[int, RobotTick]) -> list[str]:
         """Return the names of the robots that stand where the robot is to appear, if it has to appear."""
@@ -146,7 +146,7 @@ class ExpectedStatuses(JournalReading):
             and overlap(start, radius, Pose(row.x, row.y, row.heading), self._specs[neighbour].radius)
         ]
 
-    def _appear(self, number: int) -> None:
+    def _note_appearance(self, number: int) -> None:
         if number in self.away:
             self.away.remove(number)
             self.appeared.add(number)
@@ -157,7 +157,7 @@ class ExpectedStatuses(JournalReading):
         if status in (Status.ABSENT, Status.LEFT):
             self.away.add(number)
         elif status is Status.ALIVE:
-            self._appear(number)
+            self._note_appearance(number)
 
 
 class StatusesFollow(Check):
@@ -263,7 +263,7 @@ class EventsFollow(Check):
 
     def _tick(self, record: TickRecord) -> None:
         expected = self._made_by_faults(record.k) + self._expected.events
-        self._compare(record.k, self._events_before(record.k), expected)
+        self._compare_events(record.k, self._events_before(record.k), expected)
         self._last = record
 
     def _end(self) -> str:
@@ -277,29 +277,29 @@ class EventsFollow(Check):
         k = last.k + 1
         if k == self._run.prepared.scenario.ticks:
             self._closures = self._timed_zones = set()  # the world changes them only before a tick
-            self._compare(k, left, [])
+            self._compare_events(k, left, [])
             return
         self._expected.tick(replace(last, k=k))
         # The record of the last tick stands for one that was never written.
         expected = [event for event in self._made_by_faults(k) + self._expected.events if event.kind != _ALIVE]
         here = [event for event in left if event.kind not in (_ALIVE, WAITING)]
         # An interrupted run has the first events only, so no more are expected than it has.
-        self._compare(k, here, expected[: len(self._of_robots(here))])
+        self._compare_events(k, here, expected[: len(self._of_robots(here))])
 
     def _made_by_faults(self, k: int) -> list[Event]:
         timeline = self._run.timeline
         return [*timeline.endings(k), *timeline.beginnings(k)] if k in self._fault_ticks else []
 
-    def _compare(self, k: int, journalled: Sequence[Event], due: Sequence[Event]) -> None:
+    def _compare_events(self, k: int, journalled: Sequence[Event], due: Sequence[Event]) -> None:
         self._is_lost |= any(event.kind == _LOST for event in journalled)
         if self._is_lost:
             return
         for event in journalled:
             if event.k != k:
-                self._fail(f"the journal has {_shown(event)} between ticks {k - 1} and {k}")
+                self._fail(f"the journal has {_describe_event(event)} between ticks {k - 1} and {k}")
         for journal_event, due_event in zip_longest(self._of_robots(journalled), due):
             if journal_event != due_event:
-                self._fail(_difference(journal_event, due_event))
+                self._fail(_describe_difference(journal_event, due_event))
                 return
 
     def _of_robots(self, events: Sequence[Event]) -> list[Event]:
@@ -326,15 +326,15 @@ class EventsFollow(Check):
         return selected
 
 
-def _difference(journal_event: Event | None, due_event: Event | None) -> str:
+def _describe_difference(journal_event: Event | None, due_event: Event | None) -> str:
     if due_event is None:
-        return f"the journal has {_shown(journal_event)}, which nothing made"
+        return f"the journal has {_describe_event(journal_event)}, which nothing made"
     if journal_event is None:
-        return f"the journal lacks {_shown(due_event)}"
-    return f"the journal has {_shown(journal_event)} in place of {_shown(due_event)}"
+        return f"the journal lacks {_describe_event(due_event)}"
+    return f"the journal has {_describe_event(journal_event)} in place of {_describe_event(due_event)}"
 
 
-def _shown(event: Event | None) -> str:
+def _describe_event(event: Event | None) -> str:
     """Put an event into words, such as `"dead" (f1 kill) of robot 2 before tick 4`."""
     assert event is not None
     of = "" if event.robot is None else f" of robot {event.robot}"

@@ -106,25 +106,25 @@ class SlowZonesKept(ZoneCheck):
         for row in record.robots:
             before, zone = self._moving.pop(row.number, (None, None))
             if before is not None and zone is not None and row.number not in self._expected.appeared:
-                self._judge(record.k - 1, before, zone, math.hypot(row.x - before.x, row.y - before.y))
+                self._judge_zone(record.k - 1, before, zone, math.hypot(row.x - before.x, row.y - before.y))
         disturbed = robots_hit(self._motions, record.k)
         for row in record.robots:
-            zone = self._slowest(row, record.k * self._step) if row.status is Status.ALIVE else None
+            zone = self._find_slowest(row, record.k * self._step) if row.status is Status.ALIVE else None
             if zone is None:
                 continue
             if row.number in disturbed:
                 speed = command_of(self._models[row.number], row.c0, row.c1).speed_mps
-                self._judge(record.k, row, zone, speed * self._step)
+                self._judge_zone(record.k, row, zone, speed * self._step)
             else:
                 self._moving[row.number] = row, zone
 
-    def _slowest(self, row: RobotTick, time_s: float) -> ZoneSpec | None:
+    def _find_slowest(self, row: RobotTick, time_s: float) -> ZoneSpec | None:
         """Return the zone in force with the lowest speed among those that a robot is in."""
         in_force = (zone for zone in self._zones if zone.times is None or is_within(zone.times, time_s))
         zones = [zone for zone in in_force if self._is_in[zone.name](row.x, row.y)]
         return min(zones, key=lambda zone: zone.speed or 0.0, default=None)
 
-    def _judge(self, k: int, row: RobotTick, zone: ZoneSpec, way_m: float) -> None:
+    def _judge_zone(self, k: int, row: RobotTick, zone: ZoneSpec, way_m: float) -> None:
         self._looked += 1
         assert zone.speed is not None
         if way_m > zone.speed * self._step + SLACK_M:
@@ -179,9 +179,9 @@ class OneWayZonesKept(ZoneCheck):
                     self._disturbed += 1
                 self._visits[key] = visit
                 if not visit.disturbed:
-                    self._judge(record.k, zone, visit, row)
+                    self._judge_zone(record.k, zone, visit, row)
 
-    def _judge(self, k: int, zone: ZoneSpec, visit: _Visit, row: RobotTick) -> None:
+    def _judge_zone(self, k: int, zone: ZoneSpec, visit: _Visit, row: RobotTick) -> None:
         assert zone.one_way is not None
         angle = math.radians(zone.one_way)
         across, up = visit.came_in[0] - row.x, visit.came_in[1] - row.y
@@ -204,7 +204,7 @@ class OneWayZonesKept(ZoneCheck):
 class ZoneTimesTold(Check):
     """The journal has an event in each tick before which a zone begins or ends, and no other.
 
-    Whether a zone is in force is recomputed from the scenario's times, with what operators have switched.
+    Whether a zone is in force is recomputed from the scenario's times, with the operators' switching.
     """
 
     name = "zone times"
@@ -282,12 +282,12 @@ class ClosuresKept(Check):
                 self._fail(f"{spec.name} is closed at tick {record.k}, when it is to be open")
             waits_for: list[RobotTick] = []
             if wanted and not is_closed:
-                waits_for = [robot for robot in here if self._depth(robot, spec.name) > -self._diagonal]
+                waits_for = [robot for robot in here if self._measure_depth(robot, spec.name) > -self._diagonal]
                 if spec.name in self._was_closed or not waits_for:
                     self._fail(f"{spec.name} is open at tick {record.k}, when it is to be closed and nobody is in it")
             if is_closed:
                 for robot in here:
-                    if self._depth(robot, spec.name) > SLACK_M:
+                    if self._measure_depth(robot, spec.name) > SLACK_M:
                         where = f"({robot.x:.3f}, {robot.y:.3f})"
                         name = self._name(robot.number)
                         self._fail(f"{name} is in {spec.name} at tick {record.k}, which is closed, at {where}")
@@ -320,12 +320,12 @@ class ClosuresKept(Check):
             bool(named)
             and event.detail == f"{name}{WAITS}{', '.join(self._name(robot.number) for robot in named)}{IN_IT}"
             and event.robot == named[0].number
-            and all(robot in named for robot in near if self._depth(robot, name) > SLACK_M)
+            and all(robot in named for robot in near if self._measure_depth(robot, name) > SLACK_M)
         )
 
-    def _depth(self, robot: RobotTick, name: str) -> float:
+    def _measure_depth(self, robot: RobotTick, name: str) -> float:
         """Return how far a body reaches into a closure, m."""
-        return self._radii[robot.number] - _gap(self._corners[name], robot)
+        return self._radii[robot.number] - _measure_gap(self._corners[name], robot)
 
     def _is_wanted(self, number: int, spec: ClosureSpec, k: int) -> bool:
         rate = (spec.opens if self._by_draws[number] else spec.closes) or 0.0
@@ -345,7 +345,7 @@ def is_within(spans: Sequence[tuple[float, float]], time_s: float) -> bool:
     return sum(first <= time_s for first, _ in spans) > sum(end <= time_s for _, end in spans)
 
 
-def _gap(corners: NDArray[np.float64], robot: RobotTick) -> float:
+def _measure_gap(corners: NDArray[np.float64], robot: RobotTick) -> float:
     """Return the distance of a body's centre from a polygon, m; 0 inside."""
     if is_inside(corners, robot.x, robot.y):
         return 0.0

@@ -83,7 +83,7 @@ class LockstepFleet:
         kind: type[T],
         aside: Callable[[], None] = lambda: None,
     ) -> dict[int, T]:
-        """Tell each robot what it senses or hears, do what can be done aside, and wait for all answers."""
+        """Tell each robot its senses or frames, do the work that can be done aside, and wait for all answers."""
         sessions = self._sessions
         sent = {number: sessions.send(number, k, phase_data) for number, phase_data in tell.items()}
         aside()

@@ -21,14 +21,14 @@ class Fleet(Protocol):
     """All robots' minds, in processes or in this one."""
 
     def phase_a(self, k: int, reports: Mapping[int, Sensed]) -> Mapping[int, Sequence[bytes]]:
-        """Send the living robots what they sense, and return the frames that they send, by robot number.
+        """Send the living robots their senses, and return the frames that they send, by robot number.
 
         A robot that stays silent has no frames; one that is missing has died.
         """
         ...
 
     def phase_b(self, k: int, heard: Mapping[int, list[bytes]]) -> Mapping[int, Reply | None]:
-        """Send the robots that answered phase A what they hear, and return their replies, by robot number.
+        """Send the robots that answered phase A their frames, and return their replies, by robot number.
 
         The reply is None from a robot that is late; one that is missing has died.
         """

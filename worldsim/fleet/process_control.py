@@ -66,7 +66,7 @@ class NotStarted(Exception):
 
 
 class ControlFailed(Exception):
-    """The launcher does not answer, or could not do what was asked."""
+    """The launcher does not answer, or could not obey."""
 
 
 @dataclass(frozen=True, slots=True)

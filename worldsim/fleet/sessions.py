@@ -113,7 +113,7 @@ class Sessions:
         self._gathering = False
 
     def send(self, number: int, k: int, tell: Sensed | Sequence[bytes]) -> bytes:
-        """Send a robot that has a session phase A of a tick (what it senses) or phase B (what it hears).
+        """Send a robot that has a session phase A of a tick (its senses) or phase B (frames for it).
 
         Returns the bytes sent, for `repeat`.
         """

@@ -73,7 +73,7 @@ class _Flying:
 
 
 class Ether:
-    """The radio between robots: each frame to every other robot within the tick, less what faults and the model drop.
+    """The radio between robots: each frame to every other robot within the tick, unless faults or the model drop it.
 
     A frame's sequence says in which tick the world took it and which of its sender's frames it was
     (`patrol.journal.records.frame_sequence`). Its fate on a link is fixed when it is sent, except that it is lost
@@ -163,7 +163,7 @@ class Ether:
         copies: list[tuple[int, int, int, str]],
         delayed: list[tuple[int, int, int, str]],
     ) -> None:
-        """Put into flight what is delayed, and the copies of what is copied; note both in the lists."""
+        """Put delayed frames and copies into flight; note both in the lists."""
         for index, column in np.argwhere(fates.on_the_way).tolist():
             origin, source, sequence = (int(numbers[index]) for numbers in (sent.origin, sent.source, sent.sequence))
             frame, destination = sent.frames[index], receivers[column]

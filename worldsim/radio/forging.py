@@ -65,7 +65,7 @@ class Forger:
         self._frozen: dict[tuple[int, int], Pose] = {}
 
     def follow(self, timeline: Timeline) -> None:
-        """Go on with another timeline; refuse one with a replay older than what is kept."""
+        """Go on with another timeline; refuse one with a replay older than the frames kept."""
         spoofs = [entry for entry in timeline.entries if isinstance(entry.fault, Spoof)]
         if any(self._frame_age(entry) > self._depth for entry in spoofs):
             kept_s = self._depth * self._step

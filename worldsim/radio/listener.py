@@ -116,7 +116,7 @@ class Listener:
         return frames
 
     def notes(self) -> dict[str, Any]:
-        """Return notes for the journal's end: what each robot reported last, and what the world itself has missed.
+        """Return notes for the journal's end: each robot's last report, and frames that the world itself has missed.
 
         Waits up to `LAST_REPORTS_S` for robots that are leaving now.
         """

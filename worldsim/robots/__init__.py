@@ -1,1 +1,1 @@
-"""The robots in the world: their bodies, their motion, what they sense, and which intruders they see."""
+"""The robots in the world: their bodies, their motion, their senses, and which intruders they see."""

@@ -1,4 +1,4 @@
-"""The scenario's closures in the world: when they close and open, and what robots see of them.
+"""The scenario's closures in the world: when they close and open, and how robots see them.
 
 A closure never closes on a body: it waits until all bodies are clear of its points, and the journal says so.
 

@@ -203,7 +203,7 @@ function body(map, robot, facts, place) {
     c.lineWidth -= 2 * r;
     line(c, x, y, x + Math.cos(pose[2]) * reach, y - Math.sin(pose[2]) * reach);
   }
-  if (status === 1 && robot[7]) {
+  if (status === 1 && robot[6]) {
     ring(c, x, y, size + 5 * r, "#ffffff", 6 * r);
     ring(c, x, y, size + 5 * r, "#c1121f", 3.2 * r);
   } else if (shown.kind === "warn" && status === 1) {

@@ -188,7 +188,7 @@ const NAMES = ["absent", "alive", "paused", "dead", "lost", "left"];
 
 /** The status of a robot as {word, kind}; kind: good, warn, bad or off. */
 export function robotStatus(robot) {
-  const [status, state, , , , heard, , trapped] = robot;
+  const [status, state, , , , heard, trapped] = robot;
   if (status === 3 || status === 4) return { word: NAMES[status], kind: "bad" };
   if (status === 0 || status === 5) return { word: NAMES[status], kind: "off" };
   if (status === PAUSED) return { word: "paused", kind: "warn" };

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from agent.chance import Chance
 from agent.policies.joint_plan import STUCK_S, JointPlan
 from agent.policies.stochastic import Stochastic
 from agent.policies.surround import Surround
@@ -82,6 +83,12 @@ def test_other_draws_give_another_order_and_the_same_ones_the_same() -> None:
     orders = [stations(Robots(patrol(seed=seed)), 300) for seed in (1, 1, 2)]
     assert orders[0] == orders[1]
     assert orders[0] != orders[2]
+
+
+@pytest.mark.parametrize("share", [0.0, 1.0 - 0.5**53], ids=["least", "largest"])
+def test_a_station_is_drawn_whatever_the_draw(share: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Chance, "draw", lambda _self, *_question: share)
+    assert stations(Robots(patrol()), 1) != [None]
 
 
 def mean_oldest(robots: Robots, ticks: int = 800) -> float:

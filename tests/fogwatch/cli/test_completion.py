@@ -15,6 +15,9 @@ from fogwatch.cli.app import app
         ("fogwatch run --se", {"--seed", "--sensor-range", "--set"}),
         ("fogwatch map ch", {"check"}),
         ("fogwatch reproduce ta", {"table"}),
+        ("fogwatch recording --re", {"--repair"}),
+        ("fogwatch paper ta", {"table"}),
+        ("fogwatch key new --h", {"--help"}),
     ],
 )
 def test_commands_and_options_are_completed(words: str, offered: set[str]) -> None:

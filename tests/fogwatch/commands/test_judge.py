@@ -115,7 +115,16 @@ def test_an_unchanged_run_gets_its_verdict_again(
     assert "verdict     valid" in printed
     assert stated["trace_hash"] in printed
     assert "agrees with the journal in every field" in printed
+    assert "exit codes  none: the run was in one process" in printed
     assert before == {file: file.read_bytes() for file in ran.rglob("*") if file.is_file()}
+
+
+def test_exit_codes_of_processes_that_no_summary_states_are_unknown(
+    folder: Path, command: Callable[..., int], capsys: pytest.CaptureFixture[str]
+) -> None:
+    edit_journal(folder, notes={"wall_s": 1.0, "refused": {}})
+    command("judge", folder)
+    assert "exit codes  none are known: how processes ended was not judged" in capsys.readouterr().out
 
 
 def test_a_verdict_that_was_changed_in_the_summary(folder: Path, judged: Judging) -> None:

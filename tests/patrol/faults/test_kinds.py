@@ -7,7 +7,7 @@ import pytest
 
 from patrol.errors import BadInput
 from patrol.faults.kinds import FRAME_KINDS, INSTANT, KINDS, PROCESS_KINDS, ActsOn, OneFault, Spoof, Wait
-from patrol.faults.targets import Target, meant
+from patrol.faults.targets import TargetField, meant
 from patrol.scenario import as_mapping, dump_scenario, load_scenario, parse_overrides, scenario_hash, scenario_schema
 
 GATE = {"name": "gate", "polygon": [[50, 0], [51, 0], [51, 20], [50, 20]]}
@@ -238,7 +238,7 @@ def test_nor_does_who_is_drawn_to_be_its_own_victim(victims: object) -> None:
 
     (fault,) = load_scenario(spoof("stranger")).faults
     assert isinstance(fault, Spoof)
-    (number,) = meant(fault.victims, {"r1": 1, "r2": 2, "r3": 3}, frozenset(), (5, 0, Target.AS))
+    (number,) = meant(fault.victims, {"r1": 1, "r2": 2, "r3": 3}, frozenset(), (5, 0, TargetField.AS))
     victim = f"r{number}"
     with pytest.raises(BadInput) as caught:
         load_scenario(spoof(victim))
@@ -254,7 +254,7 @@ def test_no_draw_leaves_a_link_with_one_robot_at_both_ends() -> None:
     for seed in range(40):
         fault = {"kind": "loss", "rate": 1, "from": "one", "to": ["r1"]}
         scenario = {"terrain": {"builtin": "open"}, "seed": seed, "faults": [fault]}
-        if meant("one", names, frozenset(), (seed, 0, Target.FROM)) != (1,):
+        if meant("one", names, frozenset(), (seed, 0, TargetField.FROM)) != (1,):
             assert load_scenario(scenario).faults
             continue
         refused.add(seed)
