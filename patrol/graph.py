@@ -20,10 +20,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from patrol.errors import BadInput
+from patrol.errors import BadInput, printable
 from patrol.files.untrusted import GRAPH
 from patrol.files.yaml_text import read_text
-from patrol.printable import printable
 
 if TYPE_CHECKING:
     from patrol.ground.fields import StaticFields

@@ -13,8 +13,7 @@ import typer
 from fogwatch.cli.command_help import command
 from fogwatch.cli.open_run import Key, RunFolder
 from fogwatch.cli.options import option
-from patrol.errors import quoted
-from patrol.printable import printable
+from patrol.errors import printable, quoted
 
 if TYPE_CHECKING:
     from patrol.journal import Journal

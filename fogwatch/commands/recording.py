@@ -12,9 +12,8 @@ from fogwatch.cli.command_help import command
 from fogwatch.cli.open_run import Key, RunFolder, open_folder, print_state
 from fogwatch.cli.options import option
 from fogwatch.commands.fleet import WAIT_S, FleetOptions, Wait
-from patrol.errors import BadInput, did_you_mean
+from patrol.errors import BadInput, did_you_mean, printable
 from patrol.files.untrusted import leads_out
-from patrol.printable import printable
 from patrol.process.exit_codes import INTERRUPTED
 from patrol.process.lifeline import heed
 from patrol.starting.warmup import warm

@@ -13,8 +13,7 @@ from fogwatch.cli.command_help import command, group
 from fogwatch.cli.options import option
 from fogwatch.presets import PRESETS
 from fogwatch.run_options import overrides_of, patrol_option, settings_option
-from patrol.errors import BadInput
-from patrol.printable import printable
+from patrol.errors import BadInput, printable
 from patrol.radio.fleet_key import fleet_key
 from patrol.scenario import Scenario, dump_scenario, naming, open_scenario, scenario_hash, scenario_schema
 from patrol.scenario.patrols import describe_patrol

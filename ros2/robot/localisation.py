@@ -14,8 +14,8 @@ from enum import StrEnum
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
+from patrol.errors import printable
 from patrol.pose import Pose
-from patrol.printable import printable
 from ros2.robot.odometer import REMEMBERED, Odometer, OdometryReading
 from ros2.wire.frames import composed, inverted, travelled
 
