@@ -164,7 +164,7 @@ def patrol_with(
         NotPrepared: The same, where the scenario's file must be named.
         AskedToLeave: Before the patrol could begin.
     """
-    from patrol.process.exit_codes import INTERRUPTED
+    from patrol.process.failures import INTERRUPTED
     from patrol.process.options import robot_named
     from patrol.security.keys import callers_of, check_radio
     from patrol.security.roles import Kind

@@ -14,7 +14,7 @@ from fogwatch.cli.options import option
 from fogwatch.commands.fleet import WAIT_S, FleetOptions, Wait
 from patrol.errors import BadInput, did_you_mean, printable
 from patrol.files.untrusted import leads_out
-from patrol.process.exit_codes import INTERRUPTED
+from patrol.process.failures import INTERRUPTED
 from patrol.process.lifeline import heed
 from patrol.starting.warmup import warm
 

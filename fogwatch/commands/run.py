@@ -17,7 +17,7 @@ from fogwatch.cli.options import option
 from fogwatch.presets import PRESETS
 from fogwatch.run_options import Body, Changes, RunChoices
 from patrol.errors import printable
-from patrol.process.exit_codes import INTERRUPTED, UNKNOWN
+from patrol.process.failures import INTERRUPTED, UNKNOWN
 from patrol.process.lifeline import ending_children, heed
 from patrol.scenario import BUILTINS, MAX_ROBOTS, RobotGroup, Scenario, naming, open_scenario, with_spares
 

@@ -10,8 +10,7 @@ from pathlib import Path
 from pydantic import ValidationError
 
 from patrol.errors import BadInput, quoted
-from patrol.files.half_characters import refuse_half_characters
-from patrol.files.untrusted import SUMMARY, read_untrusted
+from patrol.files.untrusted import SUMMARY, read_untrusted, refuse_half_characters
 from patrol.summary.model import Summary
 
 DEEPEST = 50

@@ -28,7 +28,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 from patrol.errors import BadInput
-from patrol.process.exit_codes import BAD_INPUT, INTERRUPTED
+from patrol.process.failures import BAD_INPUT, INTERRUPTED
 from patrol.process.lifeline import Ending, InterruptedBySignal, heed
 from patrol.process.options import Meeting, meeting
 from patrol.reporting.health import HealthLines

@@ -20,7 +20,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from patrol.errors import BadInput, did_you_mean, quoted
-from patrol.files.half_characters import refuse_half_characters
+from patrol.files.untrusted import refuse_half_characters
 from patrol.files.yaml_text import line_of, parse_yaml, read_text
 from patrol.maps.map_file import IMAGE_ENDINGS, IS_IMAGE
 from patrol.scenario.dump import dump_section, notes_on_lengths

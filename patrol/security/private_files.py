@@ -10,8 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from patrol.errors import BadInput
-from patrol.files.half_characters import refuse_half_characters
-from patrol.files.untrusted import ACCESS, open_untrusted
+from patrol.files.untrusted import ACCESS, open_untrusted, refuse_half_characters
 from patrol.files.whole_file import replacing
 
 GIVEN = "CREDENTIALS_DIRECTORY"
