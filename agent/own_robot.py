@@ -17,8 +17,7 @@ from agent.ports import Telemetry
 from agent.robots.direct import APART
 from patrol.errors import BadInput, NotPrepared
 from patrol.process.context import ProcessContext, run_with
-from patrol.radio.message import MAX_TIME_MS
-from patrol.radio.units import ms_to_s
+from patrol.radio.message import MAX_TIME_MS, ms_to_s
 
 if TYPE_CHECKING:
     from agent.mind import Mind

@@ -22,9 +22,9 @@ from patrol.journal import Journal, TraceHash
 from patrol.journal.records import FORGED, Event, RobotFacts, Status, TickRecord, sent_at
 from patrol.pose import Pose
 from patrol.prepare import Prepared, prepare, terrain_of
-from patrol.radio.fleet_key import fleet_key
 from patrol.scenario import load_scenario
 from patrol.scenario.controls import worded
+from patrol.security.private_files import fleet_key
 from patrol.summary.model import RobotFigures, Summary
 from patrol.summary.totals import RunTotals, count_frames
 

@@ -5,9 +5,9 @@ writes to it, opening some devices does something, others have no end, and a fil
 every file that is not this program's own is opened here, and a test finds code that opens files elsewhere. A file is
 looked at before it is opened, and opened only if it is a regular one within the limit of its kind.
 
-What their text spells may be half of a character, a lone surrogate, which JSON, YAML and Python spell (``"\ud800"``)
-but no text can hold. It cannot be encoded in UTF-8, so whatever writes, sends or hashes it fails, far from where it came
-in. Readers of other people's text refuse it here.
+Such text may spell half of a character, a lone surrogate, as JSON, YAML and Python do (``"\ud800"``). It cannot be
+encoded in UTF-8, so whatever writes, sends or hashes it fails, far from where it came in. Readers of other people's text
+refuse it here.
 """
 
 from __future__ import annotations

@@ -12,8 +12,7 @@ import math
 from patrol.ground.swept_path import free_fraction
 from patrol.ground.terrain import Terrain
 from patrol.pose import Pose
-from patrol.radio.message import Position
-from patrol.radio.units import cm_to_m
+from patrol.radio.message import Position, cm_to_m
 
 # The predicted place is for the centre of a body: a point passes wherever some body does.
 _POINT = 1e-6

@@ -9,8 +9,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from patrol.pose import Pose
-from patrol.radio.heard import Heard
-from patrol.radio.inbox import Inboxes, Rules
+from patrol.radio.inbox import Heard, Inboxes, Rules
 from patrol.radio.message import CONTACT, Position, Rejected, RejectReason, decode, encode
 from patrol.radio.peers import SPAN, Peer
 
