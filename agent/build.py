@@ -38,7 +38,7 @@ from patrol.radio.prediction import Predictor
 from patrol.random import Purpose
 from patrol.scenario.policies import LEARNED
 from patrol.security.private_files import fleet_key
-from patrol.zones.speed_limits import SpeedLimits
+from patrol.zones.ground import SpeedLimits
 
 if TYPE_CHECKING:
     from agent.routes.path_window import PathWindow

@@ -14,8 +14,8 @@ from patrol.journal.records import FORGED, IN_FORCE, OUT_OF_FORCE
 from patrol.pose import Pose, slowed
 from patrol.prepare import sensor_footprint
 from patrol.radio.message import MAX_FRAMES
+from patrol.zones.ground import SpeedLimits
 from patrol.zones.spec import zones_in_force
-from patrol.zones.speed_limits import SpeedLimits
 from worldsim.faults import Timeline
 from worldsim.radio.ether import Delivery, ether_of
 from worldsim.radio.models import model_of

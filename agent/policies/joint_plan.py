@@ -3,7 +3,7 @@
 No robot says where it is going. All believe nearly the same fog, hear where the others are, and draw the same numbers,
 so each can work out what *all* will do, and take its own part:
 
-- *Stations* (`patrol.tours.stations`) are to be visited, each by one robot.
+- *Stations* (`patrol.tours.round`) are to be visited, each by one robot.
 - A *plan* is a route for each robot; together they visit every station. It costs the sum of the eighth powers of the
   stations' ages when they are visited. So old stations weigh most, and no station is put off for ever.
 - *The draw*: once a robot has seen its station, the plans are compared in which it goes to each of the near ones next.
@@ -40,8 +40,7 @@ if TYPE_CHECKING:
     from agent.routes.routes import Element, Way
     from agent.view import View
     from patrol.pose import Pose
-    from patrol.tours.round import Round
-    from patrol.tours.stations import Stations
+    from patrol.tours.round import Round, Stations
 
 SPREAD = 0.28
 """Cost by which a plan may be behind the best one to be drawn 1/e times as often, as a share of the time between two

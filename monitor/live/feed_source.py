@@ -28,7 +28,7 @@ from monitor.observation.listener import NO_ROBOT, Listener, mark_outside
 from monitor.observation.source import Answer, Layer, RobotShape, RobotState, Series, State, Static
 from monitor.observation.tick_rate import TickRate
 from monitor.observation.traps import TrapWatch
-from patrol.closures.points import Closings
+from patrol.closures.ground import Closings
 from patrol.errors import BadInput, Malformed
 from patrol.ground.fog import Fog
 from patrol.ground.terrain import Terrain

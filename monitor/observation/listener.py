@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from patrol.closures.points import Closings
+    from patrol.closures.ground import Closings
     from patrol.ground.footprint import Footprint
 
 NO_ROBOT = -1

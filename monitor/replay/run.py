@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from monitor.replay.run_files import SCENARIO, SUMMARY, journal_in
 from monitor.replay.summary_file import read_summary
-from patrol.closures.points import Closings
+from patrol.closures.ground import Closings
 from patrol.errors import BadInput
 from patrol.journal import Journal, TraceHash
 from patrol.journal.records import FORGED, Event, RobotFacts, Status, TickRecord, sent_at

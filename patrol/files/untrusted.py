@@ -6,8 +6,8 @@ every file that is not this program's own is opened here, and a test finds code 
 looked at before it is opened, and opened only if it is a regular one within the limit of its kind.
 
 Such text may spell half of a character, a lone surrogate, as JSON, YAML and Python do (``"\ud800"``). It cannot be
-encoded in UTF-8, so whatever writes, sends or hashes it fails, far from where it came in. Readers of other people's text
-refuse it here.
+encoded in UTF-8, so whatever writes, sends or hashes it fails, far from where it came in. Readers of other people's
+text refuse it here.
 """
 
 from __future__ import annotations

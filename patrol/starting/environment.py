@@ -9,8 +9,8 @@ process may write there, but gets no more room, so a process that is going to fo
 
 Memory that is freed and soon needed again stays with a process. A decision works on pieces of grids, of up to a few MB,
 and frees them. By default the C library gives large pieces back to the system at once, and learns as it goes which are
-large, up to 32 MB: then pieces that are asked for now and then only, by a start or by a search of the whole ground, stay
-for good as well. With a fixed limit of 8 MB an agent on `site` takes 90 MB instead of 112.
+large, up to 32 MB: then pieces that are asked for now and then only, by a start or by a search of the whole ground,
+stay for good as well. With a fixed limit of 8 MB an agent on `site` takes 90 MB instead of 112.
 """
 
 from __future__ import annotations
