@@ -33,8 +33,7 @@ from patrol.scenario.patrols import describe_patrol
 from patrol.scenario.policies import BUILT_IN, STOCHASTIC
 from patrol.scenario.radio_spec import MODELS
 from patrol.security.private_files import fleet_key
-from patrol.starting.seldom import seldom_kernels
-from patrol.starting.warmup import warm
+from patrol.starting.warmup import seldom_kernels, warm
 
 if TYPE_CHECKING:
     from fogwatch.launch.launcher import Launch

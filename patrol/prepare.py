@@ -90,7 +90,7 @@ class Prepared:
     @cached_property
     def graph(self) -> Graph:
         """The terrain's graph: the scenario's, or one that is made from the ground of the smallest robots."""
-        from patrol.graph_from_ground import graph_from_ground  # here: few fleets need a graph
+        from patrol.graph import graph_from_ground  # here: few fleets need a graph
 
         graph_spec = self.scenario.terrain.graph
         if graph_spec is not None:

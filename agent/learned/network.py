@@ -34,7 +34,7 @@ from agent.ports import Bearing, Intent, Place, Stay
 from patrol.classes.class_file import FIELD
 from patrol.errors import BadInput
 from patrol.files.untrusted import WEIGHTS
-from patrol.graph_from_ground import on_reach
+from patrol.graph import on_reach
 
 if TYPE_CHECKING:
     from agent.ports import PolicySetup

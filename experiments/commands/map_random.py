@@ -12,8 +12,7 @@ from fogwatch.cli.command_help import command
 from fogwatch.cli.options import option
 from fogwatch.commands.map import app
 from patrol.errors import BadInput, printable
-from patrol.starting.seldom import SELDOM
-from patrol.starting.warmup import warm
+from patrol.starting.warmup import SELDOM, warm
 
 MOST_BUILDINGS = 1000
 

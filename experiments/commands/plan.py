@@ -19,8 +19,7 @@ from patrol.errors import BadInput, printable
 from patrol.extras import check_matplotlib
 from patrol.process.lifeline import heed
 from patrol.scenario import BUILTINS, as_mapping, load_scenario, naming, open_scenario
-from patrol.starting.seldom import SELDOM
-from patrol.starting.warmup import warm
+from patrol.starting.warmup import SELDOM, warm
 
 if TYPE_CHECKING:
     from experiments.plan.plan import FleetPlan

@@ -164,8 +164,7 @@ class ProcessContext:
 
         Kernels that few runs need are left out, but for those that the scenario needs.
         """
-        from patrol.starting.seldom import seldom_kernels
-        from patrol.starting.warmup import warm
+        from patrol.starting.warmup import seldom_kernels, warm
 
         warm(packages, self.log.info, () if scenario is None else seldom_kernels(scenario))
 
