@@ -23,7 +23,7 @@ NEEDED = (
     "agent.mind_loop",
     "agent.policies.committed",
     "agent.policies.stochastic",
-    "patrol.kernels.room",
+    "patrol.kernels.clearance",
     "patrol.kernels.ways",
     "patrol.messages.phases",
 )

@@ -330,7 +330,7 @@ def _way_lengths(part: BoolGrid, rows: Flat, cols: Flat, near: float) -> NDArray
     Ways are searched for up to a length first. A longer one leads through other places then, which does not matter:
     places that have another one in between are no neighbours.
     """
-    from patrol.kernels.components import label_parts
+    from patrol.kernels.clearance import label_parts
     from patrol.kernels.ways import FAR, lengths_between
 
     framed = np.pad(part, 1).view(np.uint8)

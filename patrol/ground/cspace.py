@@ -65,7 +65,7 @@ def parts_of(mask: BoolGrid) -> tuple[IntGrid, int]:
 
     The parts are int32 (h, w), labels from 1, and 0 outside the mask.
     """
-    from patrol.kernels.components import label_parts
+    from patrol.kernels.clearance import label_parts
 
     labels = np.empty(mask.shape, dtype=np.int32)
     work = np.empty(mask.size, dtype=np.int32)

@@ -117,9 +117,9 @@ class Terrain:
     def room(self) -> NDArray[np.uint8]:
         """uint8 (height, width), read-only: a lower bound of each point's distance from where bodies may not be.
 
-        Rows or columns, whichever are more, to the nearest such point (`patrol.kernels.room`).
+        Rows or columns, whichever are more, to the nearest such point (`patrol.kernels.clearance`).
         """
-        from patrol.kernels.room import measure_room
+        from patrol.kernels.clearance import measure_room
 
         room = np.empty(self.shape, dtype=np.uint8)
         measure_room(self.blocked, room)

@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 
 from patrol.ground.swept_path import advance, chords, lay_path, path_is_free
 from patrol.pose import COMMANDS, Command, is_halt
-from worldsim.kernels.collide import cancel_meeting
-from worldsim.kernels.near import near_others
+from worldsim.kernels.collide import cancel_meeting, near_others
 
 if TYPE_CHECKING:
     from patrol.ground.terrain import Terrain

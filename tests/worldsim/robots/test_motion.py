@@ -16,7 +16,7 @@ from patrol.ground.terrain import Terrain
 from patrol.journal import Status
 from patrol.pose import COMMANDS, MODELS, Command, Drive, Pose, Twist, Velocity
 from patrol.scenario import RobotSpec
-from worldsim.kernels.near import near_others
+from worldsim.kernels.collide import near_others
 from worldsim.robots.bodies import Body, standstill
 from worldsim.robots.motion import length, move, within_limits
 
