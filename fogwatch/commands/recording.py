@@ -44,7 +44,7 @@ def export(
     from rich.progress import TimeRemainingColumn
 
     from fogwatch.terminal.bars import bar_on
-    from monitor.tables.files import FORMATS, write_tables
+    from monitor.tables.arrow import FORMATS, write_tables
     from monitor.tables.table import check_pyarrow
 
     chosen = next((candidate for candidate in FORMATS if candidate == kind), None)

@@ -14,8 +14,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from monitor.replay.run_files import SCENARIO, SUMMARY, journal_in
-from monitor.replay.summary_file import read_summary
+from monitor.replay.run_files import SCENARIO, SUMMARY, journal_in, read_summary
 from patrol.closures.ground import Closings
 from patrol.errors import BadInput
 from patrol.journal import Journal, TraceHash
