@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from agent.policies.joint_plan import STUCK_S, JointPlan
-from agent.policies.stochastic import Stochastic
+from agent.policies.stochastic import STUCK_S, JointPlan, Stochastic
 from agent.policies.surround import Surround
 from patrol.ground.terrain import Terrain
 from patrol.pose import MODELS, Pose
