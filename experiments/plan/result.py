@@ -88,7 +88,7 @@ class PlanResult:
         Raises:
             BadInput: matplotlib is not installed.
         """
-        from experiments.plan.pictures import curve_figure
+        from experiments.plan.folder import curve_figure
 
         return curve_figure(self.plan)
 

@@ -39,7 +39,8 @@ from worldsim.faults import SKIPPED
 from worldsim.fleet.acts import Acts
 from worldsim.output import record
 from worldsim.radio import ether, forging, path_loss, rules
-from worldsim.robots import motion, noise
+from worldsim.robots import bodies as motion
+from worldsim.robots import noise
 from worldsim.robots.bodies import Body, standstill
 from worldsim.robots.closures import Closures
 from worldsim.robots.senses import Senses

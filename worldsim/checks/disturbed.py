@@ -18,8 +18,7 @@ from patrol.journal import RobotTick, Status, TickRecord
 from patrol.journal.records import FORGED
 from patrol.pose import TAU, Command, Drive, Pose, Twist, command_of, is_halt
 from patrol.radio.message import CONTACT, MAX_TIME_MS, MRAD_PER_RAD, Position, Rejected, cm_to_m, decode, ms_to_s
-from worldsim.checks.chance import FAMILY, Series, first_problem
-from worldsim.checks.check import Check
+from worldsim.checks.check import FAMILY, Check, Series, first_problem
 from worldsim.checks.statuses import ExpectedStatuses
 
 if TYPE_CHECKING:

@@ -32,8 +32,8 @@ from patrol.radio.prediction import Predictor
 from patrol.security.private_files import fleet_key
 from worldsim.checks.check import NO_ROBOT, TAGS_NOT_JUDGED, Check, active, robots_hit
 from worldsim.checks.ground import ClosedGround
-from worldsim.robots.intruders import Intruders
 from worldsim.robots.senses import Senses
+from worldsim.truth import Intruders
 
 if TYPE_CHECKING:
     from patrol.ground.terrain import Terrain
