@@ -34,7 +34,7 @@ from agent.view import FogView
 from patrol.closures.ground import ChangingFootprint
 from patrol.ground.footprint import Footprint
 from patrol.prepare import inboxes_of, sensor_footprint
-from patrol.radio.prediction import Predictor
+from patrol.radio.peers import Predictor
 from patrol.random import Purpose
 from patrol.scenario.policies import LEARNED
 from patrol.security.private_files import fleet_key

@@ -30,8 +30,7 @@ from patrol.ground.terrain import BoolGrid
 from patrol.pose import Pose
 from patrol.radio.inbox import Inboxes, Intake, Peers
 from patrol.radio.message import CONTACT, Position, RejectReason
-from patrol.radio.peers import Peer
-from patrol.radio.prediction import Predictor
+from patrol.radio.peers import Peer, Predictor
 
 if TYPE_CHECKING:
     from agent.belief.dilated import Dilated

@@ -12,7 +12,7 @@ Theory of operation
     farther in a step than a robot can go.
 
     A radio may delay frames, repeat them and let them overtake each other. A frame that is older than the newest of its
-    sender's is *late*: it is accepted once, if it comes within a window of `patrol.radio.peers.SPAN` sequences, and
+    sender's is *late*: it is accepted once, if it comes within a window of `patrol.radio.message.SPAN` sequences, and
     says only where the sender was then. A sender's sequences go on with time, also over a restart of the sender, so its
     window outlives it.
 
@@ -56,8 +56,8 @@ from patrol.kernels.hear import (
     places_heard,
 )
 from patrol.pose import Pose
-from patrol.radio.message import CM_PER_M, CONTACT, Position, Rejected, RejectReason, cm_to_m, decode, m_to_cm
-from patrol.radio.peers import SPAN, Peer
+from patrol.radio.message import CM_PER_M, CONTACT, SPAN, Position, Rejected, RejectReason, cm_to_m, decode, m_to_cm
+from patrol.radio.peers import Peer
 
 
 class Heard(Mapping[int, list[bytes]]):

@@ -103,6 +103,9 @@ MAX_CONTACTS = 4
 MAX_FRAMES = 1 + MAX_CONTACTS
 """Frames that a robot sends in one tick: its own position first, then its contacts."""
 
+SPAN = 64
+"""Number of a sender's last sequences that a listener remembers, with the newest (as RFC 4303, 3.4.3, for IPsec)."""
+
 MAX_TRAIL = 4
 MAX_KEY = 64
 MAX_ROBOT = 0xFFFF

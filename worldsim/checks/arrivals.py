@@ -162,7 +162,7 @@ class OnTime(Check):
 
 
 class ShareCheck(Check):
-    """A check of how often faults act on frames, as far as chance allows (`chance.py`).
+    """A check of how often faults act on frames, as far as chance allows (`check.py`).
 
     A subclass counts in `_series`, by the indices of its faults, and says in `_details` what it found.
     """

@@ -28,7 +28,7 @@ from patrol.radio.message import (
     m_to_cm,
     s_to_ms,
 )
-from patrol.radio.prediction import Predictor
+from patrol.radio.peers import Predictor
 from patrol.security.private_files import fleet_key
 from worldsim.checks.check import NO_ROBOT, TAGS_NOT_JUDGED, Check, active, robots_hit
 from worldsim.checks.ground import ClosedGround

@@ -1,7 +1,7 @@
 """Kernels of the verdict, which compute again what those of the world do.
 
 They find bodies that overlap among many, looking at near pairs only (`collide.py` has the world's), and lines of sight,
-from running sums of walls (the world's are in `walls.py`).
+from running sums of walls (the world's are in `radio.py`).
 """
 
 from __future__ import annotations
