@@ -2,7 +2,7 @@
 
 from agent.process import main
 from patrol.process.lifeline import run_process
-from patrol.process.memory import keep_freed_memory
+from patrol.starting.environment import keep_freed_memory
 
 if __name__ == "__main__":
     keep_freed_memory()

@@ -34,11 +34,11 @@ from agent.view import FogView
 from patrol.closures.ground import ChangingFootprint
 from patrol.ground.footprint import Footprint
 from patrol.prepare import inboxes_of, sensor_footprint
-from patrol.radio.fleet_key import fleet_key
-from patrol.radio.prediction import Predictor
+from patrol.radio.peers import Predictor
 from patrol.random import Purpose
 from patrol.scenario.policies import LEARNED
-from patrol.zones.speed_limits import SpeedLimits
+from patrol.security.private_files import fleet_key
+from patrol.zones.ground import SpeedLimits
 
 if TYPE_CHECKING:
     from agent.routes.path_window import PathWindow

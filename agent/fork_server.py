@@ -13,8 +13,7 @@ import sys
 from collections.abc import Sequence
 
 from patrol.process.lifeline import die_when_orphaned, run_process
-from patrol.process.memory import keep_freed_memory
-from patrol.starting.environment import show_as
+from patrol.starting.environment import keep_freed_memory, show_as
 from patrol.starting.forking import count_threads, serve_forks
 from patrol.starting.readiness import StartFailure, StartReport, report_start
 
@@ -24,7 +23,7 @@ NEEDED = (
     "agent.mind_loop",
     "agent.policies.committed",
     "agent.policies.stochastic",
-    "patrol.kernels.room",
+    "patrol.kernels.clearance",
     "patrol.kernels.ways",
     "patrol.messages.phases",
 )

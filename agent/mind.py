@@ -22,8 +22,8 @@ from patrol.exchange import Sensed
 from patrol.pose import Pose, halted, slowed
 from patrol.radio.message import MAX_CONTACTS, Position, as_received
 from patrol.scenario import RobotSpec, ZoneSpec
+from patrol.zones.ground import SpeedLimits
 from patrol.zones.spec import Weighing, weighing_at, zones_in_force
-from patrol.zones.speed_limits import SpeedLimits
 
 
 @dataclass(frozen=True, slots=True)

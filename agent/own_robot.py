@@ -17,8 +17,7 @@ from agent.ports import Telemetry
 from agent.robots.direct import APART
 from patrol.errors import BadInput, NotPrepared
 from patrol.process.context import ProcessContext, run_with
-from patrol.radio.message import MAX_TIME_MS
-from patrol.radio.units import ms_to_s
+from patrol.radio.message import MAX_TIME_MS, ms_to_s
 
 if TYPE_CHECKING:
     from agent.mind import Mind
@@ -164,7 +163,7 @@ def patrol_with(
         NotPrepared: The same, where the scenario's file must be named.
         AskedToLeave: Before the patrol could begin.
     """
-    from patrol.process.exit_codes import INTERRUPTED
+    from patrol.process.failures import INTERRUPTED
     from patrol.process.options import robot_named
     from patrol.security.keys import callers_of, check_radio
     from patrol.security.roles import Kind

@@ -14,7 +14,7 @@ from patrol.errors import BadInput
 from patrol.exchange import FIRST_INCARNATION
 from patrol.process.context import ProcessContext, run_with
 from patrol.process.deadline import DECISION_LIMIT_S
-from patrol.process.exit_codes import INTERRUPTED
+from patrol.process.failures import INTERRUPTED
 from patrol.process.lifeline import Ending
 from patrol.process.options import TOGETHER, Meeting, ProcessParser, fleet_parser, robot_named
 

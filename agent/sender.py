@@ -18,7 +18,7 @@ from patrol.radio.message import MAX_CONTACTS, Position, encode
 if TYPE_CHECKING:
     from patrol.exchange import Sensed
     from patrol.radio.allowance import Share
-    from patrol.radio.prediction import Predictor
+    from patrol.radio.peers import Predictor
 
 Places = tuple[tuple[float, float], ...]
 

@@ -12,8 +12,7 @@ from pathlib import Path
 
 import pyperf
 
-from patrol.starting.seldom import SELDOM
-from patrol.starting.warmup import warm
+from patrol.starting.warmup import SELDOM, warm
 
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGES = ("patrol", "agent", "worldsim")

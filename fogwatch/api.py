@@ -28,13 +28,12 @@ from patrol.measures.zoned import prepare_zones
 from patrol.messages.telemetry import Metrics
 from patrol.own_sensor import allow_sensor
 from patrol.process.lifeline import InterruptedBySignal
-from patrol.radio.fleet_key import fleet_key
 from patrol.scenario import Scenario, naming
 from patrol.scenario.patrols import describe_patrol
 from patrol.scenario.policies import BUILT_IN, STOCHASTIC
 from patrol.scenario.radio_spec import MODELS
-from patrol.starting.seldom import seldom_kernels
-from patrol.starting.warmup import warm
+from patrol.security.private_files import fleet_key
+from patrol.starting.warmup import seldom_kernels, warm
 
 if TYPE_CHECKING:
     from fogwatch.launch.launcher import Launch

@@ -13,13 +13,12 @@ from fogwatch.terminal.live_table import duration_text
 from monitor.live.positions_source import MAX_TELEMETRY
 from monitor.observation.hearing import Hearing
 from monitor.observation.source import RobotShape, RobotState, Source, State, Static
-from patrol.errors import Malformed
+from patrol.errors import Malformed, printable
 from patrol.journal.records import Status
 from patrol.messages.stop_orders import robots_there
 from patrol.messages.telemetry import Telemetry
 from patrol.net.link import Link
 from patrol.net.mailbox import Air, Mailbox
-from patrol.printable import printable
 from patrol.process.lifeline import Ending
 from patrol.radio.message import CONTACT, MAX_FRAME, Position, Rejected, decode
 from patrol.security.keys import FleetKeys

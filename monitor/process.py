@@ -13,13 +13,13 @@ from typing import TYPE_CHECKING, Any
 from monitor.replay.run_files import check_runs
 from patrol.errors import BadInput
 from patrol.process.context import ProcessContext, run_with
-from patrol.process.exit_codes import INTERRUPTED
+from patrol.process.failures import INTERRUPTED
 from patrol.process.lifeline import Ending
-from patrol.process.memory import keep_freed_memory
 from patrol.process.options import ProcessParser
 from patrol.reporting.logs import Log, is_json
 from patrol.reporting.supervision import Notifier
 from patrol.reporting.vitals import Vitals
+from patrol.starting.environment import keep_freed_memory
 
 if TYPE_CHECKING:
     from monitor.observation.source import Source

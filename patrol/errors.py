@@ -1,4 +1,4 @@
-"""The exceptions for input that cannot be used, and how messages spell values and near misses.
+"""The exceptions for input that cannot be used, and how messages spell values, near misses and texts of others.
 
 Unusable                what a user, a file or a wire gave
     BadInput            a user's file or argument; the command line prints it and ends with exit code 2
@@ -16,8 +16,6 @@ import json
 from collections.abc import Mapping, Sequence
 from difflib import get_close_matches
 from typing import Any
-
-from patrol.printable import printable
 
 __all__ = ["BadInput"]
 
@@ -99,3 +97,24 @@ def in_flow(value: object) -> str:
     if isinstance(value, list | tuple):
         return "[" + ", ".join(in_flow(inner) for inner in value) + "]"
     return f"{value:g}" if isinstance(value, float) else str(value).lower() if isinstance(value, bool) else str(value)
+
+
+def printable(text: str) -> str:
+    r"""Replace all characters that a terminal might act on by their escape sequences.
+
+    These are all that Unicode does not count as printable: C0 and C1 controls with escape, newline and tab, DEL, format
+    characters such as bidirectional overrides and zero-width spaces, line separators, and halves of surrogate pairs. So
+    the result is one line.
+    """
+    if text.isprintable():
+        return text
+    return "".join(char if char.isprintable() else _escape_char(char) for char in text)
+
+
+def printable_lines(text: str) -> str:
+    r"""Replace characters as `printable` does, but for line ends."""
+    return "\n".join(map(printable, text.split("\n")))
+
+
+def _escape_char(char: str) -> str:
+    return char.encode("unicode_escape").decode("ascii")

@@ -6,8 +6,7 @@ import os
 from importlib import import_module
 from typing import Any
 
-from patrol.errors import BadInput
-from patrol.printable import printable
+from patrol.errors import BadInput, printable
 
 
 def check_matplotlib(extra: str) -> None:

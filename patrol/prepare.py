@@ -19,10 +19,10 @@ from patrol.closures.ground import ChangingFootprint
 from patrol.energy.checks import check_docks_on_ground
 from patrol.errors import BadInput, NotPrepared
 from patrol.graph import check_vertices, graph_of, watching_vertices
+from patrol.ground.cspace import check_areas
 from patrol.ground.fields import StaticFields, compute_fields, load_grid
 from patrol.ground.footprint import REMEMBERED, Footprint
 from patrol.ground.left_out import LeftOut, left_out
-from patrol.ground.passages import check_areas
 from patrol.ground.terrain import BoolGrid, Terrain, frozen_grid
 from patrol.own_sensor import make_footprint
 from patrol.pose import Pose
@@ -90,7 +90,7 @@ class Prepared:
     @cached_property
     def graph(self) -> Graph:
         """The terrain's graph: the scenario's, or one that is made from the ground of the smallest robots."""
-        from patrol.graph_from_ground import graph_from_ground  # here: few fleets need a graph
+        from patrol.graph import graph_from_ground  # here: few fleets need a graph
 
         graph_spec = self.scenario.terrain.graph
         if graph_spec is not None:

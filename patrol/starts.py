@@ -14,13 +14,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from patrol.closures.points import with_closed
+from patrol.closures.ground import with_closed
 from patrol.closures.spec import closure_points
 from patrol.errors import BadInput
 from patrol.ground.cspace import TOLERANCE, cspace_of, parts_of, planning_radius
 from patrol.ground.fields import anchor
-from patrol.ground.one_way import ground_with_ways_back
 from patrol.ground.terrain import BoolGrid, Terrain
+from patrol.ground.ways import ground_with_ways_back
 from patrol.kernels.clearance import nearest
 from patrol.maps.fitting import fits_no_door, fits_nowhere, no_room_for_all
 from patrol.pose import TAU, Pose, wrap

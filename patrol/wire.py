@@ -28,8 +28,7 @@ from pydantic import AfterValidator, Field, GetCoreSchemaHandler, GetPydanticSch
 from pydantic_core import CoreSchema
 from pydantic_core import core_schema as schemas
 
-from patrol.errors import Malformed
-from patrol.printable import printable
+from patrol.errors import Malformed, printable
 
 __all__ = [
     "FAIL_FAST",

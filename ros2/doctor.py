@@ -9,8 +9,7 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Any
 
-from patrol.errors import Malformed
-from patrol.printable import printable
+from patrol.errors import Malformed, printable
 from ros2.robot.localisation import AHEAD_S, LONGEST_S, Source
 from ros2.robot.options import DriveSettings
 from ros2.wire import messages as ros

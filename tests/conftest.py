@@ -19,8 +19,7 @@ import pytest
 from hypothesis import settings
 
 from patrol.errors import BadInput
-from patrol.starting.seldom import SELDOM
-from patrol.starting.warmup import warm
+from patrol.starting.warmup import SELDOM, warm
 
 # A slow machine is no failure. Property tests try the same examples in each run; the hunt (`tests.hunt`) tries others.
 settings.register_profile("free", deadline=None, print_blob=True)

@@ -147,7 +147,7 @@ def test_kernels_import_only_numpy_and_numba() -> None:
     assert not strangers
 
 
-PURE_FILES = ("worldsim/robots/motion.py", "agent/bodies/steering.py", "worldsim/checks/bodies.py")
+PURE_FILES = ("worldsim/robots/bodies.py", "agent/bodies/steering.py", "worldsim/checks/bodies.py")
 """Pure files whose names, or whose folders' names, occur beside processes too."""
 
 

@@ -16,7 +16,7 @@ from patrol.errors import BadInput
 from patrol.files.whole_file import write_whole
 from patrol.process.context import ProcessContext, run_with
 from patrol.process.deadline import ANSWER_S
-from patrol.process.exit_codes import INTERRUPTED, UNKNOWN
+from patrol.process.failures import INTERRUPTED, UNKNOWN
 from patrol.process.options import TOGETHER, Meeting, ProcessParser, fleet_parser
 from patrol.reporting.logs import Log
 from patrol.security.roles import Kind

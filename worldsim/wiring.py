@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from functools import cached_property, partial
 from typing import TYPE_CHECKING
 
-from patrol.errors import BadInput
+from patrol.errors import BadInput, printable
 from patrol.journal import Event, Header, JournalWriter, Status, TickRecord
 from patrol.journal.records import standing_after
 from patrol.messages.feed import FOG, TICKS
@@ -31,7 +31,6 @@ from patrol.messages.telemetry import (
 )
 from patrol.net.link import Link
 from patrol.net.mailbox import Air, Mailbox, Presence, Question
-from patrol.printable import printable
 from patrol.radio.message import MAX_FRAME
 from patrol.reporting.logs import Log
 from patrol.reporting.vitals import MFOW, ROBOTS, ROUTER_SILENT

@@ -14,18 +14,16 @@ from patrol.journal.records import FORGED, IN_FORCE, OUT_OF_FORCE
 from patrol.pose import Pose, slowed
 from patrol.prepare import sensor_footprint
 from patrol.radio.message import MAX_FRAMES
+from patrol.zones.ground import SpeedLimits
 from patrol.zones.spec import zones_in_force
-from patrol.zones.speed_limits import SpeedLimits
 from worldsim.faults import Timeline
 from worldsim.radio.ether import Delivery, ether_of
 from worldsim.radio.models import model_of
-from worldsim.robots.bodies import Body, overlap, standstill
+from worldsim.robots.bodies import Body, move, overlap, standstill, within_limits
 from worldsim.robots.closures import Closures
-from worldsim.robots.intruders import Intruders
-from worldsim.robots.motion import move, within_limits
 from worldsim.robots.noise import MotionNoise
 from worldsim.robots.senses import Senses
-from worldsim.truth import Truth
+from worldsim.truth import Intruders, Truth
 
 if TYPE_CHECKING:
     from patrol.ground.footprint import Footprint

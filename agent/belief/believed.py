@@ -13,6 +13,7 @@ Theory of operation
 from __future__ import annotations
 
 import copy
+import math
 from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -21,7 +22,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from agent.belief.contacts import Contacts
 from agent.belief.dilated import Posts
 from patrol.ground.fog import Box, Fog, Looks
 from patrol.ground.footprint import Footprint
@@ -29,9 +29,8 @@ from patrol.ground.footprint import View as SensorView
 from patrol.ground.terrain import BoolGrid
 from patrol.pose import Pose
 from patrol.radio.inbox import Inboxes, Intake, Peers
-from patrol.radio.message import CONTACT, RejectReason
-from patrol.radio.peers import Peer
-from patrol.radio.prediction import Predictor
+from patrol.radio.message import CONTACT, Position, RejectReason
+from patrol.radio.peers import Peer, Predictor
 
 if TYPE_CHECKING:
     from agent.belief.dilated import Dilated
@@ -289,3 +288,31 @@ def _side_by_side(intake: Intake, own: Sequence[Pose], footprint: Footprint) -> 
     for row, look in past:
         chosen[row, look] = 1
     return Looks([(tick, footprint.visible(pose)) for tick, pose in places]), chosen
+
+
+SAME = 2.0
+"""Two reports closer together than this (m) are of the same intruder."""
+
+Place = tuple[float, float]
+"""x and y in m."""
+
+
+class Contacts:
+    """The last report of each intruder."""
+
+    def __init__(self) -> None:
+        self._seen: dict[Place, int] = {}
+
+    def report(self, contact: Position, tick: int) -> None:
+        """Take in a report and forget earlier reports of the same intruder."""
+        spot = contact.pose.x, contact.pose.y
+        self._seen = {earlier: k for earlier, k in self._seen.items() if k == tick or math.dist(earlier, spot) >= SAME}
+        if all(math.dist(earlier, spot) >= SAME for earlier in self._seen):
+            self._seen[spot] = tick
+
+    def known(self, tick: int, memory: int) -> list[Place]:
+        """Return the places of the intruders reported within the last `memory` ticks, ascending."""
+        if not self._seen:
+            return []
+        self._seen = {spot: k for spot, k in self._seen.items() if tick - k <= memory}
+        return sorted(self._seen)

@@ -23,7 +23,7 @@ from agent.routes.path_window import FAR
 from agent.routes.wave import LONGEST, BoxPaths, box_around, paths_in
 from patrol.ground.swept_path import advance
 from patrol.pose import Command, Drive, Twist
-from patrol.radio.units import CM_PER_M
+from patrol.radio.message import CM_PER_M
 
 if TYPE_CHECKING:
     from agent.routes.ground import Ground, Spot

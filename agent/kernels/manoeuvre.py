@@ -114,7 +114,7 @@ def search(
 
     Args:
         blocked: uint8 (h, w), 1 where no body may be.
-        room: uint8 (h, w), see `patrol.kernels.room.measure_room`.
+        room: uint8 (h, w), see `patrol.kernels.clearance.measure_room`.
         closed: uint8 (h, w), 1 where this body's centre may not be now; size 0 for nowhere.
         left: int32 (m, n), the way left from each point of a window, in hundredths of a point.
         row0: Row of the grid under the window's row 0.

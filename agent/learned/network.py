@@ -1,4 +1,6 @@
-"""Trained networks: from an observation to an action.
+"""The policy `learned`, in which a trained network decides.
+
+    patrol: {policy: learned, options: {weights: trained.npz, inputs: [sectors]}}
 
 A network in a ``.npz`` file holds the float arrays ``w0, b0, w1, b1, ...``, of which ``w`` is (inputs, outputs) and
 ``b`` (outputs,), and under ``activation`` the text ``tanh`` or ``relu``, which is applied between them:
@@ -8,7 +10,7 @@ A network in a ``.npz`` file holds the float arrays ``w0, b0, w1, b1, ...``, of 
 It is evaluated in float64 in a fixed order, so that every machine finds the same numbers. An ``.onnx`` file is
 evaluated by onnxruntime in one thread, whose last digits may differ between processors.
 
-The decisions of a learned policy: when one is due, and what its answer means.
+When a decision is due, the network makes an action of an observation:
 
 actions   an action is                                                                  it means
 bearing   0 to 7, a sector of `observation`, or 8                                       Bearing, or Stay
@@ -34,7 +36,7 @@ from agent.ports import Bearing, Intent, Place, Stay
 from patrol.classes.class_file import FIELD
 from patrol.errors import BadInput
 from patrol.files.untrusted import WEIGHTS
-from patrol.graph_from_ground import on_reach
+from patrol.graph import on_reach
 
 if TYPE_CHECKING:
     from agent.ports import PolicySetup
@@ -198,8 +200,6 @@ def read_network(content: bytes, path: Path, inputs: int, outputs: int) -> Calla
     """Read a trained network, ``.npz`` or ``.onnx``, that has to take `inputs` values and give `outputs`."""
     network: Callable[[Vector], Vector]
     if path.suffix == ".onnx":
-        from agent.learned.onnx_network import onnx_network  # here: its library is an extra
-
         network, shape = onnx_network(content, path)
     else:
         network = read_layers(content, path)
@@ -265,3 +265,77 @@ def _activate_values(values: Vector, activation: Activation) -> Vector:
     if activation == "relu":
         return np.maximum(values, 0.0)
     return np.array([math.tanh(value) for value in values.tolist()])
+
+
+_EXTERNAL = b"\x0a\x08location\x12"
+"""How a file of weights beside the network is named in it: the key of a protobuf entry, and the start of its value."""
+
+_TYPES = {"tensor(float)": np.float32, "tensor(double)": np.float64}
+
+
+def onnx_network(
+    content: bytes, path: Path
+) -> tuple[Callable[[NDArray[np.float64]], NDArray[np.float64]], tuple[int, int]]:
+    """Return a network with one input and one output, each (1, n), and how many values it takes and gives.
+
+    It raises `BadInput` where onnxruntime is not installed, or does not take the file.
+    """
+    try:
+        import onnxruntime
+    except ImportError:
+        raise BadInput(
+            f"{FIELD} = {path}: needs onnxruntime; install fogwatch[onnx], or give the network as .npz"
+        ) from None
+    options = onnxruntime.SessionOptions()
+    options.intra_op_num_threads = options.inter_op_num_threads = 1  # so that a run repeats on one machine
+    options.log_severity_level = 4
+    wrong = f"{FIELD} = {path}: is no network that this policy can use"
+    if _EXTERNAL in content:
+        raise BadInput(f"{wrong}: it keeps weights in other files; save it as one file")
+    try:
+        session: Any = onnxruntime.InferenceSession(content, options, providers=["CPUExecutionProvider"])
+    except Exception as error:  # noqa: BLE001 - its exceptions have no common type
+        raise BadInput(f"{wrong} ({str(error).splitlines()[0][:200]})") from None
+    inputs, outputs = session.get_inputs(), session.get_outputs()
+    sides = [side.shape for side in (*inputs, *outputs)]
+    is_row = all(len(shape) == 2 and shape[0] in (1, "N", "batch", None) for shape in sides)
+    types = {side.type for side in (*inputs, *outputs)}
+    if len(inputs) != 1 or len(outputs) != 1 or not is_row or not types <= _TYPES.keys():
+        raise BadInput(f"{wrong}; give one input and one output of floating-point numbers, each of shape (1, n)")
+    name, dtype = inputs[0].name, _TYPES[inputs[0].type]
+
+    def evaluate(values: NDArray[np.float64]) -> NDArray[np.float64]:
+        rows = session.run(None, {name: values[None, :].astype(dtype)})[0]
+        row = np.asarray(rows[0], dtype=np.float64)
+        if not np.isfinite(row).all():
+            raise ValueError("the network gives values that are no finite numbers")
+        return row
+
+    try:
+        tried = evaluate(np.zeros(sides[0][1])).shape
+    except Exception as error:  # noqa: BLE001 - as above
+        raise BadInput(f"{wrong} ({str(error).splitlines()[0][:200]})") from None
+    if tried != (sides[1][1],):
+        raise BadInput(f"{wrong}: it gives {tried} values and says {sides[1][1]}")
+    return evaluate, (sides[0][1], sides[1][1])
+
+
+class Learned:
+    """Asks a network whenever a decision is due."""
+
+    def __init__(self, setup: PolicySetup) -> None:
+        """Read the network, or raise `BadInput` where there is none that can be used."""
+        options = setup.options
+        content = options.read_weights()
+        self._decisions = Decisions(setup, options)
+        choices = self._decisions.choices
+        outputs = 2 if choices is None else choices
+        self._network = read_network(content, Path(options.weights), self._decisions.observer.size, outputs)
+
+    def decide(self, view: View) -> Intent:
+        """Go on as decided before, or decide anew."""
+        decisions = self._decisions
+        if decisions.is_due(view):
+            outputs = self._network(flattened(decisions.observe(view)))
+            decisions.take(action_of(outputs, decisions.mask(view)), view)
+        return decisions.intent(view)

@@ -49,7 +49,7 @@ if TYPE_CHECKING:
     from agent.view import View
     from patrol.ground.terrain import Terrain
     from patrol.radio.peers import Peer
-    from patrol.zones.speed_limits import SpeedLimits
+    from patrol.zones.ground import SpeedLimits
 
 DETOUR = 1.3
 """Charge that is kept for the way to a dock, in what the shortest way needs: others are in the way, and bodies turn."""

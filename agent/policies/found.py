@@ -32,7 +32,7 @@ POLICIES = ClassSort(
             COMMITTED: "agent.policies.committed:Committed",
             STOCHASTIC: "agent.policies.stochastic:Stochastic",
             PAPER: "agent.policies.potential_field:PotentialField",
-            LEARNED: "agent.learned.policy:Learned",
+            LEARNED: "agent.learned.network:Learned",
             "random": "experiments.rivals.conscientious:RandomWalk",
             "cr": "experiments.rivals.conscientious:ConscientiousReactive",
             "hcr": "experiments.rivals.conscientious:HeuristicConscientiousReactive",

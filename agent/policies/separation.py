@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agent.routes.ground import Area, Disc
-from patrol.ground.passages import narrow_passages
+from patrol.ground.cspace import narrow_passages
 from patrol.ground.shapes import cover
 from patrol.ground.terrain import BoolGrid, Terrain
 from patrol.pose import TAU, Pose

@@ -47,7 +47,7 @@ class Routes:
     """Shortest ways over one robot's ground, computed on demand.
 
     A way runs from point to neighbouring point (8 neighbours; a straight step counts 1, a diagonal one 1.41 points) and
-    cuts no corner (paper, "The wave"). No way leads against a one-way zone (`patrol.ground.one_way`).
+    cuts no corner (paper, "The wave"). No way leads against a one-way zone (`patrol.ground.ways`).
     """
 
     def __init__(self, ground: Ground) -> None:

@@ -16,7 +16,7 @@ from agent.routes.path_window import DIAGONAL, FAR
 if TYPE_CHECKING:
     from collections.abc import Set
 
-    from patrol.zones.speed_limits import SpeedLimits
+    from patrol.zones.ground import SpeedLimits
 
 _STRAIGHT = 100
 """Length of the shortest step, in hundredths of a point."""

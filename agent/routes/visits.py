@@ -22,9 +22,9 @@ import numpy as np
 
 from agent.routes.path_window import FAR
 from agent.routes.wave import LONGEST, paths_in
-from patrol.ground.one_way import unit
 from patrol.ground.swept_path import advance
 from patrol.ground.terrain import ALL_WAYS
+from patrol.ground.ways import unit
 from patrol.zones.ground import points_of
 
 if TYPE_CHECKING:

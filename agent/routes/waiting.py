@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from patrol.kernels.components import label_parts
+from patrol.kernels.clearance import label_parts
 
 if TYPE_CHECKING:
     from agent.routes.ground import Spot

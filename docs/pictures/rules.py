@@ -24,10 +24,10 @@ from matplotlib.patches import Circle
 from numpy.typing import NDArray
 
 import fogwatch
-from agent.bodies.refine import psi_field
 from agent.policies.forces import bisectors, distance_force, fow_force
 from agent.policies.potential_field import PotentialField
 from agent.ports import Intent
+from agent.psi import psi_field
 from agent.view import View
 from fogwatch.cli.ending import guarded
 from fogwatch.inprocess import run_in_process

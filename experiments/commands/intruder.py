@@ -14,8 +14,7 @@ from experiments.intruders.standing import ATTACKS_S
 from fogwatch.cli.command_help import command
 from fogwatch.cli.open_run import RunFolder, open_folder, print_state
 from fogwatch.cli.options import option
-from patrol.errors import BadInput
-from patrol.printable import printable
+from patrol.errors import BadInput, printable
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -11,10 +11,8 @@ from experiments.random_limits import check_building
 from fogwatch.cli.command_help import command
 from fogwatch.cli.options import option
 from fogwatch.commands.map import app
-from patrol.errors import BadInput
-from patrol.printable import printable
-from patrol.starting.seldom import SELDOM
-from patrol.starting.warmup import warm
+from patrol.errors import BadInput, printable
+from patrol.starting.warmup import SELDOM, warm
 
 MOST_BUILDINGS = 1000
 

@@ -15,13 +15,11 @@ from rich.table import Table
 from fogwatch.cli.command_help import command
 from fogwatch.cli.options import option
 from fogwatch.run_options import Body, overrides_of, patrol_option, settings_option
-from patrol.errors import BadInput
+from patrol.errors import BadInput, printable
 from patrol.extras import check_matplotlib
-from patrol.printable import printable
 from patrol.process.lifeline import heed
 from patrol.scenario import BUILTINS, as_mapping, load_scenario, naming, open_scenario
-from patrol.starting.seldom import SELDOM
-from patrol.starting.warmup import warm
+from patrol.starting.warmup import SELDOM, warm
 
 if TYPE_CHECKING:
     from experiments.plan.plan import FleetPlan

@@ -23,8 +23,7 @@ import fogwatch
 from experiments.commands.documented import read_samples
 from fogwatch.cli.command_help import command, group
 from fogwatch.cli.options import option
-from patrol.errors import BadInput, did_you_mean
-from patrol.printable import printable
+from patrol.errors import BadInput, did_you_mean, printable
 
 DIFFERS = 1
 

@@ -12,8 +12,7 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from experiments.sweeps.cases import CaseRow, case_rows, shown_table, told_apart, write_tables
-from experiments.sweeps.paired import PAIRING, TEST
+from experiments.sweeps.cases import PAIRING, TEST, CaseRow, case_rows, shown_table, told_apart, write_tables
 from experiments.sweeps.plan import Plan, check_classes, read_plan
 from experiments.sweeps.progress import SweepProgress, print_failures
 from experiments.sweeps.runner import SweepOutcome, run_sweep

@@ -8,9 +8,8 @@ from functools import partial
 from typing import Annotated, Literal
 
 from fogwatch.cli.options import option
-from patrol.errors import BadInput, quoted
+from patrol.errors import BadInput, printable, quoted
 from patrol.ground.shapes import Polygon
-from patrol.printable import printable
 
 PANEL = "Moving intruder"
 """The panel of its settings in a command's help."""

@@ -26,7 +26,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from patrol.graph_from_ground import closed_tour, graph_from_ground, tour_length
+from patrol.graph import closed_tour, graph_from_ground, tour_length
 from patrol.measures.best_tour import own_grounds
 from patrol.prepare import sensor_footprint
 from patrol.tours.cover import Looks

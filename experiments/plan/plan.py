@@ -30,7 +30,7 @@ from patrol.measures.best_tour import MOST_ROBOTS, BestTour, best_tour
 from patrol.prepare import Prepared, prepare, terrain_of
 from patrol.scenario import RobotGroup, as_mapping, load_scenario
 from patrol.scenario.patrols import PATROLS, STOCHASTIC, TOUR, patrol_name
-from patrol.zones.speed_limits import SpeedLimits
+from patrol.zones.ground import SpeedLimits
 from worldsim.output.record import lower_bound
 
 if TYPE_CHECKING:

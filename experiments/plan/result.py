@@ -14,8 +14,7 @@ from fogwatch.notebook.html import lines_html, table_html
 from monitor.tables.table import Table
 from patrol.errors import BadInput
 from patrol.scenario import Scenario, naming
-from patrol.starting.seldom import SELDOM
-from patrol.starting.warmup import warm
+from patrol.starting.warmup import SELDOM, warm
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -89,7 +88,7 @@ class PlanResult:
         Raises:
             BadInput: matplotlib is not installed.
         """
-        from experiments.plan.pictures import curve_figure
+        from experiments.plan.folder import curve_figure
 
         return curve_figure(self.plan)
 

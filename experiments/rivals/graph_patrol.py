@@ -10,7 +10,7 @@ from pydantic import Field
 
 from agent.ports import Bearing, Intent, Place, Stay
 from experiments.rivals.known import Known
-from patrol.graph_from_ground import on_reach
+from patrol.graph import on_reach
 from patrol.values import Section
 
 if TYPE_CHECKING:

@@ -17,7 +17,7 @@ import numpy as np
 
 from experiments.rivals.graph_patrol import GraphPatrol
 from experiments.rivals.known import Known
-from patrol.graph_from_ground import closed_tour, tour_length
+from patrol.graph import closed_tour, tour_length
 
 if TYPE_CHECKING:
     from agent.ports import PolicySetup

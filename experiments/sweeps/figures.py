@@ -10,9 +10,8 @@ import textwrap
 from collections.abc import Callable, Collection, Sequence
 from typing import TYPE_CHECKING
 
-from experiments.sweeps.cases import SHOWN, CaseRow, told_apart
+from experiments.sweeps.cases import PAIRING, SHOWN, TEST, CaseRow, PairedTest, paired_tests, told_apart
 from experiments.sweeps.estimates import Curve, Dot, draw_curves, draw_dots, scale
-from experiments.sweeps.paired import PAIRING, TEST, PairedTest, paired_tests
 from experiments.sweeps.plan import CASE
 from monitor.figures.style import MUTED, Drawing, figure
 from monitor.report.charts import WIDTH

@@ -66,8 +66,7 @@ class SweepResult:
     @cached_property
     def comparisons(self) -> pa.Table:
         """Table with a row for each paired test, as in comparisons.csv; empty without `against`."""
-        from experiments.sweeps.cases import case_rows
-        from experiments.sweeps.paired import comparisons_table, paired_tests
+        from experiments.sweeps.cases import case_rows, comparisons_table, paired_tests
 
         return comparisons_table(paired_tests(case_rows(self.outcome))).arrow()
 

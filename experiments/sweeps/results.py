@@ -20,10 +20,9 @@ from typing import Literal
 from pydantic import ConfigDict
 from pydantic.dataclasses import dataclass
 
-from patrol.errors import BadInput
+from patrol.errors import BadInput, printable
 from patrol.files.untrusted import RESULTS, check_regular
 from patrol.files.whole_file import writing
-from patrol.printable import printable
 
 FILE = "results.jsonl"
 LONGEST_LINE = 1 << 20

@@ -105,8 +105,7 @@ def _make_runs(
     observer: SweepObserver | None,
     say: Callable[[str], None],
 ) -> None:
-    from patrol.starting.seldom import SELDOM
-    from patrol.starting.warmup import warm
+    from patrol.starting.warmup import SELDOM, warm
 
     warm(PACKAGES, say, SELDOM)
     settings = {run.key: dict(run.settings) for run in todo}

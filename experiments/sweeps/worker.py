@@ -49,8 +49,7 @@ def software() -> str:
 
 def prepare_worker() -> str:
     """Compile the kernels, so that this machine can run tasks, and return the version of fogwatch."""
-    from patrol.starting.seldom import SELDOM
-    from patrol.starting.warmup import warm
+    from patrol.starting.warmup import SELDOM, warm
 
     warm(PACKAGES, lambda _: None, SELDOM)
     return software()

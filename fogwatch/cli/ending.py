@@ -10,10 +10,9 @@ from typing import Any
 
 import typer
 
-from patrol.errors import BadInput
-from patrol.printable import printable_lines
-from patrol.process import exhausted
-from patrol.process.exit_codes import BAD_INPUT, INTERRUPTED, UNKNOWN
+from patrol.errors import BadInput, printable_lines
+from patrol.process import failures as exhausted
+from patrol.process.failures import BAD_INPUT, INTERRUPTED, UNKNOWN
 from patrol.process.lifeline import forget_interrupt
 from patrol.reporting.logs import crashed
 

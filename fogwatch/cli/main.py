@@ -14,7 +14,7 @@ import sys
 def _leave_process(_number: int, _frame: object) -> None:
     """End the process at once: there is nothing yet to put in order."""
     os.write(2, b"fogwatch: interrupted\n")
-    os._exit(130)  # patrol.process.exit_codes.INTERRUPTED, which is not loaded yet
+    os._exit(130)  # patrol.process.failures.INTERRUPTED, which is not loaded yet
 
 
 _HEEDS_CTRL_C = signal.getsignal(signal.SIGINT) is signal.default_int_handler

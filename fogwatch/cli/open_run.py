@@ -9,7 +9,7 @@ import typer
 
 from fogwatch.cli.options import option
 from fogwatch.run_folder.reading import read_folder
-from patrol.printable import printable
+from patrol.errors import printable
 
 if TYPE_CHECKING:
     from monitor.replay.run import Run

@@ -14,8 +14,7 @@ import typer
 
 from fogwatch.cli.command_help import command
 from fogwatch.cli.options import option
-from patrol.errors import BadInput, did_you_mean, quoted
-from patrol.printable import printable
+from patrol.errors import BadInput, did_you_mean, printable, quoted
 
 ROBOTS_S = 5.0
 """How long robots may take to answer an order, s, unless --wait says less. A robot answers when it stands, or when it

@@ -15,9 +15,8 @@ import typer
 
 from fogwatch.cli.command_help import command, group
 from fogwatch.cli.options import option
-from patrol.errors import BadInput
-from patrol.printable import printable
-from patrol.radio.fleet_key import new_key
+from patrol.errors import BadInput, printable
+from patrol.security.private_files import new_key
 
 if TYPE_CHECKING:
     from fogwatch.fleets.folder import FleetFolder

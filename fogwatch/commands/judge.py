@@ -13,8 +13,7 @@ import typer
 from fogwatch.cli.command_help import command
 from fogwatch.cli.open_run import Key, RunFolder
 from fogwatch.cli.options import option
-from patrol.errors import quoted
-from patrol.printable import printable
+from patrol.errors import printable, quoted
 
 if TYPE_CHECKING:
     from patrol.journal import Journal
@@ -44,8 +43,7 @@ def judge(
     the processes are in no journal: those that summary.json states are taken as they are.
     """
     from monitor.replay.run import prepared_in
-    from monitor.replay.run_files import SUMMARY, journal_in
-    from monitor.replay.summary_file import read_summary
+    from monitor.replay.run_files import SUMMARY, journal_in, read_summary
     from patrol.journal import trace_hash
     from patrol.starting.warmup import warm
     from worldsim.verdict.agreement import differences, missing, not_repeated

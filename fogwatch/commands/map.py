@@ -15,15 +15,13 @@ from rich.table import Table
 
 from fogwatch.cli.command_help import command, group
 from fogwatch.cli.options import option
-from patrol.errors import BadInput, did_you_mean
+from patrol.errors import BadInput, did_you_mean, printable
 from patrol.files.yaml_text import parse_yaml, read_text
 from patrol.ground.terrain import Terrain
 from patrol.maps.builtins import LAYOUTS, builtin_terrain
 from patrol.pose import Pose
-from patrol.printable import printable
 from patrol.scenario import load_scenario, naming, open_scenario
-from patrol.starting.seldom import SELDOM
-from patrol.starting.warmup import warm
+from patrol.starting.warmup import SELDOM, warm
 
 if TYPE_CHECKING:
     from fogwatch.grounds.map_align import Place, WallMap

@@ -16,9 +16,8 @@ from fogwatch.cli.command_help import command
 from fogwatch.cli.open_run import Key, open_folder, print_state
 from fogwatch.cli.options import option
 from fogwatch.commands.fleet import WAIT_S, FleetOptions, RunningFleet, Wait
-from patrol.errors import BadInput
-from patrol.printable import printable
-from patrol.process.exit_codes import INTERRUPTED
+from patrol.errors import BadInput, printable
+from patrol.process.failures import INTERRUPTED
 
 EXIT_CODES = "2 bad input, 130 ended by Ctrl-C"
 

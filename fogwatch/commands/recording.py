@@ -12,10 +12,9 @@ from fogwatch.cli.command_help import command
 from fogwatch.cli.open_run import Key, RunFolder, open_folder, print_state
 from fogwatch.cli.options import option
 from fogwatch.commands.fleet import WAIT_S, FleetOptions, Wait
-from patrol.errors import BadInput, did_you_mean
+from patrol.errors import BadInput, did_you_mean, printable
 from patrol.files.untrusted import leads_out
-from patrol.printable import printable
-from patrol.process.exit_codes import INTERRUPTED
+from patrol.process.failures import INTERRUPTED
 from patrol.process.lifeline import heed
 from patrol.starting.warmup import warm
 
@@ -45,7 +44,7 @@ def export(
     from rich.progress import TimeRemainingColumn
 
     from fogwatch.terminal.bars import bar_on
-    from monitor.tables.files import FORMATS, write_tables
+    from monitor.tables.arrow import FORMATS, write_tables
     from monitor.tables.table import check_pyarrow
 
     chosen = next((candidate for candidate in FORMATS if candidate == kind), None)

@@ -10,8 +10,7 @@ import typer
 from fogwatch.cli.command_help import command
 from fogwatch.cli.open_run import Key, RunFolder, open_folder, print_state
 from fogwatch.cli.options import option
-from patrol.errors import BadInput
-from patrol.printable import printable
+from patrol.errors import BadInput, printable
 
 if TYPE_CHECKING:
     from monitor.report.analysis import Analysis

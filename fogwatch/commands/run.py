@@ -16,8 +16,8 @@ from fogwatch.cli.ending import complain
 from fogwatch.cli.options import option
 from fogwatch.presets import PRESETS
 from fogwatch.run_options import Body, Changes, RunChoices
-from patrol.printable import printable
-from patrol.process.exit_codes import INTERRUPTED, UNKNOWN
+from patrol.errors import printable
+from patrol.process.failures import INTERRUPTED, UNKNOWN
 from patrol.process.lifeline import ending_children, heed
 from patrol.scenario import BUILTINS, MAX_ROBOTS, RobotGroup, Scenario, naming, open_scenario, with_spares
 

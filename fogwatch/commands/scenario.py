@@ -13,14 +13,13 @@ from fogwatch.cli.command_help import command, group
 from fogwatch.cli.options import option
 from fogwatch.presets import PRESETS
 from fogwatch.run_options import overrides_of, patrol_option, settings_option
-from patrol.errors import BadInput
-from patrol.printable import printable
-from patrol.radio.fleet_key import fleet_key
+from patrol.errors import BadInput, printable
 from patrol.scenario import Scenario, dump_scenario, naming, open_scenario, scenario_hash, scenario_schema
 from patrol.scenario.patrols import describe_patrol
 from patrol.scenario.policies import BUILT_IN, LearnedPatrol
 from patrol.scenario.radio_spec import MODELS
 from patrol.scenario.sections import BUILT_IN_SENSORS, VERTICES
+from patrol.security.private_files import fleet_key
 
 if TYPE_CHECKING:
     from worldsim.faults import Timeline

@@ -12,7 +12,7 @@ from fogwatch.cli.command_help import command
 from fogwatch.cli.options import option
 from fogwatch.commands.fleet import FleetOptions, RunningFleet, Wait
 from patrol.errors import BadInput
-from patrol.process.exit_codes import INTERRUPTED
+from patrol.process.failures import INTERRUPTED
 
 if TYPE_CHECKING:
     from fogwatch.status import FleetStatus, FleetWatch

@@ -27,7 +27,7 @@ from types import MappingProxyType
 from fogwatch.fleets.certificates import facts, issue, make_authority, problem
 from fogwatch.fleets.hosts import LOCAL, checked_hosts, listening_locator, member_locator, mesh_locator
 from patrol.errors import BadInput
-from patrol.process import exhausted
+from patrol.process import failures as exhausted
 from patrol.security.credentials import (
     AUTHORITY,
     CERTIFICATE,

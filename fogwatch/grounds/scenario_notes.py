@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from patrol.closures.ground import ChangingTerrain
+from patrol.closures.ground import ChangingTerrain, ClosedPoints
 from patrol.closures.open_ground import OpenGround
-from patrol.closures.points import ClosedPoints
 from patrol.ground.cspace import cspace_of, parts_of
 from patrol.journal.records import CLOSED, Event
 from patrol.maps.doubts import doubts

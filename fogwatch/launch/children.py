@@ -20,8 +20,8 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Protocol
 
+from patrol.errors import printable
 from patrol.exchange import FIRST_INCARNATION
-from patrol.printable import printable
 from patrol.starting.environment import own_environment
 from patrol.starting.readiness import StartPipe, StartReport
 

@@ -27,7 +27,7 @@ from patrol.exchange import FIRST_INCARNATION
 from patrol.messages.telemetry import EVENTS, MAX_NOTICE, METRICS, Metrics, Notice, longest_metrics
 from patrol.net.link import Link, LinkDown, open_link
 from patrol.net.mailbox import Mailbox
-from patrol.process.exit_codes import BAD_INPUT
+from patrol.process.failures import BAD_INPUT
 from patrol.security.access import write_pointer
 from patrol.security.credentials import read_credentials
 from patrol.security.keys import fleet_keys

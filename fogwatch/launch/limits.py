@@ -6,7 +6,7 @@ import os
 import socket
 
 from patrol.errors import BadInput
-from patrol.process.exhausted import LEAST, allow_files
+from patrol.process.failures import LEAST, allow_files
 
 
 def free_port() -> int:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from fogwatch.launch.children import Child, Children
 from monitor.process import KEY
-from patrol.process.exit_codes import INTERRUPTED
+from patrol.process.failures import INTERRUPTED
 
 PAGE = "the page"
 """A name that no robot can have."""

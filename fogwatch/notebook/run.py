@@ -21,8 +21,7 @@ from numpy.typing import NDArray
 
 from fogwatch.notebook.arguments import checked_arguments
 from fogwatch.run_folder.reading import read_folder
-from monitor.replay.run_files import SUMMARY, journal_in
-from monitor.replay.summary_file import read_summary
+from monitor.replay.run_files import SUMMARY, journal_in, read_summary
 from patrol.errors import BadInput, did_you_mean
 from patrol.extras import study
 from patrol.starting.warmup import warm

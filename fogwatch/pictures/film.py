@@ -13,9 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from patrol.errors import BadInput
+from patrol.errors import BadInput, printable
 from patrol.files.whole_file import replacing, writing
-from patrol.printable import printable
 
 Pixels = NDArray[np.uint8]
 

@@ -26,8 +26,7 @@ from monitor.figures.ground import (
     painted,
     save,
 )
-from patrol.closures.ground import ChangingFootprint
-from patrol.closures.points import Closings
+from patrol.closures.ground import ChangingFootprint, Closings
 from patrol.errors import BadInput
 from patrol.ground.doors import Door
 from patrol.ground.fog import NEVER, Fog

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 
 from patrol.errors import BadInput
 from patrol.journal import Journal
-from patrol.process.exhausted import told
+from patrol.process.failures import told
 from patrol.process.lifeline import InterruptedBySignal
-from patrol.radio.fleet_key import fleet_key
+from patrol.security.private_files import fleet_key
 from patrol.starting.warmup import warm
 
 if TYPE_CHECKING:

@@ -13,9 +13,9 @@ from rich.progress_bar import ProgressBar
 from rich.table import Table
 from rich.text import Text
 
+from patrol.errors import printable_lines
 from patrol.journal import Status
 from patrol.messages.telemetry import FREE, TRAPPED, Metrics, Notice
-from patrol.printable import printable_lines
 
 PLAIN_S = 5.0
 """Wall time between two lines where there is no terminal."""

@@ -10,9 +10,9 @@ from rich.table import Table
 from rich.text import Text
 
 from fogwatch.terminal.live_table import STATUS_STYLES, duration_text
+from patrol.errors import printable
 from patrol.journal import Status
 from patrol.measures.best_tour import NO_BOUND
-from patrol.printable import printable
 from patrol.scenario.patrols import describe_patrol
 from patrol.summary.features import FEATURES
 from patrol.summary.metric import metrics_of

@@ -17,8 +17,7 @@ import numpy as np
 
 from agent.policies.found import POLICIES
 from fogwatch.testing.broken import class_of, put_up
-from patrol.errors import BadInput, quoted
-from patrol.printable import printable
+from patrol.errors import BadInput, printable, quoted
 
 if TYPE_CHECKING:
     from agent.belief.believed import BelievedFog

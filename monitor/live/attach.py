@@ -52,7 +52,7 @@ def open_fleet(
     `radio` or, if that is None, the router. `key` is the file of the fleet's key, where there is a world; without it
     the tags of messages stay unchecked.
     """
-    from patrol.radio.fleet_key import fleet_key
+    from patrol.security.private_files import fleet_key
 
     if key is not None and scenario is not None:
         raise BadInput(f"--key {key}: the scenario of robots without a world names their key; leave the option out")

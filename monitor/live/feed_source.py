@@ -22,13 +22,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from monitor.live.fog_tracker import HEARD, FogTracker, FogTrackers
-from monitor.live.live_links import LiveLinks
 from monitor.live.record_checks import RunChecks, record_of, scenario_of
+from monitor.observation.link_counts import LiveLinks
 from monitor.observation.listener import NO_ROBOT, Listener, mark_outside
-from monitor.observation.source import Answer, Layer, RobotShape, RobotState, Series, State, Static
-from monitor.observation.tick_rate import TickRate
+from monitor.observation.source import Answer, Layer, RobotShape, RobotState, Series, State, Static, TickRate
 from monitor.observation.traps import TrapWatch
-from patrol.closures.points import Closings
+from patrol.closures.ground import Closings
 from patrol.errors import BadInput, Malformed
 from patrol.ground.fog import Fog
 from patrol.ground.terrain import Terrain

@@ -7,8 +7,7 @@ from collections.abc import Callable, Collection
 from itertools import islice
 from typing import TYPE_CHECKING, Final
 
-from monitor.observation.beliefs import BeliefFollower
-from monitor.observation.listener import NO_ROBOT, Listener
+from monitor.observation.listener import NO_ROBOT, BeliefFollower, Listener
 from patrol.journal import unpack
 from patrol.journal.records import TickRecord
 

@@ -24,10 +24,10 @@ from patrol.messages.stop_orders import Order, ask_robots, robots_to_ask
 from patrol.messages.telemetry import Telemetry
 from patrol.net.mailbox import FrameMailbox, Mailbox, Presence
 from patrol.prepare import inboxes_of, sensor_footprint
-from patrol.radio.fleet_key import fleet_key
 from patrol.scenario import as_mapping
 from patrol.scenario.marks import looks_at
 from patrol.security.keys import robot_of
+from patrol.security.private_files import fleet_key
 from patrol.wire import read
 
 if TYPE_CHECKING:

@@ -6,6 +6,7 @@ One thread reads a source (`wait`, `last_seen`, `series`, `events`); reading nev
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Literal, Protocol
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
     from patrol.journal.records import Event, Status
     from patrol.pose import Pose
     from patrol.scenario.marks import Looks
+
 
 Layer = Literal["truth", "heard"] | int
 """A fog: the true one, the one that follows from every position sent, or the one that a robot (by number) believes."""
@@ -207,3 +209,34 @@ class Source(Protocol):
     def close(self) -> None:
         """Release links, files and memory."""
         ...
+
+
+WINDOW_S = 3.0
+"""Wall time over which the rate is taken, s."""
+SAMPLE_S = 0.1
+"""Least wall time between two samples, s."""
+
+
+class TickRate:
+    """The rate of ticks over the last `WINDOW_S`. Times are s of any clock."""
+
+    def __init__(self) -> None:
+        self._samples: deque[tuple[float, int]] = deque()
+
+    def clear(self) -> None:
+        """Forget all ticks: what comes next has another rate."""
+        self._samples.clear()
+
+    def add(self, now_s: float, k: int) -> None:
+        """Take in a tick."""
+        if not self._samples or now_s >= self._samples[-1][0] + SAMPLE_S:
+            self._samples.append((now_s, k))
+
+    def at(self, now_s: float, k: int) -> float:
+        """Return the ticks per second of wall time; 0 without ticks."""
+        while len(self._samples) > 2 and self._samples[1][0] <= now_s - WINDOW_S:
+            self._samples.popleft()
+        if not self._samples:
+            return 0.0
+        since, before = self._samples[0]
+        return (k - before) / (now_s - since) if now_s > since else 0.0

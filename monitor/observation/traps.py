@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from patrol.closures.points import Closings
+    from patrol.closures.ground import Closings
     from patrol.journal.records import TickRecord
     from patrol.prepare import Prepared
 

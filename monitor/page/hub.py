@@ -15,17 +15,16 @@ from dataclasses import dataclass, field
 
 from monitor.observation.fault_bands import bands_of
 from monitor.observation.source import Layer, Source, State
+from monitor.page.maps import TiledMap, layer_number, survey_of, terrain_packet
 from monitor.page.messages import (
     bands_message,
     events_message,
     links_message,
     series_message,
     state_message,
+    thinned,
     trail_message,
 )
-from monitor.page.survey import survey_of
-from monitor.page.thinning import thinned
-from monitor.page.tiles import TiledMap, layer_number, terrain_packet
 from patrol.reporting.vitals import MFOW, PAGES, TICK, Vitals
 
 FRAME_S, LIVE_FRAME_S = 1.0 / 30.0, 1.0 / 10.0

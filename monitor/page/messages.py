@@ -1,4 +1,4 @@
-"""The JSON messages that a page receives, one function for each type."""
+"""The JSON messages that a page receives, one function for each type, and charts thinned to what a screen can show."""
 
 from __future__ import annotations
 
@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 
 from monitor.observation.fault_bands import Band
 from monitor.observation.source import Answer, LinkCounts, Series, State, Static
-from monitor.page.survey import Survey
-from monitor.page.tiles import SIDE, layer_number
+from monitor.page.maps import SIDE, Survey, layer_number
 from patrol.ground.marks import outline
 from patrol.ground.terrain import Terrain
 from patrol.journal.records import Event
@@ -217,3 +216,21 @@ def _round_number(value: float | None) -> float | None:
 
 def _to_json(message: dict[str, Any]) -> str:
     return json.dumps(message, separators=(",", ":"), allow_nan=False)
+
+
+def thinned(series: Series, most: int) -> Series:
+    """Reduce a series to `most` + 1 ticks or fewer, keeping its extremes.
+
+    A series of at most `most` ticks is returned as it is. Of a longer one, each interval keeps its first tick and the
+    one with the largest MFoW; the last tick stays too.
+    """
+    count = len(series.ticks)
+    if count <= most:
+        return series
+    size = -(-2 * count // most)
+    first = np.arange(0, count, size)
+    padded = np.full(len(first) * size, -np.inf)
+    padded[:count] = np.nan_to_num(series.mfow_s, nan=-np.inf)
+    stalest = first + padded.reshape(-1, size).argmax(axis=1)
+    chosen = np.unique(np.concatenate((first, stalest, [count - 1])))
+    return Series(series.ticks[chosen], series.mfow_s[chosen], series.fog_mean_s[chosen])

@@ -3,7 +3,7 @@
 Browsers load no modules for a page that is itself a file. So the page's modules are in index.html, as data that an
 import map names, and the messages are a script, `run.js`: gzip in base64 of
 
-    uint32 n, little-endian | n bytes of JSON | packets of tiles, one after the other (`monitor/page/tiles.py`)
+    uint32 n, little-endian | n bytes of JSON | packets of tiles, one after the other (`monitor/page/maps.py`)
 
 The JSON has the messages that a page gets once, the trail of the whole run, and for each frame its state and the
 length of the packet with what has changed since the frame before. Each `KEY`-th frame also has a packet with the whole
@@ -27,6 +27,7 @@ from tempfile import TemporaryDirectory
 
 from monitor.observation.fault_bands import bands_of
 from monitor.page.hub import MOST_POINTS
+from monitor.page.maps import TRUTH, TiledMap, survey_of, terrain_packet
 from monitor.page.messages import (
     bands_message,
     events_message,
@@ -34,12 +35,10 @@ from monitor.page.messages import (
     series_message,
     state_message,
     static_message,
+    thinned,
     trail_message,
 )
 from monitor.page.server import PAIR, plotly_file
-from monitor.page.survey import survey_of
-from monitor.page.thinning import thinned
-from monitor.page.tiles import TRUTH, TiledMap, terrain_packet
 from monitor.replay.player import Player
 from monitor.replay.run import Run
 from patrol import palette

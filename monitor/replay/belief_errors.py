@@ -13,8 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from monitor.observation.beliefs import GONE, BeliefFollower
-from monitor.observation.listener import Listener
+from monitor.observation.listener import GONE, BeliefFollower, Listener
 from monitor.replay.replay import Watcher
 from monitor.replay.run import Run
 from patrol.ground.fog import Fog

@@ -11,8 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from monitor.observation.source import Answer, Layer, RobotShape, RobotState, Series, State, Static
-from monitor.observation.tick_rate import TickRate
+from monitor.observation.source import Answer, Layer, RobotShape, RobotState, Series, State, Static, TickRate
 from monitor.replay.past_beliefs import PastBeliefs
 from monitor.replay.replay import Replay
 from monitor.replay.run import Run

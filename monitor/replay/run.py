@@ -14,17 +14,16 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from monitor.replay.run_files import SCENARIO, SUMMARY, journal_in
-from monitor.replay.summary_file import read_summary
-from patrol.closures.points import Closings
+from monitor.replay.run_files import SCENARIO, SUMMARY, journal_in, read_summary
+from patrol.closures.ground import Closings
 from patrol.errors import BadInput
 from patrol.journal import Journal, TraceHash
 from patrol.journal.records import FORGED, Event, RobotFacts, Status, TickRecord, sent_at
 from patrol.pose import Pose
 from patrol.prepare import Prepared, prepare, terrain_of
-from patrol.radio.fleet_key import fleet_key
 from patrol.scenario import load_scenario
 from patrol.scenario.controls import worded
+from patrol.security.private_files import fleet_key
 from patrol.summary.model import RobotFigures, Summary
 from patrol.summary.totals import RunTotals, count_frames
 

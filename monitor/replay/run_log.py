@@ -6,8 +6,8 @@ import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
+from monitor.observation.link_counts import LinkLog
 from monitor.observation.traps import TrapWatch
-from monitor.replay.link_log import LinkLog
 from monitor.replay.replay import Replay
 
 if TYPE_CHECKING:

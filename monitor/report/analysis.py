@@ -11,10 +11,9 @@ import numpy as np
 
 from monitor.observation.fault_bands import Band, bands_of, intruder_bands
 from monitor.replay.belief_errors import BeliefErrors, BeliefWatcher, exact_by_construction
-from monitor.replay.replay import Watcher, play
+from monitor.replay.replay import VisitCounter, Visits, Watcher, play
 from monitor.replay.run import Run
 from monitor.replay.run_files import SUMMARY
-from monitor.replay.visits import VisitCounter, Visits
 from patrol.errors import BadInput, quoted
 from patrol.extras import study
 from patrol.measures.best_tour import NO_BOUND, best_tour

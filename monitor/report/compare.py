@@ -16,7 +16,7 @@ from monitor.report import html
 from monitor.report.analysis import Analysis, disagreement, measures, outcome_of, state_of
 from monitor.report.charts import WIDTH, thinned
 from monitor.report.map_charts import fog_chart, never_seen_note
-from patrol.printable import printable
+from patrol.errors import printable
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

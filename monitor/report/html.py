@@ -8,7 +8,7 @@ from importlib.resources import files
 
 from monitor.figures.style import Drawing
 from patrol import palette
-from patrol.printable import printable_lines
+from patrol.errors import printable_lines
 
 
 class Markup(str):

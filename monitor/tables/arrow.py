@@ -1,19 +1,23 @@
-"""A run's tables as Arrow tables, with units in the names of columns and in the schema's metadata."""
+"""A run's tables as Arrow tables, with units in names and metadata, and as files: Parquet or CSV, all or none."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from typing import TYPE_CHECKING, Any
+from contextlib import ExitStack
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal, get_args
 
 from monitor.tables.columns import TABLES, TableColumns
 from monitor.tables.rows import Row, rows_by_tick
 from monitor.tables.table import check_pyarrow
 from patrol.errors import BadInput, did_you_mean
+from patrol.files.whole_file import replacing
 
 if TYPE_CHECKING:
     import pyarrow as pa
 
     from monitor.replay.run import Run
+
 
 BATCH_ROWS = 1 << 16
 """Rows that are collected as Python values before they become an Arrow batch, or one tick's rows more."""
@@ -85,3 +89,51 @@ def arrow_table(run: Run, name: str) -> pa.Table:
     import pyarrow as pa
 
     return pa.Table.from_batches(pieces)
+
+
+Format = Literal["parquet", "csv"]
+FORMATS: tuple[Format, ...] = get_args(Format)
+
+
+def write_tables(
+    run: Run,
+    folder: Path,
+    kind: Format,
+    names: Sequence[str] = tuple(TABLES),
+    share: Callable[[float], None] = lambda _: None,
+) -> list[Path]:
+    """Write tables of a run, each into a file NAME.parquet or NAME.csv.
+
+    For example, ``write_tables(run, Path("out"), "csv", ["ticks"])`` writes out/ticks.csv.
+
+    Files of these names are replaced; after an error, none is. `share` is called with the share of the work that is
+    done, 0 to 1.
+    """
+    check_pyarrow()
+    files = {name: folder / f"{name}.{kind}" for name in names}
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with ExitStack() as stack:
+            parts = {name: stack.enter_context(replacing(file)) for name, file in files.items()}
+            with ExitStack() as open_files:
+                writers = {
+                    name: open_files.enter_context(_open_writer(part, kind, schema_of(TABLES[name], run)))
+                    for name, part in parts.items()
+                }
+                for name, batch in batches(run, names, share):
+                    writers[name].write_batch(batch)
+    except OSError as error:
+        why = error.strerror or str(error)
+        raise BadInput(f"{folder}: tables cannot be written ({why}); choose another folder") from None
+    return list(files.values())
+
+
+def _open_writer(part: Path, kind: Format, schema: pa.Schema) -> Any:
+    """Open a file for record batches, as a context manager that closes it."""
+    if kind == "parquet":
+        from pyarrow.parquet import ParquetWriter
+
+        return ParquetWriter(part, schema, compression="zstd")
+    from pyarrow.csv import CSVWriter
+
+    return CSVWriter(part, schema)

@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from monitor.replay.replay import Watcher, play
-from monitor.replay.visits import VisitCounter
+from monitor.replay.replay import VisitCounter, Watcher, play
 from monitor.tables.columns import EVENTS, FORGER, GROUND, LINKS, ROBOTS, TICKS, VISITS
 from patrol.energy.batteries import Batteries
 from patrol.journal.links import drops_of

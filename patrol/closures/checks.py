@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from patrol.closures.points import with_closed
+from patrol.closures.ground import with_closed
 from patrol.closures.spec import closure_points
 from patrol.errors import BadInput
 from patrol.pose import Pose

@@ -1,4 +1,4 @@
-"""The scenario's section about its nemesis; `patrol.scenario.nemesis` draws the faults.
+"""The scenario's section about its nemesis; `patrol.scenario.load` draws the faults.
 
 The draws of a nemesis for each kind of fault, and what heals it.
 

@@ -1,9 +1,13 @@
-"""Opening files that others may have written: regular files only, and never more bytes than their kind may have.
+r"""Opening files that others may have written: regular files only, and never more bytes than their kind may have.
 
 A path that a user gives, or that a file names, can lead to anything. Opening a named pipe waits for a process that
 writes to it, opening some devices does something, others have no end, and a file may be larger than the memory. So
 every file that is not this program's own is opened here, and a test finds code that opens files elsewhere. A file is
 looked at before it is opened, and opened only if it is a regular one within the limit of its kind.
+
+Such text may spell half of a character, a lone surrogate, as JSON, YAML and Python do (``"\ud800"``). It cannot be
+encoded in UTF-8, so whatever writes, sends or hashes it fails, far from where it came in. Readers of other people's
+text refuse it here.
 """
 
 from __future__ import annotations
@@ -11,11 +15,12 @@ from __future__ import annotations
 import errno
 import os
 import stat
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import BinaryIO
+from typing import Any, BinaryIO
 
-from patrol.errors import Unusable
+from patrol.errors import BadInput, Unusable, quoted
 
 KIB = 1 << 10
 MIB = 1 << 20
@@ -111,3 +116,33 @@ def _too_large(path: Path, kind: Kind) -> FileRefused:
 def leads_out(folder: Path, path: Path) -> bool:
     """Return True if a path, which need not exist, leads out of a folder, by its names or by a link."""
     return not Path(os.path.realpath(path)).is_relative_to(os.path.realpath(folder))
+
+
+_HALF_REMEDY = "holds half of a character (a lone surrogate, or a byte that is not UTF-8); write whole characters"
+
+
+def refuse_half_characters(value: Any, source: str) -> None:
+    """Refuse lone surrogates in the keys and values of plain data."""
+    waiting: list[tuple[str, Any]] = [("", value)]
+    seen_ids: set[int] = set()
+    while waiting:
+        field, part = waiting.pop()
+        inner: list[tuple[Any, Any]] = []
+        if isinstance(part, str) and _is_half(part):
+            where = f"{source}: {field} = " if field else f"{source}: "
+            raise BadInput(f"{where}{quoted(part)}: {_HALF_REMEDY}")
+        if isinstance(part, Mapping | list | tuple) and id(part) not in seen_ids:
+            seen_ids.add(id(part))
+            inner = list(part.items() if isinstance(part, Mapping) else enumerate(part))
+        for key, child in reversed(inner):
+            if isinstance(key, str) and _is_half(key):
+                raise BadInput(f"{source}: key {quoted(key)}{f' of {field}' if field else ''}: {_HALF_REMEDY}")
+            waiting.append((f"{field}.{key}" if field else str(key), child))
+
+
+def _is_half(text: str) -> bool:
+    try:
+        text.encode()
+    except UnicodeEncodeError:
+        return True
+    return False

@@ -15,8 +15,7 @@ from typing import Any
 import yaml
 
 from patrol.errors import BadInput
-from patrol.files.half_characters import refuse_half_characters
-from patrol.files.untrusted import SCENARIO, Kind, read_untrusted
+from patrol.files.untrusted import SCENARIO, Kind, read_untrusted, refuse_half_characters
 
 MOST_NODES = 100_000
 """Keys, values and lists of one text, those that an alias stands for included: what takes about two seconds to read."""

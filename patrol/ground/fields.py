@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 from patrol.errors import BadInput
 from patrol.ground.cspace import TOLERANCE, IntGrid, cspace_of, parts_of
-from patrol.ground.one_way import ground_with_ways_back
 from patrol.ground.terrain import BoolGrid, Terrain, frozen_grid
+from patrol.ground.ways import ground_with_ways_back
 from patrol.pose import Pose
 
 GRIDS = ("cspace", "reach", "patrolled", "proxy")

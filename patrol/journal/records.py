@@ -51,7 +51,7 @@ DOCKING, CHARGING = "docking", "charging"
 
 CLOSED, OPENED, STAYS_OPEN = "closed", "opened", "stays open"
 """The kinds of the events of closures; their detail is the closure's name. One that waits until robots have left it
-(`patrol.closures.points.WAITS`) stays open where it is to be open again before it could close."""
+(`patrol.closures.ground.WAITS`) stays open where it is to be open again before it could close."""
 
 IN_FORCE, OUT_OF_FORCE = "in force", "out of force"
 """The kinds of the events of zones that begin and end after tick 0; their detail is the zone's name."""

@@ -1,8 +1,8 @@
-"""Kernels of distance: how far each point is from the nearest obstacle, and which marked point is nearest.
+"""Kernels of the room for bodies: how far obstacles are, which marked point is nearest, and connected parts.
 
 Distances are exact and integer: squares of half points in `square_clearance`, squares of points in `nearest`. Each is
 found in two passes, along the rows and then along the columns; both stop at the cap, so that their cost grows with the
-cap and not with the distances.
+cap and not with the distances. `measure_room` is a quick lower bound.
 """
 
 from __future__ import annotations
@@ -108,3 +108,92 @@ def nearest(marked, wanted, cap, limit, along, found):
                         index = candidate
                 away += 1
             found[row, col] = index
+
+
+ROOM = types.Array(types.uint8, 2, "C")
+
+MOST_ROOM = 255
+"""Rows and columns beyond which distances are not told apart."""
+
+
+@njit(types.void(GRID, ROOM), cache=True, nogil=True)
+def measure_room(blocked, room):
+    """Rows or columns, whichever are more, between each point and the nearest blocked one; all off the grid is blocked.
+
+    For example, 3 in the middle of an open grid of 5 by 5 points, and 1 along its edge.
+
+    In two passes over the grid, each of which asks four of a point's eight neighbours.
+
+    Args:
+        blocked: uint8 (h, w), 0 where bodies may be.
+        room: uint8 (h, w), overwritten: 0 on a blocked point, 1 beside one, `MOST_ROOM` at most.
+    """
+    height, width = blocked.shape
+    for row in range(height):
+        line, walls = room[row], blocked[row]
+        above = room[row - 1 if row > 0 else 0]
+        before = 0
+        for col in range(width):
+            distance = 0
+            if walls[col] == 0 and row > 0 and col > 0 and col + 1 < width:
+                distance = min(before, above[col - 1], above[col], above[col + 1])
+            before = 0 if walls[col] != 0 else min(distance + 1, MOST_ROOM)
+            line[col] = before
+    for row in range(height - 1, -1, -1):
+        line = room[row]
+        below = room[row + 1 if row + 1 < height else row]
+        before = 0
+        for back in range(width):
+            col = width - 1 - back
+            distance = 0
+            if row + 1 < height and col > 0 and col + 1 < width:
+                distance = min(before, below[col - 1], below[col], below[col + 1])
+            before = min(int(line[col]), distance + 1)
+            line[col] = before
+
+
+LABELS = types.Array(types.int32, 2, "C")
+LIST = types.Array(types.int32, 1, "C")
+
+
+@njit(types.int32(GRID, LABELS, LIST), cache=True, nogil=True)
+def label_parts(mask, labels, work):
+    """Number the connected parts of a mask 1, 2, ... in the order of their first points.
+
+    Bodies step to 8 neighbours, diagonally only where both orthogonal neighbours are in the mask. A body that can step
+    diagonally can thus also go round by one of these, so the parts are those of 4 neighbours. For
+    example, two points that touch at a corner only are two parts.
+
+    Args:
+        mask: uint8 (h, w), non-zero inside.
+        labels: int32 (h, w), overwritten, 0 outside the mask.
+        work: int32 (h * w,), scratch.
+
+    Returns:
+        The number of parts.
+    """
+    height, width = mask.shape
+    labels[:, :] = 0
+    parts = 0
+    for first_row in range(height):
+        for first_col in range(width):
+            if mask[first_row, first_col] == 0 or labels[first_row, first_col] != 0:
+                continue
+            parts += 1
+            labels[first_row, first_col] = parts
+            work[0] = first_row * width + first_col
+            waiting = 1
+            while waiting > 0:
+                waiting -= 1
+                row = work[waiting] // width
+                col = work[waiting] - row * width
+                for side in range(4):
+                    r = row + (side == 0) - (side == 1)
+                    c = col + (side == 2) - (side == 3)
+                    if r < 0 or r >= height or c < 0 or c >= width:
+                        continue
+                    if mask[r, c] != 0 and labels[r, c] == 0:
+                        labels[r, c] = parts
+                        work[waiting] = r * width + c
+                        waiting += 1
+    return parts

@@ -13,7 +13,7 @@ from typing import Protocol
 
 import numpy as np
 
-from patrol.errors import BadInput, NotPrepared
+from patrol.errors import BadInput, NotPrepared, printable
 from patrol.ground.shapes import cover, touched_points
 from patrol.ground.terrain import MAX_POINTS, BoolGrid, Terrain, whole_points
 from patrol.maps.builtins import builtin_terrain
@@ -26,7 +26,6 @@ from patrol.maps.cells import (
 )
 from patrol.maps.doubts import settings_text, wrong_settings
 from patrol.maps.map_file import MapFile, read_map_file
-from patrol.printable import printable
 
 __all__ = ["load_terrain", "read_terrain"]
 

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import TYPE_CHECKING
 
+from patrol.errors import printable
 from patrol.net.mailbox import Mailbox, Question
-from patrol.printable import printable
 from patrol.security.keys import WORLD, robot_of
 
 if TYPE_CHECKING:

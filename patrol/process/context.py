@@ -28,7 +28,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 from patrol.errors import BadInput
-from patrol.process.exit_codes import BAD_INPUT, INTERRUPTED
+from patrol.process.failures import BAD_INPUT, INTERRUPTED
 from patrol.process.lifeline import Ending, InterruptedBySignal, heed
 from patrol.process.options import Meeting, meeting
 from patrol.reporting.health import HealthLines
@@ -164,8 +164,7 @@ class ProcessContext:
 
         Kernels that few runs need are left out, but for those that the scenario needs.
         """
-        from patrol.starting.seldom import seldom_kernels
-        from patrol.starting.warmup import warm
+        from patrol.starting.warmup import seldom_kernels, warm
 
         warm(packages, self.log.info, () if scenario is None else seldom_kernels(scenario))
 

@@ -22,8 +22,7 @@ from types import FrameType
 from typing import NoReturn
 
 from patrol.errors import BadInput
-from patrol.process.exhausted import LEAST, allow_files, told
-from patrol.process.exit_codes import BAD_INPUT, CRASHED, INTERRUPTED
+from patrol.process.failures import BAD_INPUT, CRASHED, INTERRUPTED, LEAST, allow_files, told
 from patrol.reporting.logs import Log, crashed
 
 GRACE_S = 1.5

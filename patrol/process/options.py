@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn
 
 from patrol.errors import BadInput
-from patrol.process.exit_codes import BAD_INPUT
+from patrol.process.failures import BAD_INPUT
 from patrol.reporting.supervision import add_supervision
 
 if TYPE_CHECKING:

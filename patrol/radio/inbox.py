@@ -12,7 +12,7 @@ Theory of operation
     farther in a step than a robot can go.
 
     A radio may delay frames, repeat them and let them overtake each other. A frame that is older than the newest of its
-    sender's is *late*: it is accepted once, if it comes within a window of `patrol.radio.peers.SPAN` sequences, and
+    sender's is *late*: it is accepted once, if it comes within a window of `patrol.radio.message.SPAN` sequences, and
     says only where the sender was then. A sender's sequences go on with time, also over a restart of the sender, so its
     window outlives it.
 
@@ -56,10 +56,41 @@ from patrol.kernels.hear import (
     places_heard,
 )
 from patrol.pose import Pose
-from patrol.radio.heard import Heard
-from patrol.radio.message import CONTACT, Position, Rejected, RejectReason, decode
-from patrol.radio.peers import SPAN, Peer
-from patrol.radio.units import CM_PER_M, cm_to_m, m_to_cm
+from patrol.radio.message import CM_PER_M, CONTACT, SPAN, Position, Rejected, RejectReason, cm_to_m, decode, m_to_cm
+from patrol.radio.peers import Peer
+
+
+class Heard(Mapping[int, list[bytes]]):
+    """The frames that reach each receiver, by its number, in their order.
+
+    `frames` holds all of them, by sender and sequence, forged ones first; `receivers` is ascending; and `reaches`, bool
+    (receivers, frames), says which receiver hears which frame.
+    """
+
+    def __init__(self, frames: Sequence[bytes], receivers: Sequence[int], reaches: NDArray[np.bool_]) -> None:
+        self.frames = tuple(frames)
+        self.receivers = tuple(receivers)
+        self.reaches = reaches
+        self._row = {number: row for row, number in enumerate(self.receivers)}
+
+    def __getitem__(self, number: int) -> list[bytes]:
+        return list(compress(self.frames, self.reaches[self._row[number]].tolist()))
+
+    def __iter__(self) -> Iterator[int]:
+        return iter(self.receivers)
+
+    def __len__(self) -> int:
+        return len(self.receivers)
+
+
+def heard_by(receivers: Sequence[int], heard: Mapping[int, Sequence[bytes]]) -> Mapping[int, Sequence[bytes]]:
+    """Return the frames that some receivers hear; the receivers' numbers are ascending."""
+    if not isinstance(heard, Heard):
+        return {number: heard[number] for number in receivers}
+    if heard.receivers == tuple(receivers):
+        return heard
+    return Heard(heard.frames, receivers, heard.reaches[np.isin(heard.receivers, receivers)])
+
 
 _CODES = {
     RejectReason.OWN: OWN,

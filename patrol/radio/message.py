@@ -16,6 +16,10 @@ Numbers are rounded to the nearest unit (ties to even), headings to the nearest 
 For example, robot 3 at (12.34, 40.0) m with a heading of -0.5 rad, at 3.5 s in tick 7, sends these 16 bytes:
 
     97 01 03 07 cd 0d ac cd 04 d2 cd 0f a0 cd 16 97     [1, 3, 7, 3500, 1234, 4000, 5783]
+
+Only here are units whole centimetres, milliradians and milliseconds; everything inside a program is in metres, radians
+and seconds (`patrol.pose`). Functions that scale, such as `m_to_cm`, do not round: that happens when a frame is made.
+There each pose is scaled with the numbers themselves, because a call costs more than what it does.
 """
 
 from __future__ import annotations
@@ -33,7 +37,6 @@ import msgpack
 
 from patrol.errors import Unusable
 from patrol.pose import TAU, Pose, wrap
-from patrol.radio.units import CM_PER_M, MRAD_PER_RAD, cm_to_m, s_to_ms
 
 __all__ = [
     "CONTACT",
@@ -64,6 +67,31 @@ __all__ = [
     "longest_frame",
 ]
 
+CM_PER_M = 100.0
+MRAD_PER_RAD = 1000.0
+MS_PER_S = 1000.0
+
+
+def m_to_cm(length: float) -> float:
+    """Convert a length in m to cm."""
+    return length * CM_PER_M
+
+
+def cm_to_m(length: float) -> float:
+    """Convert a length in cm to m."""
+    return length / CM_PER_M
+
+
+def s_to_ms(time: float) -> float:
+    """Convert a time in s to ms."""
+    return time * MS_PER_S
+
+
+def ms_to_s(time: float) -> float:
+    """Convert a time in ms to s."""
+    return time / MS_PER_S
+
+
 VERSION = 1
 MAX_FRAME = 64
 CONTACT = 0
@@ -74,6 +102,9 @@ MAX_CONTACTS = 4
 
 MAX_FRAMES = 1 + MAX_CONTACTS
 """Frames that a robot sends in one tick: its own position first, then its contacts."""
+
+SPAN = 64
+"""Number of a sender's last sequences that a listener remembers, with the newest (as RFC 4303, 3.4.3, for IPsec)."""
 
 MAX_TRAIL = 4
 MAX_KEY = 64

@@ -32,7 +32,7 @@ from pydantic import ConfigDict, Discriminator, Field, TypeAdapter, ValidationEr
 from patrol.errors import BadInput, did_you_mean, in_flow, quoted
 from patrol.faults.kinds import Clock, Lasting, OnClosure, nothing
 from patrol.faults.roster import tick_of, ticks_of
-from patrol.files.half_characters import refuse_half_characters
+from patrol.files.untrusted import refuse_half_characters
 from patrol.journal.records import Event
 from patrol.scenario import Scenario, ZoneSpec, as_mapping, load_scenario
 from patrol.values import LARGEST, Corner, Flag, Name, Positive, Section, expecting, wrong

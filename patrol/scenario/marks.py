@@ -9,7 +9,7 @@ from patrol.scenario.explain import SECTIONS
 from patrol.values import Section
 
 if TYPE_CHECKING:
-    from patrol.closures.points import Closings
+    from patrol.closures.ground import Closings
     from patrol.ground.marks import Look, Mark
     from patrol.ground.terrain import Terrain
     from patrol.scenario.model import Scenario

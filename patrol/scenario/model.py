@@ -24,8 +24,7 @@ from patrol.faults.nemesis import NemesisSpec, room_for
 from patrol.faults.roster import check_faults
 from patrol.journal.records import MAX_TICKS
 from patrol.radio.allowance import Share
-from patrol.radio.message import MAX_TIME_MS
-from patrol.radio.units import ms_to_s, s_to_ms
+from patrol.radio.message import MAX_TIME_MS, ms_to_s, s_to_ms
 from patrol.scenario.lengths import BodyLengths, check_refinement, resolve_lengths
 from patrol.scenario.policies import (
     PaperPatrol,

@@ -18,9 +18,7 @@ from pydantic import AfterValidator, Discriminator, Field, Tag, ValidationInfo, 
 
 from patrol.classes.class_file import ClassSection, beside
 from patrol.radio.allowance import BITS, Share
-from patrol.radio.message import MAX_STEP_CM, longest_frame
-from patrol.radio.peers import SPAN
-from patrol.radio.units import cm_to_m, m_to_cm
+from patrol.radio.message import MAX_STEP_CM, SPAN, cm_to_m, longest_frame, m_to_cm
 from patrol.scenario.sections import BUILT_IN_SENSORS, RobotSpec, SensorSpec
 from patrol.values import (
     CLASS_NAME,

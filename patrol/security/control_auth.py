@@ -25,8 +25,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
-from patrol.errors import Unusable
-from patrol.printable import printable
+from patrol.errors import Unusable, printable
 from patrol.scenario.controls import Answer
 from patrol.security.keys import FleetKeys
 

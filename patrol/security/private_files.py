@@ -1,4 +1,4 @@
-"""The files of a fleet's members: JSON objects, and secrets that only their owner may read."""
+"""The files of a fleet's members: JSON objects, secrets that only their owner may read, and the key of positions."""
 
 from __future__ import annotations
 
@@ -10,8 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from patrol.errors import BadInput
-from patrol.files.half_characters import refuse_half_characters
-from patrol.files.untrusted import ACCESS, open_untrusted
+from patrol.files.untrusted import ACCESS, KEY, open_untrusted, read_untrusted, refuse_half_characters
 from patrol.files.whole_file import replacing
 
 GIVEN = "CREDENTIALS_DIRECTORY"
@@ -89,3 +88,38 @@ def replace_private(file: Path, text: str) -> None:
     """Write a file that only its owner may read, as `patrol.files.whole_file.write_whole` does for all readers."""
     with replacing(file) as part:
         write_private(part, text)
+
+
+SHORTEST_KEY, LONGEST_KEY = 16, 64
+"""Bytes of a fleet's key, which tags every position message."""
+
+
+def fleet_key(file: str | Path | None) -> bytes | None:
+    """Read the key in a file, which is the file's bytes less white space at either end; None without a file.
+
+    A key has 16 to 64 bytes.
+    """
+    if file is None:
+        return None
+    path = Path(file)
+    try:
+        key = read_untrusted(path, KEY).strip()
+    except OSError as error:
+        raise BadInput(f"radio.key: cannot read {path}: {error.strerror}; name a readable key file") from None
+    if not SHORTEST_KEY <= len(key) <= LONGEST_KEY:
+        raise BadInput(f"radio.key: {path} holds {len(key)} bytes; a key has {SHORTEST_KEY} to {LONGEST_KEY}")
+    return key
+
+
+def new_key(path: Path) -> None:
+    """Write a new random key, as text, to a new file that no other user can read."""
+    if path.is_dir():
+        raise BadInput(f"{path}: is a folder; name a new file in it, such as {path / 'fleet.key'}")
+    try:
+        file = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
+    except FileExistsError:
+        raise BadInput(f"{path}: exists already, and robots may be using it; name a new file") from None
+    except OSError as error:
+        raise BadInput(f"{path}: cannot be written ({error.strerror}); name a file in an existing folder") from None
+    with os.fdopen(file, "w", encoding="ascii") as text:
+        text.write(f"{os.urandom(LONGEST_KEY // 2).hex()}\n")

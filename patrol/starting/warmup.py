@@ -3,21 +3,72 @@
 Importing a kernel module that is not in the cache compiles it (`patrol.kernel_cache`), in one process and when it is
 imported: in the middle of a tick, at worst. `warm` compiles modules beforehand, in several processes. Processes that
 start together wait for the first of them.
+
+Kernels that few runs need are listed in `SELDOM`: the rest are compiled before a scenario runs, these only where it
+uses them. A module that is missing there is compiled before every first run. One that is listed although a run needs it
+is compiled when that run imports it, in one process while the others wait.
 """
 
 from __future__ import annotations
 
 import fcntl
 import time
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from importlib.util import find_spec
 from pathlib import Path
-from typing import BinaryIO
+from typing import TYPE_CHECKING, BinaryIO
 
 from patrol.kernel_cache import cache_home, is_stored, make_folder, storing
 from patrol.starting.compiling import Compiled, compile_modules
-from patrol.starting.seldom import SELDOM
+
+if TYPE_CHECKING:
+    from patrol.scenario import Scenario
+
+
+def _follows_forces(scenario: Scenario) -> bool:
+    """Return True if robots sum forces, or may: a policy of another kind can build on anything."""
+    from patrol.scenario.policies import LEARNED  # here, as processes that compile need no scenario
+
+    return not scenario.patrol.needs_rounds and scenario.patrol.policy != LEARNED
+
+
+def _needs_dilation(scenario: Scenario) -> bool:
+    """Return True if beliefs spread staleness (`agent.belief.believed.BelievedFog`); an open field has no posts."""
+    return _follows_forces(scenario) or scenario.terrain.builtin == "open"
+
+
+def _is_learned(scenario: Scenario) -> bool:
+    from patrol.scenario.policies import LEARNED
+
+    return scenario.patrol.policy == LEARNED
+
+
+def _has_regions(scenario: Scenario) -> bool:
+    return scenario.patrol.paths == "regions"
+
+
+def _goes_straight(scenario: Scenario) -> bool:
+    return scenario.patrol.paths == "straight"
+
+
+SELDOM: Mapping[str, Callable[[Scenario], bool]] = {
+    "agent.kernels.changes": _needs_dilation,
+    "agent.kernels.dilate": _needs_dilation,
+    "agent.kernels.surroundings": _is_learned,
+    "agent.kernels.force": _follows_forces,
+    "agent.kernels.region_paths": _has_regions,
+    "agent.kernels.straight": _goes_straight,
+    "patrol.kernels.doors": lambda _: False,  # where a random start may be shut in
+    "patrol.kernels.regions": _has_regions,
+}
+"""Modules, and whether a run of a scenario needs them."""
+
+
+def seldom_kernels(scenario: Scenario) -> list[str]:
+    """Return the modules of `SELDOM` that a run needs."""
+    return [name for name, needs in SELDOM.items() if needs(scenario)]
+
 
 KERNELS = "kernels"
 COMPILING = "compiling the kernels, once on this machine ..."

@@ -11,7 +11,7 @@ import numpy as np
 from patrol.errors import BadInput
 from patrol.faults.roster import tick_of
 from patrol.ground.cspace import grown, parts_of
-from patrol.ground.one_way import unit
+from patrol.ground.ways import unit
 from patrol.values import wrong
 from patrol.zones.ground import points_of
 from patrol.zones.spec import check_names, check_ticks

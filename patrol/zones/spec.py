@@ -31,8 +31,8 @@ from patrol.errors import BadInput
 from patrol.exchange import LEAST_WEIGHT, MOST_WEIGHT, MOST_ZONES
 from patrol.files.yaml_text import parse_yaml, read_text
 from patrol.ground.marks import Look, Mark, mark_ground
-from patrol.ground.one_way import ARROWS, TURN
 from patrol.ground.terrain import BoolGrid, Terrain
+from patrol.ground.ways import ARROWS, TURN
 from patrol.maps.map_file import read_map_file
 from patrol.values import (
     Corner,

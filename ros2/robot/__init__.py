@@ -2,9 +2,8 @@
 
 Where it is (the time comes with each call, and there are no links):
 
-    odometer.py      which odometry can be believed
     initial.py       where it stands at first, and how its localisation is told
-    localisation.py  from odometry and a correction of its drift to where the robot is now
+    localisation.py  which odometry can be believed; from that and a correction of its drift to where it is now
 
 How it is moved (all but steering.py gets the time with each call and has no links):
 

@@ -13,7 +13,7 @@ from collections.abc import Callable, Sequence
 from threading import Event, Thread
 from typing import Any, TypeVar
 
-from patrol.printable import printable
+from patrol.errors import printable
 from ros2.robot.localisation import Fix, Localisation
 from ros2.robot.options import DriveSettings
 from ros2.robot.stops import StopFiles, Stopper, Stops, StopTopic

@@ -16,31 +16,20 @@ example, bodies without walls, whose wheels count one part in a hundred too much
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
 from patrol.classes.named_class import ClassSort, NamedClass, find, raised
 from patrol.ground.swept_path import path_is_free
 from patrol.pose import Pose
-from worldsim.robots.motion import move
+from ros2.sim.robot import Build, Moved, SimulatedRobot
+from worldsim.robots.bodies import move
 
 if TYPE_CHECKING:
     from patrol.ground.terrain import Terrain
-    from ros2.sim.robot import Build, SimulatedRobot
 
 __all__ = ["Bodies", "Moved"]
 
 BODIES = ClassSort("bodies", "--bodies", "move(robots, step_s)", "fogwatch.bodies", {})
-
-
-@dataclass(frozen=True, slots=True)
-class Moved:
-    """The result of one step for a body."""
-
-    pose: Pose  # the true one after the step
-    counted: Pose | None = None  # by its wheels, in the body's frame before the step; None for the true motion
-    at_wall: bool = False  # it touches a wall, or the end of the terrain
-    at_robot: bool = False
 
 
 class Bodies(Protocol):

@@ -18,7 +18,7 @@ from patrol.own_sensor import allow_sensor
 from patrol.pose import Pose
 from patrol.prepare import Prepared, prepare, sensor_footprint
 from patrol.process.context import AskedToLeave, ProcessContext, run_with
-from patrol.process.exit_codes import INTERRUPTED
+from patrol.process.failures import INTERRUPTED
 from patrol.process.lifeline import Ending
 from patrol.reporting.vitals import COMMANDS, MFOW, TICK, Vitals
 from patrol.scenario import Scenario, load_scenario, naming

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from patrol.ground.swept_path import advance
 from patrol.pose import Command, Drive, Pose, Twist, Velocity
 from patrol.scenario import RobotSpec
-from ros2.sim.bodies import Moved
 from ros2.sim.odometry import DriftingOdometry, Errors
 from ros2.wire import messages
 from ros2.wire.frames import apart, composed, inverted
@@ -31,6 +30,16 @@ class Build:
     acceleration: float  # of its motors, m/s²; infinite for a body that obeys at once
     watchdog_s: float  # for which it obeys the last command when no other comes
     seed: int
+
+
+@dataclass(frozen=True, slots=True)
+class Moved:
+    """The result of one step for a body."""
+
+    pose: Pose  # the true one after the step
+    counted: Pose | None = None  # by its wheels, in the body's frame before the step; None for the true motion
+    at_wall: bool = False  # it touches a wall, or the end of the terrain
+    at_robot: bool = False
 
 
 class SimulatedRobot:

@@ -17,11 +17,10 @@ from zenoh.ext import (
     declare_advanced_subscriber,
 )
 
-from patrol.errors import Malformed
+from patrol.errors import Malformed, printable
 from patrol.net.link import CLOSE_S, close_session, open_session
 from patrol.net.queries import answers_of
 from patrol.net.settings import client_settings
-from patrol.printable import printable
 from ros2.wire.codec import CODINGS, decode, encode
 from ros2.wire.definitions import NO_HASH, store
 from ros2.wire.formats import Attachment, Format, Origin, attachment_of, gid_of, other_format

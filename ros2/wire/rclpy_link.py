@@ -15,8 +15,7 @@ from collections import Counter, deque
 from collections.abc import Callable
 from typing import Any, TypeVar
 
-from patrol.errors import BadInput, Malformed
-from patrol.printable import printable
+from patrol.errors import BadInput, Malformed, printable
 from ros2.wire.codec import CODINGS, decode, encode
 from ros2.wire.definitions import store
 from ros2.wire.mailbox import Received, RosMailbox

@@ -42,7 +42,8 @@ from worldsim.radio import ether, forging, path_loss, rules
 from worldsim.radio.forging import Forger
 from worldsim.radio.path_loss import PathLoss
 from worldsim.radio.rules import Bucket, RadioRules
-from worldsim.robots import closures, motion, noise
+from worldsim.robots import bodies as motion
+from worldsim.robots import closures, noise
 from worldsim.robots.bodies import Body
 from worldsim.robots.closures import Closures
 from worldsim.robots.senses import Senses

@@ -20,8 +20,7 @@ from patrol.pose import Pose, halted
 from patrol.prepare import Prepared
 from patrol.scenario import load_scenario
 from tests.agent.minds import STEP, at
-from worldsim.robots.bodies import Body
-from worldsim.robots.motion import move
+from worldsim.robots.bodies import Body, move
 
 POINT = 0.1
 

@@ -9,10 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from agent.bodies.goal import GoalFinder
-from agent.bodies.refine import psi_field
+from agent.bodies.base import GoalFinder
 from agent.build import build_mind, known_to_robots, shared_by
-from agent.psi import load_psi, psi_of, save_psi
+from agent.psi import load_psi, psi_field, psi_of, save_psi
 from patrol.exchange import Sensed
 from patrol.prepare import Prepared, prepare
 from patrol.scenario import load_scenario

@@ -14,7 +14,7 @@ from patrol.ground.terrain import Terrain
 from patrol.pose import Pose
 from patrol.radio.allowance import Share
 from patrol.radio.message import CONTACT, decode
-from patrol.radio.prediction import Predictor
+from patrol.radio.peers import Predictor
 
 FIELD = Terrain("field", np.ones((40, 200), dtype=np.bool_), 1.0)
 KEY = b"0123456789abcdef"

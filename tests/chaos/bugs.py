@@ -22,7 +22,7 @@ from agent import sender
 from agent.mind import Mind
 from agent.ports import PolicyFailed
 from fogwatch.inprocess import InProcessFleet
-from patrol.closures.points import WAITING
+from patrol.closures.ground import WAITING
 from patrol.energy.batteries import Batteries
 from patrol.faults.kinds import Clock
 from patrol.ground.fog import Fog
@@ -39,7 +39,8 @@ from worldsim.faults import SKIPPED
 from worldsim.fleet.acts import Acts
 from worldsim.output import record
 from worldsim.radio import ether, forging, path_loss, rules
-from worldsim.robots import motion, noise
+from worldsim.robots import bodies as motion
+from worldsim.robots import noise
 from worldsim.robots.bodies import Body, standstill
 from worldsim.robots.closures import Closures
 from worldsim.robots.senses import Senses

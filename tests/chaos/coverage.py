@@ -18,8 +18,8 @@ from patrol.pose import MODELS, Pose
 from patrol.prepare import Prepared
 from patrol.scenario import Scenario
 from patrol.values import BUILTINS
+from patrol.zones.ground import SpeedLimits
 from patrol.zones.spec import zones_in_force
-from patrol.zones.speed_limits import SpeedLimits
 from worldsim.faults import SKIPPED, WAITING
 from worldsim.world import World
 

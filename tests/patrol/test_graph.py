@@ -12,8 +12,7 @@ from hypothesis import strategies as st
 from PIL import Image
 
 from patrol.errors import BadInput
-from patrol.graph import Graph, graph_of, read_graph
-from patrol.graph_from_ground import closed_tour, graph_from_ground, tour_length
+from patrol.graph import Graph, closed_tour, graph_from_ground, graph_of, read_graph, tour_length
 from patrol.pose import Pose
 from patrol.prepare import prepare, sensor_footprint
 from patrol.scenario import load_scenario, scenario_hash

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from patrol.printable import printable
+from patrol.errors import printable
 
 CONTROLS = ("Cc", "Cf", "Cs", "Zl", "Zp")
 

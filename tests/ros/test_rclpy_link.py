@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 from patrol.errors import BadInput
-from patrol.process.exit_codes import CRASHED
+from patrol.process.failures import CRASHED
 from ros2.wire.definitions import CANCEL_GOAL
 from ros2.wire.mailbox import Received, RosMailbox
 from ros2.wire.messages import (

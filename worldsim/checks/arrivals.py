@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 from patrol.faults.kinds import FRAME_KINDS, Delay, Duplicate, Loss, Reorder, Wait
 from patrol.journal.links import drops_of, places_of
 from patrol.journal.records import FORGED, MAX_TICKS, sent_at
-from worldsim.checks.chance import FAMILY, Series
-from worldsim.checks.check import Check, on_link
+from worldsim.checks.check import FAMILY, Check, Series, on_link
 from worldsim.checks.fates import BEFORE_THE_AIR, airborne, arrived, fault_of, kind_of, sent_links
 
 if TYPE_CHECKING:
@@ -163,7 +162,7 @@ class OnTime(Check):
 
 
 class ShareCheck(Check):
-    """A check of how often faults act on frames, as far as chance allows (`chance.py`).
+    """A check of how often faults act on frames, as far as chance allows (`check.py`).
 
     A subclass counts in `_series`, by the indices of its faults, and gives its counts in `_list_counts`.
     """

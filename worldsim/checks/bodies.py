@@ -17,7 +17,7 @@ from patrol.pose import Command, Pose, command_of, is_halt
 from worldsim.checks.check import Check, robots_hit
 from worldsim.checks.ground import ClosedGround
 from worldsim.checks.statuses import ExpectedStatuses
-from worldsim.kernels.apart import first_overlap
+from worldsim.kernels.verdict import first_overlap
 from worldsim.robots.noise import MotionNoise
 
 if TYPE_CHECKING:

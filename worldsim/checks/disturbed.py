@@ -17,10 +17,8 @@ from patrol.ground.swept_path import free_fraction
 from patrol.journal import RobotTick, Status, TickRecord
 from patrol.journal.records import FORGED
 from patrol.pose import TAU, Command, Drive, Pose, Twist, command_of, is_halt
-from patrol.radio.message import CONTACT, MAX_TIME_MS, Position, Rejected, decode
-from patrol.radio.units import MRAD_PER_RAD, cm_to_m, ms_to_s
-from worldsim.checks.chance import FAMILY, Series, first_problem
-from worldsim.checks.check import Check
+from patrol.radio.message import CONTACT, MAX_TIME_MS, MRAD_PER_RAD, Position, Rejected, cm_to_m, decode, ms_to_s
+from worldsim.checks.check import FAMILY, Check, Series, first_problem
 from worldsim.checks.statuses import ExpectedStatuses
 
 if TYPE_CHECKING:

@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from patrol.closures.ground import ChangingFootprint
+from patrol.closures.ground import ChangingFootprint, ClosedPoints
 from patrol.closures.open_ground import OpenGround
-from patrol.closures.points import ClosedPoints
 from patrol.ground.fog import Fog
 from patrol.journal import Status
 from patrol.pose import Pose

@@ -17,10 +17,10 @@ from patrol.journal.links import Links, drops_of, joined, links_of, places_of
 from patrol.journal.records import FORGED, frame_sequence
 from patrol.pose import Pose
 from patrol.prepare import inboxes_of
-from patrol.radio.fleet_key import fleet_key
-from patrol.radio.heard import heard_by
+from patrol.radio.inbox import heard_by
 from patrol.radio.message import CONTACT, Position
 from patrol.scenario.radio_spec import MODELS
+from patrol.security.private_files import fleet_key
 from worldsim.checks.check import NO_ROBOT, Check
 from worldsim.checks.fates import sent_links
 from worldsim.radio.ether import RECEIVER_DEAD, Delivery, Ether, Link, ether_of

@@ -11,8 +11,7 @@ from patrol.faults.targets import WORDS
 from patrol.journal import Status, TraceHash
 from worldsim.checks.check import Check
 from worldsim.faults import LOOKED_AT, STOPPED, UNSEEN, process_name
-from worldsim.radio.reported import links_of, reported, totals
-from worldsim.run_record import COMPLETED, INTERRUPTED
+from worldsim.run_record import COMPLETED, INTERRUPTED, links_of, reported, totals
 
 if TYPE_CHECKING:
     from patrol.journal import TickRecord

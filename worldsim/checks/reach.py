@@ -18,7 +18,7 @@ from patrol.random import Purpose, draw, gauss
 from patrol.scenario.radio_spec import PATH_LOSS, PathLossRadio
 from worldsim.checks.check import NO_ROBOT, Check
 from worldsim.checks.fates import causes_before, fates, fault_of, kind_of, origins_of
-from worldsim.kernels.sightlines import crossings, touched
+from worldsim.kernels.verdict import crossings, touched
 
 if TYPE_CHECKING:
     from patrol.ground.terrain import Terrain

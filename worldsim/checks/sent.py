@@ -17,14 +17,23 @@ from patrol.faults.kinds import Drift, Spoof
 from patrol.journal import Status, TickRecord
 from patrol.journal.records import FORGED
 from patrol.pose import Pose
-from patrol.radio.fleet_key import fleet_key
-from patrol.radio.message import MAX_ROBOT, MAX_TRAIL, Position, Rejected, decode, encode, longest_frame
-from patrol.radio.prediction import Predictor
-from patrol.radio.units import m_to_cm, s_to_ms
+from patrol.radio.message import (
+    MAX_ROBOT,
+    MAX_TRAIL,
+    Position,
+    Rejected,
+    decode,
+    encode,
+    longest_frame,
+    m_to_cm,
+    s_to_ms,
+)
+from patrol.radio.peers import Predictor
+from patrol.security.private_files import fleet_key
 from worldsim.checks.check import NO_ROBOT, TAGS_NOT_JUDGED, Check, active, robots_hit
 from worldsim.checks.ground import ClosedGround
-from worldsim.robots.intruders import Intruders
 from worldsim.robots.senses import Senses
+from worldsim.truth import Intruders
 
 if TYPE_CHECKING:
     from patrol.ground.terrain import Terrain

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from patrol.closures.points import closure_of
+from patrol.closures.ground import closure_of
 from patrol.exchange import FIRST_INCARNATION
 from patrol.faults.kinds import Kill, OnProcesses, Pause
 from patrol.journal import Event, Status

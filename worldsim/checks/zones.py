@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
 import numpy as np
 
-from patrol.closures.points import IN_IT, WAITING, WAITS, closure_of
+from patrol.closures.ground import IN_IT, WAITING, WAITS, closure_of
 from patrol.faults.kinds import Close, Drift, Motion, OnClosure
 from patrol.journal import RobotTick, Status, TickRecord
 from patrol.journal.records import CLOSED, IN_FORCE, OPENED, OUT_OF_FORCE, STAYS_OPEN

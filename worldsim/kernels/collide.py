@@ -1,4 +1,7 @@
-"""Kernel of collisions: cancels the moves by which bodies would meet, all bodies swept at once, in closed form."""
+"""Kernels of collisions: find the bodies that come near others, and cancel the moves by which they would meet.
+
+Only bodies that come near others in a step are looked at in detail. They are swept all at once, in closed form.
+"""
 
 from __future__ import annotations
 
@@ -6,6 +9,38 @@ import math
 
 import numpy as np
 from numba import njit, types
+
+_DISCS = types.Array(types.float64, 2, "C", readonly=True)
+_NEAR = types.Array(types.bool_, 1, "C")
+
+
+@njit(_NEAR(_DISCS), cache=True, nogil=True, error_model="numpy")
+def near_others(discs):
+    """Mark the discs that overlap at least one other disc; touching counts.
+
+    Args:
+        discs: float64 (n, 3), x and y of the centres and the radii, m.
+
+    Returns:
+        bool (n,).
+    """
+    count = discs.shape[0]
+    near = np.zeros(count, dtype=np.bool_)
+    widest = 0.0
+    for i in range(count):
+        widest = max(widest, discs[i, 2])
+    order = np.argsort(discs[:, 0])
+    for rank in range(count):
+        i = order[rank]
+        for next_rank in range(rank + 1, count):
+            j = order[next_rank]
+            if discs[j, 0] - discs[i, 0] > discs[i, 2] + widest:
+                break
+            distance = math.hypot(discs[j, 0] - discs[i, 0], discs[j, 1] - discs[i, 1])
+            if distance <= discs[i, 2] + discs[j, 2]:
+                near[i] = near[j] = True
+    return near
+
 
 TOLERANCE = 1e-9
 """Two bodies nearer than the sum of their radii by no more than this (m) still only touch."""

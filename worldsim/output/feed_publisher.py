@@ -12,7 +12,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from patrol.closures.points import closure_of
+from patrol.closures.ground import closure_of
 from patrol.journal import pack
 from patrol.journal.records import Event, TickRecord
 from patrol.messages.feed import Batch, Ground, SoFar, batch_bytes, so_far_bytes, thinned

@@ -16,8 +16,8 @@ from patrol.scenario import load_scenario
 from patrol.scenario.controls import OPERATOR, operated
 from patrol.summary.totals import count_frames, dropped_by_source
 from worldsim.faults import Entry, Timeline
-from worldsim.radio.reported import links_of, reported, totals
 from worldsim.radio.rules import receivers
+from worldsim.run_record import links_of, reported, totals
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -14,8 +14,8 @@ from patrol.errors import BadInput
 from patrol.faults.kinds import Spoof
 from patrol.journal.links import NO_DROPS, Drops, Links, WholeLinks, to_others
 from patrol.journal.records import Status
-from patrol.radio.fleet_key import fleet_key
-from patrol.radio.heard import Heard
+from patrol.radio.inbox import Heard
+from patrol.security.private_files import fleet_key
 from worldsim.radio.fates import STRANGER, Fates, Forged, Sent
 from worldsim.radio.forging import MEMORY, Forger
 from worldsim.radio.models import OnAir, cause_of

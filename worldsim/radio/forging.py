@@ -16,9 +16,9 @@ from patrol.errors import BadInput
 from patrol.faults.kinds import Forgery, Spoof
 from patrol.journal.records import Status
 from patrol.pose import Pose
-from patrol.radio.fleet_key import fleet_key
 from patrol.radio.message import MAX_ROBOT, Position, encode
 from patrol.random import Purpose, draw, mix
+from patrol.security.private_files import fleet_key
 from worldsim.radio.fates import STRANGER, Forged
 
 if TYPE_CHECKING:

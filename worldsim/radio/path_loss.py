@@ -31,8 +31,7 @@ from numpy.typing import NDArray
 
 from patrol.kernels.elementary import exp, log10, power
 from patrol.random import Purpose, draw, mix
-from worldsim.kernels.draws import below, normals
-from worldsim.kernels.walls import walls_between
+from worldsim.kernels.radio import below, normals, walls_between
 from worldsim.radio.fates import STRANGER
 from worldsim.radio.models import ModelSetup, OnAir
 from worldsim.radio.rules import BEAM

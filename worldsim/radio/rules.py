@@ -36,8 +36,7 @@ from patrol.faults.kinds import (
 from patrol.messages.phases import PHASE_B_SHARE
 from patrol.pose import Pose
 from patrol.random import Purpose, draw, gauss, mix
-from worldsim.kernels.draws import below
-from worldsim.kernels.walls import walls_on_line
+from worldsim.kernels.radio import below, walls_on_line
 from worldsim.radio.fates import STRANGER
 
 if TYPE_CHECKING:

@@ -14,8 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from patrol.closures.ground import ChangingFootprint, faces
-from patrol.closures.points import IN_IT, WAITING, WAITS, ClosedPoints
+from patrol.closures.ground import IN_IT, WAITING, WAITS, ChangingFootprint, ClosedPoints, faces
 from patrol.exchange import MOST_BLOCKED
 from patrol.faults.kinds import Close, OnClosure
 from patrol.journal import Event

@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING
 
 from patrol.faults.kinds import Clock, Drift
 from patrol.pose import TAU, Pose
-from patrol.radio.message import MAX_TIME_MS
-from patrol.radio.units import ms_to_s
+from patrol.radio.message import MAX_TIME_MS, ms_to_s
 from patrol.random import Purpose, draw, gauss
 
 if TYPE_CHECKING:

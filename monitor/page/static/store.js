@@ -68,7 +68,7 @@ export class Store {
     this.changed(message.type, message);
   }
 
-  /** One packet of tiles; see monitor/page/tiles.py. The packet of a fog belongs to the state that follows it. */
+  /** One packet of tiles; see monitor/page/maps.py. The packet of a fog belongs to the state that follows it. */
   unpack(buffer) {
     if (new Int32Array(buffer, 0, 1)[0] !== TERRAIN) return this.held.push(buffer);
     this.#fill(buffer);

@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from agent.bodies.goal import GoalFinder
-from agent.bodies.refine import psi_field
+from agent.bodies.base import GoalFinder
+from agent.psi import psi_field
 from agent.routes.ground import Ground
 from patrol.ground.terrain import Terrain
 from patrol.scenario import BodyLengths

@@ -19,8 +19,7 @@ from agent.routes.path_window import FAR
 from patrol.ground.swept_path import advance, path_is_free
 from patrol.ground.terrain import Terrain
 from patrol.pose import Drive, Pose, Twist, wrap
-from patrol.radio.message import as_received
-from patrol.radio.units import CM_PER_M
+from patrol.radio.message import CM_PER_M, as_received
 from patrol.scenario import RobotSpec
 from tests.agent.minds import STEP
 from tests.agent.plans import Robots, plan, prepared_in

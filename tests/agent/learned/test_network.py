@@ -17,8 +17,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from onnx import TensorProto, helper, numpy_helper
 
-from agent.learned.network import MASK, Layers, action_of, flattened, read_layers, read_network
-from agent.learned.onnx_network import onnx_network
+from agent.learned.network import MASK, Layers, action_of, flattened, onnx_network, read_layers, read_network
 from patrol.errors import BadInput
 from patrol.files.untrusted import WEIGHTS, Kind
 

@@ -22,8 +22,8 @@ from agent.routes.ground import Area, Ground
 from agent.routes.path_window import FAR, PathWindow
 from agent.routes.straight import Straight
 from agent.routes.wave import Wave
+from patrol.ground.cspace import narrow_passages
 from patrol.ground.fields import StaticFields
-from patrol.ground.passages import narrow_passages
 from patrol.ground.terrain import Terrain
 from patrol.pose import Pose
 from patrol.radio.peers import Peer

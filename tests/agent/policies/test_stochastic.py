@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 
 from agent.chance import Chance
-from agent.policies.joint_plan import STUCK_S, JointPlan
-from agent.policies.stochastic import Stochastic
+from agent.policies.stochastic import STUCK_S, JointPlan, Stochastic
 from agent.policies.surround import Surround
 from patrol.ground.terrain import Terrain
 from patrol.pose import MODELS, Pose

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from agent.belief.contacts import SAME, Contacts
+from agent.belief.believed import SAME, Contacts
 from agent.policies.surround import FARTHEST, Stand, Surround, assign, spots_around, spread
 from agent.ports import Intent, Stay
 from agent.routes.ground import Ground

@@ -10,7 +10,7 @@ from agent.routes.routes import Routes
 from agent.routes.slow_ways import SlowWays
 from patrol.ground.terrain import Terrain
 from patrol.scenario import ZoneSpec
-from patrol.zones.speed_limits import SpeedLimits
+from patrol.zones.ground import SpeedLimits
 
 WARD = ZoneSpec(name="ward", polygon=((10, 0), (14, 0), (14, 10), (10, 10)), speed=0.2)
 BED = ZoneSpec(name="bed", polygon=((10, 0), (12, 0), (12, 10), (10, 10)), speed=0.1)

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from agent.routes.waiting import KEEP_RADII, Waiting
 from patrol.ground.fields import compute_fields
-from patrol.kernels.components import label_parts
+from patrol.kernels.clearance import label_parts
 from patrol.pose import Pose
 from tests.agent.plans import plan
 

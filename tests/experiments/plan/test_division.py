@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from experiments.plan.division import Divider, Territory, longest_m, shared_out
-from patrol.graph import Graph, graph_of
-from patrol.graph_from_ground import tour_length
+from patrol.graph import Graph, graph_of, tour_length
 from patrol.ground.fields import compute_fields
 from patrol.ground.fog import Fog
 from patrol.ground.terrain import Terrain

@@ -8,8 +8,7 @@ from collections.abc import Mapping
 
 import pytest
 
-from experiments.sweeps.cases import CaseRow
-from experiments.sweeps.paired import PAIRING, TEST, comparisons_table, p_of_no_difference, paired_tests
+from experiments.sweeps.cases import PAIRING, TEST, CaseRow, comparisons_table, p_of_no_difference, paired_tests
 from experiments.sweeps.stats import estimate
 
 

@@ -73,7 +73,7 @@ def test_tables_do_not_follow_a_link_out_of_the_folder(
 
 INTERRUPTED = """
 import os, signal, sys
-from monitor.tables import files
+from monitor.tables import arrow as files
 from fogwatch.cli.app import main
 
 write = files.write_tables

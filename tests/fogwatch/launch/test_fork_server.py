@@ -19,7 +19,7 @@ import pytest
 
 from fogwatch.launch.children import Child, Children, Forked
 from fogwatch.launch.fork_server import FORK_SERVER, READY_S, ForkServer
-from patrol.process.exit_codes import INTERRUPTED
+from patrol.process.failures import INTERRUPTED
 from patrol.starting.forking import ask_for_fork, can_fork
 from patrol.starting.readiness import StartFailure, StartPipe, StartReport
 

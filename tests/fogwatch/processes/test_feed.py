@@ -27,10 +27,10 @@ from patrol.net.link import Link, open_link, open_router
 from patrol.pose import Pose
 from patrol.prepare import prepare
 from patrol.process.lifeline import Ending
-from patrol.radio.fleet_key import new_key
 from patrol.radio.message import Position, encode
 from patrol.scenario import load_scenario
 from patrol.security.keys import fleet_keys
+from patrol.security.private_files import new_key
 from tests.fleets import COARSE
 from tests.routers import reach_patiently
 

@@ -19,7 +19,7 @@ from patrol.exchange import Sensed
 from patrol.journal import Status, TickRecord, read_journal
 from patrol.messages.phases import PhaseA, encode
 from patrol.pose import Pose
-from patrol.radio.fleet_key import new_key
+from patrol.security.private_files import new_key
 
 if TYPE_CHECKING:
     from tests.fogwatch.conftest import Run

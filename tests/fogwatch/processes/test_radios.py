@@ -13,9 +13,9 @@ from patrol.errors import Malformed
 from patrol.messages.phases import ReplyA, decode_to_world
 from patrol.net.link import open_link
 from patrol.net.mailbox import Payload
-from patrol.radio.fleet_key import new_key
 from patrol.radio.message import MAX_FRAME
 from patrol.security.keys import ROOT
+from patrol.security.private_files import new_key
 from tests.fleets import one_and_many
 from tests.worldsim.test_fleet_by_hand import PATIENCE_S, Hand
 

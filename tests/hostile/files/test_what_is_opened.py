@@ -22,9 +22,9 @@ from monitor.recording.mcap_file import inspect_recording
 from monitor.replay.run import open_run
 from patrol.errors import BadInput
 from patrol.maps.load import load_terrain, read_terrain
-from patrol.radio.fleet_key import fleet_key
 from patrol.scenario import load_scenario, open_scenario
 from patrol.security.access import read_access
+from patrol.security.private_files import fleet_key
 from tests.hostile.files.looks import MAP, looked_at, one_line
 from tests.hostile.files.strange_files import (
     journal_of,

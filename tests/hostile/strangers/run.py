@@ -18,8 +18,7 @@ from fogwatch.inprocess import run_in_process
 from fogwatch.launch.launcher import LaunchFailed
 from fogwatch.notebook.run import Run
 from fogwatch.run_folder.runfolder import RunFolder
-from patrol.errors import BadInput
-from patrol.printable import printable
+from patrol.errors import BadInput, printable
 from tests.hostile.strangers.judge import BEGUN, Seen
 from tests.hostile.strangers.spell import Spell
 from tests.hostile.strangers.watch import Memory, Progress

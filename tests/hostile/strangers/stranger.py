@@ -16,7 +16,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 from patrol.errors import BadInput, did_you_mean
-from patrol.process.exit_codes import BAD_INPUT
+from patrol.process.failures import BAD_INPUT
 from patrol.process.lifeline import heed, run_process
 from patrol.random import Draws, Purpose
 from patrol.security.access import FILE, credentials_at

@@ -8,8 +8,8 @@ import pytest
 from monitor.live.attach import open_fleet
 from patrol.errors import BadInput
 from patrol.process.lifeline import Ending
-from patrol.radio.fleet_key import new_key
 from patrol.security.access import FILE
+from patrol.security.private_files import new_key
 from tests.routers import reach_patiently, write_access
 
 
@@ -37,7 +37,7 @@ def test_the_key_that_a_run_s_scenario_names_is_opened_only_when_asked_for(
         opened.append(path)
         return b"k" * 16
 
-    monkeypatch.setattr("patrol.radio.fleet_key.read_untrusted", read)
+    monkeypatch.setattr("patrol.security.private_files.read_untrusted", read)
     for access in (run, run / FILE):
         with pytest.raises(BadInput, match="no world of this fleet answers"):
             open_fleet(Ending(), access=access, wait_s=0.2)

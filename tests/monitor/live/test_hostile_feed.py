@@ -181,7 +181,7 @@ def test_the_key_that_a_feed_names_is_never_opened(quiet: Seen, monkeypatch: pyt
     header: Any = unpack(wire.records[0])
     named = {**header.scenario, "radio": {**header.scenario["radio"], "key": "/dev/zero"}}
     wire.records[0] = pack(replace(header, scenario=named))
-    monkeypatch.setattr("patrol.radio.fleet_key.fleet_key", lambda path: pytest.fail(f"opened {path}"))
+    monkeypatch.setattr("patrol.security.private_files.fleet_key", lambda path: pytest.fail(f"opened {path}"))
     source = wire.source()
     wire.send(5)
     source.set_shown(["heard", 1])

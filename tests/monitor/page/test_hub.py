@@ -15,7 +15,7 @@ import pytest
 from monitor.live.fog_tracker import KEPT_S
 from monitor.observation.source import Series
 from monitor.page.hub import MOST_POINTS, Hub, Viewer
-from monitor.page.thinning import thinned
+from monitor.page.messages import thinned
 from monitor.replay.past_beliefs import PastBeliefs
 from monitor.replay.player import Player
 from tests.monitor.live.test_feed_source import FakeFeed

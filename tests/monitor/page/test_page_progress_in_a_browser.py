@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from monitor.page.survey import survey_of
+from monitor.page.maps import survey_of
 from monitor.replay.player import Player
 from tests.browser import Look, browser_or_skip
 from tests.monitor.live.test_feed_source import FakeFeed

@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from monitor.page.survey import Survey, survey_of
+from monitor.page.maps import Survey, survey_of
 from patrol.ground.fog import NEVER
 
 SHAPE = (7, 9)

@@ -6,8 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from monitor.kernels.tiles import KEEP
-from monitor.page.tiles import SIDE, TiledMap, terrain_packet
+from monitor.kernels.maps import KEEP
+from monitor.page.maps import SIDE, TiledMap, terrain_packet
 
 SHAPE = (SIDE + 9, 2 * SIDE + 5)
 

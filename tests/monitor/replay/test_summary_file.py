@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from monitor.replay.summary_file import DEEPEST, read_summary
+from monitor.replay.run_files import DEEPEST, read_summary
 from patrol.errors import BadInput
 
 CHECK = {"name": "frames", "ok": True}

@@ -3,8 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from monitor.replay.replay import play
-from monitor.replay.visits import VisitCounter
+from monitor.replay.replay import VisitCounter, play
 from patrol.prepare import sensor_footprint
 from patrol.radio.message import as_received
 

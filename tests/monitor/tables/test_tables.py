@@ -15,9 +15,8 @@ import pytest
 
 from monitor.replay.run import open_run
 from monitor.tables import arrow
-from monitor.tables.arrow import arrow_table, batches
+from monitor.tables.arrow import arrow_table, batches, write_tables
 from monitor.tables.columns import TABLES
-from monitor.tables.files import write_tables
 from patrol.errors import BadInput
 from patrol.journal.records import DEAD_END
 from tests.monitor.conftest import DOORS, FAULTS, QUIET, Seen, run_of

@@ -5,9 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from patrol.closures.ground import ChangingTerrain
+from patrol.closures.ground import ChangingTerrain, ClosedPoints, Closings
 from patrol.closures.open_ground import OpenAges, OpenGround
-from patrol.closures.points import ClosedPoints, Closings
 from patrol.ground.terrain import Terrain
 from patrol.journal import Event
 from patrol.prepare import Prepared, prepare, sensor_footprint

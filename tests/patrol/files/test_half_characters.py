@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from patrol.files.half_characters import refuse_half_characters
+from patrol.files.untrusted import refuse_half_characters
 from patrol.files.yaml_text import parse_yaml
 from patrol.scenario import load_scenario
 from patrol.security.private_files import read_object

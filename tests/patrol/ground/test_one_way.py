@@ -7,9 +7,9 @@ import pytest
 
 from patrol.errors import BadInput
 from patrol.ground.fields import compute_fields
-from patrol.ground.one_way import with_direction
 from patrol.ground.sensors import footprint_of
 from patrol.ground.terrain import ALL_WAYS, Terrain
+from patrol.ground.ways import with_direction
 from patrol.pose import Pose
 from patrol.starts import starting_part
 from patrol.tours.search import find_tour

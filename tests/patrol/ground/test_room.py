@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from patrol.ground.terrain import Terrain
-from patrol.kernels.room import MOST
+from patrol.kernels.clearance import MOST_ROOM
 
 
 def counted(blocked: np.ndarray) -> np.ndarray:
@@ -17,7 +17,7 @@ def counted(blocked: np.ndarray) -> np.ndarray:
         room += far[1:-1, 1:-1]
         shifted = [np.roll(far, (up, across), (0, 1)) for up in (-1, 0, 1) for across in (-1, 0, 1)]
         far = np.logical_and.reduce(shifted)
-    return np.minimum(room, MOST)
+    return np.minimum(room, MOST_ROOM)
 
 
 @pytest.mark.parametrize("seed", range(6))
@@ -29,8 +29,8 @@ def test_room_counts_rows_or_columns_to_the_nearest_obstacle_or_the_edge(shape: 
 
 
 def test_it_ends_at_the_largest_number_that_fits() -> None:
-    terrain = Terrain("wide", np.ones((2 * MOST + 9, 2 * MOST + 9), dtype=np.bool_), 0.1)
-    assert terrain.room.max() == MOST
-    assert terrain.room[MOST - 1, MOST + 4] == MOST
-    assert terrain.room[MOST - 2, MOST + 4] == MOST - 1
+    terrain = Terrain("wide", np.ones((2 * MOST_ROOM + 9, 2 * MOST_ROOM + 9), dtype=np.bool_), 0.1)
+    assert terrain.room.max() == MOST_ROOM
+    assert terrain.room[MOST_ROOM - 1, MOST_ROOM + 4] == MOST_ROOM
+    assert terrain.room[MOST_ROOM - 2, MOST_ROOM + 4] == MOST_ROOM - 1
     assert not terrain.room.flags.writeable

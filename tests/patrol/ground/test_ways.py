@@ -10,9 +10,8 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from patrol.ground.fields import compute_fields
-from patrol.ground.one_way import STEPS, unit, with_direction
 from patrol.ground.terrain import ALL_WAYS, BoolGrid, Steps
-from patrol.ground.ways import first_bend, framed, lengths_along
+from patrol.ground.ways import STEPS, first_bend, framed, lengths_along, unit, with_direction
 from patrol.kernels.ways import FAR, is_clear, lengths_between, way_between
 from patrol.pose import Pose
 from tests.ring import LOWER, ring, zone

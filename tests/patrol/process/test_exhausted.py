@@ -7,7 +7,7 @@ import resource
 import pytest
 
 from patrol.errors import BadInput
-from patrol.process.exhausted import allow_files, told
+from patrol.process.failures import allow_files, told
 
 
 @pytest.mark.parametrize("number", [errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EFBIG, errno.EMFILE, errno.ENFILE])

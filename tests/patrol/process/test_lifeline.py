@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from patrol.process.exit_codes import CRASHED, INTERRUPTED
+from patrol.process.failures import CRASHED, INTERRUPTED
 from patrol.process.lifeline import Ending, ending_children
 
 CHILD = """

@@ -9,7 +9,7 @@ import pytest
 FAULTS = """
 import resource
 import numpy as np
-from patrol.process.memory import keep_freed_memory
+from patrol.starting.environment import keep_freed_memory
 
 keep_freed_memory()
 

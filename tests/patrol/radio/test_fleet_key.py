@@ -8,7 +8,7 @@ from typer.testing import CliRunner
 
 from fogwatch.commands.fleet import app
 from patrol.errors import BadInput
-from patrol.radio.fleet_key import LONGEST, fleet_key, new_key
+from patrol.security.private_files import LONGEST_KEY, fleet_key, new_key
 
 
 def test_a_new_key_is_random_long_and_for_its_owner_alone(tmp_path: Path) -> None:
@@ -19,7 +19,7 @@ def test_a_new_key_is_random_long_and_for_its_owner_alone(tmp_path: Path) -> Non
         assert stat.S_IMODE(path.stat().st_mode) == 0o600
     keys = [fleet_key(path) for path in paths]
     assert keys[0] != keys[1]
-    assert [len(key or b"") for key in keys] == [LONGEST, LONGEST]
+    assert [len(key or b"") for key in keys] == [LONGEST_KEY, LONGEST_KEY]
 
 
 def test_a_key_that_is_there_is_not_overwritten(tmp_path: Path) -> None:

@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 
 from patrol.pose import Pose
 from patrol.radio.inbox import Inboxes, Intake, Rules
-from patrol.radio.message import Position, RejectReason, encode
-from patrol.radio.peers import SPAN, places_of, ticks_of
+from patrol.radio.message import SPAN, Position, RejectReason, encode
+from patrol.radio.peers import places_of, ticks_of
 
 SPEED = 4.0
 STEP = 0.5

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from patrol.ground.terrain import Terrain
 from patrol.pose import Pose
 from patrol.radio.message import MAX_CM, MAX_TRAIL, Position
-from patrol.radio.prediction import Predictor
+from patrol.radio.peers import Predictor
 
 
 def field() -> Terrain:

@@ -9,10 +9,9 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from patrol.pose import Pose
-from patrol.radio.heard import Heard
-from patrol.radio.inbox import Inboxes, Rules
-from patrol.radio.message import CONTACT, Position, Rejected, RejectReason, decode, encode
-from patrol.radio.peers import SPAN, Peer
+from patrol.radio.inbox import Heard, Inboxes, Rules
+from patrol.radio.message import CONTACT, SPAN, Position, Rejected, RejectReason, decode, encode
+from patrol.radio.peers import Peer
 
 SPEED = 4.0
 STEP = 0.5

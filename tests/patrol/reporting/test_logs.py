@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from patrol.process.exit_codes import CRASHED
+from patrol.process.failures import CRASHED
 from patrol.process.lifeline import run_process
 from patrol.reporting import logs
 from patrol.reporting.logs import LONGEST, Format, Log, begin_log

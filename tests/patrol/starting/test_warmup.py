@@ -15,8 +15,7 @@ from patrol.errors import BadInput
 from patrol.kernel_cache import SHIPPED_FOR, cache_home, is_stored, make_folder, runs_shipped
 from patrol.scenario import load_scenario
 from patrol.starting.compiling import Compiled
-from patrol.starting.seldom import SELDOM, seldom_kernels
-from patrol.starting.warmup import COMPILING, WAITING, kernel_files, progress_line, warm
+from patrol.starting.warmup import COMPILING, SELDOM, WAITING, kernel_files, progress_line, seldom_kernels, warm
 
 KERNELS = "from patrol.kernel_cache import keep_compiled\nkeep_compiled(__name__)\n"
 

@@ -7,7 +7,7 @@ import pytest
 
 from patrol.ground.terrain import Terrain
 from patrol.scenario import ZoneSpec
-from patrol.zones.speed_limits import SpeedLimits
+from patrol.zones.ground import SpeedLimits
 
 GROUND = Terrain("ground", np.ones((20, 20), dtype=np.bool_), 0.5)
 WARD = ZoneSpec(name="ward", polygon=((2, 2), (8, 2), (8, 8), (2, 8)), speed=0.3)

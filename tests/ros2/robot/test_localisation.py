@@ -9,13 +9,13 @@ from ros2.robot.localisation import (
     CORRECTED_M,
     CORRECTION_S,
     LONGEST_S,
+    SETTLED_S,
     VARIANCES,
     Fix,
     Localisation,
     LocalisationSettings,
     Source,
 )
-from ros2.robot.odometer import SETTLED_S
 from ros2.robot.options import DriveSettings
 from ros2.wire.frames import composed
 from ros2.wire.messages import Odometry, PoseWithCovarianceStamped, TFMessage, Transform, Twist

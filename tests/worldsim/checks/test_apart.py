@@ -8,7 +8,7 @@ import math
 import numpy as np
 import pytest
 
-from worldsim.kernels.apart import first_overlap
+from worldsim.kernels.verdict import first_overlap
 
 
 @pytest.mark.parametrize("seed", range(20))

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from worldsim.checks.chance import FAMILY, enough, evidence, unexplained
+from worldsim.checks.check import FAMILY, enough, evidence, unexplained
 
 
 @pytest.mark.parametrize("p", [0.01, 0.3, 0.5, 0.97])

@@ -18,7 +18,7 @@ from patrol.radio.message import Position, encode
 from tests.worldsim.checks.judged import check_of, result_of
 from worldsim.checks.arrivals import LossesAsAsked
 from worldsim.checks.fates import NothingCrossed, WithinBandwidth
-from worldsim.kernels.draws import below
+from worldsim.kernels.radio import below
 from worldsim.radio.rules import Burst
 from worldsim.run_record import MemoryJournal
 from worldsim.verdict.judge import Verdict, judge

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from patrol.random import Purpose, draw, mix
-from worldsim.kernels.draws import below
+from worldsim.kernels.radio import below
 
 
 def test_the_draws_of_many_links_are_those_of_each() -> None:

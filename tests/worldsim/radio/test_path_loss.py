@@ -19,7 +19,7 @@ from patrol.journal.records import FORGED, frame_sequence
 from patrol.pose import Pose
 from patrol.random import Purpose, gauss, mix
 from patrol.scenario.radio_spec import PathLossOptions
-from worldsim.kernels.draws import normals
+from worldsim.kernels.radio import normals
 from worldsim.radio.models import ModelSetup, OnAir
 from worldsim.radio.path_loss import PathLoss
 

@@ -13,7 +13,7 @@ from shapely import LineString, box
 from patrol.ground.terrain import Terrain
 from patrol.kernels.swept_path import free_fraction_line
 from worldsim.checks.reach import GRAZING_M, Sightlines
-from worldsim.kernels.walls import walls_between, walls_on_line
+from worldsim.kernels.radio import walls_between, walls_on_line
 from worldsim.radio.rules import BEAM
 
 POINT, ORIGIN = 0.5, (-1.0, 2.0)

@@ -16,9 +16,8 @@ from patrol.ground.terrain import Terrain
 from patrol.journal import Status
 from patrol.pose import COMMANDS, MODELS, Command, Drive, Pose, Twist, Velocity
 from patrol.scenario import RobotSpec
-from worldsim.kernels.near import near_others
-from worldsim.robots.bodies import Body, standstill
-from worldsim.robots.motion import length, move, within_limits
+from worldsim.kernels.collide import near_others
+from worldsim.robots.bodies import Body, length, move, standstill, within_limits
 
 STEP = 0.5
 CAR = RobotSpec(1, "car", "car", 4.4, 0.6, 3.5, None)
@@ -288,7 +287,7 @@ def test_bodies_meet_as_if_the_paths_of_all_were_laid(monkeypatch: pytest.Monkey
     for path, one in zip(due, bodies[:2], strict=True):
         lay_path(path, one.pose, one.command, STEP)
     laid = []
-    monkeypatch.setattr("worldsim.robots.motion.cancel_meeting", lambda paths, *_: laid.append(paths.copy()))
+    monkeypatch.setattr("worldsim.robots.bodies.cancel_meeting", lambda paths, *_: laid.append(paths.copy()))
     move(bodies, Terrain("wide", np.ones((60, 60), dtype=np.bool_), 0.5, (-2.0, -1.0)), STEP)
     assert len(laid) == 1
     assert np.array_equal(laid[0], due)

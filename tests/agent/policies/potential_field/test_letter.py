@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 
 from agent.belief.dilated import AGELESS, Dilated, Posts
+from agent.bodies.base import GoalFinder
 from agent.bodies.car import Unstuck
-from agent.bodies.goal import GoalFinder
-from agent.bodies.refine import psi_field
 from agent.bodies.steering import CarSteering
 from agent.build import build_mind
 from agent.policies.potential_field import Field, Pull
 from agent.ports import Bearing, Decision, Intent, Place, Policy, State, Stay
+from agent.psi import psi_field
 from agent.routes.ground import Ground
 from agent.routes.path_window import CENTRE, Aside
 from agent.view import View

@@ -1,16 +1,48 @@
-"""Frame counts of each link at any tick of a run: compressed counts for each tick, and sums at regular intervals."""
+"""Frame counts of each link: live, from the tick at which the viewer began to watch, and of a run that is over."""
 
 from __future__ import annotations
 
 import zlib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from monitor.observation.source import LinkCounts
-from patrol.journal.records import TickRecord
+from patrol.journal.records import FORGED, TickRecord
 from patrol.summary.totals import count_frames
+
+
+class LiveLinks:
+    """Counts frames by link.
+
+    `heard` has, by robot number, the tick in which another robot last heard the robot. Where that is unknown, or there
+    is no other robot, it has the tick in which the robot last sent.
+    """
+
+    def __init__(self, numbers: Sequence[int], since: int, *, direct: bool) -> None:
+        """Start without frames; they are counted from tick `since` on.
+
+        `numbers` are in roster order. With `direct`, robots hear each other directly, and only what was sent is known.
+        """
+        side = (len(numbers),) * 2
+        self.counts = LinkCounts(np.zeros(side, np.int64), np.zeros(side, np.int64), np.full(side, -1, np.int64), since)
+        self.heard: dict[int, int] = {}
+        self._place = {number: index for index, number in enumerate(numbers)}
+        self._direct = direct
+
+    def tick(self, record: TickRecord) -> None:
+        """Take in the next tick."""
+        index_of, counts = self._place, self.counts
+        count_frames(record, index_of, counts.sent, counts.delivered)
+        for source, to, _ in record.deliveries:
+            if source != FORGED:
+                counts.heard[index_of[source], index_of[to]] = record.k
+                self.heard[source] = record.k
+        here = sum(row.status.is_present for row in record.robots)
+        if self._direct or here == 1:
+            self.heard.update({source: record.k for source, _ in record.frames if source != FORGED})
+
 
 _APART = 64
 """Ticks of a block. Its counts are compressed together, and their sums are stored at its end."""
@@ -22,7 +54,10 @@ _Counts = tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]
 
 
 class LinkLog:
-    """Frame counts at any tick, from `patrol.summary.totals`; forged frames do not count."""
+    """Frame counts at any tick of a run, from `patrol.summary.totals`; forged frames do not count.
+
+    Those of each tick are compressed, and their sums are kept at regular intervals.
+    """
 
     def __init__(self, index: Mapping[int, int]) -> None:
         """Start with nothing read; `index` has the place of each robot by its number."""

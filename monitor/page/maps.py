@@ -1,7 +1,8 @@
-"""A map as it is sent to a page: only the tiles that changed since the page's version, as runs of equal values.
+"""Maps as a page shows them, and figures of a whole fog: its stalest point, and the share of the ground that was seen.
 
-A packet, little-endian: int32 layer, tick, since, tiles m, runs n; int32 tile numbers (m,), runs of each tile (m,),
-values (n,); uint16 lengths (n,).
+A map is sent to a page as the tiles that changed since the page's version, in runs of equal values. A packet,
+little-endian: int32 layer, tick, since, tiles m, runs n; int32 tile numbers (m,), runs of each tile (m,), values (n,);
+uint16 lengths (n,).
 
     layer    `TERRAIN`, or a fog: `TRUTH`, `HEARD`, or a robot's number
     tick     the tick of the map
@@ -10,11 +11,14 @@ values (n,); uint16 lengths (n,).
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
-from monitor.kernels.tiles import KEEP, take_over
+from monitor.kernels.maps import KEEP, stalest, take_over
 from monitor.observation.source import Layer
+from patrol.ground.fog import NEVER
 
 SIDE = 128
 """Points along a tile's side; so few that the length of a run fits into its uint16."""
@@ -92,3 +96,26 @@ def terrain_packet(passable: NDArray[np.bool_], patrolled: NDArray[np.bool_]) ->
     if tiled.version == 0:
         raise ValueError("a map without points")
     return tiled.packet(0)
+
+
+@dataclass(frozen=True, slots=True)
+class Survey:
+    """A fog at one tick."""
+
+    row: int  # of the stalest patrolled point; of several, the one nearest to their centre
+    col: int  # of the same point
+    age: int  # of that point, ticks; from tick 0 if it was never seen
+    ever_seen: bool  # that point was seen at least once
+    seen_share: float  # of the patrolled points, from 0 to 1
+
+
+def survey_of(last_seen: NDArray[np.int32], patrolled: NDArray[np.bool_], tick: int) -> Survey | None:
+    """Survey a fog at a tick; return None if no point counts.
+
+    `last_seen` has ticks and `patrol.ground.fog.NEVER`, `patrolled` the points that count, both (h, w).
+    """
+    row, col, seen_points, points = stalest(last_seen, patrolled.view(np.uint8))
+    if points == 0:
+        return None
+    last = int(last_seen[row, col])
+    return Survey(int(row), int(col), tick - max(last, 0), last != NEVER, seen_points / points)

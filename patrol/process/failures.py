@@ -1,4 +1,7 @@
-"""Limits of the machine and the account, such as a full disk: an error in one line instead of a traceback."""
+"""Failures of processes and commands: exit codes, and one line in place of a traceback at limits such as a full disk.
+
+Exit code 0 is success; 1 is a failure, such as an invalid verdict.
+"""
 
 from __future__ import annotations
 
@@ -6,6 +9,18 @@ import errno
 import resource
 
 from patrol.errors import BadInput
+
+BAD_INPUT = 2
+"""The input is wrong: one line on the standard error says what, and how to mend it."""
+
+UNKNOWN = 3
+"""Result unknown: a run that could not be judged, a scenario that was too slow to tell, a crash."""
+
+CRASHED = 70
+"""A process met a mistake of ours, with a traceback."""
+
+INTERRUPTED = 130
+"""A process was asked to leave."""
 
 LEAST = 40
 """Files that one process of a fleet has open at once, sockets and pipes included, with room to spare."""
