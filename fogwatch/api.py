@@ -14,13 +14,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from fogwatch.launch.limits import check_limits
-from fogwatch.notebook.arguments import checked_arguments, scenario_of
-from fogwatch.notebook.policy import policy_name
+from fogwatch.launch.launcher import check_limits
+from fogwatch.notebook.arguments import checked_arguments, policy_name, scenario_of
 from fogwatch.notebook.run import Run
-from fogwatch.presets import chosen_settings
-from fogwatch.run_folder.runfolder import PolicyNotMade, RunFolder, fill, make_folder
-from fogwatch.run_options import RunChoices
+from fogwatch.run_folder.runfolder import PolicyNotMade, RunFolder, fill, found_again, make_folder
+from fogwatch.run_options import RunChoices, chosen_settings
 from fogwatch.terminal.live_table import CallbackDisplay, RunDisplay, SilentDisplay
 from patrol.errors import BadInput
 from patrol.measures.best_tour import round_of
@@ -255,7 +253,6 @@ def _in_this_process(scenario: Scenario, folder: RunFolder, options: RunOptions)
 
 def _as_processes(scenario: Scenario, folder: RunFolder, options: RunOptions) -> Run:
     from fogwatch.launch.launcher import WORLD, Launch, LaunchFailed
-    from fogwatch.run_folder.reading import found_again
     from patrol.prepare import prepare
     from worldsim.faults import Timeline
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from experiments.benchmark.matrix import robots_text
 from experiments.plan.plan import FleetPlan, FleetSize
-from fogwatch.pictures.region_map import COLOURS
+from fogwatch.pictures.maps import COLOURS
 from monitor.figures.ground import Key, Layer, canvas, key_column, label, paint, painted, save
 from monitor.figures.style import ALERT, INK, MUTED, drawn, figure
 from patrol.ground.terrain import BoolGrid, Terrain

@@ -11,7 +11,7 @@ from typing import Any
 import typer
 
 from patrol.errors import BadInput
-from patrol.printable import printable_lines
+from patrol.printable import printable, printable_lines
 from patrol.process import exhausted
 from patrol.process.exit_codes import BAD_INPUT, INTERRUPTED, UNKNOWN
 from patrol.process.lifeline import forget_interrupt
@@ -126,3 +126,13 @@ def complain(line: str) -> None:
     """Print a line on the standard error, unless it has no reader or there is no room for it."""
     with suppress(OSError):
         print(f"fogwatch: {printable_lines(line)}", file=sys.stderr, flush=True)
+
+
+def say(line: str, *, err: bool = False) -> None:
+    """Print a line; what could disturb a terminal is escaped."""
+    typer.echo(printable(line), err=err)
+
+
+def note(line: str) -> None:
+    """Print a line on the standard error."""
+    say(line, err=True)

@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from fogwatch.cli.command_help import command, group
+from fogwatch.cli.ending import say
 from fogwatch.cli.options import option
 from patrol.errors import BadInput
-from patrol.printable import printable
 from patrol.radio.fleet_key import new_key
 
 if TYPE_CHECKING:
@@ -179,7 +179,7 @@ def init(
         if new_fleet.is_mesh
         else f"router at {new_fleet.router}"
     )
-    typer.echo(printable(f"{folder}: fleet {new_fleet.fleet}, {where}; copy each folder to its machine: {members}"))
+    say(f"{folder}: fleet {new_fleet.fleet}, {where}; copy each folder to its machine: {members}")
 
 
 @command(app, examples=["fogwatch fleet add yards-1 r4"])
@@ -205,19 +205,15 @@ def add(
         if member == THE_ROUTER:
             before = fleet.router
             fleet.renew_router(days, host or [])
-            typer.echo(printable(f"{folder / THE_ROUTER}: new certificate; {_RESTART.format(folder / THE_ROUTER)}"))
+            say(f"{folder / THE_ROUTER}: new certificate; {_RESTART.format(folder / THE_ROUTER)}")
             if fleet.router != before:
-                typer.echo(f"the fleet meets at {fleet.router} from now on: copy all folders to their machines again")
+                say(f"the fleet meets at {fleet.router} from now on: copy all folders to their machines again")
                 for name in fleet.absent:
-                    typer.echo(
-                        printable(
-                            f"{name}: its folder is not here; revoke and add it, for a folder with the new address"
-                        )
-                    )
+                    say(f"{name}: its folder is not here; revoke and add it, for a folder with the new address")
             return
         role = member_role(member)
         fleet.add(role, days, host[0] if host else None)
-    typer.echo(printable(f"{folder / role.name}: copy it to its machine; {_restart_text(fleet)}"))
+    say(f"{folder / role.name}: copy it to its machine; {_restart_text(fleet)}")
 
 
 @command(app, examples=["fogwatch fleet revoke yards-1 r2"])
@@ -240,12 +236,10 @@ def revoke(
     role = member_role(member)
     with fleet_to_change(folder) as fleet:
         renewed = fleet.revoke(role, DAYS)
-    typer.echo(printable(f"{member}: revoked; {_restart_text(fleet)}"))
+    say(f"{member}: revoked; {_restart_text(fleet)}")
     if renewed is not None:
         restart = ", and restart the world" if renewed.kind is Kind.WORLD else ""
-        typer.echo(
-            printable(f"there is a new token for operators: copy {folder / renewed.name} to its machine again{restart}")
-        )
+        say(f"there is a new token for operators: copy {folder / renewed.name} to its machine again{restart}")
 
 
 @command(
@@ -278,8 +272,7 @@ def robot_router(
     The robot's own programs connect as before, over loopback. Members of the fleet come over TLS with certificates: the
     robot's agent may command it, a viewer may look. No other process is let in.
     """
-    from fogwatch.fleets.folder import open_fleet_folder
-    from fogwatch.robot_router import FILE, make_robot_router
+    from fogwatch.fleets.folder import ROBOT_ROUTER, make_robot_router, open_fleet_folder
     from ros2.wire.access import COMMANDS
     from ros2.wire.formats import format_named
     from ros2.wire.names import check_domain, check_name
@@ -291,9 +284,10 @@ def robot_router(
     fleet = open_fleet_folder(folder)
     path = make_robot_router(fleet, robot, spoken, namespace, host or [], port, place, days, commands=topics)
     lies = path if place is None else place
-    typer.echo(
-        f"{path}: copy it to the robot as {lies}, and start its router with ZENOH_ROUTER_CONFIG_URI={lies / FILE}; its "
-        f"agent then connects with --connect tls/{(host or ['127.0.0.1'])[0]}:{port} --credentials {folder / robot}"
+    started = f"start its router with ZENOH_ROUTER_CONFIG_URI={lies / ROBOT_ROUTER}"
+    say(
+        f"{path}: copy it to the robot as {lies}, and {started}; its agent "
+        f"then connects with --connect tls/{(host or ['127.0.0.1'])[0]}:{port} --credentials {folder / robot}"
     )
 
 
@@ -308,7 +302,7 @@ def check(folder: Folder) -> int:
     fine = True
     for name, well, says in open_fleet_folder(folder).check(time.time()):
         fine &= well
-        typer.echo(printable(f"{name}: {says}"))
+        say(f"{name}: {says}")
     return 0 if fine else WRONG
 
 
@@ -319,7 +313,7 @@ def key(path: Annotated[Path, typer.Argument(metavar="FILE", help="File to write
     It is random. Give each robot a copy, and name the file in the scenario: radio: {key: FILE}.
     """
     new_key(path)
-    typer.echo(printable(f"{path}: new key written; name the file in the scenario as radio.key"))
+    say(f"{path}: new key written; name the file in the scenario as radio.key")
 
 
 _RESTART = "copy {} to the router's machine, and restart the router"

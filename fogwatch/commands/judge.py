@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from fogwatch.cli.command_help import command
+from fogwatch.cli.ending import note, say
 from fogwatch.cli.open_run import Key, RunFolder
 from fogwatch.cli.options import option
 from patrol.errors import quoted
-from patrol.printable import printable
 
 if TYPE_CHECKING:
     from patrol.journal import Journal
@@ -52,7 +52,7 @@ def judge(
 
     journal = journal_in(run)
     stated_summary = read_summary(run / SUMMARY)
-    warm(("patrol", "worldsim"), lambda line: typer.echo(line, err=True))
+    warm(("patrol", "worldsim"), note)
     loaded = _with_key(prepared_in(run, journal), key)
     codes = {} if stated_summary is None else stated_summary.exit_codes
     edited = not _same_scenario(loaded, journal)
@@ -146,30 +146,26 @@ def _print_judgement(
 
     assert summary.verdict is not None
     print_verdict(Console(), summary.verdict)
-    typer.echo(printable(f"ended       {_end_text(summary, duration_s)}"))
-    typer.echo(f"trace       {trace}")
+    say(f"ended       {_end_text(summary, duration_s)}")
+    say(f"trace       {trace}")
     if codes:
-        typer.echo(f"exit codes  of {len(codes)} processes, as summary.json states them: no journal holds any")
+        say(f"exit codes  of {len(codes)} processes, as summary.json states them: no journal holds any")
     else:
-        typer.echo("exit codes  none are known: how processes ended was not judged")
+        say("exit codes  none are known: how processes ended was not judged")
     if edited:
-        typer.echo("scenario    scenario.yaml is not the scenario that the journal was written for")
+        say("scenario    scenario.yaml is not the scenario that the journal was written for")
     if not has_summary:
-        typer.echo("summary     there is no summary.json, or it is not complete")
+        say("summary     there is no summary.json, or it is not complete")
         return
     if unrepeated:
-        typer.echo(printable(f"checks      not repeated: {', '.join(unrepeated)}"))
+        say(f"checks      not repeated: {', '.join(unrepeated)}")
     if unstated:
-        typer.echo(f"summary     does not state {', '.join(unstated)}")
+        say(f"summary     does not state {', '.join(unstated)}")
     if not differing:
-        typer.echo(f"summary     agrees with the journal in every {'other ' * bool(unstated)}field")
+        say(f"summary     agrees with the journal in every {'other ' * bool(unstated)}field")
         return
-    typer.echo(f"summary     disagrees with the journal in {len(differing)} field{'s' * (len(differing) > 1)}")
+    say(f"summary     disagrees with the journal in {len(differing)} field{'s' * (len(differing) > 1)}")
     for difference in differing[:MOST_SHOWN]:
-        typer.echo(
-            printable(
-                f"  {difference.field}: {quoted(difference.stated)}, and by the journal {quoted(difference.found)}"
-            )
-        )
+        say(f"  {difference.field}: {quoted(difference.stated)}, and by the journal {quoted(difference.found)}")
     if len(differing) > MOST_SHOWN:
-        typer.echo(f"  and {len(differing) - MOST_SHOWN} more (--json lists them)")
+        say(f"  and {len(differing) - MOST_SHOWN} more (--json lists them)")

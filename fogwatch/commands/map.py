@@ -14,13 +14,13 @@ from rich.console import Console
 from rich.table import Table
 
 from fogwatch.cli.command_help import command, group
+from fogwatch.cli.ending import note, say
 from fogwatch.cli.options import option
 from patrol.errors import BadInput, did_you_mean
 from patrol.files.yaml_text import parse_yaml, read_text
 from patrol.ground.terrain import Terrain
 from patrol.maps.builtins import LAYOUTS, builtin_terrain
 from patrol.pose import Pose
-from patrol.printable import printable
 from patrol.scenario import load_scenario, naming, open_scenario
 from patrol.starting.seldom import SELDOM
 from patrol.starting.warmup import warm
@@ -118,21 +118,21 @@ def check(
         about += closure_lines(closing)
         site["closures"] = closing.scenario.closures
     for line in doubts(terrain):
-        typer.echo(printable(f"warning: {line}"), err=True)
+        note(f"warning: {line}")
     console = Console()
     if console.is_terminal:
         _print_tables(console, report)
     else:
         for line in plain_lines(report):
-            typer.echo(line)
+            say(line)
     for line in about:
-        typer.echo(printable(line))
+        say(line)
     if picture is not None:
-        from fogwatch.pictures.run_end import map_picture  # here: its library is an extra
+        from fogwatch.pictures.maps import map_picture  # here: its library is an extra
         from patrol.scenario.marks import marks_of
 
         map_picture(report, picture, marks_of(site, report.terrain))
-        typer.echo(printable(f"picture: {picture}"))
+        say(f"picture: {picture}")
 
 
 def plain_lines(report: MapReport) -> Iterator[str]:
@@ -313,7 +313,7 @@ def _check_lengths(**lengths_m: float | None) -> None:
 
 
 def _warm_kernels() -> None:
-    warm(("patrol",), lambda line: typer.echo(line, err=True), SELDOM)
+    warm(("patrol",), note, SELDOM)
 
 
 @command(
@@ -364,7 +364,7 @@ def align(
         _check_places(pairs, (terrain_a, terrain_b), tolerance)
         transform, off_m = fit_landmarks(pairs)
         for number, (text, off) in enumerate(zip(landmark or [], off_m, strict=True), start=1):
-            typer.echo(printable(f"landmark {number}, {text}: off by {off:.2f} m"))
+            say(f"landmark {number}, {text}: off by {off:.2f} m")
         if max(off_m) > tolerance:
             worst = (landmark or [])[off_m.index(max(off_m))]
             raise BadInput(
@@ -372,9 +372,9 @@ def align(
                 "landmarks, of which at least one is wrong"
             )
         agree = agreement(a, b, transform)
-        typer.echo(f"walls that agree: {agree:.0%}")
+        say(f"walls that agree: {agree:.0%}")
         if agree < LEAST_AGREEMENT:
-            typer.echo("few walls agree at these landmarks; look at --picture before you drive by it", err=True)
+            note("few walls agree at these landmarks; look at --picture before you drive by it")
     else:
         alignments = align_maps(a, b)
         if picture is not None and alignments:  # also of a place that is refused, so that people see why
@@ -382,12 +382,12 @@ def align(
         best = only_alignment(alignments)
         transform = best.transform
         runner_up = f"; at the next best place {alignments[1].agreement:.0%}" if len(alignments) > 1 else ""
-        typer.echo(f"walls that agree: {best.agreement:.0%}{runner_up}")
+        say(f"walls that agree: {best.agreement:.0%}{runner_up}")
     if pairs and picture is not None:
         _draw_overlay(names, (a, b), transform, pairs, picture)
     turned = f"turned by {transform.heading:.4f} rad ({math.degrees(transform.heading):.1f} degrees)"
-    typer.echo(printable(f"{own} on {ours}: its (0, 0) is at ({transform.x:.3f}, {transform.y:.3f}) m, {turned}"))
-    typer.echo(f"--transform={spelled(transform)}")
+    say(f"{own} on {ours}: its (0, 0) is at ({transform.x:.3f}, {transform.y:.3f}) m, {turned}")
+    say(f"--transform={spelled(transform)}")
 
 
 def _check_places(pairs: list[tuple[Place, Place]], terrains: tuple[Terrain, Terrain], tolerance: float) -> None:
@@ -425,10 +425,10 @@ def _draw_overlay(
     pairs: list[tuple[Place, Place]],
     picture: Path,
 ) -> None:
-    from fogwatch.pictures.map_overlay import overlay_picture  # here: its library is an extra
+    from fogwatch.pictures.maps import overlay_picture  # here: its library is an extra
 
     overlay_picture(names, *maps, transform, [on_b for _, on_b in pairs], picture)
-    typer.echo(printable(f"picture: {picture}"))
+    say(f"picture: {picture}")
 
 
 def _read_pair(text: str) -> tuple[Place, Place]:
@@ -481,15 +481,15 @@ def regions(
     split = split.for_body(terrain, body)
     took = time.perf_counter() - begun
     for line in _region_lines(terrain, widest, split, took, by_hand is not None):
-        typer.echo(line)
+        say(line)
     if polygons is not None:
         _write_polygons(polygons, split)
-        typer.echo(printable(f"polygons: {polygons}"))
+        say(f"polygons: {polygons}")
     if picture is not None:
-        from fogwatch.pictures.region_map import region_picture  # here: its library is an extra
+        from fogwatch.pictures.maps import region_picture  # here: its library is an extra
 
         region_picture(terrain, widest, split, picture)
-        typer.echo(printable(f"picture: {picture}"))
+        say(f"picture: {picture}")
 
 
 def _region_lines(terrain: Terrain, radius: float, split: RegionSplit, took: float, by_hand: bool) -> Iterator[str]:

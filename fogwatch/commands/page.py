@@ -13,11 +13,11 @@ from typing import Annotated
 import typer
 
 from fogwatch.cli.command_help import command
+from fogwatch.cli.ending import say
 from fogwatch.cli.open_run import Key, open_folder, print_state
 from fogwatch.cli.options import option
 from fogwatch.commands.fleet import WAIT_S, FleetOptions, RunningFleet, Wait
 from patrol.errors import BadInput
-from patrol.printable import printable
 from patrol.process.exit_codes import INTERRUPTED
 
 EXIT_CODES = "2 bad input, 130 ended by Ctrl-C"
@@ -99,19 +99,16 @@ def _save_page(folders: list[Path], out: Path, key: Path | None) -> int:
 
     check_runs(folders)
     opened = [open_folder(folder, key) for folder in folders]
-    from rich.console import Console
-    from rich.progress import TimeRemainingColumn
-
-    from fogwatch.terminal.bars import bar_on
+    from fogwatch.terminal.live_table import bar_on
     from monitor.page.saved import save_page
 
-    with bar_on(Console(stderr=True), TimeRemainingColumn()) as bar:
+    with bar_on() as bar:
         frames = save_page([run for run, _ in opened], out, lambda ticks: bar.track(ticks, description="frames"))
     for run, going in opened:
         print_state(run, going)
     megabytes = sum(file.stat().st_size for file in out.rglob("*") if file.is_file()) / 1e6
     counts = " and ".join(map(str, frames))
-    typer.echo(printable(f"page: {out / 'index.html'}, {megabytes:.1f} MB, {counts} frames"))
+    say(f"page: {out / 'index.html'}, {megabytes:.1f} MB, {counts} frames")
     return 0
 
 

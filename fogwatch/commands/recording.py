@@ -9,12 +9,12 @@ from typing import Annotated
 import typer
 
 from fogwatch.cli.command_help import command
+from fogwatch.cli.ending import note, say
 from fogwatch.cli.open_run import Key, RunFolder, open_folder, print_state
 from fogwatch.cli.options import option
 from fogwatch.commands.fleet import WAIT_S, FleetOptions, Wait
 from patrol.errors import BadInput, did_you_mean
 from patrol.files.untrusted import leads_out
-from patrol.printable import printable
 from patrol.process.exit_codes import INTERRUPTED
 from patrol.process.lifeline import heed
 from patrol.starting.warmup import warm
@@ -41,10 +41,7 @@ def export(
     The tables are ticks, robots, links, events, visits (of a graph's vertices) and ground. Files of these names in the
     folder are replaced, all of them or none.
     """
-    from rich.console import Console
-    from rich.progress import TimeRemainingColumn
-
-    from fogwatch.terminal.bars import bar_on
+    from fogwatch.terminal.live_table import bar_on
     from monitor.tables.files import FORMATS, write_tables
     from monitor.tables.table import check_pyarrow
 
@@ -59,11 +56,11 @@ def export(
     check_pyarrow()
     heed(None, patience=0)  # any signal raises KeyboardInterrupt, after which no half file stays
     opened, going = open_folder(run, key)
-    with bar_on(Console(stderr=True), TimeRemainingColumn()) as bar:
+    with bar_on() as bar:
         task = bar.add_task("tables, %", total=100)
         files = write_tables(opened, folder, chosen, share=lambda done: bar.update(task, completed=100.0 * done))
     print_state(opened, going)
-    typer.echo(printable(f"tables: {folder}: {', '.join(file.name for file in files)}"))
+    say(f"tables: {folder}: {', '.join(file.name for file in files)}")
 
 
 @command(
@@ -128,7 +125,7 @@ def _record_fleet(out: Path, name: str, fleet: FleetOptions, wait_s: float) -> i
     ending = heed(None, patience=1)
     if out.exists():
         raise BadInput(f"{out}: exists already; name a new file with --out")
-    warm(("patrol", "monitor"), lambda line: typer.echo(line, err=True))
+    warm(("patrol", "monitor"), note)
     from monitor.live.attach import open_fleet
     from monitor.recording.live_recorder import record_live
 
@@ -137,7 +134,7 @@ def _record_fleet(out: Path, name: str, fleet: FleetOptions, wait_s: float) -> i
         return INTERRUPTED
 
     def say(line: str) -> None:
-        typer.echo(f"record: {line}", err=True)
+        note(f"record: {line}")
 
     started = datetime.now(UTC).isoformat(timespec="seconds")
     try:
@@ -148,7 +145,7 @@ def _record_fleet(out: Path, name: str, fleet: FleetOptions, wait_s: float) -> i
     content = "nothing was received"
     if last is not None:
         content = f"up to {last.time_s:g} s, {last.ended or ('its world is gone' if last.gone else 'the run goes on')}"
-    typer.echo(printable(f"recording: {out}, {out.stat().st_size / 1e6:.1f} MB, {content}"))
+    say(f"recording: {out}, {out.stat().st_size / 1e6:.1f} MB, {content}")
     return 0
 
 
@@ -172,12 +169,10 @@ def _record_run(run: Path, out: Path | None) -> None:
     print_state(opened, going)
     if wrong is not None:
         since = wrong * opened.step
-        typer.echo(f"from {since:g} s on the replayed fog differs from the run's: scenario or map differ", err=True)
+        note(f"from {since:g} s on the replayed fog differs from the run's: scenario or map differ")
     every = key_frame_ticks(opened) * opened.step
     megabytes = file.stat().st_size / 1e6
-    typer.echo(
-        f"recording: {file}, {megabytes:.1f} MB, {opened.ticks * opened.step:g} s, a whole grid every {every:g} s"
-    )
+    say(f"recording: {file}, {megabytes:.1f} MB, {opened.ticks * opened.step:g} s, a whole grid every {every:g} s")
 
 
 def _inspect_recording(file: Path, repair: Path | None) -> int:
@@ -189,7 +184,7 @@ def _inspect_recording(file: Path, repair: Path | None) -> int:
     by = facts.get("software") or facts.get("told_by")
 
     def say(line: str) -> None:
-        typer.echo(printable(line))
+        say(line)
 
     say(f"{facts.get('scenario', '?')}: {contents.begin_s:g} to {contents.end_s:g} s, by {by}")
     scale = facts.get("fog_scale_s", "?")
@@ -198,8 +193,8 @@ def _inspect_recording(file: Path, repair: Path | None) -> int:
     for topic, count in sorted(contents.messages.items()):
         say(f"  {count:8} {topic}")
     if not contents.why_cut:
-        typer.echo("complete, checksums right")
+        say("complete, checksums right")
         return 0
     saved = f"; repaired copy: {repair}" if repair else "; --repair NEW.mcap saves what can be read"
-    typer.echo(f"cut off: {contents.why_cut}{saved}")
+    say(f"cut off: {contents.why_cut}{saved}")
     return 0 if repair else BROKEN

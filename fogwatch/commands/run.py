@@ -14,8 +14,7 @@ import typer
 from fogwatch.cli.command_help import command
 from fogwatch.cli.ending import complain
 from fogwatch.cli.options import option
-from fogwatch.presets import PRESETS
-from fogwatch.run_options import Body, Changes, RunChoices
+from fogwatch.run_options import PRESETS, Body, Changes, RunChoices
 from patrol.printable import printable
 from patrol.process.exit_codes import INTERRUPTED, UNKNOWN
 from patrol.process.lifeline import ending_children, heed
@@ -72,8 +71,7 @@ def run(
 
     from fogwatch.api import RunOptions, execute
     from fogwatch.launch.launcher import LaunchFailed
-    from fogwatch.terminal.bars import kernel_bar
-    from fogwatch.terminal.live_table import make_display
+    from fogwatch.terminal.live_table import kernel_bar, make_display
     from fogwatch.terminal.summary_text import print_summary
     from patrol.summary.model import Summary
 

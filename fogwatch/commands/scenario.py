@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from fogwatch.cli.command_help import command, group
+from fogwatch.cli.ending import say
 from fogwatch.cli.options import option
-from fogwatch.presets import PRESETS
-from fogwatch.run_options import overrides_of, patrol_option, settings_option
+from fogwatch.run_options import PRESETS, overrides_of, patrol_option, settings_option
 from patrol.errors import BadInput
 from patrol.printable import printable
 from patrol.radio.fleet_key import fleet_key
@@ -84,27 +84,27 @@ def check(what: What, settings: Settings = None, patrol: Patrol = None) -> None:
 
         check_without_running(model_named(scenario))
     fixed = sum(spec.start is not None for spec in scenario.roster)
-    typer.echo(printable(f"{what}: can run"))
-    typer.echo(f"  {_starts_text(len(scenario.roster), fixed)}")
+    say(f"{what}: can run")
+    say(f"  {_starts_text(len(scenario.roster), fixed)}")
     unchecked = "" if scenario.patrol.policy in BUILT_IN else ", not run: a run checks its options"
-    typer.echo(printable(f"  patrol: {describe_patrol(scenario.patrol.policy)}{unchecked}"))
+    say(f"  patrol: {describe_patrol(scenario.patrol.policy)}{unchecked}")
     if scenario.sensor.kind not in BUILT_IN_SENSORS:
-        typer.echo(f"  sensor {printable(scenario.sensor.kind)}, not run: a run checks its options")
+        say(f"  sensor {printable(scenario.sensor.kind)}, not run: a run checks its options")
     if scenario.radio.model not in MODELS:
-        typer.echo(f"  radio model {printable(scenario.radio.model)}, not run: a run checks its options")
+        say(f"  radio model {printable(scenario.radio.model)}, not run: a run checks its options")
     ground = f"{float(prepared.patrolled.sum()) * scenario.point**2:.0f} m²"
     if scenario.terrain.graph is not None and scenario.terrain.patrolled == VERTICES:
         ground = f"{len(scenario.terrain.graph.vertices)} vertices"
-    typer.echo(f"  {ground} to patrol on {prepared.terrain.name}, points of {scenario.point:g} m")
+    say(f"  {ground} to patrol on {prepared.terrain.name}, points of {scenario.point:g} m")
     ticks = "1 tick" if scenario.ticks == 1 else f"{scenario.ticks} ticks"
-    typer.echo(f"  {scenario.duration:g} s in {ticks} of {scenario.step:g} s")
+    say(f"  {scenario.duration:g} s in {ticks} of {scenario.step:g} s")
     for line in scenario_notes(prepared):
-        typer.echo(printable(f"  warning: {line}"))
+        say(f"  warning: {line}")
     if not scenario.docks and any(spec.battery is not None for spec in scenario.roster):
-        typer.echo("  no docks, so batteries are never charged")
+        say("  no docks, so batteries are never charged")
     for line in _fault_lines(scenario):
-        typer.echo(f"  {line}")
-    typer.echo(f"  scenario hash {digest}")
+        say(f"  {line}")
+    say(f"  scenario hash {digest}")
 
 
 def _starts_text(robots: int, given: int) -> str:

@@ -5,6 +5,7 @@
     FOLDER/router/        for the router's machine (`patrol.security.credentials.RouterSecurity`)
     FOLDER/mesh.json      in a fleet without a router, instead: a copy is in each member's folder
     FOLDER/NAME/          for the machine of a member: a robot, world, viewer, operator (`Credentials`)
+    FOLDER/NAME-router/   for the Zenoh router of a ROS 2 robot: its certificate, and rules that let members in
 
 A certificate's common name holds a number that counts how often the member got one. Zenoh has no list of revoked
 certificates, so the rules of the router, or of each member of a mesh, name the members whose certificates are valid.
@@ -14,18 +15,19 @@ What a process without such a name sends is refused.
 from __future__ import annotations
 
 import fcntl
+import ipaddress
 import json
 import os
+import re
 import shutil
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
 
 from fogwatch.fleets.certificates import facts, issue, make_authority, problem
-from fogwatch.fleets.hosts import LOCAL, checked_hosts, listening_locator, member_locator, mesh_locator
 from patrol.errors import BadInput
 from patrol.process import exhausted
 from patrol.security.credentials import (
@@ -38,12 +40,13 @@ from patrol.security.credentials import (
     as_json,
     router_json,
 )
-from patrol.security.keys import fleet_keys
+from patrol.security.keys import check_locator, fleet_keys, is_loopback
 from patrol.security.mesh import MESH, Mesh, mesh_json, read_mesh
 from patrol.security.private_files import check_private, read_object, replace_private, write_private
 from patrol.security.roles import (
     OPERATOR,
     RESERVED,
+    VIEWER,
     WORLD_ROLE,
     Kind,
     Role,
@@ -52,6 +55,8 @@ from patrol.security.roles import (
     roles_of,
     router_name,
 )
+from ros2.wire.access import COMMANDS, agent_rights, robot_router, viewer_rights
+from ros2.wire.formats import Format
 
 FILE = "fleet.json"
 THE_ROUTER = "router"
@@ -60,6 +65,17 @@ _SOON_S = 30 * 86400
 _LAST_PORT = 65535
 LOCK_S = 10.0
 """Longest wait for another command that changes the folder, s."""
+
+ROBOT_ROUTER, LOCAL_PORT = "zenoh.json5", 7447
+"""The file that the router of a ROS 2 robot reads, and the port of the robot's own programs."""
+
+LOCAL = ("127.0.0.1", "localhost")
+"""Those of every machine itself."""
+
+_LABEL = r"[A-Za-z0-9_](?:[A-Za-z0-9_-]{0,61}[A-Za-z0-9_])?"
+_NAME = re.compile(rf"(?=.{{1,253}}\Z){_LABEL}(?:\.{_LABEL})*")
+_NUMBERS = re.compile(r"[0-9.]*")
+_WITH_PORT = re.compile(r"(?:[^:]+|\[.*\]):[0-9]+")
 
 
 @dataclass(slots=True)
@@ -373,3 +389,112 @@ def _made_whole(folder: Path) -> Iterator[Path]:
     except BaseException:
         shutil.rmtree(part, ignore_errors=True)
         raise
+
+
+def checked_hosts(hosts: Sequence[str], called: str = "--host") -> list[str]:
+    """Check hosts, and return each of them once, addresses without brackets.
+
+    Refused is one by which other machines could not reach its machine. Errors name it by `called`.
+    """
+    return [*dict.fromkeys(_check_host(host, called) for host in hosts)]
+
+
+def member_locator(hosts: Sequence[str], port: int) -> str:
+    """Return the locator that members use: that of the first of the router's checked hosts."""
+    return f"tls/{_join_authority(hosts[0], port)}"
+
+
+def mesh_locator(host: str, port: int, taken: Collection[str]) -> str:
+    """Return the locator of a member that others connect to without a router.
+
+    Positions may be lost on it, the rest not. `port` is the first UDP port to try: one on the same host as a locator in
+    `taken` needs another port.
+    """
+    while (locator := f"quic/{_join_authority(host, port)}?mixed_rel=1") in taken:
+        port += 1
+    return locator
+
+
+def _join_authority(host: str, port: int) -> str:
+    return f"[{host}]:{port}" if ":" in host else f"{host}:{port}"
+
+
+def listening_locator(hosts: Sequence[str], port: int) -> str:
+    """Return the locator that the router listens on: all addresses of its machine, or this machine alone."""
+    if all(is_loopback(host) for host in hosts):
+        return member_locator(hosts, port)
+    return f"tls/{'[::]' if any(':' in host for host in hosts) else '0.0.0.0'}:{port}"
+
+
+def _check_host(host: str, called: str) -> str:
+    bare = host[1:-1] if host[:1] == "[" and host[-1:] == "]" else host
+    try:
+        address = ipaddress.ip_address(bare)
+    except ValueError:
+        return _checked_name(host, called)
+    if address.is_unspecified or address.is_multicast:
+        raise BadInput(f"{called} {host}: is no machine's own address; give the one that members reach it at")
+    if "%" in bare:
+        interface = bare[bare.index("%") :]
+        raise BadInput(f"{called} {host}: no certificate or file can name an interface; leave {interface} out")
+    return str(address)
+
+
+def _checked_name(host: str, called: str) -> str:
+    if _WITH_PORT.fullmatch(host):
+        name, _, port = host.rpartition(":")
+        raise BadInput(f"{called} {host!r}: holds a port; write {name} here, and --port {port}")
+    if not _NAME.fullmatch(host) or _NUMBERS.fullmatch(host):
+        raise BadInput(f"{called} {host!r}: not the name or address of a machine; write it as in 192.168.1.10")
+    return host
+
+
+def make_robot_router(
+    fleet: FleetFolder,
+    robot: str,
+    form: Format,
+    namespace: str,
+    hosts: Sequence[str],
+    port: int,
+    place: Path | None,
+    days: int,
+    local_port: int = LOCAL_PORT,
+    commands: Sequence[str] = COMMANDS,
+) -> Path:
+    """Make the folder for the router of a ROS robot, or make it anew, and return it.
+
+    `robot` is the fleet's robot whose agent drives the ROS robot. `hosts` are names and addresses of the ROS robot's
+    machine; without any, members reach the router from this machine alone. `port` is the TCP port for members,
+    `local_port` that for the robot's own programs. `place` is where the folder will lie on the ROS robot; None for
+    where it is made. The certificate is valid for `days`. `commands` are the topics by which the robot is driven.
+    """
+    role = robot_role(robot)
+    folder = fleet.path / f"{robot}-router"
+    if role.user not in fleet.members:
+        raise BadInput(f"{robot}: is no robot of {fleet.fleet}; add it with: fogwatch fleet add {fleet.path} {robot}")
+    if f"{Kind.ROBOT}-{folder.name}" in fleet.members:
+        raise BadInput(f"{folder.name}: is a robot of {fleet.fleet} too, with this folder; rename one of the two")
+    own_hosts = checked_hosts(hosts)
+    for number in (port, local_port):
+        check_locator(f"tcp/127.0.0.1:{number}", "--port:")
+    names = [*dict.fromkeys([*own_hosts, *LOCAL])]
+    with changing(fleet.path):
+        folder.mkdir(mode=0o700, exist_ok=True)
+        issue(fleet.path / AUTHORITY_FOLDER, folder, f"{robot}-router.{fleet.fleet[:40]}", days, names)
+    members = {fleet.members[role.user]: agent_rights(form, namespace, commands)}
+    if VIEWER.user in fleet.members:
+        members[fleet.members[VIEWER.user]] = viewer_rights(form, namespace)
+    lies = folder.absolute() if place is None else place
+    everywhere = "[::]" if any(":" in host for host in own_hosts) else "0.0.0.0"
+    listen = [f"tcp/127.0.0.1:{local_port}", f"tls/{everywhere if own_hosts else '127.0.0.1'}:{port}"]
+    tls = {
+        "root_ca_certificate": str(lies / AUTHORITY),
+        "listen_certificate": str(lies / CERTIFICATE),
+        "listen_private_key": str(lies / KEY),
+        "enable_mtls": True,
+        "close_link_on_expiration": True,
+    }
+    config = robot_router(form, namespace, members, listen, tls, commands)
+    with changing(fleet.path):
+        replace_private(folder / ROBOT_ROUTER, f"{json.dumps(config, indent=2)}\n")
+    return folder

@@ -19,8 +19,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from fogwatch.cli.open_run import open_folder
 from fogwatch.notebook.arguments import checked_arguments
-from fogwatch.run_folder.reading import read_folder
 from monitor.replay.run_files import SUMMARY, journal_in
 from monitor.replay.summary_file import read_summary
 from patrol.errors import BadInput, did_you_mean
@@ -269,7 +269,7 @@ class Run:
 
     @cached_property
     def _opened(self) -> tuple[ReplayedRun, bool]:
-        return read_folder(self.folder, self._key, _be_silent)
+        return open_folder(self.folder, self._key, _be_silent)
 
     @property
     def _replayed(self) -> ReplayedRun:

@@ -1,9 +1,8 @@
-"""Pictures of a map check and of the end of a run."""
+"""The picture of the end of a run."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -11,29 +10,25 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from fogwatch.grounds.map_check import MapReport
 from monitor.figures.ground import (
     Box,
     Key,
     Layer,
     canvas,
     cropped,
-    draw_outline,
     fog_scale,
     key_column,
     label,
     paint,
-    painted,
     save,
 )
 from patrol.closures.ground import ChangingFootprint
 from patrol.closures.points import Closings
 from patrol.errors import BadInput
-from patrol.ground.doors import Door
 from patrol.ground.fog import NEVER, Fog
 from patrol.journal import Journal, read_journal
 from patrol.journal.records import RobotFacts, RobotTick, Status
-from patrol.palette import LIGHT, MARKS, NEVER_SEEN, ROBOTS, UNCOUNTED, WALL, rgb
+from patrol.palette import LIGHT, NEVER_SEEN, ROBOTS, UNCOUNTED, WALL, rgb
 from patrol.pose import Pose
 from patrol.prepare import Prepared, prepare, sensor_footprint
 from patrol.scenario import load_scenario
@@ -42,89 +37,16 @@ from worldsim.truth import Truth
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from patrol.ground.marks import Mark
-    from patrol.ground.terrain import Terrain
 
-REACHABLE = "#d9ecf5"
-SEEN = "#8fc3dd"
-SEALED_SEEN = "#f6e3a1"
-SEALED = "#e79f3c"
-KEEP_OUT = "#9c8fb5"
-PERHAPS_UNKNOWN = "#c9a7d8"
-PASSES = "#1d5f8a"
 SHUT = LIGHT["alert"]
 
-MOST_DOORS = 25
-"""Doors drawn at most: first those too narrow for the body, then the narrowest of the others."""
 
 MOST_NAMES = 24
 """Robots named in the legend at most."""
 
-KINDS = {
-    "keepout": "keep-out",
-    "oneway": "one-way zone",
-    "slow": "slow zone",
-    "weight": "zone with a weight or an age",
-    "closure": "closure",
-    "dock": "dock",
-}
-"""Words of the legend for kinds of marks."""
 
 RECENT_S = 60.0
 """Length of the last part of a path, which is drawn stronger, s."""
-
-
-def map_picture(report: MapReport, out: Path, marks: Sequence[Mark] = ()) -> None:
-    """Draw a map check: walls, what is reached, seen and not seen, sealed-off parts, doors, and a site's marks."""
-    terrain, fields = report.terrain, report.fields
-    sealed = report.sealed > 0
-    unseen = terrain.passable & ~fields.patrolled
-    unreached = fields.patrolled & ~fields.reach
-    layers = [
-        Layer(WALL, "wall or unknown", ~terrain.passable),
-        Layer(REACHABLE, "reached by the body's centre", fields.reach),
-        Layer(SEEN, "seen, but no place for the centre", unreached & ~sealed & ~terrain.keep_out),
-        Layer(KEEP_OUT, "keep-out area, but seen", unreached & ~sealed & terrain.keep_out),
-        Layer(SEALED_SEEN, "sealed off, but seen", sealed & unreached),
-        Layer(SEALED, "sealed off and never seen", sealed & unseen),
-        Layer(NEVER_SEEN, "never seen: small parts, blind corners", unseen & ~sealed),
-        Layer(PERHAPS_UNKNOWN, "read as free, perhaps unknown", report.perhaps_unknown),
-    ]
-    title = f"{terrain.name}: a body of {report.radius:g} m radius, a sensor of {report.sensor_range:g} m"
-    shown, window = cropped(terrain, terrain.passable)
-    figure, axes = canvas(shown, title)
-    paint(axes, shown, painted(terrain.shape, layers)[window], ~shown.passable)
-    doors = sorted(report.doors, key=lambda door: (door.passes, door.width))[:MOST_DOORS]
-    boxes: list[Box] = []
-    for door in doors:
-        _draw_door(axes, door, boxes)
-    for number, part in enumerate(report.parts, start=1):
-        label(axes, part.x, part.y, str(number), size=9.0, taken=boxes)
-    keys = [
-        Key(layer.colour, f"{layer.label}: {np.count_nonzero(layer.mask) * terrain.point_area:.1f} m²")
-        for layer in layers
-        if layer.mask.any()
-    ]
-    keys += [Key(SHUT, "door too narrow for the body, m", "X")] * any(not door.passes for door in doors)
-    keys += [Key(PASSES, "door that lets it pass, m", "o")] * any(door.passes for door in doors)
-    key_column(figure, axes, shown, keys + _draw_marks(axes, terrain, marks))
-    save(figure, out)
-
-
-def _draw_marks(axes: Axes, terrain: Terrain, marks: Sequence[Mark]) -> list[Key]:
-    """Draw outlines, places and names; return their lines of the legend."""
-    keys: dict[str, Key] = {}
-    for mark in marks:
-        colour, sign, above = MARKS[mark.kind], "-", 0.0
-        if mark.points is None:
-            sign, above = "P", 11.0
-            axes.plot(*mark.at, sign, color=colour, markersize=9, markeredgecolor="white", zorder=6)
-        else:
-            style, above = ("dashed", 12.0) if mark.closes else ("solid", 0.0)  # doors have their widths there
-            draw_outline(axes, terrain, mark.points, colors=colour, linewidths=1.8, linestyles=style, zorder=5)
-        label(axes, *mark.at, mark.label, colour=colour, size=8.0, above=above)
-        keys[mark.kind] = Key(colour, KINDS[mark.kind], sign)
-    return [keys[kind] for kind in MARKS if kind in keys]
 
 
 def run_picture(run_folder: Path, out: Path, prepared: Prepared | None = None) -> None:
@@ -238,16 +160,3 @@ def _draw_body(axes: Axes, robot: RobotTick, facts: RobotFacts, colour: str, tak
 
 def _fate_text(status: Status) -> str:
     return "" if status == Status.ALIVE else f" ({status.name.lower()})"
-
-
-def _draw_door(axes: Axes, door: Door, taken: list[Box]) -> None:
-    """Draw a circle as wide as the door, a cross where the body does not pass, and the width."""
-    from matplotlib.patches import Circle
-
-    colour = PASSES if door.passes else SHUT
-    axes.add_patch(Circle((door.x, door.y), 0.5 * door.width, facecolor=colour, edgecolor=colour, alpha=0.35, zorder=4))
-    if door.passes:
-        label(axes, door.x, door.y, f"{door.width:.2f}", taken=taken)
-        return
-    axes.plot(door.x, door.y, marker="X", markersize=7, color=SHUT, markeredgecolor="white", zorder=5)
-    label(axes, door.x, door.y, f"{door.width:.2f}", colour=SHUT, above=9.0, taken=taken)

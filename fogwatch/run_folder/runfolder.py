@@ -19,10 +19,12 @@ recording, report and logs.
 from __future__ import annotations
 
 import json
+import os
 import shutil
 import traceback
+from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import datetime
 from pathlib import Path
 
@@ -209,3 +211,26 @@ def untaken(first: Path) -> Path:
         path = first.with_name(f"{first.name}-{number}")
         number += 1
     return path
+
+
+def found_again(folder: RunFolder, handle: int, say: Callable[[str], None]) -> RunFolder:
+    """Find the run's folder, which may have been moved; the same object unless it was.
+
+    `handle` is the folder's descriptor, open since the run began; this closes it.
+    """
+    try:
+        if folder.path.exists():
+            return folder
+        try:
+            moved = Path(f"/proc/self/fd/{handle}").readlink()
+        except OSError:  # a system without proc(5)
+            moved = folder.path
+        if not moved.is_dir():
+            say(f"{folder.path}: the run's folder was moved away or deleted, with all that it held")
+            return folder
+        say(f"{folder.path}: the run's folder was moved to {moved}; the summary is written there")
+        moved_folder = replace(folder, path=moved)
+        moved_folder.access.unlink(missing_ok=True)
+        return moved_folder
+    finally:
+        os.close(handle)

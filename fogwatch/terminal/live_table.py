@@ -8,14 +8,27 @@ from collections.abc import Callable, Mapping
 from typing import Protocol
 
 from rich.console import Console, RenderableType
+from rich.control import Control
 from rich.live import Live
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    ProgressColumn,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
 from rich.progress_bar import ProgressBar
+from rich.segment import ControlType
 from rich.table import Table
 from rich.text import Text
 
 from patrol.journal import Status
 from patrol.messages.telemetry import FREE, TRAPPED, Metrics, Notice
 from patrol.printable import printable_lines
+from patrol.starting.compiling import Compiled
+from patrol.starting.warmup import progress_line
 
 PLAIN_S = 5.0
 """Wall time between two lines where there is no terminal."""
@@ -309,3 +322,49 @@ def _metrics_table(metrics: Metrics) -> Table:
     if len(present) > MOST_ROBOTS:
         outer.add_row(f"and {len(present) - MOST_ROBOTS} more robots")
     return outer
+
+
+WIDTH = 30
+"""Width of the kernels' bar, in characters."""
+
+
+def bar_on(console: Console | None = None, left: ProgressColumn | None = None) -> Progress:
+    """Make a progress bar, which shows on a terminal only and is cleared away in the end.
+
+    It is not started yet. `console` is the standard error, and `left`, its last column, the time left, unless given.
+    """
+    console = console or Console(stderr=True)
+    return Progress(
+        TextColumn("{task.description}", style="cyan"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+        left or TimeRemainingColumn(),
+        console=console,
+        transient=True,
+        disable=not console.is_terminal,
+    )
+
+
+def kernel_bar(console: Console) -> Callable[[Compiled], None] | None:
+    """Return a function that draws the bar over the last one; None without a terminal.
+
+    The function removes the bar in the end.
+    """
+    if not console.is_terminal:
+        return None
+
+    full = "#" if console.options.ascii_only else "━"
+    empty = full if console.color_system else " "
+
+    def show(compiled: Compiled) -> None:
+        console.control(Control(ControlType.CARRIAGE_RETURN, (ControlType.ERASE_IN_LINE, 2)))
+        if compiled.kernels < compiled.of:
+            filled = WIDTH * compiled.kernels // compiled.of
+            line = Text.assemble(
+                (full * filled, "green"), (empty * (WIDTH - filled), "dim"), f" {progress_line(compiled)}"
+            )
+            line.truncate(console.width - 1)  # a second row would stay
+            console.print(line, end="", no_wrap=True)
+
+    return show

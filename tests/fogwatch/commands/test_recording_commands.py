@@ -166,7 +166,7 @@ def test_a_folder_is_looked_at_before_anything_is_compiled(
     def never(*_: object) -> None:
         raise AssertionError
 
-    monkeypatch.setattr("fogwatch.run_folder.reading.warm", never)
+    monkeypatch.setattr("fogwatch.cli.open_run.warm", never)
     monkeypatch.setattr("patrol.starting.warmup.warm", never)
     assert command(what, "nowhere") == 2
     assert "no such folder" in capsys.readouterr().err
@@ -179,7 +179,7 @@ def test_where_to_write_is_looked_at_before_anything_is_compiled(
     def never(*_: object) -> None:
         raise AssertionError
 
-    monkeypatch.setattr("fogwatch.run_folder.reading.warm", never)
+    monkeypatch.setattr("fogwatch.cli.open_run.warm", never)
     assert command(*(part.replace("RUN", str(ran)) for part in arguments), "--out", ".") == 2
 
 

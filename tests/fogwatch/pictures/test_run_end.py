@@ -10,7 +10,8 @@ from PIL import Image
 
 from fogwatch.grounds.map_check import check_map
 from fogwatch.inprocess import run_in_process
-from fogwatch.pictures.run_end import map_picture, replay, run_picture
+from fogwatch.pictures.maps import map_picture
+from fogwatch.pictures.run_end import replay, run_picture
 from monitor.figures.ground import Key, Layer, canvas, cropped, fog_scale, key_column, painted, round_length
 from patrol.errors import BadInput
 from patrol.ground.terrain import Terrain
