@@ -54,6 +54,13 @@ MOST_THREADS = 64
 
 _PATROL = f"{PRICES}. Short for --set patrol.policy={'|'.join(patrol.policy for patrol in PATROLS.values())}."
 _PRESET = f"{'; '.join(map(': '.join, PRESETS.items()))}. Other options and --set hold over it."
+_SPARE = "Robots that may join during the run (default: 2 with a live page, else 0)."
+_START = "Start of the next robot in m; X,Y,HEADING gives the heading too, in rad. Repeatable."
+_PACE = "As fast as possible, in real time, or X times as fast as real time."
+_IN_PROCESS = "Run in one process, without Zenoh; the trace is the same."
+_THREADS = "Robots that decide at once with --in-process; more than 1 is seldom faster."
+_RECOVERY = "Run the scenario without its faults as well, to judge the recovery."
+_PAGE = "Serve a live page while the processes run (never with --in-process or --quiet)."
 _SET = "Set any field of the scenario, such as patrol.options.separation=none. Repeatable."
 
 _of_robots, _of_run, _of_output = (partial(option, panel=panel) for panel in ("Robots", "Run", "Output"))
@@ -85,20 +92,12 @@ class Changes:
     """Settings of a scenario that a run changes."""
 
     robots: Annotated[int | None, _of_robots("N", "Number of robots.")] = None
-    spare: Annotated[
-        int | None, _of_robots("N", "Robots that may join during the run (default: 2 with a live page, else 0).")
-    ] = None
+    spare: Annotated[int | None, _of_robots("N", _SPARE)] = None
     body: Body = Body()
-    start: Annotated[
-        list[str] | None,
-        _of_robots("X,Y", "Start of the next robot in m; X,Y,HEADING gives the heading too, in rad. Repeatable."),
-    ] = None
+    start: Annotated[list[str] | None, _of_robots("X,Y", _START)] = None
     duration: Annotated[float | None, _of_run("S", "Simulated time in s.")] = None
     seed: Annotated[int | None, _of_run("K", "Random seed.")] = None
-    pace: Annotated[
-        str | None,
-        _of_run("lockstep|realtime|X", "As fast as possible, in real time, or X times as fast as real time."),
-    ] = None
+    pace: Annotated[str | None, _of_run("lockstep|realtime|X", _PACE)] = None
     point: Annotated[float | None, _of_run("M", "Side of one grid point in m.")] = None
     patrol: Annotated[str | None, patrol_option("Run")] = None
     preset: Annotated[str | None, _of_run("|".join(PRESETS), _PRESET)] = None
@@ -116,25 +115,11 @@ class RunChoices:
     """Options of making a run, and of the files that it leaves."""
 
     out: Annotated[Path | None, _of_output("DIR", "Run folder, new or empty (default: runs/NAME-TIME).")] = None
-    in_process: Annotated[
-        bool, _of_run("", "Run in one process, without Zenoh; the trace is the same.", "--in-process")
-    ] = False
-    threads: Annotated[
-        int,
-        _of_run(
-            "N", "Robots that decide at once with --in-process; more than 1 is seldom faster.", min=1, max=MOST_THREADS
-        ),
-    ] = 1
+    in_process: Annotated[bool, _of_run("", _IN_PROCESS, "--in-process")] = False
+    threads: Annotated[int, _of_run("N", _THREADS, min=1, max=MOST_THREADS)] = 1
     port: Annotated[int | None, _of_run("N", "TCP port of the router (default: a free one).")] = None
-    recovery: Annotated[
-        bool, _of_run("", "Run the scenario without its faults as well, to judge the recovery.", "--recovery")
-    ] = False
-    page: Annotated[
-        bool,
-        _of_output(
-            "", "Serve a live page while the processes run (never with --in-process or --quiet).", "--page/--no-page"
-        ),
-    ] = True
+    recovery: Annotated[bool, _of_run("", _RECOVERY, "--recovery")] = False
+    page: Annotated[bool, _of_output("", _PAGE, "--page/--no-page")] = True
     picture: Annotated[bool, _of_output("", "Draw fog.png at the end.", "--picture/--no-picture")] = True
     recording: Annotated[bool, _of_output("", "Write recording.mcap at the end.", "--recording/--no-recording")] = True
     report: Annotated[bool, _of_output("", "Write report.html at the end.", "--report/--no-report")] = True
@@ -144,9 +129,8 @@ class RunChoices:
         if self.port is not None and not 0 < self.port < 65536:
             raise BadInput(f"--port {self.port}: is not a TCP port; give one from 1 to 65535")
         if self.threads > 1 and not self.in_process:
-            raise BadInput(
-                f"--threads {self.threads}: each robot is a process of its own; leave it out, or give --in-process"
-            )
+            why = "each robot is a process of its own"
+            raise BadInput(f"--threads {self.threads}: {why}; leave it out, or give --in-process")
 
 
 def overrides_of(

@@ -336,11 +336,9 @@ class TokenWatch:
         names = sorted({*self._robots, *(() if mesh is None else mesh.robots)})
         robots = tuple(self._robot_status(name, present) for name in names)
         new = [robot.name for robot in robots if robot.heard_s is None and not robot.wrong]
-        too_new = (
-            (f"whether {', '.join(new)} can be heard: followed for less than {self._silent_s:g} s",) if new else ()
-        )
-        unknown = (*too_new, _UNKNOWN_AT_A_ROUTER if mesh is None else _UNKNOWN)
-        return FleetStatus(self._keys.fleet, self._router, None, None, robots, unknown=unknown)
+        unknown = [f"whether {', '.join(new)} can be heard: followed for less than {self._silent_s:g} s"] if new else []
+        unknown.append(_UNKNOWN_AT_A_ROUTER if mesh is None else _UNKNOWN)
+        return FleetStatus(self._keys.fleet, self._router, None, None, robots, unknown=tuple(unknown))
 
     def close(self) -> None:
         """See `FleetWatch`."""

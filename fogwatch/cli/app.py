@@ -65,15 +65,13 @@ def add_studies() -> None:
     try:
         study("commands")
     except BadInput as missing:
-        names = {command.name for command in app.registered_commands} | {
-            command.name for command in app.registered_groups
-        }
+        names = {command.name for command in app.registered_commands}
+        names |= {group.name for group in app.registered_groups}
         absent = [(app, name, panel) for name, panel in PANEL_OF.items() if name not in names]
         for group, name, panel in [*absent, (map_app, "random", None)]:
             accept_all = {"allow_extra_args": True, "ignore_unknown_options": True, "help_option_names": []}
-            group.command(name, help=f"{missing}.", context_settings=accept_all, rich_help_panel=panel)(
-                _make_refusal(missing)
-            )
+            refuse = _make_refusal(missing)
+            group.command(name, help=f"{missing}.", context_settings=accept_all, rich_help_panel=panel)(refuse)
 
 
 def _make_refusal(missing: BadInput) -> Callable[[typer.Context], None]:

@@ -67,9 +67,8 @@ def options_of(group: Any) -> list[Parameter]:
             if get_origin(hint) is Annotated:
                 if hint.__metadata__[0].parser is not None:  # typer knows no types but its own
                     hint = Annotated[Any, *hint.__metadata__]
-                parameters.append(
-                    Parameter(setting.name, Parameter.KEYWORD_ONLY, default=setting.default, annotation=hint)
-                )
+                kind, default = Parameter.KEYWORD_ONLY, setting.default
+                parameters.append(Parameter(setting.name, kind, default=default, annotation=hint))
             parameters += options_of(hint)
     return parameters
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -15,9 +14,6 @@ from patrol.errors import BadInput
 from patrol.process.lifeline import heed
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
     from monitor.replay.run import Run
 
 
@@ -87,14 +83,11 @@ def animate(
     if kind == ".gif":
         check_length(len(ticks), film.size)
     with bar_on() as bar:
-
-        def frames() -> Iterator[NDArray[np.uint8]]:
-            yield from map(film.frame, bar.track(ticks, description="frames"))
-
+        frames = map(film.frame, bar.track(ticks, description="frames"))
         if kind == ".gif":
-            write_gif(out, frames(), len(ticks), film.palette, fps)
+            write_gif(out, frames, len(ticks), film.palette, fps)
         else:
-            write_mp4(out, frames(), film.palette, fps, ffmpeg)
+            write_mp4(out, frames, film.palette, fps, ffmpeg)
     print_state(opened, going)
     shown = f"{first * opened.step:g} to {last * opened.step:g} s at {pace:g} times real time"
     say(f"film: {out}, {out.stat().st_size / 1e6:.1f} MB, {len(ticks)} frames, {shown}")

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 
 WAIT_S = 60.0
 LONGEST_WAIT_S = 86400.0
+LISTEN_S = 3.0
 
 
 @dataclass(frozen=True)
@@ -50,15 +51,14 @@ class FleetOptions:
 
     def check_one_fleet(self, command: str, run: Path | None) -> None:
         """Check that a command is given one of the folder of a run, credentials, or a router and a fleet's name."""
-        addresses = [value for value in (self.router, self.fleet) if value is not None]
-        if self.credentials is None and run is None:
-            is_one = len(addresses) == 2
+        by_router = (self.router is not None) + (self.fleet is not None)
+        if run is not None:
+            is_one = not by_router and self.credentials is None
         else:
-            is_one = run is None or not (addresses or self.credentials)
+            is_one = by_router == 2 or self.credentials is not None
         if not is_one:
-            raise BadInput(
-                f"{command}: name a run's folder, or --router and --fleet of a running fleet, or --credentials"
-            )
+            ways = "a run's folder, or --router and --fleet of a running fleet, or --credentials"
+            raise BadInput(f"{command}: name {ways}")
 
     def as_source(self, command: str, run: Path | None, wait: float, key: Path | None = None) -> Namespace:
         """Return what names the fleet, and gives the right to control it, as `monitor.process.source_opener` takes it.
@@ -70,9 +70,8 @@ class FleetOptions:
 
         self.check_one_fleet(command, run)
         if run is not None and self.scenario is not None and run.is_dir() and not (run / MEMBER).is_file():
-            raise BadInput(
-                f"{command}: --scenario is for robots without a world, and {run} has one; leave the option out"
-            )
+            why = f"--scenario is for robots without a world, and {run} has one"
+            raise BadInput(f"{command}: {why}; leave the option out")
         access = None if run is None else control_file(command, run)
         return Namespace(replay=None, access=access, wait=wait, key=key, **vars(self))
 
@@ -83,9 +82,16 @@ def _checked_wait(wait_s: float) -> float:
     return wait_s
 
 
+def _checked_seconds(seconds: float) -> float:
+    if not 0.1 <= seconds <= 600.0:
+        raise BadInput(f"--seconds {seconds:g}: expected 0.1 to 600")
+    return seconds
+
+
 RunningFleet = Annotated[
     Path | None, typer.Argument(metavar="[RUN]", help="Folder of a running fleet, or an operator's credentials.")
 ]
+Seconds = Annotated[float, option("S", "How long to listen, in s.", callback=_checked_seconds)]
 Wait = Annotated[float, option("S", "How long to wait for the fleet, in s.", callback=_checked_wait)]
 
 
@@ -167,18 +173,12 @@ def init(
     _check_days(days)
     names, places = _read_robots(robots)
     if places and host:
-        raise BadInput(
-            f"--host {host[0]}: is a router's address, and robots with addresses meet without one; choose one"
-        )
+        why = "is a router's address, and robots with addresses meet without one"
+        raise BadInput(f"--host {host[0]}: {why}; choose one")
     new_fleet = make_fleet(folder, name or folder.name, names, host or [], port, days, places)
-    members = ", ".join(
-        sorted(entry.name for entry in folder.iterdir() if entry.is_dir() and entry.name != "authority")
-    )
-    where = (
-        f"without a router; {', '.join(new_fleet.places.values())}"
-        if new_fleet.is_mesh
-        else f"router at {new_fleet.router}"
-    )
+    members = ", ".join(sorted(made.name for made in folder.iterdir() if made.is_dir() and made.name != "authority"))
+    mesh = f"without a router; {', '.join(new_fleet.places.values())}"
+    where = mesh if new_fleet.is_mesh else f"router at {new_fleet.router}"
     say(f"{folder}: fleet {new_fleet.fleet}, {where}; copy each folder to its machine: {members}")
 
 

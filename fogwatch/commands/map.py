@@ -17,6 +17,7 @@ from fogwatch.cli.command_help import command, group
 from fogwatch.cli.ending import note, say
 from fogwatch.cli.options import option
 from patrol.errors import BadInput, did_you_mean
+from patrol.files.whole_file import writing
 from patrol.files.yaml_text import parse_yaml, read_text
 from patrol.ground.terrain import Terrain
 from patrol.maps.builtins import LAYOUTS, builtin_terrain
@@ -26,7 +27,7 @@ from patrol.starting.seldom import SELDOM
 from patrol.starting.warmup import warm
 
 if TYPE_CHECKING:
-    from fogwatch.grounds.map_align import Place, WallMap
+    from fogwatch.grounds.map_align import Place
     from fogwatch.grounds.map_check import MapReport, SealedPart
     from patrol.ground.doors import Door
     from patrol.prepare import Prepared
@@ -151,9 +152,8 @@ def plain_lines(report: MapReport) -> Iterator[str]:
 def _terrain_headline(terrain: Terrain) -> str:
     """The terrain's name and size."""
     xmin, ymin, xmax, ymax = terrain.bounds
-    about = (
-        f" ({LAYOUTS[terrain.name].about}; a reconstruction of the paper's terrain)" if terrain.name in LAYOUTS else ""
-    )
+    layout = LAYOUTS.get(terrain.name)
+    about = f" ({layout.about}; a reconstruction of the paper's terrain)" if layout is not None else ""
     size = f"{xmax - xmin:g} x {ymax - ymin:g} m, {terrain.width} x {terrain.height} points of {terrain.point:g} m"
     return f"{terrain.name}{about}: {size}"
 
@@ -249,8 +249,9 @@ def _print_tables(console: Console, report: MapReport) -> None:
         console.print(_make_table(("#", "m²", "around (m)", "why"), rows))
     console.print(f"\n[bold]{_doors_headline(report)}[/bold]", highlight=False)
     if report.doors:
+        passes = {True: "yes", False: "[red]no[/red]"}
         lines = [
-            (f"{door.width:.2f}", _place(door), _yes_or_no(door.passes), _max_radius(door), f"{door.behind:.1f}")
+            (f"{door.width:.2f}", _place(door), passes[door.passes], _max_radius(door), f"{door.behind:.1f}")
             for door in report.doors[:MOST_LINES]
         ]
         console.print(_make_table(("width (m)", "at (m)", "passes", "", "m² behind"), lines))
@@ -261,10 +262,6 @@ def _make_table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> Table:
     for row in rows:
         table.add_row(*row)
     return table
-
-
-def _yes_or_no(passes: bool) -> str:
-    return "yes" if passes else "[red]no[/red]"
 
 
 def _terrain_settings(what: str) -> dict[str, str]:
@@ -289,9 +286,8 @@ def _read_docks(what: str, file: Path) -> tuple[DockSpec, ...]:
     if not listed:
         raise BadInput(f"--docks {file}: has no docks; write for example 'docks: [{{place: [1, 7]}}]'")
     body = {"count": 1, "battery": {"capacity": 1000, "idle": 1, "charge": 1000}}
-    return load_scenario(
-        {"terrain": _terrain_settings(what), "robots": body, "docks": listed}, called=f"--docks {file}"
-    ).docks
+    mapping = {"terrain": _terrain_settings(what), "robots": body, "docks": listed}
+    return load_scenario(mapping, called=f"--docks {file}").docks
 
 
 def _read_start(text: str) -> Pose:
@@ -345,24 +341,24 @@ def align(
     if picture is not None and picture.suffix.lower() != ".png":
         raise BadInput(f"--picture {picture}: expected a name that ends in .png")
     _warm_kernels()
-    from fogwatch.grounds.map_align import (  # here: its library takes a while
-        LEAST_AGREEMENT,
-        agreement,
-        align_maps,
-        fit_landmarks,
-        only_alignment,
-        spelled,
-        wall_map,
-    )
+    from fogwatch.grounds import map_align  # here: its library takes a while
 
     terrain_a, terrain_b = named_terrain(own, point), named_terrain(ours, point)
     if picture is not None:
         _check_picture(picture, (terrain_a, terrain_b))
-    a, b = wall_map(terrain_a), wall_map(terrain_b)
-    names = terrain_a.name, terrain_b.name
+    a, b = map_align.wall_map(terrain_a), map_align.wall_map(terrain_b)
+
+    def draw(transform: Pose) -> None:
+        if picture is not None:
+            from fogwatch.pictures.maps import overlay_picture  # here: its library is an extra
+
+            names = terrain_a.name, terrain_b.name
+            overlay_picture(names, a, b, transform, [on_b for _, on_b in pairs], picture)
+            say(f"picture: {picture}")
+
     if pairs:
         _check_places(pairs, (terrain_a, terrain_b), tolerance)
-        transform, off_m = fit_landmarks(pairs)
+        transform, off_m = map_align.fit_landmarks(pairs)
         for number, (text, off) in enumerate(zip(landmark or [], off_m, strict=True), start=1):
             say(f"landmark {number}, {text}: off by {off:.2f} m")
         if max(off_m) > tolerance:
@@ -371,23 +367,20 @@ def align(
                 f"--landmark {worst}: off by {max(off_m):.2f} m, and --tolerance is {tolerance:g} m; correct the "
                 "landmarks, of which at least one is wrong"
             )
-        agree = agreement(a, b, transform)
+        agree = map_align.agreement(a, b, transform)
         say(f"walls that agree: {agree:.0%}")
-        if agree < LEAST_AGREEMENT:
+        if agree < map_align.LEAST_AGREEMENT:
             note("few walls agree at these landmarks; look at --picture before you drive by it")
+        draw(transform)
     else:
-        alignments = align_maps(a, b)
-        if picture is not None and alignments:  # also of a place that is refused, so that people see why
-            _draw_overlay(names, (a, b), alignments[0].transform, pairs, picture)
-        best = only_alignment(alignments)
-        transform = best.transform
+        alignments = map_align.align_maps(a, b)
+        draw(transform := alignments[0].transform)  # also where it is refused, so that people see why
+        best = map_align.only_alignment(alignments)
         runner_up = f"; at the next best place {alignments[1].agreement:.0%}" if len(alignments) > 1 else ""
         say(f"walls that agree: {best.agreement:.0%}{runner_up}")
-    if pairs and picture is not None:
-        _draw_overlay(names, (a, b), transform, pairs, picture)
     turned = f"turned by {transform.heading:.4f} rad ({math.degrees(transform.heading):.1f} degrees)"
     say(f"{own} on {ours}: its (0, 0) is at ({transform.x:.3f}, {transform.y:.3f}) m, {turned}")
-    say(f"--transform={spelled(transform)}")
+    say(f"--transform={map_align.spelled(transform)}")
 
 
 def _check_places(pairs: list[tuple[Place, Place]], terrains: tuple[Terrain, Terrain], tolerance: float) -> None:
@@ -416,19 +409,6 @@ def _check_picture(picture: Path, terrains: tuple[Terrain, Terrain]) -> None:
             image = read_map_file(terrain.source).image
             if picture.resolve() in (image.resolve(), Path(terrain.source).resolve()):
                 raise BadInput(f"--picture {picture}: is a file of the map {terrain.name}; give another name")
-
-
-def _draw_overlay(
-    names: tuple[str, str],
-    maps: tuple[WallMap, WallMap],
-    transform: Pose,
-    pairs: list[tuple[Place, Place]],
-    picture: Path,
-) -> None:
-    from fogwatch.pictures.maps import overlay_picture  # here: its library is an extra
-
-    overlay_picture(names, *maps, transform, [on_b for _, on_b in pairs], picture)
-    say(f"picture: {picture}")
 
 
 def _read_pair(text: str) -> tuple[Place, Place]:
@@ -504,8 +484,8 @@ def _region_lines(terrain: Terrain, radius: float, split: RegionSplit, took: flo
     count = len(split.polygons)
     areas = np.bincount(split.labels[split.labels >= 0], minlength=count) * terrain.point_area
     entered = np.unique(split.labels[split.parts >= 0]).size
-    how = "given" if by_hand else "found"
-    yield f"regions: {_count_text(count, 'convex region')} {how} in {took:.2f} s; the body fits into {entered}"
+    how = f"region{'' if count == 1 else 's'} {'given' if by_hand else 'found'}"
+    yield f"regions: {count} convex {how} in {took:.2f} s; the body fits into {entered}"
     if count:
         smallest, middle, largest = areas.min(), float(np.median(areas)), areas.max()
         yield f"areas: {smallest:.1f} to {largest:.1f} m², median {middle:.1f} m²"
@@ -513,17 +493,11 @@ def _region_lines(terrain: Terrain, radius: float, split: RegionSplit, took: flo
     shown = np.argsort(-areas, kind="stable")[:MOST_LINES]
     for number in map(int, shown):
         x, y = (float(np.mean(values)) for values in zip(*split.polygons[number], strict=True))
-        beside = sorted(
-            {neighbour for link in split.connections if number in link.regions for neighbour in link.regions}
-        )
-        names = ", ".join(str(neighbour) for neighbour in beside if neighbour != number) or "none"
+        beside = {side for link in split.connections if number in link.regions for side in link.regions} - {number}
+        names = ", ".join(map(str, sorted(beside))) or "none"
         yield f"  {number}: {areas[number]:.1f} m² around ({x:.2f}, {y:.2f}), connected to {names}"
     if count > MOST_LINES:
         yield f"  and {count - MOST_LINES} smaller ones"
-
-
-def _count_text(count: int, what: str) -> str:
-    return f"{count} {what}{'' if count == 1 else 's'}"
 
 
 def _write_polygons(out: Path, split: RegionSplit) -> None:
@@ -531,7 +505,5 @@ def _write_polygons(out: Path, split: RegionSplit) -> None:
     corners = [", ".join(f"[{x:.3f}, {y:.3f}]" for x, y in polygon) for polygon in split.polygons]
     begin = ["patrol:", "  policy: potential-field", "  options:", "    paths: regions", "    regions: # m"]
     lines = [*begin, *(f"      - [{corner}]" for corner in corners), ""]
-    try:
+    with writing(out):
         out.write_text("\n".join(lines), encoding="utf-8")
-    except OSError as error:
-        raise BadInput(f"{out}: cannot be written ({error.strerror}); choose another file") from None

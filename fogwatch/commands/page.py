@@ -22,26 +22,18 @@ from patrol.process.exit_codes import INTERRUPTED
 
 EXIT_CODES = "2 bad input, 130 ended by Ctrl-C"
 
+_HOST = "Address to serve on; other than the loopback address it needs --token."
+_PORT = "TCP port of the page (default: a free one)."
+_TOKEN = "Secret that the page's address must hold; 16 or more letters and digits."
+
 
 @dataclass(frozen=True)
 class PageOptions:
     """The address of a page, and the token that lets visitors in."""
 
-    host: Annotated[str, option("HOST", "Address to serve on; other than the loopback address it needs --token.")] = (
-        "127.0.0.1"
-    )
-    port: Annotated[
-        int, option("N", "TCP port of the page (default: a free one).", "--page-port", show_default=False)
-    ] = 0
-    token: Annotated[
-        str,
-        option(
-            "TEXT",
-            "Secret that the page's address must hold; 16 or more letters and digits.",
-            envvar="FOGWATCH_PAGE_KEY",
-            show_envvar=True,
-        ),
-    ] = ""
+    host: Annotated[str, option("HOST", _HOST)] = "127.0.0.1"
+    port: Annotated[int, option("N", _PORT, "--page-port", show_default=False)] = 0
+    token: Annotated[str, option("TEXT", _TOKEN, envvar="FOGWATCH_PAGE_KEY", show_envvar=True)] = ""
     browser: Annotated[bool, option("", "Open the page in the default browser.", "--browser/--no-browser")] = False
 
 

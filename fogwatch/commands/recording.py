@@ -156,16 +156,12 @@ def _record_run(run: Path, out: Path | None) -> None:
     if out is not None:
         check_out(out, RECORDING)
     opened, going = open_folder(run)
-    from monitor.recording.run_recorder import Recorder, key_frame_ticks
+    from fogwatch.run_folder.derived import recorded
+    from monitor.recording.run_recorder import key_frame_ticks
     from monitor.replay.replay import play
 
-    recorder = Recorder(opened, file)
-    try:
+    with recorded(opened, file) as recorder:
         wrong = play(opened, [recorder])
-        recorder.close()
-    except BaseException:
-        recorder.abandon()
-        raise
     print_state(opened, going)
     if wrong is not None:
         since = wrong * opened.step
@@ -182,9 +178,6 @@ def _inspect_recording(file: Path, repair: Path | None) -> int:
     contents = inspect_recording(file, repair)
     facts = contents.facts
     by = facts.get("software") or facts.get("told_by")
-
-    def say(line: str) -> None:
-        say(line)
 
     say(f"{facts.get('scenario', '?')}: {contents.begin_s:g} to {contents.end_s:g} s, by {by}")
     scale = facts.get("fog_scale_s", "?")

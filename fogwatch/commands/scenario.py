@@ -13,7 +13,7 @@ from fogwatch.cli.command_help import command, group
 from fogwatch.cli.ending import say
 from fogwatch.cli.options import option
 from fogwatch.run_options import PRESETS, overrides_of, patrol_option, settings_option
-from patrol.errors import BadInput
+from patrol.files.whole_file import writing
 from patrol.printable import printable
 from patrol.radio.fleet_key import fleet_key
 from patrol.scenario import Scenario, dump_scenario, naming, open_scenario, scenario_hash, scenario_schema
@@ -28,9 +28,8 @@ if TYPE_CHECKING:
 app = group("scenario", "Print or check a scenario, or print the JSON schema of scenario files.")
 
 What = Annotated[str, typer.Argument(metavar="SCENARIO", help="Scenario file, map file or built-in terrain.")]
-Settings = Annotated[
-    list[str] | None, settings_option("Set a field, such as patrol.options.separation=none. Repeatable.")
-]
+_SET = "Set a field, such as patrol.options.separation=none. Repeatable."
+Settings = Annotated[list[str] | None, settings_option(_SET)]
 Patrol = Annotated[str | None, patrol_option()]
 Preset = Annotated[str | None, option("|".join(PRESETS), "As for fogwatch run; --set holds over it.")]
 
@@ -112,11 +111,9 @@ def _starts_text(robots: int, given: int) -> str:
     count = "1 robot" if robots == 1 else f"{robots} robots"
     if given == 0:
         return f"{count}, placed at random"
-    if given == robots:
-        return f"{count}, at {'a given start' if robots == 1 else 'given starts'}"
-    return (
-        f"{count}, {given} of them at {'a given start' if given == 1 else 'given starts'}, the others placed at random"
-    )
+    starts = "a given start" if given == 1 else "given starts"
+    mixed = f"{count}, {given} of them at {starts}, the others placed at random"
+    return f"{count}, at {starts}" if given == robots else mixed
 
 
 def _fault_lines(scenario: Scenario) -> Iterator[str]:
@@ -165,7 +162,5 @@ def schema(out: Annotated[Path | None, option("FILE", "File to write (default: p
     if out is None:
         typer.echo(text, nl=False)
         return
-    try:
+    with writing(out):
         out.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise BadInput(f"{out}: cannot be written ({error.strerror}); choose another file") from None

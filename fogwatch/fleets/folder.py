@@ -23,9 +23,10 @@ import shutil
 import time
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from fogwatch.fleets.certificates import facts, issue, make_authority, problem
 from patrol.errors import BadInput
@@ -78,19 +79,19 @@ _NUMBERS = re.compile(r"[0-9.]*")
 _WITH_PORT = re.compile(r"(?:[^:]+|\[.*\]):[0-9]+")
 
 
-@dataclass(slots=True)
-class FleetFolder:
-    """A fleet's folder."""
+class FleetFolder(BaseModel):
+    """A fleet's folder: where it is, and what is in `FILE`."""
 
-    path: Path
+    model_config = ConfigDict(strict=True)
+
+    path: Path = Field(exclude=True)
     fleet: str
-    hosts: list[str]  # of the router's machine, the one that members use first; empty in a mesh
-    port: int  # TCP, of the router; in a mesh UDP, of each host's first member
+    hosts: list[str] = []  # of the router's machine, the one that members use first; empty in a mesh
+    port: int = Field(ge=1, le=_LAST_PORT)  # TCP, of the router; in a mesh UDP, of each host's first member
     token: str  # of the operators
-    members: dict[str, str] = field(default_factory=dict)  # common name of each one's certificate, by `Role.user`
-    issued: dict[str, int] = field(default_factory=dict)  # number of certificates each member has got, by `Role.user`
-    # in a mesh, known locators by `Role.user`; revoked members keep theirs
-    places: dict[str, str] = field(default_factory=dict)
+    members: dict[str, str] = {}  # common name of each one's certificate, by `Role.user`
+    issued: dict[str, int] = {}  # number of certificates each member has got, by `Role.user`
+    places: dict[str, str] = {}  # in a mesh, known locators by `Role.user`; revoked members keep theirs
 
     @property
     def is_mesh(self) -> bool:
@@ -98,27 +99,34 @@ class FleetFolder:
         return not self.hosts
 
     @property
+    def roles(self) -> dict[str, Role]:
+        """The members' roles by `Role.user`."""
+        return {user: role_of(user, FILE) for user in self.members}
+
+    @property
     def router(self) -> str:
         """The router's locator, as members use it."""
-        return member_locator(self.hosts, self.port)
+        return f"tls/{_join_authority(self.hosts[0], self.port)}"
 
     @property
     def mesh(self) -> Mesh | None:
         """The fleet as its members know it that meet without a router; None where there is one."""
         if not self.is_mesh:
             return None
-        roles = {common_name: role_of(user, FILE) for user, common_name in self.members.items()}
-        return Mesh(self.fleet, roles, {user: address for user, address in self.places.items() if user in self.members})
+        places = {user: address for user, address in self.places.items() if user in self.members}
+        return Mesh(self.fleet, self._roles_by_certificate(), places)
 
     @property
     def listen(self) -> str:
-        """The locator that the router listens on."""
-        return listening_locator(self.hosts, self.port)
+        """The locator that the router listens on: all addresses of its machine, or this machine alone."""
+        if all(is_loopback(host) for host in self.hosts):
+            return self.router
+        return f"tls/{_any_address(self.hosts)}:{self.port}"
 
     @property
     def absent(self) -> list[str]:
         """The names of members whose folders are not here; they may have been moved to their machines."""
-        return [role.name for user in self.members if not (self.path / (role := role_of(user, FILE)).name).is_dir()]
+        return [role.name for role in self.roles.values() if not (self.path / role.name).is_dir()]
 
     def add(self, role: Role, days: int, host: str | None = None, called: str = "--host") -> None:
         """Add a member with a certificate that is valid for `days`.
@@ -149,7 +157,7 @@ class FleetFolder:
         is not here, it is made anew, with a certificate that is valid for `days`.
         """
         if role.user not in self.members:
-            names = ", ".join(sorted(role_of(user, FILE).name for user in self.members))
+            names = ", ".join(sorted(member.name for member in self.roles.values()))
             raise BadInput(f"{role.name}: is no member of {self.fleet}; members are {names}")
         del self.members[role.user]
         counterpart = {WORLD_ROLE: OPERATOR, OPERATOR: WORLD_ROLE}.get(role)
@@ -183,9 +191,8 @@ class FleetFolder:
         names = [*dict.fromkeys([*self.hosts, *LOCAL])]
         issue(self.path / AUTHORITY_FOLDER, folder, router_name(self.fleet), days, names)
         if self.router != before:
-            for role in (role_of(user, FILE) for user in self.members):
-                if (self.path / role.name).is_dir():
-                    self._write_member(role, self.path / role.name)
+            for role in self._roles_here():
+                self._write_member(role, self.path / role.name)
         self._save_files()
 
     def check(self, now_s: float) -> Iterator[tuple[str, bool, str]]:
@@ -197,9 +204,8 @@ class FleetFolder:
             yield AUTHORITY_FOLDER, *_judge_expiry(facts(self.path / AUTHORITY_FOLDER / CERTIFICATE).ends_s, now_s)
         except BadInput as bad:
             yield AUTHORITY_FOLDER, False, str(bad)
-        of_router = {} if self.is_mesh else {THE_ROUTER: ""}
-        for user, common_name in {**of_router, **self.members}.items():
-            name = user if user == THE_ROUTER else role_of(user, FILE).name
+        names = {role.name: self.members[user] for user, role in self.roles.items()}
+        for name, common_name in {**({} if self.is_mesh else {THE_ROUTER: ""}), **names}.items():
             folder = self.path / name
             if not folder.exists():
                 yield name, True, "its folder is not here (it may have been moved to its machine)"
@@ -219,25 +225,23 @@ class FleetFolder:
 
     def _save_files(self) -> None:
         """Write fleet.json, and what follows from it: the router's rules, or the file of the mesh and its copies."""
-        fields = {
-            "fleet": self.fleet,
-            "hosts": self.hosts,
-            "port": self.port,
-            "token": self.token,
-            "members": self.members,
-            "issued": self.issued,
-            **({"places": self.places} if self.is_mesh else {}),
-        }
+        fields = self.model_dump(exclude=None if self.is_mesh else {"places"})
         replace_private(self.path / FILE, f"{json.dumps(fields, indent=2)}\n")
         if (mesh := self.mesh) is not None:
-            here = [role.name for role in mesh.members.values() if (self.path / role.name).is_dir()]
-            for folder in (self.path, *(self.path / name for name in here)):
+            for folder in (self.path, *(self.path / role.name for role in self._roles_here())):
                 replace_private(folder / MESH, mesh_json(mesh))
             return
-        roles = {common_name: role_of(user, FILE) for user, common_name in self.members.items()}
         folder = self.path / THE_ROUTER
         folder.mkdir(mode=0o700, exist_ok=True)
-        replace_private(folder / ROUTER, router_json(fleet_keys(self.fleet), self.listen, roles))
+        rules = router_json(fleet_keys(self.fleet), self.listen, self._roles_by_certificate())
+        replace_private(folder / ROUTER, rules)
+
+    def _roles_by_certificate(self) -> dict[str, Role]:
+        return {self.members[user]: role for user, role in self.roles.items()}
+
+    def _roles_here(self) -> list[Role]:
+        """Return the members whose folders are here."""
+        return [role for role in self.roles.values() if (self.path / role.name).is_dir()]
 
 
 def make_fleet(
@@ -260,10 +264,11 @@ def make_fleet(
         raise BadInput(f"{path}: exists already; to add a member, use: fogwatch fleet add {path} NAME")
     keys = fleet_keys(fleet, "--name")
     roles = [*map(_robot_role, robots), *(role for role in roles_of(robots) if role.kind is not Kind.ROBOT)]
-    if not _is_port(port):
+    if not 1 <= port <= _LAST_PORT:
         raise BadInput(f"--port {port}: ports go from 1 to {_LAST_PORT}; choose one of them")
     router_hosts = [] if places else checked_hosts(hosts) or [*LOCAL]
-    new_fleet = FleetFolder(path, keys.fleet, router_hosts, port, os.urandom(16).hex())
+    token = os.urandom(16).hex()
+    new_fleet = FleetFolder(path=path, fleet=keys.fleet, hosts=router_hosts, port=port, token=token)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with _made_whole(path) as part:
@@ -318,27 +323,18 @@ def open_fleet_folder(path: Path) -> FleetFolder:
     if not (path / FILE).exists():
         raise BadInput(f"{path}: no fleet's folder, because it holds no {FILE}; make one with: fogwatch fleet init")
     fields = read_object(path / FILE, "fleet", secret=True)
-    members, issued, places, hosts = (
-        fields.get(name, empty) for name, empty in (("members", {}), ("issued", {}), ("places", {}), ("hosts", []))
-    )
-    fine = (
-        isinstance(fields.get("fleet"), str)
-        and isinstance(fields.get("token"), str)
-        and _is_port(fields.get("port"))
-        and isinstance(hosts, list)
-        and isinstance(members, dict)
-        and isinstance(issued, dict)
-        and isinstance(places, dict)
-        and all(isinstance(value, str) for value in (*hosts, *members.values(), *places.values()))
-        and all(isinstance(value, int) for value in issued.values())
-    )
-    if not fine or not (hosts or "places" in fields):
-        raise BadInput(f"fleet: {path / FILE}: is damaged; restore it, or make a new fleet: fogwatch fleet init")
-    for user in members:
+    remedy = "restore it, or make a new fleet: fogwatch fleet init"
+    damaged = BadInput(f"fleet: {path / FILE}: is damaged; {remedy}")
+    try:
+        fleet = FleetFolder.model_validate({**fields, "path": path})
+    except ValidationError:
+        raise damaged from None
+    if fleet.is_mesh and "places" not in fields:
+        raise damaged
+    for user in fleet.members:
         role_of(user, f"fleet: {path / FILE}")
-    keys = fleet_keys(fields["fleet"])
-    own_hosts, port, token = checked_hosts(hosts), fields["port"], fields["token"]
-    return FleetFolder(path, keys.fleet, own_hosts, port, token, members, issued, places)
+    fleet.fleet, fleet.hosts = fleet_keys(fleet.fleet).fleet, checked_hosts(fleet.hosts)
+    return fleet
 
 
 def member_role(name: str) -> Role:
@@ -373,10 +369,6 @@ def _judge_expiry(ends_s: int, now_s: float) -> tuple[bool, str]:
     return True, f"valid until {day}{', which is soon' if ends_s - now_s < _SOON_S else ''}"
 
 
-def _is_port(value: object) -> bool:
-    return type(value) is int and 1 <= value <= _LAST_PORT
-
-
 @contextmanager
 def _made_whole(folder: Path) -> Iterator[Path]:
     """Make a folder that gets its name when its files are complete; remove it if that fails."""
@@ -399,11 +391,6 @@ def checked_hosts(hosts: Sequence[str], called: str = "--host") -> list[str]:
     return [*dict.fromkeys(_check_host(host, called) for host in hosts)]
 
 
-def member_locator(hosts: Sequence[str], port: int) -> str:
-    """Return the locator that members use: that of the first of the router's checked hosts."""
-    return f"tls/{_join_authority(hosts[0], port)}"
-
-
 def mesh_locator(host: str, port: int, taken: Collection[str]) -> str:
     """Return the locator of a member that others connect to without a router.
 
@@ -419,11 +406,9 @@ def _join_authority(host: str, port: int) -> str:
     return f"[{host}]:{port}" if ":" in host else f"{host}:{port}"
 
 
-def listening_locator(hosts: Sequence[str], port: int) -> str:
-    """Return the locator that the router listens on: all addresses of its machine, or this machine alone."""
-    if all(is_loopback(host) for host in hosts):
-        return member_locator(hosts, port)
-    return f"tls/{'[::]' if any(':' in host for host in hosts) else '0.0.0.0'}:{port}"
+def _any_address(hosts: Sequence[str]) -> str:
+    """Return the address to listen on by which all of a machine's hosts are reached."""
+    return "[::]" if any(":" in host for host in hosts) else "0.0.0.0"
 
 
 def _check_host(host: str, called: str) -> str:
@@ -485,8 +470,7 @@ def make_robot_router(
     if VIEWER.user in fleet.members:
         members[fleet.members[VIEWER.user]] = viewer_rights(form, namespace)
     lies = folder.absolute() if place is None else place
-    everywhere = "[::]" if any(":" in host for host in own_hosts) else "0.0.0.0"
-    listen = [f"tcp/127.0.0.1:{local_port}", f"tls/{everywhere if own_hosts else '127.0.0.1'}:{port}"]
+    listen = [f"tcp/127.0.0.1:{local_port}", f"tls/{_any_address(own_hosts) if own_hosts else '127.0.0.1'}:{port}"]
     tls = {
         "root_ca_certificate": str(lies / AUTHORITY),
         "listen_certificate": str(lies / CERTIFICATE),

@@ -32,6 +32,7 @@ from patrol.process.exit_codes import BAD_INPUT, INTERRUPTED
 from patrol.security.access import write_pointer
 from patrol.security.credentials import read_credentials
 from patrol.security.keys import fleet_keys
+from patrol.security.roles import VIEWER, WORLD_ROLE, robot_role
 from patrol.starting.forking import can_fork
 from patrol.starting.readiness import StartFailure
 from patrol.wire import read
@@ -113,7 +114,7 @@ class Launch:
         ours, theirs = socket.socketpair()
         with theirs:
             own_arguments = ["--out", str(self.folder.path), "--process-control", str(theirs.fileno())]
-            arguments = [*self._common_arguments(secrets.of_world), *own_arguments]
+            arguments = [*self._common_arguments(secrets.of_role(WORLD_ROLE)), *own_arguments]
             self.children.spawn(WORLD, "worldsim", arguments, self._log_file(WORLD), inherit=[theirs.fileno()])
         self._control = ProcessControlServer(ours, self.children, self.robots, self.restart)
         if self._fork_server is None:
@@ -133,7 +134,7 @@ class Launch:
             self._fork_server.await_start(self.stop)
             self._spawn_agents()
         try:
-            credentials = read_credentials(self._of_run.of_viewer, "the run")
+            credentials = read_credentials(self._of_run.of_role(VIEWER), "the run")
             link = open_link(self._endpoint, ROUTER_S, stopped=self.stop, credentials=credentials)
         except LinkDown as down:
             if self.stop():
@@ -230,7 +231,7 @@ class Launch:
         agent.incarnation = incarnation
 
     def _agent_arguments(self, name: str, incarnation: int) -> list[str]:
-        common = self._common_arguments(self._of_run.of_robot(name))
+        common = self._common_arguments(self._of_run.of_role(robot_role(name)))
         return [*common, "--robot", name, "--incarnation", str(incarnation)]
 
     def _log_file(self, name: str) -> Path:

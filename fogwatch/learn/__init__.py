@@ -19,18 +19,8 @@ from agent.learned.network import Layers, action_of, flattened
 from fogwatch.learn.environments import OneRobotEnv, PatrolEnv, one_env, parallel_env
 from fogwatch.learn.episode import Episode
 
-__all__ = [
-    "PARALLEL_ID",
-    "SINGLE_ID",
-    "Episode",
-    "Layers",
-    "OneRobotEnv",
-    "PatrolEnv",
-    "action_of",
-    "flattened",
-    "one_env",
-    "parallel_env",
-]
+__all__ = ["PARALLEL_ID", "SINGLE_ID", "Episode", "Layers", "OneRobotEnv", "PatrolEnv", "action_of", "flattened"]
+__all__ += ["one_env", "parallel_env"]
 
 PARALLEL_ID = "fogwatch/patrol-v0"
 SINGLE_ID = "fogwatch/patrol-one-v0"

@@ -364,16 +364,6 @@ def one_env(
     Raises:
         BadInput: As of `parallel_env`; or there are several robots.
     """
-    fleet = parallel_env(
-        scenario,
-        {"robots.count": 1, **(overrides or {})},
-        actions=actions,
-        decide=decide,
-        inputs=inputs,
-        window=window,
-        heard=heard,
-        reward=reward,
-        keep=keep,
-        render_mode=render_mode,
-    )
-    return OneRobotEnv(fleet)
+    options: dict[str, Any] = {"actions": actions, "decide": decide, "inputs": inputs, "window": window, "heard": heard}
+    alone = {"robots.count": 1, **(overrides or {})}
+    return OneRobotEnv(parallel_env(scenario, alone, reward=reward, keep=keep, render_mode=render_mode, **options))

@@ -42,9 +42,8 @@ MAPPINGS = {
 
 FOLDERS = ("out", "folder")
 
-FIELDS = {name: f"robots.{name}" for name in ("count", "model", "radius", "speed", "starts")} | {
-    "robots": "robots.count"
-}
+_OF_ROBOTS = ("count", "model", "radius", "speed", "starts")
+FIELDS = {"robots": "robots.count", **{name: f"robots.{name}" for name in _OF_ROBOTS}}
 """Fields that have another name as an option of the command."""
 
 

@@ -232,10 +232,8 @@ class Run:
         mean, bound = figures.mfow_mean_s, figures.bound_s
         mfow = "no ticks" if mean is None else f"MFoW mean {mean:.1f} s (bound {bound:.1f} s)"
         simulated = f"{figures.simulated_s:g} s simulated{', interrupted' if self.interrupted else ''}"
-        outcome, warned = (
-            ("unknown", False) if (judged := figures.verdict) is None else (judged.outcome, judged.warnings)
-        )
-        verdict = f"{outcome}{', with warnings' if warned else ''}"
+        judged = figures.verdict
+        verdict = "unknown" if judged is None else f"{judged.outcome}{', with warnings' if judged.warnings else ''}"
         return f"<Run {figures.name}: {mfow}, {simulated}, verdict {verdict}, in {self.folder}>"
 
     def _repr_html_(self) -> str:

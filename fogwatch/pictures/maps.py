@@ -12,19 +12,7 @@ from numpy.typing import NDArray
 
 from fogwatch.grounds.map_align import Place, WallMap, moved
 from fogwatch.grounds.map_check import MapReport
-from monitor.figures.ground import (
-    Box,
-    Key,
-    Layer,
-    canvas,
-    cropped,
-    draw_outline,
-    key_column,
-    label,
-    paint,
-    painted,
-    save,
-)
+from monitor.figures import ground as figures
 from patrol.ground.cspace import grown
 from patrol.ground.doors import Door
 from patrol.ground.terrain import BoolGrid, Terrain
@@ -66,39 +54,39 @@ def map_picture(report: MapReport, out: Path, marks: Sequence[Mark] = ()) -> Non
     unseen = terrain.passable & ~fields.patrolled
     unreached = fields.patrolled & ~fields.reach
     layers = [
-        Layer(WALL, "wall or unknown", ~terrain.passable),
-        Layer(REACHABLE, "reached by the body's centre", fields.reach),
-        Layer(SEEN, "seen, but no place for the centre", unreached & ~sealed & ~terrain.keep_out),
-        Layer(KEEP_OUT, "keep-out area, but seen", unreached & ~sealed & terrain.keep_out),
-        Layer(SEALED_SEEN, "sealed off, but seen", sealed & unreached),
-        Layer(SEALED, "sealed off and never seen", sealed & unseen),
-        Layer(NEVER_SEEN, "never seen: small parts, blind corners", unseen & ~sealed),
-        Layer(PERHAPS_UNKNOWN, "read as free, perhaps unknown", report.perhaps_unknown),
+        figures.Layer(WALL, "wall or unknown", ~terrain.passable),
+        figures.Layer(REACHABLE, "reached by the body's centre", fields.reach),
+        figures.Layer(SEEN, "seen, but no place for the centre", unreached & ~sealed & ~terrain.keep_out),
+        figures.Layer(KEEP_OUT, "keep-out area, but seen", unreached & ~sealed & terrain.keep_out),
+        figures.Layer(SEALED_SEEN, "sealed off, but seen", sealed & unreached),
+        figures.Layer(SEALED, "sealed off and never seen", sealed & unseen),
+        figures.Layer(NEVER_SEEN, "never seen: small parts, blind corners", unseen & ~sealed),
+        figures.Layer(PERHAPS_UNKNOWN, "read as free, perhaps unknown", report.perhaps_unknown),
     ]
     title = f"{terrain.name}: a body of {report.radius:g} m radius, a sensor of {report.sensor_range:g} m"
-    shown, window = cropped(terrain, terrain.passable)
-    figure, axes = canvas(shown, title)
-    paint(axes, shown, painted(terrain.shape, layers)[window], ~shown.passable)
+    shown, window = figures.cropped(terrain, terrain.passable)
+    figure, axes = figures.canvas(shown, title)
+    figures.paint(axes, shown, figures.painted(terrain.shape, layers)[window], ~shown.passable)
     doors = sorted(report.doors, key=lambda door: (door.passes, door.width))[:MOST_DOORS]
-    boxes: list[Box] = []
+    boxes: list[figures.Box] = []
     for door in doors:
         _draw_door(axes, door, boxes)
     for number, part in enumerate(report.parts, start=1):
-        label(axes, part.x, part.y, str(number), size=9.0, taken=boxes)
+        figures.label(axes, part.x, part.y, str(number), size=9.0, taken=boxes)
     keys = [
-        Key(layer.colour, f"{layer.label}: {np.count_nonzero(layer.mask) * terrain.point_area:.1f} m²")
+        figures.Key(layer.colour, f"{layer.label}: {np.count_nonzero(layer.mask) * terrain.point_area:.1f} m²")
         for layer in layers
         if layer.mask.any()
     ]
-    keys += [Key(ALERT, "door too narrow for the body, m", "X")] * any(not door.passes for door in doors)
-    keys += [Key(PASSES, "door that lets it pass, m", "o")] * any(door.passes for door in doors)
-    key_column(figure, axes, shown, keys + _draw_marks(axes, terrain, marks))
-    save(figure, out)
+    keys += [figures.Key(ALERT, "door too narrow for the body, m", "X")] * any(not door.passes for door in doors)
+    keys += [figures.Key(PASSES, "door that lets it pass, m", "o")] * any(door.passes for door in doors)
+    figures.key_column(figure, axes, shown, keys + _draw_marks(axes, terrain, marks))
+    figures.save(figure, out)
 
 
-def _draw_marks(axes: Axes, terrain: Terrain, marks: Sequence[Mark]) -> list[Key]:
+def _draw_marks(axes: Axes, terrain: Terrain, marks: Sequence[Mark]) -> list[figures.Key]:
     """Draw outlines, places and names; return their lines of the legend."""
-    keys: dict[str, Key] = {}
+    keys: dict[str, figures.Key] = {}
     for mark in marks:
         colour, sign, above = MARKS[mark.kind], "-", 0.0
         if mark.points is None:
@@ -106,23 +94,23 @@ def _draw_marks(axes: Axes, terrain: Terrain, marks: Sequence[Mark]) -> list[Key
             axes.plot(*mark.at, sign, color=colour, markersize=9, markeredgecolor="white", zorder=6)
         else:
             style, above = ("dashed", 12.0) if mark.closes else ("solid", 0.0)  # doors have their widths there
-            draw_outline(axes, terrain, mark.points, colors=colour, linewidths=1.8, linestyles=style, zorder=5)
-        label(axes, *mark.at, mark.label, colour=colour, size=8.0, above=above)
-        keys[mark.kind] = Key(colour, KINDS[mark.kind], sign)
+            figures.draw_outline(axes, terrain, mark.points, colors=colour, linewidths=1.8, linestyles=style, zorder=5)
+        figures.label(axes, *mark.at, mark.label, colour=colour, size=8.0, above=above)
+        keys[mark.kind] = figures.Key(colour, KINDS[mark.kind], sign)
     return [keys[kind] for kind in MARKS if kind in keys]
 
 
-def _draw_door(axes: Axes, door: Door, taken: list[Box]) -> None:
+def _draw_door(axes: Axes, door: Door, taken: list[figures.Box]) -> None:
     """Draw a circle as wide as the door, a cross where the body does not pass, and the width."""
     from matplotlib.patches import Circle
 
     colour = PASSES if door.passes else ALERT
     axes.add_patch(Circle((door.x, door.y), 0.5 * door.width, facecolor=colour, edgecolor=colour, alpha=0.35, zorder=4))
     if door.passes:
-        label(axes, door.x, door.y, f"{door.width:.2f}", taken=taken)
+        figures.label(axes, door.x, door.y, f"{door.width:.2f}", taken=taken)
         return
     axes.plot(door.x, door.y, marker="X", markersize=7, color=ALERT, markeredgecolor="white", zorder=5)
-    label(axes, door.x, door.y, f"{door.width:.2f}", colour=ALERT, above=9.0, taken=taken)
+    figures.label(axes, door.x, door.y, f"{door.width:.2f}", colour=ALERT, above=9.0, taken=taken)
 
 
 OWN, OURS = "#d55e00", "#0077bb"
@@ -146,25 +134,25 @@ def overlay_picture(
     common = (walls_a & near_b) | (walls_b & near_a)
     common |= near_a & near_b & ~known_a & ~known_b  # the middle of a thick wall is on neither map
     layers = [
-        Layer(FREE_OWN, f"free on {names[0]} only", known_a & ~known_b),
-        Layer(FREE_OURS, f"free on {names[1]} only", known_b & ~known_a),
-        Layer(FREE_BOTH, "free on both", known_a & known_b),
-        Layer(OWN, f"wall of {names[0]} only", walls_a & ~common),
-        Layer(OURS, f"wall of {names[1]} only", walls_b & ~common),
-        Layer(WALL, "wall of both", common),
+        figures.Layer(FREE_OWN, f"free on {names[0]} only", known_a & ~known_b),
+        figures.Layer(FREE_OURS, f"free on {names[1]} only", known_b & ~known_a),
+        figures.Layer(FREE_BOTH, "free on both", known_a & known_b),
+        figures.Layer(OWN, f"wall of {names[0]} only", walls_a & ~common),
+        figures.Layer(OURS, f"wall of {names[1]} only", walls_b & ~common),
+        figures.Layer(WALL, "wall of both", common),
     ]
     degrees = math.degrees(transform.heading)
     title = f"{names[0]} on {names[1]}: shifted by ({transform.x:.2f}, {transform.y:.2f}) m, turned by {degrees:.1f}°"
-    figure, axes = canvas(sheet, title)
-    paint(axes, sheet, painted(sheet.shape, layers))
+    figure, axes = figures.canvas(sheet, title)
+    figures.paint(axes, sheet, figures.painted(sheet.shape, layers))
     for number, (x, y) in enumerate(landmarks, start=1):
         axes.plot(x, y, "o", color=ALERT, markersize=5.0, markeredgecolor="white", zorder=5)
-        label(axes, x, y, str(number), colour=ALERT, size=9.0, above=9.0)
-    keys = [Key(layer.colour, layer.label) for layer in layers]
+        figures.label(axes, x, y, str(number), colour=ALERT, size=9.0, above=9.0)
+    keys = [figures.Key(layer.colour, layer.label) for layer in layers]
     if landmarks:
-        keys.append(Key(ALERT, "landmark", "o"))
-    key_column(figure, axes, sheet, keys)
-    save(figure, out)
+        keys.append(figures.Key(ALERT, "landmark", "o"))
+    figures.key_column(figure, axes, sheet, keys)
+    figures.save(figure, out)
 
 
 def _common_sheet(a: WallMap, b: WallMap, transform: Pose) -> Terrain:
@@ -201,28 +189,27 @@ def region_picture(terrain: Terrain, radius: float, split: RegionSplit, out: Pat
     """Draw the regions of a terrain, and their connections for a body of a radius, m."""
     count = len(split.polygons)
     title = f"{terrain.name}: {count} region{'' if count == 1 else 's'}, connected for a body of {radius:g} m radius"
-    figure, axes = canvas(terrain, title)
+    figure, axes = figures.canvas(terrain, title)
     image = np.empty((*terrain.shape, 3), dtype=np.uint8)
     image[:] = rgb(WALL)
-    shades = np.array([rgb(COLOURS[shade]) for shade in _region_shades(split.labels, count)], dtype=np.float64).reshape(
-        -1, 3
-    )
+    colours = [rgb(COLOURS[shade]) for shade in _region_shades(split.labels, count)]
+    shades = np.array(colours, dtype=np.float64).reshape(-1, 3)
     inside, fits = split.labels >= 0, split.parts >= 0
     image[inside] = (255.0 - PALER * (255.0 - shades[split.labels[inside]])).astype(np.uint8)
     image[fits] = shades[split.labels[fits]].astype(np.uint8)
-    paint(axes, terrain, image)
+    figures.paint(axes, terrain, image)
     for number, polygon in enumerate(split.polygons):
         _draw_region(axes, number, polygon)
     for link in split.connections:
         axes.plot(link.x, link.y, "o", color=ALERT, markersize=4.0, markeredgecolor="white", zorder=5)
     keys = [
-        Key(WALL, "wall, unknown, or kept out of"),
-        Key(COLOURS[0], "a region, where the body's centre fits"),
-        Key(BORDER, "border of a region", "-"),
-        Key(ALERT, f"connecting point ({len(split.connections)})", "o"),
+        figures.Key(WALL, "wall, unknown, or kept out of"),
+        figures.Key(COLOURS[0], "a region, where the body's centre fits"),
+        figures.Key(BORDER, "border of a region", "-"),
+        figures.Key(ALERT, f"connecting point ({len(split.connections)})", "o"),
     ]
-    key_column(figure, axes, terrain, keys)
-    save(figure, out)
+    figures.key_column(figure, axes, terrain, keys)
+    figures.save(figure, out)
 
 
 def _draw_region(axes: Axes, number: int, polygon: tuple[tuple[float, float], ...]) -> None:
@@ -230,7 +217,7 @@ def _draw_region(axes: Axes, number: int, polygon: tuple[tuple[float, float], ..
     axes.fill(xs, ys, fill=False, edgecolor=BORDER, linewidth=0.9, zorder=4)
     left, right = axes.get_xlim()
     if min(np.ptp(xs), np.ptp(ys)) > NAMED * (right - left):
-        label(axes, float(xs.mean()), float(ys.mean()), str(number), size=7.0)
+        figures.label(axes, float(xs.mean()), float(ys.mean()), str(number), size=7.0)
 
 
 def _region_shades(labels: NDArray[np.int32], count: int) -> list[int]:

@@ -10,18 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from monitor.figures.ground import (
-    Box,
-    Key,
-    Layer,
-    canvas,
-    cropped,
-    fog_scale,
-    key_column,
-    label,
-    paint,
-    save,
-)
+from monitor.figures import ground as figures
 from patrol.closures.ground import ChangingFootprint
 from patrol.closures.points import Closings
 from patrol.errors import BadInput
@@ -66,38 +55,38 @@ def run_picture(run_folder: Path, out: Path, prepared: Prepared | None = None) -
     ages = run.fog.age(run.tick) * scenario.step
     mfow, mean = run.fog.mfow(run.tick) * scenario.step, run.fog.mean(run.tick) * scenario.step
     title = f"{scenario.name}: fog after {run.tick * scenario.step:g} s, MFoW {mfow:g} s, mean {mean:.1f} s"
-    shown, window = cropped(terrain, counted)
-    figure, axes = canvas(shown, title)
-    scale = fog_scale(max(mfow, scenario.step))
+    shown, window = figures.cropped(terrain, counted)
+    figure, axes = figures.canvas(shown, title)
+    scale = figures.fog_scale(max(mfow, scenario.step))
     image = np.asarray(scale.to_rgba(ages, bytes=True)[..., :3])
     layers = [
-        Layer(WALL, "wall or unknown", ~terrain.passable),
-        Layer(UNCOUNTED, "can never be seen, does not count", terrain.passable & ~counted),
-        Layer(NEVER_SEEN, "never seen", never),
+        figures.Layer(WALL, "wall or unknown", ~terrain.passable),
+        figures.Layer(UNCOUNTED, "can never be seen, does not count", terrain.passable & ~counted),
+        figures.Layer(NEVER_SEEN, "never seen", never),
     ]
     for layer in layers:
         image[layer.mask] = rgb(layer.colour)
-    paint(axes, shown, image[window], ~shown.passable)
-    keys = [Key(layer.colour, layer.label) for layer in layers if layer.mask.any()]
-    keys.append(Key("#ffffff", f"paths, with the last {RECENT_S:g} s stronger:", ""))
+    figures.paint(axes, shown, image[window], ~shown.passable)
+    keys = [figures.Key(layer.colour, layer.label) for layer in layers if layer.mask.any()]
+    keys.append(figures.Key("#ffffff", f"paths, with the last {RECENT_S:g} s stronger:", ""))
     recent = max(round(RECENT_S / scenario.step), 1)
     robots = [
         facts
         for facts in journal.header.robots
         if facts.number not in scenario.spares or run.last[facts.number].status != Status.ABSENT
     ]
-    boxes: list[Box] = []
+    boxes: list[figures.Box] = []
     for index, facts in enumerate(robots):
         colour = ROBOTS[index % len(ROBOTS)]
         _draw_path(axes, run.tracks[facts.number], recent, colour)
         if run.last[facts.number].status.is_present:
             _draw_body(axes, run.last[facts.number], facts, colour, boxes)
         if index < MOST_NAMES:
-            keys.append(Key(colour, f"{facts.name}{_fate_text(run.last[facts.number].status)}", "-"))
+            keys.append(figures.Key(colour, f"{facts.name}{_fate_text(run.last[facts.number].status)}", "-"))
     if len(robots) > MOST_NAMES:
-        keys.append(Key("#ffffff", f"and {len(robots) - MOST_NAMES} more", ""))
-    key_column(figure, axes, shown, keys, scale, "time since last seen (s)")
-    save(figure, out)
+        keys.append(figures.Key("#ffffff", f"and {len(robots) - MOST_NAMES} more", ""))
+    figures.key_column(figure, axes, shown, keys, scale, "time since last seen (s)")
+    figures.save(figure, out)
 
 
 @dataclass(frozen=True, slots=True)
@@ -143,19 +132,18 @@ def _draw_path(axes: Axes, track: NDArray[np.float64], recent: int, colour: str)
     axes.plot(late[:, 0], late[:, 1], color=colour, linewidth=1.5, zorder=4, solid_capstyle="round")
 
 
-def _draw_body(axes: Axes, robot: RobotTick, facts: RobotFacts, colour: str, taken: list[Box]) -> None:
+def _draw_body(axes: Axes, robot: RobotTick, facts: RobotFacts, colour: str, taken: list[figures.Box]) -> None:
     """Draw a robot where it ended, with a stroke for its heading, or crossed out if it did not live to the end."""
     from matplotlib.patches import Circle
 
-    axes.add_patch(
-        Circle((robot.x, robot.y), facts.radius, facecolor=colour, edgecolor="#ffffff", linewidth=1.0, zorder=5)
-    )
+    place = robot.x, robot.y
+    axes.add_patch(Circle(place, facts.radius, facecolor=colour, edgecolor="#ffffff", linewidth=1.0, zorder=5))
     if robot.status == Status.ALIVE:
         ahead = (robot.x + facts.radius * math.cos(robot.heading), robot.y + facts.radius * math.sin(robot.heading))
         axes.plot((robot.x, ahead[0]), (robot.y, ahead[1]), color="#ffffff", linewidth=1.0, zorder=5)
     else:
         axes.plot(robot.x, robot.y, marker="X", markersize=9, color=SHUT, markeredgecolor="white", zorder=5)
-    label(axes, robot.x, robot.y, facts.name, above=10.0, taken=taken)
+    figures.label(axes, robot.x, robot.y, facts.name, above=10.0, taken=taken)
 
 
 def _fate_text(status: Status) -> str:

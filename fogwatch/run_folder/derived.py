@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -17,6 +18,8 @@ if TYPE_CHECKING:
     from fogwatch.run_folder.runfolder import RunFolder
     from fogwatch.run_options import RunChoices
     from fogwatch.terminal.live_table import RunDisplay
+    from monitor.recording.run_recorder import Recorder
+    from monitor.replay.run import Run
     from patrol.ground.fog import Fog
     from patrol.ground.footprint import View
     from patrol.prepare import Prepared
@@ -111,7 +114,6 @@ def _write_files(
     report: Path | None,
     progress: _Progress,
 ) -> None:
-    from monitor.recording.run_recorder import Recorder
     from monitor.replay.replay import Watcher, play
     from monitor.replay.run import read_run
     from monitor.report.analysis import analyse
@@ -122,22 +124,29 @@ def _write_files(
     except BadInput:
         key = None  # it was removed meanwhile; the report says that tags were not checked
     run = read_run(journal.path.parent, journal, prepared, summary, key)
-    recorder = None if recording is None else Recorder(run, recording)
-    along: list[Watcher] = [progress, *([recorder] if recorder else [])]
-    try:
-        analysis = None
+    analysis = None
+    with nullcontext() if recording is None else recorded(run, recording) as recorder:
+        along: list[Watcher] = [progress, *([recorder] if recorder else [])]
         if report is None:
             play(run, along)
         else:
             analysis = analyse(run, along)
-        if recorder is not None:
-            recorder.close()
-    except BaseException:
-        if recorder is not None:
-            recorder.abandon()
-        raise
     if report is not None and analysis is not None:
         write_report(analysis, report)
+
+
+@contextmanager
+def recorded(run: Run, file: Path) -> Iterator[Recorder]:
+    """Give what records a run as it is played; after an error nothing of the file stays."""
+    from monitor.recording.run_recorder import Recorder
+
+    recorder = Recorder(run, file)
+    try:
+        yield recorder
+        recorder.close()
+    except BaseException:
+        recorder.abandon()
+        raise
 
 
 def _draw_pictures(folder: RunFolder, prepared: Prepared, say: Callable[[str], None]) -> None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import time
 from collections import Counter
 from collections.abc import Callable, Mapping
-from typing import Protocol
 
 from rich.console import Console, RenderableType
 from rich.control import Control
@@ -48,53 +47,29 @@ STATUS_STYLES = {
 """The text styles of the robots' statuses."""
 
 
-class RunDisplay(Protocol):
-    """Shows the progress of a run."""
+class RunDisplay:
+    """Shows the progress of a run; this one shows nothing."""
 
     def say(self, line: str) -> None:
         """Show a line of text."""
-        ...
 
     def metrics(self, metrics: Metrics) -> None:
         """Show the measures of the run so far."""
-        ...
 
     def notice(self, notice: Notice) -> None:
         """Show an event."""
-        ...
 
     def progress(self, step: str, share: float | None = None) -> None:
         """Show how far a step of the run's end is, such as ``writing report.html``.
 
         Several may go on at once. `share` is how much of it is done, 0 to 1; None when unknown.
         """
-        ...
 
     def close(self) -> None:
         """Stop showing: the run is over."""
-        ...
 
 
-class SilentDisplay:
-    """A display that shows nothing."""
-
-    def say(self, line: str) -> None:
-        """Do nothing."""
-
-    def metrics(self, metrics: Metrics) -> None:
-        """Do nothing."""
-
-    def notice(self, notice: Notice) -> None:
-        """Do nothing."""
-
-    def progress(self, step: str, share: float | None = None) -> None:
-        """Do nothing."""
-
-    def close(self) -> None:
-        """Do nothing."""
-
-
-class CallbackDisplay(SilentDisplay):
+class CallbackDisplay(RunDisplay):
     """Passes metrics on to a function and shows nothing else."""
 
     def __init__(self, metrics: Callable[[Metrics], None]) -> None:
@@ -106,7 +81,7 @@ class CallbackDisplay(SilentDisplay):
         self._tell(metrics)
 
 
-class PlainDisplay:
+class PlainDisplay(RunDisplay):
     """A display that prints a line every few seconds."""
 
     def __init__(self, console: Console) -> None:
@@ -137,30 +112,18 @@ class PlainDisplay:
             self._step_due[step] = now + PLAIN_S
             self.say(f"{step} ..." if begins or share is None else f"{step}: {100.0 * share:.0f} %")
 
-    def close(self) -> None:
-        """Do nothing."""
 
-
-class LiveTable:
-    """A display that keeps a table of the robots at the bottom of a terminal."""
+class LiveTable(PlainDisplay):
+    """A display that keeps a table of the robots at the bottom of a terminal, and prints lines above it."""
 
     def __init__(self, console: Console) -> None:
+        super().__init__(console)
         self._live = Live(console=console, refresh_per_second=8, transient=True)
-        self._console = console
-        self._started = False
         self._steps: dict[str, tuple[float, float | None]] = {}
-
-    def say(self, line: str) -> None:
-        """Print a line above the table."""
-        self._console.print(printable_lines(line), markup=False, highlight=False, soft_wrap=True)
 
     def metrics(self, metrics: Metrics) -> None:
         """Update the table."""
         self._show_content(_metrics_table(metrics))
-
-    def notice(self, notice: Notice) -> None:
-        """Print an event above the table."""
-        self.say(_notice_text(notice))
 
     def progress(self, step: str, share: float | None = None) -> None:
         """Show a bar for each step that goes on, instead of the table."""
@@ -172,14 +135,10 @@ class LiveTable:
 
     def close(self) -> None:
         """Remove the table."""
-        if self._started:
-            self._live.stop()
-            self._started = False
+        self._live.stop()
 
     def _show_content(self, content: RenderableType) -> None:
-        if not self._started:
-            self._live.start()
-            self._started = True
+        self._live.start()
         self._live.update(content)
 
 
@@ -199,7 +158,7 @@ class _StepBars:
         return rows
 
 
-class GuardedDisplay:
+class GuardedDisplay(RunDisplay):
     """A display whose failures do not reach the run.
 
     Any error of the other display is counted, and reported once through it; the run goes on.
@@ -251,9 +210,9 @@ class _QuietOnBrokenPipe(Console):
 
 def make_display(quiet: bool) -> RunDisplay:
     """Make the display that suits the standard error: a live table on a terminal, else plain lines."""
-    console = _QuietOnBrokenPipe(stderr=True)
     if quiet:
-        return SilentDisplay()
+        return RunDisplay()
+    console = _QuietOnBrokenPipe(stderr=True)
     return GuardedDisplay(LiveTable(console) if console.is_terminal else PlainDisplay(console))
 
 
@@ -361,9 +320,8 @@ def kernel_bar(console: Console) -> Callable[[Compiled], None] | None:
         console.control(Control(ControlType.CARRIAGE_RETURN, (ControlType.ERASE_IN_LINE, 2)))
         if compiled.kernels < compiled.of:
             filled = WIDTH * compiled.kernels // compiled.of
-            line = Text.assemble(
-                (full * filled, "green"), (empty * (WIDTH - filled), "dim"), f" {progress_line(compiled)}"
-            )
+            bar = (full * filled, "green"), (empty * (WIDTH - filled), "dim")
+            line = Text.assemble(*bar, f" {progress_line(compiled)}")
             line.truncate(console.width - 1)  # a second row would stay
             console.print(line, end="", no_wrap=True)
 

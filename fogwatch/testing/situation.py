@@ -173,9 +173,8 @@ def draw_situation(
 
     shared: Shared = shared_by(prepared)
     blind = Beliefs(inboxes_of(scenario, [1], prepared.terrain.bounds, None), _blind_footprint(shared.footprint))
-    mind = build_mind(
-        prepared, 1, shared=replace(shared, beliefs=blind), kind=PolicyKind(kind.name, make, kind.options, kind.ours)
-    )
+    noted = PolicyKind(kind.name, make, kind.options, kind.ours)
+    mind = build_mind(prepared, 1, shared=replace(shared, beliefs=blind), kind=noted)
     ticks_ago = {name: _age_ticks(age, "ages", name, grid, scenario) for name, age in (ages or {}).items()}
     silent = {name: _age_ticks(age, "heard", name, grid, scenario) for name, age in (heard or {}).items()}
     for name in silent:
@@ -225,9 +224,8 @@ def _read_drawing(drawing: str) -> Drawn:
         raise BadInput(f"drawing: has more than {MOST_DRAWN} characters; draw a smaller one")
     for number, line in enumerate(lines, start=1):
         if len(line) != len(lines[0]):
-            raise BadInput(
-                f"drawing: line {number} has {len(line)} characters, line 1 {len(lines[0])}; make them equal"
-            )
+            lengths = f"{len(line)} characters, line 1 {len(lines[0])}"
+            raise BadInput(f"drawing: line {number} has {lengths}; make them equal")
         for character in line:
             if not (character in (WALL, FLOOR) or (character.isascii() and character.isalnum() and character != "0")):
                 raise BadInput(f"drawing: line {number}: {printable(character)}: expected #, ., 1 to 9 or a letter")
@@ -280,10 +278,8 @@ def _make_scenario(
         "robots": {"count": len(poses), "model": "holonomic", "radius": BODY * side, "starts": starts},
     }
     if policy is not None:
-        named = (
-            policy if isinstance(policy, str) and policy in POLICIES.built_in else put_up(class_of(policy, POLICIES))
-        )
-        mapping["patrol"] = {"policy": named}
+        is_built_in = isinstance(policy, str) and policy in POLICIES.built_in
+        mapping["patrol"] = {"policy": policy if is_built_in else put_up(class_of(policy, POLICIES))}
     chosen = {f"patrol.options.{name}": value for name, value in (options or {}).items()}
     return load_scenario(mapping, {**chosen, **(settings or {})}, called="situation")
 

@@ -15,7 +15,7 @@ from rich.console import Console
 
 import fogwatch
 from fogwatch.run_folder.derived import derive
-from fogwatch.terminal.live_table import PlainDisplay, SilentDisplay
+from fogwatch.terminal.live_table import PlainDisplay, RunDisplay
 from patrol.journal import read_journal
 from patrol.prepare import prepare
 from patrol.process.lifeline import InterruptedBySignal
@@ -200,7 +200,7 @@ def test_the_files_of_a_report_are_found_from_where_it_lies(
 def test_an_interruption_leaves_neither_file_nor_parts_of_one(ran: Path, tmp_path: Path, at: int) -> None:
     """Early in the replay, and after its last tick."""
 
-    class Interrupting(SilentDisplay):
+    class Interrupting(RunDisplay):
         calls = 0
 
         def progress(self, *_: object) -> None:

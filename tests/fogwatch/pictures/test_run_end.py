@@ -130,7 +130,7 @@ def test_a_spare_robot_that_never_joined_is_left_out(tmp_path: Path, monkeypatch
         named.extend(key.label for key in drawn[3])
         key_column(*drawn)
 
-    monkeypatch.setattr("fogwatch.pictures.run_end.key_column", noted)
+    monkeypatch.setattr("monitor.figures.ground.key_column", noted)
     prepared = run(
         tmp_path, robots={"count": 2, "spare": 2, "model": "holonomic"}, faults=[{"kind": "join", "who": "r3", "at": 9}]
     )
