@@ -281,15 +281,10 @@ def _as_processes(scenario: Scenario, folder: RunFolder, options: RunOptions) ->
         raise KeyboardInterrupt if launch.interrupted else LaunchFailed(launch.children.by_name[WORLD].describe_end())
     if exit_codes[WORLD] != 0:
         options.display.say(launch.children.by_name[WORLD].describe_end())
-    return _ended_as_processes(folder, prepared, exit_codes, options)
+    return _judge_ended(folder, prepared, exit_codes, options)
 
 
-def _ended_as_processes(
-    folder: RunFolder,
-    prepared: Prepared,
-    exit_codes: Mapping[str, int | None],
-    options: RunOptions,
-) -> Run:
+def _judge_ended(folder: RunFolder, prepared: Prepared, codes: Mapping[str, int | None], options: RunOptions) -> Run:
     """Judge a run whose processes have ended, and write its files."""
     from fogwatch.launch.launcher import LaunchFailed
     from fogwatch.run_folder.derived import JUDGING, show_progress
@@ -304,7 +299,7 @@ def _ended_as_processes(
     operated = prepared.as_operated(journal.events)
     try:
         options.display.progress(JUDGING)
-        judging = Judge(journal, exit_codes, operated, baseline_s=_baseline_mfow(operated, options))
+        judging = Judge(journal, codes, operated, baseline_s=_baseline_mfow(operated, options))
         for count, record in enumerate(journal.ticks, 1):
             judging.tick(record)
             show_progress(options.display, JUDGING, count, operated.scenario.ticks)
@@ -314,7 +309,7 @@ def _ended_as_processes(
     except InterruptedBySignal:
         options.display.say(f"interrupted before the run was judged; `fogwatch judge {folder.path}` judges it")
         raise
-    summary = summary.model_copy(update={"exit_codes": dict(exit_codes)})
+    summary = summary.model_copy(update={"exit_codes": dict(codes)})
     return _write_result(folder, operated, journal, verdict, summary, options)
 
 
@@ -376,12 +371,7 @@ def _write_static(prepared: Prepared, folder: RunFolder) -> None:
 
 
 def _write_result(
-    folder: RunFolder,
-    prepared: Prepared,
-    journal: RunRecord,
-    verdict: Verdict,
-    summary: Summary,
-    options: RunOptions,
+    folder: RunFolder, prepared: Prepared, journal: RunRecord, verdict: Verdict, summary: Summary, options: RunOptions
 ) -> Run:
     """Write the summary and the files that are made from the journal."""
     from fogwatch.run_folder.derived import write_files

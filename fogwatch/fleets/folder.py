@@ -31,16 +31,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from fogwatch.fleets.certificates import facts, issue, make_authority, problem
 from patrol.errors import BadInput
 from patrol.process import exhausted
-from patrol.security.credentials import (
-    AUTHORITY,
-    CERTIFICATE,
-    KEY,
-    MEMBER,
-    ROUTER,
-    Credentials,
-    as_json,
-    router_json,
-)
+from patrol.security.credentials import AUTHORITY, CERTIFICATE, KEY, MEMBER, ROUTER, Credentials, as_json, router_json
 from patrol.security.keys import check_locator, fleet_keys, is_loopback
 from patrol.security.mesh import MESH, Mesh, mesh_json, read_mesh
 from patrol.security.private_files import check_private, read_object, replace_private, write_private

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, nullcontext
+from contextlib import contextmanager, nullcontext, suppress
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -31,12 +32,7 @@ JUDGING, PICTURE = "judging the run", "drawing fog.png"
 
 
 def write_files(
-    folder: RunFolder,
-    prepared: Prepared,
-    journal: Journal,
-    summary: Summary,
-    files: RunChoices,
-    display: RunDisplay,
+    folder: RunFolder, prepared: Prepared, journal: Journal, summary: Summary, files: RunChoices, display: RunDisplay
 ) -> bool:
     """Write the files of a run that has ended, and show the progress; False when a signal has ended it."""
     try:
@@ -70,27 +66,46 @@ def derive(
     """
     step = f"writing {' and '.join(file.name for file in (recording, report) if file is not None)}"
     display.progress(step)
+    folder = journal.path.parent
     try:
         warm(("patrol", "monitor", "experiments"), display.say)
-        _write_files(journal, prepared, summary, recording, report, _Progress(display, step, prepared.scenario.ticks))
+        from monitor.replay.replay import Watcher, play
+        from monitor.replay.run import read_run
+        from monitor.report.analysis import analyse
+        from monitor.report.document import write_report
+
+        key = None
+        with suppress(BadInput):  # it was removed meanwhile; the report says that tags were not checked
+            key = fleet_key(prepared.scenario.radio.key)
+        run = read_run(folder, journal, prepared, summary, key)
+        with nullcontext() if recording is None else recorded(run, recording) as recorder:
+            along: list[Watcher] = [
+                _Progress(display, step, prepared.scenario.ticks),
+                *([recorder] if recorder else []),
+            ]
+            analysis = None if report is None else analyse(run, along)
+            if report is None:
+                play(run, along)
+        if report is not None and analysis is not None:
+            write_report(analysis, report)
     except ImportError as error:
         display.say(f"no recording and no report: {error.name} is not installed (pip install 'fogwatch[monitor]')")
     except (BadInput, MemoryError) as error:
         display.say(f"no recording or no report: {told(error) if isinstance(error, MemoryError) else error}")
     except OSError as error:
-        commands = f"`fogwatch record {journal.path.parent}` and `fogwatch report {journal.path.parent}`"
+        commands = f"`fogwatch record {folder}` and `fogwatch report {folder}`"
         why = f"cannot be written ({error.strerror}); make room, then: {commands}"
         display.say(f"no recording or no report: {why}")
     display.progress(step, 1.0)
 
 
+@dataclass(frozen=True)
 class _Progress:
     """Follows a replay and shows how much of a step is done."""
 
-    def __init__(self, display: RunDisplay, step: str, ticks: int) -> None:
-        self._display = display
-        self._step = step
-        self._ticks = ticks
+    display: RunDisplay
+    step: str
+    ticks: int
 
     def before(self, k: int, fog: Fog, views: Sequence[View]) -> None:
         """Do nothing."""
@@ -98,41 +113,12 @@ class _Progress:
     def after(self, k: int, fog: Fog) -> None:
         """Show that a tick is done."""
         del fog
-        show_progress(self._display, self._step, k + 1, self._ticks)
+        show_progress(self.display, self.step, k + 1, self.ticks)
 
 
 def show_progress(display: RunDisplay, step: str, done: int, ticks: int) -> None:
     """Show how many ticks of a step are done; after the last one, more work of unknown length may follow."""
     display.progress(step, done / ticks if done < ticks else None)
-
-
-def _write_files(
-    journal: Journal,
-    prepared: Prepared,
-    summary: Summary,
-    recording: Path | None,
-    report: Path | None,
-    progress: _Progress,
-) -> None:
-    from monitor.replay.replay import Watcher, play
-    from monitor.replay.run import read_run
-    from monitor.report.analysis import analyse
-    from monitor.report.document import write_report
-
-    try:
-        key = fleet_key(prepared.scenario.radio.key)
-    except BadInput:
-        key = None  # it was removed meanwhile; the report says that tags were not checked
-    run = read_run(journal.path.parent, journal, prepared, summary, key)
-    analysis = None
-    with nullcontext() if recording is None else recorded(run, recording) as recorder:
-        along: list[Watcher] = [progress, *([recorder] if recorder else [])]
-        if report is None:
-            play(run, along)
-        else:
-            analysis = analyse(run, along)
-    if report is not None and analysis is not None:
-        write_report(analysis, report)
 
 
 @contextmanager
