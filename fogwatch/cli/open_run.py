@@ -9,10 +9,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
-
 from fogwatch.cli.ending import note
-from fogwatch.cli.options import option
+from fogwatch.cli.options import argument, option
 from patrol.errors import BadInput
 from patrol.files.untrusted import JOURNAL, open_untrusted
 from patrol.starting.warmup import warm
@@ -23,7 +21,7 @@ if TYPE_CHECKING:
 FRESH_S = 30.0
 """Age of a journal's last write below which its run is taken to go on, where its drive has no locks."""
 
-RunFolder = Annotated[Path, typer.Argument(metavar="RUN", help="Folder of a run.")]
+RunFolder = Annotated[Path, argument("RUN", "Folder of a run.")]
 Key = Annotated[
     Path | None,
     option("FILE", "Key of the run's fleet, to check the tags of its messages (default: unchecked).", "--key"),

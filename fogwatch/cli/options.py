@@ -35,6 +35,11 @@ FIELDS = {
 """The scenario's fields that options set, by the names of the options' parameters."""
 
 
+def argument(metavar: str, text: str) -> Any:
+    """Return what makes a parameter an argument."""
+    return typer.Argument(metavar=metavar, help=text)
+
+
 def option(metavar: str, text: str, *names: str, panel: str | None = None, **more: Any) -> Any:
     """Return what makes a parameter an option; a flag has no metavar, and `names` such as ``--quick``."""
     return typer.Option(*names, metavar=metavar or None, help=text, rich_help_panel=panel, **more)

@@ -14,7 +14,7 @@ import typer
 
 from fogwatch.cli.command_help import command
 from fogwatch.cli.ending import complain, say
-from fogwatch.cli.options import option
+from fogwatch.cli.options import argument, option
 from patrol.errors import BadInput, did_you_mean, quoted
 
 if TYPE_CHECKING:
@@ -39,6 +39,15 @@ FOR_A_ZONE = "control zone: give its name, and whether it is on or its weight, s
 
 REFUSED, UNANSWERED = 1, 3
 
+_RUN = "Folder of a running fleet, an operator's credentials, or to stop robots a router's address."
+_WHAT = "pause, go, step, pace, fault, heal, close, open, intruder or zone; stop or release robots."
+_VALUE = (
+    "step: ticks; pace: factor of real time, or max; fault: the fault as YAML; heal: the id of a fault or an intruder, "
+    "as the answer to it says; close, open: the name of a closure; intruder: its place as [X, Y] in m, or {place: "
+    "[X, Y], for: S}; zone: {name: NAME, on: true or false}, or {name: NAME, weight: W}; stop, release: the robot "
+    "(default: all robots)."
+)
+
 
 @command(
     examples=[
@@ -62,30 +71,9 @@ REFUSED, UNANSWERED = 1, 3
     exit_codes="0 done, 1 refused, or a robot may still drive, 2 bad input, 3 no answer, or not from every robot",
 )
 def control(
-    run: Annotated[
-        Path,
-        typer.Argument(
-            metavar="RUN",
-            help="Folder of a running fleet, an operator's credentials, or to stop robots a router's address.",
-        ),
-    ],
-    do: Annotated[
-        str,
-        typer.Argument(
-            metavar="WHAT",
-            help="pause, go, step, pace, fault, heal, close, open, intruder or zone; stop or release robots.",
-        ),
-    ],
-    value: Annotated[
-        str | None,
-        typer.Argument(
-            metavar="[VALUE]",
-            help="step: ticks; pace: factor of real time, or max; fault: the fault as YAML; heal: the id of a fault or "
-            "an intruder, as the answer to it says; close, open: the name of a closure; intruder: its place as [X, Y] "
-            "in m, or {place: [X, Y], for: S}; zone: {name: NAME, on: true or false}, or {name: NAME, weight: W}; "
-            "stop, release: the robot (default: all robots).",
-        ),
-    ] = None,
+    run: Annotated[Path, argument("RUN", _RUN)],
+    do: Annotated[str, argument("WHAT", _WHAT)],
+    value: Annotated[str | None, argument("[VALUE]", _VALUE)] = None,
     wait: Annotated[float, option("S", "How long to wait for an answer, in s.")] = WAIT_S,
     fleet: Annotated[str | None, option("NAME", "The fleet's name, where RUN is a router's address.")] = None,
 ) -> int:

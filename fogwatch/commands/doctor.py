@@ -88,18 +88,10 @@ def _as_text(found: Examined, connect: str) -> str:
     lines = [f"{connect}: {found.speaks or 'no robot'}"]
     if found.topics:
         rows = [("topic", "type", "rate", "bytes", "publish", "obey", "frames")]
-        rows += [
-            (
-                topic.name,
-                topic.type_name or "?",
-                f"{topic.rate:.1f}/s" if topic.messages > 1 else str(topic.messages or "-"),
-                str(topic.size or "-"),
-                str(topic.publishers),
-                str(topic.subscribers),
-                ", ".join(topic.frames),
-            )
-            for topic in found.topics
-        ]
+        for topic in found.topics:
+            rate = f"{topic.rate:.1f}/s" if topic.messages > 1 else str(topic.messages or "-")
+            links = str(topic.publishers), str(topic.subscribers), ", ".join(topic.frames)
+            rows.append((topic.name, topic.type_name or "?", rate, str(topic.size or "-"), *links))
         lines += aligned(rows)
     for finding in found.findings:
         remedy = f"; {finding.remedy}" if finding.remedy else ""

@@ -11,11 +11,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
-
 from fogwatch.cli.command_help import command, group
 from fogwatch.cli.ending import say
-from fogwatch.cli.options import option
+from fogwatch.cli.options import argument, option
 from patrol.errors import BadInput
 from patrol.radio.fleet_key import new_key
 
@@ -27,27 +25,20 @@ WAIT_S = 60.0
 LONGEST_WAIT_S = 86400.0
 LISTEN_S = 3.0
 
+_CREDENTIALS = "A viewer's credentials, made by fogwatch fleet init, or the folder of a run of this machine."
+_SCENARIO = "Scenario of a fleet without a world, to follow its robots by their positions."
+_RADIO = "Direct radio of a fleet without a world: group, line, router, or this member's folder in a mesh."
+
 
 @dataclass(frozen=True)
 class FleetOptions:
     """The router or credentials by which a running fleet is reached."""
 
-    credentials: Annotated[
-        Path | None,
-        option("PATH", "A viewer's credentials, made by fogwatch fleet init, or the folder of a run of this machine."),
-    ] = None
+    credentials: Annotated[Path | None, option("PATH", _CREDENTIALS)] = None
     router: Annotated[str | None, option("LOCATOR", "Router of a running fleet, tcp/HOST:PORT.")] = None
     fleet: Annotated[str | None, option("NAME", "Name of the running fleet.")] = None
-    scenario: Annotated[
-        Path | None, option("FILE", "Scenario of a fleet without a world, to follow its robots by their positions.")
-    ] = None
-    radio: Annotated[
-        str | None,
-        option(
-            "LOCATOR|FOLDER",
-            "Direct radio of a fleet without a world: group, line, router, or this member's folder in a mesh.",
-        ),
-    ] = None
+    scenario: Annotated[Path | None, option("FILE", _SCENARIO)] = None
+    radio: Annotated[str | None, option("LOCATOR|FOLDER", _RADIO)] = None
 
     def check_one_fleet(self, command: str, run: Path | None) -> None:
         """Check that a command is given one of the folder of a run, credentials, or a router and a fleet's name."""
@@ -88,9 +79,7 @@ def _checked_seconds(seconds: float) -> float:
     return seconds
 
 
-RunningFleet = Annotated[
-    Path | None, typer.Argument(metavar="[RUN]", help="Folder of a running fleet, or an operator's credentials.")
-]
+RunningFleet = Annotated[Path | None, argument("[RUN]", "Folder of a running fleet, or an operator's credentials.")]
 Seconds = Annotated[float, option("S", "How long to listen, in s.", callback=_checked_seconds)]
 Wait = Annotated[float, option("S", "How long to wait for the fleet, in s.", callback=_checked_wait)]
 
@@ -125,7 +114,7 @@ PORT = 7447
 ROBOT_PORT = 7448
 """Beside the port of the robot's own programs."""
 
-Folder = Annotated[Path, typer.Argument(metavar="DIR", help="Folder of the fleet.")]
+Folder = Annotated[Path, argument("DIR", "Folder of the fleet.")]
 Days = Annotated[int, option("N", "How long certificates are valid, in days.")]
 Hosts = Annotated[
     list[str] | None,
@@ -145,7 +134,7 @@ Hosts = Annotated[
     ],
 )
 def init(
-    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder to make; it must not exist yet.")],
+    folder: Annotated[Path, argument("DIR", "Folder to make; it must not exist yet.")],
     robots: Annotated[
         str,
         option(
@@ -185,7 +174,7 @@ def init(
 @command(app, examples=["fogwatch fleet add yards-1 r4"])
 def add(
     folder: Folder,
-    member: Annotated[str, typer.Argument(metavar="NAME", help="A robot, world, viewer, operator, or router.")],
+    member: Annotated[str, argument("NAME", "A robot, world, viewer, operator, or router.")],
     host: Hosts = None,
     days: Days = DAYS,
 ) -> None:
@@ -217,9 +206,7 @@ def add(
 
 
 @command(app, examples=["fogwatch fleet revoke yards-1 r2"])
-def revoke(
-    folder: Folder, member: Annotated[str, typer.Argument(metavar="NAME", help="A robot, world, viewer or operator.")]
-) -> None:
+def revoke(folder: Folder, member: Annotated[str, argument("NAME", "A robot, world, viewer or operator.")]) -> None:
     """Take a member's rights away, for example because its machine was lost.
 
     Its certificate stays valid, but the router lets it do nothing any more after it has got its folder again and has
@@ -251,7 +238,7 @@ def revoke(
 )
 def robot_router(
     folder: Folder,
-    robot: Annotated[str, typer.Argument(metavar="NAME", help="The robot of the fleet whose agent drives it.")],
+    robot: Annotated[str, argument("NAME", "The robot of the fleet whose agent drives it.")],
     namespace: Annotated[str, option("NAME", "The ROS 2 robot's namespace (default: none).")] = "",
     domain: Annotated[int, option("N", "Its ROS_DOMAIN_ID.")] = 0,
     form: Annotated[
@@ -307,7 +294,7 @@ def check(folder: Folder) -> int:
 
 
 @command(app, examples=["fogwatch fleet key fleet.key"])
-def key(path: Annotated[Path, typer.Argument(metavar="FILE", help="File to write; it must not exist yet.")]) -> None:
+def key(path: Annotated[Path, argument("FILE", "File to write; it must not exist yet.")]) -> None:
     """Make a key that authenticates a fleet's messages: write it to a file that only its owner can read.
 
     It is random. Give each robot a copy, and name the file in the scenario: radio: {key: FILE}.

@@ -9,13 +9,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
-import typer
 from rich.console import Console
 from rich.table import Table
 
 from fogwatch.cli.command_help import command, group
 from fogwatch.cli.ending import note, say
-from fogwatch.cli.options import option
+from fogwatch.cli.options import argument, option
 from patrol.errors import BadInput, did_you_mean
 from patrol.files.whole_file import writing
 from patrol.files.yaml_text import parse_yaml, read_text
@@ -67,7 +66,7 @@ def named_terrain(what: str, point: float) -> Terrain:
 
 @command(app, examples=["fogwatch map check yards --radius 0.5 --picture yards.png"])
 def check(
-    what: Annotated[str, typer.Argument(metavar="MAP.yaml|BUILTIN", help=f"Map file, or one of {', '.join(LAYOUTS)}.")],
+    what: Annotated[str, argument("MAP.yaml|BUILTIN", f"Map file, or one of {', '.join(LAYOUTS)}.")],
     radius: Annotated[float, option("M", "Body radius in m.")] = 1.0,
     point: Annotated[float, option("M", "Side of one grid point in m.")] = 0.1,
     sensor_range: Annotated[float, option("M", "Sensor range in m.", "--range")] = 10.0,
@@ -89,7 +88,7 @@ def check(
     """Report how much of a map a robot can reach and see, what is sealed off and why, and the narrowest doors."""
     _check_lengths(radius=radius, point=point, range=sensor_range)
     starts = [_read_start(text) for text in start or []]
-    _warm_kernels()
+    warm(("patrol",), note, SELDOM)
     from fogwatch.grounds.map_check import check_map  # here: it imports kernels, which are compiled first
     from patrol.maps.doubts import doubts
 
@@ -308,10 +307,6 @@ def _check_lengths(**lengths_m: float | None) -> None:
             raise BadInput(f"--{name} = {value:g}: expected a finite number above 0, in m")
 
 
-def _warm_kernels() -> None:
-    warm(("patrol",), note, SELDOM)
-
-
 @command(
     app,
     examples=[
@@ -320,8 +315,8 @@ def _warm_kernels() -> None:
     ],
 )
 def align(
-    own: Annotated[str, typer.Argument(metavar="A", help="The robot's map: a map file.")],
-    ours: Annotated[str, typer.Argument(metavar="B", help=f"Our map: a map file, or one of {', '.join(LAYOUTS)}.")],
+    own: Annotated[str, argument("A", "The robot's map: a map file.")],
+    ours: Annotated[str, argument("B", f"Our map: a map file, or one of {', '.join(LAYOUTS)}.")],
     landmark: Annotated[
         list[str] | None, option("AX,AY=BX,BY", "Place on A that is a place on B, in m. Repeatable; two or more.")
     ] = None,
@@ -340,7 +335,7 @@ def align(
     pairs = [_read_pair(text) for text in landmark or []]
     if picture is not None and picture.suffix.lower() != ".png":
         raise BadInput(f"--picture {picture}: expected a name that ends in .png")
-    _warm_kernels()
+    warm(("patrol",), note, SELDOM)
     from fogwatch.grounds import map_align  # here: its library takes a while
 
     terrain_a, terrain_b = named_terrain(own, point), named_terrain(ours, point)
@@ -424,9 +419,7 @@ def _read_pair(text: str) -> tuple[Place, Place]:
 
 @command(app, examples=["fogwatch map regions yards --picture regions.png --polygons regions.yaml"])
 def regions(
-    what: Annotated[
-        str, typer.Argument(metavar="SCENARIO", help=f"Scenario file, map file or one of {', '.join(LAYOUTS)}.")
-    ],
+    what: Annotated[str, argument("SCENARIO", f"Scenario file, map file or one of {', '.join(LAYOUTS)}.")],
     point: Annotated[
         float | None, option("M", "Side of one grid point in m (default: the scenario's, or 0.1).")
     ] = None,
@@ -447,7 +440,7 @@ def regions(
     overrides = {field: value for field, value in field_lengths_m.items() if value is not None}
     scenario = open_scenario(what, overrides)
     widest = max(spec.radius for spec in scenario.roster)
-    _warm_kernels()
+    warm(("patrol",), note, SELDOM)
     from patrol.ground.cspace import cspace_of  # here: these import kernels, which are compiled first
     from patrol.prepare import terrain_of
     from patrol.regions.split import regions_by_hand, split_regions

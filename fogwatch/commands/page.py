@@ -10,12 +10,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
-import typer
-
 from fogwatch.cli.command_help import command
 from fogwatch.cli.ending import say
 from fogwatch.cli.open_run import Key, open_folder, print_state
-from fogwatch.cli.options import option
+from fogwatch.cli.options import argument, option
 from fogwatch.commands.fleet import WAIT_S, FleetOptions, RunningFleet, Wait
 from patrol.errors import BadInput
 from patrol.process.exit_codes import INTERRUPTED
@@ -47,8 +45,7 @@ class PageOptions:
 )
 def replay(
     runs: Annotated[
-        list[Path],
-        typer.Argument(metavar="RUN [RUN]", help="Folder of a run; of two, to see them side by side by one clock."),
+        list[Path], argument("RUN [RUN]", "Folder of a run; of two, to see them side by side by one clock.")
     ],
     page: PageOptions,
     key: Key = None,

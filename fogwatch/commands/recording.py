@@ -6,12 +6,10 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Annotated
 
-import typer
-
 from fogwatch.cli.command_help import command
 from fogwatch.cli.ending import note, say
 from fogwatch.cli.open_run import Key, RunFolder, open_folder, print_state
-from fogwatch.cli.options import option
+from fogwatch.cli.options import argument, option
 from fogwatch.commands.fleet import WAIT_S, FleetOptions, Wait
 from patrol.errors import BadInput, did_you_mean
 from patrol.files.untrusted import leads_out
@@ -74,9 +72,7 @@ def export(
     "before a fleet answered",
 )
 def record(
-    run: Annotated[
-        Path | None, typer.Argument(metavar="[RUN|FILE.mcap]", help="Folder of a run; with --check, a recording.")
-    ] = None,
+    run: Annotated[Path | None, argument("[RUN|FILE.mcap]", "Folder of a run; with --check, a recording.")] = None,
     out: Annotated[
         Path | None, option("FILE", "File to write (default: recording.mcap in the run's folder, or FLEET.mcap).")
     ] = None,

@@ -5,12 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
-
 from fogwatch.cli.command_help import command
 from fogwatch.cli.ending import say
 from fogwatch.cli.open_run import Key, RunFolder, open_folder, print_state
-from fogwatch.cli.options import option
+from fogwatch.cli.options import argument, option
 from patrol.errors import BadInput
 from patrol.printable import printable
 
@@ -55,7 +53,7 @@ def report(
 
 @command(examples=["fogwatch compare runs/yards-1 runs/yards-2 --out compare.html"])
 def compare(
-    runs: Annotated[list[Path], typer.Argument(metavar="RUN RUN...", help="Folders of two or more runs.")],
+    runs: Annotated[list[Path], argument("RUN RUN...", "Folders of two or more runs.")],
     out: Annotated[Path, option("FILE", "File to write.")] = Path("compare.html"),
     figures: Figures = None,
 ) -> None:

@@ -9,11 +9,9 @@ from contextlib import contextmanager, nullcontext
 from dataclasses import replace
 from typing import Annotated
 
-import typer
-
 from fogwatch.cli.command_help import command
 from fogwatch.cli.ending import complain
-from fogwatch.cli.options import option
+from fogwatch.cli.options import argument, option
 from fogwatch.run_options import PRESETS, Body, Changes, RunChoices
 from patrol.printable import printable
 from patrol.process.exit_codes import INTERRUPTED, UNKNOWN
@@ -22,6 +20,8 @@ from patrol.scenario import BUILTINS, MAX_ROBOTS, RobotGroup, Scenario, naming, 
 
 PAGE_SPARES = 2
 """Number of robots that may join a run with a live page, unless the scenario or an option sets another."""
+
+_SCENARIO = f"Scenario file, map file (map_server's YAML) or built-in terrain: {', '.join(BUILTINS)}."
 
 
 @command(
@@ -46,13 +46,7 @@ def demo() -> int:
     "interrupted",
 )
 def run(
-    what: Annotated[
-        str,
-        typer.Argument(
-            metavar="SCENARIO",
-            help=f"Scenario file, map file (map_server's YAML) or built-in terrain: {', '.join(BUILTINS)}.",
-        ),
-    ],
+    what: Annotated[str, argument("SCENARIO", _SCENARIO)],
     changes: Changes,
     choices: RunChoices,
     quiet: Annotated[bool, option("", "Print nothing but the run folder.", "--quiet", panel="Output")] = False,

@@ -11,7 +11,7 @@ import typer
 
 from fogwatch.cli.command_help import command, group
 from fogwatch.cli.ending import say
-from fogwatch.cli.options import option
+from fogwatch.cli.options import argument, option
 from fogwatch.run_options import PRESETS, overrides_of, patrol_option, settings_option
 from patrol.files.whole_file import writing
 from patrol.printable import printable
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 app = group("scenario", "Print or check a scenario, or print the JSON schema of scenario files.")
 
-What = Annotated[str, typer.Argument(metavar="SCENARIO", help="Scenario file, map file or built-in terrain.")]
+What = Annotated[str, argument("SCENARIO", "Scenario file, map file or built-in terrain.")]
 _SET = "Set a field, such as patrol.options.separation=none. Repeatable."
 Settings = Annotated[list[str] | None, settings_option(_SET)]
 Patrol = Annotated[str | None, patrol_option()]

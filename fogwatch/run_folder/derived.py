@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -42,7 +42,14 @@ def write_files(
             derive(journal, prepared, summary, recording, report, display)
         if files.picture:
             display.progress(PICTURE)
-            _draw_pictures(folder, prepared, display.say)
+            try:
+                from fogwatch.pictures.run_end import run_picture
+
+                run_picture(folder.path, folder.picture, prepared)
+            except ImportError as error:
+                display.say(f"no picture: {error.name} is not installed (pip install 'fogwatch[sim]')")
+            except (BadInput, OSError, MemoryError) as error:
+                display.say(f"no picture: {told(error) if isinstance(error, MemoryError) else error}")
             display.progress(PICTURE, 1.0)
     except InterruptedBySignal:
         commands = f"`fogwatch report {folder.path}` and `fogwatch record {folder.path}` write report and recording"
@@ -133,14 +140,3 @@ def recorded(run: Run, file: Path) -> Iterator[Recorder]:
     except BaseException:
         recorder.abandon()
         raise
-
-
-def _draw_pictures(folder: RunFolder, prepared: Prepared, say: Callable[[str], None]) -> None:
-    try:
-        from fogwatch.pictures.run_end import run_picture
-
-        run_picture(folder.path, folder.picture, prepared)
-    except ImportError as error:
-        say(f"no picture: {error.name} is not installed (pip install 'fogwatch[sim]')")
-    except (BadInput, OSError, MemoryError) as error:
-        say(f"no picture: {told(error) if isinstance(error, MemoryError) else error}")

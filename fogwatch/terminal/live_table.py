@@ -5,19 +5,12 @@ from __future__ import annotations
 import time
 from collections import Counter
 from collections.abc import Callable, Mapping
+from functools import partial
 
+from rich import progress as bars
 from rich.console import Console, RenderableType
 from rich.control import Control
 from rich.live import Live
-from rich.progress import (
-    BarColumn,
-    MofNCompleteColumn,
-    Progress,
-    ProgressColumn,
-    TextColumn,
-    TimeElapsedColumn,
-    TimeRemainingColumn,
-)
 from rich.progress_bar import ProgressBar
 from rich.segment import ControlType
 from rich.table import Table
@@ -168,37 +161,22 @@ class GuardedDisplay(RunDisplay):
         """Guard a display."""
         self.shown = shown
         self.failures = 0
-
-    def say(self, line: str) -> None:
-        """Show a line of text."""
-        self._attempt_show(lambda: self.shown.say(line))
-
-    def metrics(self, metrics: Metrics) -> None:
-        """Show the measures of the run so far."""
-        self._attempt_show(lambda: self.shown.metrics(metrics))
-
-    def notice(self, notice: Notice) -> None:
-        """Show an event."""
-        self._attempt_show(lambda: self.shown.notice(notice))
-
-    def progress(self, step: str, share: float | None = None) -> None:
-        """Show how far a step of the run's end is."""
-        self._attempt_show(lambda: self.shown.progress(step, share))
+        for name in ("say", "metrics", "notice", "progress"):
+            setattr(self, name, partial(self._attempt_show, getattr(shown, name)))
 
     def close(self) -> None:
         """Stop showing, and report how much could not be shown."""
         self._attempt_show(self.shown.close)
         if self.failures > 1:
-            self._attempt_show(lambda: self.shown.say(f"{self.failures} lines or tables could not be shown"))
+            self.say(f"{self.failures} lines or tables could not be shown")
 
-    def _attempt_show(self, show: Callable[[], None]) -> None:
+    def _attempt_show(self, show: Callable[..., None], *shown: object) -> None:
         try:
-            show()
+            show(*shown)
         except Exception as error:  # noqa: BLE001 - a display may fail in any way, and none of them may end a run
             self.failures += 1
             if self.failures == 1:
-                why = f"{type(error).__name__}: {error}"
-                self._attempt_show(lambda: self.shown.say(f"the display failed ({why}); the run goes on"))
+                self.say(f"the display failed ({type(error).__name__}: {error}); the run goes on")
 
 
 class _QuietOnBrokenPipe(Console):
@@ -287,22 +265,15 @@ WIDTH = 30
 """Width of the kernels' bar, in characters."""
 
 
-def bar_on(console: Console | None = None, left: ProgressColumn | None = None) -> Progress:
+def bar_on(console: Console | None = None, left: bars.ProgressColumn | None = None) -> bars.Progress:
     """Make a progress bar, which shows on a terminal only and is cleared away in the end.
 
     It is not started yet. `console` is the standard error, and `left`, its last column, the time left, unless given.
     """
-    console = console or Console(stderr=True)
-    return Progress(
-        TextColumn("{task.description}", style="cyan"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeElapsedColumn(),
-        left or TimeRemainingColumn(),
-        console=console,
-        transient=True,
-        disable=not console.is_terminal,
-    )
+    console, left = console or Console(stderr=True), left or bars.TimeRemainingColumn()
+    task = bars.TextColumn("{task.description}", style="cyan"), bars.BarColumn(), bars.MofNCompleteColumn()
+    hidden = not console.is_terminal
+    return bars.Progress(*task, bars.TimeElapsedColumn(), left, console=console, transient=True, disable=hidden)
 
 
 def kernel_bar(console: Console) -> Callable[[Compiled], None] | None:

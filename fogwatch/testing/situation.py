@@ -25,7 +25,6 @@ if TYPE_CHECKING:
     from agent.ports import Intent, Policy, PolicySetup
     from agent.view import View
     from patrol.ground.footprint import Footprint
-    from patrol.ground.terrain import Terrain
     from patrol.pose import Pose
     from patrol.scenario import Scenario
 
@@ -154,6 +153,7 @@ def draw_situation(
     from agent.build import Shared, build_mind, shared_by
     from agent.policies.found import PolicyKind, policy_of
     from patrol.exchange import Sensed
+    from patrol.ground.terrain import Terrain
     from patrol.pose import Pose
     from patrol.prepare import inboxes_of, prepare
     from patrol.radio.message import Position, as_received, encode
@@ -163,7 +163,7 @@ def draw_situation(
     places = {name: _middle_of(grid, name, side) for name in sorted(set(map(str, grid.flat)) - {WALL, FLOOR})}
     poses = {number: Pose(*places[str(number)], heading) for number in robots}
     scenario = _make_scenario(policy, options, poses, side, settings)
-    prepared = prepare(scenario, _drawn_terrain(grid, scenario.point))
+    prepared = prepare(scenario, Terrain("drawing", _point_characters(grid) != WALL, scenario.point))
     setups: list[PolicySetup] = []
     kind = policy_of(scenario)
 
@@ -248,12 +248,6 @@ def _middle_of(grid: Drawn, name: str, side: float) -> tuple[float, float]:
 def _point_characters(grid: Drawn) -> Drawn:
     """Return the character of each point, row 0 at the lowest y."""
     return grid[::-1].repeat(POINTS, axis=0).repeat(POINTS, axis=1)
-
-
-def _drawn_terrain(grid: Drawn, point: float) -> Terrain:
-    from patrol.ground.terrain import Terrain
-
-    return Terrain("drawing", _point_characters(grid) != WALL, point)
 
 
 def _make_scenario(
