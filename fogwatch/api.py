@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from fogwatch.launch.launcher import check_limits
 from fogwatch.notebook.arguments import checked_arguments, policy_name, scenario_of
 from fogwatch.notebook.run import Run
 from fogwatch.run_folder.runfolder import PolicyNotMade, RunFolder, fill, found_again, make_folder
@@ -243,7 +242,7 @@ def _in_this_process(scenario: Scenario, folder: RunFolder, options: RunOptions)
 
 
 def _as_processes(scenario: Scenario, folder: RunFolder, options: RunOptions) -> Run:
-    from fogwatch.launch.launcher import WORLD, Launch, LaunchFailed
+    from fogwatch.launch.launcher import WORLD, Launch, LaunchFailed, check_limits
     from patrol.prepare import prepare
     from worldsim.faults import Timeline
 

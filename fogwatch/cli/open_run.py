@@ -22,10 +22,8 @@ FRESH_S = 30.0
 """Age of a journal's last write below which its run is taken to go on, where its drive has no locks."""
 
 RunFolder = Annotated[Path, argument("RUN", "Folder of a run.")]
-Key = Annotated[
-    Path | None,
-    option("FILE", "Key of the run's fleet, to check the tags of its messages (default: unchecked).", "--key"),
-]
+_KEY = "Key of the run's fleet, to check the tags of its messages (default: unchecked)."
+Key = Annotated[Path | None, option("FILE", _KEY, "--key")]
 """The file that a run's scenario names is not opened: the run may be a stranger's."""
 
 

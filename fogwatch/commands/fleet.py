@@ -116,14 +116,11 @@ ROBOT_PORT = 7448
 
 Folder = Annotated[Path, argument("DIR", "Folder of the fleet.")]
 Days = Annotated[int, option("N", "How long certificates are valid, in days.")]
-Hosts = Annotated[
-    list[str] | None,
-    option(
-        "HOST",
-        "Name or address of the router's machine. Repeatable; members use the first. `add` keeps earlier ones. In a "
-        "fleet without a router `add` takes a robot's.",
-    ),
-]
+_HOSTS = (
+    "Name or address of the router's machine. Repeatable; members use the first. `add` keeps earlier ones. In a fleet "
+    "without a router `add` takes a robot's."
+)
+Hosts = Annotated[list[str] | None, option("HOST", _HOSTS)]
 
 
 @command(

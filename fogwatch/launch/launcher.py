@@ -313,15 +313,9 @@ class PageChild:
 
     def __init__(self, children: Children, arguments: Sequence[str], log: Path, say: Callable[[str], None]) -> None:
         """Start no page yet."""
-        self._children = children
-        self._arguments = arguments
-        self._log = log
-        self._say = say
-        self._key = os.urandom(16).hex()
-        self._address = ""
-        self._announced = False
-        self._restarts = 0
-        self._over = False
+        self._children, self._arguments, self._log, self._say = children, arguments, log, say
+        self._key, self._address = os.urandom(16).hex(), ""
+        self._announced, self._restarts, self._over = False, 0, False
 
     def start(self) -> None:
         """Serve a page, if its libraries are installed."""

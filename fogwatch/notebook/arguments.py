@@ -66,11 +66,9 @@ def checked_arguments(function: Callable[P, T]) -> Callable[P, T]:
             bound = signature.bind(*args, **kwargs)
         except TypeError as error:
             unknown = [argument for argument in kwargs if argument not in signature.parameters]
-            raise (
-                _no_argument(name, unknown[0], kwargs[unknown[0]], signature)
-                if unknown
-                else WrongArguments(f"{name}(): {error}; help({name}) explains every argument")
-            ) from None
+            if unknown:
+                raise _no_argument(name, unknown[0], kwargs[unknown[0]], signature) from None
+            raise WrongArguments(f"{name}(): {error}; help({name}) explains every argument") from None
         for argument, value in bound.arguments.items():
             bound.arguments[argument] = plain(value)
             if argument in MAPPINGS and value is not None:

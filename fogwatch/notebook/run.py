@@ -19,7 +19,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fogwatch.cli.open_run import open_folder
 from fogwatch.notebook.arguments import checked_arguments
 from monitor.replay.run_files import SUMMARY, journal_in
 from monitor.replay.summary_file import read_summary
@@ -267,6 +266,8 @@ class Run:
 
     @cached_property
     def _opened(self) -> tuple[ReplayedRun, bool]:
+        from fogwatch.cli.open_run import open_folder
+
         return open_folder(self.folder, self._key, _be_silent)
 
     @property
