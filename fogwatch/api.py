@@ -121,10 +121,10 @@ def run(
     if policy is not None:
         overrides["patrol.policy"] = policy_name(policy, in_process=in_process)
     loaded = scenario_of(scenario, overrides)
-    made: dict[str, Any] = {"page": False, "picture": picture, "recording": recording, "report": report}
+    files: dict[str, Any] = {"page": False, "picture": picture, "recording": recording, "report": report}
     display = RunDisplay() if progress is None else CallbackDisplay(progress)
     folder = None if out is None else Path(out)
-    options = RunOptions(out=folder, in_process=in_process, recovery=recovery, display=display, **made)
+    options = RunOptions(out=folder, in_process=in_process, recovery=recovery, display=display, **files)
     with naming(scenario, overrides) if isinstance(scenario, str | Path) else nullcontext():
         return execute(loaded, options)
 

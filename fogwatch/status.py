@@ -91,9 +91,9 @@ class FleetStatus:
         yield ""
         rows = [("robot", "process", "doing", "position", "x m", "y m", "wrong")]
         for robot in self.robots:
-            heard = "-" if robot.heard_s is None else f"{robot.heard_s:.1f} s ago"
+            heard_text = "-" if robot.heard_s is None else f"{robot.heard_s:.1f} s ago"
             x, y = ("-", "-") if robot.place is None else (f"{robot.place[0]:.1f}", f"{robot.place[1]:.1f}")
-            rows.append((robot.name, robot.status, robot.doing or "-", heard, x, y, robot.wrong))
+            rows.append((robot.name, robot.status, robot.doing or "-", heard_text, x, y, robot.wrong))
         yield from aligned(rows)
         yield ""
         yield from (f"fault in force: {fault}" for fault in self.faults)

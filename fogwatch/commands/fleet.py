@@ -162,7 +162,7 @@ def init(
         why = "is a router's address, and robots with addresses meet without one"
         raise BadInput(f"--host {host[0]}: {why}; choose one")
     new_fleet = make_fleet(folder, name or folder.name, names, host or [], port, days, places)
-    members = ", ".join(sorted(made.name for made in folder.iterdir() if made.is_dir() and made.name != "authority"))
+    members = ", ".join(sorted(part.name for part in folder.iterdir() if part.is_dir() and part.name != "authority"))
     mesh = f"without a router; {', '.join(new_fleet.places.values())}"
     where = mesh if new_fleet.is_mesh else f"router at {new_fleet.router}"
     say(f"{folder}: fleet {new_fleet.fleet}, {where}; copy each folder to its machine: {members}")

@@ -7,7 +7,7 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext
 from dataclasses import replace
-from typing import Annotated, Any
+from typing import Annotated
 
 from fogwatch.cli.command_help import command
 from fogwatch.cli.ending import complain
@@ -78,10 +78,15 @@ def run(
     display = make_display(quiet)
     if changes.preset is not None:
         display.say(f"preset {changes.preset}: {PRESETS[changes.preset]}")
-    show_kernels = None if quiet else kernel_bar(Console(stderr=True))
-    asked: dict[str, Any] = {"stop": lambda: bool(ending), "urgent": lambda: ending.times > 1}
-    shown: dict[str, Any] = {"display": display, "show_kernels": show_kernels}
-    options = RunOptions(**vars(choices), **asked, **shown, begin=begin, over=over)
+    options = RunOptions(
+        **vars(choices),
+        display=display,
+        begin=begin,
+        stop=lambda: bool(ending),
+        urgent=lambda: ending.times > 1,
+        over=over,
+        show_kernels=None if quiet else kernel_bar(Console(stderr=True)),
+    )
     try:
         with naming(what, overrides), ending_children() if choices.in_process else nullcontext():
             result = execute(scenario, options)

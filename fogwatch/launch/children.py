@@ -20,7 +20,6 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any
 
 from patrol.exchange import FIRST_INCARNATION
 from patrol.printable import printable
@@ -290,8 +289,8 @@ class ForkServer:
             with theirs:
                 descriptor = theirs.fileno()
                 arguments = ["--control", str(descriptor), "--kernels", ",".join(kernels), "--room", room_for(commands)]
-                more: dict[str, Any] = {"inherit": [descriptor], "reports_start": True, "environment": OF_MINDS}
-                self._child = children.spawn(FORK_SERVER, "agent.fork_server", arguments, log, **more)
+                server = FORK_SERVER, "agent.fork_server", arguments, log
+                self._child = children.spawn(*server, inherit=[descriptor], reports_start=True, environment=OF_MINDS)
         except BaseException:
             self._control.close()
             raise
