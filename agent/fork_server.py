@@ -1,6 +1,6 @@
 """``python -m agent.fork_server``: the agents of one run from one process that has loaded the modules that all need.
 
-The launcher starts it (`fogwatch.launch.fork_server`) and asks it for each robot's process. Its limits are in
+The launcher starts it (`fogwatch.launch.children`) and asks it for each robot's process. Its limits are in
 `patrol.starting.forking`.
 """
 

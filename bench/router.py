@@ -19,7 +19,7 @@ import psutil
 
 from bench.runner import Bench
 from fogwatch.launch.children import Children
-from fogwatch.launch.limits import free_port
+from fogwatch.launch.launcher import free_port
 from patrol.net.link import Link, open_link
 from patrol.net.mailbox import Mailbox
 from patrol.pose import Pose

@@ -24,48 +24,22 @@ if TYPE_CHECKING:
     from patrol.errors import BadInput
     from patrol.pose import Drive, Twist, Velocity
 
-__all__ = [
-    "BadInput",
-    "Bearing",
-    "Drive",
-    "Intent",
-    "Place",
-    "PlanResult",
-    "PolicySetup",
-    "Run",
-    "Stay",
-    "Steer",
-    "SweepResult",
-    "Twist",
-    "Velocity",
-    "View",
-    "load",
-    "plan",
-    "run",
-    "sweep",
-]
+__all__ = ["BadInput", "Bearing", "Drive", "Intent", "Place", "PlanResult", "PolicySetup", "Run", "Stay", "Steer"]
+__all__ += ["SweepResult", "Twist", "Velocity", "View", "load", "plan", "run", "sweep"]
 
-_HOMES = {
-    "BadInput": "patrol.errors",
-    "Bearing": "agent.ports",
-    "Drive": "patrol.pose",
-    "Intent": "agent.ports",
-    "Place": "agent.ports",
-    "PlanResult": "experiments.plan.result",
-    "PolicySetup": "agent.ports",
-    "Run": "fogwatch.notebook.run",
-    "Stay": "agent.ports",
-    "Steer": "agent.ports",
-    "SweepResult": "experiments.sweeps.result",
-    "Twist": "patrol.pose",
-    "Velocity": "patrol.pose",
-    "View": "agent.view",
-    "load": "fogwatch.notebook.run",
-    "plan": "experiments.plan.result",
-    "run": "fogwatch.api",
-    "sweep": "experiments.sweeps.result",
+_NAMES = {
+    "agent.ports": "Bearing Intent Place PolicySetup Stay Steer",
+    "agent.view": "View",
+    "experiments.plan.result": "PlanResult plan",
+    "experiments.sweeps.result": "SweepResult sweep",
+    "fogwatch.api": "run",
+    "fogwatch.notebook.run": "Run load",
+    "patrol.errors": "BadInput",
+    "patrol.pose": "Drive Twist Velocity",
 }
-"""The modules of the public names, imported on first use, so that child processes and short commands start quickly."""
+"""The public names by module, imported on first use, so that child processes and short commands start quickly."""
+
+_HOMES = {name: module for module, names in _NAMES.items() for name in names.split()}
 
 _RENAMED = {"Result": "Run"}
 """Deprecated names and their successors: they warn, and go with version 2."""

@@ -6,7 +6,7 @@ import os
 import shutil
 import time
 from collections.abc import Callable, Mapping
-from contextlib import closing
+from contextlib import closing, nullcontext
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
@@ -14,14 +14,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from fogwatch.launch.limits import check_limits
-from fogwatch.notebook.arguments import checked_arguments, scenario_of
-from fogwatch.notebook.policy import policy_name
+from fogwatch.notebook.arguments import checked_arguments, policy_name, scenario_of
 from fogwatch.notebook.run import Run
-from fogwatch.presets import chosen_settings
-from fogwatch.run_folder.runfolder import PolicyNotMade, RunFolder, fill, make_folder
-from fogwatch.run_options import RunChoices
-from fogwatch.terminal.live_table import CallbackDisplay, RunDisplay, SilentDisplay
+from fogwatch.run_folder.runfolder import PolicyNotMade, RunFolder, fill, found_again, make_folder
+from fogwatch.run_options import RunChoices, chosen_settings
+from fogwatch.terminal.live_table import CallbackDisplay, RunDisplay
 from patrol.errors import BadInput
 from patrol.measures.best_tour import round_of
 from patrol.measures.zoned import prepare_zones
@@ -36,7 +33,6 @@ from patrol.security.private_files import fleet_key
 from patrol.starting.warmup import seldom_kernels, warm
 
 if TYPE_CHECKING:
-    from fogwatch.launch.launcher import Launch
     from patrol.journal import Event, TickRecord
     from patrol.prepare import Prepared
     from patrol.starting.compiling import Compiled
@@ -68,7 +64,7 @@ class RunOptions(RunChoices):
         show_kernels: Shows how far compiling the kernels is; None for a line every few seconds.
     """
 
-    display: RunDisplay = field(default_factory=SilentDisplay)
+    display: RunDisplay = field(default_factory=RunDisplay)
     begin: Callable[[], None] = lambda: None
     stop: Callable[[], bool] = lambda: False
     urgent: Callable[[], bool] = lambda: False
@@ -124,20 +120,12 @@ def run(
     if policy is not None:
         overrides["patrol.policy"] = policy_name(policy, in_process=in_process)
     loaded = scenario_of(scenario, overrides)
-    options = RunOptions(
-        in_process=in_process,
-        recovery=recovery,
-        out=None if out is None else Path(out),
-        page=False,
-        picture=picture,
-        recording=recording,
-        report=report,
-        display=SilentDisplay() if progress is None else CallbackDisplay(progress),
-    )
-    if isinstance(scenario, str | Path):
-        with naming(scenario, overrides):
-            return execute(loaded, options)
-    return execute(loaded, options)
+    files: dict[str, Any] = {"page": False, "picture": picture, "recording": recording, "report": report}
+    display = RunDisplay() if progress is None else CallbackDisplay(progress)
+    folder = None if out is None else Path(out)
+    options = RunOptions(out=folder, in_process=in_process, recovery=recovery, display=display, **files)
+    with naming(scenario, overrides) if isinstance(scenario, str | Path) else nullcontext():
+        return execute(loaded, options)
 
 
 def execute(scenario: Scenario, options: RunOptions) -> Run:
@@ -253,8 +241,7 @@ def _in_this_process(scenario: Scenario, folder: RunFolder, options: RunOptions)
 
 
 def _as_processes(scenario: Scenario, folder: RunFolder, options: RunOptions) -> Run:
-    from fogwatch.launch.launcher import WORLD, Launch, LaunchFailed
-    from fogwatch.run_folder.reading import found_again
+    from fogwatch.launch.launcher import WORLD, Launch, LaunchFailed, check_limits
     from patrol.prepare import prepare
     from worldsim.faults import Timeline
 
@@ -264,20 +251,9 @@ def _as_processes(scenario: Scenario, folder: RunFolder, options: RunOptions) ->
     fleet, alike = f"{scenario.name}-{os.urandom(4).hex()}", scenario.patrol.policy in BUILT_IN
     absent = [names[number - 1] for number in Timeline(scenario).starts_absent]
     handle = os.open(folder.path, os.O_RDONLY | os.O_DIRECTORY)
-    launch = Launch(
-        folder,
-        fleet,
-        names,
-        options.display,
-        options.stop,
-        options.port,
-        options.urgent,
-        absent,
-        options.page,
-        scenario.radio.key,
-        alike,
-        seldom_kernels(scenario),
-    )
+    launch = Launch(folder, fleet, names, options.display, options.stop, options.port, options.urgent)
+    launch.absent, launch.page, launch.key = absent, options.page, scenario.radio.key
+    launch.alike, launch.kernels = alike, seldom_kernels(scenario)
     try:
         launch.start()
         prepared = prepared or prepare(scenario)
@@ -285,30 +261,28 @@ def _as_processes(scenario: Scenario, folder: RunFolder, options: RunOptions) ->
         _find_rounds(prepared, options.display)
         _write_static(prepared, folder)
         _begin_run(options)
-        _unfinished_folder(folder.static).rename(folder.static)
+        folder.unfinished_static.rename(folder.static)
         launch.watch()
     except BaseException:
         launch.interrupted = True
         raise
     finally:
-        exit_codes = _finish_processes(launch)
+        try:
+            exit_codes = launch.finish()
+        except KeyboardInterrupt:  # an interruption meanwhile ends them by force
+            exit_codes = launch.finish()
         folder = found_again(folder, handle, options.display.say)
-        for static in (folder.static, _unfinished_folder(folder.static)):
+        for static in (folder.static, folder.unfinished_static):
             shutil.rmtree(static, ignore_errors=True)
     options.over()
     if not folder.journal.exists():
         raise KeyboardInterrupt if launch.interrupted else LaunchFailed(launch.children.by_name[WORLD].describe_end())
     if exit_codes[WORLD] != 0:
         options.display.say(launch.children.by_name[WORLD].describe_end())
-    return _ended_as_processes(folder, prepared, exit_codes, options)
+    return _judge_ended(folder, prepared, exit_codes, options)
 
 
-def _ended_as_processes(
-    folder: RunFolder,
-    prepared: Prepared,
-    exit_codes: Mapping[str, int | None],
-    options: RunOptions,
-) -> Run:
+def _judge_ended(folder: RunFolder, prepared: Prepared, codes: Mapping[str, int | None], options: RunOptions) -> Run:
     """Judge a run whose processes have ended, and write its files."""
     from fogwatch.launch.launcher import LaunchFailed
     from fogwatch.run_folder.derived import JUDGING, show_progress
@@ -323,7 +297,7 @@ def _ended_as_processes(
     operated = prepared.as_operated(journal.events)
     try:
         options.display.progress(JUDGING)
-        judging = Judge(journal, exit_codes, operated, baseline_s=_baseline_mfow(operated, options))
+        judging = Judge(journal, codes, operated, baseline_s=_baseline_mfow(operated, options))
         for count, record in enumerate(journal.ticks, 1):
             judging.tick(record)
             show_progress(options.display, JUDGING, count, operated.scenario.ticks)
@@ -333,7 +307,7 @@ def _ended_as_processes(
     except InterruptedBySignal:
         options.display.say(f"interrupted before the run was judged; `fogwatch judge {folder.path}` judges it")
         raise
-    summary = summary.model_copy(update={"exit_codes": dict(exit_codes)})
+    summary = summary.model_copy(update={"exit_codes": dict(codes)})
     return _write_result(folder, operated, journal, verdict, summary, options)
 
 
@@ -358,25 +332,13 @@ def _announce_run(prepared: Prepared, folder: RunFolder, options: RunOptions) ->
 def _baseline_mfow(prepared: Prepared, options: RunOptions) -> float | None:
     """Return the mean MFoW (s) without faults; None where it is not wanted, or one process cannot find it out."""
     scenario = prepared.scenario
-    if not _needs_second_run(scenario, options) or options.stop():
+    is_judged = options.recovery and bool(scenario.faults) and scenario.radio.via == "ether"
+    if not is_judged or options.stop():
         return None
     from fogwatch.inprocess import fault_free_mfow
 
     options.display.say("running the scenario without its faults, to judge the recovery ...")
     return fault_free_mfow(prepared, options.stop)
-
-
-def _needs_second_run(scenario: Scenario, options: RunOptions) -> bool:
-    """Return whether the recovery is judged, by a second run without the faults."""
-    return options.recovery and bool(scenario.faults) and scenario.radio.via == "ether"
-
-
-def _finish_processes(launch: Launch) -> Mapping[str, int | None]:
-    """End all processes; an interruption meanwhile ends them by force."""
-    try:
-        return launch.finish()
-    except KeyboardInterrupt:
-        return launch.finish()
 
 
 def _find_rounds(prepared: Prepared, display: RunDisplay) -> None:
@@ -396,7 +358,7 @@ def _write_static(prepared: Prepared, folder: RunFolder) -> None:
     """Write the static fields for the processes, which wait until their folder is renamed."""
     from agent.psi import save_psi
 
-    part = _unfinished_folder(folder.static)
+    part = folder.unfinished_static
     try:
         prepare_zones(prepared)
         prepared.save(part)
@@ -406,18 +368,8 @@ def _write_static(prepared: Prepared, folder: RunFolder) -> None:
         raise BadInput(f"{folder.path}: the ground cannot be written for the processes ({why}); make room") from None
 
 
-def _unfinished_folder(static: Path) -> Path:
-    """Return the folder in which static fields are written until they are complete."""
-    return static.with_suffix(".part")
-
-
 def _write_result(
-    folder: RunFolder,
-    prepared: Prepared,
-    journal: RunRecord,
-    verdict: Verdict,
-    summary: Summary,
-    options: RunOptions,
+    folder: RunFolder, prepared: Prepared, journal: RunRecord, verdict: Verdict, summary: Summary, options: RunOptions
 ) -> Run:
     """Write the summary and the files that are made from the journal."""
     from fogwatch.run_folder.derived import write_files

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor
-from contextlib import suppress
+from contextlib import nullcontext, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -14,7 +14,7 @@ from agent.answers import policy_failure
 from agent.build import Shared, group_of, mind_maker, shared_by
 from agent.mind import MakeMind, Mind
 from agent.policies.found import PolicyKind, policy_of
-from agent.ports import Decision, PolicyFailed
+from agent.ports import PolicyFailed
 from patrol.errors import BadInput
 from patrol.exchange import FIRST_INCARNATION, Reply, Sensed
 from patrol.journal import Event, JournalWriter, Status, TickRecord, read_journal
@@ -119,47 +119,41 @@ class InProcessFleet:
 
     def phase_b(self, k: int, heard: Mapping[int, list[bytes]]) -> Mapping[int, Reply]:
         """Return every mind's command."""
-        numbers = list(heard)
         if not self._views:
             self._hear_beliefs(k, heard)
-        if self._pool is None:
-            replies = self._step_all(k, numbers, heard)
-        else:
-            groups = [
-                [number for number in numbers if group_of(number, self._threads) == group]
-                for group in range(self._threads)
-            ]
-            replies = {}
-            for some in self._pool.map(lambda group: self._step_all(k, group, heard), groups):
-                replies |= some
+
+        def step_group(group: int) -> dict[int, Reply | None]:
+            numbers = [number for number in heard if self._pool is None or group_of(number, self._threads) == group]
+            return {number: self._step_robot(k, number, heard) for number in numbers}
+
+        replies: dict[int, Reply | None] = {}
+        for some in (map if self._pool is None else self._pool.map)(step_group, range(self._threads)):
+            replies |= some
         self._views = {}
-        return {number: reply for number in numbers if (reply := replies[number]) is not None}
+        return {number: reply for number in heard if (reply := replies[number]) is not None}
 
     def lost(self) -> Sequence[tuple[int, Status, str]]:
         """Return the robots whose policy has failed in this tick; any other error of a mind fails the run."""
         lost = [(number, Status.LOST, reason) for number, reason in sorted(self._failed.items())]
         self._failed.clear()
         for number, _, _ in lost:
-            self._drop_robot(number)
+            self.kill(number)
         return lost
 
     def kill(self, number: int) -> None:
-        """Drop a mind, with all that it knew."""
-        self._drop_robot(number)
+        """Drop a mind, with all that it knew; one that leaves has nothing to put in order."""
+        self._minds.pop(number, None)
+        if self._beliefs is not None:
+            self._beliefs.leave(number)
 
-    def leave(self, number: int) -> None:
-        """Drop a mind; it has nothing to put in order."""
-        self._drop_robot(number)
+    leave = kill
 
     def pause(self, number: int) -> str:
         """Do nothing: a mind that is not called stands still, and has no process to look at."""
         del number
         return ""
 
-    def resume(self, number: int) -> str:
-        """Do nothing: the mind is called again."""
-        del number
-        return ""
+    resume = pause
 
     def start(self, number: int, incarnation: int) -> None:
         """Make a new mind."""
@@ -192,34 +186,21 @@ class InProcessFleet:
             poses = {number: as_received(self._sensed[number].pose) for number in heard}
             self._beliefs.hear(k, poses, heard)
 
-    def _drop_robot(self, number: int) -> None:
-        self._minds.pop(number, None)
-        if self._beliefs is not None:
-            self._beliefs.leave(number)
-
-    def _step_all(self, k: int, numbers: Sequence[int], heard: Mapping[int, list[bytes]]) -> dict[int, Reply | None]:
-        return {number: self._step_robot(k, number, heard) for number in numbers}
-
     def _step_robot(self, k: int, number: int, heard: Mapping[int, list[bytes]]) -> Reply | None:
+        mind, sensed, view = self._minds[number], self._sensed[number], self._views.get(number)
         begun = time.perf_counter()
         try:
-            if self._limit_s is None:
-                decision = self._ask_mind(number, heard)
-            else:
-                with deadline(self._limit_s):
-                    decision = self._ask_mind(number, heard)
+            with nullcontext() if self._limit_s is None else deadline(self._limit_s):
+                if self._beliefs is None and view is None:
+                    decision = mind.step(sensed, heard[number])
+                else:
+                    decision = mind.decide(sensed, view)
         except (PolicyFailed, Late) as failed:
             self._failed[number] = reason = policy_failure(k, failed)
             self._failure(number, reason, failed.__cause__)
             return None
         spent_ms = (time.perf_counter() - begun) * 1000.0
         return Reply(decision.command, str(decision.state), decision.refined, spent_ms, decision.rejected)
-
-    def _ask_mind(self, number: int, heard: Mapping[int, list[bytes]]) -> Decision:
-        mind, sensed, view = self._minds[number], self._sensed[number], self._views.get(number)
-        if self._beliefs is None and view is None:
-            return mind.step(sensed, heard[number])
-        return mind.decide(sensed, view)
 
 
 def make_minds(prepared: Prepared, shared: Shared | None = None) -> dict[int, Mind]:
@@ -300,8 +281,7 @@ def run_in_process(
     """
     prepared = scenario if isinstance(scenario, Prepared) else prepare(scenario)
     check_in_process(prepared.scenario)
-    footprint = sensor_footprint(prepared.scenario, prepared.terrain)
-    world = World(prepared, footprint=footprint)
+    world = World(prepared, footprint=(footprint := sensor_footprint(prepared.scenario, prepared.terrain)))
     fleet = fleet_of(world, footprint, threads=threads, share=share, failure=failure)
     header = header_of(world, started)
     watchers: list[Callable[[TickRecord], None]] = [] if progress is None else [progress]

@@ -2,22 +2,65 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
 from fogwatch.cli.options import FIELDS, option
-from fogwatch.presets import PRESETS, chosen_settings
 from patrol.errors import BadInput
+from patrol.extras import study
 from patrol.pose import MODELS
 from patrol.scenario import parse_overrides
-from patrol.scenario.patrols import PATROLS, PRICES
+from patrol.scenario.patrols import PATROLS, PRICES, patrol_settings
+
+POINT_M = 0.5
+"""Side of a point with which the paper's tables are reproduced, and for which the sensor's range was calibrated, m."""
+
+_POINTS = f"on points of {POINT_M:g} m (the paper's: 0.1 m)"
+
+PRESETS: Mapping[str, str] = {
+    "paper": f"the paper's algorithm, bodies and sensor, with rules of ours where it is open or fails, {_POINTS}",
+    "letter": f"the paper without our additions, each rule as printed, random steps for cars too, {_POINTS}",
+}
+"""The presets by name, and what each is."""
+
+
+def preset_settings(name: str | None) -> dict[str, object]:
+    """Return the settings of a preset, by dotted field of the scenario; None has no settings.
+
+    They are those that all cells of the paper's tables share, for any terrain and team.
+    """
+    if name is None:
+        return {}
+    if name not in PRESETS:
+        raise BadInput(f"preset {name}: no such preset; choose from {', '.join(PRESETS)}")
+    from patrol.scenario.policies import TO_THE_LETTER
+
+    paper = study("paper.printed").paper
+
+    settings = {**paper().settings, "point": POINT_M, "sensor.range": paper().sensor_range(POINT_M).range}
+    return {**settings, **TO_THE_LETTER} if name == "letter" else settings
+
+
+def chosen_settings(overrides: Mapping[str, object], patrol: str | None, preset: str | None) -> dict[str, object]:
+    """Return overrides, by dotted field, with the settings of a preset, over which they hold, and of a named patrol."""
+    settings = {**preset_settings(preset), **overrides}
+    return settings | patrol_settings(patrol, settings)
+
 
 MOST_THREADS = 64
 
 _PATROL = f"{PRICES}. Short for --set patrol.policy={'|'.join(patrol.policy for patrol in PATROLS.values())}."
 _PRESET = f"{'; '.join(map(': '.join, PRESETS.items()))}. Other options and --set hold over it."
+_SPARE = "Robots that may join during the run (default: 2 with a live page, else 0)."
+_START = "Start of the next robot in m; X,Y,HEADING gives the heading too, in rad. Repeatable."
+_PACE = "As fast as possible, in real time, or X times as fast as real time."
+_IN_PROCESS = "Run in one process, without Zenoh; the trace is the same."
+_THREADS = "Robots that decide at once with --in-process; more than 1 is seldom faster."
+_RECOVERY = "Run the scenario without its faults as well, to judge the recovery."
+_PAGE = "Serve a live page while the processes run (never with --in-process or --quiet)."
 _SET = "Set any field of the scenario, such as patrol.options.separation=none. Repeatable."
 
 _of_robots, _of_run, _of_output = (partial(option, panel=panel) for panel in ("Robots", "Run", "Output"))
@@ -49,20 +92,12 @@ class Changes:
     """Settings of a scenario that a run changes."""
 
     robots: Annotated[int | None, _of_robots("N", "Number of robots.")] = None
-    spare: Annotated[
-        int | None, _of_robots("N", "Robots that may join during the run (default: 2 with a live page, else 0).")
-    ] = None
+    spare: Annotated[int | None, _of_robots("N", _SPARE)] = None
     body: Body = Body()
-    start: Annotated[
-        list[str] | None,
-        _of_robots("X,Y", "Start of the next robot in m; X,Y,HEADING gives the heading too, in rad. Repeatable."),
-    ] = None
+    start: Annotated[list[str] | None, _of_robots("X,Y", _START)] = None
     duration: Annotated[float | None, _of_run("S", "Simulated time in s.")] = None
     seed: Annotated[int | None, _of_run("K", "Random seed.")] = None
-    pace: Annotated[
-        str | None,
-        _of_run("lockstep|realtime|X", "As fast as possible, in real time, or X times as fast as real time."),
-    ] = None
+    pace: Annotated[str | None, _of_run("lockstep|realtime|X", _PACE)] = None
     point: Annotated[float | None, _of_run("M", "Side of one grid point in m.")] = None
     patrol: Annotated[str | None, patrol_option("Run")] = None
     preset: Annotated[str | None, _of_run("|".join(PRESETS), _PRESET)] = None
@@ -80,25 +115,11 @@ class RunChoices:
     """Options of making a run, and of the files that it leaves."""
 
     out: Annotated[Path | None, _of_output("DIR", "Run folder, new or empty (default: runs/NAME-TIME).")] = None
-    in_process: Annotated[
-        bool, _of_run("", "Run in one process, without Zenoh; the trace is the same.", "--in-process")
-    ] = False
-    threads: Annotated[
-        int,
-        _of_run(
-            "N", "Robots that decide at once with --in-process; more than 1 is seldom faster.", min=1, max=MOST_THREADS
-        ),
-    ] = 1
+    in_process: Annotated[bool, _of_run("", _IN_PROCESS, "--in-process")] = False
+    threads: Annotated[int, _of_run("N", _THREADS, min=1, max=MOST_THREADS)] = 1
     port: Annotated[int | None, _of_run("N", "TCP port of the router (default: a free one).")] = None
-    recovery: Annotated[
-        bool, _of_run("", "Run the scenario without its faults as well, to judge the recovery.", "--recovery")
-    ] = False
-    page: Annotated[
-        bool,
-        _of_output(
-            "", "Serve a live page while the processes run (never with --in-process or --quiet).", "--page/--no-page"
-        ),
-    ] = True
+    recovery: Annotated[bool, _of_run("", _RECOVERY, "--recovery")] = False
+    page: Annotated[bool, _of_output("", _PAGE, "--page/--no-page")] = True
     picture: Annotated[bool, _of_output("", "Draw fog.png at the end.", "--picture/--no-picture")] = True
     recording: Annotated[bool, _of_output("", "Write recording.mcap at the end.", "--recording/--no-recording")] = True
     report: Annotated[bool, _of_output("", "Write report.html at the end.", "--report/--no-report")] = True
@@ -108,9 +129,8 @@ class RunChoices:
         if self.port is not None and not 0 < self.port < 65536:
             raise BadInput(f"--port {self.port}: is not a TCP port; give one from 1 to 65535")
         if self.threads > 1 and not self.in_process:
-            raise BadInput(
-                f"--threads {self.threads}: each robot is a process of its own; leave it out, or give --in-process"
-            )
+            why = "each robot is a process of its own"
+            raise BadInput(f"--threads {self.threads}: {why}; leave it out, or give --in-process")
 
 
 def overrides_of(

@@ -89,17 +89,10 @@ class FleetStatus:
             yield f"MFoW    {self.mfow_s:.1f} s{'' if self.world is not None else ', as heard since this look began'}"
         yield ""
         rows = [("robot", "process", "doing", "position", "x m", "y m", "wrong")]
-        rows += [
-            (
-                robot.name,
-                robot.status,
-                robot.doing or "-",
-                "-" if robot.heard_s is None else f"{robot.heard_s:.1f} s ago",
-                *(("-", "-") if robot.place is None else (f"{robot.place[0]:.1f}", f"{robot.place[1]:.1f}")),
-                robot.wrong,
-            )
-            for robot in self.robots
-        ]
+        for robot in self.robots:
+            heard_text = "-" if robot.heard_s is None else f"{robot.heard_s:.1f} s ago"
+            x, y = ("-", "-") if robot.place is None else (f"{robot.place[0]:.1f}", f"{robot.place[1]:.1f}")
+            rows.append((robot.name, robot.status, robot.doing or "-", heard_text, x, y, robot.wrong))
         yield from aligned(rows)
         yield ""
         yield from (f"fault in force: {fault}" for fault in self.faults)
@@ -218,25 +211,19 @@ def fleet_status(look: Look, router: str) -> FleetStatus:
     static, state = look.static, look.state
     simulated = static.has_truth
     robots = zip(static.robots, state.robots, strict=True) if state.robots else ()
+    world = WorldStatus(state.k, static.ticks, state.time_s, state.running, state.ticks_per_s, state.ended)
+    silent = look.undecided
+    notice = f"whether {', '.join(silent)} can be heard: {look.observed_s:.1f} s of this run are too short to tell"
     return FleetStatus(
         fleet=static.name,
         router=router,
-        world=WorldStatus(state.k, static.ticks, state.time_s, state.running, state.ticks_per_s, state.ended)
-        if simulated
-        else None,
+        world=world if simulated else None,
         mfow_s=state.mfow_s,
         robots=tuple(_robot_status(look, *robot) for robot in robots),
         faults=tuple(" ".join(f"{field}={value}" for field, value in fault.items()) for fault in state.faults),
         warnings=(state.note,) if state.note else (),
-        unknown=_unknown_notes(look),
+        unknown=(*([notice] if silent else []), *([] if simulated else [_NO_WORLD])),
     )
-
-
-def _unknown_notes(look: Look) -> tuple[str, ...]:
-    """Say what the look cannot tell."""
-    silent = look.undecided
-    notice = f"whether {', '.join(silent)} can be heard: {look.observed_s:.1f} s of this run are too short to tell"
-    return (*((notice,) if silent else ()), *(() if look.static.has_truth else (_NO_WORLD,)))
 
 
 def _robot_status(look: Look, shape: RobotShape, robot: RobotState) -> RobotStatus:
@@ -335,11 +322,9 @@ class TokenWatch:
         names = sorted({*self._robots, *(() if mesh is None else mesh.robots)})
         robots = tuple(self._robot_status(name, present) for name in names)
         new = [robot.name for robot in robots if robot.heard_s is None and not robot.wrong]
-        too_new = (
-            (f"whether {', '.join(new)} can be heard: followed for less than {self._silent_s:g} s",) if new else ()
-        )
-        unknown = (*too_new, _UNKNOWN_AT_A_ROUTER if mesh is None else _UNKNOWN)
-        return FleetStatus(self._keys.fleet, self._router, None, None, robots, unknown=unknown)
+        unknown = [f"whether {', '.join(new)} can be heard: followed for less than {self._silent_s:g} s"] if new else []
+        unknown.append(_UNKNOWN_AT_A_ROUTER if mesh is None else _UNKNOWN)
+        return FleetStatus(self._keys.fleet, self._router, None, None, robots, unknown=tuple(unknown))
 
     def close(self) -> None:
         """See `FleetWatch`."""

@@ -8,8 +8,7 @@ from typing import Any, TypeVar
 
 import zenoh
 
-from fogwatch.fleets.folder import FleetFolder
-from fogwatch.robot_router import FILE, make_robot_router
+from fogwatch.fleets.folder import ROBOT_ROUTER, FleetFolder, make_robot_router
 from patrol.pose import Pose
 from patrol.security.credentials import Credentials, read_credentials
 from ros2.wire.formats import Format
@@ -38,7 +37,7 @@ class Site:
         self.form, self.fleet = form, fleet
         local, port = free_port(), free_port()
         folder = make_robot_router(fleet, "r1", form, "robot1", [], port, None, 1, local_port=local)
-        self.router: zenoh.Session = zenoh.open(zenoh.Config.from_file(str(folder / FILE)))
+        self.router: zenoh.Session = zenoh.open(zenoh.Config.from_file(str(folder / ROBOT_ROUTER)))
         self.local, self.outside = f"tcp/127.0.0.1:{local}", f"tls/127.0.0.1:{port}"
         self._links: list[ZenohRos2Link] = []
 

@@ -32,7 +32,7 @@ from agent.view import View
 from fogwatch.cli.ending import guarded
 from fogwatch.inprocess import run_in_process
 from fogwatch.notebook.run import Run
-from fogwatch.presets import preset_settings
+from fogwatch.run_options import preset_settings
 from patrol.ground.terrain import Terrain
 from patrol.palette import LIGHT, ROBOTS, WALL
 from patrol.prepare import Prepared, prepare

@@ -151,12 +151,9 @@ def _read_seconds(option: str, text: str, example: str) -> list[float]:
 
 
 def _progress_bar() -> Progress:
-    from rich.console import Console
-    from rich.progress import TimeRemainingColumn
+    from fogwatch.terminal.live_table import bar_on
 
-    from fogwatch.terminal.bars import bar_on
-
-    return bar_on(Console(stderr=True), TimeRemainingColumn())
+    return bar_on()
 
 
 def _print_shares(where: str, shares: Sequence[Successes], learned: Sequence[Learned]) -> None:

@@ -21,7 +21,7 @@ import numpy as np
 
 from experiments.benchmark.matrix import robots_text
 from experiments.plan.plan import FleetPlan, FleetSize, plan_facts
-from fogwatch.pictures.region_map import COLOURS
+from fogwatch.pictures.maps import COLOURS
 from fogwatch.run_folder.runfolder import RUNS, untaken
 from monitor.figures.ground import Key, Layer, canvas, key_column, label, paint, painted, save
 from monitor.figures.style import ALERT, INK, MUTED, drawn, figure, write_figure

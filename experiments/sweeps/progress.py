@@ -20,8 +20,7 @@ from experiments.sweeps.plan import Run
 from experiments.sweeps.results import RunResult
 from experiments.sweeps.runner import SweepOutcome
 from experiments.sweeps.worker import run_scenario
-from fogwatch.terminal.bars import bar_on
-from fogwatch.terminal.live_table import duration_text
+from fogwatch.terminal.live_table import bar_on, duration_text
 from patrol.errors import BadInput
 from patrol.scenario import Scenario
 

@@ -7,9 +7,8 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from fogwatch.notebook.arguments import checked_arguments
+from fogwatch.notebook.arguments import checked_arguments, with_names
 from fogwatch.notebook.html import lines_html, table_html
-from fogwatch.notebook.policy import with_names
 from patrol.errors import BadInput
 from patrol.files.untrusted import SWEEP
 from patrol.files.yaml_text import parse_yaml, read_text

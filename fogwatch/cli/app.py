@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import platform
+from collections.abc import Callable
 from importlib import metadata
 from typing import Annotated
 
 import typer
 
 from fogwatch.cli import command_help
-from fogwatch.cli.command_help import command
+from fogwatch.cli.command_help import PANEL_OF, command
 from fogwatch.cli.ending import run_app
-from fogwatch.cli.studies import add_studies
 from fogwatch.commands import (  # noqa: F401 - each adds its commands; `map` comes with the studies, which add one to it
     animate,
     control,
@@ -26,6 +26,9 @@ from fogwatch.commands import (  # noqa: F401 - each adds its commands; `map` co
     scenario,
     status,
 )
+from fogwatch.commands.map import app as map_app
+from patrol.errors import BadInput
+from patrol.extras import study
 
 app = command_help.app
 
@@ -55,6 +58,27 @@ def version() -> None:
             print(f"{name} {metadata.version(name)}")
         except metadata.PackageNotFoundError:
             print(f"{name} not installed")
+
+
+def add_studies() -> None:
+    """Add the studies' commands; without the studies, those of `PANELS` that are missing so far, and ``map random``."""
+    try:
+        study("commands")
+    except BadInput as missing:
+        names = {command.name for command in app.registered_commands}
+        names |= {group.name for group in app.registered_groups}
+        absent = [(app, name, panel) for name, panel in PANEL_OF.items() if name not in names]
+        for group, name, panel in [*absent, (map_app, "random", None)]:
+            accept_all = {"allow_extra_args": True, "ignore_unknown_options": True, "help_option_names": []}
+            refuse = _make_refusal(missing)
+            group.command(name, help=f"{missing}.", context_settings=accept_all, rich_help_panel=panel)(refuse)
+
+
+def _make_refusal(missing: BadInput) -> Callable[[typer.Context], None]:
+    def refuse(ctx: typer.Context) -> None:
+        raise BadInput(f"{ctx.command_path}: {missing}")
+
+    return refuse
 
 
 add_studies()

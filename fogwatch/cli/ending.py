@@ -10,7 +10,7 @@ from typing import Any
 
 import typer
 
-from patrol.errors import BadInput, printable_lines
+from patrol.errors import BadInput, printable, printable_lines
 from patrol.process import failures as exhausted
 from patrol.process.failures import BAD_INPUT, INTERRUPTED, UNKNOWN
 from patrol.process.lifeline import forget_interrupt
@@ -129,3 +129,13 @@ def complain(line: str) -> None:
     """Print a line on the standard error, unless it has no reader or there is no room for it."""
     with suppress(OSError):
         print(f"fogwatch: {printable_lines(line)}", file=sys.stderr, flush=True)
+
+
+def say(line: str, *, err: bool = False) -> None:
+    """Print a line; what could disturb a terminal is escaped."""
+    typer.echo(printable(line), err=err)
+
+
+def note(line: str) -> None:
+    """Print a line on the standard error."""
+    say(line, err=True)

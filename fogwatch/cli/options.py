@@ -35,6 +35,11 @@ FIELDS = {
 """The scenario's fields that options set, by the names of the options' parameters."""
 
 
+def argument(metavar: str, text: str) -> Any:
+    """Return what makes a parameter an argument."""
+    return typer.Argument(metavar=metavar, help=text)
+
+
 def option(metavar: str, text: str, *names: str, panel: str | None = None, **more: Any) -> Any:
     """Return what makes a parameter an option; a flag has no metavar, and `names` such as ``--quick``."""
     return typer.Option(*names, metavar=metavar or None, help=text, rich_help_panel=panel, **more)
@@ -67,9 +72,8 @@ def options_of(group: Any) -> list[Parameter]:
             if get_origin(hint) is Annotated:
                 if hint.__metadata__[0].parser is not None:  # typer knows no types but its own
                     hint = Annotated[Any, *hint.__metadata__]
-                parameters.append(
-                    Parameter(setting.name, Parameter.KEYWORD_ONLY, default=setting.default, annotation=hint)
-                )
+                kind, default = Parameter.KEYWORD_ONLY, setting.default
+                parameters.append(Parameter(setting.name, kind, default=default, annotation=hint))
             parameters += options_of(hint)
     return parameters
 

@@ -3,22 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
-
 from fogwatch.cli.command_help import command
+from fogwatch.cli.ending import say
 from fogwatch.cli.open_run import Key, RunFolder, open_folder, print_state
 from fogwatch.cli.options import option
-from patrol.errors import BadInput, printable
+from patrol.errors import BadInput
 from patrol.process.lifeline import heed
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
     from monitor.replay.run import Run
 
 
@@ -81,27 +76,21 @@ def animate(
             "of the run by --from and --to"
         )
     ticks = frame_ticks(first, last, opened.step, pace, fps)
-    from rich.console import Console
-    from rich.progress import TimeRemainingColumn
-
     from fogwatch.pictures.film_frames import FilmFrames
-    from fogwatch.terminal.bars import bar_on
+    from fogwatch.terminal.live_table import bar_on
 
     film = FilmFrames(opened, width, max(int(opened.mfow[first : last + 1].max()), 1))
     if kind == ".gif":
         check_length(len(ticks), film.size)
-    with bar_on(Console(stderr=True), TimeRemainingColumn()) as bar:
-
-        def frames() -> Iterator[NDArray[np.uint8]]:
-            yield from map(film.frame, bar.track(ticks, description="frames"))
-
+    with bar_on() as bar:
+        frames = map(film.frame, bar.track(ticks, description="frames"))
         if kind == ".gif":
-            write_gif(out, frames(), len(ticks), film.palette, fps)
+            write_gif(out, frames, len(ticks), film.palette, fps)
         else:
-            write_mp4(out, frames(), film.palette, fps, ffmpeg)
+            write_mp4(out, frames, film.palette, fps, ffmpeg)
     print_state(opened, going)
     shown = f"{first * opened.step:g} to {last * opened.step:g} s at {pace:g} times real time"
-    typer.echo(printable(f"film: {out}, {out.stat().st_size / 1e6:.1f} MB, {len(ticks)} frames, {shown}"))
+    say(f"film: {out}, {out.stat().st_size / 1e6:.1f} MB, {len(ticks)} frames, {shown}")
 
 
 def _tick_span(run: Run, begin: float, end: float | None) -> tuple[int, int]:

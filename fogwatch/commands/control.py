@@ -8,13 +8,18 @@ from __future__ import annotations
 import os
 import time
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from fogwatch.cli.command_help import command
-from fogwatch.cli.options import option
-from patrol.errors import BadInput, did_you_mean, printable, quoted
+from fogwatch.cli.ending import complain, say
+from fogwatch.cli.options import argument, option
+from patrol.errors import BadInput, did_you_mean, quoted
+
+if TYPE_CHECKING:
+    from patrol.net.link import Link
+    from patrol.security.credentials import Credentials
 
 ROBOTS_S = 5.0
 """How long robots may take to answer an order, s, unless --wait says less. A robot answers when it stands, or when it
@@ -33,6 +38,15 @@ OF_ROBOTS = ("stop", "release")
 FOR_A_ZONE = "control zone: give its name, and whether it is on or its weight, such as '{name: vault, on: false}'"
 
 REFUSED, UNANSWERED = 1, 3
+
+_RUN = "Folder of a running fleet, an operator's credentials, or to stop robots a router's address."
+_WHAT = "pause, go, step, pace, fault, heal, close, open, intruder or zone; stop or release robots."
+_VALUE = (
+    "step: ticks; pace: factor of real time, or max; fault: the fault as YAML; heal: the id of a fault or an intruder, "
+    "as the answer to it says; close, open: the name of a closure; intruder: its place as [X, Y] in m, or {place: "
+    "[X, Y], for: S}; zone: {name: NAME, on: true or false}, or {name: NAME, weight: W}; stop, release: the robot "
+    "(default: all robots)."
+)
 
 
 @command(
@@ -57,30 +71,9 @@ REFUSED, UNANSWERED = 1, 3
     exit_codes="0 done, 1 refused, or a robot may still drive, 2 bad input, 3 no answer, or not from every robot",
 )
 def control(
-    run: Annotated[
-        Path,
-        typer.Argument(
-            metavar="RUN",
-            help="Folder of a running fleet, an operator's credentials, or to stop robots a router's address.",
-        ),
-    ],
-    do: Annotated[
-        str,
-        typer.Argument(
-            metavar="WHAT",
-            help="pause, go, step, pace, fault, heal, close, open, intruder or zone; stop or release robots.",
-        ),
-    ],
-    value: Annotated[
-        str | None,
-        typer.Argument(
-            metavar="[VALUE]",
-            help="step: ticks; pace: factor of real time, or max; fault: the fault as YAML; heal: the id of a fault or "
-            "an intruder, as the answer to it says; close, open: the name of a closure; intruder: its place as [X, Y] "
-            "in m, or {place: [X, Y], for: S}; zone: {name: NAME, on: true or false}, or {name: NAME, weight: W}; "
-            "stop, release: the robot (default: all robots).",
-        ),
-    ] = None,
+    run: Annotated[Path, argument("RUN", _RUN)],
+    do: Annotated[str, argument("WHAT", _WHAT)],
+    value: Annotated[str | None, argument("[VALUE]", _VALUE)] = None,
     wait: Annotated[float, option("S", "How long to wait for an answer, in s.")] = WAIT_S,
     fleet: Annotated[str | None, option("NAME", "The fleet's name, where RUN is a router's address.")] = None,
 ) -> int:
@@ -102,7 +95,6 @@ def control(
         raise BadInput(f"--fleet {fleet}: is for stop and release; leave the option out")
     request = control_of(do, value)
     from patrol.messages.stop_orders import robots_there
-    from patrol.net.link import LinkDown, open_link
     from patrol.scenario.controls import read_control
     from patrol.security.access import read_access
     from patrol.security.control_auth import ControlClient, Unanswered
@@ -111,33 +103,38 @@ def control(
     read_control(request)
     access = read_access(run, "control")
     keys = fleet_keys(access.fleet)
-    try:
-        link = open_link(access.router, wait, credentials=access.credentials)
-    except LinkDown as down:
-        raise BadInput(f"{run}: {down}; is the fleet still running?") from None
+    link = _open_link(run, access.router, wait, access.credentials)
     try:
         if not link.sees(keys.alive(WORLD)) and robots_there(link, keys):
             why = f"{do}: fleet {keys.fleet} has no world, and its robots obey stop and release alone"
-            typer.echo(printable(f"fogwatch: {why}, as in: fogwatch control {run} stop"), err=True)
+            complain(f"{why}, as in: fogwatch control {run} stop")
             return UNANSWERED
         client = ControlClient(link, keys, access.token, time.monotonic, os.urandom)
         operated = client.ask(request, wait)
     except Unanswered as unanswered:
         revocable = access.credentials is not None and access.credentials.folder is not None
-        typer.echo(f"fogwatch: {unanswered}{', or this operator was revoked' if revocable else ''}", err=True)
+        complain(f"{unanswered}{', or this operator was revoked' if revocable else ''}")
         return UNANSWERED
     finally:
         link.close()
     if operated.warning:
-        typer.echo(f"fogwatch: {operated.warning}", err=True)
+        complain(operated.warning)
     typer.echo(operated.answer.text, err=not operated.answer.done)
     return 0 if operated.answer.done else REFUSED
+
+
+def _open_link(run: Path, router: str, wait_s: float, credentials: Credentials | None) -> Link:
+    from patrol.net.link import LinkDown, open_link
+
+    try:
+        return open_link(router, wait_s, credentials=credentials)
+    except LinkDown as down:
+        raise BadInput(f"{run}: {down}; is the fleet still running?") from None
 
 
 def _stop_robots(run: Path, do: str, robot: str | None, fleet: str | None, wait: float) -> int:
     """Ask robots to stop, or release them; the exit code."""
     from patrol.messages.stop_orders import Order, ask_robots, robots_to_ask
-    from patrol.net.link import LinkDown, open_link
     from patrol.security.access import read_access
     from patrol.security.keys import WORLD, check_locator, fleet_keys
     from patrol.security.roles import robot_role
@@ -149,19 +146,15 @@ def _stop_robots(run: Path, do: str, robot: str | None, fleet: str | None, wait:
         access = read_access(run, str(run))
         router, keys, credentials = access.router, fleet_keys(access.fleet), access.credentials
     whom = None if robot is None else robot_role(robot).robot
-    try:
-        link = open_link(router, wait, credentials=credentials)
-    except LinkDown as down:
-        raise BadInput(f"{run}: {down}; is the fleet still running?") from None
+    link = _open_link(run, router, wait, credentials)
     unsure = False
     try:
         robots = robots_to_ask(link, keys) if whom is None else [whom]
         simulated = link.sees(keys.alive(WORLD))
         silent = set(robots)
-        for name, outcome in ask_robots(
-            link, keys, robots, Order(do), min(wait, SIMULATED_S if simulated else ROBOTS_S)
-        ):
-            typer.echo(printable(f"{name}: {outcome.text}"), err=not outcome.done)
+        limit_s = min(wait, SIMULATED_S if simulated else ROBOTS_S)
+        for name, outcome in ask_robots(link, keys, robots, Order(do), limit_s):
+            say(f"{name}: {outcome.text}", err=not outcome.done)
             silent.discard(name)
             unsure = unsure or not outcome.done
     finally:
@@ -177,7 +170,7 @@ def _stop_robots(run: Path, do: str, robot: str | None, fleet: str | None, wait:
                 f"fogwatch control {target} {hold}, or the robots' processes with "
                 f"fogwatch control {target} fault '{{kind: {kind}, who: {robot or 'all'}}}'"
             )
-        typer.echo(f"fogwatch: fleet {keys.fleet}: {who}{remedy}", err=True)
+        complain(f"fleet {keys.fleet}: {who}{remedy}")
         return UNANSWERED
     return REFUSED if unsure else 0
 

@@ -11,11 +11,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
-
 from fogwatch.cli.command_help import command, group
-from fogwatch.cli.options import option
-from patrol.errors import BadInput, printable
+from fogwatch.cli.ending import say
+from fogwatch.cli.options import argument, option
+from patrol.errors import BadInput
 from patrol.security.private_files import new_key
 
 if TYPE_CHECKING:
@@ -24,40 +23,33 @@ if TYPE_CHECKING:
 
 WAIT_S = 60.0
 LONGEST_WAIT_S = 86400.0
+LISTEN_S = 3.0
+
+_CREDENTIALS = "A viewer's credentials, made by fogwatch fleet init, or the folder of a run of this machine."
+_SCENARIO = "Scenario of a fleet without a world, to follow its robots by their positions."
+_RADIO = "Direct radio of a fleet without a world: group, line, router, or this member's folder in a mesh."
 
 
 @dataclass(frozen=True)
 class FleetOptions:
     """The router or credentials by which a running fleet is reached."""
 
-    credentials: Annotated[
-        Path | None,
-        option("PATH", "A viewer's credentials, made by fogwatch fleet init, or the folder of a run of this machine."),
-    ] = None
+    credentials: Annotated[Path | None, option("PATH", _CREDENTIALS)] = None
     router: Annotated[str | None, option("LOCATOR", "Router of a running fleet, tcp/HOST:PORT.")] = None
     fleet: Annotated[str | None, option("NAME", "Name of the running fleet.")] = None
-    scenario: Annotated[
-        Path | None, option("FILE", "Scenario of a fleet without a world, to follow its robots by their positions.")
-    ] = None
-    radio: Annotated[
-        str | None,
-        option(
-            "LOCATOR|FOLDER",
-            "Direct radio of a fleet without a world: group, line, router, or this member's folder in a mesh.",
-        ),
-    ] = None
+    scenario: Annotated[Path | None, option("FILE", _SCENARIO)] = None
+    radio: Annotated[str | None, option("LOCATOR|FOLDER", _RADIO)] = None
 
     def check_one_fleet(self, command: str, run: Path | None) -> None:
         """Check that a command is given one of the folder of a run, credentials, or a router and a fleet's name."""
-        addresses = [value for value in (self.router, self.fleet) if value is not None]
-        if self.credentials is None and run is None:
-            is_one = len(addresses) == 2
+        by_router = (self.router is not None) + (self.fleet is not None)
+        if run is not None:
+            is_one = not by_router and self.credentials is None
         else:
-            is_one = run is None or not (addresses or self.credentials)
+            is_one = by_router == 2 or self.credentials is not None
         if not is_one:
-            raise BadInput(
-                f"{command}: name a run's folder, or --router and --fleet of a running fleet, or --credentials"
-            )
+            ways = "a run's folder, or --router and --fleet of a running fleet, or --credentials"
+            raise BadInput(f"{command}: name {ways}")
 
     def as_source(self, command: str, run: Path | None, wait: float, key: Path | None = None) -> Namespace:
         """Return what names the fleet, and gives the right to control it, as `monitor.process.source_opener` takes it.
@@ -69,9 +61,8 @@ class FleetOptions:
 
         self.check_one_fleet(command, run)
         if run is not None and self.scenario is not None and run.is_dir() and not (run / MEMBER).is_file():
-            raise BadInput(
-                f"{command}: --scenario is for robots without a world, and {run} has one; leave the option out"
-            )
+            why = f"--scenario is for robots without a world, and {run} has one"
+            raise BadInput(f"{command}: {why}; leave the option out")
         access = None if run is None else control_file(command, run)
         return Namespace(replay=None, access=access, wait=wait, key=key, **vars(self))
 
@@ -82,9 +73,14 @@ def _checked_wait(wait_s: float) -> float:
     return wait_s
 
 
-RunningFleet = Annotated[
-    Path | None, typer.Argument(metavar="[RUN]", help="Folder of a running fleet, or an operator's credentials.")
-]
+def _checked_seconds(seconds: float) -> float:
+    if not 0.1 <= seconds <= 600.0:
+        raise BadInput(f"--seconds {seconds:g}: expected 0.1 to 600")
+    return seconds
+
+
+RunningFleet = Annotated[Path | None, argument("[RUN]", "Folder of a running fleet, or an operator's credentials.")]
+Seconds = Annotated[float, option("S", "How long to listen, in s.", callback=_checked_seconds)]
 Wait = Annotated[float, option("S", "How long to wait for the fleet, in s.", callback=_checked_wait)]
 
 
@@ -118,16 +114,13 @@ PORT = 7447
 ROBOT_PORT = 7448
 """Beside the port of the robot's own programs."""
 
-Folder = Annotated[Path, typer.Argument(metavar="DIR", help="Folder of the fleet.")]
+Folder = Annotated[Path, argument("DIR", "Folder of the fleet.")]
 Days = Annotated[int, option("N", "How long certificates are valid, in days.")]
-Hosts = Annotated[
-    list[str] | None,
-    option(
-        "HOST",
-        "Name or address of the router's machine. Repeatable; members use the first. `add` keeps earlier ones. In a "
-        "fleet without a router `add` takes a robot's.",
-    ),
-]
+_HOSTS = (
+    "Name or address of the router's machine. Repeatable; members use the first. `add` keeps earlier ones. In a fleet "
+    "without a router `add` takes a robot's."
+)
+Hosts = Annotated[list[str] | None, option("HOST", _HOSTS)]
 
 
 @command(
@@ -138,7 +131,7 @@ Hosts = Annotated[
     ],
 )
 def init(
-    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder to make; it must not exist yet.")],
+    folder: Annotated[Path, argument("DIR", "Folder to make; it must not exist yet.")],
     robots: Annotated[
         str,
         option(
@@ -166,25 +159,19 @@ def init(
     _check_days(days)
     names, places = _read_robots(robots)
     if places and host:
-        raise BadInput(
-            f"--host {host[0]}: is a router's address, and robots with addresses meet without one; choose one"
-        )
+        why = "is a router's address, and robots with addresses meet without one"
+        raise BadInput(f"--host {host[0]}: {why}; choose one")
     new_fleet = make_fleet(folder, name or folder.name, names, host or [], port, days, places)
-    members = ", ".join(
-        sorted(entry.name for entry in folder.iterdir() if entry.is_dir() and entry.name != "authority")
-    )
-    where = (
-        f"without a router; {', '.join(new_fleet.places.values())}"
-        if new_fleet.is_mesh
-        else f"router at {new_fleet.router}"
-    )
-    typer.echo(printable(f"{folder}: fleet {new_fleet.fleet}, {where}; copy each folder to its machine: {members}"))
+    members = ", ".join(sorted(part.name for part in folder.iterdir() if part.is_dir() and part.name != "authority"))
+    mesh = f"without a router; {', '.join(new_fleet.places.values())}"
+    where = mesh if new_fleet.is_mesh else f"router at {new_fleet.router}"
+    say(f"{folder}: fleet {new_fleet.fleet}, {where}; copy each folder to its machine: {members}")
 
 
 @command(app, examples=["fogwatch fleet add yards-1 r4"])
 def add(
     folder: Folder,
-    member: Annotated[str, typer.Argument(metavar="NAME", help="A robot, world, viewer, operator, or router.")],
+    member: Annotated[str, argument("NAME", "A robot, world, viewer, operator, or router.")],
     host: Hosts = None,
     days: Days = DAYS,
 ) -> None:
@@ -204,25 +191,19 @@ def add(
         if member == THE_ROUTER:
             before = fleet.router
             fleet.renew_router(days, host or [])
-            typer.echo(printable(f"{folder / THE_ROUTER}: new certificate; {_RESTART.format(folder / THE_ROUTER)}"))
+            say(f"{folder / THE_ROUTER}: new certificate; {_RESTART.format(folder / THE_ROUTER)}")
             if fleet.router != before:
-                typer.echo(f"the fleet meets at {fleet.router} from now on: copy all folders to their machines again")
+                say(f"the fleet meets at {fleet.router} from now on: copy all folders to their machines again")
                 for name in fleet.absent:
-                    typer.echo(
-                        printable(
-                            f"{name}: its folder is not here; revoke and add it, for a folder with the new address"
-                        )
-                    )
+                    say(f"{name}: its folder is not here; revoke and add it, for a folder with the new address")
             return
         role = member_role(member)
         fleet.add(role, days, host[0] if host else None)
-    typer.echo(printable(f"{folder / role.name}: copy it to its machine; {_restart_text(fleet)}"))
+    say(f"{folder / role.name}: copy it to its machine; {_restart_text(fleet)}")
 
 
 @command(app, examples=["fogwatch fleet revoke yards-1 r2"])
-def revoke(
-    folder: Folder, member: Annotated[str, typer.Argument(metavar="NAME", help="A robot, world, viewer or operator.")]
-) -> None:
+def revoke(folder: Folder, member: Annotated[str, argument("NAME", "A robot, world, viewer or operator.")]) -> None:
     """Take a member's rights away, for example because its machine was lost.
 
     Its certificate stays valid, but the router lets it do nothing any more after it has got its folder again and has
@@ -239,12 +220,10 @@ def revoke(
     role = member_role(member)
     with fleet_to_change(folder) as fleet:
         renewed = fleet.revoke(role, DAYS)
-    typer.echo(printable(f"{member}: revoked; {_restart_text(fleet)}"))
+    say(f"{member}: revoked; {_restart_text(fleet)}")
     if renewed is not None:
         restart = ", and restart the world" if renewed.kind is Kind.WORLD else ""
-        typer.echo(
-            printable(f"there is a new token for operators: copy {folder / renewed.name} to its machine again{restart}")
-        )
+        say(f"there is a new token for operators: copy {folder / renewed.name} to its machine again{restart}")
 
 
 @command(
@@ -256,7 +235,7 @@ def revoke(
 )
 def robot_router(
     folder: Folder,
-    robot: Annotated[str, typer.Argument(metavar="NAME", help="The robot of the fleet whose agent drives it.")],
+    robot: Annotated[str, argument("NAME", "The robot of the fleet whose agent drives it.")],
     namespace: Annotated[str, option("NAME", "The ROS 2 robot's namespace (default: none).")] = "",
     domain: Annotated[int, option("N", "Its ROS_DOMAIN_ID.")] = 0,
     form: Annotated[
@@ -277,8 +256,7 @@ def robot_router(
     The robot's own programs connect as before, over loopback. Members of the fleet come over TLS with certificates: the
     robot's agent may command it, a viewer may look. No other process is let in.
     """
-    from fogwatch.fleets.folder import open_fleet_folder
-    from fogwatch.robot_router import FILE, make_robot_router
+    from fogwatch.fleets.folder import ROBOT_ROUTER, make_robot_router, open_fleet_folder
     from ros2.wire.access import COMMANDS
     from ros2.wire.formats import format_named
     from ros2.wire.names import check_domain, check_name
@@ -290,9 +268,10 @@ def robot_router(
     fleet = open_fleet_folder(folder)
     path = make_robot_router(fleet, robot, spoken, namespace, host or [], port, place, days, commands=topics)
     lies = path if place is None else place
-    typer.echo(
-        f"{path}: copy it to the robot as {lies}, and start its router with ZENOH_ROUTER_CONFIG_URI={lies / FILE}; its "
-        f"agent then connects with --connect tls/{(host or ['127.0.0.1'])[0]}:{port} --credentials {folder / robot}"
+    started = f"start its router with ZENOH_ROUTER_CONFIG_URI={lies / ROBOT_ROUTER}"
+    say(
+        f"{path}: copy it to the robot as {lies}, and {started}; its agent "
+        f"then connects with --connect tls/{(host or ['127.0.0.1'])[0]}:{port} --credentials {folder / robot}"
     )
 
 
@@ -307,18 +286,18 @@ def check(folder: Folder) -> int:
     fine = True
     for name, well, says in open_fleet_folder(folder).check(time.time()):
         fine &= well
-        typer.echo(printable(f"{name}: {says}"))
+        say(f"{name}: {says}")
     return 0 if fine else WRONG
 
 
 @command(app, examples=["fogwatch fleet key fleet.key"])
-def key(path: Annotated[Path, typer.Argument(metavar="FILE", help="File to write; it must not exist yet.")]) -> None:
+def key(path: Annotated[Path, argument("FILE", "File to write; it must not exist yet.")]) -> None:
     """Make a key that authenticates a fleet's messages: write it to a file that only its owner can read.
 
     It is random. Give each robot a copy, and name the file in the scenario: radio: {key: FILE}.
     """
     new_key(path)
-    typer.echo(printable(f"{path}: new key written; name the file in the scenario as radio.key"))
+    say(f"{path}: new key written; name the file in the scenario as radio.key")
 
 
 _RESTART = "copy {} to the router's machine, and restart the router"

@@ -6,21 +6,20 @@ import json
 from collections.abc import Mapping
 from dataclasses import asdict, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from fogwatch.cli.command_help import command
+from fogwatch.cli.ending import note, say
 from fogwatch.cli.open_run import Key, RunFolder
 from fogwatch.cli.options import option
-from patrol.errors import printable, quoted
+from patrol.errors import quoted
 
 if TYPE_CHECKING:
     from patrol.journal import Journal
     from patrol.prepare import Prepared
     from patrol.summary.model import Summary
-    from worldsim.verdict.agreement import Difference
-    from worldsim.verdict.judge import Verdict
 
 DISAGREES = 1
 MOST_SHOWN = 20
@@ -50,56 +49,37 @@ def judge(
 
     journal = journal_in(run)
     stated_summary = read_summary(run / SUMMARY)
-    warm(("patrol", "worldsim"), lambda line: typer.echo(line, err=True))
+    warm(("patrol", "worldsim"), note)
+    from worldsim.output.summary import summarise
+    from worldsim.verdict.judge import judge as judge_journal
+
     loaded = _with_key(prepared_in(run, journal), key)
     codes = {} if stated_summary is None else stated_summary.exit_codes
     edited = not _same_scenario(loaded, journal)
-    verdict, summary = _judge_journal(journal, loaded, codes)
+    verdict = judge_journal(journal, codes, loaded)
+    summary = summarise(journal, verdict, loaded.as_operated(journal.events))
     recomputed = json.loads(json.dumps(summary.document()))
     as_stated = {} if stated_summary is None else stated_summary.document()
     differing = differences(as_stated, recomputed)
-    unstated = [] if stated_summary is None else missing(as_stated, recomputed)
-    unrepeated = not_repeated(as_stated, recomputed)
-    trace = trace_hash(journal.ticks, loaded.scenario.spares)
+    facts = {
+        "verdict": recomputed["verdict"],
+        "ended": summary.ended,
+        "simulated_s": summary.simulated_s,
+        "duration_s": loaded.scenario.duration,
+        "trace_hash": trace_hash(journal.ticks, loaded.scenario.spares),
+        "mfow_mean_s": recomputed["mfow_mean_s"],
+        "exit_codes": codes,
+        "scenario_agrees": not edited,
+        "summary_agrees": None if stated_summary is None else not differing,
+        "differences": [asdict(difference) for difference in differing],
+        "not_in_summary": [] if stated_summary is None else missing(as_stated, recomputed),
+        "not_repeated": not_repeated(as_stated, recomputed),
+    }
     if as_json:
-        facts = {
-            "verdict": recomputed["verdict"],
-            "ended": summary.ended,
-            "simulated_s": summary.simulated_s,
-            "duration_s": loaded.scenario.duration,
-            "trace_hash": trace,
-            "mfow_mean_s": recomputed["mfow_mean_s"],
-            "exit_codes": codes,
-            "scenario_agrees": not edited,
-            "summary_agrees": None if stated_summary is None else not differing,
-            "differences": [asdict(difference) for difference in differing],
-            "not_in_summary": unstated,
-            "not_repeated": unrepeated,
-        }
         typer.echo(json.dumps(facts, indent=2))
     else:
-        _print_judgement(
-            summary,
-            loaded.scenario.duration,
-            trace,
-            codes,
-            stated_summary is not None,
-            differing,
-            unstated,
-            unrepeated,
-            edited,
-        )
+        _print_judgement(summary, facts)
     return verdict.exit_code or (DISAGREES if differing or edited else 0)
-
-
-def _judge_journal(journal: Journal, loaded: Prepared, codes: Mapping[str, int | None]) -> tuple[Verdict, Summary]:
-    """Return the verdict and the summary."""
-    from worldsim.output.summary import summarise
-    from worldsim.verdict.judge import judge as judged
-
-    verdict = judged(journal, codes, loaded)
-    operated = loaded.as_operated(journal.events)
-    return verdict, summarise(journal, verdict, operated)
 
 
 def _with_key(prepared: Prepared, key: Path | None) -> Prepared:
@@ -115,10 +95,8 @@ def _same_scenario(loaded: Prepared, journal: Journal) -> bool:
     """Return whether the folder's scenario is the one that the journal was written for."""
     from patrol.scenario import load_scenario, same_but_for_files
 
-    journalled = load_scenario(
-        journal.header.scenario, base=loaded.scenario.base, called="journal", opens_classes=False
-    )
-    return same_but_for_files(loaded.scenario, journalled)
+    written, base = journal.header.scenario, loaded.scenario.base
+    return same_but_for_files(loaded.scenario, load_scenario(written, base=base, called="journal", opens_classes=False))
 
 
 def _end_text(summary: Summary, duration_s: float) -> str:
@@ -127,49 +105,35 @@ def _end_text(summary: Summary, duration_s: float) -> str:
     return f"{time}: completed" if summary.ended == "completed" else f"early, {time}: {summary.ended or 'cut off'}"
 
 
-def _print_judgement(
-    summary: Summary,
-    duration_s: float,
-    trace: str,
-    codes: Mapping[str, int | None],
-    has_summary: bool,
-    differing: list[Difference],
-    unstated: list[str],
-    unrepeated: list[str],
-    edited: bool,
-) -> None:
+def _print_judgement(summary: Summary, facts: Mapping[str, Any]) -> None:
     from rich.console import Console
 
     from fogwatch.terminal.summary_text import print_verdict
 
     assert summary.verdict is not None
     print_verdict(Console(), summary.verdict)
-    typer.echo(printable(f"ended       {_end_text(summary, duration_s)}"))
-    typer.echo(f"trace       {trace}")
-    if codes:
-        typer.echo(f"exit codes  of {len(codes)} processes, as summary.json states them: no journal holds any")
+    say(f"ended       {_end_text(summary, facts['duration_s'])}")
+    say(f"trace       {facts['trace_hash']}")
+    if codes := facts["exit_codes"]:
+        say(f"exit codes  of {len(codes)} processes, as summary.json states them: no journal holds any")
     elif summary.ended is not None and "refused" not in summary.model_fields_set:  # which every world process states
-        typer.echo("exit codes  none: the run was in one process")
+        say("exit codes  none: the run was in one process")
     else:
-        typer.echo("exit codes  none are known: how processes ended was not judged")
-    if edited:
-        typer.echo("scenario    scenario.yaml is not the scenario that the journal was written for")
-    if not has_summary:
-        typer.echo("summary     there is no summary.json, or it is not complete")
+        say("exit codes  none are known: how processes ended was not judged")
+    if not facts["scenario_agrees"]:
+        say("scenario    scenario.yaml is not the scenario that the journal was written for")
+    if facts["summary_agrees"] is None:
+        say("summary     there is no summary.json, or it is not complete")
         return
-    if unrepeated:
-        typer.echo(printable(f"checks      not repeated: {', '.join(unrepeated)}"))
-    if unstated:
-        typer.echo(f"summary     does not state {', '.join(unstated)}")
-    if not differing:
-        typer.echo(f"summary     agrees with the journal in every {'other ' * bool(unstated)}field")
+    if facts["not_repeated"]:
+        say(f"checks      not repeated: {', '.join(facts['not_repeated'])}")
+    if unstated := facts["not_in_summary"]:
+        say(f"summary     does not state {', '.join(unstated)}")
+    if not (differing := facts["differences"]):
+        say(f"summary     agrees with the journal in every {'other ' * bool(unstated)}field")
         return
-    typer.echo(f"summary     disagrees with the journal in {len(differing)} field{'s' * (len(differing) > 1)}")
-    for difference in differing[:MOST_SHOWN]:
-        typer.echo(
-            printable(
-                f"  {difference.field}: {quoted(difference.stated)}, and by the journal {quoted(difference.found)}"
-            )
-        )
+    say(f"summary     disagrees with the journal in {len(differing)} field{'s' * (len(differing) > 1)}")
+    for differs in differing[:MOST_SHOWN]:
+        say(f"  {differs['field']}: {quoted(differs['stated'])}, and by the journal {quoted(differs['found'])}")
     if len(differing) > MOST_SHOWN:
-        typer.echo(f"  and {len(differing) - MOST_SHOWN} more (--json lists them)")
+        say(f"  and {len(differing) - MOST_SHOWN} more (--json lists them)")

@@ -9,13 +9,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import numpy as np
-import typer
 from rich.console import Console
 from rich.table import Table
 
 from fogwatch.cli.command_help import command, group
-from fogwatch.cli.options import option
-from patrol.errors import BadInput, did_you_mean, printable
+from fogwatch.cli.ending import note, say
+from fogwatch.cli.options import argument, option
+from patrol.errors import BadInput, did_you_mean
+from patrol.files.whole_file import writing
 from patrol.files.yaml_text import parse_yaml, read_text
 from patrol.ground.terrain import Terrain
 from patrol.maps.builtins import LAYOUTS, builtin_terrain
@@ -24,7 +25,7 @@ from patrol.scenario import load_scenario, naming, open_scenario
 from patrol.starting.warmup import SELDOM, warm
 
 if TYPE_CHECKING:
-    from fogwatch.grounds.map_align import Place, WallMap
+    from fogwatch.grounds.map_align import Place
     from fogwatch.grounds.map_check import MapReport, SealedPart
     from patrol.ground.doors import Door
     from patrol.prepare import Prepared
@@ -64,7 +65,7 @@ def named_terrain(what: str, point: float) -> Terrain:
 
 @command(app, examples=["fogwatch map check yards --radius 0.5 --picture yards.png"])
 def check(
-    what: Annotated[str, typer.Argument(metavar="MAP.yaml|BUILTIN", help=f"Map file, or one of {', '.join(LAYOUTS)}.")],
+    what: Annotated[str, argument("MAP.yaml|BUILTIN", f"Map file, or one of {', '.join(LAYOUTS)}.")],
     radius: Annotated[float, option("M", "Body radius in m.")] = 1.0,
     point: Annotated[float, option("M", "Side of one grid point in m.")] = 0.1,
     sensor_range: Annotated[float, option("M", "Sensor range in m.", "--range")] = 10.0,
@@ -86,7 +87,7 @@ def check(
     """Report how much of a map a robot can reach and see, what is sealed off and why, and the narrowest doors."""
     _check_lengths(radius=radius, point=point, range=sensor_range)
     starts = [_read_start(text) for text in start or []]
-    _warm_kernels()
+    warm(("patrol",), note, SELDOM)
     from fogwatch.grounds.map_check import check_map  # here: it imports kernels, which are compiled first
     from patrol.maps.doubts import doubts
 
@@ -116,21 +117,21 @@ def check(
         about += closure_lines(closing)
         site["closures"] = closing.scenario.closures
     for line in doubts(terrain):
-        typer.echo(printable(f"warning: {line}"), err=True)
+        note(f"warning: {line}")
     console = Console()
     if console.is_terminal:
         _print_tables(console, report)
     else:
         for line in plain_lines(report):
-            typer.echo(line)
+            say(line)
     for line in about:
-        typer.echo(printable(line))
+        say(line)
     if picture is not None:
-        from fogwatch.pictures.run_end import map_picture  # here: its library is an extra
+        from fogwatch.pictures.maps import map_picture  # here: its library is an extra
         from patrol.scenario.marks import marks_of
 
         map_picture(report, picture, marks_of(site, report.terrain))
-        typer.echo(printable(f"picture: {picture}"))
+        say(f"picture: {picture}")
 
 
 def plain_lines(report: MapReport) -> Iterator[str]:
@@ -149,9 +150,8 @@ def plain_lines(report: MapReport) -> Iterator[str]:
 def _terrain_headline(terrain: Terrain) -> str:
     """The terrain's name and size."""
     xmin, ymin, xmax, ymax = terrain.bounds
-    about = (
-        f" ({LAYOUTS[terrain.name].about}; a reconstruction of the paper's terrain)" if terrain.name in LAYOUTS else ""
-    )
+    layout = LAYOUTS.get(terrain.name)
+    about = f" ({layout.about}; a reconstruction of the paper's terrain)" if layout is not None else ""
     size = f"{xmax - xmin:g} x {ymax - ymin:g} m, {terrain.width} x {terrain.height} points of {terrain.point:g} m"
     return f"{terrain.name}{about}: {size}"
 
@@ -247,8 +247,9 @@ def _print_tables(console: Console, report: MapReport) -> None:
         console.print(_make_table(("#", "m²", "around (m)", "why"), rows))
     console.print(f"\n[bold]{_doors_headline(report)}[/bold]", highlight=False)
     if report.doors:
+        passes = {True: "yes", False: "[red]no[/red]"}
         lines = [
-            (f"{door.width:.2f}", _place(door), _yes_or_no(door.passes), _max_radius(door), f"{door.behind:.1f}")
+            (f"{door.width:.2f}", _place(door), passes[door.passes], _max_radius(door), f"{door.behind:.1f}")
             for door in report.doors[:MOST_LINES]
         ]
         console.print(_make_table(("width (m)", "at (m)", "passes", "", "m² behind"), lines))
@@ -259,10 +260,6 @@ def _make_table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> Table:
     for row in rows:
         table.add_row(*row)
     return table
-
-
-def _yes_or_no(passes: bool) -> str:
-    return "yes" if passes else "[red]no[/red]"
 
 
 def _terrain_settings(what: str) -> dict[str, str]:
@@ -287,9 +284,8 @@ def _read_docks(what: str, file: Path) -> tuple[DockSpec, ...]:
     if not listed:
         raise BadInput(f"--docks {file}: has no docks; write for example 'docks: [{{place: [1, 7]}}]'")
     body = {"count": 1, "battery": {"capacity": 1000, "idle": 1, "charge": 1000}}
-    return load_scenario(
-        {"terrain": _terrain_settings(what), "robots": body, "docks": listed}, called=f"--docks {file}"
-    ).docks
+    mapping = {"terrain": _terrain_settings(what), "robots": body, "docks": listed}
+    return load_scenario(mapping, called=f"--docks {file}").docks
 
 
 def _read_start(text: str) -> Pose:
@@ -310,10 +306,6 @@ def _check_lengths(**lengths_m: float | None) -> None:
             raise BadInput(f"--{name} = {value:g}: expected a finite number above 0, in m")
 
 
-def _warm_kernels() -> None:
-    warm(("patrol",), lambda line: typer.echo(line, err=True), SELDOM)
-
-
 @command(
     app,
     examples=[
@@ -322,8 +314,8 @@ def _warm_kernels() -> None:
     ],
 )
 def align(
-    own: Annotated[str, typer.Argument(metavar="A", help="The robot's map: a map file.")],
-    ours: Annotated[str, typer.Argument(metavar="B", help=f"Our map: a map file, or one of {', '.join(LAYOUTS)}.")],
+    own: Annotated[str, argument("A", "The robot's map: a map file.")],
+    ours: Annotated[str, argument("B", f"Our map: a map file, or one of {', '.join(LAYOUTS)}.")],
     landmark: Annotated[
         list[str] | None, option("AX,AY=BX,BY", "Place on A that is a place on B, in m. Repeatable; two or more.")
     ] = None,
@@ -342,50 +334,47 @@ def align(
     pairs = [_read_pair(text) for text in landmark or []]
     if picture is not None and picture.suffix.lower() != ".png":
         raise BadInput(f"--picture {picture}: expected a name that ends in .png")
-    _warm_kernels()
-    from fogwatch.grounds.map_align import (  # here: its library takes a while
-        LEAST_AGREEMENT,
-        agreement,
-        align_maps,
-        fit_landmarks,
-        only_alignment,
-        spelled,
-        wall_map,
-    )
+    warm(("patrol",), note, SELDOM)
+    from fogwatch.grounds import map_align  # here: its library takes a while
 
     terrain_a, terrain_b = named_terrain(own, point), named_terrain(ours, point)
     if picture is not None:
         _check_picture(picture, (terrain_a, terrain_b))
-    a, b = wall_map(terrain_a), wall_map(terrain_b)
-    names = terrain_a.name, terrain_b.name
+    a, b = map_align.wall_map(terrain_a), map_align.wall_map(terrain_b)
+
+    def draw(transform: Pose) -> None:
+        if picture is not None:
+            from fogwatch.pictures.maps import overlay_picture  # here: its library is an extra
+
+            names = terrain_a.name, terrain_b.name
+            overlay_picture(names, a, b, transform, [on_b for _, on_b in pairs], picture)
+            say(f"picture: {picture}")
+
     if pairs:
         _check_places(pairs, (terrain_a, terrain_b), tolerance)
-        transform, off_m = fit_landmarks(pairs)
+        transform, off_m = map_align.fit_landmarks(pairs)
         for number, (text, off) in enumerate(zip(landmark or [], off_m, strict=True), start=1):
-            typer.echo(printable(f"landmark {number}, {text}: off by {off:.2f} m"))
+            say(f"landmark {number}, {text}: off by {off:.2f} m")
         if max(off_m) > tolerance:
             worst = (landmark or [])[off_m.index(max(off_m))]
             raise BadInput(
                 f"--landmark {worst}: off by {max(off_m):.2f} m, and --tolerance is {tolerance:g} m; correct the "
                 "landmarks, of which at least one is wrong"
             )
-        agree = agreement(a, b, transform)
-        typer.echo(f"walls that agree: {agree:.0%}")
-        if agree < LEAST_AGREEMENT:
-            typer.echo("few walls agree at these landmarks; look at --picture before you drive by it", err=True)
+        agree = map_align.agreement(a, b, transform)
+        say(f"walls that agree: {agree:.0%}")
+        if agree < map_align.LEAST_AGREEMENT:
+            note("few walls agree at these landmarks; look at --picture before you drive by it")
+        draw(transform)
     else:
-        alignments = align_maps(a, b)
-        if picture is not None and alignments:  # also of a place that is refused, so that people see why
-            _draw_overlay(names, (a, b), alignments[0].transform, pairs, picture)
-        best = only_alignment(alignments)
-        transform = best.transform
+        alignments = map_align.align_maps(a, b)
+        draw(transform := alignments[0].transform)  # also where it is refused, so that people see why
+        best = map_align.only_alignment(alignments)
         runner_up = f"; at the next best place {alignments[1].agreement:.0%}" if len(alignments) > 1 else ""
-        typer.echo(f"walls that agree: {best.agreement:.0%}{runner_up}")
-    if pairs and picture is not None:
-        _draw_overlay(names, (a, b), transform, pairs, picture)
+        say(f"walls that agree: {best.agreement:.0%}{runner_up}")
     turned = f"turned by {transform.heading:.4f} rad ({math.degrees(transform.heading):.1f} degrees)"
-    typer.echo(printable(f"{own} on {ours}: its (0, 0) is at ({transform.x:.3f}, {transform.y:.3f}) m, {turned}"))
-    typer.echo(f"--transform={spelled(transform)}")
+    say(f"{own} on {ours}: its (0, 0) is at ({transform.x:.3f}, {transform.y:.3f}) m, {turned}")
+    say(f"--transform={map_align.spelled(transform)}")
 
 
 def _check_places(pairs: list[tuple[Place, Place]], terrains: tuple[Terrain, Terrain], tolerance: float) -> None:
@@ -416,19 +405,6 @@ def _check_picture(picture: Path, terrains: tuple[Terrain, Terrain]) -> None:
                 raise BadInput(f"--picture {picture}: is a file of the map {terrain.name}; give another name")
 
 
-def _draw_overlay(
-    names: tuple[str, str],
-    maps: tuple[WallMap, WallMap],
-    transform: Pose,
-    pairs: list[tuple[Place, Place]],
-    picture: Path,
-) -> None:
-    from fogwatch.pictures.map_overlay import overlay_picture  # here: its library is an extra
-
-    overlay_picture(names, *maps, transform, [on_b for _, on_b in pairs], picture)
-    typer.echo(printable(f"picture: {picture}"))
-
-
 def _read_pair(text: str) -> tuple[Place, Place]:
     places = [part.split(",") for part in text.split("=")]
     try:
@@ -442,9 +418,7 @@ def _read_pair(text: str) -> tuple[Place, Place]:
 
 @command(app, examples=["fogwatch map regions yards --picture regions.png --polygons regions.yaml"])
 def regions(
-    what: Annotated[
-        str, typer.Argument(metavar="SCENARIO", help=f"Scenario file, map file or one of {', '.join(LAYOUTS)}.")
-    ],
+    what: Annotated[str, argument("SCENARIO", f"Scenario file, map file or one of {', '.join(LAYOUTS)}.")],
     point: Annotated[
         float | None, option("M", "Side of one grid point in m (default: the scenario's, or 0.1).")
     ] = None,
@@ -465,7 +439,7 @@ def regions(
     overrides = {field: value for field, value in field_lengths_m.items() if value is not None}
     scenario = open_scenario(what, overrides)
     widest = max(spec.radius for spec in scenario.roster)
-    _warm_kernels()
+    warm(("patrol",), note, SELDOM)
     from patrol.ground.cspace import cspace_of  # here: these import kernels, which are compiled first
     from patrol.prepare import terrain_of
     from patrol.regions.split import regions_by_hand, split_regions
@@ -479,15 +453,15 @@ def regions(
     split = split.for_body(terrain, body)
     took = time.perf_counter() - begun
     for line in _region_lines(terrain, widest, split, took, by_hand is not None):
-        typer.echo(line)
+        say(line)
     if polygons is not None:
         _write_polygons(polygons, split)
-        typer.echo(printable(f"polygons: {polygons}"))
+        say(f"polygons: {polygons}")
     if picture is not None:
-        from fogwatch.pictures.region_map import region_picture  # here: its library is an extra
+        from fogwatch.pictures.maps import region_picture  # here: its library is an extra
 
         region_picture(terrain, widest, split, picture)
-        typer.echo(printable(f"picture: {picture}"))
+        say(f"picture: {picture}")
 
 
 def _region_lines(terrain: Terrain, radius: float, split: RegionSplit, took: float, by_hand: bool) -> Iterator[str]:
@@ -502,8 +476,8 @@ def _region_lines(terrain: Terrain, radius: float, split: RegionSplit, took: flo
     count = len(split.polygons)
     areas = np.bincount(split.labels[split.labels >= 0], minlength=count) * terrain.point_area
     entered = np.unique(split.labels[split.parts >= 0]).size
-    how = "given" if by_hand else "found"
-    yield f"regions: {_count_text(count, 'convex region')} {how} in {took:.2f} s; the body fits into {entered}"
+    how = f"region{'' if count == 1 else 's'} {'given' if by_hand else 'found'}"
+    yield f"regions: {count} convex {how} in {took:.2f} s; the body fits into {entered}"
     if count:
         smallest, middle, largest = areas.min(), float(np.median(areas)), areas.max()
         yield f"areas: {smallest:.1f} to {largest:.1f} m², median {middle:.1f} m²"
@@ -511,17 +485,11 @@ def _region_lines(terrain: Terrain, radius: float, split: RegionSplit, took: flo
     shown = np.argsort(-areas, kind="stable")[:MOST_LINES]
     for number in map(int, shown):
         x, y = (float(np.mean(values)) for values in zip(*split.polygons[number], strict=True))
-        beside = sorted(
-            {neighbour for link in split.connections if number in link.regions for neighbour in link.regions}
-        )
-        names = ", ".join(str(neighbour) for neighbour in beside if neighbour != number) or "none"
+        beside = {side for link in split.connections if number in link.regions for side in link.regions} - {number}
+        names = ", ".join(map(str, sorted(beside))) or "none"
         yield f"  {number}: {areas[number]:.1f} m² around ({x:.2f}, {y:.2f}), connected to {names}"
     if count > MOST_LINES:
         yield f"  and {count - MOST_LINES} smaller ones"
-
-
-def _count_text(count: int, what: str) -> str:
-    return f"{count} {what}{'' if count == 1 else 's'}"
 
 
 def _write_polygons(out: Path, split: RegionSplit) -> None:
@@ -529,7 +497,5 @@ def _write_polygons(out: Path, split: RegionSplit) -> None:
     corners = [", ".join(f"[{x:.3f}, {y:.3f}]" for x, y in polygon) for polygon in split.polygons]
     begin = ["patrol:", "  policy: potential-field", "  options:", "    paths: regions", "    regions: # m"]
     lines = [*begin, *(f"      - [{corner}]" for corner in corners), ""]
-    try:
+    with writing(out):
         out.write_text("\n".join(lines), encoding="utf-8")
-    except OSError as error:
-        raise BadInput(f"{out}: cannot be written ({error.strerror}); choose another file") from None

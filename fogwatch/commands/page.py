@@ -10,37 +10,28 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
-import typer
-
 from fogwatch.cli.command_help import command
+from fogwatch.cli.ending import say
 from fogwatch.cli.open_run import Key, open_folder, print_state
-from fogwatch.cli.options import option
+from fogwatch.cli.options import argument, option
 from fogwatch.commands.fleet import WAIT_S, FleetOptions, RunningFleet, Wait
-from patrol.errors import BadInput, printable
+from patrol.errors import BadInput
 from patrol.process.failures import INTERRUPTED
 
 EXIT_CODES = "2 bad input, 130 ended by Ctrl-C"
+
+_HOST = "Address to serve on; other than the loopback address it needs --token."
+_PORT = "TCP port of the page (default: a free one)."
+_TOKEN = "Secret that the page's address must hold; 16 or more letters and digits."
 
 
 @dataclass(frozen=True)
 class PageOptions:
     """The address of a page, and the token that lets visitors in."""
 
-    host: Annotated[str, option("HOST", "Address to serve on; other than the loopback address it needs --token.")] = (
-        "127.0.0.1"
-    )
-    port: Annotated[
-        int, option("N", "TCP port of the page (default: a free one).", "--page-port", show_default=False)
-    ] = 0
-    token: Annotated[
-        str,
-        option(
-            "TEXT",
-            "Secret that the page's address must hold; 16 or more letters and digits.",
-            envvar="FOGWATCH_PAGE_KEY",
-            show_envvar=True,
-        ),
-    ] = ""
+    host: Annotated[str, option("HOST", _HOST)] = "127.0.0.1"
+    port: Annotated[int, option("N", _PORT, "--page-port", show_default=False)] = 0
+    token: Annotated[str, option("TEXT", _TOKEN, envvar="FOGWATCH_PAGE_KEY", show_envvar=True)] = ""
     browser: Annotated[bool, option("", "Open the page in the default browser.", "--browser/--no-browser")] = False
 
 
@@ -54,8 +45,7 @@ class PageOptions:
 )
 def replay(
     runs: Annotated[
-        list[Path],
-        typer.Argument(metavar="RUN [RUN]", help="Folder of a run; of two, to see them side by side by one clock."),
+        list[Path], argument("RUN [RUN]", "Folder of a run; of two, to see them side by side by one clock.")
     ],
     page: PageOptions,
     key: Key = None,
@@ -98,19 +88,16 @@ def _save_page(folders: list[Path], out: Path, key: Path | None) -> int:
 
     check_runs(folders)
     opened = [open_folder(folder, key) for folder in folders]
-    from rich.console import Console
-    from rich.progress import TimeRemainingColumn
-
-    from fogwatch.terminal.bars import bar_on
+    from fogwatch.terminal.live_table import bar_on
     from monitor.page.saved import save_page
 
-    with bar_on(Console(stderr=True), TimeRemainingColumn()) as bar:
+    with bar_on() as bar:
         frames = save_page([run for run, _ in opened], out, lambda ticks: bar.track(ticks, description="frames"))
     for run, going in opened:
         print_state(run, going)
     megabytes = sum(file.stat().st_size for file in out.rglob("*") if file.is_file()) / 1e6
     counts = " and ".join(map(str, frames))
-    typer.echo(printable(f"page: {out / 'index.html'}, {megabytes:.1f} MB, {counts} frames"))
+    say(f"page: {out / 'index.html'}, {megabytes:.1f} MB, {counts} frames")
     return 0
 
 

@@ -6,6 +6,7 @@ A robot's small computer loads these commands alone, so this module stands on no
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from importlib import import_module
 from typing import Any
 
 import typer
@@ -42,18 +43,6 @@ def _agent_options() -> str:
     return f"For --robot ros2 or rclpy, of ROS 2:\n\n{ros2}\nFor a robot that a world simulates:\n\n{simulated}"
 
 
-def _router_options() -> str:
-    from fogwatch.router import router_parser
-
-    return router_parser().list_options()
-
-
-def _sim_options() -> str:
-    from ros2.sim.options import parser
-
-    return parser().list_options()
-
-
 @command(
     examples=[
         "fogwatch agent --robot ros2 --namespace robot1 --map map.yaml --connect tcp/192.168.1.20:7447",
@@ -62,7 +51,7 @@ def _sim_options() -> str:
     ],
     exit_codes="0 the run is over, 1 the robot failed, 2 bad input, 130 interrupted",
     kind=PassedOn,
-    listed=staticmethod(_agent_options),
+    listed=_agent_options,
 )
 def agent(ctx: typer.Context) -> int:
     """Run one robot of a fleet: a ROS 2 robot with --robot ros2, otherwise one that a world simulates.
@@ -78,7 +67,7 @@ def agent(ctx: typer.Context) -> int:
     examples=["fogwatch router --fleet yards-1/router", "fogwatch router"],
     exit_codes="0 it was asked to stop, 2 bad input, or the port is taken",
     kind=PassedOn,
-    listed=staticmethod(_router_options),
+    listed=lambda: import_module("fogwatch.router").router_parser().list_options(),
 )
 def router(ctx: typer.Context) -> int:
     """Forward messages between the processes of a fleet that does not meet directly.
@@ -95,7 +84,7 @@ def router(ctx: typer.Context) -> int:
     examples=["fogwatch robot-sim --map map.yaml --connect tcp/127.0.0.1:7447 --robots robot1"],
     exit_codes="0 the time is over, 2 bad input, 130 interrupted",
     kind=PassedOn,
-    listed=staticmethod(_sim_options),
+    listed=lambda: import_module("ros2.sim.options").parser().list_options(),
 )
 def robot_sim(ctx: typer.Context) -> int:
     """Simulate ROS 2 robots on a Zenoh router, to try an agent without a robot.

@@ -6,13 +6,12 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Annotated
 
-import typer
-
 from fogwatch.cli.command_help import command
+from fogwatch.cli.ending import note, say
 from fogwatch.cli.open_run import Key, RunFolder, open_folder, print_state
-from fogwatch.cli.options import option
+from fogwatch.cli.options import argument, option
 from fogwatch.commands.fleet import WAIT_S, FleetOptions, Wait
-from patrol.errors import BadInput, did_you_mean, printable
+from patrol.errors import BadInput, did_you_mean
 from patrol.files.untrusted import leads_out
 from patrol.process.failures import INTERRUPTED
 from patrol.process.lifeline import heed
@@ -40,12 +39,8 @@ def export(
     The tables are ticks, robots, links, events, visits (of a graph's vertices) and ground. Files of these names in the
     folder are replaced, all of them or none.
     """
-    from rich.console import Console
-    from rich.progress import TimeRemainingColumn
-
-    from fogwatch.terminal.bars import bar_on
-    from monitor.tables.arrow import FORMATS, write_tables
-    from monitor.tables.table import check_pyarrow
+    from fogwatch.terminal.live_table import bar_on
+    from monitor.tables.table import FORMATS, check_pyarrow, write_tables
 
     chosen = next((candidate for candidate in FORMATS if candidate == kind), None)
     if chosen is None:
@@ -58,11 +53,11 @@ def export(
     check_pyarrow()
     heed(None, patience=0)  # any signal raises KeyboardInterrupt, after which no half file stays
     opened, going = open_folder(run, key)
-    with bar_on(Console(stderr=True), TimeRemainingColumn()) as bar:
+    with bar_on() as bar:
         task = bar.add_task("tables, %", total=100)
         files = write_tables(opened, folder, chosen, share=lambda done: bar.update(task, completed=100.0 * done))
     print_state(opened, going)
-    typer.echo(printable(f"tables: {folder}: {', '.join(file.name for file in files)}"))
+    say(f"tables: {folder}: {', '.join(file.name for file in files)}")
 
 
 @command(
@@ -76,9 +71,7 @@ def export(
     "before a fleet answered",
 )
 def record(
-    run: Annotated[
-        Path | None, typer.Argument(metavar="[RUN|FILE.mcap]", help="Folder of a run; with --check, a recording.")
-    ] = None,
+    run: Annotated[Path | None, argument("[RUN|FILE.mcap]", "Folder of a run; with --check, a recording.")] = None,
     out: Annotated[
         Path | None, option("FILE", "File to write (default: recording.mcap in the run's folder, or FLEET.mcap).")
     ] = None,
@@ -127,7 +120,7 @@ def _record_fleet(out: Path, name: str, fleet: FleetOptions, wait_s: float) -> i
     ending = heed(None, patience=1)
     if out.exists():
         raise BadInput(f"{out}: exists already; name a new file with --out")
-    warm(("patrol", "monitor"), lambda line: typer.echo(line, err=True))
+    warm(("patrol", "monitor"), note)
     from monitor.live.attach import open_fleet
     from monitor.recording.live_recorder import record_live
 
@@ -136,7 +129,7 @@ def _record_fleet(out: Path, name: str, fleet: FleetOptions, wait_s: float) -> i
         return INTERRUPTED
 
     def say(line: str) -> None:
-        typer.echo(f"record: {line}", err=True)
+        note(f"record: {line}")
 
     started = datetime.now(UTC).isoformat(timespec="seconds")
     try:
@@ -147,7 +140,7 @@ def _record_fleet(out: Path, name: str, fleet: FleetOptions, wait_s: float) -> i
     content = "nothing was received"
     if last is not None:
         content = f"up to {last.time_s:g} s, {last.ended or ('its world is gone' if last.gone else 'the run goes on')}"
-    typer.echo(printable(f"recording: {out}, {out.stat().st_size / 1e6:.1f} MB, {content}"))
+    say(f"recording: {out}, {out.stat().st_size / 1e6:.1f} MB, {content}")
     return 0
 
 
@@ -158,25 +151,19 @@ def _record_run(run: Path, out: Path | None) -> None:
     if out is not None:
         check_out(out, RECORDING)
     opened, going = open_folder(run)
-    from monitor.recording.run_recorder import Recorder, key_frame_ticks
+    from fogwatch.run_folder.derived import recorded
+    from monitor.recording.run_recorder import key_frame_ticks
     from monitor.replay.replay import play
 
-    recorder = Recorder(opened, file)
-    try:
+    with recorded(opened, file) as recorder:
         wrong = play(opened, [recorder])
-        recorder.close()
-    except BaseException:
-        recorder.abandon()
-        raise
     print_state(opened, going)
     if wrong is not None:
         since = wrong * opened.step
-        typer.echo(f"from {since:g} s on the replayed fog differs from the run's: scenario or map differ", err=True)
+        note(f"from {since:g} s on the replayed fog differs from the run's: scenario or map differ")
     every = key_frame_ticks(opened) * opened.step
     megabytes = file.stat().st_size / 1e6
-    typer.echo(
-        f"recording: {file}, {megabytes:.1f} MB, {opened.ticks * opened.step:g} s, a whole grid every {every:g} s"
-    )
+    say(f"recording: {file}, {megabytes:.1f} MB, {opened.ticks * opened.step:g} s, a whole grid every {every:g} s")
 
 
 def _inspect_recording(file: Path, repair: Path | None) -> int:
@@ -187,9 +174,6 @@ def _inspect_recording(file: Path, repair: Path | None) -> int:
     facts = contents.facts
     by = facts.get("software") or facts.get("told_by")
 
-    def say(line: str) -> None:
-        typer.echo(printable(line))
-
     say(f"{facts.get('scenario', '?')}: {contents.begin_s:g} to {contents.end_s:g} s, by {by}")
     scale = facts.get("fog_scale_s", "?")
     unit = " s" if scale[:1].isdigit() else ""
@@ -197,8 +181,8 @@ def _inspect_recording(file: Path, repair: Path | None) -> int:
     for topic, count in sorted(contents.messages.items()):
         say(f"  {count:8} {topic}")
     if not contents.why_cut:
-        typer.echo("complete, checksums right")
+        say("complete, checksums right")
         return 0
     saved = f"; repaired copy: {repair}" if repair else "; --repair NEW.mcap saves what can be read"
-    typer.echo(f"cut off: {contents.why_cut}{saved}")
+    say(f"cut off: {contents.why_cut}{saved}")
     return 0 if repair else BROKEN

@@ -5,11 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
-
 from fogwatch.cli.command_help import command
+from fogwatch.cli.ending import say
 from fogwatch.cli.open_run import Key, RunFolder, open_folder, print_state
-from fogwatch.cli.options import option
+from fogwatch.cli.options import argument, option
 from patrol.errors import BadInput, printable
 
 if TYPE_CHECKING:
@@ -44,16 +43,16 @@ def report(
     tables = write_csv(opened, csv) if csv is not None else []
     drawn = write_report(analyse(opened), file, going, figures)
     print_state(opened, going)
-    typer.echo(printable(f"report: {file}"))
+    say(f"report: {file}")
     if figures is not None:
-        typer.echo(printable(f"figures: {figures}: {', '.join(drawing.name for drawing in drawn)}"))
+        say(f"figures: {figures}: {', '.join(drawing.name for drawing in drawn)}")
     if csv is not None:
-        typer.echo(printable(f"tables: {csv}: {', '.join(table.name for table in tables)}"))
+        say(f"tables: {csv}: {', '.join(table.name for table in tables)}")
 
 
 @command(examples=["fogwatch compare runs/yards-1 runs/yards-2 --out compare.html"])
 def compare(
-    runs: Annotated[list[Path], typer.Argument(metavar="RUN RUN...", help="Folders of two or more runs.")],
+    runs: Annotated[list[Path], argument("RUN RUN...", "Folders of two or more runs.")],
     out: Annotated[Path, option("FILE", "File to write.")] = Path("compare.html"),
     figures: Figures = None,
 ) -> None:
@@ -80,14 +79,12 @@ def compare(
     shown = contradictions(differ)
     print_side_by_side(Console(), names_of(opened), [("", rows_of(opened)), ("settings that differ", shown)])
     if not differ:
-        typer.echo("settings: all runs have the same scenario")
+        say("settings: all runs have the same scenario")
     if len(shown) < len(differ):
-        typer.echo(
-            f"{len(differ) - len(shown)} more options, which only some of the policies have: {printable(str(out))}"
-        )
+        say(f"{len(differ) - len(shown)} more options, which only some of the policies have: {printable(str(out))}")
     for line in cautions(differ):
-        typer.echo(line)
-    typer.echo(printable(f"comparison: {out}"))
+        say(line)
+    say(f"comparison: {out}")
 
 
 def _analyse_folder(folder: Path) -> Analysis:

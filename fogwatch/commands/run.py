@@ -9,13 +9,10 @@ from contextlib import contextmanager, nullcontext
 from dataclasses import replace
 from typing import Annotated
 
-import typer
-
 from fogwatch.cli.command_help import command
 from fogwatch.cli.ending import complain
-from fogwatch.cli.options import option
-from fogwatch.presets import PRESETS
-from fogwatch.run_options import Body, Changes, RunChoices
+from fogwatch.cli.options import argument, option
+from fogwatch.run_options import PRESETS, Body, Changes, RunChoices
 from patrol.errors import printable
 from patrol.process.failures import INTERRUPTED, UNKNOWN
 from patrol.process.lifeline import ending_children, heed
@@ -23,6 +20,8 @@ from patrol.scenario import BUILTINS, MAX_ROBOTS, RobotGroup, Scenario, naming, 
 
 PAGE_SPARES = 2
 """Number of robots that may join a run with a live page, unless the scenario or an option sets another."""
+
+_SCENARIO = f"Scenario file, map file (map_server's YAML) or built-in terrain: {', '.join(BUILTINS)}."
 
 
 @command(
@@ -47,13 +46,7 @@ def demo() -> int:
     "interrupted",
 )
 def run(
-    what: Annotated[
-        str,
-        typer.Argument(
-            metavar="SCENARIO",
-            help=f"Scenario file, map file (map_server's YAML) or built-in terrain: {', '.join(BUILTINS)}.",
-        ),
-    ],
+    what: Annotated[str, argument("SCENARIO", _SCENARIO)],
     changes: Changes,
     choices: RunChoices,
     quiet: Annotated[bool, option("", "Print nothing but the run folder.", "--quiet", panel="Output")] = False,
@@ -72,8 +65,7 @@ def run(
 
     from fogwatch.api import RunOptions, execute
     from fogwatch.launch.launcher import LaunchFailed
-    from fogwatch.terminal.bars import kernel_bar
-    from fogwatch.terminal.live_table import make_display
+    from fogwatch.terminal.live_table import kernel_bar, make_display
     from fogwatch.terminal.summary_text import print_summary
     from patrol.summary.model import Summary
 

@@ -10,10 +10,11 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from fogwatch.cli.command_help import command, group
-from fogwatch.cli.options import option
-from fogwatch.presets import PRESETS
-from fogwatch.run_options import overrides_of, patrol_option, settings_option
-from patrol.errors import BadInput, printable
+from fogwatch.cli.ending import say
+from fogwatch.cli.options import argument, option
+from fogwatch.run_options import PRESETS, overrides_of, patrol_option, settings_option
+from patrol.errors import printable
+from patrol.files.whole_file import writing
 from patrol.scenario import Scenario, dump_scenario, naming, open_scenario, scenario_hash, scenario_schema
 from patrol.scenario.patrols import describe_patrol
 from patrol.scenario.policies import BUILT_IN, LearnedPatrol
@@ -26,10 +27,9 @@ if TYPE_CHECKING:
 
 app = group("scenario", "Print or check a scenario, or print the JSON schema of scenario files.")
 
-What = Annotated[str, typer.Argument(metavar="SCENARIO", help="Scenario file, map file or built-in terrain.")]
-Settings = Annotated[
-    list[str] | None, settings_option("Set a field, such as patrol.options.separation=none. Repeatable.")
-]
+What = Annotated[str, argument("SCENARIO", "Scenario file, map file or built-in terrain.")]
+_SET = "Set a field, such as patrol.options.separation=none. Repeatable."
+Settings = Annotated[list[str] | None, settings_option(_SET)]
 Patrol = Annotated[str | None, patrol_option()]
 Preset = Annotated[str | None, option("|".join(PRESETS), "As for fogwatch run; --set holds over it.")]
 
@@ -83,27 +83,27 @@ def check(what: What, settings: Settings = None, patrol: Patrol = None) -> None:
 
         check_without_running(model_named(scenario))
     fixed = sum(spec.start is not None for spec in scenario.roster)
-    typer.echo(printable(f"{what}: can run"))
-    typer.echo(f"  {_starts_text(len(scenario.roster), fixed)}")
+    say(f"{what}: can run")
+    say(f"  {_starts_text(len(scenario.roster), fixed)}")
     unchecked = "" if scenario.patrol.policy in BUILT_IN else ", not run: a run checks its options"
-    typer.echo(printable(f"  patrol: {describe_patrol(scenario.patrol.policy)}{unchecked}"))
+    say(f"  patrol: {describe_patrol(scenario.patrol.policy)}{unchecked}")
     if scenario.sensor.kind not in BUILT_IN_SENSORS:
-        typer.echo(f"  sensor {printable(scenario.sensor.kind)}, not run: a run checks its options")
+        say(f"  sensor {printable(scenario.sensor.kind)}, not run: a run checks its options")
     if scenario.radio.model not in MODELS:
-        typer.echo(f"  radio model {printable(scenario.radio.model)}, not run: a run checks its options")
+        say(f"  radio model {printable(scenario.radio.model)}, not run: a run checks its options")
     ground = f"{float(prepared.patrolled.sum()) * scenario.point**2:.0f} m²"
     if scenario.terrain.graph is not None and scenario.terrain.patrolled == VERTICES:
         ground = f"{len(scenario.terrain.graph.vertices)} vertices"
-    typer.echo(f"  {ground} to patrol on {prepared.terrain.name}, points of {scenario.point:g} m")
+    say(f"  {ground} to patrol on {prepared.terrain.name}, points of {scenario.point:g} m")
     ticks = "1 tick" if scenario.ticks == 1 else f"{scenario.ticks} ticks"
-    typer.echo(f"  {scenario.duration:g} s in {ticks} of {scenario.step:g} s")
+    say(f"  {scenario.duration:g} s in {ticks} of {scenario.step:g} s")
     for line in scenario_notes(prepared):
-        typer.echo(printable(f"  warning: {line}"))
+        say(f"  warning: {line}")
     if not scenario.docks and any(spec.battery is not None for spec in scenario.roster):
-        typer.echo("  no docks, so batteries are never charged")
+        say("  no docks, so batteries are never charged")
     for line in _fault_lines(scenario):
-        typer.echo(f"  {line}")
-    typer.echo(f"  scenario hash {digest}")
+        say(f"  {line}")
+    say(f"  scenario hash {digest}")
 
 
 def _starts_text(robots: int, given: int) -> str:
@@ -111,11 +111,9 @@ def _starts_text(robots: int, given: int) -> str:
     count = "1 robot" if robots == 1 else f"{robots} robots"
     if given == 0:
         return f"{count}, placed at random"
-    if given == robots:
-        return f"{count}, at {'a given start' if robots == 1 else 'given starts'}"
-    return (
-        f"{count}, {given} of them at {'a given start' if given == 1 else 'given starts'}, the others placed at random"
-    )
+    starts = "a given start" if given == 1 else "given starts"
+    mixed = f"{count}, {given} of them at {starts}, the others placed at random"
+    return f"{count}, at {starts}" if given == robots else mixed
 
 
 def _fault_lines(scenario: Scenario) -> Iterator[str]:
@@ -164,7 +162,5 @@ def schema(out: Annotated[Path | None, option("FILE", "File to write (default: p
     if out is None:
         typer.echo(text, nl=False)
         return
-    try:
+    with writing(out):
         out.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise BadInput(f"{out}: cannot be written ({error.strerror}); choose another file") from None

@@ -4,24 +4,24 @@ from __future__ import annotations
 
 import json
 from argparse import Namespace
+from contextlib import nullcontext
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from fogwatch.cli.command_help import command
 from fogwatch.cli.options import option
-from fogwatch.commands.fleet import FleetOptions, RunningFleet, Wait
+from fogwatch.commands.fleet import LISTEN_S, FleetOptions, RunningFleet, Seconds, Wait
 from patrol.errors import BadInput
 from patrol.process.failures import INTERRUPTED
 
 if TYPE_CHECKING:
-    from fogwatch.status import FleetStatus, FleetWatch
+    from fogwatch.status import FleetWatch
     from patrol.process.lifeline import Ending
     from patrol.process.options import Meeting
 
 WRONG = 1
 WAIT_S = 5.0
-LISTEN_S = 3.0
 PATIENCE_S = 30.0
 """By how much a single look may take longer while a robot has not been heard, s."""
 EVERY_S = 1.0
@@ -43,7 +43,7 @@ def status(
     fleet: FleetOptions,
     watch: Annotated[bool, option("", "Look again each second, until the run ends or Ctrl-C.", "--watch")] = False,
     as_json: Annotated[bool, option("", "Print JSON, a line for each look.", "--json")] = False,
-    seconds: Annotated[float, option("S", "How long to listen, in s.")] = LISTEN_S,
+    seconds: Seconds = LISTEN_S,
     wait: Wait = WAIT_S,
 ) -> int:
     """Say how a running fleet does: its world, its robots, and what is wrong. It changes nothing.
@@ -58,8 +58,6 @@ def status(
     from patrol.scenario import load_scenario
 
     source = fleet.as_source("status", run, wait)
-    if not 0.1 <= seconds <= 600.0:
-        raise BadInput(f"--seconds {seconds:g}: expected 0.1 to 600")
     if fleet.scenario is not None:
         load_scenario(fleet.scenario)
     ending = heed(None, patience=1)
@@ -92,28 +90,18 @@ def follow(fleet_watch: FleetWatch, seconds: float, ending: Ending, *, as_json: 
     from rich.text import Text
 
     console = Console()
-    live = Live(console=console, auto_refresh=False) if console.is_terminal and not as_json else None
-
-    def show(seen: FleetStatus) -> None:
-        if live is None:
-            typer.echo(json.dumps(seen.as_json()) if as_json else f"{seen.as_text()}\n")
-        else:
-            live.update(Text(seen.as_text()), refresh=True)
-
-    if live is not None:
-        live.start()
-    try:
+    with Live(console=console, auto_refresh=False) if console.is_terminal and not as_json else nullcontext() as live:
         while True:
             seen = fleet_watch.look(seconds)
             if ending or seen is None:
                 return INTERRUPTED
-            show(seen)
+            if live is not None:
+                live.update(Text(seen.as_text()), refresh=True)
+            else:
+                typer.echo(json.dumps(seen.as_json()) if as_json else f"{seen.as_text()}\n")
             if seen.is_over:
                 return 0 if seen.well else WRONG
             seconds = EVERY_S
-    finally:
-        if live is not None:
-            live.stop()
 
 
 def _open_watch(what: Namespace, silent_s: float, patience_s: float, ending: Ending) -> FleetWatch | None:

@@ -125,9 +125,8 @@ def _run_openssl(*words: str) -> str:
     try:
         process = subprocess.run(["openssl", *words], capture_output=True, text=True, check=False, umask=0o077)
     except FileNotFoundError:
-        raise BadInput(
-            "the command openssl is missing; install it (on Debian or Ubuntu: apt install openssl)"
-        ) from None
+        remedy = "install it (on Debian or Ubuntu: apt install openssl)"
+        raise BadInput(f"the command openssl is missing; {remedy}") from None
     if process.returncode != 0:
         lines = [line for line in process.stderr.splitlines() if line.strip()]
         raise BadInput(f"openssl {words[0]} failed: {lines[-1].strip() if lines else process.returncode}")

@@ -5,6 +5,7 @@
     FOLDER/router/        for the router's machine (`patrol.security.credentials.RouterSecurity`)
     FOLDER/mesh.json      in a fleet without a router, instead: a copy is in each member's folder
     FOLDER/NAME/          for the machine of a member: a robot, world, viewer, operator (`Credentials`)
+    FOLDER/NAME-router/   for the Zenoh router of a ROS 2 robot: its certificate, and rules that let members in
 
 A certificate's common name holds a number that counts how often the member got one. Zenoh has no list of revoked
 certificates, so the rules of the router, or of each member of a mesh, name the members whose certificates are valid.
@@ -14,36 +15,30 @@ What a process without such a name sends is refused.
 from __future__ import annotations
 
 import fcntl
+import ipaddress
 import json
 import os
+import re
 import shutil
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
 
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
 from fogwatch.fleets.certificates import facts, issue, make_authority, problem
-from fogwatch.fleets.hosts import LOCAL, checked_hosts, listening_locator, member_locator, mesh_locator
 from patrol.errors import BadInput
 from patrol.process import failures as exhausted
-from patrol.security.credentials import (
-    AUTHORITY,
-    CERTIFICATE,
-    KEY,
-    MEMBER,
-    ROUTER,
-    Credentials,
-    as_json,
-    router_json,
-)
-from patrol.security.keys import fleet_keys
+from patrol.security.credentials import AUTHORITY, CERTIFICATE, KEY, MEMBER, ROUTER, Credentials, as_json, router_json
+from patrol.security.keys import check_locator, fleet_keys, is_loopback
 from patrol.security.mesh import MESH, Mesh, mesh_json, read_mesh
 from patrol.security.private_files import check_private, read_object, replace_private, write_private
 from patrol.security.roles import (
     OPERATOR,
     RESERVED,
+    VIEWER,
     WORLD_ROLE,
     Kind,
     Role,
@@ -52,6 +47,8 @@ from patrol.security.roles import (
     roles_of,
     router_name,
 )
+from ros2.wire.access import COMMANDS, agent_rights, robot_router, viewer_rights
+from ros2.wire.formats import Format
 
 FILE = "fleet.json"
 THE_ROUTER = "router"
@@ -61,20 +58,31 @@ _LAST_PORT = 65535
 LOCK_S = 10.0
 """Longest wait for another command that changes the folder, s."""
 
+ROBOT_ROUTER, LOCAL_PORT = "zenoh.json5", 7447
+"""The file that the router of a ROS 2 robot reads, and the port of the robot's own programs."""
 
-@dataclass(slots=True)
-class FleetFolder:
-    """A fleet's folder."""
+LOCAL = ("127.0.0.1", "localhost")
+"""Those of every machine itself."""
 
-    path: Path
+_LABEL = r"[A-Za-z0-9_](?:[A-Za-z0-9_-]{0,61}[A-Za-z0-9_])?"
+_NAME = re.compile(rf"(?=.{{1,253}}\Z){_LABEL}(?:\.{_LABEL})*")
+_NUMBERS = re.compile(r"[0-9.]*")
+_WITH_PORT = re.compile(r"(?:[^:]+|\[.*\]):[0-9]+")
+
+
+class FleetFolder(BaseModel):
+    """A fleet's folder: where it is, and what is in `FILE`."""
+
+    model_config = ConfigDict(strict=True)
+
+    path: Path = Field(exclude=True)
     fleet: str
-    hosts: list[str]  # of the router's machine, the one that members use first; empty in a mesh
-    port: int  # TCP, of the router; in a mesh UDP, of each host's first member
+    hosts: list[str] = []  # of the router's machine, the one that members use first; empty in a mesh
+    port: int = Field(ge=1, le=_LAST_PORT)  # TCP, of the router; in a mesh UDP, of each host's first member
     token: str  # of the operators
-    members: dict[str, str] = field(default_factory=dict)  # common name of each one's certificate, by `Role.user`
-    issued: dict[str, int] = field(default_factory=dict)  # number of certificates each member has got, by `Role.user`
-    # in a mesh, known locators by `Role.user`; revoked members keep theirs
-    places: dict[str, str] = field(default_factory=dict)
+    members: dict[str, str] = {}  # common name of each one's certificate, by `Role.user`
+    issued: dict[str, int] = {}  # number of certificates each member has got, by `Role.user`
+    places: dict[str, str] = {}  # in a mesh, known locators by `Role.user`; revoked members keep theirs
 
     @property
     def is_mesh(self) -> bool:
@@ -82,27 +90,34 @@ class FleetFolder:
         return not self.hosts
 
     @property
+    def roles(self) -> dict[str, Role]:
+        """The members' roles by `Role.user`."""
+        return {user: role_of(user, FILE) for user in self.members}
+
+    @property
     def router(self) -> str:
         """The router's locator, as members use it."""
-        return member_locator(self.hosts, self.port)
+        return f"tls/{_join_authority(self.hosts[0], self.port)}"
 
     @property
     def mesh(self) -> Mesh | None:
         """The fleet as its members know it that meet without a router; None where there is one."""
         if not self.is_mesh:
             return None
-        roles = {common_name: role_of(user, FILE) for user, common_name in self.members.items()}
-        return Mesh(self.fleet, roles, {user: address for user, address in self.places.items() if user in self.members})
+        places = {user: address for user, address in self.places.items() if user in self.members}
+        return Mesh(self.fleet, self._roles_by_certificate(), places)
 
     @property
     def listen(self) -> str:
-        """The locator that the router listens on."""
-        return listening_locator(self.hosts, self.port)
+        """The locator that the router listens on: all addresses of its machine, or this machine alone."""
+        if all(is_loopback(host) for host in self.hosts):
+            return self.router
+        return f"tls/{_any_address(self.hosts)}:{self.port}"
 
     @property
     def absent(self) -> list[str]:
         """The names of members whose folders are not here; they may have been moved to their machines."""
-        return [role.name for user in self.members if not (self.path / (role := role_of(user, FILE)).name).is_dir()]
+        return [role.name for role in self.roles.values() if not (self.path / role.name).is_dir()]
 
     def add(self, role: Role, days: int, host: str | None = None, called: str = "--host") -> None:
         """Add a member with a certificate that is valid for `days`.
@@ -133,7 +148,7 @@ class FleetFolder:
         is not here, it is made anew, with a certificate that is valid for `days`.
         """
         if role.user not in self.members:
-            names = ", ".join(sorted(role_of(user, FILE).name for user in self.members))
+            names = ", ".join(sorted(member.name for member in self.roles.values()))
             raise BadInput(f"{role.name}: is no member of {self.fleet}; members are {names}")
         del self.members[role.user]
         counterpart = {WORLD_ROLE: OPERATOR, OPERATOR: WORLD_ROLE}.get(role)
@@ -167,9 +182,8 @@ class FleetFolder:
         names = [*dict.fromkeys([*self.hosts, *LOCAL])]
         issue(self.path / AUTHORITY_FOLDER, folder, router_name(self.fleet), days, names)
         if self.router != before:
-            for role in (role_of(user, FILE) for user in self.members):
-                if (self.path / role.name).is_dir():
-                    self._write_member(role, self.path / role.name)
+            for role in self._roles_here():
+                self._write_member(role, self.path / role.name)
         self._save_files()
 
     def check(self, now_s: float) -> Iterator[tuple[str, bool, str]]:
@@ -181,9 +195,8 @@ class FleetFolder:
             yield AUTHORITY_FOLDER, *_judge_expiry(facts(self.path / AUTHORITY_FOLDER / CERTIFICATE).ends_s, now_s)
         except BadInput as bad:
             yield AUTHORITY_FOLDER, False, str(bad)
-        of_router = {} if self.is_mesh else {THE_ROUTER: ""}
-        for user, common_name in {**of_router, **self.members}.items():
-            name = user if user == THE_ROUTER else role_of(user, FILE).name
+        names = {role.name: self.members[user] for user, role in self.roles.items()}
+        for name, common_name in {**({} if self.is_mesh else {THE_ROUTER: ""}), **names}.items():
             folder = self.path / name
             if not folder.exists():
                 yield name, True, "its folder is not here (it may have been moved to its machine)"
@@ -203,25 +216,23 @@ class FleetFolder:
 
     def _save_files(self) -> None:
         """Write fleet.json, and what follows from it: the router's rules, or the file of the mesh and its copies."""
-        fields = {
-            "fleet": self.fleet,
-            "hosts": self.hosts,
-            "port": self.port,
-            "token": self.token,
-            "members": self.members,
-            "issued": self.issued,
-            **({"places": self.places} if self.is_mesh else {}),
-        }
+        fields = self.model_dump(exclude=None if self.is_mesh else {"places"})
         replace_private(self.path / FILE, f"{json.dumps(fields, indent=2)}\n")
         if (mesh := self.mesh) is not None:
-            here = [role.name for role in mesh.members.values() if (self.path / role.name).is_dir()]
-            for folder in (self.path, *(self.path / name for name in here)):
+            for folder in (self.path, *(self.path / role.name for role in self._roles_here())):
                 replace_private(folder / MESH, mesh_json(mesh))
             return
-        roles = {common_name: role_of(user, FILE) for user, common_name in self.members.items()}
         folder = self.path / THE_ROUTER
         folder.mkdir(mode=0o700, exist_ok=True)
-        replace_private(folder / ROUTER, router_json(fleet_keys(self.fleet), self.listen, roles))
+        rules = router_json(fleet_keys(self.fleet), self.listen, self._roles_by_certificate())
+        replace_private(folder / ROUTER, rules)
+
+    def _roles_by_certificate(self) -> dict[str, Role]:
+        return {self.members[user]: role for user, role in self.roles.items()}
+
+    def _roles_here(self) -> list[Role]:
+        """Return the members whose folders are here."""
+        return [role for role in self.roles.values() if (self.path / role.name).is_dir()]
 
 
 def make_fleet(
@@ -244,10 +255,11 @@ def make_fleet(
         raise BadInput(f"{path}: exists already; to add a member, use: fogwatch fleet add {path} NAME")
     keys = fleet_keys(fleet, "--name")
     roles = [*map(_robot_role, robots), *(role for role in roles_of(robots) if role.kind is not Kind.ROBOT)]
-    if not _is_port(port):
+    if not 1 <= port <= _LAST_PORT:
         raise BadInput(f"--port {port}: ports go from 1 to {_LAST_PORT}; choose one of them")
     router_hosts = [] if places else checked_hosts(hosts) or [*LOCAL]
-    new_fleet = FleetFolder(path, keys.fleet, router_hosts, port, os.urandom(16).hex())
+    token = os.urandom(16).hex()
+    new_fleet = FleetFolder(path=path, fleet=keys.fleet, hosts=router_hosts, port=port, token=token)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with _made_whole(path) as part:
@@ -302,27 +314,18 @@ def open_fleet_folder(path: Path) -> FleetFolder:
     if not (path / FILE).exists():
         raise BadInput(f"{path}: no fleet's folder, because it holds no {FILE}; make one with: fogwatch fleet init")
     fields = read_object(path / FILE, "fleet", secret=True)
-    members, issued, places, hosts = (
-        fields.get(name, empty) for name, empty in (("members", {}), ("issued", {}), ("places", {}), ("hosts", []))
-    )
-    fine = (
-        isinstance(fields.get("fleet"), str)
-        and isinstance(fields.get("token"), str)
-        and _is_port(fields.get("port"))
-        and isinstance(hosts, list)
-        and isinstance(members, dict)
-        and isinstance(issued, dict)
-        and isinstance(places, dict)
-        and all(isinstance(value, str) for value in (*hosts, *members.values(), *places.values()))
-        and all(isinstance(value, int) for value in issued.values())
-    )
-    if not fine or not (hosts or "places" in fields):
-        raise BadInput(f"fleet: {path / FILE}: is damaged; restore it, or make a new fleet: fogwatch fleet init")
-    for user in members:
+    remedy = "restore it, or make a new fleet: fogwatch fleet init"
+    damaged = BadInput(f"fleet: {path / FILE}: is damaged; {remedy}")
+    try:
+        fleet = FleetFolder.model_validate({**fields, "path": path})
+    except ValidationError:
+        raise damaged from None
+    if fleet.is_mesh and "places" not in fields:
+        raise damaged
+    for user in fleet.members:
         role_of(user, f"fleet: {path / FILE}")
-    keys = fleet_keys(fields["fleet"])
-    own_hosts, port, token = checked_hosts(hosts), fields["port"], fields["token"]
-    return FleetFolder(path, keys.fleet, own_hosts, port, token, members, issued, places)
+    fleet.fleet, fleet.hosts = fleet_keys(fleet.fleet).fleet, checked_hosts(fleet.hosts)
+    return fleet
 
 
 def member_role(name: str) -> Role:
@@ -357,10 +360,6 @@ def _judge_expiry(ends_s: int, now_s: float) -> tuple[bool, str]:
     return True, f"valid until {day}{', which is soon' if ends_s - now_s < _SOON_S else ''}"
 
 
-def _is_port(value: object) -> bool:
-    return type(value) is int and 1 <= value <= _LAST_PORT
-
-
 @contextmanager
 def _made_whole(folder: Path) -> Iterator[Path]:
     """Make a folder that gets its name when its files are complete; remove it if that fails."""
@@ -373,3 +372,104 @@ def _made_whole(folder: Path) -> Iterator[Path]:
     except BaseException:
         shutil.rmtree(part, ignore_errors=True)
         raise
+
+
+def checked_hosts(hosts: Sequence[str], called: str = "--host") -> list[str]:
+    """Check hosts, and return each of them once, addresses without brackets.
+
+    Refused is one by which other machines could not reach its machine. Errors name it by `called`.
+    """
+    return [*dict.fromkeys(_check_host(host, called) for host in hosts)]
+
+
+def mesh_locator(host: str, port: int, taken: Collection[str]) -> str:
+    """Return the locator of a member that others connect to without a router.
+
+    Positions may be lost on it, the rest not. `port` is the first UDP port to try: one on the same host as a locator in
+    `taken` needs another port.
+    """
+    while (locator := f"quic/{_join_authority(host, port)}?mixed_rel=1") in taken:
+        port += 1
+    return locator
+
+
+def _join_authority(host: str, port: int) -> str:
+    return f"[{host}]:{port}" if ":" in host else f"{host}:{port}"
+
+
+def _any_address(hosts: Sequence[str]) -> str:
+    """Return the address to listen on by which all of a machine's hosts are reached."""
+    return "[::]" if any(":" in host for host in hosts) else "0.0.0.0"
+
+
+def _check_host(host: str, called: str) -> str:
+    bare = host[1:-1] if host[:1] == "[" and host[-1:] == "]" else host
+    try:
+        address = ipaddress.ip_address(bare)
+    except ValueError:
+        return _checked_name(host, called)
+    if address.is_unspecified or address.is_multicast:
+        raise BadInput(f"{called} {host}: is no machine's own address; give the one that members reach it at")
+    if "%" in bare:
+        interface = bare[bare.index("%") :]
+        raise BadInput(f"{called} {host}: no certificate or file can name an interface; leave {interface} out")
+    return str(address)
+
+
+def _checked_name(host: str, called: str) -> str:
+    if _WITH_PORT.fullmatch(host):
+        name, _, port = host.rpartition(":")
+        raise BadInput(f"{called} {host!r}: holds a port; write {name} here, and --port {port}")
+    if not _NAME.fullmatch(host) or _NUMBERS.fullmatch(host):
+        raise BadInput(f"{called} {host!r}: not the name or address of a machine; write it as in 192.168.1.10")
+    return host
+
+
+def make_robot_router(
+    fleet: FleetFolder,
+    robot: str,
+    form: Format,
+    namespace: str,
+    hosts: Sequence[str],
+    port: int,
+    place: Path | None,
+    days: int,
+    local_port: int = LOCAL_PORT,
+    commands: Sequence[str] = COMMANDS,
+) -> Path:
+    """Make the folder for the router of a ROS robot, or make it anew, and return it.
+
+    `robot` is the fleet's robot whose agent drives the ROS robot. `hosts` are names and addresses of the ROS robot's
+    machine; without any, members reach the router from this machine alone. `port` is the TCP port for members,
+    `local_port` that for the robot's own programs. `place` is where the folder will lie on the ROS robot; None for
+    where it is made. The certificate is valid for `days`. `commands` are the topics by which the robot is driven.
+    """
+    role = robot_role(robot)
+    folder = fleet.path / f"{robot}-router"
+    if role.user not in fleet.members:
+        raise BadInput(f"{robot}: is no robot of {fleet.fleet}; add it with: fogwatch fleet add {fleet.path} {robot}")
+    if f"{Kind.ROBOT}-{folder.name}" in fleet.members:
+        raise BadInput(f"{folder.name}: is a robot of {fleet.fleet} too, with this folder; rename one of the two")
+    own_hosts = checked_hosts(hosts)
+    for number in (port, local_port):
+        check_locator(f"tcp/127.0.0.1:{number}", "--port:")
+    names = [*dict.fromkeys([*own_hosts, *LOCAL])]
+    with changing(fleet.path):
+        folder.mkdir(mode=0o700, exist_ok=True)
+        issue(fleet.path / AUTHORITY_FOLDER, folder, f"{robot}-router.{fleet.fleet[:40]}", days, names)
+    members = {fleet.members[role.user]: agent_rights(form, namespace, commands)}
+    if VIEWER.user in fleet.members:
+        members[fleet.members[VIEWER.user]] = viewer_rights(form, namespace)
+    lies = folder.absolute() if place is None else place
+    listen = [f"tcp/127.0.0.1:{local_port}", f"tls/{_any_address(own_hosts) if own_hosts else '127.0.0.1'}:{port}"]
+    tls = {
+        "root_ca_certificate": str(lies / AUTHORITY),
+        "listen_certificate": str(lies / CERTIFICATE),
+        "listen_private_key": str(lies / KEY),
+        "enable_mtls": True,
+        "close_link_on_expiration": True,
+    }
+    config = robot_router(form, namespace, members, listen, tls, commands)
+    with changing(fleet.path):
+        replace_private(folder / ROBOT_ROUTER, f"{json.dumps(config, indent=2)}\n")
+    return folder

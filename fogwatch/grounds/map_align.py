@@ -197,9 +197,8 @@ def _coarse_poses(a: WallMap, centre: Places, b: WallMap, cell: float, radius: f
     peaks: list[tuple[float, Pose]] = []
     for turn in range(turns):
         heading = 2.0 * math.pi * turn / turns
-        on_a, around_a = (
-            _raster_cells(_turn_places(some, heading) + middle, cell, (side, side)) for some in (walls, known_points)
-        )
+        turned = (_turn_places(places, heading) + middle for places in (walls, known_points))
+        on_a, around_a = (_raster_cells(places, cell, (side, side)) for places in turned)
         near_a = grown(on_a)
         of_walls, of_near, of_known = (np.conj(np.fft.rfft2(mask, sizes)) for mask in (on_a, near_a, grown(around_a)))
         hits = np.fft.irfft2(of_walls * near_b + of_near * walls_b, sizes)
@@ -208,12 +207,11 @@ def _coarse_poses(a: WallMap, centre: Places, b: WallMap, cell: float, radius: f
         score = hits / common
         for _ in range(_PEAKS):
             peak_cell = np.unravel_index(int(score.argmax()), score.shape)
-            up, across = (
-                int(shift) - (int(shift) >= size - side) * size for shift, size in zip(peak_cell, sizes, strict=True)
-            )
+            shifts = [*zip(map(int, peak_cell), sizes, strict=True)]
+            up, across = (shift - (shift >= size - side) * size for shift, size in shifts)
             x, y = b.origin[0] + (across + side // 2) * cell, b.origin[1] + (up + side // 2) * cell
             peaks.append((float(score[peak_cell]), Pose(x, y, heading)))
-            around = (np.arange(shift - 2, shift + 3) % size for shift, size in zip(peak_cell, sizes, strict=True))
+            around = (np.arange(shift - 2, shift + 3) % size for shift, size in shifts)
             score[np.ix_(*around)] = 0.0
     best: list[Pose] = []
     for _, pose in sorted(peaks, key=lambda peak: -peak[0]):
@@ -239,9 +237,7 @@ class _Nearness:
         """Return the mean nearness of places, between points by bilinear interpolation; 0 off the map."""
         height, width = self._field.shape
         positions = (places - self._corner) / self._point - 0.5
-        positions = positions[
-            (positions >= 0.0).all(axis=1) & (positions[:, 0] < width - 1) & (positions[:, 1] < height - 1)
-        ]
+        positions = positions[((positions >= 0.0) & (positions < (width - 1, height - 1))).all(axis=1)]
         low = positions.astype(np.int64)
         across, up = (positions - low).T
         col, row = low.T
@@ -291,5 +287,5 @@ def _raster_cells(places: Places, cell: float, shape: tuple[int, ...]) -> BoolGr
 def _count_marked(mask: BoolGrid, of: WallMap, places: Places) -> float:
     """Count the places on marked points of a map."""
     cells = np.floor((places - of.origin) / of.point).astype(np.int64)
-    inside = (cells >= 0).all(axis=1) & (cells[:, 0] < mask.shape[1]) & (cells[:, 1] < mask.shape[0])
+    inside = ((cells >= 0) & (cells < mask.shape[::-1])).all(axis=1)
     return float(np.count_nonzero(mask[cells[inside, 1], cells[inside, 0]]))

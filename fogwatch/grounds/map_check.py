@@ -64,11 +64,7 @@ class MapReport:
 
 
 def check_map(
-    terrain: Terrain,
-    radius: float,
-    sensor_range: float = 10.0,
-    line_of_sight: bool = True,
-    starts: Sequence[Pose] = (),
+    terrain: Terrain, radius: float, sensor_range: float = 10.0, line_of_sight: bool = True, starts: Sequence[Pose] = ()
 ) -> MapReport:
     """Check a map for a body and a sensor; `radius` and `sensor_range` are in m.
 

@@ -48,13 +48,11 @@ class ProcessControlServer:
     def _serve_requests(self) -> None:
         with self._end.makefile("rb") as lines, suppress(OSError):
             for line in lines:
-                self._end.sendall(self._answer_line(line))
-
-    def _answer_line(self, line: bytes) -> bytes:
-        try:
-            return answer_line(state=self._perform_request(Request.read(line)))
-        except Exception as error:  # noqa: BLE001 - the world reports any failure
-            return answer_line(f"{type(error).__name__}: {error}")
+                try:
+                    answer = answer_line(state=self._perform_request(Request.read(line)))
+                except Exception as error:  # noqa: BLE001 - the world reports any failure
+                    answer = answer_line(f"{type(error).__name__}: {error}")
+                self._end.sendall(answer)
 
     def _perform_request(self, request: Request) -> str:
         """Do what is asked for; return the state of a process when its pause begins and ends, and whether it ended."""

@@ -2,27 +2,29 @@
 
 Each child runs in a session of its own, so that Ctrl-C reaches the launcher alone, and what a policy starts there can
 be ended with it, unless that begins a session too. Each holds the reading end of a pipe, its lifeline, that ends when
-the launcher does, however that ends (`patrol.process.lifeline`).
+the launcher does, however that ends (`patrol.process.lifeline`). A child of the fork server is like any other
+(`patrol.starting.forking`).
 """
 
 from __future__ import annotations
 
 import os
 import signal
+import socket
 import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
-from typing import Protocol
 
 from patrol.errors import printable
 from patrol.exchange import FIRST_INCARNATION
-from patrol.starting.environment import own_environment
+from patrol.starting.environment import own_environment, room_for
+from patrol.starting.forking import Orders, ask_for_fork
 from patrol.starting.readiness import StartPipe, StartReport
 
 TRACEBACK = b"Traceback (most recent call last):"
@@ -30,6 +32,14 @@ LOG_LINES = 5
 """Lines of a child's log that are quoted when it has ended."""
 TERM_S = 20.0
 """Time for a process to heed a signal before it is killed, which fails the verdict."""
+FORK_SERVER = "the fork server"
+"""A name that no robot can have."""
+READY_S = 60.0
+"""Longest wait of the launcher until it has loaded, on a machine with much else to do."""
+ANSWER_S = 10.0
+"""Longest time for a fork."""
+OF_MINDS = MappingProxyType({"OPENBLAS_NUM_THREADS": "1"})
+"""Environment of all built-in minds: OpenBLAS would have threads, and no mind does linear algebra."""
 _POLL_S = 0.01
 
 
@@ -73,16 +83,6 @@ class Forked:
     def kill(self) -> None:
         """Send SIGKILL, unless it is known to have ended."""
         self.send_signal(signal.SIGKILL)
-
-
-class Forks(Protocol):
-    """A maker of children of one module, from a process that has loaded it (see `ForkServer`)."""
-
-    module: str
-
-    def make(self, command: Sequence[str], environment: Mapping[str, str], log: Path) -> Forked | None:
-        """Make a child with a command line, more variables and a log; None where it has to be started by itself."""
-        ...
 
 
 @dataclass(slots=True)
@@ -164,7 +164,7 @@ class Children:
         """Start no child yet; `urgent` is asked again and again whether to kill at once instead of waiting."""
         self.by_name: dict[str, Child] = {}
         self.former: list[Child] = []
-        self.forks: Forks | None = None
+        self.forks: ForkServer | None = None
         self._urgent = urgent
         self._lifeline: tuple[int, int] = (-1, -1)
 
@@ -264,3 +264,60 @@ class Children:
             if end >= 0:
                 os.close(end)
         self._lifeline = (-1, -1)
+
+
+class ForkServer:
+    """Makes the agents of a run.
+
+    Once it has failed, each is started by itself. `answer_s` is how long it may take to fork; None for ever.
+    """
+
+    module = "agent"
+
+    def __init__(
+        self, children: Children, log: Path, commands: Iterable[Sequence[str]], kernels: Sequence[str] = ()
+    ) -> None:
+        """Start it; it loads while the launcher does other things.
+
+        OSError if it cannot be started. `commands` are about those that the agents will have; the longest counts.
+        `kernels` are modules that it loads beside those that all agents need.
+        """
+        self.answer_s: float | None = ANSWER_S
+        self._asking = threading.Lock()  # robots are started again on a thread of its own
+        self._control, theirs = socket.socketpair()
+        try:
+            with theirs:
+                descriptor = theirs.fileno()
+                arguments = ["--control", str(descriptor), "--kernels", ",".join(kernels), "--room", room_for(commands)]
+                server = FORK_SERVER, "agent.fork_server", arguments, log
+                self._child = children.spawn(*server, inherit=[descriptor], reports_start=True, environment=OF_MINDS)
+        except BaseException:
+            self._control.close()
+            raise
+        children.forks = self
+
+    def await_start(self, stopped: Callable[[], bool]) -> None:
+        """Wait until it can be asked; one that does not load in time is given up."""
+        if self._child.await_start(READY_S, stopped) is None:
+            self._child.process.kill()
+
+    def make(self, command: Sequence[str], environment: Mapping[str, str], log: Path) -> Forked | None:
+        """Make a child; None where there is no server that can make it.
+
+        A server that stands still is given up, and ended: it must not do later what was asked of it. `environment`
+        comes on top of the server's own; the child's output is appended to `log`.
+        """
+        with self._asking, suppress(OSError):
+            report = None if self._child.start is None else self._child.start.report()
+            if report is not None and report.ready and self._child.poll() is None:
+                self._control.settimeout(self.answer_s)
+                with log.open("ab") as output:
+                    return Forked(ask_for_fork(self._control, Orders(command, environment), output.fileno()))
+        self._child.process.kill()
+        return None
+
+    def close(self) -> None:
+        """End it; its children go on. A request for a child meanwhile returns none."""
+        self._child.process.kill()  # first: so no thread waits for its answer any more
+        with self._asking:
+            self._control.close()

@@ -7,36 +7,37 @@ and the fork server report on a pipe when they are ready; how a child ended is k
 
 from __future__ import annotations
 
+import os
 import signal
 import socket
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
+from importlib.util import find_spec
 from pathlib import Path
 
 from fogwatch.launch.child_control import GOODBYE_S, ProcessControlServer
-from fogwatch.launch.children import Child, Children
-from fogwatch.launch.fork_server import FORK_SERVER, OF_MINDS, ForkServer
-from fogwatch.launch.limits import free_port
-from fogwatch.launch.page_child import PAGE, PageChild
+from fogwatch.launch.children import FORK_SERVER, OF_MINDS, Child, Children, ForkServer
 from fogwatch.launch.private import Secrets
 from fogwatch.run_folder.runfolder import PolicyNotMade, RunFolder
 from fogwatch.terminal.live_table import RunDisplay
+from monitor.process import KEY
 from patrol.errors import BadInput
 from patrol.exchange import FIRST_INCARNATION
 from patrol.messages.telemetry import EVENTS, MAX_NOTICE, METRICS, Metrics, Notice, longest_metrics
 from patrol.net.link import Link, LinkDown, open_link
 from patrol.net.mailbox import Mailbox
-from patrol.process.failures import BAD_INPUT
+from patrol.process.failures import BAD_INPUT, INTERRUPTED, LEAST, allow_files
 from patrol.security.access import write_pointer
 from patrol.security.credentials import read_credentials
 from patrol.security.keys import fleet_keys
+from patrol.security.roles import VIEWER, WORLD_ROLE, robot_role
 from patrol.starting.forking import can_fork
 from patrol.starting.readiness import StartFailure
 from patrol.wire import read
 from worldsim.faults import process_name
 
-ROUTER, WORLD = "the router", "the world"
+ROUTER, WORLD, PAGE = "the router", "the world", "the page"
 """Names that no robot can have."""
 LOGS = {ROUTER: "router", WORLD: "world", PAGE: "page", FORK_SERVER: "fork-server"}
 """Names of their logs."""
@@ -55,6 +56,10 @@ PAGE_WAIT_S = "86400"
 """Time that the page waits for the world, which may have a large map to work on, s."""
 MOST_ROUTERS = 20
 """Largest number of starts of a router, for a free port or after it has died."""
+MOST_RESTARTS = 3
+"""Largest number of restarts of a page that has died."""
+PROCESS_GB = 0.15
+"""Memory of one agent's process, GB."""
 _TICK_S = 0.05
 
 
@@ -108,7 +113,7 @@ class Launch:
         ours, theirs = socket.socketpair()
         with theirs:
             own_arguments = ["--out", str(self.folder.path), "--process-control", str(theirs.fileno())]
-            arguments = [*self._common_arguments(secrets.of_world), *own_arguments]
+            arguments = [*self._common_arguments(secrets.of_role(WORLD_ROLE)), *own_arguments]
             self.children.spawn(WORLD, "worldsim", arguments, self._log_file(WORLD), inherit=[theirs.fileno()])
         self._control = ProcessControlServer(ours, self.children, self.robots, self.restart)
         if self._fork_server is None:
@@ -128,7 +133,7 @@ class Launch:
             self._fork_server.await_start(self.stop)
             self._spawn_agents()
         try:
-            credentials = read_credentials(self._of_run.of_viewer, "the run")
+            credentials = read_credentials(self._of_run.of_role(VIEWER), "the run")
             link = open_link(self._endpoint, ROUTER_S, stopped=self.stop, credentials=credentials)
         except LinkDown as down:
             if self.stop():
@@ -225,7 +230,7 @@ class Launch:
         agent.incarnation = incarnation
 
     def _agent_arguments(self, name: str, incarnation: int) -> list[str]:
-        common = self._common_arguments(self._of_run.of_robot(name))
+        common = self._common_arguments(self._of_run.of_role(robot_role(name)))
         return [*common, "--robot", name, "--incarnation", str(incarnation)]
 
     def _log_file(self, name: str) -> Path:
@@ -277,3 +282,75 @@ class Launch:
                     raise BadInput(why)
                 raise LaunchFailed(f"the run could not begin: {child.describe_end()}")
             self.display.say(child.describe_end())
+
+
+def free_port() -> int:
+    """Find a TCP port of 127.0.0.1 at which no process listens now; one may before it is used."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
+def check_limits(robots: int, spares: int) -> None:
+    """Refuse a fleet of processes beyond the machine's memory or the account's limit of open files.
+
+    The router has most files open: a connection for each robot, and those of the world and of all who watch. The
+    `spares` are among the `robots`; they are absent at first.
+    """
+    needed_gb = (robots - spares) * PROCESS_GB
+    there_gb = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") / 1e9
+    if needed_gb > there_gb:
+        raise BadInput(
+            f"{robots - spares} robots as processes need about {needed_gb:.0f} GB of memory, and this machine has "
+            f"{there_gb:.0f} GB; use --in-process or fewer robots"
+        )
+    allow_files(LEAST + 2 * robots, f"a fleet of {robots} robots as processes")
+
+
+class PageChild:
+    """A run's page. Its key is in no log and in no list of processes."""
+
+    def __init__(self, children: Children, arguments: Sequence[str], log: Path, say: Callable[[str], None]) -> None:
+        """Start no page yet."""
+        self._children, self._arguments, self._log, self._say = children, arguments, log, say
+        self._key, self._address = os.urandom(16).hex(), ""
+        self._announced, self._restarts, self._over = False, 0, False
+
+    def start(self) -> None:
+        """Serve a page, if its libraries are installed."""
+        missing = [name for name in ("starlette", "uvicorn", "websockets", "plotly") if find_spec(name) is None]
+        if missing:
+            self._over = True
+            self._say(f"no page: {missing[0]} is not installed (pip install 'fogwatch[monitor]')")
+            return
+        self._spawn_page([])
+
+    def check(self) -> None:
+        """Show the address of a page that is ready; start one that has died again, at its address and with its key."""
+        page = self._children.by_name.get(PAGE)
+        if page is None or page.start is None or self._over:
+            return
+        has_ended = page.poll() is not None
+        # One that has ended may have been ready: its address is the one to serve again.
+        if not self._announced and (report := page.start.report()) is not None and report.address:
+            self._announced = True
+            if self._address != report.address:
+                self._address = report.address
+                self._say(f"page: {report.address}?key={self._key}")
+        if has_ended:
+            self._restart_page(page)
+
+    def _restart_page(self, page: Child) -> None:
+        if page.code == INTERRUPTED or self._restarts == MOST_RESTARTS:
+            self._over = True
+            self._say(page.describe_end())
+            return
+        self._restarts += 1
+        self._say(f"{page.describe_exit()}; starting it again ({self._restarts} of {MOST_RESTARTS} times)")
+        port = self._address.rpartition(":")[2].strip("/")
+        self._spawn_page(["--page-port", port] if port and self._announced else [])
+
+    def _spawn_page(self, extra: Sequence[str]) -> None:
+        self._announced = False
+        arguments, key = [*self._arguments, *extra], {KEY: self._key}
+        self._children.spawn(PAGE, "monitor", arguments, self._log, reports_start=True, environment=key)

@@ -25,7 +25,7 @@ from patrol.security.access import is_private, private_roots
 from patrol.security.credentials import ROUTER, USERS, Credentials, as_json, router_json
 from patrol.security.keys import fleet_keys
 from patrol.security.private_files import replace_private, write_private
-from patrol.security.roles import OPERATOR, VIEWER, WORLD_ROLE, Role, robot_role, roles_of
+from patrol.security.roles import OPERATOR, WORLD_ROLE, Role, roles_of
 
 _LOCK = "lock"
 _PART = "part-"
@@ -68,28 +68,15 @@ class Secrets:
         self._router = router
         self._keep_folder()
 
-    def of_robot(self, name: str) -> Path:
-        """Return the file of a robot's credentials."""
-        return self._credentials_file(robot_role(name))
-
-    @property
-    def of_world(self) -> Path:
-        """The credentials of the world."""
-        return self._credentials_file(WORLD_ROLE)
-
-    @property
-    def of_viewer(self) -> Path:
-        """The credentials of viewers."""
-        return self._credentials_file(VIEWER)
+    def of_role(self, role: Role) -> Path:
+        """Return the file of a role's credentials."""
+        self._keep_folder()
+        return self.path / f"{role.user}.json"
 
     def remove(self) -> None:
         """Remove the folder; what has been removed stays so."""
         shutil.rmtree(self.path, ignore_errors=True)
         self._unlock_folder()
-
-    def _credentials_file(self, role: Role) -> Path:
-        self._keep_folder()
-        return self.path / f"{role.user}.json"
 
     def _keep_folder(self) -> None:
         """Make the folder anew if it has been cleared, and write the credentials that are missing in it."""
@@ -134,9 +121,8 @@ def _find_root() -> Path:
         if is_private(root) and os.access(root, os.W_OK):
             return root
         tried.append(str(root))
-    raise BadInput(
-        f"the run's secrets need a folder that is yours alone, and neither {' nor '.join(tried)} is; remove one of them"
-    )
+    neither = f"neither {' nor '.join(tried)} is; remove one of them"
+    raise BadInput(f"the run's secrets need a folder that is yours alone, and {neither}")
 
 
 def _sweep_folders(root: Path) -> None:

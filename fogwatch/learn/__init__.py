@@ -12,21 +12,18 @@ was trained in them runs as the policy ``learned`` (`Layers.save`). See docs/env
 
 from __future__ import annotations
 
-from agent.learned.network import Layers, action_of, flattened
-from fogwatch.learn.episode import Episode
-from fogwatch.learn.one import OneRobotEnv, one_env
-from fogwatch.learn.parallel import PatrolEnv, parallel_env
-from fogwatch.learn.registered import PARALLEL_ID, SINGLE_ID
+import gymnasium
+from pettingzoo import register
 
-__all__ = [
-    "PARALLEL_ID",
-    "SINGLE_ID",
-    "Episode",
-    "Layers",
-    "OneRobotEnv",
-    "PatrolEnv",
-    "action_of",
-    "flattened",
-    "one_env",
-    "parallel_env",
-]
+from agent.learned.network import Layers, action_of, flattened
+from fogwatch.learn.environments import OneRobotEnv, PatrolEnv, one_env, parallel_env
+from fogwatch.learn.episode import Episode
+
+__all__ = ["PARALLEL_ID", "SINGLE_ID", "Episode", "Layers", "OneRobotEnv", "PatrolEnv", "action_of", "flattened"]
+__all__ += ["one_env", "parallel_env"]
+
+PARALLEL_ID = "fogwatch/patrol-v0"
+SINGLE_ID = "fogwatch/patrol-one-v0"
+
+register("parallel", PARALLEL_ID, entry_point="fogwatch.learn.environments:parallel_env")
+gymnasium.register(SINGLE_ID, entry_point="fogwatch.learn.environments:one_env")

@@ -37,19 +37,10 @@ def _raise_error(number: int, reason: str, error: BaseException | None) -> None:
 
 
 class Driven:
-    """A policy whose decisions are made outside.
-
-    Attributes:
-        decisions: Those of its robot.
-        action: The next one; None to go on as before.
-    """
+    """A policy whose decisions are made outside; without an `action` it goes on as before."""
 
     def __init__(self, decisions: Decisions) -> None:
-        """Take what carries the decisions out.
-
-        Args:
-            decisions: Of the robot.
-        """
+        """Take what carries the decisions out."""
         self.decisions = decisions
         self.action: Action | None = None
 
@@ -100,30 +91,19 @@ class Episode:
         return self._recorder.trace_hash
 
     def decisions(self, number: int) -> Decisions:
-        """Return the decisions of a robot's present process.
-
-        Args:
-            number: The robot's; it takes part in this tick.
-        """
+        """Return the decisions of the present process of a robot that takes part in this tick."""
         return self._driven[number].decisions
 
     def take(self, number: int, action: Action) -> None:
         """Give a robot its action for this tick; without one it goes on as before.
 
-        A robot that surrounds an intruder or goes to its dock does not ask for it, and it is lost.
-
-        Args:
-            number: The robot's; it takes part in this tick.
-            action: As its `Decisions` take it.
+        A robot that surrounds an intruder or goes to its dock does not ask for it, and it is lost. The robot takes part
+        in this tick; the action is as its `Decisions` take it.
         """
         self._driven[number].action = action
 
     def advance(self) -> TickRecord:
-        """Let the robots act, and begin the next tick.
-
-        Returns:
-            The record of the tick that this ends.
-        """
+        """Let the robots act, and begin the next tick; return the record of the tick that this ends."""
         records: list[TickRecord] = []
         end_tick(self.world, self._fleet, self._begun, records.append, self._recorder.event)
         self._recorder.tick(records[0])
@@ -133,11 +113,7 @@ class Episode:
         return records[0]
 
     def will_be_alive(self, number: int) -> bool:
-        """Return True if a robot takes part in ticks, or will again.
-
-        Args:
-            number: The robot's.
-        """
+        """Return True if a robot takes part in ticks, or will again."""
         return self._acts.will_be_alive(number)
 
     def _begin_tick(self) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 import os
+import sys
 from collections.abc import Callable, Mapping
 from functools import wraps
 from pathlib import Path
@@ -41,9 +42,8 @@ MAPPINGS = {
 
 FOLDERS = ("out", "folder")
 
-FIELDS = {name: f"robots.{name}" for name in ("count", "model", "radius", "speed", "starts")} | {
-    "robots": "robots.count"
-}
+_OF_ROBOTS = ("count", "model", "radius", "speed", "starts")
+FIELDS = {"robots": "robots.count", **{name: f"robots.{name}" for name in _OF_ROBOTS}}
 """Fields that have another name as an option of the command."""
 
 
@@ -66,11 +66,9 @@ def checked_arguments(function: Callable[P, T]) -> Callable[P, T]:
             bound = signature.bind(*args, **kwargs)
         except TypeError as error:
             unknown = [argument for argument in kwargs if argument not in signature.parameters]
-            raise (
-                _no_argument(name, unknown[0], kwargs[unknown[0]], signature)
-                if unknown
-                else WrongArguments(f"{name}(): {error}; help({name}) explains every argument")
-            ) from None
+            if unknown:
+                raise _no_argument(name, unknown[0], kwargs[unknown[0]], signature) from None
+            raise WrongArguments(f"{name}(): {error}; help({name}) explains every argument") from None
         for argument, value in bound.arguments.items():
             bound.arguments[argument] = plain(value)
             if argument in MAPPINGS and value is not None:
@@ -116,3 +114,45 @@ def _no_argument(function: str, argument: str, value: object, signature: inspect
     else:
         remedy = did_you_mean(argument, list(signature.parameters))
     return WrongArguments(f"{argument} = {quoted(plain(value))}: {function}() has no such argument; {remedy}")
+
+
+MAIN = "__main__"
+
+
+def policy_name(policy: type[Any], *, in_process: bool) -> str:
+    """Return the name of a policy class for ``patrol.policy``.
+
+    Unless it is only used `in_process`, other processes must be able to import it.
+    """
+    if not isinstance(policy, type):
+        raise BadInput(f"policy = {policy!r}: expected a class; give a name as overrides={{'patrol.policy': NAME}}")
+    module, name = policy.__module__, policy.__qualname__
+    if not callable(getattr(policy, "decide", None)):
+        raise BadInput(f"policy = {name}: has no method decide(view); see docs/policies.md")
+    if getattr(sys.modules.get(module), name, None) is not policy:
+        raise BadInput(f"policy = {name}: is not at the top level of its module {module}; define it there")
+    if module == MAIN and not in_process:
+        raise BadInput(
+            f"policy = {name}: was defined here, where other processes cannot import it; run with in_process=True, or "
+            f"put it into a file and give overrides={{'patrol.policy': './file.py:{name}'}}"
+        )
+    file = getattr(sys.modules[module], "__file__", None)
+    if not in_process and file is not None and Path(file).parent in (Path(sys.path[0]).absolute(), Path.cwd()):
+        return f"{file}:{name}"
+    return f"{module}:{name}"
+
+
+def with_names(settings: Mapping[str, object]) -> dict[str, object]:
+    """Replace policy classes among settings for other processes by their names.
+
+    Settings are values by dotted field; a value may be a list of values, each alone or with a label.
+    """
+
+    def named(value: object) -> object:
+        if isinstance(value, list | tuple | range):
+            return [named(entry) for entry in value]
+        if isinstance(value, dict) and "label" in value:
+            return {key: named(part) for key, part in value.items()}
+        return policy_name(value, in_process=False) if isinstance(value, type) else value
+
+    return {field: named(value) for field, value in settings.items()}

@@ -20,7 +20,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fogwatch.notebook.arguments import checked_arguments
-from fogwatch.run_folder.reading import read_folder
 from monitor.replay.run_files import SUMMARY, journal_in, read_summary
 from patrol.errors import BadInput, did_you_mean
 from patrol.extras import study
@@ -231,10 +230,8 @@ class Run:
         mean, bound = figures.mfow_mean_s, figures.bound_s
         mfow = "no ticks" if mean is None else f"MFoW mean {mean:.1f} s (bound {bound:.1f} s)"
         simulated = f"{figures.simulated_s:g} s simulated{', interrupted' if self.interrupted else ''}"
-        outcome, warned = (
-            ("unknown", False) if (judged := figures.verdict) is None else (judged.outcome, judged.warnings)
-        )
-        verdict = f"{outcome}{', with warnings' if warned else ''}"
+        judged = figures.verdict
+        verdict = "unknown" if judged is None else f"{judged.outcome}{', with warnings' if judged.warnings else ''}"
         return f"<Run {figures.name}: {mfow}, {simulated}, verdict {verdict}, in {self.folder}>"
 
     def _repr_html_(self) -> str:
@@ -268,7 +265,9 @@ class Run:
 
     @cached_property
     def _opened(self) -> tuple[ReplayedRun, bool]:
-        return read_folder(self.folder, self._key, _be_silent)
+        from fogwatch.cli.open_run import open_folder
+
+        return open_folder(self.folder, self._key, _be_silent)
 
     @property
     def _replayed(self) -> ReplayedRun:

@@ -56,9 +56,8 @@ def write_gif(out: Path, frames: Iterable[Pixels], count: int, palette: Pixels, 
 
     remaining = images()
     with writing(out), replacing(out) as part, part.open("wb") as file:
-        next(remaining).save(
-            file, "GIF", save_all=True, append_images=remaining, duration=durations, loop=0, optimize=False
-        )
+        animated = {"save_all": True, "duration": durations, "loop": 0, "optimize": False}
+        next(remaining).save(file, "GIF", append_images=remaining, **animated)
 
 
 def find_ffmpeg(out: Path) -> str:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager, nullcontext, suppress
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -17,6 +19,8 @@ if TYPE_CHECKING:
     from fogwatch.run_folder.runfolder import RunFolder
     from fogwatch.run_options import RunChoices
     from fogwatch.terminal.live_table import RunDisplay
+    from monitor.recording.run_recorder import Recorder
+    from monitor.replay.run import Run
     from patrol.ground.fog import Fog
     from patrol.ground.footprint import View
     from patrol.prepare import Prepared
@@ -28,12 +32,7 @@ JUDGING, PICTURE = "judging the run", "drawing fog.png"
 
 
 def write_files(
-    folder: RunFolder,
-    prepared: Prepared,
-    journal: Journal,
-    summary: Summary,
-    files: RunChoices,
-    display: RunDisplay,
+    folder: RunFolder, prepared: Prepared, journal: Journal, summary: Summary, files: RunChoices, display: RunDisplay
 ) -> bool:
     """Write the files of a run that has ended, and show the progress; False when a signal has ended it."""
     try:
@@ -43,7 +42,14 @@ def write_files(
             derive(journal, prepared, summary, recording, report, display)
         if files.picture:
             display.progress(PICTURE)
-            _draw_pictures(folder, prepared, display.say)
+            try:
+                from fogwatch.pictures.run_end import run_picture
+
+                run_picture(folder.path, folder.picture, prepared)
+            except ImportError as error:
+                display.say(f"no picture: {error.name} is not installed (pip install 'fogwatch[sim]')")
+            except (BadInput, OSError, MemoryError) as error:
+                display.say(f"no picture: {told(error) if isinstance(error, MemoryError) else error}")
             display.progress(PICTURE, 1.0)
     except InterruptedBySignal:
         commands = f"`fogwatch report {folder.path}` and `fogwatch record {folder.path}` write report and recording"
@@ -67,27 +73,46 @@ def derive(
     """
     step = f"writing {' and '.join(file.name for file in (recording, report) if file is not None)}"
     display.progress(step)
+    folder = journal.path.parent
     try:
         warm(("patrol", "monitor", "experiments"), display.say)
-        _write_files(journal, prepared, summary, recording, report, _Progress(display, step, prepared.scenario.ticks))
+        from monitor.replay.replay import Watcher, play
+        from monitor.replay.run import read_run
+        from monitor.report.analysis import analyse
+        from monitor.report.document import write_report
+
+        key = None
+        with suppress(BadInput):  # it was removed meanwhile; the report says that tags were not checked
+            key = fleet_key(prepared.scenario.radio.key)
+        run = read_run(folder, journal, prepared, summary, key)
+        with nullcontext() if recording is None else recorded(run, recording) as recorder:
+            along: list[Watcher] = [
+                _Progress(display, step, prepared.scenario.ticks),
+                *([recorder] if recorder else []),
+            ]
+            analysis = None if report is None else analyse(run, along)
+            if report is None:
+                play(run, along)
+        if report is not None and analysis is not None:
+            write_report(analysis, report)
     except ImportError as error:
         display.say(f"no recording and no report: {error.name} is not installed (pip install 'fogwatch[monitor]')")
     except (BadInput, MemoryError) as error:
         display.say(f"no recording or no report: {told(error) if isinstance(error, MemoryError) else error}")
     except OSError as error:
-        commands = f"`fogwatch record {journal.path.parent}` and `fogwatch report {journal.path.parent}`"
+        commands = f"`fogwatch record {folder}` and `fogwatch report {folder}`"
         why = f"cannot be written ({error.strerror}); make room, then: {commands}"
         display.say(f"no recording or no report: {why}")
     display.progress(step, 1.0)
 
 
+@dataclass(frozen=True)
 class _Progress:
     """Follows a replay and shows how much of a step is done."""
 
-    def __init__(self, display: RunDisplay, step: str, ticks: int) -> None:
-        self._display = display
-        self._step = step
-        self._ticks = ticks
+    display: RunDisplay
+    step: str
+    ticks: int
 
     def before(self, k: int, fog: Fog, views: Sequence[View]) -> None:
         """Do nothing."""
@@ -95,7 +120,7 @@ class _Progress:
     def after(self, k: int, fog: Fog) -> None:
         """Show that a tick is done."""
         del fog
-        show_progress(self._display, self._step, k + 1, self._ticks)
+        show_progress(self.display, self.step, k + 1, self.ticks)
 
 
 def show_progress(display: RunDisplay, step: str, done: int, ticks: int) -> None:
@@ -103,49 +128,15 @@ def show_progress(display: RunDisplay, step: str, done: int, ticks: int) -> None
     display.progress(step, done / ticks if done < ticks else None)
 
 
-def _write_files(
-    journal: Journal,
-    prepared: Prepared,
-    summary: Summary,
-    recording: Path | None,
-    report: Path | None,
-    progress: _Progress,
-) -> None:
+@contextmanager
+def recorded(run: Run, file: Path) -> Iterator[Recorder]:
+    """Give what records a run as it is played; after an error nothing of the file stays."""
     from monitor.recording.run_recorder import Recorder
-    from monitor.replay.replay import Watcher, play
-    from monitor.replay.run import read_run
-    from monitor.report.analysis import analyse
-    from monitor.report.document import write_report
 
+    recorder = Recorder(run, file)
     try:
-        key = fleet_key(prepared.scenario.radio.key)
-    except BadInput:
-        key = None  # it was removed meanwhile; the report says that tags were not checked
-    run = read_run(journal.path.parent, journal, prepared, summary, key)
-    recorder = None if recording is None else Recorder(run, recording)
-    along: list[Watcher] = [progress, *([recorder] if recorder else [])]
-    try:
-        analysis = None
-        if report is None:
-            play(run, along)
-        else:
-            analysis = analyse(run, along)
-        if recorder is not None:
-            recorder.close()
+        yield recorder
+        recorder.close()
     except BaseException:
-        if recorder is not None:
-            recorder.abandon()
+        recorder.abandon()
         raise
-    if report is not None and analysis is not None:
-        write_report(analysis, report)
-
-
-def _draw_pictures(folder: RunFolder, prepared: Prepared, say: Callable[[str], None]) -> None:
-    try:
-        from fogwatch.pictures.run_end import run_picture
-
-        run_picture(folder.path, folder.picture, prepared)
-    except ImportError as error:
-        say(f"no picture: {error.name} is not installed (pip install 'fogwatch[sim]')")
-    except (BadInput, OSError, MemoryError) as error:
-        say(f"no picture: {told(error) if isinstance(error, MemoryError) else error}")

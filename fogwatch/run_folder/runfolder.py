@@ -19,15 +19,17 @@ recording, report and logs.
 from __future__ import annotations
 
 import json
+import os
 import shutil
 import traceback
+from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass
 from datetime import datetime
+from itertools import chain, count
 from pathlib import Path
 
 from patrol.errors import BadInput
-from patrol.files.whole_file import write_whole
+from patrol.files.whole_file import write_whole, writing
 from patrol.prepare import terrain_of
 from patrol.scenario import Scenario, load_scenario
 from patrol.scenario.load import FILE as SCENARIO
@@ -47,62 +49,22 @@ class PolicyNotMade(BadInput):
         super().__init__(f"{why}; the traceback is in {log}")
 
 
-@dataclass(frozen=True, slots=True)
 class RunFolder:
-    """The paths in a run folder."""
+    """The paths in a run folder; `made` is True if this run has made it."""
 
-    path: Path
-    made: bool = False  # by this run
-
-    @property
-    def scenario(self) -> Path:
-        """The resolved scenario."""
-        return self.path / SCENARIO
-
-    @property
-    def journal(self) -> Path:
-        """The journal, which the world writes."""
-        return self.path / "journal"
-
-    @property
-    def ticks(self) -> Path:
-        """The table of ticks, one line per tick."""
-        return self.path / "ticks.csv"
-
-    @property
-    def summary(self) -> Path:
-        """The measures and the verdict."""
-        return self.path / "summary.json"
-
-    @property
-    def picture(self) -> Path:
-        """The picture of the final fog."""
-        return self.path / "fog.png"
-
-    @property
-    def recording(self) -> Path:
-        """The recording for robot viewers."""
-        return self.path / "recording.mcap"
-
-    @property
-    def report(self) -> Path:
-        """The report."""
-        return self.path / "report.html"
-
-    @property
-    def static(self) -> Path:
-        """Static fields for the processes; removed when the run ends."""
-        return self.path / "static"
-
-    @property
-    def access(self) -> Path:
-        """The control file of the running fleet."""
-        return self.path / ACCESS
-
-    @property
-    def logs(self) -> Path:
-        """The folder of the processes' output."""
-        return self.path / "logs"
+    def __init__(self, path: Path, made: bool = False) -> None:
+        self.path, self.made = path, made
+        self.scenario = path / SCENARIO
+        self.journal = path / "journal"
+        self.ticks = path / "ticks.csv"
+        self.summary = path / "summary.json"
+        self.picture = path / "fog.png"
+        self.recording = path / "recording.mcap"
+        self.report = path / "report.html"
+        self.static = path / "static"  # fields for the processes; removed when the run ends
+        self.unfinished_static = path / "static.part"
+        self.access = path / ACCESS
+        self.logs = path / "logs"
 
     def log(self, name: str) -> Path:
         """Return the file for the output of one process, by the log's name without its ending."""
@@ -161,21 +123,19 @@ def make_folder(scenario: Scenario, out: Path | None, now: datetime) -> RunFolde
         terrain_of(scenario)
     while True:
         path = (out or untaken(RUNS / f"{scenario.name}-{now:%Y%m%d-%H%M%S}")).absolute()
-        try:
-            path.mkdir(parents=True)
-        except FileExistsError as error:
-            if out is None and path.exists():
-                continue  # another run has taken the name meanwhile
-            if not path.is_dir():
-                raise _unusable_error(path, out, error) from None
-            if not _is_empty(path, out):
-                raise BadInput(
-                    f"--out {out}: is not empty; choose a folder that is, or that does not exist yet"
-                ) from None
-            return RunFolder(path)
-        except OSError as error:
-            raise _unusable_error(path, out, error) from None
-        return RunFolder(path, made=True)
+        with writing(f"--out {out}" if out else path, "choose another folder"):
+            try:
+                path.mkdir(parents=True)
+            except FileExistsError:
+                if out is None and path.exists():
+                    continue  # another run has taken the name meanwhile
+                if not path.is_dir():
+                    raise
+                if any(path.iterdir()):
+                    remedy = "choose a folder that is, or that does not exist yet"
+                    raise BadInput(f"--out {out}: is not empty; {remedy}") from None
+                return RunFolder(path)
+            return RunFolder(path, made=True)
 
 
 def fill(folder: RunFolder, scenario: Scenario, out: Path | None) -> None:
@@ -183,29 +143,34 @@ def fill(folder: RunFolder, scenario: Scenario, out: Path | None) -> None:
 
     `out` is the folder that was asked for, as errors name it.
     """
-    try:
+    with writing(f"--out {out}" if out else folder.path, "choose another folder"):
         keep_scenario(scenario, folder.path)
-    except OSError as error:
-        raise _unusable_error(folder.path, out, error) from None
-
-
-def _is_empty(path: Path, out: Path | None) -> bool:
-    try:
-        return not any(path.iterdir())
-    except OSError as error:
-        raise _unusable_error(path, out, error) from None
-
-
-def _unusable_error(path: Path, out: Path | None, error: OSError) -> BadInput:
-    name = f"--out {out}" if out else path
-    return BadInput(f"{name}: cannot be written ({error.strerror}); choose another folder")
 
 
 def untaken(first: Path) -> Path:
     """Return a path that does not exist yet: the first, or else one with a number appended."""
-    path = first
-    number = 2
-    while path.exists():
-        path = first.with_name(f"{first.name}-{number}")
-        number += 1
-    return path
+    paths = chain([first], (first.with_name(f"{first.name}-{number}") for number in count(2)))
+    return next(path for path in paths if not path.exists())
+
+
+def found_again(folder: RunFolder, handle: int, say: Callable[[str], None]) -> RunFolder:
+    """Find the run's folder, which may have been moved; the same object unless it was.
+
+    `handle` is the folder's descriptor, open since the run began; this closes it.
+    """
+    try:
+        if folder.path.exists():
+            return folder
+        try:
+            moved = Path(f"/proc/self/fd/{handle}").readlink()
+        except OSError:  # a system without proc(5)
+            moved = folder.path
+        if not moved.is_dir():
+            say(f"{folder.path}: the run's folder was moved away or deleted, with all that it held")
+            return folder
+        say(f"{folder.path}: the run's folder was moved to {moved}; the summary is written there")
+        moved_folder = RunFolder(moved, folder.made)
+        moved_folder.access.unlink(missing_ok=True)
+        return moved_folder
+    finally:
+        os.close(handle)

@@ -5,17 +5,22 @@ from __future__ import annotations
 import time
 from collections import Counter
 from collections.abc import Callable, Mapping
-from typing import Protocol
+from functools import partial
 
+from rich import progress as bars
 from rich.console import Console, RenderableType
+from rich.control import Control
 from rich.live import Live
 from rich.progress_bar import ProgressBar
+from rich.segment import ControlType
 from rich.table import Table
 from rich.text import Text
 
 from patrol.errors import printable_lines
 from patrol.journal import Status
 from patrol.messages.telemetry import FREE, TRAPPED, Metrics, Notice
+from patrol.starting.compiling import Compiled
+from patrol.starting.warmup import progress_line
 
 PLAIN_S = 5.0
 """Wall time between two lines where there is no terminal."""
@@ -35,53 +40,29 @@ STATUS_STYLES = {
 """The text styles of the robots' statuses."""
 
 
-class RunDisplay(Protocol):
-    """Shows the progress of a run."""
+class RunDisplay:
+    """Shows the progress of a run; this one shows nothing."""
 
     def say(self, line: str) -> None:
         """Show a line of text."""
-        ...
 
     def metrics(self, metrics: Metrics) -> None:
         """Show the measures of the run so far."""
-        ...
 
     def notice(self, notice: Notice) -> None:
         """Show an event."""
-        ...
 
     def progress(self, step: str, share: float | None = None) -> None:
         """Show how far a step of the run's end is, such as ``writing report.html``.
 
         Several may go on at once. `share` is how much of it is done, 0 to 1; None when unknown.
         """
-        ...
 
     def close(self) -> None:
         """Stop showing: the run is over."""
-        ...
 
 
-class SilentDisplay:
-    """A display that shows nothing."""
-
-    def say(self, line: str) -> None:
-        """Do nothing."""
-
-    def metrics(self, metrics: Metrics) -> None:
-        """Do nothing."""
-
-    def notice(self, notice: Notice) -> None:
-        """Do nothing."""
-
-    def progress(self, step: str, share: float | None = None) -> None:
-        """Do nothing."""
-
-    def close(self) -> None:
-        """Do nothing."""
-
-
-class CallbackDisplay(SilentDisplay):
+class CallbackDisplay(RunDisplay):
     """Passes metrics on to a function and shows nothing else."""
 
     def __init__(self, metrics: Callable[[Metrics], None]) -> None:
@@ -93,7 +74,7 @@ class CallbackDisplay(SilentDisplay):
         self._tell(metrics)
 
 
-class PlainDisplay:
+class PlainDisplay(RunDisplay):
     """A display that prints a line every few seconds."""
 
     def __init__(self, console: Console) -> None:
@@ -124,30 +105,18 @@ class PlainDisplay:
             self._step_due[step] = now + PLAIN_S
             self.say(f"{step} ..." if begins or share is None else f"{step}: {100.0 * share:.0f} %")
 
-    def close(self) -> None:
-        """Do nothing."""
 
-
-class LiveTable:
-    """A display that keeps a table of the robots at the bottom of a terminal."""
+class LiveTable(PlainDisplay):
+    """A display that keeps a table of the robots at the bottom of a terminal, and prints lines above it."""
 
     def __init__(self, console: Console) -> None:
+        super().__init__(console)
         self._live = Live(console=console, refresh_per_second=8, transient=True)
-        self._console = console
-        self._started = False
         self._steps: dict[str, tuple[float, float | None]] = {}
-
-    def say(self, line: str) -> None:
-        """Print a line above the table."""
-        self._console.print(printable_lines(line), markup=False, highlight=False, soft_wrap=True)
 
     def metrics(self, metrics: Metrics) -> None:
         """Update the table."""
         self._show_content(_metrics_table(metrics))
-
-    def notice(self, notice: Notice) -> None:
-        """Print an event above the table."""
-        self.say(_notice_text(notice))
 
     def progress(self, step: str, share: float | None = None) -> None:
         """Show a bar for each step that goes on, instead of the table."""
@@ -159,14 +128,10 @@ class LiveTable:
 
     def close(self) -> None:
         """Remove the table."""
-        if self._started:
-            self._live.stop()
-            self._started = False
+        self._live.stop()
 
     def _show_content(self, content: RenderableType) -> None:
-        if not self._started:
-            self._live.start()
-            self._started = True
+        self._live.start()
         self._live.update(content)
 
 
@@ -186,7 +151,7 @@ class _StepBars:
         return rows
 
 
-class GuardedDisplay:
+class GuardedDisplay(RunDisplay):
     """A display whose failures do not reach the run.
 
     Any error of the other display is counted, and reported once through it; the run goes on.
@@ -196,37 +161,22 @@ class GuardedDisplay:
         """Guard a display."""
         self.shown = shown
         self.failures = 0
-
-    def say(self, line: str) -> None:
-        """Show a line of text."""
-        self._attempt_show(lambda: self.shown.say(line))
-
-    def metrics(self, metrics: Metrics) -> None:
-        """Show the measures of the run so far."""
-        self._attempt_show(lambda: self.shown.metrics(metrics))
-
-    def notice(self, notice: Notice) -> None:
-        """Show an event."""
-        self._attempt_show(lambda: self.shown.notice(notice))
-
-    def progress(self, step: str, share: float | None = None) -> None:
-        """Show how far a step of the run's end is."""
-        self._attempt_show(lambda: self.shown.progress(step, share))
+        for name in ("say", "metrics", "notice", "progress"):
+            setattr(self, name, partial(self._attempt_show, getattr(shown, name)))
 
     def close(self) -> None:
         """Stop showing, and report how much could not be shown."""
         self._attempt_show(self.shown.close)
         if self.failures > 1:
-            self._attempt_show(lambda: self.shown.say(f"{self.failures} lines or tables could not be shown"))
+            self.say(f"{self.failures} lines or tables could not be shown")
 
-    def _attempt_show(self, show: Callable[[], None]) -> None:
+    def _attempt_show(self, show: Callable[..., None], *shown: object) -> None:
         try:
-            show()
+            show(*shown)
         except Exception as error:  # noqa: BLE001 - a display may fail in any way, and none of them may end a run
             self.failures += 1
             if self.failures == 1:
-                why = f"{type(error).__name__}: {error}"
-                self._attempt_show(lambda: self.shown.say(f"the display failed ({why}); the run goes on"))
+                self.say(f"the display failed ({type(error).__name__}: {error}); the run goes on")
 
 
 class _QuietOnBrokenPipe(Console):
@@ -238,9 +188,9 @@ class _QuietOnBrokenPipe(Console):
 
 def make_display(quiet: bool) -> RunDisplay:
     """Make the display that suits the standard error: a live table on a terminal, else plain lines."""
-    console = _QuietOnBrokenPipe(stderr=True)
     if quiet:
-        return SilentDisplay()
+        return RunDisplay()
+    console = _QuietOnBrokenPipe(stderr=True)
     return GuardedDisplay(LiveTable(console) if console.is_terminal else PlainDisplay(console))
 
 
@@ -309,3 +259,41 @@ def _metrics_table(metrics: Metrics) -> Table:
     if len(present) > MOST_ROBOTS:
         outer.add_row(f"and {len(present) - MOST_ROBOTS} more robots")
     return outer
+
+
+WIDTH = 30
+"""Width of the kernels' bar, in characters."""
+
+
+def bar_on(console: Console | None = None, left: bars.ProgressColumn | None = None) -> bars.Progress:
+    """Make a progress bar, which shows on a terminal only and is cleared away in the end.
+
+    It is not started yet. `console` is the standard error, and `left`, its last column, the time left, unless given.
+    """
+    console, left = console or Console(stderr=True), left or bars.TimeRemainingColumn()
+    task = bars.TextColumn("{task.description}", style="cyan"), bars.BarColumn(), bars.MofNCompleteColumn()
+    hidden = not console.is_terminal
+    return bars.Progress(*task, bars.TimeElapsedColumn(), left, console=console, transient=True, disable=hidden)
+
+
+def kernel_bar(console: Console) -> Callable[[Compiled], None] | None:
+    """Return a function that draws the bar over the last one; None without a terminal.
+
+    The function removes the bar in the end.
+    """
+    if not console.is_terminal:
+        return None
+
+    full = "#" if console.options.ascii_only else "━"
+    empty = full if console.color_system else " "
+
+    def show(compiled: Compiled) -> None:
+        console.control(Control(ControlType.CARRIAGE_RETURN, (ControlType.ERASE_IN_LINE, 2)))
+        if compiled.kernels < compiled.of:
+            filled = WIDTH * compiled.kernels // compiled.of
+            bar = (full * filled, "green"), (empty * (WIDTH - filled), "dim")
+            line = Text.assemble(*bar, f" {progress_line(compiled)}")
+            line.truncate(console.width - 1)  # a second row would stay
+            console.print(line, end="", no_wrap=True)
+
+    return show

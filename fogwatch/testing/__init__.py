@@ -16,13 +16,5 @@ from fogwatch.testing.robot import check_robot
 from fogwatch.testing.sensor import SensorReport, check_sensor
 from fogwatch.testing.situation import Situation, draw_situation
 
-__all__ = [
-    "PolicyReport",
-    "RuleBroken",
-    "SensorReport",
-    "Situation",
-    "check_policy",
-    "check_robot",
-    "check_sensor",
-    "draw_situation",
-]
+__all__ = ["PolicyReport", "RuleBroken", "SensorReport", "Situation", "check_policy", "check_robot", "check_sensor"]
+__all__ += ["draw_situation"]

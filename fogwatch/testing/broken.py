@@ -25,15 +25,7 @@ class RuleBroken(AssertionError):
 
 
 def class_of(checked: type[Any] | str, sort: ClassSort) -> type[Any]:
-    """Find the class to be checked.
-
-    Args:
-        checked: The class, or its name as in a scenario.
-        sort: What it should be.
-
-    Raises:
-        RuleBroken: There is no such class, or it lacks its method.
-    """
+    """Find the class to be checked, by itself or its name; RuleBroken where there is none, or it lacks its method."""
     if not isinstance(checked, str):
         if not inspect.isclass(checked) or not callable(getattr(checked, sort.method, None)):
             raise RuleBroken(f"{checked!r}: is not a class with a method {sort.call}; give one, or its name")
@@ -45,24 +37,13 @@ def class_of(checked: type[Any] | str, sort: ClassSort) -> type[Any]:
 
 
 def put_up(checked: type[Any]) -> str:
-    """Put a class where a scenario finds it.
-
-    Args:
-        checked: The class.
-
-    Returns:
-        Its name for a scenario.
-    """
+    """Put a class where a scenario finds it, and return its name for a scenario."""
     module = sys.modules.setdefault(_MODULE, ModuleType(_MODULE))
     setattr(module, checked.__name__, checked)
     return f"{_MODULE}:{checked.__name__}"
 
 
 def disturb_chance(number: int) -> None:
-    """Change the state of the generators that nothing in a fleet may use.
-
-    Args:
-        number: Of the state.
-    """
+    """Change the state of the generators that nothing in a fleet may use."""
     random.seed(number)
     np.random.seed(number % 2**32)  # noqa: NPY002 - what is disturbed

@@ -7,6 +7,7 @@ import tempfile
 import time
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from itertools import zip_longest
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -110,20 +111,20 @@ def check_policy(
     runs: list[_Run] = []
     extra = {**{f"patrol.options.{option}": value for option, value in (options or {}).items()}, **(settings or {})}
     for model in models:
-        fleet = _fleet_maker({"robots.model": model, **extra})
+        fleet = partial(_make_fleet, {"robots.model": model, **extra})
         first, second = (_run_policy(checked, fleet, f"a fleet ({model})", number) for number in (1, 2))
         _compare_runs(first, second)
         runs += [first, second]
         for situation, changes in SITUATIONS.items():
             if situation in WITH_PLACES and any(field.partition(".")[0] == "terrain" for field in extra):
                 continue
-            changed = _fleet_maker({"robots.model": model, **changes, **extra})
+            changed = partial(_make_fleet, {"robots.model": model, **changes, **extra})
             runs.append(_run_policy(checked, changed, f"{situation} ({model})", 0))
     ran: list[int] = []
     for seed in seeds:
         model = models[seed % len(models)]
         with tempfile.TemporaryDirectory(prefix="fogwatch-check-") as folder:
-            drawn = _drawn_maker(seed, Path(folder), {"robots.model": model, **extra})
+            drawn = partial(_draw_fleet, seed, Path(folder), {"robots.model": model, **extra})
             try:
                 runs.append(_run_policy(checked, drawn, f"random scenario, seeds=[{seed}] ({model})", 0, judged=True))
             except _NotDrawn:
@@ -158,26 +159,19 @@ Make = Callable[[str], "Scenario | Prepared"]
 """Makes a scenario with the policy of a name."""
 
 
-def _fleet_maker(changes: Mapping[str, Any]) -> Make:
-    def make(name: str) -> Scenario:
-        from patrol.scenario import load_scenario
+def _make_fleet(changes: Mapping[str, Any], name: str) -> Scenario:
+    from patrol.scenario import load_scenario
 
-        mapping = {**FLEET, "duration": TICKS * FLEET["step"], "patrol": {"policy": name}}
-        return load_scenario(mapping, changes)
-
-    return make
+    return load_scenario({**FLEET, "duration": TICKS * FLEET["step"], "patrol": {"policy": name}}, changes)
 
 
-def _drawn_maker(seed: int, folder: Path, settings: Mapping[str, Any]) -> Make:
-    def make(name: str) -> Prepared:
-        from fogwatch.testing.swarm import random_fleet
+def _draw_fleet(seed: int, folder: Path, settings: Mapping[str, Any], name: str) -> Prepared:
+    from fogwatch.testing.swarm import random_fleet
 
-        try:
-            return random_fleet(seed, folder, {"patrol.policy": name, **settings})
-        except BadInput as refused:  # not wrong by themselves: the fleet has run with them
-            raise _NotDrawn from refused
-
-    return make
+    try:
+        return random_fleet(seed, folder, {"patrol.policy": name, **settings})
+    except BadInput as refused:  # not wrong by themselves: the fleet has run with them
+        raise _NotDrawn from refused
 
 
 def _run_policy(policy: type[Any], make: Make, situation: str, chance: int, *, judged: bool = False) -> _Run:

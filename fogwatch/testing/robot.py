@@ -52,7 +52,9 @@ def check_robot(make_robot: Callable[[Site], Robot], *, model: str = "differenti
     Raises:
         RuleBroken: The robot breaks a rule; the message says which, at which tick and with what value.
     """
-    _check_early_stop(make_robot, model)
+    early = _call_method("make_robot(site)", make_robot, _make_site(_Clock(), model))
+    _call_stop(early, "before its first tick")
+    _call_stop(early, "again")
     clock = _Clock()
     robot = _call_method("make_robot(site)", make_robot, _make_site(clock, model))
     poses: dict[int, Pose] = {}
@@ -61,7 +63,8 @@ def check_robot(make_robot: Callable[[Site], Robot], *, model: str = "differenti
         _check_moved(poses, k)
         _call_transmit(robot, k)
         if k in COMMANDED:
-            _call_act(robot, _ahead_command(model), k)
+            command = _ahead_command(model)
+            _call_method(f"act({command!r}) at tick {k}", robot.act, command)
     last = poses[TICKS[-1]]
     _call_stop(robot, "a check stops it")
     clock.more(9, 10)
@@ -120,13 +123,6 @@ def _make_site(clock: _Clock, model: str) -> Site:
     return Site(spec, start, terrain, clock, STEP, 1.0, Fog(free), {}, None, {1: spec.radius}, orders)
 
 
-def _check_early_stop(make_robot: Callable[[Site], Robot], model: str) -> None:
-    clock = _Clock()
-    robot = _call_method("make_robot(site)", make_robot, _make_site(clock, model))
-    _call_stop(robot, "before its first tick")
-    _call_stop(robot, "again")
-
-
 def _call_sense(robot: Robot, clock: _Clock, k: int) -> Sensed:
     clock.asked = 0
     sensed = _call_method(f"sense() at tick {k}", robot.sense)
@@ -173,10 +169,6 @@ def _call_transmit(robot: Robot, k: int | None) -> None:
             raise RuleBroken(f"hear() returned {len(frames)} frames at the end; return None")
 
 
-def _call_act(robot: Robot, command: Command, k: int) -> None:
-    _call_method(f"act({command!r}) at tick {k}", robot.act, command)
-
-
 def _call_stop(robot: Robot, reason: str) -> None:
     _call_method(f"stop({reason!r})", robot.stop, reason)
 
@@ -193,14 +185,10 @@ def _call_method(call: str, method: Callable[..., Any], *arguments: Any) -> Any:
 
 def _ahead_command(model: str) -> Command:
     """Return the command to drive ahead at full speed, from a heading of 0."""
-    match model:
-        case "holonomic":
-            return Velocity(SPEED, 0.0)
-        case "differential":
-            return Twist(SPEED, 0.0)
-        case "car":
-            return Drive(SPEED, 0.0)
-    raise BadInput(f"model = {model}: no such body; give holonomic, differential or car")
+    commands: dict[str, type[Command]] = {"holonomic": Velocity, "differential": Twist, "car": Drive}
+    if model not in commands:
+        raise BadInput(f"model = {model}: no such body; give holonomic, differential or car")
+    return commands[model](SPEED, 0.0)
 
 
 def _distance_between(a: Pose, b: Pose) -> float:

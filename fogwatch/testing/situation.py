@@ -24,7 +24,6 @@ if TYPE_CHECKING:
     from agent.ports import Intent, Policy, PolicySetup
     from agent.view import View
     from patrol.ground.footprint import Footprint
-    from patrol.ground.terrain import Terrain
     from patrol.pose import Pose
     from patrol.scenario import Scenario
 
@@ -153,6 +152,7 @@ def draw_situation(
     from agent.build import Shared, build_mind, shared_by
     from agent.policies.found import PolicyKind, policy_of
     from patrol.exchange import Sensed
+    from patrol.ground.terrain import Terrain
     from patrol.pose import Pose
     from patrol.prepare import inboxes_of, prepare
     from patrol.radio.message import Position, as_received, encode
@@ -162,7 +162,7 @@ def draw_situation(
     places = {name: _middle_of(grid, name, side) for name in sorted(set(map(str, grid.flat)) - {WALL, FLOOR})}
     poses = {number: Pose(*places[str(number)], heading) for number in robots}
     scenario = _make_scenario(policy, options, poses, side, settings)
-    prepared = prepare(scenario, _drawn_terrain(grid, scenario.point))
+    prepared = prepare(scenario, Terrain("drawing", _point_characters(grid) != WALL, scenario.point))
     setups: list[PolicySetup] = []
     kind = policy_of(scenario)
 
@@ -172,9 +172,8 @@ def draw_situation(
 
     shared: Shared = shared_by(prepared)
     blind = Beliefs(inboxes_of(scenario, [1], prepared.terrain.bounds, None), _blind_footprint(shared.footprint))
-    mind = build_mind(
-        prepared, 1, shared=replace(shared, beliefs=blind), kind=PolicyKind(kind.name, make, kind.options, kind.ours)
-    )
+    noted = PolicyKind(kind.name, make, kind.options, kind.ours)
+    mind = build_mind(prepared, 1, shared=replace(shared, beliefs=blind), kind=noted)
     ticks_ago = {name: _age_ticks(age, "ages", name, grid, scenario) for name, age in (ages or {}).items()}
     silent = {name: _age_ticks(age, "heard", name, grid, scenario) for name, age in (heard or {}).items()}
     for name in silent:
@@ -224,9 +223,8 @@ def _read_drawing(drawing: str) -> Drawn:
         raise BadInput(f"drawing: has more than {MOST_DRAWN} characters; draw a smaller one")
     for number, line in enumerate(lines, start=1):
         if len(line) != len(lines[0]):
-            raise BadInput(
-                f"drawing: line {number} has {len(line)} characters, line 1 {len(lines[0])}; make them equal"
-            )
+            lengths = f"{len(line)} characters, line 1 {len(lines[0])}"
+            raise BadInput(f"drawing: line {number} has {lengths}; make them equal")
         for character in line:
             if not (character in (WALL, FLOOR) or (character.isascii() and character.isalnum() and character != "0")):
                 raise BadInput(f"drawing: line {number}: {printable(character)}: expected #, ., 1 to 9 or a letter")
@@ -251,12 +249,6 @@ def _point_characters(grid: Drawn) -> Drawn:
     return grid[::-1].repeat(POINTS, axis=0).repeat(POINTS, axis=1)
 
 
-def _drawn_terrain(grid: Drawn, point: float) -> Terrain:
-    from patrol.ground.terrain import Terrain
-
-    return Terrain("drawing", _point_characters(grid) != WALL, point)
-
-
 def _make_scenario(
     policy: type[Any] | str | None,
     options: Mapping[str, Any] | None,
@@ -279,10 +271,8 @@ def _make_scenario(
         "robots": {"count": len(poses), "model": "holonomic", "radius": BODY * side, "starts": starts},
     }
     if policy is not None:
-        named = (
-            policy if isinstance(policy, str) and policy in POLICIES.built_in else put_up(class_of(policy, POLICIES))
-        )
-        mapping["patrol"] = {"policy": named}
+        is_built_in = isinstance(policy, str) and policy in POLICIES.built_in
+        mapping["patrol"] = {"policy": policy if is_built_in else put_up(class_of(policy, POLICIES))}
     chosen = {f"patrol.options.{name}": value for name, value in (options or {}).items()}
     return load_scenario(mapping, {**chosen, **(settings or {})}, called="situation")
 

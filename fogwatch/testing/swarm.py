@@ -31,24 +31,11 @@ from patrol.scenario import Scenario, load_scenario
 from patrol.scenario.policies import BUILT_IN, DEFAULT, LEARNED, PAPER, STOCHASTIC
 from patrol.starts import starting_part
 
-FEATURES = (
-    "adaptive",
-    "batteries",
-    "budget",
-    "building",
-    "closures",
-    "graph",
-    "intruders",
-    "key",
-    "mixed bodies",
-    "narrow view",
-    "path loss",
-    "quality",
-    "spares",
-    "trail",
-    "view through walls",
-    "zones",
+_FEATURES = (
+    "adaptive, batteries, budget, building, closures, graph, intruders, key, mixed bodies, narrow view, path loss, "
+    "quality, spares, trail, view through walls, zones"
 )
+FEATURES = _FEATURES.split(", ")
 """Features of which a seed takes half."""
 
 FAULT_KINDS = (*DRAWN, "close", "open")
@@ -142,12 +129,9 @@ class _Drawing:
                 "nemesis": self._draw_nemesis(base),
             }
         )
-        if self._takes_feature("graph") and "terrain" not in self._given:
+        if "graph" in self._features and "terrain" not in self._given:
             mapping["terrain"] = {**mapping["terrain"], **self._draw_graph()}
         return load_scenario(mapping, self._settings)
-
-    def _takes_feature(self, feature: str) -> bool:
-        return feature in self._features
 
     def _not_given(self, sections: Mapping[str, Any]) -> dict[str, Any]:
         return {name: section for name, section in sections.items() if name not in self._given}
@@ -157,8 +141,8 @@ class _Drawing:
     def _draw_ground(self) -> dict[str, Any]:
         """Draw terrain, point and robots, which have to fit together."""
         dice = self._dice
-        models = MODELS if self._takes_feature("mixed bodies") else (dice.choice(*MODELS),)
-        indoors = self._takes_feature("building") or "terrain" in self._given
+        models = MODELS if "mixed bodies" in self._features else (dice.choice(*MODELS),)
+        indoors = "building" in self._features or "terrain" in self._given
         radii = (dice.between(0.2, 0.4),) if indoors else (0.3, 1.0)
         bodies = [
             {
@@ -166,12 +150,12 @@ class _Drawing:
                 "speed": dice.between(0.5, 1.5) if indoors else dice.between(1.0, 5.0),
                 "radius": dice.choice(*radii),
                 "turning_radius": dice.between(0.6, 1.2) if indoors else dice.between(1.0, 4.0),
-                **({"battery": self._draw_battery()} if self._takes_feature("batteries") else {}),
+                **({"battery": self._draw_battery()} if "batteries" in self._features else {}),
             }
-            for _ in range(3 if self._takes_feature("mixed bodies") else 1)
+            for _ in range(3 if "mixed bodies" in self._features else 1)
         ]
         robots = [dict(dice.choice(*bodies)) for _ in range(dice.whole(2, 6))]
-        if self._takes_feature("spares"):
+        if "spares" in self._features:
             robots[-1]["spare"] = True
         if not indoors:
             builtin, point = dice.choice("open", "yards", "clutter", "site"), dice.choice(1.0, 2.0)
@@ -191,10 +175,10 @@ class _Drawing:
     def _draw_sensor(self) -> dict[str, Any]:
         dice = self._dice
         return {
-            "range": dice.between(4.0, 8.0) if self._takes_feature("building") else dice.between(10.0, 25.0),
-            "angle": dice.choice(180, 90) if self._takes_feature("narrow view") else 360,
-            "line_of_sight": not self._takes_feature("view through walls"),
-            "quality": dice.choice(0.5, [[2, 1.0], [10, 0.3]]) if self._takes_feature("quality") else 1.0,
+            "range": dice.between(4.0, 8.0) if "building" in self._features else dice.between(10.0, 25.0),
+            "angle": dice.choice(180, 90) if "narrow view" in self._features else 360,
+            "line_of_sight": "view through walls" not in self._features,
+            "quality": dice.choice(0.5, [[2, 1.0], [10, 0.3]]) if "quality" in self._features else 1.0,
         }
 
     def _draw_patrol(self) -> dict[str, Any]:
@@ -234,7 +218,7 @@ class _Drawing:
                 "letter": dice.choice(False, False, ["one-direction", "far-goal"]),
                 "fow": dice.choice("f1", "f2", "f3", "f4", "f5"),
                 "distance": dice.choice("g1", "g2", "g3", "g4", "g5"),
-                "paths": "wave" if self._takes_feature("closures") else paths,
+                "paths": "wave" if "closures" in self._features else paths,
                 "direction": direction,
                 "sectors": dice.choice(8, 5, 16),
                 "dilatation": dice.choice(0, 3, 5),
@@ -268,21 +252,19 @@ class _Drawing:
         dice, step = self._dice, base.step
         forget_s = dice.between(10.0 * step, 40.0 * step)
         radio: dict[str, Any] = {"forget_after": forget_s}
-        if self._takes_feature("key"):
+        if "key" in self._features:
             file = self._folder / "fleet.key"
             file.write_bytes(KEY)
             radio["key"] = str(file)
-        if self._takes_feature("adaptive"):
+        if "adaptive" in self._features:
             radio["adaptive"] = {"error": dice.between(0.0, 4.0), "silence": dice.between(step, forget_s)}
-        if self._takes_feature("budget"):
+        if "budget" in self._features:
             needed = 700.0 * len(base.roster) / forget_s
             radio["budget"] = {"bits_per_s": dice.between(2.0, 8.0) * needed, "overhead": dice.choice(0, 8)}
         narrow = base.sensor.angle < 360.0
-        if self._takes_feature("trail") and not (
-            narrow and (self._takes_feature("adaptive") or self._takes_feature("budget"))
-        ):
+        if "trail" in self._features and not (narrow and ("adaptive" in self._features or "budget" in self._features)):
             radio |= {"trail": dice.whole(1, 4), "trail_every": 1 if narrow else dice.whole(1, 3)}
-        if self._takes_feature("path loss"):
+        if "path loss" in self._features:
             radio |= {"model": "path-loss", "options": {"exponent": dice.choice(2.5, 4.0), "redraw": 20.0 * step}}
         return radio
 
@@ -294,7 +276,7 @@ class _Drawing:
         return [{"place": dice.choice(self._draw_place(), *starts), "radius": 1.0} for _ in range(dice.whole(1, 2))]
 
     def _draw_closures(self, base: Scenario) -> list[dict[str, Any]]:
-        if not self._takes_feature("closures") or base.patrol.paths != "wave":
+        if "closures" not in self._features or base.patrol.paths != "wave":
             return []
         dice = self._dice
         drawn = []
@@ -315,7 +297,7 @@ class _Drawing:
         return faults
 
     def _draw_zones(self, base: Scenario) -> list[dict[str, Any]]:
-        if not self._takes_feature("zones"):
+        if "zones" not in self._features:
             return []
         dice, step = self._dice, base.step
         largest = max(2.0 * spec.radius + spec.speed * step for spec in base.roster)
@@ -340,7 +322,7 @@ class _Drawing:
         return drawn
 
     def _draw_intruders(self, base: Scenario) -> list[dict[str, Any]]:
-        if not self._takes_feature("intruders"):
+        if "intruders" not in self._features:
             return []
         spans = [self._draw_span(base)[0] for _ in range(self._dice.whole(1, 2))]
         return [{"place": self._draw_place(), "at": begin, "for": end - begin} for begin, end in spans]
@@ -351,9 +333,8 @@ class _Drawing:
         places = [self._draw_place() for _ in range(dice.whole(4, 12))]
         edges = []
         for last in range(1, len(places)):
-            length, first = min(
-                (math.dist(places[last], earlier), number) for number, earlier in enumerate(places[:last])
-            )
+            lengths = [math.dist(places[last], earlier) for earlier in places[:last]]
+            length, first = min(zip(lengths, range(last), strict=True))
             if length > 0.0:
                 edges.append([first, last, length])
         graph = {"vertices": places, "edges": edges, "visit": 2.0 * self._terrain.point}
@@ -371,12 +352,8 @@ class _Drawing:
 
     def _draw_nemesis(self, base: Scenario) -> dict[str, Any] | None:
         kinds = [kind for kind in self._kinds if kind in DRAWN]
-        faults = self._dice.whole(2, 14)
-        return {
-            "kinds": kinds,
-            "quiet": QUIET * base.duration,
-            "interval": max((1.0 - QUIET) * base.duration / faults, base.step),
-        }
+        interval_s = max((1.0 - QUIET) * base.duration / self._dice.whole(2, 14), base.step)
+        return {"kinds": kinds, "quiet": QUIET * base.duration, "interval": interval_s}
 
 
 def _half_of(names: Iterable[str], seed: int, salt: int) -> list[str]:

@@ -217,7 +217,7 @@ _bug(
 _bug(
     "a restarted robot keeps what it has heard",
     "refused frames",
-    put(InProcessFleet, "_drop_robot", lambda _: lambda *_: None),
+    put(InProcessFleet, "kill", lambda _: lambda *_: None),
     put(
         InProcessFleet, "start", lambda real: lambda of, number, n: None if number in of.minds else real(of, number, n)
     ),

@@ -12,7 +12,7 @@ import pytest
 
 from agent.policies.forces import distance_force, fow_force
 from docs.site.forces import forces
-from fogwatch.presets import preset_settings
+from fogwatch.run_options import preset_settings
 from patrol.scenario import PotentialFieldOptions, open_scenario
 from tests.browser import Look, browser_or_skip
 

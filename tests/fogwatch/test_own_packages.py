@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 import patrol
-from fogwatch.notebook.policy import policy_name
+from fogwatch.notebook.arguments import policy_name
 from fogwatch.own_packages import NAMES
 from patrol.starting import environment
 

@@ -6,7 +6,7 @@ import pytest
 
 import fogwatch
 from experiments.paper.printed import paper
-from fogwatch.presets import PRESETS, preset_settings
+from fogwatch.run_options import PRESETS, preset_settings
 from patrol.errors import BadInput
 from patrol.scenario import open_scenario, scenario_hash
 from patrol.scenario.policies import TO_THE_LETTER

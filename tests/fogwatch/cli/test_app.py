@@ -16,7 +16,7 @@ from typer.main import get_command
 
 from fogwatch.cli.app import app, main
 from fogwatch.cli.command_help import PANEL_OF
-from fogwatch.launch.limits import PROCESS_GB
+from fogwatch.launch.launcher import PROCESS_GB
 
 SHORT = ["--point", "0.5", "--duration", "5", "--set", "patrol.goal_distance=6"]
 PATIENCE_S = 300.0

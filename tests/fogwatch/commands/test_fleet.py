@@ -16,8 +16,7 @@ import pytest
 
 from fogwatch.fleets import certificates
 from fogwatch.fleets.certificates import facts, issue, make_authority
-from fogwatch.fleets.folder import fleet_to_change, open_fleet_folder
-from fogwatch.fleets.hosts import checked_hosts
+from fogwatch.fleets.folder import checked_hosts, fleet_to_change, open_fleet_folder
 from patrol.errors import BadInput
 from patrol.security.credentials import read_credentials, read_router
 from patrol.security.roles import Role, robot_role

@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 
 from fogwatch.commands import map as map_commands
 from fogwatch.commands.map import app
-from fogwatch.pictures.run_end import PERHAPS_UNKNOWN
+from fogwatch.pictures.maps import PERHAPS_UNKNOWN
 from patrol.errors import BadInput
 from patrol.palette import rgb
 

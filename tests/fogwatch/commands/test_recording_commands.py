@@ -15,7 +15,7 @@ from rich.console import Console
 
 import fogwatch
 from fogwatch.run_folder.derived import derive
-from fogwatch.terminal.live_table import PlainDisplay, SilentDisplay
+from fogwatch.terminal.live_table import PlainDisplay, RunDisplay
 from patrol.journal import read_journal
 from patrol.prepare import prepare
 from patrol.process.lifeline import InterruptedBySignal
@@ -166,7 +166,7 @@ def test_a_folder_is_looked_at_before_anything_is_compiled(
     def never(*_: object) -> None:
         raise AssertionError
 
-    monkeypatch.setattr("fogwatch.run_folder.reading.warm", never)
+    monkeypatch.setattr("fogwatch.cli.open_run.warm", never)
     monkeypatch.setattr("patrol.starting.warmup.warm", never)
     assert command(what, "nowhere") == 2
     assert "no such folder" in capsys.readouterr().err
@@ -179,7 +179,7 @@ def test_where_to_write_is_looked_at_before_anything_is_compiled(
     def never(*_: object) -> None:
         raise AssertionError
 
-    monkeypatch.setattr("fogwatch.run_folder.reading.warm", never)
+    monkeypatch.setattr("fogwatch.cli.open_run.warm", never)
     assert command(*(part.replace("RUN", str(ran)) for part in arguments), "--out", ".") == 2
 
 
@@ -200,7 +200,7 @@ def test_the_files_of_a_report_are_found_from_where_it_lies(
 def test_an_interruption_leaves_neither_file_nor_parts_of_one(ran: Path, tmp_path: Path, at: int) -> None:
     """Early in the replay, and after its last tick."""
 
-    class Interrupting(SilentDisplay):
+    class Interrupting(RunDisplay):
         calls = 0
 
         def progress(self, *_: object) -> None:

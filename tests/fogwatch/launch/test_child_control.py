@@ -17,7 +17,7 @@ from fogwatch.launch.child_control import ProcessControlServer
 from fogwatch.launch.children import Child
 from fogwatch.launch.launcher import Launch
 from fogwatch.run_folder.runfolder import RunFolder
-from fogwatch.terminal.live_table import SilentDisplay
+from fogwatch.terminal.live_table import RunDisplay
 from worldsim.fleet.process_control import ENDED, Request
 
 pytestmark = pytest.mark.processes
@@ -29,7 +29,7 @@ class Office:
     """A launcher with one robot's process, and the world's end of the control socket."""
 
     def __init__(self, folder: Path) -> None:
-        self.launch = Launch(RunFolder(folder), "f", ["r1", "r2"], SilentDisplay(), lambda: False)
+        self.launch = Launch(RunFolder(folder), "f", ["r1", "r2"], RunDisplay(), lambda: False)
         ours, self.end = socket.socketpair()
         self.lines = self.end.makefile("rb")
         self.process = subprocess.Popen(SLEEPER, stdout=subprocess.PIPE)

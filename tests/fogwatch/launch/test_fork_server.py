@@ -17,8 +17,7 @@ from typing import Any
 
 import pytest
 
-from fogwatch.launch.children import Child, Children, Forked
-from fogwatch.launch.fork_server import FORK_SERVER, READY_S, ForkServer
+from fogwatch.launch.children import FORK_SERVER, READY_S, Child, Children, Forked, ForkServer
 from patrol.process.failures import INTERRUPTED
 from patrol.starting.forking import ask_for_fork, can_fork
 from patrol.starting.readiness import StartFailure, StartPipe, StartReport
@@ -342,7 +341,7 @@ def test_closing_it_does_not_wait_for_one_that_stands_still(office: Office, monk
         asking.set()
         return ask_for_fork(*of)
 
-    monkeypatch.setattr("fogwatch.launch.fork_server.ask_for_fork", ask)
+    monkeypatch.setattr("fogwatch.launch.children.ask_for_fork", ask)
     made: list[object] = []
     command = office.command(office.folder)
     asks = threading.Thread(target=lambda: made.append(office.server.make(command, {}, office.folder / "r2.log")))

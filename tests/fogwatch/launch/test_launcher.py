@@ -11,7 +11,7 @@ import pytest
 from fogwatch.launch.children import Child, Children
 from fogwatch.launch.launcher import ROUTER, WORLD, Launch
 from fogwatch.run_folder.runfolder import RunFolder
-from fogwatch.terminal.live_table import SilentDisplay
+from fogwatch.terminal.live_table import RunDisplay
 from patrol.net.link import LinkDown
 from patrol.starting.readiness import StartPipe, StartReport
 
@@ -62,7 +62,7 @@ class Loading:
 
 
 def launch_of(folder: Path, stop: Callable[[], bool] = lambda: False, *, alike: bool = True) -> Launch:
-    return Launch(RunFolder(folder), "f", ["r1", "r2"], SilentDisplay(), stop, alike=alike)
+    return Launch(RunFolder(folder), "f", ["r1", "r2"], RunDisplay(), stop, alike=alike)
 
 
 def test_nobody_is_started_any_more_where_the_user_interrupts_the_loading_server(

@@ -10,7 +10,7 @@ from typing import Any, cast
 import pytest
 
 from fogwatch.launch.children import Children
-from fogwatch.launch.page_child import MOST_RESTARTS, PAGE, PageChild
+from fogwatch.launch.launcher import MOST_RESTARTS, PAGE, PageChild
 from patrol.starting.readiness import StartFailure, StartReport
 
 ADDRESS = "http://127.0.0.1:40123/"

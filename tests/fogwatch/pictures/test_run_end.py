@@ -10,7 +10,8 @@ from PIL import Image
 
 from fogwatch.grounds.map_check import check_map
 from fogwatch.inprocess import run_in_process
-from fogwatch.pictures.run_end import map_picture, replay, run_picture
+from fogwatch.pictures.maps import map_picture
+from fogwatch.pictures.run_end import replay, run_picture
 from monitor.figures.ground import Key, Layer, canvas, cropped, fog_scale, key_column, painted, round_length
 from patrol.errors import BadInput
 from patrol.ground.terrain import Terrain
@@ -129,7 +130,7 @@ def test_a_spare_robot_that_never_joined_is_left_out(tmp_path: Path, monkeypatch
         named.extend(key.label for key in drawn[3])
         key_column(*drawn)
 
-    monkeypatch.setattr("fogwatch.pictures.run_end.key_column", noted)
+    monkeypatch.setattr("monitor.figures.ground.key_column", noted)
     prepared = run(
         tmp_path, robots={"count": 2, "spare": 2, "model": "holonomic"}, faults=[{"kind": "join", "who": "r3", "at": 9}]
     )

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 import fogwatch
-from fogwatch.run_folder.reading import read_folder
+from fogwatch.cli.open_run import open_folder
 from monitor.replay import run as replay
 from monitor.replay.run import Run, open_run
 from patrol.journal import JournalWriter, read_journal
@@ -37,7 +37,7 @@ def written(tmp_path: Path) -> tuple[Path, JournalWriter]:
 
 
 def is_going_on(folder: Path) -> bool:
-    return read_folder(folder, None, lambda _: None)[1]
+    return open_folder(folder, None, lambda _: None)[1]
 
 
 def test_a_run_that_ends_while_it_is_read_has_ended(
@@ -56,7 +56,7 @@ def test_a_run_that_ends_while_it_is_read_has_ended(
         return run
 
     monkeypatch.setattr(replay, "open_run", opened)
-    run, going_on = read_folder(folder, None, lambda _: None)
+    run, going_on = open_folder(folder, None, lambda _: None)
     assert (run.ended is not None, going_on) == (True, False)
 
 

@@ -4,7 +4,7 @@ from io import BytesIO, StringIO, TextIOWrapper
 
 from rich.console import Console
 
-from fogwatch.terminal.bars import kernel_bar
+from fogwatch.terminal.live_table import kernel_bar
 from patrol.starting.compiling import Compiled
 
 

@@ -13,7 +13,7 @@ from fogwatch.terminal.live_table import (
     GuardedDisplay,
     LiveTable,
     PlainDisplay,
-    SilentDisplay,
+    RunDisplay,
     duration_text,
     headline,
     make_display,
@@ -254,13 +254,13 @@ def test_robots_that_took_no_part_do_not_count_in_the_time_on_patrol() -> None:
 
 
 def test_where_it_shows_depends_on_where_it_goes() -> None:
-    assert isinstance(make_display(quiet=True), SilentDisplay)
+    assert type(make_display(quiet=True)) is RunDisplay
     display = make_display(quiet=False)
     assert isinstance(display, GuardedDisplay)
     assert isinstance(display.shown, PlainDisplay)
 
 
-class _Failing(SilentDisplay):
+class _Failing(RunDisplay):
     """Shows lines, and fails at all else."""
 
     def __init__(self) -> None:

@@ -6,7 +6,7 @@ import os
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-from fogwatch.terminal.live_table import SilentDisplay
+from fogwatch.terminal.live_table import RunDisplay
 from patrol.messages.telemetry import Metrics
 
 HUNG_S = 60.0
@@ -22,7 +22,7 @@ SAMPLE_S = 1.0
 _PROC = Path("/proc")
 
 
-class Progress(SilentDisplay):
+class Progress(RunDisplay):
     """A display of a run that keeps what it is shown, and shows nothing.
 
     Attributes:

@@ -67,7 +67,9 @@ def test_nobody_else_can_read_the_secrets_of_a_run(secrets: Secrets, roots: Path
 
 
 def test_a_robot_called_world_is_no_world(secrets: Secrets) -> None:
-    robot, world = (read_credentials(path, "test") for path in (secrets.of_robot("world"), secrets.of_world))
+    robot, world = (
+        read_credentials(path, "test") for path in (secrets.of_role(robot_role("world")), secrets.of_role(WORLD_ROLE))
+    )
     assert (robot.role, world.role) == (robot_role("world"), WORLD_ROLE)
     assert robot.password != world.password
     assert robot.token is None
@@ -89,15 +91,15 @@ def test_a_run_s_folder_leads_to_the_secrets_and_holds_none(secrets: Secrets, ru
 
 
 def test_what_the_system_clears_while_a_run_goes_on_comes_back(secrets: Secrets, run: Path, roots: Path) -> None:
-    before = read_credentials(secrets.of_robot("r1"), "test")
-    secrets.of_world.unlink()
-    assert read_credentials(secrets.of_world, "test").role == WORLD_ROLE
+    before = read_credentials(secrets.of_role(robot_role("r1")), "test")
+    secrets.of_role(WORLD_ROLE).unlink()
+    assert read_credentials(secrets.of_role(WORLD_ROLE), "test").role == WORLD_ROLE
     shutil.rmtree(roots)
-    assert read_credentials(secrets.of_robot("r1"), "test") == before
+    assert read_credentials(secrets.of_role(robot_role("r1")), "test") == before
     assert (secrets.for_router(ROUTER) / "users.txt").is_file()
     shutil.rmtree(roots.parent)  # as when its user logs out
     try:
-        assert read_credentials(secrets.of_robot("r1"), "test") == before
+        assert read_credentials(secrets.of_role(robot_role("r1")), "test") == before
         assert not secrets.path.is_relative_to(roots)
         assert read_access(run, "test").token == secrets.token
         assert not (secrets.path.parent / f"part-{secrets.name}").exists()

@@ -14,8 +14,7 @@ import numpy as np
 import pytest
 import zenoh
 
-from fogwatch.fleets.folder import FleetFolder
-from fogwatch.robot_router import FILE, make_robot_router
+from fogwatch.fleets.folder import ROBOT_ROUTER, FleetFolder, make_robot_router
 from patrol.errors import BadInput
 from patrol.net.link import LinkDown
 from patrol.pose import Pose
@@ -265,9 +264,9 @@ def test_a_robot_that_is_no_member_has_no_router(fleet: FleetFolder) -> None:
 
 def test_only_its_owner_can_read_a_router_s_folder(fleet: FleetFolder) -> None:
     folder = make_robot_router(fleet, "r2", RmwZenoh(), "", ["192.0.2.1"], 7448, Path("/etc/fogwatch/r2-router"), 1)
-    text = (folder / FILE).read_text(encoding="utf-8")
+    text = (folder / ROBOT_ROUTER).read_text(encoding="utf-8")
     assert '"/etc/fogwatch/r2-router/key.pem"' in text
     assert '"tcp/127.0.0.1:7447"' in text
     assert '"tls/0.0.0.0:7448"' in text
-    for path in (folder, folder / FILE, folder / "key.pem"):
+    for path in (folder, folder / ROBOT_ROUTER, folder / "key.pem"):
         assert not path.stat().st_mode & 0o077

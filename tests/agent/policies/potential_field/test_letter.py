@@ -20,7 +20,7 @@ from agent.routes.ground import Ground
 from agent.routes.path_window import CENTRE, Aside
 from agent.view import View
 from fogwatch.inprocess import run_in_process
-from fogwatch.presets import preset_settings
+from fogwatch.run_options import preset_settings
 from patrol.ground.fields import StaticFields
 from patrol.ground.fog import Fog
 from patrol.ground.swept_path import advance

@@ -1,12 +1,13 @@
-"""The PettingZoo environment of a fleet."""
+"""The PettingZoo environment of a fleet, and the Gymnasium environment of a robot alone."""
 
 from __future__ import annotations
 
 import operator
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal, NoReturn
 
+import gymnasium
 import numpy as np
 from gymnasium import spaces
 from gymnasium.error import ResetNeeded
@@ -17,9 +18,8 @@ from agent.learned.network import MASK, STAY
 from agent.learned.observation import Observer
 from fogwatch.inprocess import check_in_process
 from fogwatch.learn.episode import Episode
-from fogwatch.learn.rewards import Reward, reward_of
 from fogwatch.notebook.arguments import WrongArguments, checked_arguments, scenario_of
-from patrol.errors import BadInput, quoted
+from patrol.errors import BadInput, did_you_mean, quoted
 from patrol.journal import TickRecord
 from patrol.prepare import Prepared, prepare
 from patrol.scenario import Scenario
@@ -28,6 +28,34 @@ from patrol.scenario.policies import LEARNED, LearnedInput, LearnedOptions
 Parts = dict[str, NDArray[Any]]
 
 NO_EPISODE = "no episode, or it is over: call reset() before the next step"
+
+Reward = Callable[[TickRecord | None, TickRecord, float], float]
+"""Takes the record of the tick before, None at the first, that of the tick, and s per tick.
+
+The fog is the fleet's, so all robots get the same. With A(k) the mean age of all patrolled points after tick k, and
+M(k) the age of the stalest one, the true MFoW, in s:
+
+    mean     -A(k)
+    mfow     -M(k)
+    change   A(k - 1) - A(k), which adds up to the change over an episode; A(-1) = 0
+
+A step that takes several ticks gets the sum of theirs.
+"""
+
+
+def _minus_mean(_before: TickRecord | None, record: TickRecord, step: float) -> float:
+    return -record.fog_mean * step
+
+
+def _minus_mfow(_before: TickRecord | None, record: TickRecord, step: float) -> float:
+    return -record.mfow * step
+
+
+def _minus_change(before: TickRecord | None, record: TickRecord, step: float) -> float:
+    return ((0.0 if before is None else before.fog_mean) - record.fog_mean) * step
+
+
+REWARDS: dict[str, Reward] = {"mean": _minus_mean, "mfow": _minus_mfow, "change": _minus_change}
 
 
 class PatrolEnv(ParallelEnv[str, Parts, Any]):  # type: ignore[misc] # PettingZoo is untyped
@@ -57,17 +85,12 @@ class PatrolEnv(ParallelEnv[str, Parts, Any]):  # type: ignore[misc] # PettingZo
     ) -> None:
         """Load and prepare the scenario; `parallel_env` is the usual way to make an environment.
 
-        Args:
-            scenario: As of `parallel_env`.
-            overrides: Likewise, with the settings of the policy `learned`.
-            reward: Likewise.
-            keep: Likewise.
-
-        Raises:
-            BadInput: Likewise.
+        The arguments are as there, `overrides` with the settings of the policy `learned`.
         """
         self._source, self._overrides, self._keep = scenario, dict(overrides), keep
-        self._reward = reward_of(reward)
+        if isinstance(reward, str) and reward not in REWARDS:
+            raise BadInput(f"reward = {reward!r}: no such reward; {did_you_mean(reward, list(REWARDS))}")
+        self._reward = REWARDS[reward] if isinstance(reward, str) else reward
         self.prepared = self._prepare_scenario(None)
         options = self.prepared.scenario.patrol.options
         assert isinstance(options, LearnedOptions)
@@ -94,19 +117,11 @@ class PatrolEnv(ParallelEnv[str, Parts, Any]):  # type: ignore[misc] # PettingZo
         return self.prepared.scenario
 
     def observation_space(self, agent: str) -> spaces.Space[Any]:
-        """Return an agent's observations (`agent.learned.observation`), with a mask of discrete actions.
-
-        Args:
-            agent: Its name.
-        """
+        """Return an agent's observations (`agent.learned.observation`), with a mask of discrete actions."""
         return self._observation_spaces[agent]
 
     def action_space(self, agent: str) -> spaces.Space[Any]:
-        """Return an agent's actions (`agent.learned.network`).
-
-        Args:
-            agent: Its name.
-        """
+        """Return an agent's actions (`agent.learned.network`)."""
         return self._action_spaces[agent]
 
     def reset(
@@ -145,7 +160,7 @@ class PatrolEnv(ParallelEnv[str, Parts, Any]):  # type: ignore[misc] # PettingZo
                 on as before.
 
         Returns:
-            By agent: observation; reward (`fogwatch.learn.rewards`), the same for all; whether the agent is gone for
+            By agent: observation; reward (`Reward`), the same for all; whether the agent is gone for
             good; whether the scenario's duration is over; and info: whether the agent is ``active`` and so decides
             next, the number of ``ticks`` of this step, and the true ``mfow_s`` and ``mean_age_s`` after it. After the
             end of an episode all five are empty.
@@ -178,11 +193,7 @@ class PatrolEnv(ParallelEnv[str, Parts, Any]):  # type: ignore[misc] # PettingZo
         return observations, rewards, terminated, ended, infos
 
     def render(self) -> NoReturn:
-        """Refuse to draw: the page and the pictures of a run show what was learned.
-
-        Raises:
-            NotImplementedError: Always.
-        """
+        """Refuse to draw: the page and the pictures of a run show what was learned."""
         raise NotImplementedError(
             "environments draw nothing; run what you have trained as the policy `learned`, and watch its page, or "
             "fogwatch animate"
@@ -232,15 +243,8 @@ class PatrolEnv(ParallelEnv[str, Parts, Any]):  # type: ignore[misc] # PettingZo
     def _make_infos(self, ticks: int) -> dict[str, dict[str, Any]]:
         step, last = self.scenario.step, self._last
         mfow_s, mean_age_s = (0.0, 0.0) if last is None else (last.mfow * step, last.fog_mean * step)
-        return {
-            name: {
-                "active": self._numbers[name] in self._due,
-                "ticks": ticks,
-                "mfow_s": mfow_s,
-                "mean_age_s": mean_age_s,
-            }
-            for name in self.agents
-        }
+        facts = {"ticks": ticks, "mfow_s": mfow_s, "mean_age_s": mean_age_s}
+        return {name: {"active": self._numbers[name] in self._due, **facts} for name in self.agents}
 
     def _make_observation_space(self) -> spaces.Dict:
         boxes = [  # of a mapping Gymnasium would sort the parts
@@ -278,7 +282,7 @@ def parallel_env(
         inputs: What agents see.
         window: Points, side of the window.
         heard: Positions of other robots in an observation.
-        reward: ``mean``, ``mfow`` or ``change``, or a function like those of `fogwatch.learn.rewards`.
+        reward: ``mean``, ``mfow`` or ``change``, or a `Reward` of your own.
         keep: Whether episodes keep the records of all ticks, so that they can be judged.
         render_mode: None, as environments draw nothing.
 
@@ -296,3 +300,70 @@ def parallel_env(
     if inputs is not None:
         settings["patrol.options.inputs"] = list(inputs)
     return PatrolEnv(scenario, {**(overrides or {}), "patrol.policy": LEARNED, **settings}, reward, keep=keep)
+
+
+class OneRobotEnv(gymnasium.Env[Parts, Any]):
+    """A robot that patrols alone: `PatrolEnv` with its only agent.
+
+    Attributes:
+        fleet: The environment of the fleet of one robot.
+    """
+
+    metadata: dict[str, Any] = {"render_modes": []}  # noqa: RUF012 - Gymnasium's protocol
+
+    def __init__(self, fleet: PatrolEnv) -> None:
+        """Take the only agent of a fleet; BadInput if it has several."""
+        if (count := len(fleet.possible_agents)) != 1:
+            raise BadInput(f"robots: there are {count}, and this environment is for one; set robots.count to 1")
+        self.fleet = fleet
+        self._agent = fleet.possible_agents[0]
+        self.observation_space = fleet.observation_space(self._agent)
+        self.action_space = fleet.action_space(self._agent)
+
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Parts, dict[str, Any]]:
+        """Begin an episode, as `PatrolEnv.reset`."""
+        super().reset(seed=seed)
+        observations, infos = self.fleet.reset(seed, options)
+        return observations[self._agent], infos[self._agent]
+
+    def step(self, action: Any) -> tuple[Parts, float, bool, bool, dict[str, Any]]:
+        """Act, as `PatrolEnv.step`; ResetNeeded when the episode is over, or none has begun."""
+        agent = self._agent
+        if not self.fleet.agents:
+            raise ResetNeeded(NO_EPISODE)
+        observations, rewards, terminated, ended, infos = self.fleet.step({agent: action})
+        return observations[agent], rewards[agent], terminated[agent], ended[agent], infos[agent]
+
+    def render(self) -> NoReturn:
+        """Refuse to draw, as `PatrolEnv.render`."""
+        self.fleet.render()
+
+    def close(self) -> None:
+        """Drop the episode."""
+        self.fleet.close()
+
+
+@checked_arguments
+def one_env(
+    scenario: Scenario | str | Path | Mapping[str, Any] = "yards",
+    overrides: Mapping[str, object] | None = None,
+    *,
+    actions: Literal["bearing", "place", "node"] | None = None,
+    decide: Literal["tick", "arrival"] | None = None,
+    inputs: Sequence[LearnedInput] | None = None,
+    window: int | None = None,
+    heard: int | None = None,
+    reward: str | Reward = "mean",
+    keep: bool = False,
+    render_mode: None = None,
+) -> OneRobotEnv:
+    """Make an environment of one robot.
+
+    The arguments are those of `parallel_env`; `robots.count` is 1 unless `overrides` say otherwise.
+
+    Raises:
+        BadInput: As of `parallel_env`; or there are several robots.
+    """
+    options: dict[str, Any] = {"actions": actions, "decide": decide, "inputs": inputs, "window": window, "heard": heard}
+    alone = {"robots.count": 1, **(overrides or {})}
+    return OneRobotEnv(parallel_env(scenario, alone, reward=reward, keep=keep, render_mode=render_mode, **options))
