@@ -85,11 +85,13 @@ class Look:
         if self.evaluate(shown):
             return
         drawn = self.evaluate("Number(document.body.dataset.frames ?? 0)")
-        self.evaluate(
-            f"""() => {{ const s = document.getElementById('seek'); s.value = {k};
-                s.dispatchEvent(new Event('input')); }}"""
-        )
+        self.slide(k)
         self.until(f"{shown} && Number(document.body.dataset.frames) > {drawn}")
+
+    def slide(self, k: int) -> None:
+        """Move a replay's slider to a tick."""
+        script = "const s = document.getElementById('seek'); s.value = %d; s.dispatchEvent(new Event('input'));"
+        self.evaluate(f"() => {{ {script % k} }}")
 
     def until(self, script: str, limit_s: float = PATIENCE_S) -> None:
         """Wait until a script says yes; the page's policy forbids Playwright's own way of waiting."""

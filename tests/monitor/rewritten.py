@@ -6,18 +6,16 @@ import json
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from patrol.journal import End, JournalWriter, TickRecord, read_journal
 from patrol.prepare import prepare
 from patrol.scenario import dump_scenario, load_scenario
+from tests.monitor.conftest import Seen
 from worldsim.output.record import header_of
 from worldsim.output.summary import summarise
 from worldsim.verdict.judge import judge
 from worldsim.world import World
-
-if TYPE_CHECKING:
-    from tests.monitor.conftest import Seen
 
 
 def rewritten(

@@ -8,7 +8,8 @@ from collections import deque
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -28,15 +29,11 @@ from patrol.journal.records import Event, Status, TickRecord
 from patrol.messages.feed import Batch, SoFar, batch_bytes, read_so_far, so_far_bytes
 from patrol.scenario.controls import OPERATOR
 from patrol.wire import read_sparingly
+from tests.monitor.conftest import Seen
 from worldsim.controls import RunState
 from worldsim.output.feed_publisher import Feed, ground_of
 from worldsim.output.record import header_of
 from worldsim.world import World
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from tests.monitor.conftest import Seen
 
 
 def records_of(seen: Seen) -> list[bytes]:

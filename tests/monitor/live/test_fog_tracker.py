@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
@@ -14,10 +13,8 @@ from monitor.live.fog_tracker import HEARD, KEPT_S, FogTracker, FogTrackers
 from monitor.observation.source import OUTSIDE, Layer
 from monitor.replay.player import Player
 from patrol.ground.fog import NEVER
+from tests.monitor.conftest import Seen
 from tests.monitor.live.test_feed_source import FakeFeed, watched
-
-if TYPE_CHECKING:
-    from tests.monitor.conftest import Seen
 
 
 def test_of_a_belief_it_is_told_from_when_on_it_is_known(faulty: Seen) -> None:

@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import msgpack
 import numpy as np
@@ -20,13 +21,8 @@ from patrol.journal import pack, unpack
 from patrol.journal.records import End, Event, Status, TickRecord
 from patrol.messages.feed import Batch, read_so_far, so_far_bytes
 from patrol.scenario import as_mapping, load_scenario
-from tests.monitor.conftest import QUIET
+from tests.monitor.conftest import QUIET, Seen
 from tests.monitor.live.test_feed_source import FakeFeed, watched
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from tests.monitor.conftest import Seen
 
 
 def tick_of(wire: FakeFeed) -> TickRecord:

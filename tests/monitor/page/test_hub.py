@@ -7,7 +7,7 @@ import json
 import math
 from array import array
 from contextlib import closing
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pytest
@@ -18,10 +18,8 @@ from monitor.page.hub import MOST_POINTS, Hub, Viewer
 from monitor.page.thinning import thinned
 from monitor.replay.past_beliefs import PastBeliefs
 from monitor.replay.player import Player
+from tests.monitor.conftest import Seen
 from tests.monitor.live.test_feed_source import FakeFeed
-
-if TYPE_CHECKING:
-    from tests.monitor.conftest import Seen
 
 
 @pytest.fixture(autouse=True)

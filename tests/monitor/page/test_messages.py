@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 import json
-from typing import TYPE_CHECKING
 
 from monitor.page.messages import static_message
 from monitor.replay.player import Player
 from patrol.closures.spec import closure_points
-
-if TYPE_CHECKING:
-    from tests.monitor.conftest import Seen
+from tests.monitor.conftest import Seen
 
 
 def test_the_points_of_closures_are_told_run_by_run(doors: Seen) -> None:

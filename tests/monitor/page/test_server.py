@@ -5,7 +5,8 @@ import json
 import re
 from collections.abc import Iterator
 from http.client import HTTPConnection
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import pytest
 from websockets.exceptions import ConnectionClosed, InvalidStatus
@@ -17,12 +18,8 @@ from monitor.process import main
 from monitor.replay.player import Player
 from patrol.process.lifeline import Ending
 from patrol.security.keys import is_loopback
+from tests.monitor.conftest import Seen
 from tests.monitor.pages import PATIENCE_S, ServedPage
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from tests.monitor.conftest import Seen
 
 TOKEN = "abcdefghij0123456789"
 OPTION = re.compile(r"--[a-z]+(?:-[a-z]+)*")

@@ -5,19 +5,16 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 
+from monitor.observation.source import State
 from monitor.recording.live_recorder import GONE_S, record_live
 from monitor.recording.mcap_file import inspect_recording
+from patrol.messages.feed import Batch
+from tests.monitor.conftest import Seen
 from tests.monitor.live.test_feed_source import FakeFeed
 from tests.monitor.recording.test_run_recorder import decoded
-
-if TYPE_CHECKING:
-    from monitor.observation.source import State
-    from patrol.messages.feed import Batch
-    from tests.monitor.conftest import Seen
 
 ENOUGH_S = 300.0
 """When a recorder that does not end is told to."""

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from itertools import count
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
@@ -12,9 +11,7 @@ import pytest
 from monitor.replay.fog_history import FogHistory, Snapshot
 from monitor.replay.past_beliefs import BUDGET_S, MOST, PastBeliefs
 from patrol.ground.fog import Fog
-
-if TYPE_CHECKING:
-    from tests.monitor.conftest import Seen
+from tests.monitor.conftest import Seen
 
 COME_AND_GONE = (*range(0, 80, 7), *range(79, 0, -9))
 

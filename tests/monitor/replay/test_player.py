@@ -1,18 +1,13 @@
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
+from monitor.observation.source import State
 from monitor.replay.player import Player
 from patrol.journal.records import Status
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from monitor.observation.source import State
-    from tests.monitor.conftest import Seen
+from tests.monitor.conftest import Seen
 
 
 class Wall:

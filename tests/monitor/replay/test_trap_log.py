@@ -1,7 +1,6 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
 import pytest
 
@@ -11,11 +10,9 @@ from monitor.replay.player import Player
 from monitor.replay.run_log import RunLog
 from patrol.measures.stays import TRAPPED_S
 from patrol.messages.telemetry import FREE, TRAPPED
+from tests.monitor.conftest import Seen
 from tests.monitor.live.test_feed_source import FakeFeed, watched
 from tests.monitor.replay.test_player import Wall, at
-
-if TYPE_CHECKING:
-    from tests.monitor.conftest import Seen
 
 
 def test_who_was_trapped_is_known_at_any_tick(trapped: Seen) -> None:
