@@ -7,14 +7,15 @@ from functools import partial
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from monitor.live.fog_tracker import HEARD, KEPT_S, FogTracker, FogTrackers
 from monitor.observation.source import OUTSIDE, Layer
 from monitor.replay.player import Player
 from patrol.ground.fog import NEVER
 from tests.monitor.conftest import Seen
-from tests.monitor.live.test_feed_source import FakeFeed, watched
+from tests.monitor.live.test_feed_source import FakeFeed, played, watched
+from tests.monitor.replay.test_player import believed_of
+from tests.present import present
 
 
 def test_of_a_belief_it_is_told_from_when_on_it_is_known(faulty: Seen) -> None:
@@ -23,15 +24,11 @@ def test_of_a_belief_it_is_told_from_when_on_it_is_known(faulty: Seen) -> None:
     source = wire.source()
     first = watched(source).k + 1
     for layer in (HEARD, 3):
-        seen = source.last_seen(layer)
-        assert seen is not None
-        assert (source.since(layer), seen.max()) == (first, NEVER)
+        assert (present(source.last_seen(layer)).max(), source.since(layer)) == (NEVER, first)
     assert source.since("truth") == 0
     wire.send(20)
-    state = watched(source)
-    seen = source.last_seen(3)
-    assert seen is not None
-    believed = faulty.beliefs[state.k, 3]
+    believed = faulty.beliefs[watched(source).k, 3]
+    seen = present(source.last_seen(3))
     known = seen >= source.since(3)
     assert known.any()
     assert not known.all()
@@ -63,48 +60,30 @@ def test_a_belief_begins_where_what_is_remembered_does(
     state = watched(source)
     source.last_seen(3)
     source.wait(0.0)
-    seen, since = source.last_seen(3), source.since(3)
-    assert seen is not None
+    seen, since = present(source.last_seen(3)), source.since(3)
     assert state.k - 40 < since < state.k
     known = seen >= since
     np.testing.assert_array_equal(seen[known], faulty.beliefs[state.k, 3][known])
 
 
 def test_points_that_do_not_count_for_a_robot_say_so(mixed: Seen) -> None:
-    run, wire = mixed.open(), FakeFeed(mixed)
-    fields = run.prepared.fields
-    source, player = wire.source(), Player(run)
-    wire.send(10_000)
-    watched(source)
+    run, (source, _) = mixed.open(), played(mixed)
+    player = Player(run)
     for layer in run.numbers:
         source.last_seen(layer)
     source.wait(0.0)
-    outside = {layer: run.prepared.patrolled & ~fields[layer].patrolled for layer in run.numbers}
+    outside = {layer: run.prepared.patrolled & ~run.prepared.fields[layer].patrolled for layer in run.numbers}
     assert any(points.any() for points in outside.values())
     assert player.wait(1.0) is not None
     for layer in run.numbers:
-        for shown in (source.last_seen(layer), patiently(partial(player.last_seen, layer))):
-            np.testing.assert_array_equal(shown == OUTSIDE, outside[layer])
-
-
-def patiently(look: Callable[[], NDArray[np.int32] | None]) -> NDArray[np.int32]:
-    """What is worked out little by little."""
-    for _ in range(1000):
-        seen = look()
-        if seen is not None:
-            return seen
-    raise AssertionError("never")
+        np.testing.assert_array_equal(source.last_seen(layer) == OUTSIDE, outside[layer])
+        np.testing.assert_array_equal(believed_of(player, layer) == OUTSIDE, outside[layer])
 
 
 def test_a_belief_that_nobody_looks_at_any_more_costs_nothing(quiet: Seen, monkeypatch: pytest.MonkeyPatch) -> None:
     taken: list[FogTracker] = []
     step = FogTracker.step
-
-    def counted(tracker: FogTracker) -> None:
-        taken.append(tracker)
-        step(tracker)
-
-    monkeypatch.setattr(FogTracker, "step", counted)
+    monkeypatch.setattr(FogTracker, "step", lambda tracker: (taken.append(tracker), step(tracker)))
     wire = FakeFeed(quiet)
     source = wire.source()
     source.last_seen(1)
