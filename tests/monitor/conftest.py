@@ -37,10 +37,11 @@ QUIET: dict[str, Any] = {
     "robots": {"count": 3, "model": "holonomic"},
 }
 
+SPOOF: dict[str, Any] = {"kind": "spoof", "by": "stranger", "as": "r1", "payload": {"offset": [2.0, 1.0]}}
 FAULTS: list[dict[str, Any]] = [
     {"kind": "loss", "rate": 0.5, "at": 3, "for": 12},
     {"kind": "delay", "delay": {"uniform": [0.0, 2.0]}, "at": 10, "for": 10},
-    {"kind": "spoof", "by": "stranger", "as": "r1", "payload": {"offset": [2.0, 1.0]}, "at": 5, "for": 15},
+    {**SPOOF, "at": 5, "for": 15},
     {"kind": "drift", "who": "r2", "bias": [1.5, 0.0], "at": 12, "for": 6},
     {"kind": "pause", "who": "r3", "at": 18, "for": 4},
     {"kind": "kill", "who": "r1", "at": 22},
@@ -225,6 +226,13 @@ def copied(tmp_path: Path) -> Callable[[Seen], Path]:
         return folder
 
     return copy
+
+
+def shorten_range(folder: Path) -> None:
+    """Change the sensors' range in a run's scenario, so that it is not the one that was run."""
+    text = (folder / "scenario.yaml").read_text(encoding="utf-8")
+    assert "range: 10.0" in text
+    (folder / "scenario.yaml").write_text(text.replace("range: 10.0", "range: 9.0"), encoding="utf-8")
 
 
 def cut(folder: Path, share: float) -> None:

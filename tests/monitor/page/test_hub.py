@@ -40,10 +40,6 @@ class Page:
     def close(self) -> None:
         self.viewer.loop.close()
 
-    def hide(self) -> None:
-        """It is in the background: its browser draws nothing."""
-        self.viewer.drawn = False
-
     def messages(self) -> list[Any]:
         """What it gets now, and has drawn: packets as (layer, tick, since, tiles), and what else there is as it is."""
         self.hub.turn()
@@ -117,7 +113,7 @@ def test_what_a_page_in_the_background_shows_is_followed_all_the_same(
         wire.send(4)
         for _ in range(2):
             page.messages()
-        page.hide()
+        page.viewer.drawn = False  # it is in the background, where browsers draw nothing
         for _ in range(10):
             wire.send(5)
             wire.now += KEPT_S / 2

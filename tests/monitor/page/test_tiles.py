@@ -32,13 +32,7 @@ def unpack(packet: bytes, shown: NDArray[np.int32]) -> tuple[int, int, int, int]
 
 
 Change = tuple[int, int, int, int, int]
-corner = st.tuples(
-    st.integers(0, SHAPE[0] - 1),
-    st.integers(0, SHAPE[1] - 1),
-    st.integers(1, 40),
-    st.integers(1, 90),
-    st.integers(-1, 9),
-)
+corner = st.tuples(*(st.integers(*ends) for ends in ((0, SHAPE[0] - 1), (0, SHAPE[1] - 1), (1, 40), (1, 90), (-1, 9))))
 
 
 @given(turns=st.lists(st.tuples(st.lists(corner, max_size=3), st.booleans()), min_size=1, max_size=8))
