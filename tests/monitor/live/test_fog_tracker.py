@@ -83,7 +83,12 @@ def test_points_that_do_not_count_for_a_robot_say_so(mixed: Seen) -> None:
 def test_a_belief_that_nobody_looks_at_any_more_costs_nothing(quiet: Seen, monkeypatch: pytest.MonkeyPatch) -> None:
     taken: list[FogTracker] = []
     step = FogTracker.step
-    monkeypatch.setattr(FogTracker, "step", lambda tracker: (taken.append(tracker), step(tracker)))
+
+    def counted(tracker: FogTracker) -> None:
+        taken.append(tracker)
+        step(tracker)
+
+    monkeypatch.setattr(FogTracker, "step", counted)
     wire = FakeFeed(quiet)
     source = wire.source()
     source.last_seen(1)

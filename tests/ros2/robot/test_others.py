@@ -47,12 +47,9 @@ def test_a_velocity_follows_from_two_positions_and_ends_with_silence() -> None:
 @pytest.mark.parametrize("adaptive", [{"error": 1.0, "silence": 4.0}, None])
 def test_the_fence_knows_where_a_steady_robot_is_that_saves_on_its_radio(adaptive: dict[str, float] | None) -> None:
     """Robot 2 goes on steadily at 1 m/s. Where the fleet predicts, it sends in every eighth tick."""
-    raw = {
-        "terrain": {"builtin": "open"},
-        "pace": "realtime",
-        "robots": [{"name": name, "model": "holonomic", "speed": 1.0} for name in ("r1", "r2")],
-        "radio": {"via": "direct", "trail": 2, "adaptive": adaptive},
-    }
+    robots = [{"name": name, "model": "holonomic", "speed": 1.0} for name in ("r1", "r2")]
+    radio = {"via": "direct", "trail": 2, "adaptive": adaptive}
+    raw = {"terrain": {"builtin": "open"}, "pace": "realtime", "robots": robots, "radio": radio}
     prepared = prepare(load_scenario(raw))
     mind, sending_mind = (build_mind(prepared, number) for number in (1, 2))
     clock = LateClock()
