@@ -1,4 +1,4 @@
-"""What the hub sends of a source, to viewers that are played here."""
+"""Messages that the hub sends of a source, to viewers that are played here."""
 
 from __future__ import annotations
 
@@ -15,9 +15,11 @@ import pytest
 from monitor.live.fog_tracker import KEPT_S
 from monitor.observation.source import Series
 from monitor.page.hub import MOST_POINTS, Hub, Viewer
+from monitor.page.messages import static_message
 from monitor.page.thinning import thinned
 from monitor.replay.past_beliefs import PastBeliefs
 from monitor.replay.player import Player
+from patrol.closures.spec import closure_points
 from tests.monitor.conftest import Seen
 from tests.monitor.live.test_feed_source import FakeFeed
 
@@ -165,3 +167,13 @@ def test_a_chart_of_any_length_keeps_its_ends_and_its_stalest_ticks() -> None:
     np.testing.assert_array_equal(few.fog_mean_s, mfow[few.ticks] / 2.0)
     short = Series(ticks[:5], mfow[:5], mfow[:5])
     assert thinned(short, 5) is short
+
+
+def test_the_points_of_closures_are_told_run_by_run(doors: Seen) -> None:
+    run = doors.open()
+    marks = json.loads(static_message(Player(run).static(), may_control=False))["marks"]
+    told = {mark["name"]: mark["runs"] for mark in marks if mark["section"] == "closures"}
+    for closure in run.prepared.scenario.closures:
+        points = [at for first, count in told[closure.name] for at in range(first, first + count)]
+        assert points == closure_points(closure, run.prepared.terrain).tolist()
+        assert all(first // 100 == (first + count - 1) // 100 for first, count in told[closure.name])

@@ -184,15 +184,6 @@ def test_nothing_half_written_is_left(quiet: Any, tmp_path: Path) -> None:
     assert not list(tmp_path.iterdir())
 
 
-def test_a_recording_is_looked_at(quiet: Any, tmp_path: Path) -> None:
-    run = quiet.open()
-    contents = inspect_recording(record(run, tmp_path / "out.mcap"))
-    assert not contents.why_cut
-    assert contents.facts["scenario"] == "short"
-    assert contents.messages["/mfow"] == run.ticks
-    assert (contents.begin_s, contents.end_s) == (0.0, 39.5)
-
-
 @pytest.mark.parametrize("share", [0.5, 0.9, 0.999])
 def test_a_recording_that_was_cut_off_is_saved(faulty: Any, tmp_path: Path, share: float) -> None:
     whole = record(faulty.open(), tmp_path / "out.mcap")
