@@ -35,12 +35,8 @@ LONGEST_STAY_S = 120.0
 def says(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     out = tmp_path_factory.mktemp("faults")
     words = ["--point", "0.5", "--seeds", "3", "--only", ",".join(CONDITIONS), "--out", str(out)]
-    done = subprocess.run(
-        [sys.executable, "-P", "-m", "fogwatch", "reproduce", "faults", *words],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    command = [sys.executable, "-P", "-m", "fogwatch", "reproduce", "faults", *words]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     found: dict[str, Any] = json.loads((out / "faults.json").read_text(encoding="utf-8"))
     return found

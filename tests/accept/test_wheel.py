@@ -21,18 +21,8 @@ pytestmark = [pytest.mark.accept, pytest.mark.timeout(3600)]
 
 ROOT = Path(__file__).resolve().parents[2]
 EXTRAS_ONLY = {
-    "dask",
-    "distributed",
-    "matplotlib",
-    "mcap",
-    "mcap-ros2-support",
-    "plotly",
-    "rosbags",
-    "scipy",
-    "shapely",
-    "starlette",
-    "uvicorn",
-    "websockets",
+    *("dask", "distributed", "matplotlib", "mcap", "mcap-ros2-support", "plotly", "rosbags", "scipy", "shapely"),
+    *("starlette", "uvicorn", "websockets"),
 }
 HELP_S = 1.0
 """Processor time that the help of an agent may take, s."""

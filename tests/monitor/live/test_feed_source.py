@@ -181,6 +181,7 @@ def test_who_comes_late_is_told_what_was_before(faulty: Seen) -> None:
 
 
 def test_what_was_missed_is_asked_for_again_but_not_all_the_time(faulty: Seen) -> None:
+    """Links are known from the gap on, and say so."""
     wire = FakeFeed(faulty)
     source = wire.source()
     wire.send(5)
@@ -192,7 +193,9 @@ def test_what_was_missed_is_asked_for_again_but_not_all_the_time(faulty: Seen) -
     wire.now += AGAIN_S
     wire.send(10)
     state = watched(source)
-    assert wire.answers == 2
+    links = present(state.links)
+    assert (wire.answers, state.note) == (2, "")
+    assert (links.since, links.sent.sum()) == (state.k + 1, 0)
     np.testing.assert_array_equal(source.last_seen("truth"), faulty.truth[state.k])
     wire.send(10_000)
     state = watched(source)
@@ -215,20 +218,6 @@ def test_a_gap_doubles_no_event_and_is_told(faulty: Seen) -> None:
     watched(source)
     assert wire.answers > 5
     assert tuple(source.events(0)) == events
-
-
-def test_links_and_beliefs_are_known_from_a_gap_on_and_the_links_say_so(faulty: Seen) -> None:
-    wire = FakeFeed(faulty)
-    source = wire.source()
-    wire.send(9)
-    assert watched(source).note == ""
-    wire.send(9, lost=True)
-    wire.now += AGAIN_S
-    wire.send(2)
-    state = watched(source)
-    assert state.note == ""
-    links = present(state.links)
-    assert (links.since, links.sent.sum()) == (state.k + 1, 0)
 
 
 def test_trails_have_every_tick_that_came_however_many_came_at_once(quiet: Seen) -> None:

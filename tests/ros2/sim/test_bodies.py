@@ -15,7 +15,6 @@ from ros2.sim.odometry import DriftingOdometry, Errors
 from ros2.wire.frames import composed
 from ros2.wire.messages import Twist
 from tests.ros2.sim.test_robots import robot, run, simulated, tell, terrain
-from tests.ros2_hub import Hub
 
 GHOSTS = """
 from patrol.ground.swept_path import advance
@@ -53,14 +52,14 @@ def write_ghosts(tmp_path: Path) -> Path:
 
 def test_bodies_of_ones_own_move_and_count_as_they_say(file: Path) -> None:
     """At half the speed and through the wall, while their wheels count the whole way."""
-    hub, one = Hub(), robot(errors=Errors(drift=0.5, drift_rad=0.5))
+    one = robot(errors=Errors(drift=0.5, drift_rad=0.5))
     ghosts = bodies_named(f"{file}:Ghosts", terrain(), [one.build])
     noted: list[tuple[float, float]] = []
 
     def note(time_s: float, poses: Mapping[str, Pose]) -> None:
         noted.append((time_s, poses["robot1"].x))
 
-    simulation = simulated(hub, one, bodies=ghosts, note=note)
+    hub, simulation = simulated(one, bodies=ghosts, note=note)
     for _ in range(80):
         tell(hub, Twist(1.0, 0.0, 0.0))
         run(simulation, 0.1)
@@ -76,8 +75,7 @@ def test_bodies_of_ones_own_move_and_count_as_they_say(file: Path) -> None:
 
 
 def test_our_own_bodies_stray_only_where_something_stops_them() -> None:
-    hub, one = Hub(), robot()
-    simulation = simulated(hub, one)
+    hub, simulation = simulated(one := robot())
     for count in range(20):
         tell(hub, Twist(1.0 - 0.1 * (count % 4), 0.0, 0.3 * (count % 3)))
         run(simulation, 0.1)

@@ -63,16 +63,16 @@ def robot(
 
 
 def simulated(
-    hub: Hub,
     *robots: SimulatedRobot,
     habits: Habits = USUAL,
     bodies: Bodies | None = None,
     note: Callable[[float, Mapping[str, Pose]], None] | None = None,
-) -> Simulation:
-    named = {one.build.spec.name: one for one in robots}
+) -> tuple[Hub, Simulation]:
+    """A simulation of robots, and where its nodes meet others."""
+    hub, named = Hub(), {one.build.spec.name: one for one in robots}
     nodes = {name: RobotNode(hub.link("robot_sim", name), one, habits, terrain()) for name, one in named.items()}
     truth = Truth(footprint_of(terrain(), 3.0, 360.0, True, 1.0), terrain().passable)
-    return Simulation(nodes, bodies or OwnBodies(terrain()), truth, 0.5, EPOCH_S, note)
+    return hub, Simulation(nodes, bodies or OwnBodies(terrain()), truth, 0.5, EPOCH_S, note)
 
 
 def run(simulation: Simulation, time_s: float) -> None:
@@ -96,38 +96,30 @@ def tell(hub: Hub, twist: Twist, name: str = "robot1") -> None:
     ],
 )
 def test_a_robot_moves_as_it_is_told(model: str, twist: Twist, end: tuple[float, float, float]) -> None:
-    hub = Hub()
-    simulation = simulated(hub, one := robot(model=model))
+    hub, simulation = simulated(one := robot(model=model))
     tell(hub, twist)
     run(simulation, 0.4)
     assert (one.pose.x, one.pose.y, one.pose.heading) == pytest.approx(end)
 
 
 def test_its_watchdog_stops_it_when_no_command_comes() -> None:
-    hub = Hub()
-    simulation = simulated(hub, one := robot())
+    hub, simulation = simulated(one := robot())
     tell(hub, Twist(0.5, 0.0, 0.0))
-    run(simulation, 0.4)
-    assert not one.stands
-    run(simulation, 0.2)
-    assert one.stands
-    assert one.watchdog_stops == 1
-    run(simulation, 5.0)
-    assert one.watchdog_stops == 1
+    for time_s, stands, stops in ((0.4, False, 0), (0.2, True, 1), (5.0, True, 1)):
+        run(simulation, time_s)
+        assert (one.stands, one.watchdog_stops) == (stands, stops)
 
 
 def test_motors_take_their_time() -> None:
-    hub = Hub()
-    simulation = simulated(hub, one := robot(acceleration=1.0))
+    hub, simulation = simulated(one := robot(acceleration=1.0))
     tell(hub, Twist(1.0, 0.0, 0.0))
     run(simulation, 0.4)
     assert one.velocity.vx == pytest.approx(0.4)
 
 
 def test_walls_and_other_robots_stop_it_and_each_touch_counts_once() -> None:
-    hub = Hub()
     one, other = robot(start=Pose(4.0, 5.0, 0.0)), robot("robot2", Pose(2.0, 5.0, 0.0), number=2)
-    simulation = simulated(hub, one, other)
+    hub, simulation = simulated(one, other)
     for _ in range(40):
         tell(hub, Twist(1.0, 0.0, 0.0))
         tell(hub, Twist(1.0, 0.0, 0.0), "robot2")
@@ -136,11 +128,8 @@ def test_walls_and_other_robots_stop_it_and_each_touch_counts_once() -> None:
     assert other.pose.x == pytest.approx(one.pose.x - 0.6, abs=0.021)
     assert (one.walls_touched, one.robots_touched) == (1, 0)
     assert (other.walls_touched, other.robots_touched) == (0, 1)
-    for _ in range(3):
-        tell(hub, Twist(-0.1, 0.0, 0.0), "robot2")
-        run(simulation, 0.1)
-    for _ in range(10):
-        tell(hub, Twist(1.0, 0.0, 0.0), "robot2")
+    for speed in [-0.1] * 3 + [1.0] * 10:
+        tell(hub, Twist(speed, 0.0, 0.0), "robot2")
         run(simulation, 0.1)
     assert other.robots_touched == 2
     said = simulation.summary()["robots"]["robot1"]
@@ -174,8 +163,7 @@ def test_the_noise_of_odometry_has_its_size_and_repeats() -> None:
 
 
 def test_it_says_where_it_is_with_a_delay_and_its_stamps_are_those_of_the_moment() -> None:
-    hub = Hub()
-    simulation = simulated(hub, robot(), habits=Habits(delay_s=0.2, odometry_hz=10.0))
+    hub, simulation = simulated(robot(), habits=Habits(delay_s=0.2, odometry_hz=10.0))
     run(simulation, 0.18)
     assert "/robot1/odom" not in hub.sent
     run(simulation, 0.82)
@@ -194,8 +182,7 @@ def test_it_says_where_it_is_with_a_delay_and_its_stamps_are_those_of_the_moment
 
 
 def test_an_unplugged_robot_says_no_odometry_and_the_time_until_it_stands_is_measured() -> None:
-    hub = Hub()
-    simulation = simulated(hub, robot())
+    hub, simulation = simulated(robot())
     tell(hub, Twist(0.5, 0.0, 0.0))
     run(simulation, 0.3)
     simulation.unplug("robot1", simulation.time_s)
@@ -206,8 +193,7 @@ def test_an_unplugged_robot_says_no_odometry_and_the_time_until_it_stands_is_mea
 
 
 def test_a_simulations_time_and_map_are_published_on_request() -> None:
-    hub = Hub()
-    simulation = simulated(hub, robot(), habits=Habits(tells_time=True, has_map=True))
+    hub, simulation = simulated(robot(), habits=Habits(tells_time=True, has_map=True))
     run(simulation, 0.5)
     assert isinstance(hub.sent["/clock"][-1], Clock)
     assert hub.sent["/clock"][-1].stamp_ns / 1e9 == pytest.approx(EPOCH_S + 0.5)
@@ -217,21 +203,18 @@ def test_a_simulations_time_and_map_are_published_on_request() -> None:
 
 
 def test_cars_are_steered_by_their_wheels_and_old_robots_by_plain_velocities() -> None:
-    hub = Hub()
-    simulation = simulated(hub, one := robot(model="car"), habits=Habits("ackermann", wheelbase=1.0))
+    hub, simulation = simulated(one := robot(model="car"), habits=Habits("ackermann", wheelbase=1.0))
     hub.deliver("/robot1/ackermann_cmd", AckermannDriveStamped(0, "", 0.5, math.atan(0.5), 0.0))
     run(simulation, 0.4)
     assert one.pose.heading == pytest.approx(0.1)
-    hub = Hub()
-    simulation = simulated(hub, one := robot(), habits=Habits("twist"))
+    hub, simulation = simulated(one := robot(), habits=Habits("twist"))
     hub.deliver("/robot1/cmd_vel", Twist(0.5, 0.0, 0.0))
     run(simulation, 0.4)
     assert one.pose.x == pytest.approx(2.2)
 
 
 def test_nothing_is_measured_before_all_robots_have_been_driven() -> None:
-    hub = Hub()
-    simulation = simulated(hub, robot(), robot("robot2", Pose(8.0, 5.0, 0.0), number=2))
+    hub, simulation = simulated(robot(), robot("robot2", Pose(8.0, 5.0, 0.0), number=2))
     tell(hub, Twist(0.0, 0.0, 0.1))
     run(simulation, 1.0)
     assert simulation.summary()["mfow_mean_s"] is None
@@ -243,8 +226,7 @@ def test_nothing_is_measured_before_all_robots_have_been_driven() -> None:
 
 @pytest.mark.parametrize("model", ["differential", "holonomic"])
 def test_its_nav2_goes_round_the_wall(model: str) -> None:
-    hub = Hub()
-    simulation = simulated(hub, one := robot(model=model), habits=Habits(has_nav2=True))
+    hub, simulation = simulated(one := robot(model=model), habits=Habits(has_nav2=True))
     client = GoalClient(hub.link("fogwatch", "robot1"))
     client.go(PoseStamped(0, "map", Pose(8.0, 5.0, 0.0)), 0.0)
     for _ in range(400):
@@ -267,8 +249,7 @@ def test_its_nav2_gives_up_where_there_is_no_way() -> None:
 
 def test_a_lost_robot_says_where_it_is_only_when_it_has_been_told() -> None:
     """A pose that is nearly right is found exactly; the error of another stays."""
-    hub = Hub()
-    simulation = simulated(hub, robot(), habits=Habits(is_lost=True))
+    hub, simulation = simulated(robot(), habits=Habits(is_lost=True))
     run(simulation, 0.5)
     assert not hub.sent["/robot1/tf"]
     assert not hub.sent["/robot1/amcl_pose"]
@@ -287,8 +268,8 @@ def test_a_lost_robot_says_where_it_is_only_when_it_has_been_told() -> None:
 
 def test_a_robot_with_a_map_of_its_own_says_and_hears_everything_on_that() -> None:
     """Its map lies at (10, 5) in the world, turned to the left."""
-    hub, habits = Hub(), Habits(has_nav2=True, has_map=True, transform=Pose(10.0, 5.0, math.pi / 2))
-    simulation = simulated(hub, one := robot(), habits=habits)
+    habits = Habits(has_nav2=True, has_map=True, transform=Pose(10.0, 5.0, math.pi / 2))
+    hub, simulation = simulated(one := robot(), habits=habits)
     run(simulation, 0.2)
     said = hub.sent["/robot1/amcl_pose"][-1].pose
     assert (said.x, said.y, said.heading) == pytest.approx((0.0, 8.0, -math.pi / 2))
