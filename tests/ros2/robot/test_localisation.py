@@ -72,32 +72,22 @@ def near(pose: Pose, x: float, y: float, heading: float = math.pi / 2) -> None:
     assert (pose.x, pose.y, pose.heading) == pytest.approx((x, y, heading), abs=1e-6)
 
 
-def test_map_odom_and_base_are_put_together() -> None:
-    near(found(with_tf()).pose, 10.0, 6.0)
-
-
-def test_a_pose_is_brought_up_to_now_by_the_velocity_of_the_odometry() -> None:
+def test_map_odom_and_base_are_put_together_and_brought_up_to_now_by_the_velocity_of_the_odometry() -> None:
     localisation = with_tf()
+    near(found(localisation).pose, 10.0, 6.0)
     localisation.odometry(odometry(NOW, twist=Twist(2.0, 0.0, 0.0)), NOW + 0.1)  # the same stamp again: left out
     localisation.odometry(odometry(NOW + 0.01, twist=Twist(2.0, 0.0, 0.0)), NOW + 0.1)
     near(found(localisation, NOW + 0.21).pose, 10.0, 6.4)
 
 
-def test_nothing_is_known_before_odometry_has_come() -> None:
-    localisation = Localisation(LocalisationSettings())
-    assert why_unknown(localisation, NOW) == "no odometry has come"
-
-
-def test_a_pose_is_no_longer_known_when_odometry_has_stopped() -> None:
+def test_without_fresh_odometry_there_is_no_pose() -> None:
+    assert why_unknown(Localisation(LocalisationSettings())) == "no odometry has come"
     localisation = with_tf(fresh_s=0.3)
     found(localisation, NOW + 0.29)
     assert why_unknown(localisation, NOW + 0.31) == "no odometry for 0.3 s"
-
-
-def test_odometry_that_arrives_late_is_no_pose() -> None:
-    localisation = with_tf()
-    localisation.odometry(odometry(NOW + 1.0), NOW + 1.0 + LONGEST_S + 0.1)
-    assert "0.6 s old by its stamps; set NTP" in why_unknown(localisation, NOW + 1.0 + LONGEST_S + 0.1)
+    late = NOW + 1.0 + LONGEST_S + 0.1
+    localisation.odometry(odometry(NOW + 1.0), late)
+    assert "0.6 s old by its stamps; set NTP" in why_unknown(localisation, late)
 
 
 def test_odometry_of_a_clock_that_is_ahead_is_no_pose_unless_its_delay_is_given() -> None:
@@ -136,10 +126,12 @@ def test_corrections_in_a_frame_that_is_not_the_maps_are_named(source: Source, w
     found(localisation)
 
 
-def test_without_a_transform_of_the_odometrys_frame_there_is_no_pose() -> None:
+def test_a_transform_of_the_odometrys_frame_is_needed_also_of_old_robots_which_write_a_slash_before_frames() -> None:
     localisation = with_odometry()
     localisation.transforms(transform(NOW, child="other"), NOW, fixed=False)
-    assert why_unknown(localisation, NOW).startswith("no transform map -> odom on tf; start the robot's localisation")
+    assert why_unknown(localisation).startswith("no transform map -> odom on tf; start the robot's localisation")
+    localisation.transforms(transform(NOW, frame="/map", child="/odom"), NOW, fixed=False)
+    found(localisation)
 
 
 def test_a_moving_transform_grows_old_and_a_fixed_one_does_not() -> None:
@@ -149,12 +141,6 @@ def test_a_moving_transform_grows_old_and_a_fixed_one_does_not() -> None:
         localisation.transforms(transform(NOW), NOW, fixed=fixed)
         localisation.odometry(odometry(late), late)
         assert (localisation.at(late) is not None) == fixed
-
-
-def test_old_robots_write_a_slash_before_frames() -> None:
-    localisation = with_odometry()
-    localisation.transforms(transform(NOW, frame="/map", child="/odom"), NOW, fixed=False)
-    found(localisation)
 
 
 def test_a_pose_of_a_localisation_is_held_against_the_odometry_of_its_time() -> None:
@@ -178,17 +164,14 @@ def test_the_latched_pose_of_a_robot_that_has_stood_for_long_holds(first: str) -
     near(found(localisation).pose, 10.0, 6.0)
 
 
-def test_an_old_pose_of_a_robot_that_drives_is_left_out() -> None:
-    localisation = Localisation(LocalisationSettings(Source.POSE))
-    localisation.odometry(odometry(NOW, twist=Twist(0.5, 0.0, 0.0)), NOW)
-    tell(localisation, SHIFT, NOW - 600.0)
-    assert localisation.at(NOW) is None
-
-
-def test_a_pose_of_a_time_without_odometry_is_left_out() -> None:
+def test_poses_of_times_that_do_not_count_are_left_out() -> None:
+    driving = Localisation(LocalisationSettings(Source.POSE))
+    driving.odometry(odometry(NOW, twist=Twist(0.5, 0.0, 0.0)), NOW)
+    tell(driving, SHIFT, NOW - 600.0)
+    assert driving.at(NOW) is None, "it drives, and the pose is old"
     localisation = with_odometry(source=Source.POSE)
     tell(localisation, SHIFT, NOW + 9.0)
-    assert "no pose of a localisation has come" in why_unknown(localisation)
+    assert "no pose of a localisation has come" in why_unknown(localisation), "there is no odometry of that time"
 
 
 def test_a_localisation_that_has_ended_is_noticed_by_the_way_that_was_driven() -> None:

@@ -14,7 +14,7 @@ from ros2.sim.bodies import bodies_named
 from ros2.sim.odometry import DriftingOdometry, Errors
 from ros2.wire.frames import composed
 from ros2.wire.messages import Twist
-from tests.ros2.sim.test_robots import robot, run, simulated, tell, terrain
+from tests.ros2.sim.test_robots import AHEAD, push, robot, run, simulated, tell, terrain
 
 GHOSTS = """
 from patrol.ground.swept_path import advance
@@ -60,9 +60,7 @@ def test_bodies_of_ones_own_move_and_count_as_they_say(file: Path) -> None:
         noted.append((time_s, poses["robot1"].x))
 
     hub, simulation = simulated(one, bodies=ghosts, note=note)
-    for _ in range(80):
-        tell(hub, Twist(1.0, 0.0, 0.0))
-        run(simulation, 0.1)
+    push(hub, simulation, 80, ("robot1", AHEAD))
     assert (one.pose.x, one.pose.y) == pytest.approx((6.0, 5.0))
     assert one.odometry.counted.x == pytest.approx(8.0)
     assert one.velocity.vx == pytest.approx(1.0)
@@ -81,9 +79,7 @@ def test_our_own_bodies_stray_only_where_something_stops_them() -> None:
         run(simulation, 0.1)
     assert len(one.strayed_m) == 3
     assert max(one.strayed_m) < 1e-9
-    for _ in range(60):
-        tell(hub, Twist(1.0, 0.0, 0.0))
-        run(simulation, 0.1)
+    push(hub, simulation, 60, ("robot1", AHEAD))
     assert one.walls_touched == 1
     assert max(one.strayed_m) == pytest.approx(0.5)
 

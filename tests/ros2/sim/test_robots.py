@@ -39,8 +39,7 @@ from worldsim.truth import Truth
 
 EPOCH_S = 1_700_000_000.0
 PLACE = Pose(2.0, 5.0, 0.0)
-EXACT = Errors()
-USUAL = Habits()
+EXACT, USUAL, AHEAD = Errors(), Habits(), Twist(1.0, 0.0, 0.0)
 
 
 def terrain() -> Terrain:
@@ -78,6 +77,14 @@ def simulated(
 def run(simulation: Simulation, time_s: float) -> None:
     for _ in range(round(time_s / STEP_S)):
         simulation.step(simulation.time_s)
+
+
+def push(hub: Hub, simulation: Simulation, times: int, *twists: tuple[str, Twist]) -> None:
+    """Tell robots to go, ten times a second."""
+    for _ in range(times):
+        for name, twist in twists:
+            tell(hub, twist, name)
+        run(simulation, 0.1)
 
 
 def tell(hub: Hub, twist: Twist, name: str = "robot1") -> None:
@@ -120,17 +127,13 @@ def test_motors_take_their_time() -> None:
 def test_walls_and_other_robots_stop_it_and_each_touch_counts_once() -> None:
     one, other = robot(start=Pose(4.0, 5.0, 0.0)), robot("robot2", Pose(2.0, 5.0, 0.0), number=2)
     hub, simulation = simulated(one, other)
-    for _ in range(40):
-        tell(hub, Twist(1.0, 0.0, 0.0))
-        tell(hub, Twist(1.0, 0.0, 0.0), "robot2")
-        run(simulation, 0.1)
+    push(hub, simulation, 40, ("robot1", AHEAD), ("robot2", AHEAD))
     assert one.pose.x == pytest.approx(4.7, abs=0.021)
     assert other.pose.x == pytest.approx(one.pose.x - 0.6, abs=0.021)
     assert (one.walls_touched, one.robots_touched) == (1, 0)
     assert (other.walls_touched, other.robots_touched) == (0, 1)
-    for speed in [-0.1] * 3 + [1.0] * 10:
-        tell(hub, Twist(speed, 0.0, 0.0), "robot2")
-        run(simulation, 0.1)
+    push(hub, simulation, 3, ("robot2", Twist(-0.1, 0.0, 0.0)))
+    push(hub, simulation, 10, ("robot2", AHEAD))
     assert other.robots_touched == 2
     said = simulation.summary()["robots"]["robot1"]
     assert (said["walls_touched"], said["robots_touched"]) == (1, 0)
