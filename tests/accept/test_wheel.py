@@ -141,9 +141,7 @@ PYTHONS = [kind.rpartition(" ")[2] for kind in PROJECT["classifiers"] if kind.st
 
 @pytest.mark.parametrize("machine", ["aarch64", "x86_64"])
 @pytest.mark.parametrize("python", PYTHONS)
-def test_each_dependency_of_a_robot_has_a_wheel_for_each_python_that_we_name(
-    machine: str, python: str, folder: Path
-) -> None:
+def test_each_dependency_of_a_robot_has_a_wheel_for_each_python_named(machine: str, python: str, folder: Path) -> None:
     needed, target = PROJECT["dependencies"], folder / f"{machine}-{python}"
     platforms = [word for glibc in ("2_28", "2_17") for word in ("--platform", f"manylinux_{glibc}_{machine}")]
     done = run(

@@ -12,7 +12,7 @@ from patrol.security.access import FILE
 from tests.routers import reach_patiently, write_access
 
 
-def test_the_key_that_a_run_s_scenario_names_is_opened_only_when_asked_for(
+def test_a_scenario_s_key_is_opened_only_when_asked_for(
     endpoint: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     run, key = tmp_path, tmp_path / "fleet.key"

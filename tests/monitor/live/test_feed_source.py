@@ -324,7 +324,7 @@ class Asking:
         self.told.append(payload)
 
 
-def test_a_world_tells_of_its_latest_events_by_number_and_of_all_that_was_asked_for(
+def test_a_world_tells_of_its_latest_events_and_of_all_asked_for(
     quiet: Seen, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("worldsim.output.feed_publisher.MOST_EVENTS", 3)

@@ -48,9 +48,7 @@ def test_who_comes_back_to_life_knows_nothing_and_that_is_known(faulty: Seen) ->
 
 
 @pytest.mark.parametrize("asked", ["before", "after"])
-def test_a_belief_begins_where_what_is_remembered_does(
-    faulty: Seen, monkeypatch: pytest.MonkeyPatch, asked: str
-) -> None:
+def test_a_belief_begins_with_what_is_remembered(faulty: Seen, monkeypatch: pytest.MonkeyPatch, asked: str) -> None:
     wire = FakeFeed(faulty)
     monkeypatch.setattr("monitor.live.feed_source.REMEMBERED", sum(len(record) for record in wire.records[-30:]))
     source = wire.source()
@@ -104,9 +102,7 @@ def test_a_belief_that_nobody_looks_at_any_more_costs_nothing(quiet: Seen, monke
     np.testing.assert_array_equal(source.last_seen(1), quiet.beliefs[19, 1])
 
 
-def test_a_belief_that_lags_is_shown_as_of_its_tick_while_it_lags_little(
-    quiet: Seen, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_belief_that_lags_a_little_is_shown_as_of_its_tick(quiet: Seen, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("monitor.live.feed_source.SLICE_S", 0.0)  # one tick a turn, however many there are
     wire = FakeFeed(quiet)
     source = wire.source()

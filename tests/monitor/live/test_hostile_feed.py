@@ -180,9 +180,7 @@ def test_the_key_that_a_feed_names_is_never_opened(quiet: Seen, monkeypatch: pyt
     watched(source)
 
 
-def test_no_file_is_opened_because_a_feed_names_it(
-    quiet: Seen, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_no_file_that_a_feed_names_is_opened(quiet: Seen, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "policy.py").write_text("class Mine: ...\n", encoding="utf-8")
     monkeypatch.setattr("patrol.classes.class_file.file_digest", lambda path, _: pytest.fail(f"opened {path}"))
     answer = FakeFeed(quiet).answer()

@@ -104,9 +104,7 @@ def test_a_fog_that_no_page_shows_is_not_kept_and_comes_again_as_a_whole(quiet: 
         assert page.tiles() == whole
 
 
-def test_what_a_page_in_the_background_shows_is_followed_all_the_same(
-    quiet: Seen, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_what_a_page_in_the_background_shows_is_followed_too(quiet: Seen, monkeypatch: pytest.MonkeyPatch) -> None:
     wire = FakeFeed(quiet)
     monkeypatch.setattr("monitor.live.feed_source.REMEMBERED", sum(len(record) for record in wire.records[-8:]))
     hub = Hub(wire.source())

@@ -107,9 +107,7 @@ def test_the_scale_does_not_depend_on_the_way_to_a_time(chromium: Any, page: Ser
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 @pytest.mark.parametrize(("width", "height"), [(1280, 720), (390, 800)])
-def test_it_fits_in_light_and_in_the_dark(
-    chromium: Any, page: ServedPage, scheme: str, width: int, height: int
-) -> None:
+def test_it_fits_in_light_and_in_dark(chromium: Any, page: ServedPage, scheme: str, width: int, height: int) -> None:
     with Look(chromium, page.address, width, height, scheme) as look:
         look.until("document.querySelectorAll('#chart .scatterlayer .trace').length === 2")
         assert look.evaluate("document.documentElement.scrollWidth") <= width
@@ -125,7 +123,7 @@ def test_it_fits_in_light_and_in_the_dark(
         assert look.evaluate(small) == []
 
 
-def test_links_that_take_a_while_to_read_come_by_themselves(
+def test_links_that_are_read_slowly_come_by_themselves(
     chromium: Any, faulty: Seen, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     may_read, read = threading.Event(), RunLog.read
@@ -140,9 +138,7 @@ def test_links_that_take_a_while_to_read_come_by_themselves(
         assert look.evaluate("document.getElementById('linktip').textContent") == "rows: senders, columns: receivers"
 
 
-def test_a_belief_that_takes_a_while_is_not_shown_until_it_is_known(
-    chromium: Any, faulty: Seen, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_belief_is_not_shown_until_it_is_known(chromium: Any, faulty: Seen, monkeypatch: pytest.MonkeyPatch) -> None:
     known, last_seen = threading.Event(), PastBeliefs.last_seen
     monkeypatch.setattr(PastBeliefs, "last_seen", lambda *of: last_seen(*of) if known.is_set() else None)
     caption, tip = (f"document.getElementById('{name}').textContent" for name in ("legendtext", "tip"))

@@ -77,7 +77,7 @@ def test_it_plays_by_itself_pauses_steps_and_plays_backwards(chromium: Any, page
         assert look.evaluate("document.getElementById('clock').title") == "tick 79", "it ends at the end"
 
 
-def test_only_every_nth_tick_of_a_long_run_is_kept(
+def test_of_a_long_run_some_ticks_are_kept(
     chromium: Any, faulty: Seen, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     monkeypatch.setattr(saved, "MOST_FRAMES", 30)

@@ -136,9 +136,7 @@ def test_the_key_is_taken_once_and_kept_where_no_script_reads_it(open_page: Serv
             assert not answer["done"]
 
 
-def test_what_is_no_message_ends_the_connection_and_nothing_else(
-    open_page: ServedPage, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_what_is_no_message_ends_the_connection_alone(open_page: ServedPage, caplog: pytest.LogCaptureFixture) -> None:
     no_number = '{"type":"control","id":"x","control":{}}'
     for nonsense in ("", "{", "[1]", no_number, "[" * 4000, "x" * 5000, '{"type":"show"}', b"\0"):
         with look(open_page) as socket:

@@ -111,9 +111,7 @@ def test_metadata_scenario_and_chunks(quiet: Any, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("share", [0.3, 0.77])
-def test_a_run_that_was_killed_is_recorded_as_far_as_it_got(
-    quiet: Any, copied: Callable[..., Path], share: float
-) -> None:
+def test_a_run_that_was_killed_is_recorded_that_far(quiet: Any, copied: Callable[..., Path], share: float) -> None:
     folder = copied(quiet)
     cut(folder, share)
     run = open_run(folder)
@@ -201,7 +199,7 @@ def test_a_recording_that_was_cut_off_is_saved(faulty: Any, tmp_path: Path, shar
         inspect_recording(torn, saved)
 
 
-def test_half_of_a_short_recording_has_its_map_and_where_nothing_is_left_the_run_is_named(
+def test_half_a_recording_has_its_map_and_where_none_is_left_the_run_is_named(
     faulty: Any, copied: Callable[..., Path]
 ) -> None:
     folder = copied(faulty)

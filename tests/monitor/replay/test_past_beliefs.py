@@ -17,7 +17,7 @@ COME_AND_GONE = (*range(0, 80, 7), *range(79, 0, -9))
 
 
 @pytest.mark.parametrize("memory", [0, 2000, 1 << 20])
-def test_snapshots_stay_within_their_memory_and_every_tick_is_right(
+def test_snapshots_stay_within_their_memory_and_are_right(
     faulty: Seen, monkeypatch: pytest.MonkeyPatch, memory: int
 ) -> None:
     run = faulty.open()
@@ -41,9 +41,7 @@ def test_snapshots_stay_within_their_memory_and_every_tick_is_right(
     assert len(histories) == len(run.numbers)
 
 
-def test_robots_that_pages_show_are_found_out_all_of_them_however_little_room_there_is(
-    faulty: Seen, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_all_robots_that_pages_show_are_found_out_in_little_room(faulty: Seen, monkeypatch: pytest.MonkeyPatch) -> None:
     """Each in the other's place would be begun anew for ever."""
     monkeypatch.setattr("monitor.replay.past_beliefs.MEMORY", 1)
     asked = count()

@@ -84,9 +84,7 @@ def test_two_who_look_at_two_robots_both_come_to_see_them(faulty: Seen, monkeypa
     np.testing.assert_array_equal(both, [faulty.beliefs[60, number] for number in (2, 3)])
 
 
-def test_links_come_by_themselves_however_slowly_a_journal_is_read(
-    faulty: Seen, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_links_come_by_themselves_however_slow_the_journal(faulty: Seen, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("monitor.replay.run_log.BUDGET_S", 0.0)
     run = faulty.open()
     player = Player(run, Wall())

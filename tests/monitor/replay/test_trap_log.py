@@ -59,9 +59,7 @@ def test_it_is_unknown_until_the_journal_is_read_that_far(trapped: Seen, monkeyp
     assert log.at(380) == whole.at(380)
 
 
-def test_a_replay_says_it_after_a_jump_and_a_fleet_while_it_runs(
-    trapped: Seen, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_replay_says_it_after_jumps_and_a_fleet_as_it_runs(trapped: Seen, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("monitor.replay.run_log.BUDGET_S", math.inf)
     player = Player(trapped.open(), Wall())
     wire = FakeFeed(trapped)

@@ -202,9 +202,7 @@ SAID = {
 
 
 @pytest.mark.parametrize("overheard", [True, False])
-def test_of_a_direct_radio_a_report_says_what_robots_said_and_nothing_of_beliefs(
-    quiet: Any, tmp_path: Path, overheard: bool
-) -> None:
+def test_of_a_direct_radio_a_report_says_what_robots_said_alone(quiet: Any, tmp_path: Path, overheard: bool) -> None:
     def direct(record: TickRecord) -> TickRecord:
         frames = record.frames if overheard or record.k != 30 else ()
         return replace(record, deliveries=(), dropped=(), frames=frames)

@@ -206,9 +206,7 @@ class Orders:
         self.give = carry_out
 
 
-def test_an_operator_is_told_that_a_robot_stands_only_when_its_odometry_says_so(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_operators_are_told_that_a_robot_stands_only_when_its_odometry_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(standing, "LIMIT_S", 0.05)
     monkeypatch.setattr(standing, "LOOK_S", 0.05)
     orders = Orders()

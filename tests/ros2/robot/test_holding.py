@@ -34,9 +34,7 @@ def test_a_robot_whose_odometry_hangs_stands_says_so_and_goes_on_when_an_operato
 
 
 @pytest.mark.parametrize(("place", "words"), [(Pose(-3.0, 5.0, 0.0), OFF_GROUND), (Pose(9.75, 5.0, 0.0), TOO_NEAR)])
-def test_a_robot_that_its_fence_holds_says_so_after_a_while(
-    place: Pose, words: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_robot_that_its_fence_holds_says_so_later(place: Pose, words: str, monkeypatch: pytest.MonkeyPatch) -> None:
     bench = Bench()
     bench.drive(AHEAD, place)
     assert bench.told == STILL

@@ -251,9 +251,7 @@ def test_small_jumps_one_after_the_other_are_a_jump() -> None:
 
 
 @pytest.mark.parametrize(("turn_rate", "after_s", "turn"), [(1.0, 0.05, 1.6), (8.0, 0.05, 1.6), (100.0, 0.25, 3.1)])
-def test_odometry_that_turns_at_once_or_by_half_a_turn_has_jumped(
-    turn_rate: float, after_s: float, turn: float
-) -> None:
+def test_odometry_that_turns_at_once_or_half_round_has_jumped(turn_rate: float, after_s: float, turn: float) -> None:
     localisation = with_tf(turn_rate=turn_rate)
     localisation.odometry(odometry(NOW + after_s, Pose(1.0, 0.0, turn)), NOW + after_s)
     assert localisation.at(NOW + after_s) is None

@@ -71,9 +71,7 @@ def found(monkeypatch: pytest.MonkeyPatch, odometry: int, knows: int | None) -> 
 
 
 @pytest.mark.parametrize("knows", [1, 2, 15])
-def test_a_localisation_that_knows_another_place_is_told_nothing_though_its_first_word_is_late(
-    knows: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_localisation_that_knows_another_place_is_told_nothing(knows: int, monkeypatch: pytest.MonkeyPatch) -> None:
     why, robot = found(monkeypatch, odometry=1, knows=knows)
     there = "--start: the robot is localised already, and its localisation has it at (1.50, 1.50, 0.30)"
     assert str(why).startswith(there)
@@ -81,9 +79,7 @@ def test_a_localisation_that_knows_another_place_is_told_nothing_though_its_firs
 
 
 @pytest.mark.parametrize("odometry", [1, 40])
-def test_one_that_says_nothing_for_a_while_after_the_first_odometry_is_told(
-    odometry: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_one_that_is_quiet_after_the_first_odometry_is_told(odometry: int, monkeypatch: pytest.MonkeyPatch) -> None:
     pose, robot = found(monkeypatch, odometry=odometry, knows=None)
     assert pose == START
     assert present(robot.told_at) >= odometry + ros2_process.QUIET_S / LOOK_S

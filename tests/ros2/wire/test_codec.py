@@ -156,7 +156,7 @@ def fill(message: Any, fields: dict[str, Any]) -> Any:
 
 
 @pytest.mark.parametrize(("message", "fields", "_size"), SAME[:4], ids=lambda value: type(value).__name__)
-def test_bytes_are_those_of_an_encoder_with_definitions_of_its_own(
+def test_bytes_are_those_of_an_encoder_with_own_definitions(
     message: object, fields: dict[str, Any], _size: int
 ) -> None:
     theirs = pytest.importorskip("ros2_pyterfaces.cyclone.all_msgs", reason="ros2-pyterfaces is not installed")
