@@ -33,9 +33,8 @@ Installed = Callable[..., subprocess.CompletedProcess[str]]
 def run(*command: str | Path, folder: Path) -> subprocess.CompletedProcess[str]:
     """Run a command away from the sources, which it would find before what is installed."""
     environment = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
-    return subprocess.run(
-        [str(word) for word in command], cwd=folder, env=environment, capture_output=True, text=True, check=False
-    )
+    words = [str(word) for word in command]
+    return subprocess.run(words, cwd=folder, env=environment, capture_output=True, text=True, check=False)
 
 
 @pytest.fixture(scope="module")
@@ -117,9 +116,8 @@ def test_who_misses_an_extra_is_told_which(installed: Installed, folder: Path) -
 
 @pytest.mark.skipif(not runs_shipped(), reason="this processor does not run what the wheel for x86-64 holds")
 def test_the_wheel_for_x86_64_runs_a_fleet_without_git_and_make_and_compiles_nothing(folder: Path) -> None:
-    made = run(
-        "env", f"PYTHONPATH={ROOT}", sys.executable, "-P", ROOT / "deploy/wheels.py", folder / "dist", folder=folder
-    )
+    python = ("env", f"PYTHONPATH={ROOT}", sys.executable, "-P")
+    made = run(*python, ROOT / "deploy/wheels.py", folder / "dist", folder=folder)
     assert made.returncode == 0, made.stderr
     (wheel,) = (folder / "dist").glob("*x86_64.whl")
     venv.create(folder / "all", with_pip=True)

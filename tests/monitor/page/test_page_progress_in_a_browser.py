@@ -133,9 +133,7 @@ def test_spare_robots_appear_when_they_join(chromium: Any, spare: Seen) -> None:
     wire = FakeFeed(spare)
     rows = "[...document.querySelectorAll('#rows tr')].filter((one) => !one.hidden)"
     names = f"{rows}.map((one) => one.cells[0].innerText)"
-    fogs, robots = (
-        f"[...document.getElementById('{menu}').options].map((one) => one.text)" for menu in ("layer", "who")
-    )
+    fogs, robots = (f"[...document.getElementById('{of}').options].map((one) => one.text)" for of in ("layer", "who"))
     source = wire.source()
     wire.send(15)
     with look_at(chromium, source) as look:

@@ -70,9 +70,8 @@ def test_an_operator_switches_a_zone(chromium: Any, zoned: Seen, width: int) -> 
 @pytest.mark.parametrize("width", [1280, 390])
 def test_an_operator_changes_a_weight(chromium: Any, zoned: Seen, width: int) -> None:
     wire = FakeFeed(zoned)
-    wire.asked_for = [
-        Event(0, OPERATOR, None, f'{{"do":"zone","name":"vault",{say}}}') for say in ('"on":true', '"weight":3')
-    ]
+    zone = '{"do":"zone","name":"vault",%s}'
+    wire.asked_for = [Event(0, OPERATOR, None, zone % change) for change in ('"on":true', '"weight":3')]
     with look_at(chromium, wire.source(), width=width) as look:
         look.page.click("#tab-zones")
         look.until(f"{LISTED}[0] === 'vault x3|in force|switch off'")

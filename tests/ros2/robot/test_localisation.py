@@ -290,9 +290,8 @@ def test_where_odometry_counts_from_somewhere_else_a_new_correction_is_waited_fo
     for number in range(round(settled * 20)):
         localisation.odometry(odometry(now_s + number / 20, Pose(9.0, 0.0, 0.0)), now_s + number / 20)
     now_s += settled
-    assert why_unknown(localisation, now_s).startswith(
-        "odometry counts from somewhere else, and nothing has said where"
-    )
+    begins = "odometry counts from somewhere else, and nothing has said where"
+    assert why_unknown(localisation, now_s).startswith(begins)
     localisation.transforms(transform(now_s), now_s, fixed=False)
     near(found(localisation, now_s).pose, 10.0, 14.0)
 

@@ -37,9 +37,7 @@ TOKENS = [
     (f"@ros2_lv/2/{ONE}/0/0/NN/%/%/listener", Entity(2, ONE, 0, 0, EntityKind.NODE, LISTENER)),
     (
         f"@ros2_lv/2/{ONE}/0/10/MS/%/%/listener/%chatter/std_msgs::msg::dds_::String_/{STRING}/::,10:,:,:,,",
-        Entity(
-            2, ONE, 0, 10, EntityKind.SUBSCRIPTION, LISTENER, "/chatter", "std_msgs/msg/String", STRING, Qos(depth=10)
-        ),
+        Entity(2, ONE, 0, 10, EntityKind.SUBSCRIPTION, LISTENER, "/chatter", "std_msgs/msg/String", STRING, USUAL),
     ),
     (
         f"@ros2_lv/2/{TWO}/0/10/MP/%/%/talker/%chatter/std_msgs::msg::dds_::String_/{STRING}/::,7:,:,:,,",
@@ -78,9 +76,8 @@ def test_the_bridge_s_keys_are_names() -> None:
 
 def test_an_entity_in_a_namespace() -> None:
     node = NodeName("fogwatch", "/fleet/robot1")
-    entity = Entity(
-        0, ONE, 3, 4, EntityKind.PUBLISHER, node, "/fleet/robot1/cmd_vel", "geometry_msgs/msg/Twist", TWIST, USUAL
-    )
+    topic, kind = "/fleet/robot1/cmd_vel", "geometry_msgs/msg/Twist"
+    entity = Entity(0, ONE, 3, 4, EntityKind.PUBLISHER, node, topic, kind, TWIST, USUAL)
     assert entity.token == (
         f"@ros2_lv/0/{ONE}/3/4/MP/%/%fleet%robot1/fogwatch/%fleet%robot1%cmd_vel/"
         f"geometry_msgs::msg::dds_::Twist_/{TWIST}/::,10:,:,:,,"

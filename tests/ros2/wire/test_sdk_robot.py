@@ -10,6 +10,7 @@ import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from subprocess import PIPE
 
 import pytest
 
@@ -23,11 +24,10 @@ from ros2.wire.names import EntityKind, NodeName
 from tests.ros2.wire import sdk_robot
 from tests.routers import PATIENCE_S, routed
 
+MISSING = importlib.util.find_spec("zenoh_ros2_sdk") is None
 pytestmark = [
     pytest.mark.processes,
-    pytest.mark.skipif(
-        importlib.util.find_spec("zenoh_ros2_sdk") is None, reason="the package zenoh-ros2-sdk is not installed"
-    ),
+    pytest.mark.skipif(MISSING, reason="the package zenoh-ros2-sdk is not installed"),
 ]
 NEEDED = [sdk_robot.COMMAND, sdk_robot.ODOMETRY]
 
@@ -53,9 +53,7 @@ def robot(definitions: Path) -> Iterator[tuple[str, subprocess.Popen[str]]]:
     with routed() as where:
         host, port = where.removeprefix("tcp/").split(":")
         command = [sys.executable, str(Path(sdk_robot.__file__)), host, port, str(definitions)]
-        process = subprocess.Popen(
-            command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-        )
+        process = subprocess.Popen(command, stdin=PIPE, stdout=PIPE, stderr=PIPE, text=True)
         yield where, process
         process.kill()
         process.communicate(timeout=PATIENCE_S)
