@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import shutil
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -18,8 +18,8 @@ from agent.mind import Mind
 from fogwatch.inprocess import InProcessFleet
 from monitor.replay.run import Run, open_run
 from patrol.exchange import FIRST_INCARNATION
-from patrol.journal import JournalWriter, TickRecord, read_journal
-from patrol.prepare import prepare, sensor_footprint
+from patrol.journal import End, JournalWriter, TickRecord, read_journal
+from patrol.prepare import Prepared, prepare, sensor_footprint
 from patrol.scenario import dump_scenario, load_scenario
 from tests.worldsim.test_operator import Hour, Rests, Script
 from worldsim.controls import Operator
@@ -113,10 +113,39 @@ def run_of(
             requests.world = world
             operator = Operator(world, Rests(), requests, hour, controls_processes=True)
         recorder.end(run_ticks(world, fleet, on_tick, recorder.event, control=fleet, operator=operator))
+    write_summary(folder, prepared)
+    return seen
+
+
+def write_summary(folder: Path, prepared: Prepared) -> None:
     journal = read_journal(folder / "journal")
     summary = summarise(journal, judge(journal, {}, prepared)).document()
     (folder / "summary.json").write_text(json.dumps(summary), encoding="utf-8")
-    return seen
+
+
+def rewritten(
+    seen: Seen,
+    folder: Path,
+    tick: Callable[[TickRecord], TickRecord | None] = lambda record: record,
+    scenario: Mapping[str, Any] | None = None,
+    notes: Mapping[str, Any] | None = None,
+) -> Path:
+    """Write a run's folder with another story in its journal, judged anew.
+
+    tick: what becomes of each tick, None for nothing. scenario: another one. notes: of the journal's end.
+    """
+    journal = read_journal(seen.folder / "journal")
+    loaded = load_scenario(journal.header.scenario if scenario is None else scenario)
+    prepared = prepare(loaded)
+    folder.mkdir()
+    (folder / "scenario.yaml").write_text(dump_scenario(loaded), encoding="utf-8")
+    end = journal.end or End("completed", "")
+    with JournalWriter(folder / "journal", header_of(World(prepared))) as writer:
+        for record in (*journal.events, *map(tick, journal.ticks), replace(end, notes=notes or end.notes)):
+            if record is not None:
+                writer.write(record)
+    write_summary(folder, prepared)
+    return folder
 
 
 @pytest.fixture(scope="session")

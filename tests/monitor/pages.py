@@ -61,3 +61,17 @@ def pixels(are_counted: str) -> str:
         for (let i = 0; i < d.length; i += 4) found += {are_counted};
         return found;
     }})()"""
+
+
+NOTE_LABELS = """() => {
+    const paint = CanvasRenderingContext2D.prototype, fill = paint.fillText;
+    window.labels = [];
+    paint.fillText = function (text, x, y) {
+        const { width, height, id } = this.canvas, box = this.measureText(text);
+        if (id === 'canvas') window.labels.push([text, x - box.actualBoundingBoxLeft >= 0
+            && y - box.actualBoundingBoxAscent >= 0 && x + box.actualBoundingBoxRight <= width
+            && y + box.actualBoundingBoxDescent <= height]);
+        fill.call(this, text, x, y);
+    };
+}"""
+"""Has the map note each text that it draws, and whether all of it is on the map, in `window.labels`."""

@@ -120,13 +120,10 @@ class Site:
         self.until(lambda: length_m(self.track[begin:]) > way_m and abs(self.track[-1]["speed"]) > 0.1)
 
     def recovers(self, begin: int) -> None:
-        """Wait until the agent drives the robot again after something died.
+        """Wait until the agent drives the robot again after something died, when its log was `begin` long.
 
         DDS may bring the robot's odometry seconds before the robot hears commands. Then the agent holds the robot, as
         one whose wheels are blocked, until an operator releases it.
-
-        Args:
-            begin: The length of the agent's log when it died.
         """
         self.says("agent", "drives again", begin)
         moves = len(self.track)

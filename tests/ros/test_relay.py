@@ -75,11 +75,7 @@ def test_it_leaves_when_it_is_told_to(number: signal.Signals) -> None:
 
 
 class Node:
-    """A node that publishes on a topic and hears it.
-
-    Attributes:
-        stamps: Of the messages that it has heard.
-    """
+    """A node that publishes on a topic and hears it; `stamps` of the messages that it has heard."""
 
     def __init__(self, link: Ros2Link) -> None:
         self.stamps: list[int] = []

@@ -12,7 +12,7 @@ from monitor.replay.player import Player
 from tests.browser import Look, browser_or_skip
 from tests.monitor.conftest import Seen
 from tests.monitor.live.test_feed_source import FakeFeed
-from tests.monitor.pages import ServedPage, look_at, pixels
+from tests.monitor.pages import NOTE_LABELS, ServedPage, look_at, pixels
 
 pytestmark = browser_or_skip()
 
@@ -174,17 +174,7 @@ def test_an_address_may_hold_the_time_at_which_a_replay_opens(chromium: Any, qui
 @pytest.mark.parametrize(("width", "height"), SIZES)
 def test_labels_stay_within_the_map(chromium: Any, edges: Seen, width: int, height: int) -> None:
     with look_at(chromium, Player(edges.open()), width=width, height=height) as look:
-        look.evaluate("""() => {
-            const paint = CanvasRenderingContext2D.prototype, fill = paint.fillText;
-            window.labels = [];
-            paint.fillText = function (text, x, y) {
-                const { width, height, id } = this.canvas, box = this.measureText(text);
-                if (id === 'canvas') window.labels.push([text, x - box.actualBoundingBoxLeft >= 0
-                    && y - box.actualBoundingBoxAscent >= 0 && x + box.actualBoundingBoxRight <= width
-                    && y + box.actualBoundingBoxDescent <= height]);
-                fill.call(this, text, x, y);
-            };
-        }""")
+        look.evaluate(NOTE_LABELS)
         look.seek(3)
         look.evaluate("window.labels.length = 0")
         look.seek(0)

@@ -12,9 +12,8 @@ from monitor.observation.source import LinkCounts
 from monitor.replay.run import Run, open_run
 from monitor.replay.run_log import RunLog
 from patrol.journal.records import TickRecord, frame_sequence
-from tests.monitor.conftest import QUIET, Seen, run_of
+from tests.monitor.conftest import QUIET, Seen, rewritten, run_of
 from tests.monitor.live.test_feed_source import played
-from tests.monitor.rewritten import rewritten
 from tests.present import present
 
 LATE: dict[str, Any] = {

@@ -23,12 +23,9 @@ LOOK_S = 0.1
 
 
 class Robot:
-    """A robot with odometry from some look on, and a localisation that speaks later, or agrees once it is told.
+    """A robot whose odometry begins at a look, and its localisation's own pose at another one, or never.
 
-    Args:
-        told: What was sent to its localisation.
-        odometry: The first look with odometry.
-        knows: The first look with the localisation's own pose; None for never.
+    Once its localisation is told where it is, which is noted in `told`, it agrees.
     """
 
     def __init__(self, told: list[Any], odometry: int, knows: int | None) -> None:

@@ -121,15 +121,12 @@ def test_what_is_no_token(token: str) -> None:
     assert entity_of(token) is None
 
 
-def test_names_of_types() -> None:
-    assert dds_name("nav_msgs/msg/Odometry") == "nav_msgs::msg::dds_::Odometry_"
-    assert ros_name("nav_msgs::msg::dds_::Odometry_") == "nav_msgs/msg/Odometry"
-    assert ros_name("anything") == "anything"
-
-
 def test_names_are_resolved_as_in_ros() -> None:
     assert [full_name("robot1", name) for name in ("odom", "/tf")] == ["/robot1/odom", "/tf"]
     assert [full_name(space, "odom") for space in ("", "/", "/a/b")] == ["/odom", "/odom", "/a/b/odom"]
+    assert dds_name("nav_msgs/msg/Odometry") == "nav_msgs::msg::dds_::Odometry_"
+    assert ros_name("nav_msgs::msg::dds_::Odometry_") == "nav_msgs/msg/Odometry"
+    assert ros_name("anything") == "anything"
 
 
 @pytest.mark.parametrize("name", ["*", "a b", "robot1/", "a//b", "1robot", "a/**", "@adv", "x" * 256, "a\n"])
