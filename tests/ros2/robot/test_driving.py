@@ -262,15 +262,6 @@ def test_a_robot_stands_where_its_scenario_says(endpoint: str, tmp_path: Path) -
         made.drives()
 
 
-def test_a_localised_robot_is_not_told_another_place(endpoint: str, tmp_path: Path) -> None:
-    """Its localisation would believe it, and then agree."""
-    with bench(endpoint, "rmw_zenoh", tmp_path) as made:
-        assert made.agent("--start", "6,4.5,0").wait(PATIENCE_S) == 2
-        made.says("its localisation has it at (1.")
-        assert not any("tells the robot's localisation" in line for line in made.said)
-        assert made.robot.commands == 0
-
-
 def test_a_start_off_the_map_is_not_told(endpoint: str, tmp_path: Path) -> None:
     with bench(endpoint, "rmw_zenoh", tmp_path, Habits(is_lost=True)) as made:
         assert made.agent("--start", "500,500,0").wait(PATIENCE_S) == 2

@@ -18,20 +18,11 @@ from ros2.sim.node import Habits, RobotNode
 from ros2.sim.odometry import DriftingOdometry, Errors
 from ros2.sim.robot import Build, SimulatedRobot
 from ros2.sim.simulation import STEP_S, Simulation
+from ros2.wire import messages as ros
 from ros2.wire.frames import composed
 from ros2.wire.goals import GoalClient, Going
 from ros2.wire.mailbox import RosMailbox
-from ros2.wire.messages import (
-    AckermannDriveStamped,
-    Clock,
-    OccupancyGrid,
-    Odometry,
-    PoseStamped,
-    PoseWithCovarianceStamped,
-    TFMessage,
-    Twist,
-    TwistStamped,
-)
+from ros2.wire.messages import Clock, Odometry, PoseStamped, TFMessage, Twist, TwistStamped
 from ros2.wire.names import LATCHED
 from tests.present import present
 from tests.ros2_hub import Hub
@@ -179,7 +170,7 @@ def test_it_says_where_it_is_with_a_delay_and_its_stamps_are_those_of_the_moment
     assert (transform.frame, transform.child_frame) == ("map", odometry[-1].frame)
     found = composed(transform.pose, odometry[-1].pose)
     assert (found.x, found.y) == pytest.approx((2.0, 5.0))
-    assert isinstance(hub.sent["/robot1/amcl_pose"][-1], PoseWithCovarianceStamped)
+    assert isinstance(hub.sent["/robot1/amcl_pose"][-1], ros.PoseWithCovarianceStamped)
     assert len(hub.sent["/robot1/amcl_pose"]) == 1  # it stands
     assert "/clock" not in hub.sent
 
@@ -200,14 +191,14 @@ def test_a_simulations_time_and_map_are_published_on_request() -> None:
     run(simulation, 0.5)
     assert isinstance(hub.sent["/clock"][-1], Clock)
     assert hub.sent["/clock"][-1].stamp_ns / 1e9 == pytest.approx(EPOCH_S + 0.5)
-    late: RosMailbox[OccupancyGrid] = RosMailbox()
-    hub.link("rviz", "robot1").subscribe("map", OccupancyGrid, late, LATCHED)
+    late: RosMailbox[ros.OccupancyGrid] = RosMailbox()
+    hub.link("rviz", "robot1").subscribe("map", ros.OccupancyGrid, late, LATCHED)
     np.testing.assert_array_equal(present(late.take()).message.cells == 100, ~terrain().passable)
 
 
 def test_cars_are_steered_by_their_wheels_and_old_robots_by_plain_velocities() -> None:
     hub, simulation = simulated(one := robot(model="car"), habits=Habits("ackermann", wheelbase=1.0))
-    hub.deliver("/robot1/ackermann_cmd", AckermannDriveStamped(0, "", 0.5, math.atan(0.5), 0.0))
+    hub.deliver("/robot1/ackermann_cmd", ros.AckermannDriveStamped(0, "", 0.5, math.atan(0.5), 0.0))
     run(simulation, 0.4)
     assert one.pose.heading == pytest.approx(0.1)
     hub, simulation = simulated(one := robot(), habits=Habits("twist"))
@@ -261,7 +252,7 @@ def test_a_lost_robot_says_where_it_is_only_when_it_has_been_told() -> None:
         ("map", Pose(2.5, 5.5, 0.3), PLACE),
         ("map", Pose(7.0, 1.0, 2.0), Pose(7.0, 1.0, 2.0)),
     ):
-        hub.deliver("/robot1/initialpose", PoseWithCovarianceStamped(1, frame, told))
+        hub.deliver("/robot1/initialpose", ros.PoseWithCovarianceStamped(1, frame, told))
         run(simulation, 0.2)
         assert bool(hub.sent["/robot1/amcl_pose"]) == (believed is not None)
         if believed is not None:

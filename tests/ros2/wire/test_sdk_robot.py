@@ -25,10 +25,7 @@ from tests.ros2.wire import sdk_robot
 from tests.routers import PATIENCE_S, routed
 
 MISSING = importlib.util.find_spec("zenoh_ros2_sdk") is None
-pytestmark = [
-    pytest.mark.processes,
-    pytest.mark.skipif(MISSING, reason="the package zenoh-ros2-sdk is not installed"),
-]
+pytestmark = [pytest.mark.processes, pytest.mark.skipif(MISSING, reason="the package zenoh-ros2-sdk is not installed")]
 NEEDED = [sdk_robot.COMMAND, sdk_robot.ODOMETRY]
 
 
