@@ -148,101 +148,70 @@ def rewritten(
     return folder
 
 
-@pytest.fixture(scope="session")
-def quiet(tmp_path_factory: pytest.TempPathFactory) -> Seen:
-    """A run in which nothing goes wrong; nobody writes into its folder."""
-    return run_of(tmp_path_factory.mktemp("quiet"), QUIET)
+BODY = {"model": "holonomic"}
+CORNERS = {"top": [50.0, 87.0], "topmost-left": [1.0, 87.0], "lowest-right": [99.0, 1.0], "bottom": [50.0, 1.0]}
+SAVING = {"trail": 4, "trail_every": 2, "budget": {"bits_per_s": 700, "overhead": 8}, "adaptive": {"error": 1}}
+SIDES = ([15, 15, 25, 16], [15, 24, 25, 25], [15, 15, 16, 25], [24, 15, 25, 25])
+RING: dict[str, Any] = {
+    "robots": {"count": 1, **BODY, "speed": 1.0, "radius": 0.4, "starts": [[20, 20]]},
+    "closures": [
+        {"name": f"side{i}", "polygon": [[x0, y0], [x1, y0], [x1, y1], [x0, y1]], "closed": [[2, 300]]}
+        for i, (x0, y0, x1, y1) in enumerate(SIDES)
+    ],
+}
+
+RUNS: dict[str, dict[str, Any]] = {
+    "quiet": {"name": "short"},
+    # Losses, delays, forged frames, a drift, a pause, a death and a restart.
+    "faulty": {"faults": FAULTS},
+    # The same without the drift, with robots that save on their radio: most ticks have no frame of theirs.
+    "saving": {"faults": [fault for fault in FAULTS if fault["kind"] != "drift"], "radio": SAVING},
+    # Sensors leave a part of each point's age.
+    "hazy": {"sensor": {"quality": 0.6}},
+    # Nobody hears the first robot from tick 10 on.
+    "muted": {"faults": [{"kind": "silence", "who": "r1", "direction": "both", "at": 5}]},
+    "alone": {"duration": 10, "robots": {"count": 1, **BODY}},
+    # The second robot hardly moves, and dies at the end.
+    "trapped": {
+        "duration": 200,
+        "robots": [BODY, {**BODY, "speed": 0.01}],
+        "faults": [{"kind": "kill", "who": "r2", "at": 195}],
+    },
+    # From 2 s on the robot is shut in by a ring of four closures.
+    "shut_in": {"terrain": {"builtin": "open"}, "duration": 200, **RING},
+    # One of two spare robots joins.
+    "spare": {
+        "duration": 20,
+        "robots": {"count": 2, "spare": 2, **BODY},
+        "faults": [{"kind": "join", "who": "r3", "at": 10}],
+    },
+    # Robots begin at the upper and the lower edge of the terrain, two of them in corners.
+    "edges": {"duration": 5, "robots": [{**BODY, "name": name, "start": start} for name, start in CORNERS.items()]},
+    # Robots do not all get everywhere.
+    "mixed": {"duration": 10, "sensor": {"range": 3.0}, "robots": [{**BODY, "radius": size} for size in (0.3, 2.5)]},
+    # Robots would hear each other by themselves; here nobody carries their frames.
+    "direct": {"duration": 10, "pace": "realtime", "radio": {"via": "direct"}},
+}
+"""What runs have besides `QUIET`, by the name of their fixture. Nobody writes into their folders."""
 
 
-@pytest.fixture(scope="session")
-def faulty(tmp_path_factory: pytest.TempPathFactory) -> Seen:
-    """A run with losses, delays, forged frames, a drift, a pause, a death and a restart."""
-    return run_of(tmp_path_factory.mktemp("faulty"), {**QUIET, "name": "faulty", "faults": FAULTS})
+def fixture_of(name: str) -> Any:
+    """Return the fixture of one of `RUNS`."""
+
+    @pytest.fixture(scope="session", name=name)
+    def seen(tmp_path_factory: pytest.TempPathFactory) -> Seen:
+        return run_of(tmp_path_factory.mktemp(name), {**QUIET, "name": name, **RUNS[name]})
+
+    return seen
+
+
+quiet, faulty, saving, hazy, muted, alone, trapped, shut_in, spare, edges, mixed, direct = map(fixture_of, RUNS)
 
 
 @pytest.fixture(scope="session")
 def doors(tmp_path_factory: pytest.TempPathFactory) -> Seen:
     """A run of one robot, with a gate that closes by itself and a crate, both closed and opened by an operator too."""
     return run_of(tmp_path_factory.mktemp("doors"), DOORS, BY_HAND)
-
-
-@pytest.fixture(scope="session")
-def saving(tmp_path_factory: pytest.TempPathFactory) -> Seen:
-    """The same without the drift, with robots that save on their radio: most ticks have no frame of theirs."""
-    faults = [fault for fault in FAULTS if fault["kind"] != "drift"]
-    budget = {"bits_per_s": 700, "overhead": 8}
-    radio = {"trail": 4, "trail_every": 2, "budget": budget, "adaptive": {"error": 1}}
-    return run_of(tmp_path_factory.mktemp("saving"), {**QUIET, "name": "saving", "faults": faults, "radio": radio})
-
-
-@pytest.fixture(scope="session")
-def hazy(tmp_path_factory: pytest.TempPathFactory) -> Seen:
-    """A run whose sensors leave a part of each point's age."""
-    return run_of(tmp_path_factory.mktemp("hazy"), {**QUIET, "name": "hazy", "sensor": {"quality": 0.6}})
-
-
-@pytest.fixture(scope="session")
-def muted(tmp_path_factory: pytest.TempPathFactory) -> Seen:
-    """A run whose first robot nobody hears from tick 10 on."""
-    silence = {"kind": "silence", "who": "r1", "direction": "both", "at": 5}
-    return run_of(tmp_path_factory.mktemp("muted"), {**QUIET, "name": "muted", "faults": [silence]})
-
-
-@pytest.fixture(scope="session")
-def alone(tmp_path_factory: pytest.TempPathFactory) -> Seen:
-    """A run of one robot."""
-    robots = {"count": 1, "model": "holonomic"}
-    return run_of(tmp_path_factory.mktemp("alone"), {**QUIET, "name": "alone", "duration": 10, "robots": robots})
-
-
-@pytest.fixture(scope="session")
-def trapped(tmp_path_factory: pytest.TempPathFactory) -> Seen:
-    """A run whose second robot hardly moves, and dies at the end."""
-    robots = [{"model": "holonomic"}, {"model": "holonomic", "speed": 0.01}]
-    facts = {"name": "trapped", "duration": 200, "robots": robots, "faults": [{"kind": "kill", "who": "r2", "at": 195}]}
-    return run_of(tmp_path_factory.mktemp("trapped"), {**QUIET, **facts})
-
-
-@pytest.fixture(scope="session")
-def shut_in(tmp_path_factory: pytest.TempPathFactory) -> Seen:
-    """A run whose robot is shut in from 2 s on, by a ring of four closures."""
-    sides = ([15, 15, 25, 16], [15, 24, 25, 25], [15, 15, 16, 25], [24, 15, 25, 25])
-    corners = [[[x0, y0], [x1, y0], [x1, y1], [x0, y1]] for x0, y0, x1, y1 in sides]
-    ring = [{"name": f"side{i}", "polygon": polygon, "closed": [[2, 300]]} for i, polygon in enumerate(corners)]
-    robots = {"count": 1, "model": "holonomic", "speed": 1.0, "radius": 0.4, "starts": [[20, 20]]}
-    facts = {"terrain": {"builtin": "open"}, "name": "shut-in", "duration": 200, "robots": robots, "closures": ring}
-    return run_of(tmp_path_factory.mktemp("shut-in"), {**QUIET, **facts})
-
-
-@pytest.fixture(scope="session")
-def spare(tmp_path_factory: pytest.TempPathFactory) -> Seen:
-    """A run with two spare robots, one of which joins."""
-    robots = {"count": 2, "spare": 2, "model": "holonomic"}
-    facts = {"name": "spare", "duration": 20, "robots": robots, "faults": [{"kind": "join", "who": "r3", "at": 10}]}
-    return run_of(tmp_path_factory.mktemp("spare"), {**QUIET, **facts})
-
-
-@pytest.fixture(scope="session")
-def edges(tmp_path_factory: pytest.TempPathFactory) -> Seen:
-    """A run that begins with robots at the upper and the lower edge of the terrain, two of them in corners."""
-    corners = {"top": [50.0, 87.0], "topmost-left": [1.0, 87.0], "lowest-right": [99.0, 1.0], "bottom": [50.0, 1.0]}
-    robots = [{"name": name, "model": "holonomic", "start": start} for name, start in corners.items()]
-    return run_of(tmp_path_factory.mktemp("edges"), {**QUIET, "name": "edges", "duration": 5, "robots": robots})
-
-
-@pytest.fixture(scope="session")
-def mixed(tmp_path_factory: pytest.TempPathFactory) -> Seen:
-    """A run of robots that do not all get everywhere."""
-    robots = [{"model": "holonomic", "radius": radius} for radius in (0.3, 2.5)]
-    facts = {"name": "mixed", "duration": 10, "sensor": {"range": 3.0}, "robots": robots}
-    return run_of(tmp_path_factory.mktemp("mixed"), {**QUIET, **facts})
-
-
-@pytest.fixture(scope="session")
-def direct(tmp_path_factory: pytest.TempPathFactory) -> Seen:
-    """A run whose robots would hear each other by themselves; here nobody carries their frames."""
-    facts = {"name": "direct", "duration": 10, "pace": "realtime", "radio": {"via": "direct"}}
-    return run_of(tmp_path_factory.mktemp("direct"), {**QUIET, **facts})
 
 
 @pytest.fixture

@@ -7,6 +7,7 @@ import os
 import signal
 import socket
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -32,21 +33,25 @@ OWN_MAP = Pose(3.0, -2.0, 2.0)
 OTHER_MAP = ["--transform=3,-2,2", "--start", "1.5,1.5,0.3"]
 
 
-@pytest.fixture
-def driven(endpoint: str, tmp_path: Path) -> Iterator[Bench]:
-    """A robot that is driven."""
-    with bench(endpoint, "rmw_zenoh", tmp_path) as made:
+@contextmanager
+def driving(endpoint: str, folder: Path, watchdog_s: float = 0.5) -> Iterator[Bench]:
+    with bench(endpoint, "rmw_zenoh", folder, watchdog_s=watchdog_s) as made:
         made.agent()
         made.drives()
         yield made
 
 
 @pytest.fixture
+def driven(endpoint: str, tmp_path: Path) -> Iterator[Bench]:
+    """A robot that is driven."""
+    with driving(endpoint, tmp_path) as made:
+        yield made
+
+
+@pytest.fixture
 def unwatched(endpoint: str, tmp_path: Path) -> Iterator[Bench]:
     """A robot that is driven and has no watchdog to speak of: only the agent can have stopped it."""
-    with bench(endpoint, "rmw_zenoh", tmp_path, watchdog_s=10.0 * PATIENCE_S) as made:
-        made.agent()
-        made.drives()
+    with driving(endpoint, tmp_path, watchdog_s=10.0 * PATIENCE_S) as made:
         yield made
 
 
@@ -240,9 +245,7 @@ def test_a_robot_whose_odometry_hangs_is_not_driven_blindly_for_long(driven: Ben
 def test_when_the_router_is_gone_the_robot_stands_and_when_it_is_back_the_patrol_goes_on(tmp_path: Path) -> None:
     endpoint = free_endpoint()
     router = open_router(endpoint)
-    with bench(endpoint, "rmw_zenoh", tmp_path) as made:
-        made.agent()
-        made.drives()
+    with driving(endpoint, tmp_path) as made:
         assert router.close(PATIENCE_S)
         made.until(lambda: made.robot.watchdog_stops > 0 and made.robot.stands)
         router = open_router(endpoint)

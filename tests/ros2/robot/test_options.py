@@ -70,8 +70,8 @@ def test_what_is_not_given_is_careful() -> None:
     assert (given.model, given.radius, given.speed) == ("differential", 0.25, 0.25)
     settings = drive_settings(given)
     assert settings == DriveSettings()
-    assert settings.topic("odom") == "odom"
-    assert settings.topic("clock") == "/clock"
+    assert [settings.topic(name) for name in ("odom", "clock")] == ["odom", "/clock"]
+    assert set(FORMATS) == set(KNOWN)
 
 
 def test_everything_can_be_said() -> None:
@@ -90,10 +90,6 @@ def test_everything_can_be_said() -> None:
 def test_a_robot_brakes_as_hard_as_it_is_said_to_or_else_as_it_speeds_up() -> None:
     assert drive_settings(options("--acceleration", "4")).braking == 4.0
     assert drive_settings(options("--acceleration", "4", "--braking", "0.8")).braking == 0.8
-
-
-def test_the_formats_are_those_of_the_link() -> None:
-    assert set(FORMATS) == set(KNOWN)
 
 
 def test_the_domain_is_the_environments_unless_it_is_given(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -75,11 +75,9 @@ def test_nobody_drives_into_another(command: Command, blocker: Other) -> None:
     assert is_halt(FENCE.allowed(HERE, command, [blocker]))
 
 
-@pytest.mark.parametrize(
-    "elsewhere", [other(5.0, 5.65), other(4.3, 5.0), other(7.5, 5.0), other(6.0, 5.0, 2.0), other(7.0, 5.7, -1.0)]
-)
-def test_who_is_beside_behind_or_on_the_way_elsewhere_is_not_in_the_way(elsewhere: Other) -> None:
-    assert FENCE.allowed(HERE, Twist(1.0, 0.0), [elsewhere]) == Twist(1.0, 0.0)
+@pytest.mark.parametrize("at", [(5.0, 5.65), (4.3, 5.0), (7.5, 5.0), (6.0, 5.0, 2.0), (7.0, 5.7, -1.0)])
+def test_who_is_beside_behind_or_on_the_way_elsewhere_is_not_in_the_way(at: tuple[float, ...]) -> None:
+    assert FENCE.allowed(HERE, Twist(1.0, 0.0), [other(*at)]) == Twist(1.0, 0.0)
 
 
 def test_who_is_too_near_already_may_go_away_or_turn() -> None:

@@ -84,10 +84,9 @@ def test_the_agent_drives_its_robot_and_shows_what_it_knows(site: Site) -> None:
             client.go(target, time.monotonic())
 
     if site.form.attaches:
-        seen = {(one.kind, one.node.name, one.topic) for one in robot.graph(PATIENCE_S)}
-        assert (EntityKind.PUBLISHER, "fogwatch_r1", "/robot1/cmd_vel") in seen
-        seen = {(one.kind, one.node.name, one.topic) for one in agent.graph(PATIENCE_S)}
-        assert (EntityKind.PUBLISHER, "base", "/robot1/odom") in seen
+        for link, name, topic in ((robot, "fogwatch_r1", "/robot1/cmd_vel"), (agent, "base", "/robot1/odom")):
+            seen = {(one.kind, one.node.name, one.topic) for one in link.graph(PATIENCE_S)}
+            assert (EntityKind.PUBLISHER, name, topic) in seen
 
 
 def test_a_stranger_gets_no_session(site: Site) -> None:

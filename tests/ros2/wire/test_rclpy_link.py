@@ -21,11 +21,8 @@ PAYLOAD = encode(Bool(True))
 
 def said_of(sequence: int, sender: int = 1) -> dict[str, Any]:
     """Return what rclpy says of a message."""
-    return {
-        "source_timestamp": 1_700_000_000_000_000_000 + sequence,
-        "publication_sequence_number": sequence,
-        "publisher_gid": {"data": [sender] * 16},
-    }
+    named = {"publication_sequence_number": sequence, "publisher_gid": {"data": [sender] * 16}}
+    return {"source_timestamp": 1_700_000_000_000_000_000 + sequence, **named}
 
 
 @pytest.fixture
@@ -44,10 +41,7 @@ def subscriptions(mailbox: RosMailbox[Bool], monkeypatch: pytest.MonkeyPatch) ->
 
 def taken(mailbox: RosMailbox[Bool]) -> list[tuple[bytes, int | None]]:
     """Return the sender's first byte and the sequence of each message that has come."""
-    found = []
-    while (received := mailbox.take()) is not None:
-        found.append((received.sender[:1], received.sequence))
-    return found
+    return [(received.sender[:1], received.sequence) for received in iter(mailbox.take, None) if received]
 
 
 def test_what_comes_late_is_heard_once(subscriptions: list[Any], mailbox: RosMailbox[Bool]) -> None:
