@@ -105,6 +105,15 @@ def test_a_report_says_and_draws_what_was_closed(doors: Any) -> None:
             assert texts == {"gate", "crate"}
 
 
+def test_shares_of_links_are_those_of_the_summary(faulty: Any) -> None:
+    run = faulty.open()
+    links = run.stated.document()["links"]
+    for (source, to), share in np.ndenumerate(run.links.share()):
+        if source != to:
+            link = links[run.names[source]][run.names[to]]
+            assert share == pytest.approx(link["delivered"] / (link["sent"] - link["in_flight"]))
+
+
 def test_what_events_say_is_never_taken_for_html() -> None:
     hostile = '<span class="badge ok">valid</span><img src=x>'
     page = html.table(("event", hostile), [("dead", hostile), (html.badge(hostile, "ok"), "")])
