@@ -1,4 +1,4 @@
-"""What watching costs: ticks per second of a fleet in lockstep with its page watched, unwatched, stopped, and without.
+"""The cost of watching: ticks per second of a fleet in lockstep with its page watched, unwatched, stopped, and without.
 
 One run, in turn, so that whatever else the machine does falls on all four.
 """

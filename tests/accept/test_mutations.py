@@ -62,7 +62,7 @@ FLEET: Mapping[str, Any] = {
 """Four robots that drive at random for 80 ticks."""
 
 SCENARIOS: dict[str, Mapping[str, Any]] = {}
-"""What goes wrong on purpose, as changes of `FLEET`, by name."""
+"""Things that go wrong on purpose, as changes of `FLEET`, by name."""
 
 MUTATIONS: dict[str, tuple[str, str, Plant]] = {}
 """The scenario, the check that has to fire, and what breaks the code, by what is wrong."""

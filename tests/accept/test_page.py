@@ -29,7 +29,7 @@ MOST_MB = 400.0
 
 
 def memory_mb(pid: int) -> float:
-    """What a process holds."""
+    """Memory of a process, MB."""
     pages = int(Path(f"/proc/{pid}/statm").read_text(encoding="ascii").split()[1])
     return pages * os.sysconf("SC_PAGE_SIZE") / 1e6
 

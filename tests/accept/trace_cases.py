@@ -125,7 +125,7 @@ TARGETS_VARIANTS: Mapping[str, Mapping[str, Any]] = {
 }
 
 PLACES = {"open": [45, 40], "yards": [40, 22], "clutter": [50, 50], "site": [230, 127]}
-"""Where an intruder stands, m; on passable ground of each terrain."""
+"""Places of an intruder, m, on passable ground of each terrain."""
 
 
 def cases() -> Iterator[tuple[str, dict[str, Any]]]:

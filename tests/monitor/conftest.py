@@ -78,7 +78,7 @@ BY_HAND: dict[int, list[dict[str, Any]]] = {
     40: [{"do": "fault", "fault": {"kind": "open", "closure": "crate"}}],
     50: [{"do": "heal", "id": "op3"}],
 }
-"""What an operator does with DOORS, by tick. The robot stands in the crate's place when it is to be closed."""
+"""Controls of an operator of DOORS, by tick. The robot stands in the crate's place when it is to be closed."""
 
 
 def run_of(
@@ -192,7 +192,7 @@ RUNS: dict[str, dict[str, Any]] = {
     # Robots would hear each other by themselves; here nobody carries their frames.
     "direct": {"duration": 10, "pace": "realtime", "radio": {"via": "direct"}},
 }
-"""What runs have besides `QUIET`, by the name of their fixture. Nobody writes into their folders."""
+"""Facts of runs besides `QUIET`, by their fixture's name. No test writes into their folders."""
 
 
 def fixture_of(name: str) -> Any:

@@ -24,7 +24,7 @@ COMMAND = ros.TwistStamped(NOW_NS, "base_link", ros.Twist(0.0, 0.0, 0.0))
 
 
 class Robot:
-    """What a survey sees of a robot, piece by piece."""
+    """A robot as a survey sees it, piece by piece."""
 
     def __init__(self, form: Format, namespace: str = "robot1") -> None:
         self.form = form

@@ -1,4 +1,4 @@
-"""What robots must believe, as the feed of their world tells: from when on it is known, and how long it is followed."""
+"""Robots' beliefs by the feed of their world: from when on they are known, and how long they are followed."""
 
 from __future__ import annotations
 

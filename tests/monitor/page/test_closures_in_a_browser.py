@@ -22,7 +22,7 @@ pytestmark = browser_or_skip()
 
 STATES = "[...document.querySelectorAll('#closurelist span')].map((one) => one.textContent).join()"
 ORANGE = pixels("d[i] === 224 && d[i + 1] === 123 && d[i + 2] === 0")
-"""How many pixels of the map have the colour of what is closed."""
+"""Counts the pixels of the map that have the colour of closed ground."""
 HELD = "[...document.querySelectorAll('#closurelist [aria-pressed=true]')].map((one) => one.ariaLabel).join()"
 
 

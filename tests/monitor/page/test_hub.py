@@ -26,7 +26,7 @@ from tests.monitor.live.test_feed_source import FakeFeed
 
 @pytest.fixture(autouse=True)
 def at_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    """What a turn asks for is worked out in that turn, however slow the machine is."""
+    """Have each turn work out all that it asks for, however slow the machine is."""
     monkeypatch.setattr("monitor.replay.past_beliefs.BUDGET_S", math.inf)
     monkeypatch.setattr("monitor.replay.run_log.BUDGET_S", math.inf)
 
@@ -43,7 +43,7 @@ class Page:
         self.viewer.loop.close()
 
     def messages(self) -> list[Any]:
-        """What it gets now, and has drawn: packets as (layer, tick, since, tiles), and what else there is as it is."""
+        """Messages that it gets now, and has drawn; packets as (layer, tick, since, tiles)."""
         self.hub.turn()
         loop = self.viewer.loop
         loop.call_soon(loop.stop)
@@ -64,7 +64,7 @@ class Page:
         return [one[:3] for one in self.messages() if isinstance(one, tuple)]
 
     def tiles(self) -> dict[int, int]:
-        """How many of each layer it gets now."""
+        """Number of tiles of each layer that it gets now."""
         return {one[0]: one[3] for one in self.messages() if isinstance(one, tuple)}
 
 

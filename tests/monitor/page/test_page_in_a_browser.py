@@ -20,7 +20,7 @@ from tests.monitor.pages import ServedPage, look_at, pixels
 pytestmark = browser_or_skip()
 
 YELLOW = pixels("d[i] > 240 && d[i + 1] > 220 && d[i + 2] < 80")
-"""How many pixels of the map have the colour of what has just been seen."""
+"""Counts the pixels of the map that have the colour of ground that has just been seen."""
 
 
 @pytest.fixture(scope="module")

@@ -21,7 +21,7 @@ NEVER_SEEN, TRAPPED = (
     pixels(f"d[i] === {red} && d[i + 1] === {green} && d[i + 2] === {blue}")
     for red, green, blue in ((176, 48, 106), (193, 18, 31))
 )
-"""How many pixels of the map have the colour of what nobody has seen, and of a trapped robot."""
+"""Count the pixels of the map that have the colour of unseen ground, and of a trapped robot."""
 
 
 def text(name: str) -> str:

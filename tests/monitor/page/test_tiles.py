@@ -13,7 +13,7 @@ SHAPE = (SIDE + 9, 2 * SIDE + 5)
 
 
 def unpack(packet: bytes, shown: NDArray[np.int32]) -> tuple[int, int, int, int]:
-    """What the page does with a packet; its layer, its tick, since when it is known, and how many tiles it holds."""
+    """Do as the page does with a packet; return its layer, tick, since when it is known, and number of tiles."""
     layer, tick, since, tiles, runs = np.frombuffer(packet, "<i4", 5).tolist()
     ids, counts = np.frombuffer(packet, "<i4", 2 * tiles, 20).reshape(2, tiles)
     values = np.frombuffer(packet, "<i4", runs, 20 + 8 * tiles)

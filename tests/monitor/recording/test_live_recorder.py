@@ -16,7 +16,7 @@ from tests.monitor.recording.test_run_recorder import decoded
 from tests.present import present
 
 ENOUGH_S = 300.0
-"""When a recorder that does not end is told to."""
+"""Time after which a recorder that does not end is told to."""
 
 
 class Script(FakeFeed):

@@ -32,7 +32,7 @@ def record(run: Run, out: Path) -> Path:
 
 
 def decoded(path: Path) -> dict[str, list[tuple[float, Any]]]:
-    """By topic (time in s, message), read by mcap's own reader with its checksums tested."""
+    """Messages by topic, each with its time in s, read by mcap's own reader with its checksums tested."""
     found: dict[str, list[tuple[float, Any]]] = defaultdict(list)
     with path.open("rb") as file:
         reader = make_reader(file, validate_crcs=True, decoder_factories=[DecoderFactory()])

@@ -1,4 +1,4 @@
-"""What a replay keeps of robots' beliefs, and for how long."""
+"""Robots' beliefs that a replay keeps, and for how long."""
 
 from __future__ import annotations
 

@@ -30,7 +30,7 @@ def at(player: Player, k: int) -> State:
 
 
 def believed_of(player: Player, number: int) -> NDArray[np.int32]:
-    """What a robot believes, which is worked out little by little."""
+    """A robot's belief, which is worked out little by little."""
     return next(seen for _ in range(1000) if (seen := player.last_seen(number)) is not None)
 
 

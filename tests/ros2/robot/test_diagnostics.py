@@ -1,4 +1,4 @@
-"""What the robot's own tools are told of a patrol."""
+"""Diagnostics of a patrol for the robot's own tools."""
 
 from __future__ import annotations
 

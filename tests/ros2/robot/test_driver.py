@@ -117,12 +117,12 @@ class Bench:
         self.driver.cycle()
 
     def fix(self) -> Fix:
-        """Where the driver has the robot, which it knows."""
+        """The robot's pose as the driver knows it."""
         return present(self.hardware.fix())
 
     @property
     def told(self) -> messages.Twist:
-        """What it was told last."""
+        """The last command."""
         twist: messages.Twist = self.hub.sent["/robot1/cmd_vel"][-1].twist
         return twist
 

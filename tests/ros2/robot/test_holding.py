@@ -1,4 +1,4 @@
-"""What keeps a robot from driving besides stops, and what is said of it."""
+"""Reasons besides stops that keep a robot from driving, and what is said of them."""
 
 from __future__ import annotations
 

@@ -35,7 +35,7 @@ pose:
 {covariance}
 ---
 """
-"""What ``ros2 topic echo`` writes of a PoseWithCovarianceStamped."""
+"""A PoseWithCovarianceStamped as ``ros2 topic echo`` writes it."""
 
 
 def echoed(x: float = 1.5, heading: float = 0.5, variances: tuple[float, float, float] = (0.01, 0.02, 0.03)) -> str:

@@ -1,4 +1,4 @@
-"""Who else drives a robot, by what the graph says."""
+"""Others that drive a robot, by the graph."""
 
 from __future__ import annotations
 

@@ -33,7 +33,7 @@ def heeded(topic: StopTopic, *received: Received[Bool]) -> tuple[bool, bool, str
 
 
 def hardware_of(hub: Hub, lines: list[str], folder: Path | None = None) -> Hardware:
-    """What reaches a robot, with its stops noted in a folder, and what it says in `lines`."""
+    """A robot's topics, with its stops noted in a folder, and its lines in `lines`."""
     files = None if folder is None else StopFiles(folder, "r1")
     return Hardware(hub.link("f", "r1"), DriveSettings(), 1.0, lines.append, files)
 

@@ -37,7 +37,7 @@ from tests.routers import PATIENCE_S, make_local_fleet, needs_openssl
 pytestmark = needs_openssl
 
 REFUSED_S = 2.0
-"""How long somebody without a certificate tries to get in."""
+"""Time for which a stranger without a certificate tries to get in."""
 HERE = Pose(0.0, 0.0, 0.0)
 GRID = OccupancyGrid(1, "map", 0.05, HERE, np.zeros((20, 30), np.int8))
 

@@ -41,7 +41,10 @@ def subscriptions(mailbox: RosMailbox[Bool], monkeypatch: pytest.MonkeyPatch) ->
 
 def taken(mailbox: RosMailbox[Bool]) -> list[tuple[bytes, int | None]]:
     """Return the sender's first byte and the sequence of each message that has come."""
-    return [(received.sender[:1], received.sequence) for received in iter(mailbox.take, None) if received]
+    found = []
+    while (received := mailbox.take()) is not None:
+        found.append((received.sender[:1], received.sequence))
+    return found
 
 
 def test_what_comes_late_is_heard_once(subscriptions: list[Any], mailbox: RosMailbox[Bool]) -> None:
