@@ -19,6 +19,8 @@ def report(faulty: Any, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize("width", [1280, 390])
 def test_a_report_asks_nobody_fits_and_can_be_read(chromium: Any, report: Path, scheme: str, width: int) -> None:
     with Look(chromium, report.as_uri(), width, 720, scheme) as look:
         for details in look.page.query_selector_all("summary"):
