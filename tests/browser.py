@@ -46,12 +46,12 @@ class Look:
     def __init__(self, browser: Any, address: str, width: int = 1280, height: int = 720, scheme: str = "light") -> None:
         self._context = browser.new_context(color_scheme=scheme, viewport={"width": width, "height": height})
         self._host = urlsplit(address).netloc
-        self._asked: list[str] = []
+        self.asked: list[str] = []
         self._complaints: list[str] = []
-        self._context.on("request", lambda request: self._asked.append(request.url))
+        self._context.on("request", lambda request: self.asked.append(request.url))
         self.page = self._context.new_page()
         self.page.set_default_timeout(PATIENCE_S * 1000)
-        self.page.on("websocket", lambda socket: self._asked.append(socket.url))
+        self.page.on("websocket", lambda socket: self.asked.append(socket.url))
         self.page.on("console", lambda message: self._complaints.append(message.text))
         self.page.on("pageerror", lambda error: self._complaints.append(str(error)))
         self.page.goto(address, wait_until="domcontentloaded")
@@ -63,7 +63,7 @@ class Look:
         self._context.close()
         if kind is None:
             assert not self._complaints, self._complaints
-            asked = {urlsplit(url).netloc for url in self._asked if not url.startswith(("data:", "blob:"))}
+            asked = {urlsplit(url).netloc for url in self.asked if not url.startswith(("data:", "blob:"))}
             assert asked == {self._host}, asked
 
     def evaluate(self, script: str) -> Any:
@@ -85,11 +85,13 @@ class Look:
         if self.evaluate(shown):
             return
         drawn = self.evaluate("Number(document.body.dataset.frames ?? 0)")
-        self.evaluate(
-            f"""() => {{ const s = document.getElementById('seek'); s.value = {k};
-                s.dispatchEvent(new Event('input')); }}"""
-        )
+        self.slide(k)
         self.until(f"{shown} && Number(document.body.dataset.frames) > {drawn}")
+
+    def slide(self, k: int) -> None:
+        """Move a replay's slider to a tick."""
+        script = "const s = document.getElementById('seek'); s.value = %d; s.dispatchEvent(new Event('input'));"
+        self.evaluate(f"() => {{ {script % k} }}")
 
     def until(self, script: str, limit_s: float = PATIENCE_S) -> None:
         """Wait until a script says yes; the page's policy forbids Playwright's own way of waiting."""

@@ -93,6 +93,17 @@ class Bench:
         self._listeners[-1].start()
         return process
 
+    @contextmanager
+    def joined(self, name: str) -> Iterator[ZenohRos2Link]:
+        """Another program at the robot's router."""
+        link = open_ros2(self.endpoint, format_named(self.form, 0, "form"), NodeName(name, NAME), PATIENCE_S)
+        yield link
+        assert link.close(PATIENCE_S)
+
+    def says(self, text: str, after: int = 0) -> None:
+        """Wait until the agent has said something, after so many lines."""
+        self.until(lambda: any(text in line for line in self.said[after:]))
+
     def until(self, is_so: Callable[[], bool]) -> None:
         """Wait for something."""
         end = time.monotonic() + PATIENCE_S

@@ -40,7 +40,8 @@ def export(
     folder are replaced, all of them or none.
     """
     from fogwatch.terminal.live_table import bar_on
-    from monitor.tables.table import FORMATS, check_pyarrow, write_tables
+    from monitor.tables.arrow import FORMATS, write_tables
+    from monitor.tables.table import check_pyarrow
 
     chosen = next((candidate for candidate in FORMATS if candidate == kind), None)
     if chosen is None:

@@ -1,4 +1,4 @@
-"""What faults may cost at most: the paper's final algorithm and the one with claims, on `yards`, at points of 0.5 m.
+"""Largest costs of faults: the paper's final algorithm and the one with claims, on `yards`, at points of 0.5 m.
 
 Three seeds are a sample: a limit is broken where the whole 95 % interval lies beyond it. What twenty seeds gave is in
 docs/results/faults.md.
@@ -26,7 +26,7 @@ CONDITIONS = (
 MOST = {"50 % lost": 1.08, "90 % lost": 1.25, "total silence": 1.6}
 """Cost of a fault for the final algorithm: mean MFoW as a ratio to the same seed without it."""
 NEAR = 0.10
-"""How far the late mean MFoW after a death may be from that of a fleet of that size."""
+"""Largest share by which the late mean MFoW after a death differs from that of a fleet of that size."""
 LONGEST_STAY_S = 120.0
 """A robot that stays longer in one circle of four radii and strides has stopped."""
 
@@ -35,12 +35,8 @@ LONGEST_STAY_S = 120.0
 def says(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     out = tmp_path_factory.mktemp("faults")
     words = ["--point", "0.5", "--seeds", "3", "--only", ",".join(CONDITIONS), "--out", str(out)]
-    done = subprocess.run(
-        [sys.executable, "-P", "-m", "fogwatch", "reproduce", "faults", *words],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    command = [sys.executable, "-P", "-m", "fogwatch", "reproduce", "faults", *words]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     found: dict[str, Any] = json.loads((out / "faults.json").read_text(encoding="utf-8"))
     return found

@@ -1,4 +1,4 @@
-"""What watching costs: ticks per second of a fleet in lockstep with its page watched, unwatched, stopped, and without.
+"""The cost of watching: ticks per second of a fleet in lockstep with its page watched, unwatched, stopped, and without.
 
 One run, in turn, so that whatever else the machine does falls on all four.
 """
@@ -77,7 +77,7 @@ def cpu_s(pid: int) -> float:
     return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 
-def test_watching_a_fleet_of_five_costs_less_than_a_tenth(
+def test_watching_five_costs_less_than_a_tenth(
     spawn: Callable[..., subprocess.Popen[str]], tmp_path: Path, capsys: Any
 ) -> None:
     folder, ready = tmp_path / "run", tmp_path / "ready"

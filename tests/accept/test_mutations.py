@@ -63,7 +63,7 @@ FLEET: Mapping[str, Any] = {
 """Four robots that drive at random for 80 ticks."""
 
 SCENARIOS: dict[str, Mapping[str, Any]] = {}
-"""What goes wrong on purpose, as changes of `FLEET`, by name."""
+"""Things that go wrong on purpose, as changes of `FLEET`, by name."""
 
 MUTATIONS: dict[str, tuple[str, str, Plant]] = {}
 """The scenario, the check that has to fire, and what breaks the code, by what is wrong."""
@@ -180,6 +180,16 @@ _stays = put(InProcessFleet, "leave", lambda _: lambda *_: None)
 _living_hear = _wrap(
     World, "exchange", lambda real, of, sent: {n: heard for n, heard in real(of, sent).items() if n in of.living}
 )
+_paused_asked = put(Body, "alive", lambda _: property(lambda of: of.status in (Status.ALIVE, Status.PAUSED)))
+_others_hit = _wrap(Timeline, "_resolve_target", lambda real, *of: tuple(map(_next, real(*of))))
+_others_repeated = _wrap(Forger, "_repeat_frames", lambda real, of, ago, n: real(of, ago, _next(n)))
+_frames_vanish = _wrap(ether, "_arrived_frames", lambda real, *of: real(*of[:4], of[4][1:]))
+_half_the_jumps = _wrap(Senses, "_sum_jumps", lambda real, *of: real(*of[:-2], of[-2] // 2, of[-1]))
+_half_as_large_when_they_meet = _wrap(motion, "cancel_meeting", lambda real, ways, r, *of: real(ways, 0.5 * r, *of))
+_half_as_large_at_walls = _wrap(motion, "path_is_free", lambda real, *of: real(*of[:-1], 0.5 * of[-1]))
+_five_times_as_far = _wrap(motion, "advance", lambda real, pose, of, step: real(pose, of, 5.0 * step))
+_slowed_half_as_much = _wrap(world, "slowed", lambda real, command, most: real(command, most and 2.0 * most))
+_zones_late = _wrap(world, "zones_in_force", lambda real, zones, s: real(zones, s - 0.5))
 
 # --- robots ----------------------------------------------------------------------------------------------------------
 
@@ -194,11 +204,7 @@ _break(
     "pause",
     _faults({"kind": "pause", "who": "r2", "for": 10.0}),
     "a paused robot drives on",
-    (
-        "the robot is asked all the same",
-        "the down are silent",
-        put(Body, "alive", lambda _: property(lambda body: body.status in (Status.ALIVE, Status.PAUSED))),
-    ),
+    ("the robot is asked all the same", "the down are silent", _paused_asked),
 )
 _break(
     "resume",
@@ -227,11 +233,7 @@ _break(
     ("what is active is a tick late", "nothing crossed", _wrap(Timeline, "at", lambda real, of, k: real(of, k - 1))),
     ("acts are a tick late", "statuses", _wrap(Timeline, "acts", lambda real, of, k: real(of, k - 1))),
     ("acts are left out", "statuses", put(Timeline, "acts", lambda _: lambda *_: ())),
-    (
-        "others are hit",
-        "fault times",
-        _wrap(Timeline, "_resolve_target", lambda real, *of: tuple(map(_next, real(*of)))),
-    ),
+    ("others are hit", "fault times", _others_hit),
 )
 
 # --- the radio -------------------------------------------------------------------------------------------------------
@@ -334,11 +336,7 @@ _break(
     "spoof that repeats",
     _faults({**_SPOOF, "payload": {"replay": 2.0}}),
     ("frames are too young", "forgeries", _wrap(Forger, "_frame_age", lambda real, *of: max(real(*of) - 1, 0))),
-    (
-        "they are another's",
-        "forgeries",
-        _wrap(Forger, "_repeat_frames", lambda real, of, ago, n: real(of, ago, _next(n))),
-    ),
+    ("they are another's", "forgeries", _others_repeated),
 )
 _break(
     "spoof that freezes",
@@ -357,11 +355,7 @@ _break(
     _faults({"kind": "delay", "delay": {"constant": 2.0}, "for": 20.0}, {"kind": "kill", "who": "r2", "at": 6.0}),
     "late frames come a tick early",
     ("the dead hear", "the down are silent", put(ether, "_DEAF", lambda _: {}), _living_hear),
-    (
-        "frames in flight vanish",
-        "links add up",
-        _wrap(ether, "_arrived_frames", lambda real, *of: real(*of[:4], of[4][1:])),
-    ),
+    ("frames in flight vanish", "links add up", _frames_vanish),
 )
 _break(
     "draws of the ether",
@@ -413,11 +407,7 @@ _break(
     "jumps of places",
     _faults({"kind": "drift", "who": "all", "jump": {"every": 5.0, "size": 2.0}}),
     ("they are half as long", "senses", _wrap(Senses, "_sum_jumps", lambda real, *of: real(*of[:-1], 0.5 * of[-1]))),
-    (
-        "they are half as many",
-        "senses",
-        _wrap(Senses, "_sum_jumps", lambda real, *of: real(*of[:-2], of[-2] // 2, of[-1])),
-    ),
+    ("they are half as many", "senses", _half_the_jumps),
 )
 _break(
     "clock",
@@ -443,27 +433,19 @@ _break(
     "meetings",
     {"robots": {**ROBOTS, "count": 20, "radius": 2.0}},
     "bodies pass through each other",
-    (
-        "bodies stop that are half as large",
-        "bodies apart",
-        _wrap(motion, "cancel_meeting", lambda real, paths, radii, stands: real(paths, 0.5 * radii, stands)),
-    ),
+    ("bodies stop that are half as large", "bodies apart", _half_as_large_when_they_meet),
 )
 _break(
     "walls",
     {"terrain": {"builtin": "yards"}},
     ("bodies pass", "moves", _blind, put(motion, "path_is_free", lambda _: lambda *_: True)),
-    (
-        "bodies stop that are half as large",
-        "bodies apart",
-        _blind,
-        _wrap(motion, "path_is_free", lambda real, *of: real(*of[:-1], 0.5 * of[-1])),
-    ),
+    ("bodies stop that are half as large", "bodies apart", _blind, _half_as_large_at_walls),
 )
 
 # --- the ground ------------------------------------------------------------------------------------------------------
 
 _PLACE = {"name": "place", "polygon": [[40, 30], [60, 30], [60, 60], [40, 60]]}
+_BATTERY = {"capacity": 0.3, "idle": 10.0, "drive": 10.0, "charge": 200.0, "start": 0.3}
 _HALL = {"name": "hall", "polygon": [[10, 10], [90, 10], [90, 78], [10, 78]]}
 _break(
     "close and open",
@@ -487,15 +469,7 @@ _break(
 )
 _break(
     "batteries",
-    {
-        "robots": {
-            **ROBOTS,
-            "count": 1,
-            "starts": [[11, 11]],
-            "battery": {"capacity": 0.3, "idle": 10.0, "drive": 10.0, "charge": 200.0, "start": 0.3},
-        },
-        "docks": [{"place": [11, 11]}],
-    },
+    {"robots": {**ROBOTS, "count": 1, "starts": [[11, 11]], "battery": _BATTERY}, "docks": [{"place": [11, 11]}]},
     ("empty ones last", "batteries", _blind, put(Batteries, "is_empty", lambda _: lambda *_: False)),
     ("driving costs half as much", "batteries", _blind, _batteries("drive", 0.5)),
     ("docks give twice as much", "batteries", _drives(lambda k, speed: speed * (k >= 2)), _batteries("charge", 2.0)),
@@ -504,28 +478,15 @@ _break(
     "keep-outs",
     {"zones": [{**_PLACE, "keep_out": True}]},
     "bodies pass through keep-outs",
-    (
-        "bodies get five times as far",
-        "keep-outs",
-        _wrap(motion, "advance", lambda real, pose, of, step: real(pose, of, 5.0 * step)),
-    ),
+    ("bodies get five times as far", "keep-outs", _five_times_as_far),
 )
 _break(
     "slow zones",
     {"zones": [{**_HALL, "speed": 1.0, "times": [[10, 30]]}]},
     "slow zones slow nothing",
-    (
-        "they are twice as fast",
-        "slow zones",
-        _blind,
-        _wrap(world, "slowed", lambda real, command, most: real(command, most and 2.0 * most)),
-    ),
+    ("they are twice as fast", "slow zones", _blind, _slowed_half_as_much),
     "zones begin and end unseen",
-    (
-        "they begin a tick late",
-        "zone times",
-        _wrap(world, "zones_in_force", lambda real, zones, s: real(zones, s - 0.5)),
-    ),
+    ("they begin a tick late", "zone times", _zones_late),
 )
 _break(
     "one-way zones",

@@ -1,4 +1,4 @@
-"""How well a fleet of processes keeps its pace, on a machine that has nothing else to do."""
+"""The pace of a fleet of processes, on a machine that has nothing else to do."""
 
 from __future__ import annotations
 

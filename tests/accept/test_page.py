@@ -29,14 +29,12 @@ MOST_MB = 400.0
 
 
 def memory_mb(pid: int) -> float:
-    """What a process holds."""
+    """Memory of a process, MB."""
     pages = int(Path(f"/proc/{pid}/statm").read_text(encoding="ascii").split()[1])
     return pages * os.sysconf("SC_PAGE_SIZE") / 1e6
 
 
-def test_fifty_robots_are_shown_smoothly_and_in_little_memory(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_fifty_robots_are_shown_smoothly_in_little_memory(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     run = fogwatch.run(FLEET, out=tmp_path / "fifty")
     command = [sys.executable, "-P", "-m", "monitor", "--replay", str(run.folder)]
     server = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)

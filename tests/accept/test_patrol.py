@@ -31,17 +31,10 @@ def test_three_robots_on_the_open_field_patrol_like_the_papers(sensor_range: flo
     """The paper prints 90.0 s (Table 3, f3 g4); which radius and point size that was is not known."""
     values = []
     for seed in (1, 2, 3):
-        scenario = load_scenario(
-            {
-                "terrain": {"builtin": "open"},
-                "point": 0.5,
-                "seed": seed,
-                "robots": {"count": 3, "model": "holonomic"},
-                "sensor": {"range": sensor_range},
-                "patrol": {"policy": "potential-field", "options": {"separation": "none"}},
-            }
-        )
-        outcome = run_in_process(scenario)
+        facts = {"terrain": {"builtin": "open"}, "point": 0.5, "seed": seed, "sensor": {"range": sensor_range}}
+        patrol = {"policy": "potential-field", "options": {"separation": "none"}}
+        robots = {"count": 3, "model": "holonomic"}
+        outcome = run_in_process(load_scenario({**facts, "robots": robots, "patrol": patrol}))
         assert outcome.verdict.valid
         values.append(outcome.summary.mfow_mean_s or inf)
     assert low <= mean(values) <= high

@@ -1,4 +1,4 @@
-"""What driving ROS 2 robots promises, measured: a pulled plug, and half an hour of three robots of three kinds."""
+"""Promises of driving ROS 2 robots, measured: a pulled plug, and half an hour of three robots of three kinds."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def agents(endpoint: str, common: list[str], formats: dict[str, str]) -> Iterato
 
 
 def measured(endpoint: str, out: Path, *words: str) -> dict[str, Any]:
-    """What simulated robots measure that end by themselves."""
+    """Measures of simulated robots that end by themselves."""
     simulator = module("ros2.sim", "--connect", endpoint, "--out", str(out), *words)
     subprocess.run(simulator, check=True)
     found: dict[str, Any] = json.loads(out.read_text(encoding="utf-8"))
@@ -76,7 +76,7 @@ def test_a_robot_whose_plug_is_pulled_stands_within_half_a_second(tmp_path: Path
 
 
 def patrolled(seed: int, folder: Path) -> dict[str, Any]:
-    """What three robots measure that patrol the yards for half an hour, in real time."""
+    """Measures of three robots that patrol the yards for half an hour, in real time."""
     folder.mkdir()
     scenario_file = folder / "scenario.yaml"
     scenario_file.write_text(dump_scenario(load_scenario(YARDS, {"seed": seed})), encoding="utf-8")

@@ -21,18 +21,8 @@ pytestmark = [pytest.mark.accept, pytest.mark.timeout(3600)]
 
 ROOT = Path(__file__).resolve().parents[2]
 EXTRAS_ONLY = {
-    "dask",
-    "distributed",
-    "matplotlib",
-    "mcap",
-    "mcap-ros2-support",
-    "plotly",
-    "rosbags",
-    "scipy",
-    "shapely",
-    "starlette",
-    "uvicorn",
-    "websockets",
+    *("dask", "distributed", "matplotlib", "mcap", "mcap-ros2-support", "plotly", "rosbags", "scipy", "shapely"),
+    *("starlette", "uvicorn", "websockets"),
 }
 HELP_S = 1.0
 """Processor time that the help of an agent may take, s."""
@@ -43,9 +33,8 @@ Installed = Callable[..., subprocess.CompletedProcess[str]]
 def run(*command: str | Path, folder: Path) -> subprocess.CompletedProcess[str]:
     """Run a command away from the sources, which it would find before what is installed."""
     environment = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
-    return subprocess.run(
-        [str(word) for word in command], cwd=folder, env=environment, capture_output=True, text=True, check=False
-    )
+    words = [str(word) for word in command]
+    return subprocess.run(words, cwd=folder, env=environment, capture_output=True, text=True, check=False)
 
 
 @pytest.fixture(scope="module")
@@ -127,9 +116,8 @@ def test_who_misses_an_extra_is_told_which(installed: Installed, folder: Path) -
 
 @pytest.mark.skipif(not runs_shipped(), reason="this processor does not run what the wheel for x86-64 holds")
 def test_the_wheel_for_x86_64_runs_a_fleet_without_git_and_make_and_compiles_nothing(folder: Path) -> None:
-    made = run(
-        "env", f"PYTHONPATH={ROOT}", sys.executable, "-P", ROOT / "deploy/wheels.py", folder / "dist", folder=folder
-    )
+    python = ("env", f"PYTHONPATH={ROOT}", sys.executable, "-P")
+    made = run(*python, ROOT / "deploy/wheels.py", folder / "dist", folder=folder)
     assert made.returncode == 0, made.stderr
     (wheel,) = (folder / "dist").glob("*x86_64.whl")
     venv.create(folder / "all", with_pip=True)
@@ -151,9 +139,7 @@ PYTHONS = [kind.rpartition(" ")[2] for kind in PROJECT["classifiers"] if kind.st
 
 @pytest.mark.parametrize("machine", ["aarch64", "x86_64"])
 @pytest.mark.parametrize("python", PYTHONS)
-def test_each_dependency_of_a_robot_has_a_wheel_for_each_python_that_we_name(
-    machine: str, python: str, folder: Path
-) -> None:
+def test_each_dependency_of_a_robot_has_a_wheel_for_each_python_named(machine: str, python: str, folder: Path) -> None:
     needed, target = PROJECT["dependencies"], folder / f"{machine}-{python}"
     platforms = [word for glibc in ("2_28", "2_17") for word in ("--platform", f"manylinux_{glibc}_{machine}")]
     done = run(

@@ -45,13 +45,8 @@ BASE: Mapping[str, Any] = {
     "patrol.options.separation": "none",
     **LENGTHS,
 }
-AUTO: Mapping[str, Any] = {
-    **dict.fromkeys(LENGTHS, "auto"),
-    "point": 0.5,
-    "robots.radius": 0.3,
-    "robots.speed": 1,
-    "robots.turning_radius": 1,
-}
+SMALL: Mapping[str, Any] = {"robots.radius": 0.3, "robots.speed": 1, "robots.turning_radius": 1}
+AUTO: Mapping[str, Any] = {**dict.fromkeys(LENGTHS, "auto"), "point": 0.5, **SMALL}
 """Lengths that follow a small body."""
 
 FAULTS: tuple[Mapping[str, Any], ...] = (
@@ -123,19 +118,14 @@ TARGETS_VARIANTS: Mapping[str, Mapping[str, Any]] = {
     "committed-faults": {"faults": FAULTS},
     "committed-blind-angle": {"sensor.angle": 120, "sensor.range": 14},
     "committed-quality": {"sensor.quality": [[4, 1.0], [10, 0.5]]},
-    "committed-small": {"robots.radius": 0.3, "robots.speed": 1, "robots.turning_radius": 1},
+    "committed-small": SMALL,
     "stochastic": {"patrol.policy": "stochastic"},
     "stochastic-faults": {"patrol.policy": "stochastic", "faults": FAULTS},
-    "stochastic-small": {
-        "patrol.policy": "stochastic",
-        "robots.radius": 0.3,
-        "robots.speed": 1,
-        "robots.turning_radius": 1,
-    },
+    "stochastic-small": {"patrol.policy": "stochastic", **SMALL},
 }
 
 PLACES = {"open": [45, 40], "yards": [40, 22], "clutter": [50, 50], "site": [230, 127]}
-"""Where an intruder stands, m; on passable ground of each terrain."""
+"""Places of an intruder, m, on passable ground of each terrain."""
 
 
 def cases() -> Iterator[tuple[str, dict[str, Any]]]:
@@ -149,15 +139,8 @@ def cases() -> Iterator[tuple[str, dict[str, Any]]]:
                 yield f"{terrain} {body} {variant}", {"terrain": terrain, **chosen}
         for body in TARGETS_BODIES:
             for variant, settings in TARGETS_VARIANTS.items():
-                yield (
-                    f"{terrain} {body} {variant}",
-                    {
-                        "terrain": terrain,
-                        **TARGETS,
-                        "robots.model": body,
-                        **settings,
-                    },
-                )
+                chosen = {**TARGETS, "robots.model": body, **settings}
+                yield f"{terrain} {body} {variant}", {"terrain": terrain, **chosen}
 
 
 def trace_of(case: tuple[str, dict[str, Any]]) -> tuple[str, str]:

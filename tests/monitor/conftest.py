@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import shutil
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -18,8 +18,8 @@ from agent.mind import Mind
 from fogwatch.inprocess import InProcessFleet
 from monitor.replay.run import Run, open_run
 from patrol.exchange import FIRST_INCARNATION
-from patrol.journal import JournalWriter, TickRecord, read_journal
-from patrol.prepare import prepare, sensor_footprint
+from patrol.journal import End, JournalWriter, TickRecord, read_journal
+from patrol.prepare import Prepared, prepare, sensor_footprint
 from patrol.scenario import dump_scenario, load_scenario
 from tests.worldsim.test_operator import Hour, Rests, Script
 from worldsim.controls import Operator
@@ -37,10 +37,11 @@ QUIET: dict[str, Any] = {
     "robots": {"count": 3, "model": "holonomic"},
 }
 
+SPOOF: dict[str, Any] = {"kind": "spoof", "by": "stranger", "as": "r1", "payload": {"offset": [2.0, 1.0]}}
 FAULTS: list[dict[str, Any]] = [
     {"kind": "loss", "rate": 0.5, "at": 3, "for": 12},
     {"kind": "delay", "delay": {"uniform": [0.0, 2.0]}, "at": 10, "for": 10},
-    {"kind": "spoof", "by": "stranger", "as": "r1", "payload": {"offset": [2.0, 1.0]}, "at": 5, "for": 15},
+    {**SPOOF, "at": 5, "for": 15},
     {"kind": "drift", "who": "r2", "bias": [1.5, 0.0], "at": 12, "for": 6},
     {"kind": "pause", "who": "r3", "at": 18, "for": 4},
     {"kind": "kill", "who": "r1", "at": 22},
@@ -77,7 +78,7 @@ BY_HAND: dict[int, list[dict[str, Any]]] = {
     40: [{"do": "fault", "fault": {"kind": "open", "closure": "crate"}}],
     50: [{"do": "heal", "id": "op3"}],
 }
-"""What an operator does with DOORS, by tick. The robot stands in the crate's place when it is to be closed."""
+"""Controls of an operator of DOORS, by tick. The robot stands in the crate's place when it is to be closed."""
 
 
 def run_of(
@@ -112,107 +113,105 @@ def run_of(
             requests.world = world
             operator = Operator(world, Rests(), requests, hour, controls_processes=True)
         recorder.end(run_ticks(world, fleet, on_tick, recorder.event, control=fleet, operator=operator))
-    journal = read_journal(folder / "journal")
-    summary = summarise(journal, judge(journal, {}, prepared)).document()
-    (folder / "summary.json").write_text(json.dumps(summary), encoding="utf-8")
+    write_summary(folder, prepared)
     return seen
 
 
-@pytest.fixture(scope="session")
-def quiet(tmp_path_factory: pytest.TempPathFactory) -> Seen:
-    """A run in which nothing goes wrong; nobody writes into its folder."""
-    return run_of(tmp_path_factory.mktemp("quiet"), QUIET)
+def write_summary(folder: Path, prepared: Prepared) -> None:
+    journal = read_journal(folder / "journal")
+    summary = summarise(journal, judge(journal, {}, prepared)).document()
+    (folder / "summary.json").write_text(json.dumps(summary), encoding="utf-8")
 
 
-@pytest.fixture(scope="session")
-def faulty(tmp_path_factory: pytest.TempPathFactory) -> Seen:
-    """A run with losses, delays, forged frames, a drift, a pause, a death and a restart."""
-    return run_of(tmp_path_factory.mktemp("faulty"), {**QUIET, "name": "faulty", "faults": FAULTS})
+def rewritten(
+    seen: Seen,
+    folder: Path,
+    tick: Callable[[TickRecord], TickRecord | None] = lambda record: record,
+    scenario: Mapping[str, Any] | None = None,
+    notes: Mapping[str, Any] | None = None,
+) -> Path:
+    """Write a run's folder with another story in its journal, judged anew.
+
+    tick: what becomes of each tick, None for nothing. scenario: another one. notes: of the journal's end.
+    """
+    journal = read_journal(seen.folder / "journal")
+    loaded = load_scenario(journal.header.scenario if scenario is None else scenario)
+    prepared = prepare(loaded)
+    folder.mkdir()
+    (folder / "scenario.yaml").write_text(dump_scenario(loaded), encoding="utf-8")
+    end = journal.end or End("completed", "")
+    with JournalWriter(folder / "journal", header_of(World(prepared))) as writer:
+        for record in (*journal.events, *map(tick, journal.ticks), replace(end, notes=notes or end.notes)):
+            if record is not None:
+                writer.write(record)
+    write_summary(folder, prepared)
+    return folder
+
+
+BODY = {"model": "holonomic"}
+CORNERS = {"top": [50.0, 87.0], "topmost-left": [1.0, 87.0], "lowest-right": [99.0, 1.0], "bottom": [50.0, 1.0]}
+SAVING = {"trail": 4, "trail_every": 2, "budget": {"bits_per_s": 700, "overhead": 8}, "adaptive": {"error": 1}}
+SIDES = ([15, 15, 25, 16], [15, 24, 25, 25], [15, 15, 16, 25], [24, 15, 25, 25])
+RING: dict[str, Any] = {
+    "robots": {"count": 1, **BODY, "speed": 1.0, "radius": 0.4, "starts": [[20, 20]]},
+    "closures": [
+        {"name": f"side{i}", "polygon": [[x0, y0], [x1, y0], [x1, y1], [x0, y1]], "closed": [[2, 300]]}
+        for i, (x0, y0, x1, y1) in enumerate(SIDES)
+    ],
+}
+
+RUNS: dict[str, dict[str, Any]] = {
+    "quiet": {"name": "short"},
+    # Losses, delays, forged frames, a drift, a pause, a death and a restart.
+    "faulty": {"faults": FAULTS},
+    # The same without the drift, with robots that save on their radio: most ticks have no frame of theirs.
+    "saving": {"faults": [fault for fault in FAULTS if fault["kind"] != "drift"], "radio": SAVING},
+    # Sensors leave a part of each point's age.
+    "hazy": {"sensor": {"quality": 0.6}},
+    # Nobody hears the first robot from tick 10 on.
+    "muted": {"faults": [{"kind": "silence", "who": "r1", "direction": "both", "at": 5}]},
+    "alone": {"duration": 10, "robots": {"count": 1, **BODY}},
+    # The second robot hardly moves, and dies at the end.
+    "trapped": {
+        "duration": 200,
+        "robots": [BODY, {**BODY, "speed": 0.01}],
+        "faults": [{"kind": "kill", "who": "r2", "at": 195}],
+    },
+    # From 2 s on the robot is shut in by a ring of four closures.
+    "shut_in": {"terrain": {"builtin": "open"}, "duration": 200, **RING},
+    # One of two spare robots joins.
+    "spare": {
+        "duration": 20,
+        "robots": {"count": 2, "spare": 2, **BODY},
+        "faults": [{"kind": "join", "who": "r3", "at": 10}],
+    },
+    # Robots begin at the upper and the lower edge of the terrain, two of them in corners.
+    "edges": {"duration": 5, "robots": [{**BODY, "name": name, "start": start} for name, start in CORNERS.items()]},
+    # Robots do not all get everywhere.
+    "mixed": {"duration": 10, "sensor": {"range": 3.0}, "robots": [{**BODY, "radius": size} for size in (0.3, 2.5)]},
+    # Robots would hear each other by themselves; here nobody carries their frames.
+    "direct": {"duration": 10, "pace": "realtime", "radio": {"via": "direct"}},
+}
+"""Facts of runs besides `QUIET`, by their fixture's name. No test writes into their folders."""
+
+
+def fixture_of(name: str) -> Any:
+    """Return the fixture of one of `RUNS`."""
+
+    @pytest.fixture(scope="session", name=name)
+    def seen(tmp_path_factory: pytest.TempPathFactory) -> Seen:
+        return run_of(tmp_path_factory.mktemp(name), {**QUIET, "name": name, **RUNS[name]})
+
+    return seen
+
+
+quiet, faulty, saving, hazy, muted, alone, trapped, shut_in, spare, edges, mixed, direct = map(fixture_of, RUNS)
 
 
 @pytest.fixture(scope="session")
 def doors(tmp_path_factory: pytest.TempPathFactory) -> Seen:
     """A run of one robot, with a gate that closes by itself and a crate, both closed and opened by an operator too."""
     return run_of(tmp_path_factory.mktemp("doors"), DOORS, BY_HAND)
-
-
-@pytest.fixture(scope="session")
-def saving(tmp_path_factory: pytest.TempPathFactory) -> Seen:
-    """The same without the drift, with robots that save on their radio: most ticks have no frame of theirs."""
-    faults = [fault for fault in FAULTS if fault["kind"] != "drift"]
-    budget = {"bits_per_s": 700, "overhead": 8}
-    radio = {"trail": 4, "trail_every": 2, "budget": budget, "adaptive": {"error": 1}}
-    return run_of(tmp_path_factory.mktemp("saving"), {**QUIET, "name": "saving", "faults": faults, "radio": radio})
-
-
-@pytest.fixture(scope="session")
-def hazy(tmp_path_factory: pytest.TempPathFactory) -> Seen:
-    """A run whose sensors leave a part of each point's age."""
-    return run_of(tmp_path_factory.mktemp("hazy"), {**QUIET, "name": "hazy", "sensor": {"quality": 0.6}})
-
-
-@pytest.fixture(scope="session")
-def muted(tmp_path_factory: pytest.TempPathFactory) -> Seen:
-    """A run whose first robot nobody hears from tick 10 on."""
-    silence = {"kind": "silence", "who": "r1", "direction": "both", "at": 5}
-    return run_of(tmp_path_factory.mktemp("muted"), {**QUIET, "name": "muted", "faults": [silence]})
-
-
-@pytest.fixture(scope="session")
-def alone(tmp_path_factory: pytest.TempPathFactory) -> Seen:
-    """A run of one robot."""
-    robots = {"count": 1, "model": "holonomic"}
-    return run_of(tmp_path_factory.mktemp("alone"), {**QUIET, "name": "alone", "duration": 10, "robots": robots})
-
-
-@pytest.fixture(scope="session")
-def trapped(tmp_path_factory: pytest.TempPathFactory) -> Seen:
-    """A run whose second robot hardly moves, and dies at the end."""
-    robots = [{"model": "holonomic"}, {"model": "holonomic", "speed": 0.01}]
-    facts = {"name": "trapped", "duration": 200, "robots": robots, "faults": [{"kind": "kill", "who": "r2", "at": 195}]}
-    return run_of(tmp_path_factory.mktemp("trapped"), {**QUIET, **facts})
-
-
-@pytest.fixture(scope="session")
-def shut_in(tmp_path_factory: pytest.TempPathFactory) -> Seen:
-    """A run whose robot is shut in from 2 s on, by a ring of four closures."""
-    sides = ([15, 15, 25, 16], [15, 24, 25, 25], [15, 15, 16, 25], [24, 15, 25, 25])
-    corners = [[[x0, y0], [x1, y0], [x1, y1], [x0, y1]] for x0, y0, x1, y1 in sides]
-    ring = [{"name": f"side{i}", "polygon": polygon, "closed": [[2, 300]]} for i, polygon in enumerate(corners)]
-    robots = {"count": 1, "model": "holonomic", "speed": 1.0, "radius": 0.4, "starts": [[20, 20]]}
-    facts = {"terrain": {"builtin": "open"}, "name": "shut-in", "duration": 200, "robots": robots, "closures": ring}
-    return run_of(tmp_path_factory.mktemp("shut-in"), {**QUIET, **facts})
-
-
-@pytest.fixture(scope="session")
-def spare(tmp_path_factory: pytest.TempPathFactory) -> Seen:
-    """A run with two spare robots, one of which joins."""
-    robots = {"count": 2, "spare": 2, "model": "holonomic"}
-    facts = {"name": "spare", "duration": 20, "robots": robots, "faults": [{"kind": "join", "who": "r3", "at": 10}]}
-    return run_of(tmp_path_factory.mktemp("spare"), {**QUIET, **facts})
-
-
-@pytest.fixture(scope="session")
-def edges(tmp_path_factory: pytest.TempPathFactory) -> Seen:
-    """A run that begins with robots at the upper and the lower edge of the terrain, two of them in corners."""
-    corners = {"top": [50.0, 87.0], "topmost-left": [1.0, 87.0], "lowest-right": [99.0, 1.0], "bottom": [50.0, 1.0]}
-    robots = [{"name": name, "model": "holonomic", "start": start} for name, start in corners.items()]
-    return run_of(tmp_path_factory.mktemp("edges"), {**QUIET, "name": "edges", "duration": 5, "robots": robots})
-
-
-@pytest.fixture(scope="session")
-def mixed(tmp_path_factory: pytest.TempPathFactory) -> Seen:
-    """A run of robots that do not all get everywhere."""
-    robots = [{"model": "holonomic", "radius": radius} for radius in (0.3, 2.5)]
-    facts = {"name": "mixed", "duration": 10, "sensor": {"range": 3.0}, "robots": robots}
-    return run_of(tmp_path_factory.mktemp("mixed"), {**QUIET, **facts})
-
-
-@pytest.fixture(scope="session")
-def direct(tmp_path_factory: pytest.TempPathFactory) -> Seen:
-    """A run whose robots would hear each other by themselves; here nobody carries their frames."""
-    facts = {"name": "direct", "duration": 10, "pace": "realtime", "radio": {"via": "direct"}}
-    return run_of(tmp_path_factory.mktemp("direct"), {**QUIET, **facts})
 
 
 @pytest.fixture
@@ -225,6 +224,13 @@ def copied(tmp_path: Path) -> Callable[[Seen], Path]:
         return folder
 
     return copy
+
+
+def shorten_range(folder: Path) -> None:
+    """Change the sensors' range in a run's scenario, so that it is not the one that was run."""
+    text = (folder / "scenario.yaml").read_text(encoding="utf-8")
+    assert "range: 10.0" in text
+    (folder / "scenario.yaml").write_text(text.replace("range: 10.0", "range: 9.0"), encoding="utf-8")
 
 
 def cut(folder: Path, share: float) -> None:

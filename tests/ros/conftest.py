@@ -23,11 +23,8 @@ def domain() -> Iterator[int]:
     for number in range(1, LAST_DOMAIN + 1):
         with socket.socket() as claim, suppress(OSError):
             claim.bind(("127.0.0.1", FIRST_PORT + number))
-            os.environ.update(
-                ROS_DOMAIN_ID=str(number),
-                ROS_AUTOMATIC_DISCOVERY_RANGE="LOCALHOST",
-                RMW_IMPLEMENTATION="rmw_fastrtps_cpp",
-            )
+            os.environ.update(ROS_DOMAIN_ID=str(number), RMW_IMPLEMENTATION="rmw_fastrtps_cpp")
+            os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
             yield number
             return
     pytest.fail("every domain of ROS is taken")

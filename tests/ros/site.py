@@ -5,7 +5,6 @@ from __future__ import annotations
 import itertools
 import json
 import math
-import os
 import signal
 import subprocess
 import sys
@@ -66,11 +65,8 @@ class Site:
 
     def start_agent(self) -> None:
         """Start what drives the robot."""
-        reach = (
-            ["--robot", "ros2", "--format", "bridge", "--connect"]
-            if self.kind == "bridge"
-            else ["--robot", "rclpy", "--router"]
-        )
+        bridged = ["--robot", "ros2", "--format", "bridge", "--connect"]
+        reach = bridged if self.kind == "bridge" else ["--robot", "rclpy", "--router"]
         words = ["-P", "-m", "agent", *reach, self.endpoint, "--namespace", base.NAMESPACE, "--localisation", "pose"]
         body = ["--map", str(OFFICE), "--radius", str(RADIUS), "--speed", "1", "--wait", str(PATIENCE_S)]
         self._start("agent", [*words, *body, "--state", str(self.folder / "state")])
@@ -91,9 +87,8 @@ class Site:
 
     def fogwatch(self, *words: str) -> tuple[int, str]:
         """Run a command; return its exit code and what it printed."""
-        done = subprocess.run(
-            [sys.executable, "-P", "-m", "fogwatch", *words], capture_output=True, text=True, check=False
-        )
+        command = [sys.executable, "-P", "-m", "fogwatch", *words]
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
         return done.returncode, done.stdout + done.stderr
 
     def control(self, *words: str) -> None:
@@ -125,13 +120,10 @@ class Site:
         self.until(lambda: length_m(self.track[begin:]) > way_m and abs(self.track[-1]["speed"]) > 0.1)
 
     def recovers(self, begin: int) -> None:
-        """Wait until the agent drives the robot again after something died.
+        """Wait until the agent drives the robot again after something died, when its log was `begin` long.
 
         DDS may bring the robot's odometry seconds before the robot hears commands. Then the agent holds the robot, as
         one whose wheels are blocked, until an operator releases it.
-
-        Args:
-            begin: The length of the agent's log when it died.
         """
         self.says("agent", "drives again", begin)
         moves = len(self.track)
@@ -178,13 +170,7 @@ class Site:
     def _start(self, name: str, words: list[str], stdout: int | None = None) -> subprocess.Popen[str]:
         self.note(f"start {name}")
         with (self.folder / f"{name}.log").open("a", encoding="utf-8") as log:
-            process = subprocess.Popen(
-                [sys.executable, *words],
-                stdout=log if stdout is None else stdout,
-                stderr=log,
-                text=True,
-                env=dict(os.environ),
-            )
+            process = subprocess.Popen([sys.executable, *words], stdout=stdout or log, stderr=log, text=True)
         self.running[name] = process
         return process
 

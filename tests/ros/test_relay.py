@@ -9,6 +9,7 @@ import time
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from itertools import count
+from subprocess import PIPE
 
 import pytest
 
@@ -56,9 +57,7 @@ def test_it_teaches() -> None:
 @contextmanager
 def relaying(where: str) -> Iterator[subprocess.Popen[str]]:
     """A relay that has begun."""
-    with subprocess.Popen(
-        [*RELAY, "--connect", where], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-    ) as relay:
+    with subprocess.Popen([*RELAY, "--connect", where], stdout=PIPE, stderr=PIPE, text=True) as relay:
         try:
             assert relay.stdout is not None
             assert relay.stdout.readline().startswith("relays to")
@@ -76,11 +75,7 @@ def test_it_leaves_when_it_is_told_to(number: signal.Signals) -> None:
 
 
 class Node:
-    """A node that publishes on a topic and hears it.
-
-    Attributes:
-        stamps: Of the messages that it has heard.
-    """
+    """A node that publishes on a topic and hears it; `stamps` of the messages that it has heard."""
 
     def __init__(self, link: Ros2Link) -> None:
         self.stamps: list[int] = []

@@ -1,6 +1,5 @@
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -13,21 +12,11 @@ from patrol.security.private_files import new_key
 from tests.routers import reach_patiently, write_access
 
 
-@pytest.fixture
-def folder(tmp_path: Path) -> Callable[[str], Path]:
-    """A run's folder that says where its fleet is met."""
-
-    def make(router: str) -> Path:
-        write_access(tmp_path, router)
-        return tmp_path
-
-    return make
-
-
-def test_the_key_that_a_run_s_scenario_names_is_opened_only_when_asked_for(
-    endpoint: str, folder: Callable[[str], Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+def test_a_scenario_s_key_is_opened_only_when_asked_for(
+    endpoint: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    run, key = folder(endpoint), tmp_path / "fleet.key"
+    run, key = tmp_path, tmp_path / "fleet.key"
+    write_access(run, endpoint)
     new_key(key)
     (run / "scenario.yaml").write_text(f"terrain: {{builtin: open}}\nradio: {{key: {key}}}\n", encoding="utf-8")
     reach_patiently(monkeypatch)
@@ -47,10 +36,10 @@ def test_the_key_that_a_run_s_scenario_names_is_opened_only_when_asked_for(
     assert opened == [key]
 
 
-def test_a_scenario_that_leads_out_of_the_run_s_folder_is_not_read(
-    endpoint: str, folder: Callable[[str], Path], tmp_path_factory: pytest.TempPathFactory
-) -> None:
-    run, outside = folder(endpoint), tmp_path_factory.mktemp("outside") / "mine.yaml"
+def test_a_scenario_that_leads_out_of_the_run_s_folder_is_not_read(endpoint: str, tmp_path: Path) -> None:
+    run, outside = tmp_path / "run", tmp_path / "mine.yaml"
+    run.mkdir()
+    write_access(run, endpoint)
     outside.write_text("terrain: {builtin: open}\n", encoding="utf-8")
     (run / "scenario.yaml").symlink_to(outside)
     with pytest.raises(BadInput, match="is a link that leads out of the run's folder"):

@@ -8,19 +8,18 @@ from collections import deque
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from monitor.live.feed_client import FeedClient
 from monitor.live.feed_source import AGAIN_S, FeedSource
 from monitor.live.fog_tracker import HEARD
 from monitor.observation.source import Answer, State
 from monitor.replay.player import Player
-from patrol.errors import BadInput, Malformed
+from patrol.errors import BadInput
 from patrol.ground.fog import NEVER
 from patrol.journal import JournalWriter, pack, unpack
 from patrol.journal.file import MAGIC
@@ -28,15 +27,12 @@ from patrol.journal.records import Event, Status, TickRecord
 from patrol.messages.feed import Batch, SoFar, batch_bytes, read_so_far, so_far_bytes
 from patrol.scenario.controls import OPERATOR
 from patrol.wire import read_sparingly
+from tests.monitor.conftest import Seen
+from tests.present import present
 from worldsim.controls import RunState
 from worldsim.output.feed_publisher import Feed, ground_of
 from worldsim.output.record import header_of
 from worldsim.world import World
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from tests.monitor.conftest import Seen
 
 
 def records_of(seen: Seen) -> list[bytes]:
@@ -120,11 +116,16 @@ class FakeFeed(FeedClient):
 
 def watched(source: FeedSource) -> State:
     """The state once nothing is left to take in."""
-    state = None
-    while (newer := source.wait(0.01)) is not None:
-        state = newer
-    assert state is not None
-    return state
+    return deque(iter(partial(source.wait, 0.01), None), 1)[0]
+
+
+def played(seen: Seen, k: int = 1) -> tuple[FeedSource, State]:
+    """A source that has taken in a whole run from a record on, and its last state."""
+    wire = FakeFeed(seen)
+    wire.number = k
+    source = wire.source()
+    wire.send(10_000)
+    return source, watched(source)
 
 
 def test_from_the_start_the_fogs_are_those_of_the_world_and_of_its_minds(faulty: Seen) -> None:
@@ -135,27 +136,21 @@ def test_from_the_start_the_fogs_are_those_of_the_world_and_of_its_minds(faulty:
     while wire.number < len(wire.records):
         wire.send(7)
         state = watched(source)
-        truth = source.last_seen("truth")
-        assert truth is not None
-        np.testing.assert_array_equal(truth, faulty.truth[state.k])
-    assert state.k == run.ticks - 1
-    assert (state.ended, state.running) == ("completed", False)
+        np.testing.assert_array_equal(source.last_seen("truth"), faulty.truth[state.k])
+    assert (state.k, state.ended, state.running) == (run.ticks - 1, "completed", False)
     assert state.mfow_s == run.mfow[-1] * run.step
     for number in robots:
         assert source.last_seen(number) is None  # it is worked out first
     source.wait(10.0)
     assert Status.ALIVE in {robot.status for robot in state.robots}
     for number in robots:
-        believed = source.last_seen(number)
-        assert believed is not None
-        np.testing.assert_array_equal(believed, faulty.beliefs[state.k, number])
+        np.testing.assert_array_equal(source.last_seen(number), faulty.beliefs[state.k, number])
     series = source.series(3)
     np.testing.assert_array_equal(series.ticks, np.arange(4, run.ticks))
     np.testing.assert_allclose(series.mfow_s, run.mfow[4:] * run.step)
-    assert state.links is not None
-    np.testing.assert_array_equal(state.links.delivered, run.links.delivered[1:, 1:])
-    lost = state.links.sent - state.links.delivered - run.links.lost[1:, 1:]
-    assert lost.min() >= 0
+    links = present(state.links)
+    np.testing.assert_array_equal(links.delivered, run.links.delivered[1:, 1:])
+    assert (links.sent - links.delivered - run.links.lost[1:, 1:]).min() >= 0
     assert tuple(source.events(0)) == run.events
     assert wire.answers == 1
 
@@ -165,10 +160,7 @@ def test_who_hears_everything_knows_the_truth_where_nothing_is_forged(quiet: See
     source = wire.source()
     assert source.last_seen(HEARD) is not None
     wire.send(10_000)
-    state = watched(source)
-    heard = source.last_seen(HEARD)
-    assert heard is not None
-    np.testing.assert_array_equal(heard, quiet.truth[state.k])
+    np.testing.assert_array_equal(source.last_seen(HEARD), quiet.truth[watched(source).k])
     assert source.last_seen(77) is None
 
 
@@ -176,14 +168,12 @@ def test_who_comes_late_is_told_what_was_before(faulty: Seen) -> None:
     wire = FakeFeed(faulty)
     wire.number = 20
     source = wire.source()
-    state = source.wait(0.0)
-    assert state is not None
+    state = present(source.wait(0.0))
     since = state.k
     np.testing.assert_array_equal(source.last_seen("truth"), faulty.truth[since])
     assert len(source.series(-1).ticks) == since + 1
     assert state.note == ""
-    assert state.links is not None
-    assert state.links.since == since + 1
+    assert present(state.links).since == since + 1
     wire.send(10_000)
     state = watched(source)
     np.testing.assert_array_equal(source.last_seen("truth"), faulty.truth[state.k])
@@ -191,6 +181,7 @@ def test_who_comes_late_is_told_what_was_before(faulty: Seen) -> None:
 
 
 def test_what_was_missed_is_asked_for_again_but_not_all_the_time(faulty: Seen) -> None:
+    """Links are known from the gap on, and say so."""
     wire = FakeFeed(faulty)
     source = wire.source()
     wire.send(5)
@@ -202,7 +193,9 @@ def test_what_was_missed_is_asked_for_again_but_not_all_the_time(faulty: Seen) -
     wire.now += AGAIN_S
     wire.send(10)
     state = watched(source)
-    assert wire.answers == 2
+    links = present(state.links)
+    assert (wire.answers, state.note) == (2, "")
+    assert (links.since, links.sent.sum()) == (state.k + 1, 0)
     np.testing.assert_array_equal(source.last_seen("truth"), faulty.truth[state.k])
     wire.send(10_000)
     state = watched(source)
@@ -227,21 +220,6 @@ def test_a_gap_doubles_no_event_and_is_told(faulty: Seen) -> None:
     assert tuple(source.events(0)) == events
 
 
-def test_links_and_beliefs_are_known_from_a_gap_on_and_the_links_say_so(faulty: Seen) -> None:
-    wire = FakeFeed(faulty)
-    source = wire.source()
-    wire.send(9)
-    assert watched(source).note == ""
-    wire.send(9, lost=True)
-    wire.now += AGAIN_S
-    wire.send(2)
-    state = watched(source)
-    assert state.note == ""
-    assert state.links is not None
-    assert state.links.since == state.k + 1
-    assert state.links.sent.sum() == 0
-
-
 def test_trails_have_every_tick_that_came_however_many_came_at_once(quiet: Seen) -> None:
     world = FakeFeed(quiet)
     source = world.source()
@@ -249,9 +227,7 @@ def test_trails_have_every_tick_that_came_however_many_came_at_once(quiet: Seen)
         world.send(20)
     k = watched(source).k
     assert k == 59
-    trail = source.trail(0, k)
-    assert trail is not None
-    np.testing.assert_array_equal(trail, quiet.open().poses[: k + 1, :, :2])
+    np.testing.assert_array_equal(source.trail(0, k), quiet.open().poses[: k + 1, :, :2])
     assert source.trail(0, k + 1) is None
     world.send(2, lost=True)
     world.send(2)
@@ -262,13 +238,10 @@ def test_trails_have_every_tick_that_came_however_many_came_at_once(quiet: Seen)
 
 def test_what_operators_asked_for_is_in_force_however_much_happened_since(quiet: Seen) -> None:
     wire = FakeFeed(quiet)
-    fault = {"kind": "loss", "id": "f1", "rate": 0.5}
-    detail = json.dumps({"do": "fault", "fault": fault})
+    detail = json.dumps({"do": "fault", "fault": {"kind": "loss", "id": "f1", "rate": 0.5}})
     wire.asked_for = [Event(0, OPERATOR, None, detail)]
-    wire.most_events = 0
-    wire.number = 20
-    state = watched(wire.source())
-    assert [one["id"] for one in state.faults] == ["f1"]
+    wire.most_events, wire.number = 0, 20
+    assert [one["id"] for one in watched(wire.source()).faults] == ["f1"]
 
 
 def shut(state: State) -> tuple[tuple[str, ...], tuple[str, ...]]:
@@ -287,17 +260,18 @@ def test_closures_and_what_holds_them_are_known_from_the_start_and_late(doors: S
         if state is None or state.k in shown:
             continue
         shown[state.k] = state
-        truth = source.last_seen("truth")
-        assert truth is not None
-        np.testing.assert_array_equal(truth, doors.truth[state.k])
+        np.testing.assert_array_equal(source.last_seen("truth"), doors.truth[state.k])
     told = {k: (*shut(state), [fault["id"] for fault in state.faults]) for k, state in shown.items()}
-    assert told[10] == (("gate",), (), [])
-    assert told[20] == ((), (), ["op1"])
-    assert told[22] == ((), ("crate",), ["op1", "op2"])
-    assert told[24] == (("crate",), (), ["op1", "op2"])
-    assert told[28] == (("crate", "gate"), (), ["op2"])
-    assert told[40] == ((), (), ["op3"])
-    assert told[50] == ((), (), [])
+    expected = {
+        10: (("gate",), (), []),
+        20: ((), (), ["op1"]),
+        22: ((), ("crate",), ["op1", "op2"]),
+        24: (("crate",), (), ["op1", "op2"]),
+        28: (("crate", "gate"), (), ["op2"]),
+        40: ((), (), ["op3"]),
+        50: ((), (), []),
+    }
+    assert {k: told[k] for k in expected} == expected
     late = FakeFeed(doors)
     late.number = 1 + next(i for i, record in enumerate(late.records) if getattr(unpack(record), "k", 0) == 34)
     late.asked_for = [*asked[:3], Event(30, "opened", None, "gate"), Event(24, "closed", None, "crate")]
@@ -308,38 +282,20 @@ def test_closures_and_what_holds_them_are_known_from_the_start_and_late(doors: S
 
 def test_a_belief_is_computed_with_what_was_closed_then(doors: Seen) -> None:
     """The only robot knows all that it truly sees."""
-    wire = FakeFeed(doors)
-    source = wire.source()
-    wire.send(10_000)
-    state = watched(source)
+    source, state = played(doors)
     assert source.last_seen(1) is None
     source.wait(10.0)
-    believed = source.last_seen(1)
-    assert believed is not None
-    np.testing.assert_array_equal(believed, doors.truth[state.k])
+    np.testing.assert_array_equal(source.last_seen(1), doors.truth[state.k])
 
 
-def test_a_robot_that_nobody_hears_is_silent_however_much_it_sends(muted: Seen) -> None:
-    run, wire = muted.open(), FakeFeed(muted)
-    source = wire.source()
-    wire.send(10_000)
-    state = watched(source)
-    heard = [robot.heard_s for robot in state.robots]
-    assert heard == [(state.k - 9) * run.step, 0.0, 0.0]
-
-
-def test_the_only_robot_is_heard_of_as_long_as_it_sends(alone: Seen) -> None:
-    wire = FakeFeed(alone)
-    source = wire.source()
-    wire.send(10_000)
-    assert [robot.heard_s for robot in watched(source).robots] == [0.0]
+def test_a_robot_that_nobody_hears_is_silent_however_much_it_sends(muted: Seen, alone: Seen) -> None:
+    _, state = played(muted)
+    assert [robot.heard_s for robot in state.robots] == [(state.k - 9) * muted.open().step, 0.0, 0.0]
+    assert [robot.heard_s for robot in played(alone)[1].robots] == [0.0], "the only robot"
 
 
 def test_of_a_direct_radio_nobody_tells_who_heard_what(direct: Seen) -> None:
-    wire = FakeFeed(direct)
-    source = wire.source()
-    wire.send(10_000)
-    state = watched(source)
+    source, state = played(direct)
     assert state.links is None
     assert [robot.heard_s for robot in state.robots] == [0.0, 0.0, 0.0]  # the world has overheard them
     assert source.static().direct
@@ -348,9 +304,7 @@ def test_of_a_direct_radio_nobody_tells_who_heard_what(direct: Seen) -> None:
     player = Player(direct.open())
     assert player.static().direct
     assert player.static().layers == ("truth",)
-    shown = player.wait(1.0)
-    assert shown is not None
-    assert shown.links is None
+    assert present(player.wait(1.0)).links is None
     assert player.last_seen(1) is None
 
 
@@ -370,7 +324,7 @@ class Asking:
         self.told.append(payload)
 
 
-def test_a_world_tells_of_its_latest_events_by_number_and_of_all_that_was_asked_for(
+def test_a_world_tells_of_its_latest_events_and_of_all_asked_for(
     quiet: Seen, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("worldsim.output.feed_publisher.MOST_EVENTS", 3)
@@ -397,18 +351,15 @@ def test_the_rate_is_right_soon_after_a_pause(quiet: Seen) -> None:
     source = wire.source()
     wire.send(9)
     watched(source)
-    part = Batch(wire.number, (), running=False, pace=None)
-    wire.batches.append(part)
+    wire.batches.append(Batch(wire.number, (), running=False, pace=None))
     assert watched(source).ticks_per_s == 0.0
     wire.now += 100.0
-    states = []
+    state = None
     for _ in range(6):
         wire.send(2)
         wire.now += 0.2
-        states.append(source.wait(0.0))
-    state = states[-1]
-    assert state is not None
-    assert state.ticks_per_s == pytest.approx(10.0, rel=0.4)
+        state = source.wait(0.0)
+    assert present(state).ticks_per_s == pytest.approx(10.0, rel=0.4)
 
 
 def test_controls_go_to_the_world_unless_they_make_no_sense(quiet: Seen) -> None:
@@ -429,13 +380,9 @@ def test_silence_and_a_world_that_is_gone_are_told(quiet: Seen) -> None:
     wire.send(5)
     assert watched(source).note == ""
     wire.now += 60.0
-    state = source.wait(0.0)
-    assert state is not None
-    assert state.note.startswith("no data for ")
+    assert present(source.wait(0.0)).note.startswith("no data for ")
     wire.present = False
-    state = source.wait(0.0)
-    assert state is not None
-    assert state.note == "the world has disconnected"
+    assert present(source.wait(0.0)).note == "the world has disconnected"
 
 
 def test_a_world_of_another_version_is_refused(quiet: Seen) -> None:
@@ -443,15 +390,3 @@ def test_a_world_of_another_version_is_refused(quiet: Seen) -> None:
     answer = replace(wire.answer(), header=b"\xc0")
     with pytest.raises(BadInput, match="another version"):
         FeedSource("fleet-1", wire, read_so_far(so_far_bytes(answer)))
-
-
-@given(st.binary(max_size=200), st.integers(0, 400), st.integers(0, 255))
-def test_hostile_bytes_are_garbled_and_nothing_else(noise: bytes, place: int, byte: int) -> None:
-    good = bytearray(batch_bytes(Batch(3, (b"ab", b"c" * 50), running=True, pace=2.0)))
-    good[place % len(good)] = byte
-    for payload in (noise, bytes(good)):
-        for read in (partial(read_sparingly, Batch), read_so_far):
-            try:
-                read(payload)
-            except Malformed:
-                continue

@@ -1,23 +1,21 @@
-"""What robots must believe, as the feed of their world tells: from when on it is known, and how long it is followed."""
+"""Robots' beliefs by the feed of their world: from when on they are known, and how long they are followed."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from monitor.live.fog_tracker import HEARD, KEPT_S, FogTracker, FogTrackers
 from monitor.observation.source import OUTSIDE, Layer
 from monitor.replay.player import Player
 from patrol.ground.fog import NEVER
-from tests.monitor.live.test_feed_source import FakeFeed, watched
-
-if TYPE_CHECKING:
-    from tests.monitor.conftest import Seen
+from tests.monitor.conftest import Seen
+from tests.monitor.live.test_feed_source import FakeFeed, played, watched
+from tests.monitor.replay.test_player import believed_of
+from tests.present import present
 
 
 def test_of_a_belief_it_is_told_from_when_on_it_is_known(faulty: Seen) -> None:
@@ -26,15 +24,11 @@ def test_of_a_belief_it_is_told_from_when_on_it_is_known(faulty: Seen) -> None:
     source = wire.source()
     first = watched(source).k + 1
     for layer in (HEARD, 3):
-        seen = source.last_seen(layer)
-        assert seen is not None
-        assert (source.since(layer), seen.max()) == (first, NEVER)
+        assert (present(source.last_seen(layer)).max(), source.since(layer)) == (NEVER, first)
     assert source.since("truth") == 0
     wire.send(20)
-    state = watched(source)
-    seen = source.last_seen(3)
-    assert seen is not None
-    believed = faulty.beliefs[state.k, 3]
+    believed = faulty.beliefs[watched(source).k, 3]
+    seen = present(source.last_seen(3))
     known = seen >= source.since(3)
     assert known.any()
     assert not known.all()
@@ -54,9 +48,7 @@ def test_who_comes_back_to_life_knows_nothing_and_that_is_known(faulty: Seen) ->
 
 
 @pytest.mark.parametrize("asked", ["before", "after"])
-def test_a_belief_begins_where_what_is_remembered_does(
-    faulty: Seen, monkeypatch: pytest.MonkeyPatch, asked: str
-) -> None:
+def test_a_belief_begins_with_what_is_remembered(faulty: Seen, monkeypatch: pytest.MonkeyPatch, asked: str) -> None:
     wire = FakeFeed(faulty)
     monkeypatch.setattr("monitor.live.feed_source.REMEMBERED", sum(len(record) for record in wire.records[-30:]))
     source = wire.source()
@@ -66,37 +58,24 @@ def test_a_belief_begins_where_what_is_remembered_does(
     state = watched(source)
     source.last_seen(3)
     source.wait(0.0)
-    seen, since = source.last_seen(3), source.since(3)
-    assert seen is not None
+    seen, since = present(source.last_seen(3)), source.since(3)
     assert state.k - 40 < since < state.k
     known = seen >= since
     np.testing.assert_array_equal(seen[known], faulty.beliefs[state.k, 3][known])
 
 
 def test_points_that_do_not_count_for_a_robot_say_so(mixed: Seen) -> None:
-    run, wire = mixed.open(), FakeFeed(mixed)
-    fields = run.prepared.fields
-    source, player = wire.source(), Player(run)
-    wire.send(10_000)
-    watched(source)
+    run, (source, _) = mixed.open(), played(mixed)
+    player = Player(run)
     for layer in run.numbers:
         source.last_seen(layer)
     source.wait(0.0)
-    outside = {layer: run.prepared.patrolled & ~fields[layer].patrolled for layer in run.numbers}
+    outside = {layer: run.prepared.patrolled & ~run.prepared.fields[layer].patrolled for layer in run.numbers}
     assert any(points.any() for points in outside.values())
     assert player.wait(1.0) is not None
     for layer in run.numbers:
-        for shown in (source.last_seen(layer), patiently(partial(player.last_seen, layer))):
-            np.testing.assert_array_equal(shown == OUTSIDE, outside[layer])
-
-
-def patiently(look: Callable[[], NDArray[np.int32] | None]) -> NDArray[np.int32]:
-    """What is worked out little by little."""
-    for _ in range(1000):
-        seen = look()
-        if seen is not None:
-            return seen
-    raise AssertionError("never")
+        np.testing.assert_array_equal(source.last_seen(layer) == OUTSIDE, outside[layer])
+        np.testing.assert_array_equal(believed_of(player, layer) == OUTSIDE, outside[layer])
 
 
 def test_a_belief_that_nobody_looks_at_any_more_costs_nothing(quiet: Seen, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -123,9 +102,7 @@ def test_a_belief_that_nobody_looks_at_any_more_costs_nothing(quiet: Seen, monke
     np.testing.assert_array_equal(source.last_seen(1), quiet.beliefs[19, 1])
 
 
-def test_a_belief_that_lags_is_shown_as_of_its_tick_while_it_lags_little(
-    quiet: Seen, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_belief_that_lags_a_little_is_shown_as_of_its_tick(quiet: Seen, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("monitor.live.feed_source.SLICE_S", 0.0)  # one tick a turn, however many there are
     wire = FakeFeed(quiet)
     source = wire.source()

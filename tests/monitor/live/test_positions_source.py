@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from typing import Any
+from typing import Any, cast
 
 from monitor.live.positions_source import PositionsSource
 from monitor.observation.source import Trapped
@@ -14,6 +14,7 @@ from patrol.prepare import prepare
 from patrol.radio.message import Position, encode
 from patrol.scenario import load_scenario
 from patrol.security.keys import WORLD, fleet_keys
+from tests.present import present
 
 SCENARIO: dict[str, Any] = {
     "terrain": {"builtin": "yards"},
@@ -21,6 +22,9 @@ SCENARIO: dict[str, Any] = {
     "step": 1.0,
     "robots": [{"name": "anna", "model": "holonomic"}, {"name": "bert", "spare": True}],
 }
+
+
+KEYS = fleet_keys("real-1")
 
 
 class Ears:
@@ -51,49 +55,55 @@ class Ears:
         yield keys[0], b"done stopped by an operator"
 
 
+def source_of(ears: Ears, clock: list[float], **more: bool) -> Any:
+    """A viewer of robots whose links are these ears."""
+    prepared, link = prepare(load_scenario(SCENARIO)), cast(Any, ears)
+    return PositionsSource(KEYS, prepared, link, link, lambda: clock[0], **more)
+
+
+def hear(ears: Ears, name: str, k: int, pose: Pose) -> None:
+    """Have a robot's position come."""
+    frame = encode(Position.of(1 + (name == "bert"), k + 1, float(k), pose))
+    ears.subscribed[KEYS.position("*")].deliver(KEYS.position(name), frame)
+
+
 def test_a_robot_that_stays_is_said_to_be_trapped_and_how_long_it_has_been_is_unknown() -> None:
-    keys, ears, clock = fleet_keys("real-1"), Ears(), [0.0]
-    source: Any = PositionsSource(keys, prepare(load_scenario(SCENARIO)), ears, ears, lambda: clock[0])  # type: ignore[arg-type]
+    ears, clock = Ears(), [0.0]
+    source = source_of(ears, clock)
     assert [robot.spare for robot in source.static().robots] == [False, True]
     state = None
     for k in range(200):
         clock[0] = k + 0.5
-        frame = encode(Position.of(1, k + 1, float(k), Pose(50.0 + k % 2, 20.0, 0.0)))
-        ears.subscribed[keys.position("*")].deliver(keys.position("anna"), frame)
+        hear(ears, "anna", k, Pose(50.0 + k % 2, 20.0, 0.0))
         state = source.wait(0.0) or state
-    assert state is not None
-    assert [robot.trapped for robot in state.robots] == [Trapped(0.0, exact=False), None]
+    assert [robot.trapped for robot in present(state).robots] == [Trapped(0.0, exact=False), None]
     (event,) = source.events(0)
     assert (event.kind, event.robot) == (TRAPPED, 1)
     assert "since before 0 s" in event.detail
 
 
 def test_a_robot_that_does_not_hear_another_one_is_told_by_its_reports() -> None:
-    keys, ears, clock = fleet_keys("real-1"), Ears(), [0.0]
-    source: Any = PositionsSource(keys, prepare(load_scenario(SCENARIO)), ears, ears, lambda: clock[0])  # type: ignore[arg-type]
-    ears.subscribed[keys.alive("*")].put(keys.alive("bert"), Presence(True))
+    ears, clock = Ears(), [0.0]
+    source = source_of(ears, clock)
+    ears.subscribed[KEYS.alive("*")].put(KEYS.alive("bert"), Presence(True))
     state = None
     for k in range(12):
         clock[0] = k + 0.5
-        frame = encode(Position.of(2, k + 1, float(k), Pose(50.0, 20.0, 0.0)))
-        ears.subscribed[keys.position("*")].deliver(keys.position("bert"), frame)
+        hear(ears, "bert", k, Pose(50.0, 20.0, 0.0))
         report = Telemetry(k, "patrolling", None, None, None, 9, 1.5, 0, Traffic(0, 0, {"bert": 0}, 0, False))
-        ears.subscribed[keys.telemetry("*")].deliver(keys.telemetry("anna"), pack_view(report))
+        ears.subscribed[KEYS.telemetry("*")].deliver(KEYS.telemetry("anna"), pack_view(report))
         state = source.wait(0.0) or state
-    assert state is not None
-    assert [robot.radio_wrong for robot in state.robots] == ["does not hear bert", ""]
+    assert [robot.radio_wrong for robot in present(state).robots] == ["does not hear bert", ""]
 
 
 def test_only_an_operators_page_stops_robots_and_each_answers_for_itself() -> None:
-    keys, ears = fleet_keys("real-1"), Ears()
-    prepared = prepare(load_scenario(SCENARIO))
-    viewer = PositionsSource(keys, prepared, ears, ears)  # type: ignore[arg-type]
+    ears = Ears()
+    viewer, operator = source_of(ears, [0.0]), source_of(ears, [0.0], may_stop=True)
     assert viewer.static().controls == ()
     assert not viewer.control({"do": "stop"}).done
-    operator = PositionsSource(keys, prepared, ears, ears, may_stop=True)  # type: ignore[arg-type]
     assert operator.static().controls == ("stop", "release")
     answer = operator.control({"do": "stop"})
-    assert ears.ordered == ((keys.stop("anna"), keys.stop("bert")), b"stop")
+    assert ears.ordered == ((KEYS.stop("anna"), KEYS.stop("bert")), b"stop")
     assert not answer.done
     assert answer.text == "anna: stopped by an operator; bert: no answer; use another way"
     assert not operator.control({"do": "fault", "fault": {"kind": "loss"}}).done

@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from typing import Any
+
 from monitor.observation.hearing import ENOUGH, Hearing
 from patrol.messages.telemetry import Traffic
 
@@ -24,14 +26,16 @@ class Fleet:
     def wrong(self, present: tuple[str, ...] = ALL) -> list[str]:
         return [self.hearing.wrong(name, present) for name in ALL]
 
+    def ticks(self, count: int, deaf: dict[str, str] | None = None, **more: Any) -> None:
+        for _ in range(count):
+            self.tick(deaf, **more)
+
 
 def test_a_robot_that_reports_none_of_many_frames_does_not_hear_their_sender() -> None:
     fleet = Fleet()
-    for _ in range(3 * ENOUGH):
-        fleet.tick()
+    fleet.ticks(3 * ENOUGH)
     assert fleet.wrong() == ["", "", ""]
-    for _ in range(ENOUGH - 1):
-        fleet.tick({"anna": "carl"})
+    fleet.ticks(ENOUGH - 1, {"anna": "carl"})
     assert fleet.wrong() == ["", "", ""]
     fleet.tick({"anna": "carl"})
     assert fleet.wrong() == ["does not hear carl", "", ""]
@@ -42,8 +46,7 @@ def test_a_robot_that_reports_none_of_many_frames_does_not_hear_their_sender() -
 
 def test_who_sends_nothing_is_not_missed_and_a_report_that_is_late_says_nothing() -> None:
     fleet = Fleet()
-    for _ in range(3 * ENOUGH):
-        fleet.tick(senders=("anna", "bert"))
+    fleet.ticks(3 * ENOUGH, senders=("anna", "bert"))
     for _ in range(3 * ENOUGH):
         fleet.hearing.sent("bert")
     assert fleet.wrong() == ["", "", ""]
@@ -53,11 +56,9 @@ def test_who_sends_nothing_is_not_missed_and_a_report_that_is_late_says_nothing(
 
 def test_counts_begin_anew_with_a_robot_s_next_process() -> None:
     fleet = Fleet()
-    for _ in range(3 * ENOUGH):
-        fleet.tick()
+    fleet.ticks(3 * ENOUGH)
     fleet.counts = {name: dict.fromkeys(heard, 0) for name, heard in fleet.counts.items()}
-    for _ in range(ENOUGH):
-        fleet.tick({"anna": "carl"}, incarnation=1)
+    fleet.ticks(ENOUGH, {"anna": "carl"}, incarnation=1)
     assert fleet.wrong() == ["", "", ""]
     fleet.tick({"anna": "carl"}, incarnation=1)
     assert fleet.wrong() == ["does not hear carl", "", ""]

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import json
-from contextlib import closing
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping
+from typing import Any
 
 import pytest
 
@@ -14,27 +14,15 @@ from patrol.journal import unpack
 from patrol.journal.records import Event
 from patrol.scenario.controls import OPERATOR
 from tests.browser import Look, browser_or_skip
+from tests.monitor.conftest import Seen
 from tests.monitor.live.test_feed_source import FakeFeed
-from tests.monitor.pages import ServedPage
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from tests.monitor.conftest import Seen
+from tests.monitor.pages import look_at, pixels
 
 pytestmark = browser_or_skip()
 
 STATES = "[...document.querySelectorAll('#closurelist span')].map((one) => one.textContent).join()"
-ORANGE = """(() => {
-    const { width, height } = document.getElementById('canvas');
-    const copy = new OffscreenCanvas(width, height).getContext('2d', { willReadFrequently: true });
-    copy.drawImage(document.getElementById('canvas'), 0, 0);
-    const d = copy.getImageData(0, 0, width, height).data;
-    let found = 0;
-    for (let i = 0; i < d.length; i += 4) found += d[i] === 224 && d[i + 1] === 123 && d[i + 2] === 0;
-    return found;
-})()"""
-"""How many pixels of the map have the colour of what is closed."""
+ORANGE = pixels("d[i] === 224 && d[i + 1] === 123 && d[i + 2] === 0")
+"""Counts the pixels of the map that have the colour of closed ground."""
 HELD = "[...document.querySelectorAll('#closurelist [aria-pressed=true]')].map((one) => one.ariaLabel).join()"
 
 
@@ -64,8 +52,7 @@ def send_until(wire: FakeFeed, k: int) -> None:
 @pytest.mark.parametrize("width", [1280, 390])
 def test_an_operator_closes_and_opens_and_takes_it_back(chromium: Any, doors: Seen, width: int) -> None:
     wire = Echo(doors)
-    with closing(ServedPage(wire.source())) as served, Look(chromium, served.address, width, 844) as look:
-        look.until("document.body.dataset.frames > 0")
+    with look_at(chromium, wire.source(), width=width, height=844) as look:
         look.page.focus("#tab-robots")
         look.press("ArrowLeft")
         shows(look, "open,open")
@@ -90,8 +77,7 @@ def test_of_several_in_force_the_one_that_began_last_is_shown_as_held(chromium: 
     wire = FakeFeed(doors)
     for fault in ('"kind":"close","closure":"crate","at":4', '"kind":"open","closure":"crate"'):
         wire.asked_for.append(Event(0, OPERATOR, None, f'{{"do":"fault","fault":{{{fault}}}}}'))
-    with closing(ServedPage(wire.source())) as served, Look(chromium, served.address) as look:
-        look.until("document.body.dataset.frames > 0")
+    with look_at(chromium, wire.source()) as look:
         look.page.click("#tab-closures")
         send_until(wire, 6)
         shows(look, "open,held open", "open crate")
@@ -103,8 +89,7 @@ def test_of_several_in_force_the_one_that_began_last_is_shown_as_held(chromium: 
 
 def test_a_page_without_a_key_shows_what_is_held_and_offers_nothing(chromium: Any, doors: Seen) -> None:
     wire = FakeFeed(doors)
-    with closing(ServedPage(wire.source())) as served, Look(chromium, served.plain) as look:
-        look.until("document.body.dataset.frames > 0")
+    with look_at(chromium, wire.source(), plain=True) as look:
         send_until(wire, 29)
         look.page.click("#tab-closures")
         shows(look, "closed,held closed")
@@ -113,18 +98,16 @@ def test_a_page_without_a_key_shows_what_is_held_and_offers_nothing(chromium: An
 
 
 def test_a_replay_shows_what_was_closed_and_held(chromium: Any, doors: Seen) -> None:
-    with closing(ServedPage(Player(doors.open()))) as served, Look(chromium, served.address) as look:
-        look.until("document.body.dataset.frames > 0")
+    with look_at(chromium, Player(doors.open())) as look:
         look.page.click("#tab-closures")
-        look.seek(28)
-        shows(look, "closed,held closed")
-        look.until(f"{ORANGE} > 5000")
-        look.seek(22)
-        shows(look, "held open,waits until robots have left")
-        look.until(f"{ORANGE} < 300")
-        look.seek(60)
-        shows(look, "open,open")
-        look.until(f"{ORANGE} < 300")
+        for k, states, orange in (
+            (28, "closed,held closed", "> 5000"),
+            (22, "held open,waits until robots have left", "< 300"),
+            (60, "open,open", "< 300"),
+        ):
+            look.seek(k)
+            shows(look, states)
+            look.until(f"{ORANGE} {orange}")
         look.seek(35)
         shows(look, "open,held closed")
         look.until(f"{ORANGE} > 300 && {ORANGE} < 5000")
@@ -142,9 +125,3 @@ def test_a_replay_shows_what_was_closed_and_held(chromium: Any, doors: Seen) -> 
             }"""
         )
         assert shut == ["5,gate 6,gate", "1,door 5,gate 6,gate 9,door", ""]
-
-
-def test_a_page_without_closures_has_no_panel_of_them(chromium: Any, quiet: Seen) -> None:
-    with closing(ServedPage(Player(quiet.open()))) as served, Look(chromium, served.address) as look:
-        look.until("document.body.dataset.frames > 0")
-        assert look.evaluate("document.getElementById('tab-closures').hidden")

@@ -1,4 +1,4 @@
-"""What the hub sends of a source, to viewers that are played here."""
+"""Messages that the hub sends of a source, to viewers that are played here."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import json
 import math
 from array import array
 from contextlib import closing
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,18 +15,17 @@ import pytest
 from monitor.live.fog_tracker import KEPT_S
 from monitor.observation.source import Series
 from monitor.page.hub import MOST_POINTS, Hub, Viewer
-from monitor.page.messages import thinned
+from monitor.page.messages import static_message, thinned
 from monitor.replay.past_beliefs import PastBeliefs
 from monitor.replay.player import Player
+from patrol.closures.spec import closure_points
+from tests.monitor.conftest import Seen
 from tests.monitor.live.test_feed_source import FakeFeed
-
-if TYPE_CHECKING:
-    from tests.monitor.conftest import Seen
 
 
 @pytest.fixture(autouse=True)
 def at_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    """What a turn asks for is worked out in that turn, however slow the machine is."""
+    """Have each turn work out all that it asks for, however slow the machine is."""
     monkeypatch.setattr("monitor.replay.past_beliefs.BUDGET_S", math.inf)
     monkeypatch.setattr("monitor.replay.run_log.BUDGET_S", math.inf)
 
@@ -42,12 +41,8 @@ class Page:
     def close(self) -> None:
         self.viewer.loop.close()
 
-    def hide(self) -> None:
-        """It is in the background: its browser draws nothing."""
-        self.viewer.drawn = False
-
     def messages(self) -> list[Any]:
-        """What it gets now, and has drawn: packets as (layer, tick, since, tiles), and what else there is as it is."""
+        """Messages that it gets now, and has drawn; packets as (layer, tick, since, tiles)."""
         self.hub.turn()
         loop = self.viewer.loop
         loop.call_soon(loop.stop)
@@ -68,7 +63,7 @@ class Page:
         return [one[:3] for one in self.messages() if isinstance(one, tuple)]
 
     def tiles(self) -> dict[int, int]:
-        """How many of each layer it gets now."""
+        """Number of tiles of each layer that it gets now."""
         return {one[0]: one[3] for one in self.messages() if isinstance(one, tuple)}
 
 
@@ -108,9 +103,7 @@ def test_a_fog_that_no_page_shows_is_not_kept_and_comes_again_as_a_whole(quiet: 
         assert page.tiles() == whole
 
 
-def test_what_a_page_in_the_background_shows_is_followed_all_the_same(
-    quiet: Seen, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_what_a_page_in_the_background_shows_is_followed_too(quiet: Seen, monkeypatch: pytest.MonkeyPatch) -> None:
     wire = FakeFeed(quiet)
     monkeypatch.setattr("monitor.live.feed_source.REMEMBERED", sum(len(record) for record in wire.records[-8:]))
     hub = Hub(wire.source())
@@ -119,7 +112,7 @@ def test_what_a_page_in_the_background_shows_is_followed_all_the_same(
         wire.send(4)
         for _ in range(2):
             page.messages()
-        page.hide()
+        page.viewer.drawn = False  # it is in the background, where browsers draw nothing
         for _ in range(10):
             wire.send(5)
             wire.now += KEPT_S / 2
@@ -171,3 +164,13 @@ def test_a_chart_of_any_length_keeps_its_ends_and_its_stalest_ticks() -> None:
     np.testing.assert_array_equal(few.fog_mean_s, mfow[few.ticks] / 2.0)
     short = Series(ticks[:5], mfow[:5], mfow[:5])
     assert thinned(short, 5) is short
+
+
+def test_the_points_of_closures_are_told_run_by_run(doors: Seen) -> None:
+    run = doors.open()
+    marks = json.loads(static_message(Player(run).static(), may_control=False))["marks"]
+    told = {mark["name"]: mark["runs"] for mark in marks if mark["section"] == "closures"}
+    for closure in run.prepared.scenario.closures:
+        points = [at for first, count in told[closure.name] for at in range(first, first + count)]
+        assert points == closure_points(closure, run.prepared.terrain).tolist()
+        assert all(first // 100 == (first + count - 1) // 100 for first, count in told[closure.name])

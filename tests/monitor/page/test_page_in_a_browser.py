@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Iterator
 from contextlib import closing
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
 
@@ -13,13 +13,14 @@ from monitor.replay.past_beliefs import PastBeliefs
 from monitor.replay.player import Player
 from monitor.replay.run_log import RunLog
 from tests.browser import Look, browser_or_skip
+from tests.monitor.conftest import Seen
 from tests.monitor.live.test_feed_source import FakeFeed
-from tests.monitor.pages import ServedPage
-
-if TYPE_CHECKING:
-    from tests.monitor.conftest import Seen
+from tests.monitor.pages import ServedPage, look_at, pixels
 
 pytestmark = browser_or_skip()
+
+YELLOW = pixels("d[i] > 240 && d[i + 1] > 220 && d[i + 2] < 80")
+"""Counts the pixels of the map that have the colour of ground that has just been seen."""
 
 
 @pytest.fixture(scope="module")
@@ -30,30 +31,12 @@ def page(faulty: Seen) -> Iterator[ServedPage]:
 
 
 def colours(look: Look) -> int:
-    """How many colours the map's middle has, a coarse count."""
-    return int(
-        look.evaluate(
-            """() => { const c = document.getElementById('canvas'), d = c.getContext('2d')
-                .getImageData(c.width / 4, c.height / 4, c.width / 2, c.height / 2).data, seen = new Set();
-                for (let i = 0; i < d.length; i += 44) seen.add([d[i] >> 4, d[i + 1] >> 4, d[i + 2] >> 4].join());
-                return seen.size; }"""
-        )
-    )
-
-
-def yellows(look: Look) -> int:
-    """How many pixels of the map have the colour of what has just been seen."""
-    return int(
-        look.evaluate(
-            """() => { const { width, height } = document.getElementById('canvas');
-                const copy = new OffscreenCanvas(width, height).getContext('2d', { willReadFrequently: true });
-                copy.drawImage(document.getElementById('canvas'), 0, 0);
-                const d = copy.getImageData(0, 0, width, height).data;
-                let found = 0;
-                for (let i = 0; i < d.length; i += 4) found += d[i] > 240 && d[i + 1] > 220 && d[i + 2] < 80;
-                return found; }"""
-        )
-    )
+    """Count the colours of the map's middle, roughly."""
+    script = """() => { const c = document.getElementById('canvas'), d = c.getContext('2d')
+        .getImageData(c.width / 4, c.height / 4, c.width / 2, c.height / 2).data, seen = new Set();
+        for (let i = 0; i < d.length; i += 44) seen.add([d[i] >> 4, d[i + 1] >> 4, d[i + 2] >> 4].join());
+        return seen.size; }"""
+    return int(look.evaluate(script))
 
 
 def test_the_map_paints_and_the_robots_move(chromium: Any, page: ServedPage) -> None:
@@ -80,11 +63,7 @@ def test_the_map_paints_and_the_robots_move(chromium: Any, page: ServedPage) -> 
 def test_any_time_any_fog_and_what_a_point_is(chromium: Any, page: ServedPage) -> None:
     with Look(chromium, page.address) as look:
         look.until("document.body.dataset.frames > 0")
-        look.evaluate(
-            """() => { const s = document.getElementById('seek'); s.value = 50;
-                s.dispatchEvent(new Event('input')); }"""
-        )
-        look.until("document.getElementById('clock').title === 'tick 50'")
+        look.seek(50)
         look.until("document.getElementById('rows').textContent.includes('dead')")
         for fog, says in (("0", "ago"), ("3", "ago"), ("d3", "believed")):
             look.page.select_option("#layer", fog)
@@ -110,12 +89,11 @@ def test_any_time_any_fog_and_what_a_point_is(chromium: Any, page: ServedPage) -
                 look.until("document.getElementById('linktip').textContent.startsWith('r3 to r2: ')")
 
 
-def legend(look: Look, fog: str) -> str:
-    look.page.select_option("#layer", fog)
-    return str(look.evaluate("document.getElementById('ticks').textContent"))
-
-
 def test_the_scale_does_not_depend_on_the_way_to_a_time(chromium: Any, page: ServedPage) -> None:
+    def legend(look: Look, fog: str) -> str:
+        look.page.select_option("#layer", fog)
+        return str(look.evaluate("document.getElementById('ticks').textContent"))
+
     shown = []
     for way in ([70, 3, 12, 0, 20], [20], [0, 5, 10, 15, 20]):
         with Look(chromium, page.address) as look:
@@ -129,18 +107,15 @@ def test_the_scale_does_not_depend_on_the_way_to_a_time(chromium: Any, page: Ser
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 @pytest.mark.parametrize(("width", "height"), [(1280, 720), (390, 800)])
-def test_it_fits_in_light_and_in_the_dark(
-    chromium: Any, page: ServedPage, scheme: str, width: int, height: int
-) -> None:
+def test_it_fits_in_light_and_in_dark(chromium: Any, page: ServedPage, scheme: str, width: int, height: int) -> None:
     with Look(chromium, page.address, width, height, scheme) as look:
         look.until("document.querySelectorAll('#chart .scatterlayer .trace').length === 2")
         assert look.evaluate("document.documentElement.scrollWidth") <= width
         assert look.evaluate("document.getElementById('seek').offsetHeight") >= 24
         if width > 1000:
             assert look.evaluate("document.documentElement.scrollHeight") <= height
-        tones = [
-            look.evaluate(f"getComputedStyle(document.documentElement).{one}") for one in ("color", "backgroundColor")
-        ]
+        style = "getComputedStyle(document.documentElement)"
+        tones = (look.evaluate(f"{style}.{one}") for one in ("color", "backgroundColor"))
         ink, paper = (sum(map(int, tone[4:-1].split(","))) for tone in tones)
         assert (ink > paper) == (scheme == "dark")
         small = """[...document.querySelectorAll('button, select')].filter((one) => one.offsetParent)
@@ -148,13 +123,12 @@ def test_it_fits_in_light_and_in_the_dark(
         assert look.evaluate(small) == []
 
 
-def test_links_that_take_a_while_to_read_come_by_themselves(
+def test_links_that_are_read_slowly_come_by_themselves(
     chromium: Any, faulty: Seen, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     may_read, read = threading.Event(), RunLog.read
     monkeypatch.setattr(RunLog, "read", lambda log: read(log) if may_read.is_set() else None)
-    with closing(ServedPage(Player(faulty.open()))) as served, Look(chromium, served.address) as look:
-        look.until("document.body.dataset.frames > 0")
+    with look_at(chromium, Player(faulty.open())) as look:
         look.page.click("#tab-links")
         look.seek(70)
         look.until("document.getElementById('linktip').textContent === 'computing …'")
@@ -164,16 +138,11 @@ def test_links_that_take_a_while_to_read_come_by_themselves(
         assert look.evaluate("document.getElementById('linktip').textContent") == "rows: senders, columns: receivers"
 
 
-def test_a_belief_that_takes_a_while_is_not_shown_until_it_is_known(
-    chromium: Any, faulty: Seen, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_belief_is_not_shown_until_it_is_known(chromium: Any, faulty: Seen, monkeypatch: pytest.MonkeyPatch) -> None:
     known, last_seen = threading.Event(), PastBeliefs.last_seen
-    monkeypatch.setattr(
-        PastBeliefs, "last_seen", lambda one, number, k: last_seen(one, number, k) if known.is_set() else None
-    )
+    monkeypatch.setattr(PastBeliefs, "last_seen", lambda *of: last_seen(*of) if known.is_set() else None)
     caption, tip = (f"document.getElementById('{name}').textContent" for name in ("legendtext", "tip"))
-    with closing(ServedPage(Player(faulty.open()))) as served, Look(chromium, served.address) as look:
-        look.until("document.body.dataset.frames > 0")
+    with look_at(chromium, Player(faulty.open())) as look:
         look.page.hover("#canvas", position={"x": 455, "y": 300})
         truth = look.picture("#canvas")
         for fog in ("3", "d3"):
@@ -181,11 +150,11 @@ def test_a_belief_that_takes_a_while_is_not_shown_until_it_is_known(
             look.page.select_option("#layer", fog)
             look.seek(50 if fog == "3" else 20)
             look.until(f"{caption} === 'computing …' && {tip}.includes('computing …')")
-            assert yellows(look) == 0
+            assert look.evaluate(YELLOW) == 0
             known.set()
             look.until(f"{caption} !== 'computing …' && !{tip}.includes('computing')")
             look.until(f"/seen .* ago/.test({tip})")
-            assert (yellows(look) > 1000) == (fog == "3")
+            assert (look.evaluate(YELLOW) > 1000) == (fog == "3")
         assert look.picture("#canvas") != truth
 
 

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Mapping
-from contextlib import closing
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
 
@@ -13,27 +12,26 @@ from monitor.live.fog_tracker import FogTrackers
 from monitor.observation.source import Answer
 from patrol.messages.feed import Batch
 from tests.browser import PATIENCE_S, Look, browser_or_skip
+from tests.monitor.conftest import Seen
 from tests.monitor.live.test_feed_source import FakeFeed
-from tests.monitor.pages import ServedPage
-
-if TYPE_CHECKING:
-    from tests.monitor.conftest import Seen
+from tests.monitor.pages import look_at
 
 pytestmark = browser_or_skip()
 
 MIDDLE = {"x": 455, "y": 300}
 
 
-def text_of(look: Look, name: str) -> str:
-    return str(look.evaluate(f"document.getElementById({name!r}).textContent"))
+def run_script(browser: Any, seen: Seen, script: str) -> Any:
+    """Return what a script gives in the page of a fleet."""
+    with look_at(browser, FakeFeed(seen).source()) as look:
+        return look.evaluate(script)
 
 
 def test_who_comes_late_sees_what_is_not_known_as_that(chromium: Any, quiet: Seen) -> None:
     wire = FakeFeed(quiet)
     wire.number = 61
-    with closing(ServedPage(wire.source())) as served, Look(chromium, served.address) as look:
-        look.until("document.body.dataset.frames > 0")
-        assert "known" not in text_of(look, "legendtext")
+    with look_at(chromium, wire.source()) as look:
+        assert "known" not in look.evaluate("document.getElementById('legendtext').textContent")
         for fog in ("-1", "2", "d2"):
             look.page.select_option("#layer", fog)
             look.page.hover("#canvas", position=MIDDLE)
@@ -42,26 +40,22 @@ def test_who_comes_late_sees_what_is_not_known_as_that(chromium: Any, quiet: See
 
 
 def test_what_was_before_has_a_colour_where_it_hardly_matters(chromium: Any, quiet: Seen) -> None:
-    with closing(ServedPage(FakeFeed(quiet).source())) as served, Look(chromium, served.address) as look:
-        look.until("document.body.dataset.frames > 0")
-        drawn = look.evaluate(
-            """async () => {
-                const { FogImage } = await import('/fogimage.js');
-                const image = new FogImage(3, 1), drawn = [], seen = Int32Array.of(-1, -2, 595);
-                image.base(Int32Array.of(3, 3, 3));
-                const striped = () => drawn.push([...image.pixels].map((pixel, i) => pixel === image.unknown[i]));
-                for (const [since, k] of [[0, 600], [3, 600], [590, 600], [590, 950]]) {
-                    const fog = { seen, since, tick: k };
-                    image.ages(fog, 300);
-                    striped();
-                    image.difference(fog, { seen: Int32Array.of(k, k, k) }, 60);
-                    striped();
-                }
-                return drawn;
-            }"""
-        )
-    for place, vague in enumerate((False, False, False, False, True, True, False, False)):
-        assert drawn[place] == [vague, True, False]
+    script = """async () => {
+        const { FogImage } = await import('/fogimage.js');
+        const image = new FogImage(3, 1), drawn = [], seen = Int32Array.of(-1, -2, 595);
+        image.base(Int32Array.of(3, 3, 3));
+        const striped = () => drawn.push([...image.pixels].map((pixel, i) => pixel === image.unknown[i]));
+        for (const [since, k] of [[0, 600], [3, 600], [590, 600], [590, 950]]) {
+            const fog = { seen, since, tick: k };
+            image.ages(fog, 300);
+            striped();
+            image.difference(fog, { seen: Int32Array.of(k, k, k) }, 60);
+            striped();
+        }
+        return drawn;
+    }"""
+    drawn = run_script(chromium, quiet, script)
+    assert drawn == [[vague, True, False] for vague in (False, False, False, False, True, True, False, False)]
 
 
 class Slow(FakeFeed):
@@ -86,17 +80,15 @@ class Slow(FakeFeed):
 
 def slide(look: Look, share: int) -> None:
     """Move the loss, and wait until the page takes it as meant: its timer is older than this one, and no longer."""
-    look.evaluate(
-        f"""() => {{ const loss = document.getElementById('loss'); loss.value = {share};
-            loss.dispatchEvent(new Event('input', {{bubbles: true}}));
-            return new Promise((done) => setTimeout(done, 400)); }}"""
-    )
+    script = """() => { const loss = document.getElementById('loss'); loss.value = %d;
+        loss.dispatchEvent(new Event('input', {bubbles: true}));
+        return new Promise((done) => setTimeout(done, 400)); }"""
+    look.evaluate(script % share)
 
 
 def test_there_is_one_loss_at_a_time_and_no_gap_however_slowly_a_world_answers(chromium: Any, quiet: Seen) -> None:
     wire = Slow(quiet)
-    with closing(ServedPage(wire.source())) as served, Look(chromium, served.address) as look:
-        look.until("document.body.dataset.frames > 0")
+    with look_at(chromium, wire.source()) as look:
         look.page.click("#tab-faults")
         slide(look, 30)
         first = wire.hear()
@@ -123,43 +115,39 @@ def test_there_is_one_loss_at_a_time_and_no_gap_however_slowly_a_world_answers(c
 
 
 def test_a_loss_that_is_moved_before_a_state_is_told_is_asked_for_with_it(chromium: Any, quiet: Seen) -> None:
-    with closing(ServedPage(FakeFeed(quiet).source())) as served, Look(chromium, served.plain) as look:
-        look.until("document.body.dataset.frames > 0")
-        asked = look.evaluate(
-            """async () => {
-                const { FaultsPanel } = await import('/panel_faults.js');
-                const loss = document.getElementById('loss'), asked = [];
-                const facts = { live: true, controls: ['fault'], robots: [] };
-                const told = { robots: [], intruders: [], faults: [{ kind: 'loss', id: 'before', rate: 0.2 }] };
-                let state = null, looks = 0;
-                const store = { facts, listed: [], get state() { looks++; return state; } };
-                const operate = (control) => {
-                    asked.push([control.fault.rate, control.instead]);
-                    return Promise.resolve(true);
-                };
-                const panel = new FaultsPanel({ store, map: { selected: -1 }, operate });
-                const slide = (share) => { loss.value = share; loss.dispatchEvent(new Event('input')); };
-                const turn = () => new Promise((done) => setTimeout(done, 10));
-                const until = async (met) => { for (let i = 0; i < 1000 && !met(); i++) await turn(); };
-                slide(30);
-                await until(() => looks > 0);
-                await turn();
-                state = told;
-                panel.update('state');
-                await until(() => asked.length === 1);
-                await turn();
-                slide(40);
-                await until(() => asked.length === 2);
-                return asked.map(([rate, instead]) => [rate, instead.split('-')[0]]);
-            }"""
-        )
+    script = """async () => {
+        const { FaultsPanel } = await import('/panel_faults.js');
+        const loss = document.getElementById('loss'), asked = [];
+        const facts = { live: true, controls: ['fault'], robots: [] };
+        const told = { robots: [], intruders: [], faults: [{ kind: 'loss', id: 'before', rate: 0.2 }] };
+        let state = null, looks = 0;
+        const store = { facts, listed: [], get state() { looks++; return state; } };
+        const operate = (control) => {
+            asked.push([control.fault.rate, control.instead]);
+            return Promise.resolve(true);
+        };
+        const panel = new FaultsPanel({ store, map: { selected: -1 }, operate });
+        const slide = (share) => { loss.value = share; loss.dispatchEvent(new Event('input')); };
+        const turn = () => new Promise((done) => setTimeout(done, 10));
+        const until = async (met) => { for (let i = 0; i < 1000 && !met(); i++) await turn(); };
+        slide(30);
+        await until(() => looks > 0);
+        await turn();
+        state = told;
+        panel.update('state');
+        await until(() => asked.length === 1);
+        await turn();
+        slide(40);
+        await until(() => asked.length === 2);
+        return asked.map(([rate, instead]) => [rate, instead.split('-')[0]]);
+    }"""
+    asked = run_script(chromium, quiet, script)
     assert asked == [[0.3, "before"], [0.4, "loss"]]
 
 
 def test_of_a_direct_radio_the_page_says_what_nobody_knows(chromium: Any, direct: Seen) -> None:
     wire = FakeFeed(direct)
-    with closing(ServedPage(wire.source())) as served, Look(chromium, served.address) as look:
-        look.until("document.body.dataset.frames > 0")
+    with look_at(chromium, wire.source()) as look:
         look.page.click("#tab-links")
         look.until("document.getElementById('linktip').textContent.includes('direct radio')")
         assert look.evaluate("document.getElementById('matrix').hidden")
@@ -173,90 +161,78 @@ def test_of_a_direct_radio_the_page_says_what_nobody_knows(chromium: Any, direct
 
 
 def test_a_chart_of_days_is_taken_and_stays_small(chromium: Any, quiet: Seen) -> None:
-    with closing(ServedPage(FakeFeed(quiet).source())) as served, Look(chromium, served.address) as look:
-        look.until("document.body.dataset.frames > 0")
-        count, newest, stalest, most = look.evaluate(
-            """async () => {
-                const { Store } = await import('/store.js');
-                const store = new Store(() => {});
-                const told = (from, to) => {
-                    const k = Array.from({ length: to - from }, (_, i) => from + i);
-                    const falling = (one) => (one === 1234 ? 99 : 50 - (one % 50));
-                    store.receive({ type: 'series', k, mfow: k.map(falling), mean: k });
-                    newest &&= store.series.k.at(-1) === to - 1;
-                };
-                let newest = true;
-                told(0, 300000);
-                for (let k = 300000; k < 330000; k += 25) told(k, k + 25);
-                const { k, mfow } = store.series;
-                return [k.length, newest, store.stalest, Math.max(...mfow.slice(0, 2000))];
-            }"""
-        )
+    script = """async () => {
+        const { Store } = await import('/store.js');
+        const store = new Store(() => {});
+        const told = (from, to) => {
+            const k = Array.from({ length: to - from }, (_, i) => from + i);
+            const falling = (one) => (one === 1234 ? 99 : 50 - (one % 50));
+            store.receive({ type: 'series', k, mfow: k.map(falling), mean: k });
+            newest &&= store.series.k.at(-1) === to - 1;
+        };
+        let newest = true;
+        told(0, 300000);
+        for (let k = 300000; k < 330000; k += 25) told(k, k + 25);
+        const { k, mfow } = store.series;
+        return [k.length, newest, store.stalest, Math.max(...mfow.slice(0, 2000))];
+    }"""
+    count, newest, stalest, most = run_script(chromium, quiet, script)
     assert count <= 10_000
     assert newest
     assert stalest == most == 99
 
 
 def test_a_fog_and_its_state_change_together_but_for_a_little_lag(chromium: Any, quiet: Seen) -> None:
-    with closing(ServedPage(FakeFeed(quiet).source())) as served, Look(chromium, served.address) as look:
-        look.until("document.body.dataset.frames > 0")
-        strict, lax = look.evaluate(
-            """async () => {
-                const { Store } = await import('/store.js');
-                return [0, 2].map((late) => {
-                    const store = new Store(() => {}), seen = [];
-                    const look = () => seen.push(store.fog(3)?.tick ?? null);
-                    store.receive({ type: 'static', width: 4, height: 4, side: 64, live: false, late });
-                    for (const [tick, k] of [[4, 4], [5, 5], [5, 7], [5, 8], [9, 9], [9, 2]]) {
-                        store.unpack(Int32Array.of(3, tick, 0, 0, 0).buffer);
-                        look();
-                        store.receive({ type: 'state', k, robots: [] });
-                        look();
-                    }
-                    return seen;
-                });
-            }"""
-        )
+    script = """async () => {
+        const { Store } = await import('/store.js');
+        return [0, 2].map((late) => {
+            const store = new Store(() => {}), seen = [];
+            const look = () => seen.push(store.fog(3)?.tick ?? null);
+            store.receive({ type: 'static', width: 4, height: 4, side: 64, live: false, late });
+            for (const [tick, k] of [[4, 4], [5, 5], [5, 7], [5, 8], [9, 9], [9, 2]]) {
+                store.unpack(Int32Array.of(3, tick, 0, 0, 0).buffer);
+                look();
+                store.receive({ type: 'state', k, robots: [] });
+                look();
+            }
+            return seen;
+        });
+    }"""
+    strict, lax = run_script(chromium, quiet, script)
     assert strict == [None, 4, 4, 5, 5, None, None, None, None, 9, 9, None]
     assert lax == [None, 4, 4, 5, 5, 5, 5, None, None, 9, 9, None]
 
 
 def test_a_belief_that_lags_is_held_against_the_truth_of_its_own_tick(chromium: Any, quiet: Seen) -> None:
-    with closing(ServedPage(FakeFeed(quiet).source())) as served, Look(chromium, served.address) as look:
-        look.until("document.body.dataset.frames > 0")
-        drawn = look.evaluate(
-            """async () => {
-                const { FogImage } = await import('/fogimage.js');
-                const image = new FogImage(4, 1);
-                image.base(Int32Array.of(3, 3, 3, 3));
-                const believed = { seen: Int32Array.of(10, 10, 50, 60), since: 0, tick: 60 };
-                image.difference(believed, { seen: Int32Array.of(61, 10, 60, 60) }, 20);
-                const [later, same, older, newest] = image.pixels;
-                return [later === image.unknown[0], same === newest, older !== same && older !== image.unknown[2]];
-            }"""
-        )
+    script = """async () => {
+        const { FogImage } = await import('/fogimage.js');
+        const image = new FogImage(4, 1);
+        image.base(Int32Array.of(3, 3, 3, 3));
+        const believed = { seen: Int32Array.of(10, 10, 50, 60), since: 0, tick: 60 };
+        image.difference(believed, { seen: Int32Array.of(61, 10, 60, 60) }, 20);
+        const [later, same, older, newest] = image.pixels;
+        return [later === image.unknown[0], same === newest, older !== same && older !== image.unknown[2]];
+    }"""
+    drawn = run_script(chromium, quiet, script)
     assert drawn == [True, True, True]
 
 
 def test_a_map_with_more_points_than_the_screen_has_pixels_is_drawn_from_some(chromium: Any, quiet: Seen) -> None:
-    with closing(ServedPage(FakeFeed(quiet).source())) as served, Look(chromium, served.address) as look:
-        look.until("document.body.dataset.frames > 0")
-        size, walls, seen = look.evaluate(
-            """async () => {
-                const { FogImage } = await import('/fogimage.js');
-                const image = new FogImage(5, 3, 2);
-                const terrain = new Int32Array(15).fill(3);
-                terrain[1 * 5 + 1] = 0;
-                image.base(terrain);
-                const wall = image.pixels[1 * 3 + 0];
-                const fog = { seen: new Int32Array(15).fill(60), since: 0, tick: 60 };
-                fog.seen[1 * 5 + 3] = 5;
-                image.ages(fog, 20);
-                const [a, b, c, d, e, f] = image.pixels;
-                const { width, height } = image.canvas;
-                return [[width, height], [d === wall, e === wall], [e === f, a === b, b === c]];
-            }"""
-        )
+    script = """async () => {
+        const { FogImage } = await import('/fogimage.js');
+        const image = new FogImage(5, 3, 2);
+        const terrain = new Int32Array(15).fill(3);
+        terrain[1 * 5 + 1] = 0;
+        image.base(terrain);
+        const wall = image.pixels[1 * 3 + 0];
+        const fog = { seen: new Int32Array(15).fill(60), since: 0, tick: 60 };
+        fog.seen[1 * 5 + 3] = 5;
+        image.ages(fog, 20);
+        const [a, b, c, d, e, f] = image.pixels;
+        const { width, height } = image.canvas;
+        return [[width, height], [d === wall, e === wall], [e === f, a === b, b === c]];
+    }"""
+    size, walls, seen = run_script(chromium, quiet, script)
     assert size == [3, 2]  # row 0 is at the bottom
     assert walls == [True, False]
     assert seen == [False, True, True]
@@ -285,8 +261,7 @@ def test_a_belief_that_lags_is_shown_and_says_so(chromium: Any, quiet: Seen, mon
     monkeypatch.setattr(FogTrackers, "catch_up", lagging)
     wire = Timed(quiet)
     caption, tip = (f"document.getElementById('{name}').textContent" for name in ("legendtext", "tip"))
-    with closing(ServedPage(wire.source())) as served, Look(chromium, served.address) as look:
-        look.until("document.body.dataset.frames > 0")
+    with look_at(chromium, wire.source()) as look:
         look.page.select_option("#layer", "2")
         look.page.hover("#canvas", position=MIDDLE)
         wire.send(20)

@@ -3,22 +3,25 @@
 from __future__ import annotations
 
 from contextlib import closing
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
 
 from monitor.page.maps import survey_of
 from monitor.replay.player import Player
 from tests.browser import Look, browser_or_skip
+from tests.monitor.conftest import Seen
 from tests.monitor.live.test_feed_source import FakeFeed
-from tests.monitor.pages import ServedPage
-
-if TYPE_CHECKING:
-    from tests.monitor.conftest import Seen
+from tests.monitor.pages import NOTE_LABELS, ServedPage, look_at, pixels
 
 pytestmark = browser_or_skip()
 
 SIZES = [(1280, 800), (800, 600), (390, 800)]
+NEVER_SEEN, TRAPPED = (
+    pixels(f"d[i] === {red} && d[i + 1] === {green} && d[i + 2] === {blue}")
+    for red, green, blue in ((176, 48, 106), (193, 18, 31))
+)
+"""Count the pixels of the map that have the colour of unseen ground, and of a trapped robot."""
 
 
 def text(name: str) -> str:
@@ -31,60 +34,38 @@ def hidden(name: str) -> str:
     return f"document.getElementById({name!r}).hidden"
 
 
-def pixels(look: Look, red: int, green: int, blue: int) -> int:
-    """Count the pixels of the map that have a colour."""
-    return int(
-        look.evaluate(
-            f"""() => {{ const {{ width, height }} = document.getElementById('canvas');
-                const copy = new OffscreenCanvas(width, height).getContext('2d', {{ willReadFrequently: true }});
-                copy.drawImage(document.getElementById('canvas'), 0, 0);
-                const d = copy.getImageData(0, 0, width, height).data;
-                let found = 0;
-                for (let i = 0; i < d.length; i += 4) {{
-                    found += d[i] === {red} && d[i + 1] === {green} && d[i + 2] === {blue};
-                }}
-                return found; }}"""
-        )
-    )
-
-
 def test_ground_that_nobody_has_seen_looks_like_no_other(chromium: Any, trapped: Seen) -> None:
     run = trapped.open()
-    with closing(ServedPage(Player(run))) as served, Look(chromium, served.address) as look:
-        look.until("document.body.dataset.frames > 0")
-        before = None
+    with look_at(chromium, Player(run)) as look:
+        unseen = []
         for k in (0, 100, run.ticks - 1):
             look.seek(k)
             share = 100.0 * int(run.seen[k]) / int(run.prepared.patrolled.sum())
             look.until(f"{text('seen')} === '{int(share * 10) / 10:.1f} %' && !{hidden('seenbox')}")
             look.until(f"!{hidden('neverkey')}")
-            unseen = pixels(look, 176, 48, 106)
-            assert 0 < unseen < (before or 10**9)
-            before = unseen
+            unseen.append(look.evaluate(NEVER_SEEN))
         look.page.select_option("#layer", "d1")
         look.until(hidden("neverkey"))
+    assert unseen[0] > unseen[1] > unseen[2] > 0
 
 
 def test_only_what_was_certainly_never_seen_is_dotted(chromium: Any, quiet: Seen) -> None:
-    with closing(ServedPage(Player(quiet.open()))) as served, Look(chromium, served.address) as look:
+    script = """async () => {
+        const { FogImage } = await import('/fogimage.js');
+        const image = new FogImage(3, 1);
+        image.base(Int32Array.of(3, 3, 1));
+        const drawn = (...seen) => image.ages({ seen: Int32Array.from(seen), since: 0, tick: 9 }, 10);
+        return [drawn(-1, 4, -1), drawn(3, 4, -1), drawn(3, -2, -1)];
+    }"""
+    with look_at(chromium, Player(quiet.open())) as look:
         look.until(f"!{hidden('seenbox')}")
-        shown = look.evaluate(
-            """async () => {
-                const { FogImage } = await import('/fogimage.js');
-                const image = new FogImage(3, 1);
-                image.base(Int32Array.of(3, 3, 1));
-                const drawn = (...seen) => image.ages({ seen: Int32Array.from(seen), since: 0, tick: 9 }, 10);
-                return [drawn(-1, 4, -1), drawn(3, 4, -1), drawn(3, -2, -1)];
-            }"""
-        )
-        assert shown == [True, False, False]
+        assert look.evaluate(script) == [True, False, False]
 
 
 def test_the_stalest_point_has_a_mark_and_the_page_says_where(chromium: Any, trapped: Seen) -> None:
     run = trapped.open()
     terrain = run.prepared.terrain
-    with closing(ServedPage(Player(run))) as served, Look(chromium, served.address) as look:
-        look.until("document.body.dataset.frames > 0")
+    with look_at(chromium, Player(run)) as look:
         assert look.evaluate(hidden("stalestbox"))  # nothing is stale at the beginning
         for k in (390, 40):
             look.seek(k)
@@ -114,11 +95,10 @@ def test_the_stalest_point_has_a_mark_and_the_page_says_where(chromium: Any, tra
 
 def test_a_trapped_robot_is_marked_listed_and_in_the_events(chromium: Any, trapped: Seen) -> None:
     row = "document.querySelectorAll('#rows tr')[1].textContent"
-    with closing(ServedPage(Player(trapped.open()))) as served, Look(chromium, served.address) as look:
-        look.until("document.body.dataset.frames > 0")
+    with look_at(chromium, Player(trapped.open())) as look:
         look.seek(380)
         look.until(f"{row}.includes('trapped since 0.0 s')")
-        assert pixels(look, 193, 18, 31) > 20
+        assert look.evaluate(TRAPPED) > 20
         look.page.click("#tab-events")
         look.until(f"/180 s *r2 trapped within .* since 0 s; nobody has seen .* in that time/.test({text('list')})")
         look.until(f"/195 s *r2 no longer trapped after 195 s/.test({text('list')})")
@@ -127,13 +107,12 @@ def test_a_trapped_robot_is_marked_listed_and_in_the_events(chromium: Any, trapp
         look.seek(300)
         look.page.click("#tab-robots")
         look.until(f"!{row}.includes('trapped')")
-        assert pixels(look, 193, 18, 31) == 0
+        assert look.evaluate(TRAPPED) == 0
 
 
 def test_a_live_page_says_it_too(chromium: Any, trapped: Seen) -> None:
     wire = FakeFeed(trapped)
-    with closing(ServedPage(wire.source())) as served, Look(chromium, served.address) as look:
-        look.until("document.body.dataset.frames > 0")
+    with look_at(chromium, wire.source()) as look:
         wire.send(385)
         look.until("document.querySelectorAll('#rows tr')[1].textContent.includes('trapped since 0.0 s')")
         look.until(f"{text('list')}.includes('r2 trapped')")
@@ -143,8 +122,7 @@ def test_a_live_page_says_it_too(chromium: Any, trapped: Seen) -> None:
 def test_what_happened_before_a_page_connected_is_said_where_it_matters(chromium: Any, quiet: Seen) -> None:
     wire = FakeFeed(quiet)
     wire.number = 61
-    with closing(ServedPage(wire.source())) as served, Look(chromium, served.address) as look:
-        look.until("document.body.dataset.frames > 0")
+    with look_at(chromium, wire.source()) as look:
         assert look.evaluate(hidden("note"))
         look.page.click("#tab-links")
         wire.send(5)
@@ -153,15 +131,12 @@ def test_what_happened_before_a_page_connected_is_said_where_it_matters(chromium
 
 def test_spare_robots_appear_when_they_join(chromium: Any, spare: Seen) -> None:
     wire = FakeFeed(spare)
-    names = (
-        "[...document.querySelectorAll('#rows tr')].filter((one) => !one.hidden).map((one) => one.cells[0].innerText)"
-    )
-    fogs, robots = (
-        f"[...document.getElementById('{menu}').options].map((one) => one.text)" for menu in ("layer", "who")
-    )
-    with closing(ServedPage(wire.source())) as served, Look(chromium, served.address) as look:
-        wire.send(15)
-        look.until("document.body.dataset.frames > 0")
+    rows = "[...document.querySelectorAll('#rows tr')].filter((one) => !one.hidden)"
+    names = f"{rows}.map((one) => one.cells[0].innerText)"
+    fogs, robots = (f"[...document.getElementById('{of}').options].map((one) => one.text)" for of in ("layer", "who"))
+    source = wire.source()
+    wire.send(15)
+    with look_at(chromium, source) as look:
         assert look.evaluate(names) == ["r1", "r2"]
         assert "belief of r3" not in look.evaluate(fogs)
         assert look.evaluate(robots) == ["r1", "r2"]
@@ -198,19 +173,8 @@ def test_an_address_may_hold_the_time_at_which_a_replay_opens(chromium: Any, qui
 
 @pytest.mark.parametrize(("width", "height"), SIZES)
 def test_labels_stay_within_the_map(chromium: Any, edges: Seen, width: int, height: int) -> None:
-    with closing(ServedPage(Player(edges.open()))) as served, Look(chromium, served.address, width, height) as look:
-        look.until("document.body.dataset.frames > 0")
-        look.evaluate("""() => {
-            const paint = CanvasRenderingContext2D.prototype, fill = paint.fillText;
-            window.labels = [];
-            paint.fillText = function (text, x, y) {
-                const { width, height, id } = this.canvas, box = this.measureText(text);
-                if (id === 'canvas') window.labels.push([text, x - box.actualBoundingBoxLeft >= 0
-                    && y - box.actualBoundingBoxAscent >= 0 && x + box.actualBoundingBoxRight <= width
-                    && y + box.actualBoundingBoxDescent <= height]);
-                fill.call(this, text, x, y);
-            };
-        }""")
+    with look_at(chromium, Player(edges.open()), width=width, height=height) as look:
+        look.evaluate(NOTE_LABELS)
         look.seek(3)
         look.evaluate("window.labels.length = 0")
         look.seek(0)
@@ -222,8 +186,7 @@ def test_labels_stay_within_the_map(chromium: Any, edges: Seen, width: int, heig
 
 @pytest.mark.parametrize(("width", "height"), SIZES)
 def test_nothing_lies_over_anything_else(chromium: Any, trapped: Seen, width: int, height: int) -> None:
-    with closing(ServedPage(Player(trapped.open()))) as served, Look(chromium, served.address, width, height) as look:
-        look.until("document.body.dataset.frames > 0")
+    with look_at(chromium, Player(trapped.open()), width=width, height=height) as look:
         look.seek(380)
         look.until("document.querySelectorAll('#rows tr')[1].textContent.includes('trapped')")
         over = """() => {

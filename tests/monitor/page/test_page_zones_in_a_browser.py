@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -11,10 +10,10 @@ import pytest
 from monitor.replay.player import Player
 from patrol.journal.records import Event
 from patrol.scenario.controls import OPERATOR
-from tests.browser import Look, browser_or_skip
+from tests.browser import browser_or_skip
 from tests.monitor.conftest import DOORS, QUIET, Seen, run_of
 from tests.monitor.live.test_feed_source import FakeFeed
-from tests.monitor.pages import ServedPage
+from tests.monitor.pages import NOTE_LABELS, look_at
 
 pytestmark = browser_or_skip()
 
@@ -25,17 +24,6 @@ ZONES: list[dict[str, Any]] = [
 ]
 LISTED = "[...document.querySelectorAll('#zonelist li')].map((one) => one.innerText.split('\\n').join('|'))"
 
-NOTE_LABELS = """(() => {
-  const { prototype } = CanvasRenderingContext2D, draw = prototype.fillText;
-  window.labels = [];
-  prototype.fillText = function (text, x, y) {
-    const half = 0.5 * this.measureText(text).width, canvas = this.canvas.width;
-    if (this.textAlign === "center") window.labels.push({ text, left: x - half, right: x + half, canvas });
-    return draw.call(this, text, x, y);
-  };
-})()"""
-"""Keeps the texts that are drawn centred, with the columns of their canvas from and to which they reach."""
-
 
 @pytest.fixture(scope="module")
 def zoned(tmp_path_factory: pytest.TempPathFactory) -> Seen:
@@ -44,8 +32,7 @@ def zoned(tmp_path_factory: pytest.TempPathFactory) -> Seen:
 
 
 def test_a_replay_lists_the_zones_and_which_are_in_force_at_its_time(chromium: Any, zoned: Seen) -> None:
-    with closing(ServedPage(Player(zoned.open()))) as served, Look(chromium, served.address) as look:
-        look.until("document.body.dataset.frames > 0")
+    with look_at(chromium, Player(zoned.open())) as look:
         look.page.click("#tab-zones")
         for k, held in ((4, "not in force"), (30, "in force"), (60, "not in force")):
             look.seek(k)
@@ -57,8 +44,7 @@ def test_a_replay_lists_the_zones_and_which_are_in_force_at_its_time(chromium: A
 @pytest.mark.parametrize("width", [1280, 390])
 def test_an_operator_switches_a_zone(chromium: Any, zoned: Seen, width: int) -> None:
     wire = FakeFeed(zoned)
-    with closing(ServedPage(wire.source())) as served, Look(chromium, served.address, width) as look:
-        look.until("document.body.dataset.frames > 0")
+    with look_at(chromium, wire.source(), width=width) as look:
         look.page.click("#tab-zones")
         look.until(f"{LISTED}[1] === 'ward 0.5 m/s|in force|switch off'")
         assert look.evaluate(LISTED)[::2] == ["vault x10|not in force|switch on", "stairs: keep out|in force"]
@@ -67,19 +53,15 @@ def test_an_operator_switches_a_zone(chromium: Any, zoned: Seen, width: int) -> 
         look.page.click("[aria-label='switch vault']")
         assert look.page.is_visible("#tab-closures")
         assert look.evaluate("document.documentElement.scrollWidth") <= width
-    assert wire.asked == [
-        {"do": "zone", "name": "ward", "on": False},
-        {"do": "zone", "name": "vault", "on": True},
-    ]
+    assert wire.asked == [{"do": "zone", "name": name, "on": on} for name, on in (("ward", False), ("vault", True))]
 
 
 @pytest.mark.parametrize("width", [1280, 390])
 def test_an_operator_changes_a_weight(chromium: Any, zoned: Seen, width: int) -> None:
     wire = FakeFeed(zoned)
-    wire.asked_for = [Event(0, OPERATOR, None, '{"do":"zone","name":"vault","on":true}')]
-    wire.asked_for += [Event(0, OPERATOR, None, '{"do":"zone","name":"vault","weight":3}')]
-    with closing(ServedPage(wire.source())) as served, Look(chromium, served.address, width) as look:
-        look.until("document.body.dataset.frames > 0")
+    zone = '{"do":"zone","name":"vault",%s}'
+    wire.asked_for = [Event(0, OPERATOR, None, zone % change) for change in ('"on":true', '"weight":3')]
+    with look_at(chromium, wire.source(), width=width) as look:
         look.page.click("#tab-zones")
         look.until(f"{LISTED}[0] === 'vault x3|in force|switch off'")
         look.page.fill("[aria-label='weight of vault']", "0.5")
@@ -92,8 +74,7 @@ def test_an_operator_changes_a_weight(chromium: Any, zoned: Seen, width: int) ->
 
 def test_a_weight_is_given_by_enter_alone_and_not_where_it_holds_already(chromium: Any, zoned: Seen) -> None:
     wire, weight, field = FakeFeed(zoned), "[aria-label='weight of vault']", "document.querySelector('#zonelist input')"
-    with closing(ServedPage(wire.source())) as served, Look(chromium, served.address) as look:
-        look.until("document.body.dataset.frames > 0")
+    with look_at(chromium, wire.source()) as look:
         look.page.click("#tab-zones")
         look.until(f"{field}?.value === '10'")
         look.page.press(weight, "Enter")
@@ -112,8 +93,7 @@ def test_a_weight_is_given_by_enter_alone_and_not_where_it_holds_already(chromiu
 def test_a_zone_that_is_not_in_force_shows_the_weight_that_would_hold(chromium: Any, tmp_path: Path) -> None:
     vault = ZONES[0] | {"times": [], "weights": [[2, 4]]}
     asleep = run_of(tmp_path, {**QUIET, "name": "asleep", "zones": [vault]})
-    with closing(ServedPage(Player(asleep.open()))) as served, Look(chromium, served.address) as look:
-        look.until("document.body.dataset.frames > 0")
+    with look_at(chromium, Player(asleep.open())) as look:
         look.page.click("#tab-zones")
         for k, label in ((1, "vault x10"), (9, "vault x4")):
             look.seek(k)
@@ -123,8 +103,7 @@ def test_a_zone_that_is_not_in_force_shows_the_weight_that_would_hold(chromium: 
 def test_with_no_zone_in_force_each_can_be_switched_on(chromium: Any, tmp_path: Path) -> None:
     asleep = run_of(tmp_path, {**QUIET, "name": "asleep", "zones": [{**ZONES[1], "times": []}]})
     wire = FakeFeed(asleep)
-    with closing(ServedPage(wire.source())) as served, Look(chromium, served.address) as look:
-        look.until("document.body.dataset.frames > 0")
+    with look_at(chromium, wire.source()) as look:
         look.page.click("#tab-zones")
         look.until(f"{LISTED}[0] === 'ward 0.5 m/s|not in force|switch on'")
         wire.send(len(wire.records))
@@ -134,30 +113,25 @@ def test_with_no_zone_in_force_each_can_be_switched_on(chromium: Any, tmp_path: 
 def test_what_was_switched_before_a_viewer_came_is_shown(chromium: Any, zoned: Seen) -> None:
     wire = FakeFeed(zoned)
     wire.asked_for = [Event(0, OPERATOR, None, '{"do":"zone","name":"vault","on":true}')]
-    with closing(ServedPage(wire.source())) as served, Look(chromium, served.plain) as look:
-        look.until("document.body.dataset.frames > 0")
+    with look_at(chromium, wire.source(), plain=True) as look:
         look.page.click("#tab-zones")
         look.until(f"{LISTED}[0] === 'vault x10|in force'")
-        assert (
-            look.evaluate("document.querySelectorAll('#zonelist button').length") == 0
-        )  # without the right to control
+        buttons = look.evaluate("document.querySelectorAll('#zonelist button').length")
+        assert buttons == 0, "without the right to control"
 
 
-def test_without_zones_there_is_no_such_tab(chromium: Any, quiet: Seen) -> None:
-    with closing(ServedPage(FakeFeed(quiet).source())) as served, Look(chromium, served.address) as look:
-        look.until("document.body.dataset.frames > 0")
-        assert not look.page.is_visible("#tab-zones")
+def test_without_zones_and_closures_there_are_no_such_tabs(chromium: Any, quiet: Seen) -> None:
+    with look_at(chromium, FakeFeed(quiet).source()) as look:
+        assert not any(look.page.is_visible(tab) for tab in ("#tab-zones", "#tab-closures"))
         assert look.page.is_visible("#tab-faults")
 
 
 def test_the_label_of_a_zone_at_the_rim_is_not_cut_off(chromium: Any, tmp_path: Path) -> None:
     zone = {"name": "the-treasury-in-the-north-wing", "polygon": [[92, 2], [100, 2], [100, 10], [92, 10]], "speed": 0.5}
     rim = run_of(tmp_path, {**QUIET, "name": "rim", "zones": [zone]})
-    with closing(ServedPage(Player(rim.open()))) as served, Look(chromium, served.address, 390) as look:
-        look.until("document.body.dataset.frames > 0")
+    with look_at(chromium, Player(rim.open()), width=390) as look:
         look.evaluate(NOTE_LABELS)
         look.seek(9)
-        look.until("window.labels.some(({ text }) => text.startsWith('the-treasury'))")
-        labels = look.evaluate("window.labels.filter(({ text }) => text.startsWith('the-treasury'))")
-        assert {label["text"] for label in labels} == {"the-treasury-in-the-north-wing 0.5 m/s"}
-        assert all(label["left"] >= 0 and label["right"] <= label["canvas"] for label in labels)
+        look.until("window.labels.some(([text]) => text.startsWith('the-treasury'))")
+        labels = look.evaluate("window.labels.filter(([text]) => text.startsWith('the-treasury'))")
+        assert {(text, fits) for text, fits in labels} == {("the-treasury-in-the-north-wing 0.5 m/s", True)}

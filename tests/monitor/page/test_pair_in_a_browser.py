@@ -5,17 +5,15 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator
 from contextlib import closing
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
 
 from monitor.page.saved import save_page
 from monitor.replay.player import Player
 from tests.browser import PATIENCE_S, Look, browser_or_skip
+from tests.monitor.conftest import Seen
 from tests.monitor.pages import ServedPage
-
-if TYPE_CHECKING:
-    from tests.monitor.conftest import Seen
 
 pytestmark = browser_or_skip()
 
@@ -56,13 +54,6 @@ def shown(look: Look, *ticks: int) -> list[Any]:
     return [first, second]
 
 
-def seek(look: Look, k: int) -> None:
-    """Move the slider of both."""
-    look.evaluate(
-        f"() => {{ const s = document.getElementById('seek'); s.value = {k}; s.dispatchEvent(new Event('input')); }}"
-    )
-
-
 def test_both_follow_one_slider_and_the_keys_in_any_frame(chromium: Any, address: str) -> None:
     with Look(chromium, f"{address}3") as look:
         first, second = shown(look, 6, 6)
@@ -70,16 +61,16 @@ def test_both_follow_one_slider_and_the_keys_in_any_frame(chromium: Any, address
         for frame in (first, second):
             assert frame.evaluate("document.getElementById('transport').hidden")
             assert frame.evaluate("document.getElementById('timeline').hidden")
-        seek(look, 60)
+        look.slide(60)
         shown(look, 60, LAST)
-        seek(look, 4)
+        look.slide(4)
         shown(look, 4, 4)
         look.press(".")
         shown(look, 5, 5)
         second.locator("#canvas").focus()
         look.press(".")
         shown(look, 6, 6)
-        seek(look, 77)
+        look.slide(77)
         shown(look, 77, LAST)
         look.press(" ")
         look.until("document.getElementById('seek').value === '79'")

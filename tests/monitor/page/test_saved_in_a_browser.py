@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,9 +13,7 @@ from monitor.page import saved
 from monitor.page.saved import save_page
 from patrol.ground.fog import NEVER
 from tests.browser import Look, browser_or_skip
-
-if TYPE_CHECKING:
-    from tests.monitor.conftest import Seen
+from tests.monitor.conftest import Seen
 
 pytestmark = browser_or_skip()
 
@@ -30,11 +28,6 @@ def page(faulty: Seen, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def age_at(look: Look) -> str:
-    """What the page says of the point under the pointer."""
-    return str(look.evaluate("document.getElementById('tip').textContent"))
-
-
 def test_any_time_shows_the_true_fog_and_the_measures_of_the_run(chromium: Any, page: Path, faulty: Seen) -> None:
     run = faulty.open()
     compared = 0
@@ -47,7 +40,8 @@ def test_any_time_shows_the_true_fog_and_the_measures_of_the_run(chromium: Any, 
             look.seek(k)
             assert look.evaluate("document.getElementById('mfow').textContent") == seconds(run.mfow[k] * run.step)
             look.until(f"document.querySelectorAll('#rows tr').length === {len(run.names)}")
-            said = re.match(r"([-\d.]+), ([-\d.]+) m\n(.*)", age_at(look))
+            tip = look.evaluate("document.getElementById('tip').textContent")
+            said = re.match(r"([-\d.]+), ([-\d.]+) m\n(.*)", tip)
             assert said is not None
             col, row = (int(float(value) // run.prepared.terrain.point) for value in said.groups()[:2])
             truth = faulty.truth[k][row, col]
@@ -83,7 +77,7 @@ def test_it_plays_by_itself_pauses_steps_and_plays_backwards(chromium: Any, page
         assert look.evaluate("document.getElementById('clock').title") == "tick 79", "it ends at the end"
 
 
-def test_only_every_nth_tick_of_a_long_run_is_kept(
+def test_of_a_long_run_some_ticks_are_kept(
     chromium: Any, faulty: Seen, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     monkeypatch.setattr(saved, "MOST_FRAMES", 30)
@@ -93,9 +87,7 @@ def test_only_every_nth_tick_of_a_long_run_is_kept(
     with Look(chromium, f"{(tmp_path / 'index.html').as_uri()}?t=0") as look:
         look.until("document.body.dataset.frames > 0")
         look.seek(79)
-        look.evaluate(
-            "() => { const s = document.getElementById('seek'); s.value = 31; s.dispatchEvent(new Event('input')); }"
-        )
+        look.slide(31)
         look.until("document.getElementById('clock').title === 'tick 30'")
 
 

@@ -13,7 +13,7 @@ SHAPE = (SIDE + 9, 2 * SIDE + 5)
 
 
 def unpack(packet: bytes, shown: NDArray[np.int32]) -> tuple[int, int, int, int]:
-    """What the page does with a packet; its layer, its tick, since when it is known, and how many tiles it holds."""
+    """Do as the page does with a packet; return its layer, tick, since when it is known, and number of tiles."""
     layer, tick, since, tiles, runs = np.frombuffer(packet, "<i4", 5).tolist()
     ids, counts = np.frombuffer(packet, "<i4", 2 * tiles, 20).reshape(2, tiles)
     values = np.frombuffer(packet, "<i4", runs, 20 + 8 * tiles)
@@ -32,13 +32,7 @@ def unpack(packet: bytes, shown: NDArray[np.int32]) -> tuple[int, int, int, int]
 
 
 Change = tuple[int, int, int, int, int]
-corner = st.tuples(
-    st.integers(0, SHAPE[0] - 1),
-    st.integers(0, SHAPE[1] - 1),
-    st.integers(1, 40),
-    st.integers(1, 90),
-    st.integers(-1, 9),
-)
+corner = st.tuples(*(st.integers(*ends) for ends in ((0, SHAPE[0] - 1), (0, SHAPE[1] - 1), (1, 40), (1, 90), (-1, 9))))
 
 
 @given(turns=st.lists(st.tuples(st.lists(corner, max_size=3), st.booleans()), min_size=1, max_size=8))

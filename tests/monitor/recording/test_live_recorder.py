@@ -3,24 +3,20 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-import pytest
-
+from monitor.observation.source import State
 from monitor.recording.live_recorder import GONE_S, record_live
 from monitor.recording.mcap_file import inspect_recording
+from patrol.messages.feed import Batch
+from tests.monitor.conftest import Seen
 from tests.monitor.live.test_feed_source import FakeFeed
 from tests.monitor.recording.test_run_recorder import decoded
-
-if TYPE_CHECKING:
-    from monitor.observation.source import State
-    from patrol.messages.feed import Batch
-    from tests.monitor.conftest import Seen
+from tests.present import present
 
 ENOUGH_S = 300.0
-"""When a recorder that does not end is told to."""
+"""Time after which a recorder that does not end is told to."""
 
 
 class Script(FakeFeed):
@@ -41,50 +37,36 @@ class Script(FakeFeed):
         return super().batch(timeout_s)
 
 
-Record = Callable[[FakeFeed], "tuple[State | None, list[str]]"]
+def record(wire: FakeFeed, out: Path) -> tuple[State, list[str]]:
+    """Record a feed by its own clock; return the last state, and what was said."""
+    said: list[str] = []
+    end, started = wire.now + ENOUGH_S, "2026-01-02T03:04:05+00:00"
+    last = record_live(wire.source(), out, started, lambda: wire.now > end, said.append, lambda: wire.now)
+    return present(last), said
 
 
-@pytest.fixture
-def record(tmp_path: Path) -> Record:
-    """Records what a wire tells, by its own clock; the last state, and what was said."""
-
-    def begin(wire: FakeFeed) -> tuple[State | None, list[str]]:
-        said: list[str] = []
-        end = wire.now + ENOUGH_S
-        out, started = tmp_path / "out.mcap", "2026-01-02T03:04:05+00:00"
-        last = record_live(wire.source(), out, started, lambda: wire.now > end, said.append, lambda: wire.now)
-        return last, said
-
-    return begin
-
-
-def test_a_world_that_is_gone_ends_a_recording_which_is_whole(quiet: Seen, record: Record, tmp_path: Path) -> None:
+def test_a_world_that_is_gone_ends_a_recording_which_is_whole(quiet: Seen, tmp_path: Path) -> None:
     wire = Script(quiet, {100.0: 1, 101.0: 8}, (102.0, math.inf))
-    last, said = record(wire)
-    assert last is not None
+    last, said = record(wire, tmp_path / "out.mcap")
     assert (last.ended, last.gone) == (None, True)
     assert 102.0 + GONE_S <= wire.now < 104.0 + GONE_S
     assert said[0] == "the world has disconnected"
     assert "the recording ends" in said[1]
     contents = inspect_recording(tmp_path / "out.mcap")
-    assert not contents.why_cut
-    assert contents.messages["/mfow"] == 9
+    assert (contents.why_cut, contents.messages["/mfow"]) == ("", 9)
 
 
-def test_a_world_that_comes_back_is_recorded_to_its_end(quiet: Seen, record: Record) -> None:
+def test_a_world_that_comes_back_is_recorded_to_its_end(quiet: Seen, tmp_path: Path) -> None:
     back = 102.0 + 0.8 * GONE_S
     wire = Script(quiet, {100.0: 9, back: 1, back + 2.0 * GONE_S: 10_000}, (102.0, back))
-    last, said = record(wire)
-    assert last is not None
+    last, said = record(wire, tmp_path / "out.mcap")
     assert last.ended == "completed"
     assert said[0] == "the world has disconnected"
     assert not any("the recording ends" in line for line in said)
 
 
-def test_what_happened_has_its_own_time_however_many_ticks_come_at_once(
-    faulty: Seen, record: Record, tmp_path: Path
-) -> None:
-    record(Script(faulty, {100.0: 5, 101.0: 10_000}))
+def test_what_happened_has_its_own_time_however_many_ticks_come_at_once(faulty: Seen, tmp_path: Path) -> None:
+    record(Script(faulty, {100.0: 5, 101.0: 10_000}), tmp_path / "out.mcap")
     run = faulty.open()
     told = [at for at, log in decoded(tmp_path / "out.mcap")["/rosout"] if log.name != "recording"]
     assert told == [event.k * run.step for event in run.events]

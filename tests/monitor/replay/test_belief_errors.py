@@ -27,8 +27,7 @@ def test_beliefs_are_those_of_the_minds(kind: str, request: pytest.FixtureReques
         def after(self, k: int, fog: Fog) -> None:
             watcher.after(k, fog)
             for number in run.numbers:
-                believed = faulty.beliefs.get((k, number))
-                if believed is not None:
+                if (believed := faulty.beliefs.get((k, number))) is not None:
                     assert np.array_equal(watcher.believed(number).last_seen, believed), (k, number)
                     checked.add((k, number))
 

@@ -12,9 +12,9 @@ from monitor.observation.source import LinkCounts
 from monitor.replay.run import Run, open_run
 from monitor.replay.run_log import RunLog
 from patrol.journal.records import TickRecord, frame_sequence
-from tests.monitor.conftest import QUIET, Seen, run_of
-from tests.monitor.live.test_feed_source import FakeFeed, watched
-from tests.monitor.rewritten import rewritten
+from tests.monitor.conftest import QUIET, Seen, rewritten, run_of
+from tests.monitor.live.test_feed_source import played
+from tests.present import present
 
 LATE: dict[str, Any] = {
     **QUIET,
@@ -51,23 +51,13 @@ def of_summary(run: Run, what: str) -> NDArray[np.int64]:
     return np.array([[links[a][b][what] if a != b else 0 for b in run.names] for a in run.names], dtype=np.int64)
 
 
-def test_at_the_end_the_counts_are_those_of_the_summary(late: Run) -> None:
-    links = at(RunLog(late), late.ticks - 1)
-    np.testing.assert_array_equal(links.sent, of_summary(late, "sent"))
-    np.testing.assert_array_equal(links.delivered, of_summary(late, "delivered"))
-    assert of_summary(late, "in_flight").sum() > 0
-
-
-def test_a_live_page_a_replay_and_a_report_count_alike(seen: Seen, late: Run) -> None:
-    wire = FakeFeed(seen)
-    source = wire.source()
-    wire.send(10_000)
-    live, replayed = watched(source).links, at(RunLog(late), late.ticks - 1)
-    assert live is not None
+def test_a_live_page_a_replay_a_report_and_the_summary_count_alike(seen: Seen, late: Run) -> None:
+    live, replayed = present(played(seen)[1].links), at(RunLog(late), late.ticks - 1)
     for what in ("sent", "delivered"):
-        np.testing.assert_array_equal(getattr(live, what), getattr(replayed, what))
-        np.testing.assert_array_equal(getattr(late.links, what)[1:, 1:], getattr(replayed, what))
+        for counts in (getattr(live, what), getattr(late.links, what)[1:, 1:], of_summary(late, what)):
+            np.testing.assert_array_equal(counts, getattr(replayed, what))
     np.testing.assert_array_equal(live.heard, replayed.heard)
+    assert of_summary(late, "in_flight").sum() > 0
 
 
 def test_frames_that_arrive_at_once_count_each_at_every_tick_in_any_order(late: Run) -> None:

@@ -1,10 +1,9 @@
-"""What a replay keeps of robots' beliefs, and for how long."""
+"""Robots' beliefs that a replay keeps, and for how long."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from itertools import count
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
@@ -12,32 +11,13 @@ import pytest
 from monitor.replay.fog_history import FogHistory, Snapshot
 from monitor.replay.past_beliefs import BUDGET_S, MOST, PastBeliefs
 from patrol.ground.fog import Fog
-
-if TYPE_CHECKING:
-    from tests.monitor.conftest import Seen
+from tests.monitor.conftest import Seen
 
 COME_AND_GONE = (*range(0, 80, 7), *range(79, 0, -9))
 
 
-class Clock:
-    """Wall time that stands still unless it is told otherwise."""
-
-    def __init__(self) -> None:
-        self.time_s = 0.0
-
-    def __call__(self) -> float:
-        return self.time_s
-
-
-def looked(past: PastBeliefs, seen: Seen, number: int) -> None:
-    """Look at a robot all over the run, forwards and backwards."""
-    for k in COME_AND_GONE:
-        if (k, number) in seen.beliefs:
-            np.testing.assert_array_equal(past.last_seen(number, k), seen.beliefs[k, number])
-
-
 @pytest.mark.parametrize("memory", [0, 2000, 1 << 20])
-def test_snapshots_stay_within_their_memory_and_every_tick_is_right(
+def test_snapshots_stay_within_their_memory_and_are_right(
     faulty: Seen, monkeypatch: pytest.MonkeyPatch, memory: int
 ) -> None:
     run = faulty.open()
@@ -50,32 +30,27 @@ def test_snapshots_stay_within_their_memory_and_every_tick_is_right(
 
     monkeypatch.setattr("monitor.replay.past_beliefs.MEMORY", memory * MOST)
     monkeypatch.setattr("monitor.replay.past_beliefs.FogHistory", noted)
-    past = PastBeliefs(run, None, Clock())
+    past = PastBeliefs(run, None, lambda: 0.0)
     one = Snapshot.of(next(iter(faulty.truth.values()))).nbytes
     for _ in range(2):
         for number in run.numbers:
-            looked(past, faulty, number)
+            for k in COME_AND_GONE:
+                if (k, number) in faulty.beliefs:
+                    np.testing.assert_array_equal(past.last_seen(number, k), faulty.beliefs[k, number])
             assert all(history.held <= memory + one for history in histories)
     assert len(histories) == len(run.numbers)
 
 
-def test_robots_that_pages_show_are_found_out_all_of_them_however_little_room_there_is(
-    faulty: Seen, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_all_robots_that_pages_show_are_found_out_in_little_room(faulty: Seen, monkeypatch: pytest.MonkeyPatch) -> None:
     """Each in the other's place would be begun anew for ever."""
     monkeypatch.setattr("monitor.replay.past_beliefs.MEMORY", 1)
-    clock = Clock()
     asked = count()
     past = PastBeliefs(faulty.open(), None, lambda: next(asked) * BUDGET_S / 8)  # little is done at once
     past.set_shown([1, 2, 3])
-    found: dict[int, int] = {}
-    for turn in range(400):
-        for number in (1, 2, 3):
-            if number not in found and past.last_seen(number, 47) is not None:
-                found[number] = turn
-    assert set(found) == {1, 2, 3}
+    found = {number for _ in range(400) for number in (1, 2, 3) if past.last_seen(number, 47) is not None}
+    assert found == {1, 2, 3}
     monkeypatch.setattr("monitor.replay.past_beliefs.MOST", 2)
-    past = PastBeliefs(faulty.open(), None, clock)
+    past = PastBeliefs(faulty.open(), None, lambda: 0.0)
     past.set_shown([1, 2, 3])
     assert [past.last_seen(number, 3) is None for number in (1, 2, 3)] == [False, False, True]
     past.set_shown([2, 3])

@@ -1,18 +1,14 @@
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
+from monitor.observation.source import State
 from monitor.replay.player import Player
 from patrol.journal.records import Status
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from monitor.observation.source import State
-    from tests.monitor.conftest import Seen
+from tests.monitor.conftest import Seen
+from tests.present import present
 
 
 class Wall:
@@ -28,10 +24,14 @@ class Wall:
 
 def at(player: Player, k: int) -> State:
     assert player.control({"do": "seek", "k": k}).done
-    state = player.wait(1.0)
-    assert state is not None
+    state = present(player.wait(1.0))
     assert state.k == k
     return state
+
+
+def believed_of(player: Player, number: int) -> NDArray[np.int32]:
+    """A robot's belief, which is worked out little by little."""
+    return next(seen for _ in range(1000) if (seen := player.last_seen(number)) is not None)
 
 
 def test_a_player_shows_the_run_at_any_tick_in_any_order(faulty: Seen) -> None:
@@ -40,29 +40,18 @@ def test_a_player_shows_the_run_at_any_tick_in_any_order(faulty: Seen) -> None:
     assert player.static().layers == ("truth", *run.numbers)
     for k in (0, 60, 30, 79, 5, 6):
         state = at(player, k)
-        seen = player.last_seen("truth")
-        assert seen is not None
-        np.testing.assert_array_equal(seen, faulty.truth[k])
+        np.testing.assert_array_equal(player.last_seen("truth"), faulty.truth[k])
         assert state.mfow_s == run.mfow[k] * run.step
         assert [robot.status for robot in state.robots] == [Status(int(one)) for one in run.status[k]]
-        pose = state.robots[0].pose
-        assert pose is not None
+        pose = present(state.robots[0].pose)
         assert (pose.x, pose.y, pose.heading) == tuple(run.poses[k, 0].tolist())
 
 
 def test_what_a_robot_believed_is_what_its_mind_held(faulty: Seen) -> None:
     player = Player(faulty.open(), Wall())
     for number, k in ((3, 20), (3, 33), (3, 12), (2, 78), (1, 77), (1, 60)):
-        if (k, number) not in faulty.beliefs:
-            continue
         at(player, k)
-        believed = None
-        for _ in range(400):
-            believed = player.last_seen(number)
-            if believed is not None:
-                break
-        assert believed is not None
-        np.testing.assert_array_equal(believed, faulty.beliefs[k, number])
+        np.testing.assert_array_equal(believed_of(player, number), faulty.beliefs[k, number])
     assert player.last_seen(99) is None
     assert player.last_seen("heard") is None
 
@@ -83,55 +72,24 @@ def test_closures_what_holds_them_and_beliefs_are_as_they_were(doors: Seen) -> N
         assert [name for name in sorted(looks) if looks[name].filled] == closed
         assert [name for name in sorted(looks) if looks[name].waits] == waiting
         assert [fault["id"] for fault in state.faults] == held
-        while (believed := player.last_seen(1)) is None:
-            pass
-        np.testing.assert_array_equal(believed, doors.truth[k])
+        np.testing.assert_array_equal(believed_of(player, 1), doors.truth[k])
 
 
 def test_two_who_look_at_two_robots_both_come_to_see_them(faulty: Seen, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("monitor.replay.past_beliefs.BUDGET_S", 0.0)
     player = Player(faulty.open(), Wall())
     at(player, 60)
-    seen: dict[int, NDArray[np.int32] | None] = dict.fromkeys((2, 3))
-    for _ in range(500):
-        seen = {number: player.last_seen(number) for number in seen}
-        if all(one is not None for one in seen.values()):
-            break
-    for number in seen:
-        np.testing.assert_array_equal(seen[number], faulty.beliefs[60, number])
+    turns = ([player.last_seen(number) for number in (2, 3)] for _ in range(500))
+    both = next(seen for seen in turns if all(one is not None for one in seen))
+    np.testing.assert_array_equal(both, [faulty.beliefs[60, number] for number in (2, 3)])
 
 
-def test_links_add_up_to_those_of_the_whole_run(faulty: Seen) -> None:
-    run = faulty.open()
-    player = Player(run, Wall())
-    links = None
-    for _ in range(50):
-        links = at(player, run.ticks - 1).links
-        if links is not None:
-            break
-        at(player, 0)
-    assert links is not None
-    arrived = run.links.delivered[1:, 1:]
-    assert (links.delivered <= arrived).all()
-    assert (links.sent >= links.delivered).all()
-    assert links.heard.max() <= run.ticks - 1
-    assert (np.diag(links.sent) == 0).all()
-
-
-def test_links_come_by_themselves_however_slowly_a_journal_is_read(
-    faulty: Seen, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_links_come_by_themselves_however_slow_the_journal(faulty: Seen, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("monitor.replay.run_log.BUDGET_S", 0.0)
     run = faulty.open()
     player = Player(run, Wall())
-    state: State | None = at(player, run.ticks - 1)
-    assert state is not None
-    assert state.links is None
-    for _ in range(run.ticks):
-        state = player.wait(1.0)
-        if state is not None:
-            break
-    assert state is not None
+    assert at(player, run.ticks - 1).links is None
+    state = next(state for _ in range(run.ticks) if (state := player.wait(1.0)) is not None)
     assert (state.k, state.running) == (run.ticks - 1, False)
     assert state.links is not None
     assert any(robot.heard_s is not None for robot in state.robots)
@@ -154,23 +112,18 @@ def test_a_player_plays_at_its_pace_and_backwards_and_stops_at_the_ends(quiet: S
     assert player.control({"do": "go"}).done
     before = wall.time_s
     wall.time_s += 2.0
-    state = player.wait(1.0)
-    assert state is not None
+    state = present(player.wait(1.0))
     assert state.running
     assert state.k == pytest.approx(10 + (wall.time_s - before) * 4.0 / 0.5, abs=2)
     wall.time_s += 1000.0
-    state = player.wait(1.0)
-    assert state is not None
+    state = present(player.wait(1.0))
     assert (state.k, state.running) == (79, False)
     assert player.control({"do": "pace", "factor": -2}).done
     assert player.control({"do": "step"}).done
-    state = player.wait(1.0)
-    assert state is not None
-    assert state.k == 78
+    assert present(player.wait(1.0)).k == 78
     assert player.control({"do": "go"}).done
     wall.time_s += 1000.0
-    state = player.wait(1.0)
-    assert state is not None
+    state = present(player.wait(1.0))
     assert (state.k, state.running) == (0, False)
 
 
@@ -178,23 +131,19 @@ def test_a_run_that_plays_by_itself_waits_for_the_first_page(quiet: Seen) -> Non
     wall = Wall()
     player = Player(quiet.open(), wall, autoplay=True)
     wall.time_s += 5.0
-    state = player.wait(1.0)
-    assert state is not None
+    state = present(player.wait(1.0))
     assert (state.k, state.running, state.pace) == (0, False, 1.0)
     player.set_shown([])
     again = player.wait(0.1)  # None, or the same with what has been read of the journal since
     assert again is None or not again.running
     player.set_shown(["truth"])
     wall.time_s += 5.0
-    state = player.wait(1.0)
-    assert state is not None
+    state = present(player.wait(1.0))
     assert state.running
     assert state.k >= 10
     assert player.control({"do": "pause"}).done
     player.set_shown(["truth", 1])
-    state = player.wait(1.0)
-    assert state is not None
-    assert not state.running
+    assert not present(player.wait(1.0)).running
 
 
 def test_a_control_comes_before_playing_by_itself(quiet: Seen) -> None:
@@ -208,9 +157,7 @@ def test_a_control_comes_before_playing_by_itself(quiet: Seen) -> None:
 def test_a_long_run_plays_faster(quiet: Seen, duration_s: int, pace: float, monkeypatch: pytest.MonkeyPatch) -> None:
     run = quiet.open()
     monkeypatch.setattr(type(run), "step", duration_s / run.ticks)
-    state = Player(run, Wall(), autoplay=True).wait(1.0)
-    assert state is not None
-    assert state.pace == pace
+    assert present(Player(run, Wall(), autoplay=True).wait(1.0)).pace == pace
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,8 @@ from monitor.replay.replay import Replay, play
 from monitor.replay.run import open_run
 from patrol.errors import BadInput
 from patrol.journal.records import Status
-from tests.monitor.conftest import QUIET, run_of
+from tests.monitor.conftest import QUIET, run_of, shorten_range
+from tests.present import present
 
 CHOSEN = (7, 41, 78)
 """Ticks at which the replay is held against the run's own fog."""
@@ -52,15 +53,11 @@ def test_there_is_nothing_beyond_the_end(quiet: Any) -> None:
 def test_a_fog_that_is_not_the_runs_is_noticed(quiet: Any, copied: Callable[..., Path]) -> None:
     assert play(quiet.open(), []) is None
     folder = copied(quiet)
-    text = (folder / "scenario.yaml").read_text(encoding="utf-8")
-    assert "range: 10.0" in text
-    (folder / "scenario.yaml").write_text(text.replace("range: 10.0", "range: 9.0"), encoding="utf-8")
+    shorten_range(folder)
     run = open_run(folder)
     assert play(run, []) is not None
     # Jumps do not trust the journal's MFoW either.
-    for k in (79, 3, 40):
-        fog = Replay(run).fog(k)
-        assert fog.last_seen.max() == k
+    assert all(Replay(run).fog(k).last_seen.max() == k for k in (79, 3, 40))
 
 
 def test_spare_robots_that_never_came_are_not_shown(tmp_path: Path) -> None:
@@ -68,11 +65,8 @@ def test_spare_robots_that_never_came_are_not_shown(tmp_path: Path) -> None:
     robots = {**QUIET["robots"], "spare": 2}
     run = run_of(tmp_path, {**QUIET, "duration": 15, "robots": robots, "faults": faults}).open()
     assert run.names == ("r1", "r2", "r3", "r5")
-    assert run.stated.verdict is not None
-    assert run.stated.verdict.valid
+    assert present(run.stated.verdict).valid
     assert play(run, []) is None
     assert (run.numbers[-1], run.status[14, -1]) == (5, Status.ALIVE)
     assert run.status[28].tolist() == [Status.DEAD] * 4
-    state = Player(run).wait(1.0)
-    assert state is not None
-    assert len(state.robots) == len(Player(run).static().robots) == 4
+    assert len(present(Player(run).wait(1.0)).robots) == len(Player(run).static().robots) == 4

@@ -10,6 +10,7 @@ import pytest
 
 from monitor.replay.run_files import DEEPEST, read_summary
 from patrol.errors import BadInput
+from tests.present import present
 
 CHECK = {"name": "frames", "ok": True}
 OLDER: dict[str, Any] = {
@@ -33,12 +34,10 @@ def written(folder: Path, document: object) -> Path:
 
 
 def test_a_summary_of_an_older_version_says_what_it_has(tmp_path: Path) -> None:
-    summary = read_summary(written(tmp_path, OLDER))
-    assert summary is not None
+    summary = present(read_summary(written(tmp_path, OLDER)))
     assert (summary.mfow_mean_s, summary.mfow_max_s) == (60.0, None)
     assert summary.robots["r1"].distance_m == 3.5
-    assert summary.verdict is not None
-    assert summary.verdict.checks[0].judged
+    assert present(summary.verdict).checks[0].judged
     assert summary.document() == OLDER
 
 
@@ -68,6 +67,4 @@ def test_what_is_of_another_type_is_bad_input(tmp_path: Path, change: dict[str, 
 
 def test_as_deep_as_allowed_can_be_written_again(tmp_path: Path) -> None:
     document = OLDER | {"laps": nested(DEEPEST - 1)}
-    summary = read_summary(written(tmp_path, document))
-    assert summary is not None
-    assert summary.document() == document
+    assert present(read_summary(written(tmp_path, document))).document() == document

@@ -1,7 +1,6 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
 
 import pytest
 
@@ -11,11 +10,10 @@ from monitor.replay.player import Player
 from monitor.replay.run_log import RunLog
 from patrol.measures.stays import TRAPPED_S
 from patrol.messages.telemetry import FREE, TRAPPED
-from tests.monitor.live.test_feed_source import FakeFeed, watched
+from tests.monitor.conftest import Seen
+from tests.monitor.live.test_feed_source import FakeFeed, played, watched
 from tests.monitor.replay.test_player import Wall, at
-
-if TYPE_CHECKING:
-    from tests.monitor.conftest import Seen
+from tests.present import present
 
 
 def test_who_was_trapped_is_known_at_any_tick(trapped: Seen) -> None:
@@ -25,9 +23,7 @@ def test_who_was_trapped_is_known_at_any_tick(trapped: Seen) -> None:
         log.read()
     found = round(TRAPPED_S / run.step)
     for k, numbers in ((0, []), (found - 1, []), (found, [2]), (389, [2]), (390, []), (399, [])):
-        known = log.at(k)
-        assert known is not None
-        assert list(known) == numbers
+        assert list(present(log.at(k))) == numbers
     begins, ends = log.events
     assert (begins.k, begins.kind, begins.robot) == (found, TRAPPED, 2)
     assert (ends.k, ends.kind, ends.robot) == (390, FREE, 2)
@@ -40,12 +36,10 @@ def test_a_robot_that_is_shut_in_is_not_trapped(shut_in: Seen) -> None:
     watch = TrapWatch(run.prepared)
     events = [watch.tick(record, lambda: shut_in.truth[record.k]) for record in run.journal.ticks]  # noqa: B023
     assert any(events), "it counts where what is closed is unknown"
-    log, wire = RunLog(run), FakeFeed(shut_in)
-    source = wire.source()
+    log, (_, state) = RunLog(run), played(shut_in)
     while not log.done:
         log.read()
-    wire.send(10_000)
-    assert watched(source).robots[0].trapped is None
+    assert state.robots[0].trapped is None
     assert not log.events
 
 
@@ -65,9 +59,7 @@ def test_it_is_unknown_until_the_journal_is_read_that_far(trapped: Seen, monkeyp
     assert log.at(380) == whole.at(380)
 
 
-def test_a_replay_says_it_after_a_jump_and_a_fleet_while_it_runs(
-    trapped: Seen, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_replay_says_it_after_jumps_and_a_fleet_as_it_runs(trapped: Seen, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("monitor.replay.run_log.BUDGET_S", math.inf)
     player = Player(trapped.open(), Wall())
     wire = FakeFeed(trapped)
@@ -99,8 +91,6 @@ def test_who_comes_late_does_not_know_since_when(trapped: Seen) -> None:
     wire.number = 21
     source = wire.source()
     wire.send(366)
-    state = watched(source)
-    known = state.robots[1].trapped
-    assert known is not None
+    known = present(watched(source).robots[1].trapped)
     assert not known.exact
     assert 0.0 < known.since_s < 15.0

@@ -13,11 +13,11 @@ def test_sums_are_those_of_every_tick(which: str, request: pytest.FixtureRequest
     """Against the plain way: all ages of all points in all ticks."""
     seen = request.getfixturevalue(which)
     run = seen.open()
-    counter = VisitCounter(run.prepared.patrolled, run.ticks)
+    counted = run.prepared.patrolled
+    counter = VisitCounter(counted, run.ticks)
     assert play(run, [counter]) is None
     found = counter.result()
 
-    counted = run.prepared.patrolled
     ages = np.array([k - np.maximum(seen.truth[k], 0) for k in range(run.ticks)])
     assert np.allclose(found.mean, np.where(counted, ages.mean(axis=0), 0.0))
     assert np.array_equal(found.worst, np.where(counted, ages.max(axis=0), 0))
@@ -29,10 +29,9 @@ def test_sums_are_those_of_every_tick(which: str, request: pytest.FixtureRequest
     for k in range(run.ticks):
         for _, pose in run.alive(k):
             view = footprint.visible(as_received(pose))
-            for row, col in np.argwhere(view.mask):
-                at = (row + view.row0, col + view.col0)
-                if 0 <= at[0] < counted.shape[0] and 0 <= at[1] < counted.shape[1] and counted[at]:
-                    looked[k][at] = True
+            for row, col in np.argwhere(view.mask) + np.array([view.row0, view.col0]):
+                if 0 <= row < counted.shape[0] and 0 <= col < counted.shape[1]:
+                    looked[k, row, col] = counted[row, col]
     gaps = np.zeros(run.ticks + 1, dtype=np.int64)
     for row, col in np.argwhere(counted):
         waits = np.diff(np.flatnonzero(looked[:, row, col]))

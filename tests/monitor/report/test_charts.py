@@ -34,6 +34,5 @@ def test_a_backend_that_does_not_exist_is_one_line() -> None:
     program = "from patrol.extras import check_matplotlib; check_matplotlib('monitor')"
     environment = {**os.environ, "MPLBACKEND": "nonsense"}
     done = subprocess.run([sys.executable, "-c", program], env=environment, capture_output=True, text=True, check=False)
-    assert done.stderr.endswith(
-        "BadInput: MPLBACKEND=nonsense: no backend of matplotlib; unset it, as figures need none\n"
-    )
+    says = "BadInput: MPLBACKEND=nonsense: no backend of matplotlib; unset it, as figures need none\n"
+    assert done.stderr.endswith(says)

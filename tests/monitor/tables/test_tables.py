@@ -17,10 +17,12 @@ from monitor.replay.run import open_run
 from monitor.tables import arrow
 from monitor.tables.arrow import arrow_table, batches, write_tables
 from monitor.tables.columns import TABLES
+from monitor.tables.table import Table
 from patrol.errors import BadInput
 from patrol.journal.records import DEAD_END
 from tests.monitor.conftest import DOORS, FAULTS, QUIET, Seen, run_of
 from tests.monitor.report.test_report_numbers import ALL_KINDS
+from tests.present import present
 
 ROUNDED: dict[str, Any] = {"rel": 1e-12, "abs": 1e-12}
 """The summary multiplies a mean of whole ticks by the step, and sums ways in the order of ticks; pandas adds seconds,
@@ -63,17 +65,13 @@ def tables(seen: Seen, tmp_path_factory: pytest.TempPathFactory) -> dict[str, pd
 
 
 def summary_of(seen: Seen) -> dict[str, Any]:
-    stated = seen.open().summary
-    assert stated is not None
-    return stated.document()
+    return present(seen.open().summary).document()
 
 
 def dropped_by_cause(links: pd.DataFrame) -> dict[str, int]:
     """Frames that were dropped, by the kind of the cause."""
     lost = links[links.dropped > 0]
-    kinds = [cause.partition(":")[0] for cause in lost.cause]
-    counts: dict[str, int] = lost.dropped.groupby(kinds).sum().to_dict()
-    return counts
+    return dict(lost.dropped.groupby([cause.partition(":")[0] for cause in lost.cause]).sum())
 
 
 def test_ticks_give_the_summary_of_the_fog(seen: Seen, tables: dict[str, pd.DataFrame]) -> None:
@@ -102,14 +100,12 @@ def test_robots_give_the_summary_of_each(seen: Seen, tables: dict[str, pd.DataFr
     for name in took_part:
         rows, stated = tables["robots"][tables["robots"].robot == name], summary["robots"][name]
         assert rows.driven_m.sum() == pytest.approx(stated["distance_m"], **ROUNDED)
-        assert rows.bumped.sum() == stated["collisions"]
-        assert rows.refused.sum() == stated["refused_commands"]
+        sums = {"bumped": "collisions", "refused": "refused_commands", "frame_bytes": "bytes", "rejected": "rejected"}
+        assert [rows[column].sum() for column in sums] == [stated[name] for name in sums.values()]
         assert rows.decision_ms.count() == stated["decisions"]
         assert (rows.status == "alive").sum() - rows.decision_ms.count() == stated["missed"]
         dead_ends = (rows.decision_ms.notna() & (rows.state == DEAD_END)).sum()
         assert dead_ends / max(stated["decisions"], 1) == stated["dead_end_share"]
-        assert rows.frame_bytes.sum() == stated["bytes"]
-        assert rows.rejected.sum() == stated["rejected"]
         assert np.percentile(rows.decision_ms.dropna(), 99) == stated["decision_ms_p99"]
         battery = stated.get("battery")
         if battery is None:
@@ -262,3 +258,10 @@ def test_without_pyarrow_the_remedy_is_named(quiet: Seen, tmp_path: Path, monkey
     for call in (lambda: arrow_table(quiet.open(), "ticks"), lambda: write_tables(quiet.open(), tmp_path, "csv")):
         with pytest.raises(BadInput, match=r"pip install 'fogwatch\[tables\]'"):
             call()
+
+
+def test_a_latex_table_aligns_numbers_and_escapes_what_latex_would_read() -> None:
+    text = Table(["case_1", "change (%)"], [["a & b-2", "-3.5 ±0.1"]], [1]).latex(["50 seeds"])
+    head = ["% 50 seeds", r"% \usepackage{booktabs}", r"\begin{tabular}{lr}", r"\toprule"]
+    rows = [r"case\_1 & change (\%) \\", r"\midrule", r"a \& b-2 & $-$3.5 $\pm$0.1 \\"]
+    assert text.splitlines() == [*head, *rows, r"\bottomrule", r"\end{tabular}"]

@@ -14,7 +14,7 @@ import pytest
 
 from patrol.ground.terrain import Terrain
 from patrol.messages.stop_orders import Order, Outcome
-from patrol.pose import Drive, Pose, Twist, Velocity
+from patrol.pose import Command, Drive, Pose, Twist, Velocity
 from patrol.reporting.logs import Log
 from patrol.scenario import RobotSpec
 from ros2.robot import localisation, steering
@@ -23,7 +23,7 @@ from ros2.robot.driver import Objection, Ros2Robot
 from ros2.robot.fence import Fence, Others
 from ros2.robot.governor import Governor, Response
 from ros2.robot.hardware import Hardware
-from ros2.robot.localisation import LocalisationSettings
+from ros2.robot.localisation import Fix, LocalisationSettings
 from ros2.robot.options import DriveSettings
 from ros2.robot.steering import ENOUGH_M, GoalSteering, MotionCheck, Steering, VelocitySteering
 from ros2.robot.stops import DriverFailed
@@ -31,9 +31,11 @@ from ros2.wire import messages
 from ros2.wire.goals import GoalServer, Status
 from ros2.wire.messages import AckermannDriveStamped, Bool, Clock, Odometry, TFMessage, Transform, TwistStamped
 from ros2.wire.names import LATCHED
+from tests.present import present
 from tests.ros2_hub import Hub
 
 STILL = messages.Twist(0.0, 0.0, 0.0)
+AHEAD, PLACE = Twist(0.5, 0.0), Pose(2.0, 5.0, 0.0)
 STEP_S = 0.5
 PATIENCE_S = 300.0
 
@@ -99,18 +101,28 @@ class Bench:
             self.steering = VelocitySteering(self.hardware, governor, Others({}, {}, STEP_S), self.response)
             self.objections.append(self.response)
         self.ticks = Ticks(*range(1000))
-        self.driver = Ros2Robot(
-            self.hardware, self.steering, self.ticks, STEP_S, None, orders, self.log, self.objections
-        )
+        parts = self.hardware, self.steering, self.ticks, STEP_S, None, orders, self.log, self.objections
+        self.driver = Ros2Robot(*parts)
 
-    def at(self, pose: Pose, twist: messages.Twist = STILL) -> None:
+    def at(self, pose: Pose = PLACE, twist: messages.Twist = STILL) -> None:
         """The robot says where it is."""
         self.tf.send(TFMessage((Transform(0, "map", "odom", Pose(0.0, 0.0, 0.0)),)))
         self.odom.send(Odometry(0, "odom", "base_link", pose, twist))
 
+    def drive(self, command: Command | None = None, pose: Pose = PLACE) -> None:
+        """The robot says where it is, and the driver tells it what was decided."""
+        self.at(pose)
+        if command is not None:
+            self.driver.act(command)
+        self.driver.cycle()
+
+    def fix(self) -> Fix:
+        """The robot's pose as the driver knows it."""
+        return present(self.hardware.fix())
+
     @property
     def told(self) -> messages.Twist:
-        """What it was told last."""
+        """The last command."""
         twist: messages.Twist = self.hub.sent["/robot1/cmd_vel"][-1].twist
         return twist
 
@@ -125,8 +137,7 @@ class Bench:
 def test_it_is_told_a_velocity_in_its_own_frame() -> None:
     bench = Bench("holonomic")
     bench.at(Pose(2.0, 5.0, 1.5707963267948966))
-    sensed = bench.driver.sense()
-    assert sensed is not None
+    sensed = present(bench.driver.sense())
     assert (sensed.k, sensed.pose.x, sensed.pose.y) == (0, 2.0, 5.0)
     bench.driver.act(Velocity(0.0, 0.5))
     bench.driver.cycle()
@@ -136,32 +147,22 @@ def test_it_is_told_a_velocity_in_its_own_frame() -> None:
 
 def test_it_knows_where_it_will_be_when_a_decision_begins_to_act() -> None:
     bench = Bench()
-    bench.at(Pose(2.0, 5.0, 0.0))
-    bench.driver.act(Twist(0.5, 0.0))
-    bench.driver.cycle()
-    bench.at(Pose(2.0, 5.0, 0.0))
-    sensed = bench.driver.sense()
-    assert sensed is not None
-    assert sensed.pose.x == pytest.approx(2.05)
+    bench.drive(AHEAD)
+    bench.at()
+    assert present(bench.driver.sense()).pose.x == pytest.approx(2.05)
 
 
-@pytest.mark.parametrize(
-    ("drive", "topic", "kind"),
-    [("twist", "cmd_vel", messages.Twist), ("twist-stamped", "cmd_vel", TwistStamped)],
-)
-def test_velocities_go_out_with_a_stamp_or_without(drive: str, topic: str, kind: type) -> None:
+@pytest.mark.parametrize(("drive", "kind"), [("twist", messages.Twist), ("twist-stamped", TwistStamped)])
+def test_velocities_go_out_with_a_stamp_or_without(drive: str, kind: type) -> None:
     bench = Bench(drive=drive, topics={"cmd_vel": "base/go"})
-    bench.at(Pose(2.0, 5.0, 0.0))
-    bench.driver.cycle()
+    bench.drive()
     assert isinstance(bench.hub.sent["/robot1/base/go"][-1], kind)
-    assert topic not in bench.hub.sent
+    assert "cmd_vel" not in bench.hub.sent
 
 
 def test_a_car_is_told_speed_and_steering_angle() -> None:
     bench = Bench("car", drive="ackermann", wheelbase=1.0)
-    bench.at(Pose(2.0, 5.0, 0.0))
-    bench.driver.act(Drive(0.5, 1.0))
-    bench.driver.cycle()
+    bench.drive(Drive(0.5, 1.0))
     sent = bench.hub.sent["/robot1/ackermann_cmd"][-1]
     assert isinstance(sent, AckermannDriveStamped)
     assert (sent.speed, sent.steering_angle) == pytest.approx((0.5, 0.7853981633974483))
@@ -175,25 +176,19 @@ def test_ticks_without_a_pose_are_skipped_and_the_robot_stands() -> None:
     assert bench.driver.sense() is None
     bench.driver.cycle()
     assert bench.told == STILL
-    bench.at(Pose(2.0, 5.0, 0.0))
+    bench.at()
     bench.ticks.left = deque([7])
-    sensed = bench.driver.sense()
-    assert sensed is not None
-    assert sensed.k == 7
+    assert present(bench.driver.sense()).k == 7
 
 
 def test_the_stop_topic_wins_until_it_is_released() -> None:
     bench = Bench()
-    bench.at(Pose(2.0, 5.0, 0.0))
-    bench.driver.act(Twist(0.5, 0.0))
-    bench.driver.cycle()
+    bench.drive(AHEAD)
     assert bench.told.vx == 0.5
     bench.stop.send(Bool(True))
     bench.driver.cycle()
     assert bench.told == STILL
-    bench.at(Pose(2.0, 5.0, 0.0))
-    bench.driver.act(Twist(0.5, 0.0))
-    bench.driver.cycle()
+    bench.drive(AHEAD)
     assert bench.told == STILL
     bench.stop.send(Bool(False))
     bench.driver.cycle()
@@ -211,9 +206,7 @@ class Orders:
         self.give = carry_out
 
 
-def test_an_operator_is_told_that_a_robot_stands_only_when_its_odometry_says_so(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_operators_are_told_that_a_robot_stands_only_when_its_odometry_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(standing, "LIMIT_S", 0.05)
     monkeypatch.setattr(standing, "LOOK_S", 0.05)
     orders = Orders()
@@ -224,7 +217,7 @@ def test_an_operator_is_told_that_a_robot_stands_only_when_its_odometry_says_so(
 
     def speak() -> None:
         while not ended.wait(0.01):
-            bench.at(Pose(2.0, 5.0, 0.0), twist)
+            bench.at(twist=twist)
 
     speaking = threading.Thread(target=speak)
     bench.driver.start()
@@ -253,14 +246,11 @@ def test_goals_are_places_on_the_robots_own_map() -> None:
     bench = Bench(nav2=True, drive="nav2", localisation=settings)
     server = GoalServer(bench.robot)
     bench.at(Pose(1.0, 0.0, 0.0))
-    fix = bench.hardware.fix()
-    assert fix is not None
+    fix = bench.fix()
     assert (fix.pose.x, fix.pose.y) == pytest.approx((10.0, 6.0))
     bench.steering.want(Velocity(0.0, 0.0), (10.0, 8.0), 0.0)
     bench.steering.step(fix, 0.0, 0.05, "")
-    target = server.step(1)
-    assert target is not None
-    place = target.pose
+    place = present(server.step(1)).pose
     assert (place.x, place.y, place.heading) == pytest.approx((3.0, 0.0, 0.0))
 
 
@@ -269,23 +259,18 @@ def test_a_robot_that_nav2_has_not_let_go_of_may_still_drive(monkeypatch: pytest
     bench = Bench(nav2=True, drive="nav2")
     GoalServer(bench.robot)  # never steps, and so never answers
     bench.driver.stop("over")
-    assert bench.said == [
-        "stopped for good: over",
-        "may still drive: Nav2 has not confirmed that it has cancelled its goals",
-    ]
+    unsure = "may still drive: Nav2 has not confirmed that it has cancelled its goals"
+    assert bench.said == ["stopped for good: over", unsure]
 
 
 def test_a_robot_that_has_rested_drives_on_from_zero() -> None:
     bench = Bench()
-    bench.at(Pose(2.0, 5.0, 0.0))
-    bench.driver.act(Twist(0.5, 0.0))
-    bench.driver.cycle()
+    bench.drive(AHEAD)
     bench.driver.rest()
     bench.driver.cycle()
     assert bench.told == STILL
     bench.driver.go_on()
-    bench.at(Pose(2.0, 5.0, 0.0))
-    bench.driver.cycle()
+    bench.drive()
     assert bench.told.vx == 0.5
     bench.driver.stop("over")
     bench.driver.go_on()
@@ -306,10 +291,10 @@ def test_odometry_that_ends_stops_the_robot_and_its_return_lets_it_go_on() -> No
     bench = Bench(localisation=LocalisationSettings(fresh_s=0.2, delay_s=0.0))
 
     def drives_while_it_speaks() -> bool:
-        bench.at(Pose(2.0, 5.0, 0.0))
+        bench.at()
         return bool(bench.hub.sent["/robot1/cmd_vel"]) and bench.told.vx == 0.5
 
-    bench.driver.act(Twist(0.5, 0.0))
+    bench.driver.act(AHEAD)
     bench.driver.start()
     try:
         bench.until(drives_while_it_speaks)
@@ -320,15 +305,14 @@ def test_odometry_that_ends_stops_the_robot_and_its_return_lets_it_go_on() -> No
         bench.driver.stop("over")
     count = len(bench.hub.sent["/robot1/cmd_vel"])
     assert [one.twist for one in bench.hub.sent["/robot1/cmd_vel"][-5:]] == [STILL] * 5
-    bench.at(Pose(2.0, 5.0, 0.0))
-    bench.driver.cycle()
+    bench.drive()
     assert len(bench.hub.sent["/robot1/cmd_vel"]) == count
     assert bench.said[-1] == "stopped for good: over"
 
 
 def test_a_driver_that_fails_stops_the_robot_and_tells_the_mind_and_the_log() -> None:
     bench = Bench()
-    bench.at(Pose(2.0, 5.0, 0.0))
+    bench.at()
 
     def broken() -> None:
         raise RuntimeError("a wire is loose")
@@ -346,16 +330,13 @@ def test_a_driver_that_fails_stops_the_robot_and_tells_the_mind_and_the_log() ->
 def test_transforms_outside_of_the_namespace_count_while_there_are_none_inside() -> None:
     bench = Bench()
     root = bench.robot.publisher("/tf", TFMessage)
-    root.send(TFMessage((Transform(0, "map", "odom", Pose(3.0, 0.0, 0.0)),)))
-    bench.odom.send(Odometry(0, "odom", "base_link", Pose(2.0, 5.0, 0.0), STILL))
-    fix = bench.hardware.fix()
-    assert fix is not None
-    assert fix.pose.x == 5.0
-    bench.at(Pose(2.0, 5.0, 0.0))
-    root.send(TFMessage((Transform(0, "map", "odom", Pose(3.0, 0.0, 0.0)),)))
-    fix = bench.hardware.fix()
-    assert fix is not None
-    assert fix.pose.x == 2.0
+    outside = TFMessage((Transform(0, "map", "odom", Pose(3.0, 0.0, 0.0)),))
+    root.send(outside)
+    bench.odom.send(Odometry(0, "odom", "base_link", PLACE, STILL))
+    assert bench.fix().pose.x == 5.0
+    bench.at()
+    root.send(outside)
+    assert bench.fix().pose.x == 2.0
 
 
 def test_the_time_of_a_simulation_is_the_robots_time() -> None:
@@ -366,13 +347,9 @@ def test_the_time_of_a_simulation_is_the_robots_time() -> None:
     begun_s = time.monotonic()
     clock.send(Clock(5_000_000_000))
     bench.tf.send(TFMessage((Transform(0, "map", "odom", Pose(0.0, 0.0, 0.0)),)))
-    bench.odom.send(Odometry(4_950_000_000, "odom", "base_link", Pose(2.0, 5.0, 0.0), messages.Twist(1.0, 0.0, 0.0)))
-    now_s = bench.hardware.time.now()
-    assert now_s is not None
-    assert 5.0 <= now_s <= 5.0 + time.monotonic() - begun_s
-    fix = bench.hardware.fix()
-    assert fix is not None
-    assert fix.pose.x >= 2.05
+    bench.odom.send(Odometry(4_950_000_000, "odom", "base_link", PLACE, messages.Twist(1.0, 0.0, 0.0)))
+    assert 5.0 <= present(bench.hardware.time.now()) <= 5.0 + time.monotonic() - begun_s
+    assert bench.fix().pose.x >= 2.05
 
 
 def test_who_does_not_get_on_has_bumped() -> None:
@@ -390,22 +367,17 @@ def test_who_does_not_get_on_has_bumped() -> None:
 def test_nav2_gets_a_goal_and_a_new_one_only_when_it_has_moved() -> None:
     bench = Bench(nav2=True, drive="nav2")
     server = GoalServer(bench.robot)
-    bench.at(Pose(2.0, 5.0, 0.0))
-    steering = bench.steering
 
     def cycle(goal: tuple[float, float] | None) -> messages.PoseStamped | None:
-        bench.at(Pose(2.0, 5.0, 0.0))
-        steering.want(Twist(0.0, 0.0), goal, 0.0)
+        bench.at()
+        bench.steering.want(Twist(0.0, 0.0), goal, 0.0)
         bench.driver.cycle()
         return server.step(0)
 
-    target = cycle((5.0, 5.0))
-    assert target is not None
+    target = present(cycle((5.0, 5.0)))
     assert (target.frame, target.pose.x, target.pose.y) == ("map", 5.0, 5.0)
     assert cycle((5.2, 5.0)) == target
-    moved = cycle((6.0, 5.0))
-    assert moved is not None
-    assert moved.pose.x == 6.0
+    assert present(cycle((6.0, 5.0))).pose.x == 6.0
     bench.stop.send(Bool(True))
     assert cycle((6.0, 5.0)) is None
     bench.stop.send(Bool(False))
@@ -420,16 +392,12 @@ def test_nav2_gets_a_goal_and_a_new_one_only_when_it_has_moved() -> None:
 def test_a_goal_that_nav2_gives_up_is_a_bump() -> None:
     bench = Bench(nav2=True, drive="nav2")
     server = GoalServer(bench.robot)
-    bench.at(Pose(2.0, 5.0, 0.0))
     bench.steering.want(Twist(0.0, 0.0), (5.0, 5.0), 0.0)
-    bench.driver.cycle()
+    bench.drive()
     server.step(0)
     bench.driver.cycle()
     server.finish(Status.ABORTED)
     for _ in range(3):
-        bench.at(Pose(2.0, 5.0, 0.0))
-        bench.driver.cycle()
+        bench.drive()
         server.step(0)
-    sensed = bench.driver.sense()
-    assert sensed is not None
-    assert sensed.bumped
+    assert present(bench.driver.sense()).bumped

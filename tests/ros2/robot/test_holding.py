@@ -1,4 +1,4 @@
-"""What keeps a robot from driving besides stops, and what is said of it."""
+"""Reasons besides stops that keep a robot from driving, and what is said of them."""
 
 from __future__ import annotations
 
@@ -7,29 +7,25 @@ import re
 import pytest
 
 from patrol.messages.stop_orders import Order, Outcome
-from patrol.pose import Pose, Twist
+from patrol.pose import Pose
 from patrol.reporting.health import HealthReading, health_line
 from patrol.reporting.vitals import ODOMETRY_AGE, STOPPED, UNUSABLE, Vitals
 from ros2.robot.driver import HELD_AFTER_S, Sayer
 from ros2.robot.governor import OFF_GROUND, TOO_NEAR
 from ros2.wire.messages import Bool
-from tests.ros2.robot.test_driver import PATIENCE_S, STILL, Bench
+from tests.ros2.robot.test_driver import AHEAD, PATIENCE_S, STILL, Bench
 
 
 def test_a_robot_whose_odometry_hangs_stands_says_so_and_goes_on_when_an_operator_releases_it() -> None:
     bench = Bench()
     now_s, told_m = 0.0, 0.0
     while not bench.response.why:
-        bench.at(Pose(2.0, 5.0, 0.0))
-        fix = bench.hardware.fix()
-        assert fix is not None
-        bench.steering.want(Twist(0.5, 0.0), None, now_s)
-        bench.steering.step(fix, now_s, 0.05, "")
+        bench.at()
+        bench.steering.want(AHEAD, None, now_s)
+        bench.steering.step(bench.fix(), now_s, 0.05, "")
         now_s, told_m = now_s + 0.05, told_m + 0.5 * 0.05
     assert told_m < 1.5
-    bench.at(Pose(2.0, 5.0, 0.0))
-    bench.driver.act(Twist(0.5, 0.0))
-    bench.driver.cycle()
+    bench.drive(AHEAD)
     assert bench.told == STILL
     assert bench.driver._carry_out(Order.RELEASE) == Outcome(True, "not stopped")
     assert bench.said[-1] == "released by an operator"
@@ -38,18 +34,13 @@ def test_a_robot_whose_odometry_hangs_stands_says_so_and_goes_on_when_an_operato
 
 
 @pytest.mark.parametrize(("place", "words"), [(Pose(-3.0, 5.0, 0.0), OFF_GROUND), (Pose(9.75, 5.0, 0.0), TOO_NEAR)])
-def test_a_robot_that_its_fence_holds_says_so_after_a_while(
-    place: Pose, words: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_robot_that_its_fence_holds_says_so_later(place: Pose, words: str, monkeypatch: pytest.MonkeyPatch) -> None:
     bench = Bench()
-    bench.at(place)
-    bench.driver.act(Twist(0.5, 0.0))
-    bench.driver.cycle()
+    bench.drive(AHEAD, place)
     assert bench.told == STILL
     assert bench.said == []
     monkeypatch.setattr("ros2.robot.driver.HELD_AFTER_S", 0.0)
-    bench.at(place)
-    bench.driver.cycle()
+    bench.drive(pose=place)
     assert bench.said == [f"stands: {words}"]
 
 
@@ -65,8 +56,7 @@ def test_its_health_says_how_old_its_odometry_is_and_whether_it_may_drive() -> N
     bench, vitals = Bench(), Vitals()
     bench.driver.show(vitals)
     assert ODOMETRY_AGE not in vitals.read()
-    bench.at(Pose(2.0, 5.0, 0.0))
-    bench.driver.cycle()
+    bench.drive()
     figures = vitals.read()
     assert 0.0 <= float(figures[ODOMETRY_AGE]) < PATIENCE_S  # type: ignore[arg-type]
     assert (figures[STOPPED], figures[UNUSABLE]) == (0.0, {})

@@ -86,10 +86,8 @@ def test_a_cancel_reaches_nav2_whoever_claims_to_be_its_server(site: Site) -> No
             client.go(THERE, time.monotonic())
 
     def seen() -> set[tuple[str, str]]:
-        found = robot.graph(PATIENCE_S)
-        return {
-            (one.node.name, one.type_hash) for one in found if one.kind is EntityKind.SERVER and one.type_name == CANCEL
-        }
+        servers = [one for one in robot.graph(PATIENCE_S) if one.kind is EntityKind.SERVER]
+        return {(one.node.name, one.type_hash) for one in servers if one.type_name == CANCEL}
 
     client.go(THERE, time.monotonic())
     until(lambda: client.going is Going.UNDER_WAY, work)

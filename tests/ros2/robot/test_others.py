@@ -47,12 +47,9 @@ def test_a_velocity_follows_from_two_positions_and_ends_with_silence() -> None:
 @pytest.mark.parametrize("adaptive", [{"error": 1.0, "silence": 4.0}, None])
 def test_the_fence_knows_where_a_steady_robot_is_that_saves_on_its_radio(adaptive: dict[str, float] | None) -> None:
     """Robot 2 goes on steadily at 1 m/s. Where the fleet predicts, it sends in every eighth tick."""
-    raw = {
-        "terrain": {"builtin": "open"},
-        "pace": "realtime",
-        "robots": [{"name": name, "model": "holonomic", "speed": 1.0} for name in ("r1", "r2")],
-        "radio": {"via": "direct", "trail": 2, "adaptive": adaptive},
-    }
+    robots = [{"name": name, "model": "holonomic", "speed": 1.0} for name in ("r1", "r2")]
+    radio = {"via": "direct", "trail": 2, "adaptive": adaptive}
+    raw = {"terrain": {"builtin": "open"}, "pace": "realtime", "robots": robots, "radio": radio}
     prepared = prepare(load_scenario(raw))
     mind, sending_mind = (build_mind(prepared, number) for number in (1, 2))
     clock = LateClock()
@@ -78,11 +75,9 @@ def test_nobody_drives_into_another(command: Command, blocker: Other) -> None:
     assert is_halt(FENCE.allowed(HERE, command, [blocker]))
 
 
-@pytest.mark.parametrize(
-    "elsewhere", [other(5.0, 5.65), other(4.3, 5.0), other(7.5, 5.0), other(6.0, 5.0, 2.0), other(7.0, 5.7, -1.0)]
-)
-def test_who_is_beside_behind_or_on_the_way_elsewhere_is_not_in_the_way(elsewhere: Other) -> None:
-    assert FENCE.allowed(HERE, Twist(1.0, 0.0), [elsewhere]) == Twist(1.0, 0.0)
+@pytest.mark.parametrize("at", [(5.0, 5.65), (4.3, 5.0), (7.5, 5.0), (6.0, 5.0, 2.0), (7.0, 5.7, -1.0)])
+def test_who_is_beside_behind_or_on_the_way_elsewhere_is_not_in_the_way(at: tuple[float, ...]) -> None:
+    assert FENCE.allowed(HERE, Twist(1.0, 0.0), [other(*at)]) == Twist(1.0, 0.0)
 
 
 def test_who_is_too_near_already_may_go_away_or_turn() -> None:

@@ -13,6 +13,7 @@ from ros2.robot.governor import BLIND_M, BLIND_S, ENOUGH_M, ENOUGH_S, Response
 PERIOD_S = 0.05
 HERE = Pose(2.0, 5.0, 0.0)
 TRIES = [Twist(0.5, 0.0), Twist(0.0, 1.5), Twist(-0.5, 0.0), Twist(0.0, -1.5)]
+EACH = pytest.mark.parametrize("commands", [[Twist(0.5, 0.0)], [Drive(2.0, 0.2)], [Velocity(0.1, 0.1)], TRIES])
 
 
 def told(response: Response, commands: list[Command], share: float, steps: int) -> Iterator[tuple[float, Pose]]:
@@ -28,7 +29,7 @@ def told(response: Response, commands: list[Command], share: float, steps: int) 
         yield way, pose
 
 
-@pytest.mark.parametrize("commands", [[Twist(0.5, 0.0)], [Drive(2.0, 0.2)], [Velocity(0.1, 0.1)], TRIES])
+@EACH
 def test_a_pose_that_stands_still_stops_the_robot_soon(commands: list[Command]) -> None:
     response = Response(0.25, 0.1)
     *_, (way, _) = told(response, commands, 0.0, 1000)
@@ -36,7 +37,7 @@ def test_a_pose_that_stands_still_stops_the_robot_soon(commands: list[Command]) 
     assert way <= max(BLIND_M, BLIND_S * commands[0].speed_mps) + 2.0 * max(ENOUGH_M, ENOUGH_S * commands[0].speed_mps)
 
 
-@pytest.mark.parametrize("commands", [[Twist(0.5, 0.0)], [Drive(2.0, 0.2)], [Velocity(0.1, 0.1)], TRIES])
+@EACH
 @pytest.mark.parametrize("share", [1.0, 0.5])
 def test_a_robot_that_follows_or_follows_slowly_drives_on(commands: list[Command], share: float) -> None:
     response = Response(0.25, 0.1)

@@ -25,6 +25,19 @@ def said(stop: bool, sent_ns: int | None, sender: str = "", sequence: int | None
     return Received(Bool(stop), 0.0, sent_ns, sequence, sender.encode())
 
 
+def heeded(topic: StopTopic, *received: Received[Bool]) -> tuple[bool, bool, str]:
+    """Give messages to a topic, and have it heeded."""
+    for one in received:
+        topic.put(one)
+    return topic.heed()
+
+
+def hardware_of(hub: Hub, lines: list[str], folder: Path | None = None) -> Hardware:
+    """A robot's topics, with its stops noted in a folder, and its lines in `lines`."""
+    files = None if folder is None else StopFiles(folder, "r1")
+    return Hardware(hub.link("f", "r1"), DriveSettings(), 1.0, lines.append, files)
+
+
 def test_everybody_who_has_stopped_a_robot_must_release_it() -> None:
     stops = Stops("/stop")
     assert not stops
@@ -68,8 +81,7 @@ def test_whatever_is_in_the_place_of_a_note_holds_the_robot(tmp_path: Path) -> N
     stops.release(Stopper.OPERATOR)
     stops.release(Stopper.TOPIC)
     assert stops.unsaved(PATIENCE_S) == ""
-    assert not os.path.lexists(damaged)
-    assert not os.path.lexists(link)
+    assert not any(map(os.path.lexists, (damaged, link)))
 
 
 def test_a_stop_that_cannot_be_noted_still_holds_and_says_so(tmp_path: Path) -> None:
@@ -107,71 +119,54 @@ def test_where_stops_are_noted(environment: dict[str, str], folder: str, monkeyp
 
 def test_a_false_releases_only_what_was_sent_before_it() -> None:
     topic = StopTopic(held=False, clock=lambda: 1000)
-    topic.put(said(False, 1, "a"))
-    assert topic.heed() == (False, False, "")
-    topic.put(said(True, 10, "b"))
-    assert topic.heed() == (True, True, "")
-    topic.put(said(False, 9, "a"))  # it was published first, and comes last
-    assert topic.heed() == (False, True, OLDER)
-    topic.put(said(False, None, "a"))
-    assert topic.heed() == (False, True, TIMELESS)
-    topic.put(said(False, 11, "c"))
-    assert topic.heed() == (False, False, "")
+    assert heeded(topic, said(False, 1, "a")) == (False, False, "")
+    assert heeded(topic, said(True, 10, "b")) == (True, True, "")
+    assert heeded(topic, said(False, 9, "a")) == (False, True, OLDER), "it was published first, and comes last"
+    assert heeded(topic, said(False, None, "a")) == (False, True, TIMELESS)
+    assert heeded(topic, said(False, 11, "c")) == (False, False, "")
 
 
 def test_a_true_stops_whatever_its_senders_clock_says_and_however_many_false_follow() -> None:
     topic = StopTopic(held=False, clock=lambda: 1000)
-    topic.put(said(False, 500, "a"))
-    topic.put(said(True, 10, "late clock"))
-    for _ in range(1000):
-        topic.put(said(False, 9, "flood"))
-    assert topic.heed() == (True, True, OLDER)
-    topic.put(said(True, 10**18, "early clock"))
-    topic.put(said(False, 1001, "a"))
-    assert topic.heed() == (True, False, "")
+    flood = [said(False, 9, "flood")] * 1000
+    assert heeded(topic, said(False, 500, "a"), said(True, 10, "late clock"), *flood) == (True, True, OLDER)
+    assert heeded(topic, said(True, 10**18, "early clock"), said(False, 1001, "a")) == (True, False, "")
 
 
 def test_one_sender_is_followed_by_its_own_count_even_if_its_clock_is_put_back() -> None:
     topic = StopTopic(held=False, clock=lambda: 1000)
-    topic.put(said(True, 900, "a", 5))
-    topic.put(said(False, 950, "a", 4))
-    assert topic.heed() == (True, True, OLDER)
-    topic.put(said(False, 10, "a", 6))
-    assert topic.heed() == (False, False, "")
+    assert heeded(topic, said(True, 900, "a", 5), said(False, 950, "a", 4)) == (True, True, OLDER)
+    assert heeded(topic, said(False, 10, "a", 6)) == (False, False, "")
 
 
 def test_a_stop_from_before_this_process_is_not_released_by_an_old_false() -> None:
     now = [1000]
     topic = StopTopic(held=True, clock=lambda: now[0])
-    topic.put(said(False, 999, "latched long ago"))
-    assert topic.heed() == (False, True, OLDER)
+    assert heeded(topic, said(False, 999, "latched long ago")) == (False, True, OLDER)
     now[0] = 500  # our clock is put back
-    topic.put(said(False, 499, "a"))
-    assert topic.heed() == (False, True, OLDER)
-    topic.put(said(False, 501, "a"))
-    assert topic.heed() == (False, False, "")
+    assert heeded(topic, said(False, 499, "a")) == (False, True, OLDER)
+    assert heeded(topic, said(False, 501, "a")) == (False, False, "")
 
 
 def test_what_cannot_be_read_stops() -> None:
     topic = StopTopic(held=False, clock=time.time_ns)
     topic.refuse("type", "/stop: is a std_msgs/msg/String, and should be a std_msgs/msg/Bool")
-    assert topic.heed() == (True, True, "")
-    topic.put(said(False, time.time_ns(), "a"))
-    assert topic.heed() == (False, False, "")
+    assert heeded(topic) == (True, True, "")
+    assert heeded(topic, said(False, time.time_ns(), "a")) == (False, False, "")
 
 
 def test_hardware_says_first_refusals_and_notes_the_topics_stop(tmp_path: Path) -> None:
     hub = Hub()
     publisher = hub.link("remote", "r1").publisher("stop", Bool, LATCHED)
     lines: list[str] = []
-    hardware = Hardware(hub.link("f", "r1"), DriveSettings(), 1.0, lines.append, StopFiles(tmp_path, "r1"))
+    hardware = hardware_of(hub, lines, tmp_path)
     for _ in range(3):
         (mailbox,) = (box for _, box in hub.listening["/r1/stop"])
         mailbox.refuse("malformed", "/r1/stop: too short")
         hardware.fix()
     assert lines == ["refused: /r1/stop: too short", "stopped by the topic /r1/stop"]
     assert hardware.stops.unsaved(PATIENCE_S) == ""
-    again = Hardware(hub.link("f", "r1"), DriveSettings(), 1.0, lines.append, StopFiles(tmp_path, "r1"))
+    again = hardware_of(hub, lines, tmp_path)
     again.fix()
     assert again.stops
     publisher.send(Bool(False))
@@ -182,22 +177,21 @@ def test_hardware_says_first_refusals_and_notes_the_topics_stop(tmp_path: Path) 
 
 
 def test_a_stop_that_cannot_be_noted_is_said_once(tmp_path: Path) -> None:
-    hub, folder = Hub(), tmp_path / "state"
-    lines: list[str] = []
-    hardware = Hardware(hub.link("f", "r1"), DriveSettings(), 1.0, lines.append, StopFiles(folder, "r1"))
+    hub, folder, lines = Hub(), tmp_path / "state", list[str]()
+    hardware = hardware_of(hub, lines, folder)
     folder.rmdir()
     hub.link("remote", "r1").publisher("stop", Bool, LATCHED).send(Bool(True))
     hardware.fix()
     assert hardware.stops.unsaved(PATIENCE_S)
     for _ in range(3):
         hardware.fix()
-    assert lines[0] == "stopped by the topic /r1/stop"
-    assert lines[1:] == [f"stops are not noted: {folder}/r1.stopped-by-topic: No such file or directory"]
+    unsaved = f"stops are not noted: {folder}/r1.stopped-by-topic: No such file or directory"
+    assert lines == ["stopped by the topic /r1/stop", unsaved]
 
 
 def test_refusals_are_said_once_for_each_reason() -> None:
     hub, lines = Hub(), list[str]()
-    hardware = Hardware(hub.link("f", "r1"), DriveSettings(), 1.0, lines.append)
+    hardware = hardware_of(hub, lines)
     ((_, box),) = hub.listening["/r1/odom"]
     hardware.fix()
     assert lines == []

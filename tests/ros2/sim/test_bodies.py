@@ -14,8 +14,7 @@ from ros2.sim.bodies import bodies_named
 from ros2.sim.odometry import DriftingOdometry, Errors
 from ros2.wire.frames import composed
 from ros2.wire.messages import Twist
-from tests.ros2.sim.test_robots import robot, run, simulated, tell, terrain
-from tests.ros2_hub import Hub
+from tests.ros2.sim.test_robots import AHEAD, push, robot, run, simulated, tell, terrain
 
 GHOSTS = """
 from patrol.ground.swept_path import advance
@@ -53,17 +52,15 @@ def write_ghosts(tmp_path: Path) -> Path:
 
 def test_bodies_of_ones_own_move_and_count_as_they_say(file: Path) -> None:
     """At half the speed and through the wall, while their wheels count the whole way."""
-    hub, one = Hub(), robot(errors=Errors(drift=0.5, drift_rad=0.5))
+    one = robot(errors=Errors(drift=0.5, drift_rad=0.5))
     ghosts = bodies_named(f"{file}:Ghosts", terrain(), [one.build])
     noted: list[tuple[float, float]] = []
 
     def note(time_s: float, poses: Mapping[str, Pose]) -> None:
         noted.append((time_s, poses["robot1"].x))
 
-    simulation = simulated(hub, one, bodies=ghosts, note=note)
-    for _ in range(80):
-        tell(hub, Twist(1.0, 0.0, 0.0))
-        run(simulation, 0.1)
+    hub, simulation = simulated(one, bodies=ghosts, note=note)
+    push(hub, simulation, 80, ("robot1", AHEAD))
     assert (one.pose.x, one.pose.y) == pytest.approx((6.0, 5.0))
     assert one.odometry.counted.x == pytest.approx(8.0)
     assert one.velocity.vx == pytest.approx(1.0)
@@ -76,16 +73,13 @@ def test_bodies_of_ones_own_move_and_count_as_they_say(file: Path) -> None:
 
 
 def test_our_own_bodies_stray_only_where_something_stops_them() -> None:
-    hub, one = Hub(), robot()
-    simulation = simulated(hub, one)
+    hub, simulation = simulated(one := robot())
     for count in range(20):
         tell(hub, Twist(1.0 - 0.1 * (count % 4), 0.0, 0.3 * (count % 3)))
         run(simulation, 0.1)
     assert len(one.strayed_m) == 3
     assert max(one.strayed_m) < 1e-9
-    for _ in range(60):
-        tell(hub, Twist(1.0, 0.0, 0.0))
-        run(simulation, 0.1)
+    push(hub, simulation, 60, ("robot1", AHEAD))
     assert one.walls_touched == 1
     assert max(one.strayed_m) == pytest.approx(0.5)
 

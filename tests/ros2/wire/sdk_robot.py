@@ -25,12 +25,8 @@ def main(host: str, port: str, folder: str) -> None:
     there = {"router_ip": host, "router_port": int(port)}
 
     def command(message: Any) -> None:
-        said = {
-            "frame": message.header.frame_id,
-            "forward": message.twist.linear.x,
-            "turn": message.twist.angular.z,
-        }
-        print(json.dumps(said), flush=True)
+        said = {"forward": message.twist.linear.x, "turn": message.twist.angular.z}
+        print(json.dumps({"frame": message.header.frame_id, **said}), flush=True)
 
     session = sdk.ZenohSession.get_instance(**there)
     sdk.ROS2Subscriber("/robot1/cmd_vel", COMMAND, command, **there)

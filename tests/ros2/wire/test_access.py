@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Iterator
+from contextlib import closing
 from dataclasses import replace
 from functools import partial
 from itertools import combinations
@@ -24,17 +25,18 @@ from ros2.robot.options import DriveSettings
 from ros2.wire.access import COMMAND_HZ, agent_rights, robot_router, viewer_rights
 from ros2.wire.formats import Bridge, Format, RmwZenoh
 from ros2.wire.goals import GoalClient, GoalServer, Going
-from ros2.wire.link import open_ros2
+from ros2.wire.link import ZenohRos2Link, open_ros2
 from ros2.wire.mailbox import RosMailbox
 from ros2.wire.messages import OccupancyGrid, Odometry, PoseStamped, TwistStamped
-from ros2.wire.names import LATCHED, EntityKind, NodeName
-from tests.ros2_site import Site, command, odometry, reach
+from ros2.wire.names import LATCHED, USUAL, EntityKind, NodeName, Qos
+from tests.present import present
+from tests.ros2_site import M, Site, command, odometry, reach
 from tests.routers import PATIENCE_S, make_local_fleet, needs_openssl
 
 pytestmark = needs_openssl
 
 REFUSED_S = 2.0
-"""How long somebody without a certificate tries to get in."""
+"""Time for which a stranger without a certificate tries to get in."""
 HERE = Pose(0.0, 0.0, 0.0)
 GRID = OccupancyGrid(1, "map", 0.05, HERE, np.zeros((20, 30), np.int8))
 
@@ -51,22 +53,23 @@ def site(request: pytest.FixtureRequest, fleet: FleetFolder) -> Iterator[Site]:
     site.close()
 
 
+def hear(link: ZenohRos2Link, topic: str, kind: type[M], qos: Qos = USUAL) -> RosMailbox[M]:
+    """Subscribe to a topic."""
+    mailbox: RosMailbox[M] = RosMailbox(1000)
+    link.subscribe(topic, kind, mailbox, qos)
+    return mailbox
+
+
 def test_the_agent_drives_its_robot_and_shows_what_it_knows(site: Site) -> None:
     robot, agent = site.robot(), site.member("r1")
-    commands: RosMailbox[TwistStamped] = RosMailbox()
-    places: RosMailbox[Odometry] = RosMailbox()
-    robot.subscribe("cmd_vel", TwistStamped, commands)
-    agent.subscribe("odom", Odometry, places)
+    commands, places = hear(robot, "cmd_vel", TwistStamped), hear(agent, "odom", Odometry)
     assert reach(agent.publisher("cmd_vel", TwistStamped), lambda: command(0.5), commands).twist.vx == 0.5
     assert reach(robot.publisher("odom", Odometry), lambda: odometry(3.0), places).pose.x == 3.0
 
     robot.publisher("/map", OccupancyGrid, LATCHED).send(GRID)
     agent.publisher("fog", OccupancyGrid, LATCHED).send(GRID)
-    ground: RosMailbox[OccupancyGrid] = RosMailbox()
-    fog: RosMailbox[OccupancyGrid] = RosMailbox()
-    agent.subscribe("/map", OccupancyGrid, ground, LATCHED)
-    site.robot("rviz").subscribe("fog", OccupancyGrid, fog, LATCHED)
-    for mailbox in (ground, fog):
+    for link, topic in ((agent, "/map"), (site.robot("rviz"), "fog")):
+        mailbox = hear(link, topic, OccupancyGrid, LATCHED)
         assert mailbox.take(PATIENCE_S) is not None, "who comes late gets what is latched"
 
     server, client = GoalServer(robot), GoalClient(agent)
@@ -80,10 +83,9 @@ def test_the_agent_drives_its_robot_and_shows_what_it_knows(site: Site) -> None:
             client.go(target, time.monotonic())
 
     if site.form.attaches:
-        seen = {(one.kind, one.node.name, one.topic) for one in robot.graph(PATIENCE_S)}
-        assert (EntityKind.PUBLISHER, "fogwatch_r1", "/robot1/cmd_vel") in seen
-        seen = {(one.kind, one.node.name, one.topic) for one in agent.graph(PATIENCE_S)}
-        assert (EntityKind.PUBLISHER, "base", "/robot1/odom") in seen
+        for link, name, topic in ((robot, "fogwatch_r1", "/robot1/cmd_vel"), (agent, "base", "/robot1/odom")):
+            seen = {(one.kind, one.node.name, one.topic) for one in link.graph(PATIENCE_S)}
+            assert (EntityKind.PUBLISHER, name, topic) in seen
 
 
 def test_a_stranger_gets_no_session(site: Site) -> None:
@@ -95,19 +97,15 @@ def test_a_stranger_gets_no_session(site: Site) -> None:
 def test_nobody_else_drives_the_robot_and_nobody_passes_for_it(who: str, site: Site) -> None:
     """Not even other members; and what the agent may do does not include being the robot."""
     robot, agent, other = site.robot(), site.member("r1"), site.member(who)
-    commands: RosMailbox[TwistStamped] = RosMailbox(1000)
-    places: RosMailbox[Odometry] = RosMailbox(1000)
-    robot.subscribe("cmd_vel", TwistStamped, commands)
-    agent.subscribe("odom", Odometry, places)
-    forged = [other.publisher("odom", Odometry)]
+    commands, places = hear(robot, "cmd_vel", TwistStamped), hear(agent, "odom", Odometry)
+    forged = other.publisher("odom", Odometry)
     forged_commands = [] if who == "r1" else [other.publisher("cmd_vel", TwistStamped)]
     honest, honest_command = robot.publisher("odom", Odometry), agent.publisher("cmd_vel", TwistStamped)
     heard_places = heard_commands = 0
     end = time.monotonic() + PATIENCE_S
     while heard_places < 20 or heard_commands < 20:
         assert time.monotonic() < end
-        for sender in forged:
-            sender.send(odometry(666.0))
+        forged.send(odometry(666.0))
         for forger in forged_commands:
             forger.send(command(6.0))
         honest.send(odometry(1.0))
@@ -122,10 +120,7 @@ def test_nobody_else_drives_the_robot_and_nobody_passes_for_it(who: str, site: S
 
 def test_a_viewer_looks_and_others_do_not(site: Site) -> None:
     robot, viewer, other = site.robot(), site.member("viewer"), site.member("r2")
-    seen: RosMailbox[Odometry] = RosMailbox()
-    unseen: RosMailbox[Odometry] = RosMailbox()
-    viewer.subscribe("odom", Odometry, seen)
-    other.subscribe("odom", Odometry, unseen)
+    seen, unseen = hear(viewer, "odom", Odometry), hear(other, "odom", Odometry)
     honest = robot.publisher("odom", Odometry)
     for _ in range(10):
         reach(honest, lambda: odometry(1.0), seen)
@@ -134,8 +129,7 @@ def test_a_viewer_looks_and_others_do_not(site: Site) -> None:
 
 
 def test_the_doctor_sees_through_the_lock_with_the_agent_s_credentials(fleet: FleetFolder) -> None:
-    site = Site(fleet, RmwZenoh())
-    try:
+    with closing(Site(fleet, RmwZenoh())) as site:
         robot = site.robot()
         robot.subscribe("cmd_vel", TwistStamped, RosMailbox())
         robot.publisher("/map", OccupancyGrid, LATCHED).send(GRID)
@@ -164,18 +158,12 @@ def test_the_doctor_sees_through_the_lock_with_the_agent_s_credentials(fleet: Fl
             driving.join()
         assert not blind.fit
         assert blind.topics == ()
-    finally:
-        site.close()
 
 
 def test_most_of_a_flood_does_not_pass_and_odometry_does(fleet: FleetFolder) -> None:
-    site = Site(fleet, RmwZenoh())
-    try:
+    with closing(Site(fleet, RmwZenoh())) as site:
         robot, nav2, agent = site.robot(), site.robot("nav2"), site.member("r1")
-        places: RosMailbox[Odometry] = RosMailbox(1000)
-        commands: RosMailbox[TwistStamped] = RosMailbox()
-        nav2.subscribe("odom", Odometry, places)
-        robot.subscribe("cmd_vel", TwistStamped, commands)
+        places, commands = hear(nav2, "odom", Odometry), hear(robot, "cmd_vel", TwistStamped)
         honest, flood = robot.publisher("odom", Odometry), agent.publisher("cmd_vel", TwistStamped)
         began = time.monotonic()
         reach(flood, lambda: command(1.0), commands)
@@ -185,8 +173,6 @@ def test_most_of_a_flood_does_not_pass_and_odometry_does(fleet: FleetFolder) -> 
             while reach(honest, partial(odometry, float(number)), places).pose.x < number:
                 pass
         assert commands.received <= COMMAND_HZ * (time.monotonic() - began) + 2
-    finally:
-        site.close()
 
 
 @pytest.mark.accept
@@ -196,21 +182,16 @@ def test_a_flood_and_one_who_does_not_read_cost_the_robot_nothing(fleet: FleetFo
     The agent sends commands as fast as it can, and a viewer has stopped reading; the robot's own odometry arrives. How
     late is counted in messages, which are sent one at a time: when one is sent, the last but a few have arrived.
     """
-    site = Site(fleet, RmwZenoh())
-    try:
+    with closing(Site(fleet, RmwZenoh())) as site:
         robot, nav2, agent, viewer = site.robot(), site.robot("nav2"), site.member("r1"), site.member("viewer")
-        places: RosMailbox[Odometry] = RosMailbox(1000)
-        commands: RosMailbox[TwistStamped] = RosMailbox()
-        nav2.subscribe("odom", Odometry, places)
-        robot.subscribe("cmd_vel", TwistStamped, commands)
+        places, commands = hear(nav2, "odom", Odometry), hear(robot, "cmd_vel", TwistStamped)
         honest, flood = robot.publisher("odom", Odometry), agent.publisher("cmd_vel", TwistStamped)
         reach(honest, lambda: odometry(-1.0), places)
         reach(flood, lambda: command(1.0), commands)
         stuck = viewer._session.declare_subscriber("0/robot1/odom/*/*", zenoh.handlers.FifoChannel(1))
         while places.take() is not None:
             pass
-        behind, sent = [], 300
-        arrived = 0
+        behind, sent, arrived = [], 300, 0
         for number in range(sent):
             for _ in range(50):
                 flood.send(command(1.0))
@@ -218,9 +199,7 @@ def test_a_flood_and_one_who_does_not_read_cost_the_robot_nothing(fleet: FleetFo
             while (place := places.take(0.01)) is not None and place.message.pose.x < number:
                 arrived += 1
             arrived += place is not None
-            newest = places.newest
-            assert newest is not None
-            behind.append(number - newest.message.pose.x)
+            behind.append(number - present(places.newest).message.pose.x)
         while places.take(0.5) is not None:
             arrived += 1
         # A machine that stands still for a while loses some; who gave way to the flood would lose nearly all.
@@ -228,8 +207,6 @@ def test_a_flood_and_one_who_does_not_read_cost_the_robot_nothing(fleet: FleetFo
         assert sorted(behind)[sent // 2] <= 5.0, behind
         assert commands.received < 50 * sent / 5, "most of the flood does not pass"
         stuck.undeclare()  # type: ignore[no-untyped-call]
-    finally:
-        site.close()
 
 
 def test_rights_are_as_narrow_as_they_can_be() -> None:
@@ -265,8 +242,7 @@ def test_a_robot_that_is_no_member_has_no_router(fleet: FleetFolder) -> None:
 def test_only_its_owner_can_read_a_router_s_folder(fleet: FleetFolder) -> None:
     folder = make_robot_router(fleet, "r2", RmwZenoh(), "", ["192.0.2.1"], 7448, Path("/etc/fogwatch/r2-router"), 1)
     text = (folder / ROBOT_ROUTER).read_text(encoding="utf-8")
-    assert '"/etc/fogwatch/r2-router/key.pem"' in text
-    assert '"tcp/127.0.0.1:7447"' in text
-    assert '"tls/0.0.0.0:7448"' in text
+    for words in ("/etc/fogwatch/r2-router/key.pem", "tcp/127.0.0.1:7447", "tls/0.0.0.0:7448"):
+        assert f'"{words}"' in text
     for path in (folder, folder / ROBOT_ROUTER, folder / "key.pem"):
         assert not path.stat().st_mode & 0o077

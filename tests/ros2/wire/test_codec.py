@@ -79,70 +79,44 @@ def vector(x: float, y: float, z: float) -> dict[str, float]:
     return {"x": x, "y": y, "z": z}
 
 
-TWIST = {"linear": vector(1.0, -2.0, 0.0), "angular": vector(0.0, 0.0, 0.5)}
-TURN = math.pi / 3
-ORIENTATION = {"x": 0.0, "y": 0.0, "z": math.sin(TURN / 2), "w": math.cos(TURN / 2)}
-
-
-def covariance(x: float, y: float, heading: float) -> list[float]:
-    values = [0.0] * 36
-    values[0], values[7], values[35] = x, y, heading
-    return values
-
-
 def header(frame: str) -> dict[str, Any]:
     return {"stamp": dict(STAMP_PARTS), "frame_id": frame}
 
 
+TURN = math.pi / 3
+SPEED, VARIANCES = ours.Twist(1.0, -2.0, 0.5), (0.25, 0.5, 0.125)
+TWIST = {"linear": vector(1.0, -2.0, 0.0), "angular": vector(0.0, 0.0, 0.5)}
+ORIENTATION = {"x": 0.0, "y": 0.0, "z": math.sin(TURN / 2), "w": math.cos(TURN / 2)}
+UPRIGHT = {"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0}
+PLACED = {"position": vector(1.5, -2.5, 0.0), "orientation": ORIENTATION}
+COVARIANCE = [{0: 0.25, 7: 0.5, 35: 0.125}.get(place, 0.0) for place in range(36)]
+INFO = {"map_load_time": STAMP_PARTS, "resolution": 0.05, "width": 3, "height": 2, "origin": PLACED}
+STEERED = {"steering_angle": 0.25, "steering_angle_velocity": 0.0, "speed": 1.5, "acceleration": 0.5, "jerk": 0.0}
+STATUS = {"level": 2, "name": "né: radio", "message": "hears 0 of 1", "hardware_id": "r1"}
+WELL = {"level": 0, "name": "", "message": "", "hardware_id": "", "values": []}
+MOVED = {"translation": vector(1.0, 2.0, 0.0), "rotation": ORIENTATION}
+
 SAME: list[tuple[object, dict[str, Any], int]] = [
-    (ours.Twist(1.0, -2.0, 0.5), TWIST, 52),
+    (SPEED, TWIST, 52),
+    (ours.TwistStamped(STAMP, "base_link", SPEED), {"header": header("base_link"), "twist": TWIST}, 76),
     (
-        ours.TwistStamped(STAMP, "base_link", ours.Twist(1.0, -2.0, 0.5)),
-        {"header": header("base_link"), "twist": TWIST},
-        76,
-    ),
-    (
-        ours.Odometry(
-            STAMP, "odom", "base_link", Pose(1.5, -2.5, TURN), ours.Twist(1.0, -2.0, 0.5), (0.25, 0.5, 0.125)
-        ),
+        ours.Odometry(STAMP, "odom", "base_link", Pose(1.5, -2.5, TURN), SPEED, VARIANCES),
         {
             "header": header("odom"),
             "child_frame_id": "base_link",
-            "pose": {
-                "pose": {"position": vector(1.5, -2.5, 0.0), "orientation": ORIENTATION},
-                "covariance": covariance(0.25, 0.5, 0.125),
-            },
+            "pose": {"pose": PLACED, "covariance": COVARIANCE},
             "twist": {"twist": TWIST, "covariance": [0.0] * 36},
         },
         724,
     ),
     (
-        ours.OccupancyGrid(STAMP, "map", 0.05, Pose(-1.0, 2.0, TURN), GRID.cells),
-        {
-            "header": header("map"),
-            "info": {
-                "map_load_time": STAMP_PARTS,
-                "resolution": 0.05,
-                "width": 3,
-                "height": 2,
-                "origin": {"position": vector(-1.0, 2.0, 0.0), "orientation": ORIENTATION},
-            },
-            "data": [0, 100, -1, 50, 0, 7],
-        },
+        ours.OccupancyGrid(STAMP, "map", 0.05, Pose(1.5, -2.5, TURN), GRID.cells),
+        {"header": header("map"), "info": INFO, "data": [0, 100, -1, 50, 0, 7]},
         110,
     ),
     (
         ours.AckermannDriveStamped(STAMP, "base_link", 1.5, 0.25, 0.5),
-        {
-            "header": header("base_link"),
-            "drive": {
-                "steering_angle": 0.25,
-                "steering_angle_velocity": 0.0,
-                "speed": 1.5,
-                "acceleration": 0.5,
-                "jerk": 0.0,
-            },
-        },
+        {"header": header("base_link"), "drive": STEERED},
         48,
     ),
     (
@@ -153,32 +127,12 @@ SAME: list[tuple[object, dict[str, Any], int]] = [
                 ours.DiagnosticStatus(ours.DiagnosticLevel.OK, "", "", ""),
             ),
         ),
-        {
-            "header": header(""),
-            "status": [
-                {
-                    "level": 2,
-                    "name": "né: radio",
-                    "message": "hears 0 of 1",
-                    "hardware_id": "r1",
-                    "values": [{"key": "a", "value": "b"}],
-                },
-                {"level": 0, "name": "", "message": "", "hardware_id": "", "values": []},
-            ],
-        },
+        {"header": header(""), "status": [{**STATUS, "values": [{"key": "a", "value": "b"}]}, WELL]},
         120,
     ),
     (
         ours.TFMessage((ours.Transform(STAMP, "map", "odom", Pose(1.0, 2.0, TURN)),)),
-        {
-            "transforms": [
-                {
-                    "header": header("map"),
-                    "child_frame_id": "odom",
-                    "transform": {"translation": vector(1.0, 2.0, 0.0), "rotation": ORIENTATION},
-                }
-            ]
-        },
+        {"transforms": [{"header": header("map"), "child_frame_id": "odom", "transform": MOVED}]},
         92,
     ),
 ]
@@ -191,11 +145,42 @@ def test_bytes_are_those_of_an_independent_encoder(message: object, fields: dict
     assert len(payload) == size
 
 
+def fill(message: Any, fields: dict[str, Any]) -> Any:
+    """Set fields of a message of `ros2_pyterfaces`, and of the messages in it."""
+    for name, value in fields.items():
+        if isinstance(value, dict):
+            fill(getattr(message, name), value)
+        else:
+            setattr(message, name, value)
+    return message
+
+
+@pytest.mark.parametrize(("message", "fields", "_size"), SAME[:4], ids=lambda value: type(value).__name__)
+def test_bytes_are_those_of_an_encoder_with_own_definitions(
+    message: object, fields: dict[str, Any], _size: int
+) -> None:
+    theirs = pytest.importorskip("ros2_pyterfaces.cyclone.all_msgs", reason="ros2-pyterfaces is not installed")
+    kind = getattr(theirs, CODINGS[type(message)].type_name.rpartition("/")[2])
+    assert encode(message) == bytes(fill(kind(), fields).serialize())
+
+
+def test_hashes_are_those_of_other_definitions() -> None:
+    theirs = pytest.importorskip("ros2_pyterfaces.cyclone.all_msgs", reason="ros2-pyterfaces is not installed")
+    named = [coding.type_name.split("/") for coding in CODINGS.values()]
+    ours_too = [f"{package}/msg/{name}" for package, kind, name in named if kind == "msg" and package not in NOT_THEIRS]
+    assert len(ours_too) >= 10
+    for type_name in ours_too:
+        assert getattr(theirs, type_name.rpartition("/")[2]).hash_rihs01() == type_hash(type_name)
+
+
 def test_hashes_are_those_that_others_publish() -> None:
     """String and AddTwoInts in the design text of rmw_zenoh, the others by what ROS prints of them."""
     store().register(service_types("example_interfaces/srv/AddTwoInts", "int64 a, int64 b", "int64 sum"))
     assert {name: type_hash(name).removeprefix("RIHS01_") for name in PUBLISHED} == PUBLISHED
 
+
+NOT_THEIRS = {"action_msgs", "ackermann_msgs", "tf2_msgs"}
+"""Packages that ros2-pyterfaces does not have."""
 
 PUBLISHED = {
     "diagnostic_msgs/msg/DiagnosticArray": "5a8a36efb05fb25070fa0fb3810290c0e6cd4862b54a8fb975a1ee8dc55a333e",
@@ -211,10 +196,7 @@ PUBLISHED = {
 
 
 def pose_with(**changes: Any) -> bytes:
-    fields = {
-        "header": header("map"),
-        "pose": {"position": vector(1.0, 2.0, 0.0), "orientation": {"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0}},
-    }
+    fields = {"header": header("map"), "pose": {"position": vector(1.0, 2.0, 0.0), "orientation": dict(UPRIGHT)}}
     for place, value in changes.items():
         at: Any = fields
         *way, last = place.split("__")
@@ -253,13 +235,8 @@ def test_a_quaternion_that_is_nearly_of_length_one_is_normalised() -> None:
 
 
 def test_a_bad_transform_costs_no_other() -> None:
-    good = {
-        "header": header("map"),
-        "child_frame_id": "odom",
-        "transform": {"translation": vector(1.0, 2.0, 0.0), "rotation": {"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0}},
-    }
-    bad: dict[str, Any] = {**good, "child_frame_id": "camera", "transform": {"translation": vector(0.0, 0.0, 0.0)}}
-    bad["transform"]["rotation"] = {"x": 0.0, "y": 0.0, "z": 0.0, "w": 0.0}
+    good = {"header": header("map"), "child_frame_id": "odom", "transform": {**MOVED, "rotation": UPRIGHT}}
+    bad = {**good, "child_frame_id": "camera", "transform": {**MOVED, "rotation": {**UPRIGHT, "w": 0.0}}}
     found = decode(ours.TFMessage, independent("tf2_msgs/msg/TFMessage", {"transforms": [bad, good]}))
     assert found == ours.TFMessage((ours.Transform(STAMP, "map", "odom", Pose(1.0, 2.0, 0.0)),))
 
@@ -290,9 +267,8 @@ def test_how_a_goal_ended_is_read_from_every_release() -> None:
 def test_no_bytes_do_anything_but_be_refused(kind: type, data: st.DataObject) -> None:
     """Of the right message, with bytes changed, cut off or added; and any bytes at all."""
     whole = encode(next(one for one in [*MESSAGES, GRID] if type(one) is kind))
-    payload = bytearray(
-        data.draw(st.one_of(st.just(whole), st.binary(max_size=200).map(lambda tail: whole[:4] + tail)))
-    )
+    other = st.binary(max_size=200).map(lambda tail: whole[:4] + tail)
+    payload = bytearray(data.draw(st.one_of(st.just(whole), other)))
     for _ in range(data.draw(st.integers(0, 8))):
         if payload:
             payload[data.draw(st.integers(0, len(payload) - 1))] = data.draw(st.sampled_from([0, 1, 0x7F, 0x80, 0xFF]))

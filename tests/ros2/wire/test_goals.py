@@ -13,6 +13,7 @@ from ros2.wire.link import ZenohRos2Link, open_ros2
 from ros2.wire.mailbox import RosMailbox
 from ros2.wire.messages import CancelResponse, GoalStatusArray, PoseStamped
 from ros2.wire.names import LATCHED, NodeName
+from tests.present import present
 from tests.ros2_hub import Hub
 from tests.routers import PATIENCE_S, routed
 
@@ -87,9 +88,14 @@ def test_stop_cancels_every_goal(pair: Pair) -> None:
     pair.until(lambda: pair.other.going is Going.STOPPED)
 
 
-def test_a_cancel_that_is_lost_is_sent_again() -> None:
+def in_hub() -> tuple[Hub, GoalServer, GoalClient]:
+    """A robot and its client without a router between them."""
     hub = Hub()
-    server, client = GoalServer(hub.link("robot", "robot1")), GoalClient(hub.link("fogwatch", "robot1"))
+    return hub, GoalServer(hub.link("robot", "robot1")), GoalClient(hub.link("fogwatch", "robot1"))
+
+
+def test_a_cancel_that_is_lost_is_sent_again() -> None:
+    hub, server, client = in_hub()
     client.go(THERE, 100.0)
     assert server.step(0) == THERE
     cancels = hub.services.pop(CANCELS)
@@ -102,17 +108,14 @@ def test_a_cancel_that_is_lost_is_sent_again() -> None:
 
 
 def test_a_goal_that_is_accepted_after_a_cancel_is_cancelled_too() -> None:
-    hub = Hub()
-    server, client = GoalServer(hub.link("robot", "robot1")), GoalClient(hub.link("fogwatch", "robot1"))
+    hub, server, client = in_hub()
     goals, late = hub.services[SENDS], RosMailbox[Any]()
     hub.services[SENDS] = late
     client.go(THERE, 100.0)
     client.stop(100.0)
     assert server.step(0) is None  # the request has overtaken the goal, and finds nothing to cancel
     assert client.step(100.1) is Going.STOPPING
-    goal = late.take()
-    assert goal is not None
-    goals.put(goal)
+    goals.put(present(late.take()))
     assert server.step(0) == THERE
     assert client.step(100.2 + CANCEL_S) is Going.STOPPING
     assert server.step(0) is None
@@ -120,22 +123,16 @@ def test_a_goal_that_is_accepted_after_a_cancel_is_cancelled_too() -> None:
 
 
 def test_a_cancel_that_is_refused_is_sent_again() -> None:
-    hub = Hub()
+    hub, _, client = in_hub()
     asked = hub.services[CANCELS] = RosMailbox[Any]()
-    client = GoalClient(hub.link("fogwatch", "robot1"))
     client.stop(100.0)
     for number in range(3):
-        refused = asked.take()
-        assert refused is not None
-        refused.message.answer(CancelResponse(1))
+        present(asked.take()).message.answer(CancelResponse(1))
         assert client.step(100.0 + (number + 1) * CANCEL_S) is Going.STOPPING
 
 
 def test_a_goal_that_nobody_accepts_has_failed() -> None:
-    with routed() as where:
-        link = open_ros2(where, RmwZenoh(), NodeName("fogwatch"), PATIENCE_S)
-        client = GoalClient(link)
-        client.go(THERE, 100.0)
-        assert client.step(100.0 + ACCEPT_S) is Going.ASKED
-        assert client.step(100.1 + ACCEPT_S) is Going.FAILED
-        assert link.close(PATIENCE_S)
+    client = GoalClient(Hub().link("fogwatch", "robot1"))
+    client.go(THERE, 100.0)
+    assert client.step(100.0 + ACCEPT_S) is Going.ASKED
+    assert client.step(100.1 + ACCEPT_S) is Going.FAILED

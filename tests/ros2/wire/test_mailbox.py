@@ -4,6 +4,7 @@ import threading
 
 from ros2.wire.formats import Attachment
 from ros2.wire.mailbox import Ear, Received, RosMailbox
+from tests.present import present
 from tests.routers import PATIENCE_S
 
 
@@ -20,16 +21,13 @@ def test_the_newest_stays_and_what_is_old_makes_room() -> None:
     assert mailbox.received == 5
     taken = [mailbox.take(), mailbox.take(), mailbox.take(0.01)]
     assert [one.message if one else None for one in taken] == [3, 4, None]
-    assert mailbox.newest is not None
-    assert mailbox.newest.message == 4
+    assert present(mailbox.newest).message == 4
 
 
 def test_who_waits_is_woken() -> None:
     mailbox: RosMailbox[int] = RosMailbox()
     threading.Timer(0.05, lambda: mailbox.put(received(7))).start()
-    taken = mailbox.take(PATIENCE_S)
-    assert taken is not None
-    assert taken.message == 7
+    assert present(mailbox.take(PATIENCE_S)).message == 7
 
 
 def test_what_is_refused_is_counted_and_said_once() -> None:

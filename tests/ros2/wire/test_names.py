@@ -7,22 +7,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from patrol.errors import BadInput
+from ros2.wire import names
 from ros2.wire.formats import Attachment, Bridge, RmwZenoh, attachment_of, format_named, gid_of, other_format
-from ros2.wire.names import (
-    LATCHED,
-    SENSOR,
-    USUAL,
-    Entity,
-    EntityKind,
-    NodeName,
-    Qos,
-    check_domain,
-    check_name,
-    dds_name,
-    entity_of,
-    full_name,
-    ros_name,
-)
+from ros2.wire.names import LATCHED, SENSOR, USUAL, Entity, EntityKind, NodeName, Qos
 
 STRING = "RIHS01_df668c740482bbd48fb39d76a70dfd4bd59db1288021743503259e948f6b1a18"
 TWIST = "RIHS01_9c45bf16fe0983d80e3cfe750d6835843d265a9a6c46bd2e609fcddde6fb8d2a"
@@ -37,9 +24,7 @@ TOKENS = [
     (f"@ros2_lv/2/{ONE}/0/0/NN/%/%/listener", Entity(2, ONE, 0, 0, EntityKind.NODE, LISTENER)),
     (
         f"@ros2_lv/2/{ONE}/0/10/MS/%/%/listener/%chatter/std_msgs::msg::dds_::String_/{STRING}/::,10:,:,:,,",
-        Entity(
-            2, ONE, 0, 10, EntityKind.SUBSCRIPTION, LISTENER, "/chatter", "std_msgs/msg/String", STRING, Qos(depth=10)
-        ),
+        Entity(2, ONE, 0, 10, EntityKind.SUBSCRIPTION, LISTENER, "/chatter", "std_msgs/msg/String", STRING, USUAL),
     ),
     (
         f"@ros2_lv/2/{TWO}/0/10/MP/%/%/talker/%chatter/std_msgs::msg::dds_::String_/{STRING}/::,7:,:,:,,",
@@ -56,12 +41,12 @@ TOKENS = [
 @pytest.mark.parametrize(("token", "entity"), TOKENS)
 def test_tokens_are_those_of_the_design_text(token: str, entity: Entity) -> None:
     assert entity.token == token
-    assert entity_of(token) == entity
+    assert names.entity_of(token) == entity
 
 
 def test_keys_are_those_of_the_design_text() -> None:
     assert RmwZenoh().key("/chatter", "std_msgs/msg/String") == f"0/chatter/std_msgs::msg::dds_::String_/{STRING}"
-    key = RmwZenoh().key(full_name("robot1", "chatter"), "std_msgs/msg/String")
+    key = RmwZenoh().key(names.full_name("robot1", "chatter"), "std_msgs/msg/String")
     assert key == f"0/robot1/chatter/std_msgs::msg::dds_::String_/{STRING}"
     asked = RmwZenoh(2).service_key("/add_two_ints", ADD_TYPE)
     assert asked == "2/add_two_ints/example_interfaces::srv::dds_::AddTwoInts_/*"  # whatever hash the server has
@@ -78,14 +63,13 @@ def test_the_bridge_s_keys_are_names() -> None:
 
 def test_an_entity_in_a_namespace() -> None:
     node = NodeName("fogwatch", "/fleet/robot1")
-    entity = Entity(
-        0, ONE, 3, 4, EntityKind.PUBLISHER, node, "/fleet/robot1/cmd_vel", "geometry_msgs/msg/Twist", TWIST, USUAL
-    )
+    topic, kind = "/fleet/robot1/cmd_vel", "geometry_msgs/msg/Twist"
+    entity = Entity(0, ONE, 3, 4, EntityKind.PUBLISHER, node, topic, kind, TWIST, USUAL)
     assert entity.token == (
         f"@ros2_lv/0/{ONE}/3/4/MP/%/%fleet%robot1/fogwatch/%fleet%robot1%cmd_vel/"
         f"geometry_msgs::msg::dds_::Twist_/{TWIST}/::,10:,:,:,,"
     )
-    assert entity_of(entity.token) == entity
+    assert names.entity_of(entity.token) == entity
 
 
 def test_an_attachment_has_33_bytes() -> None:
@@ -107,54 +91,43 @@ def test_an_id_stands_for_one_entity() -> None:
     assert {len(gid_of(token)) for token, _ in TOKENS} == {16}
 
 
-@pytest.mark.parametrize(
-    ("qos", "text"),
-    [
-        (USUAL, "::,10:,:,:,,"),
-        (LATCHED, ":1:,1:,:,:,,"),
-        (SENSOR, "2::,5:,:,:,,"),
-    ],
-)
-def test_quality_of_service(qos: Qos, text: str) -> None:
-    assert qos.text == text
+def test_quality_of_service() -> None:
+    assert [qos.text for qos in (USUAL, LATCHED, SENSOR)] == ["::,10:,:,:,,", ":1:,1:,:,:,,", "2::,5:,:,:,,"]
 
 
 @given(st.text(alphabet="@ros2_lv/MPNSC%:,0123abc\x1b ", max_size=120) | st.text(max_size=60))
 def test_any_token_is_read_or_is_none(token: str) -> None:
-    entity_of(token)
-    entity_of(f"@ros2_lv/0/a/0/1/MP/%/%/n/%t/a::msg::dds_::B_/h/{token}")
+    names.entity_of(token)
+    names.entity_of(f"@ros2_lv/0/a/0/1/MP/%/%/n/%t/a::msg::dds_::B_/h/{token}")
 
 
 @pytest.mark.parametrize(
     "token", ["", "@ros2_lv", TOKENS[0][0].replace("/0/0/NN", "/x/0/NN"), f"@ros2_lv/{'9' * 30}/a/0/0/NN/%/%/n"]
 )
 def test_what_is_no_token(token: str) -> None:
-    assert entity_of(token) is None
-
-
-def test_names_of_types() -> None:
-    assert dds_name("nav_msgs/msg/Odometry") == "nav_msgs::msg::dds_::Odometry_"
-    assert ros_name("nav_msgs::msg::dds_::Odometry_") == "nav_msgs/msg/Odometry"
-    assert ros_name("anything") == "anything"
+    assert names.entity_of(token) is None
 
 
 def test_names_are_resolved_as_in_ros() -> None:
-    assert [full_name("robot1", name) for name in ("odom", "/tf")] == ["/robot1/odom", "/tf"]
-    assert [full_name(space, "odom") for space in ("", "/", "/a/b")] == ["/odom", "/odom", "/a/b/odom"]
+    assert [names.full_name("robot1", name) for name in ("odom", "/tf")] == ["/robot1/odom", "/tf"]
+    assert [names.full_name(space, "odom") for space in ("", "/", "/a/b")] == ["/odom", "/odom", "/a/b/odom"]
+    assert names.dds_name("nav_msgs/msg/Odometry") == "nav_msgs::msg::dds_::Odometry_"
+    assert names.ros_name("nav_msgs::msg::dds_::Odometry_") == "nav_msgs/msg/Odometry"
+    assert names.ros_name("anything") == "anything"
 
 
 @pytest.mark.parametrize("name", ["*", "a b", "robot1/", "a//b", "1robot", "a/**", "@adv", "x" * 256, "a\n"])
 def test_what_is_no_name_is_refused_in_one_line(name: str) -> None:
     with pytest.raises(BadInput, match="not a name in ROS") as caught:
-        check_name(name, "--namespace")
+        names.check_name(name, "--namespace")
     assert "\n" not in str(caught.value)
 
 
 def test_what_is_a_name_and_a_domain() -> None:
-    assert [check_name(name, "test") for name in ("", "/", "robot1", "/fleet/robot_1")]
-    assert [check_domain(domain, "test") for domain in (0, 232)] == [0, 232]
+    assert [names.check_name(name, "test") for name in ("", "/", "robot1", "/fleet/robot_1")]
+    assert [names.check_domain(domain, "test") for domain in (0, 232)] == [0, 232]
     with pytest.raises(BadInput, match="0 to 232"):
-        check_domain(233, "--domain")
+        names.check_domain(233, "--domain")
 
 
 def test_formats_have_names() -> None:

@@ -21,11 +21,8 @@ PAYLOAD = encode(Bool(True))
 
 def said_of(sequence: int, sender: int = 1) -> dict[str, Any]:
     """Return what rclpy says of a message."""
-    return {
-        "source_timestamp": 1_700_000_000_000_000_000 + sequence,
-        "publication_sequence_number": sequence,
-        "publisher_gid": {"data": [sender] * 16},
-    }
+    named = {"publication_sequence_number": sequence, "publisher_gid": {"data": [sender] * 16}}
+    return {"source_timestamp": 1_700_000_000_000_000_000 + sequence, **named}
 
 
 @pytest.fixture
