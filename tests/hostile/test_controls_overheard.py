@@ -8,14 +8,11 @@ import signal
 import subprocess
 import sys
 from collections.abc import Callable
-from typing import TYPE_CHECKING
 
 import pytest
 
 from patrol.security.control_auth import ASK, CHALLENGE, NONCE
-
-if TYPE_CHECKING:
-    from tests.hostile.conftest import Target
+from tests.hostile.conftest import Target
 
 pytestmark = pytest.mark.processes
 

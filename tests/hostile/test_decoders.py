@@ -24,13 +24,7 @@ from patrol.errors import BadInput, Malformed
 from patrol.exchange import Reply, Sensed
 from patrol.journal import Event, Status, pack, unpack
 from patrol.messages.feed import MAX_ANSWER as MAX_SO_FAR
-from patrol.messages.feed import (
-    MAX_BATCH,
-    Batch,
-    batch_bytes,
-    longest_record,
-    read_so_far,
-)
+from patrol.messages.feed import MAX_BATCH, Batch, batch_bytes, longest_record, read_so_far
 from patrol.messages.phases import (
     MAX_REPLY,
     Failed,
@@ -64,14 +58,7 @@ from patrol.radio.message import decode as decode_frame
 from patrol.radio.message import encode as encode_frame
 from patrol.random import Draws, Purpose
 from patrol.scenario.controls import read_control
-from patrol.security.control_auth import (
-    MAX_ANSWER,
-    MAX_REQUEST,
-    ControlClient,
-    ControlGate,
-    RequestRefused,
-    Unanswered,
-)
+from patrol.security.control_auth import MAX_ANSWER, MAX_REQUEST, ControlClient, ControlGate, RequestRefused, Unanswered
 from patrol.security.keys import fleet_keys
 from patrol.wire import read, read_sparingly
 from tests.fleets import answer_so_far

@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Iterator
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import msgpack
 import numpy as np
@@ -20,12 +20,9 @@ from patrol.net.link import Link, open_link
 from patrol.net.mailbox import Mailbox, Question
 from patrol.process.lifeline import Ending
 from patrol.security.keys import WORLD, FleetKeys
-from tests.monitor.conftest import quiet
+from tests.monitor.conftest import Seen, quiet
 from tests.monitor.live.test_feed_source import FakeFeed
 from tests.routers import PATIENCE_S, routed
-
-if TYPE_CHECKING:
-    from tests.monitor.conftest import Seen
 
 __all__ = ["quiet"]
 

@@ -6,20 +6,12 @@ import os
 import signal
 from collections.abc import Callable
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
 
-from patrol.messages.phases import (
-    ANYONE,
-    HelloReply,
-    PhaseB,
-    Stop,
-    encode,
-)
-
-if TYPE_CHECKING:
-    from tests.hostile.conftest import Target
+from patrol.messages.phases import ANYONE, HelloReply, PhaseB, Stop, encode
+from tests.hostile.conftest import Target
 
 pytestmark = pytest.mark.processes
 

@@ -64,10 +64,7 @@ class RandomFleet:
 
     def phase_a(self, k: int, sensed: Mapping[int, Sensed]) -> Mapping[int, Sequence[bytes]]:
         return {
-            number: (
-                encode(Position.of(number, k, one.clock_s, one.pose), self.key),
-                *self._contacts(k, one),
-            )
+            number: (encode(Position.of(number, k, one.clock_s, one.pose), self.key), *self._contacts(k, one))
             for number, one in sensed.items()
             if (number, k, "A") not in self.silent
         }

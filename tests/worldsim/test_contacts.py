@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
 
 from patrol.exchange import Reply
-from patrol.radio.message import MAX_CONTACTS, MAX_FRAME, Position, decode, encode
-from worldsim.world import World
-
-if TYPE_CHECKING:
-    from tests.worldsim.conftest import Lab
-
 from patrol.pose import Velocity
+from patrol.radio.message import MAX_CONTACTS, MAX_FRAME, Position, decode, encode
+from tests.worldsim.conftest import Lab
 from worldsim.verdict.judge import judge
+from worldsim.world import World
 
 DISC: dict[str, Any] = {"model": "holonomic", "radius": 0.4, "speed": 4.0}
 

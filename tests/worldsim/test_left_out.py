@@ -2,20 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import pytest
 
 from patrol.journal import trace_hash
+from tests.worldsim.conftest import Lab
+from worldsim.run_record import MemoryJournal
 from worldsim.verdict.judge import judge
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from tests.worldsim.conftest import Lab
-    from worldsim.run_record import MemoryJournal
-    from worldsim.world import World
+from worldsim.world import World
 
 TICKS = 12
 

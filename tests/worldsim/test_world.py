@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from itertools import pairwise
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
@@ -13,12 +12,10 @@ from patrol.exchange import Reply, Sensed
 from patrol.journal import Status, trace_hash
 from patrol.pose import Drive, Pose, Velocity
 from patrol.radio.message import MAX_FRAME, Position, decode
+from tests.worldsim.conftest import Lab
 from worldsim.fleet.loop import run_ticks
 from worldsim.run_record import DESERTED
 from worldsim.verdict.judge import judge
-
-if TYPE_CHECKING:
-    from tests.worldsim.conftest import Lab
 
 DISC = {"model": "holonomic", "radius": 0.4, "speed": 4.0}
 

@@ -18,11 +18,7 @@ from monitor.replay.run import open_run
 from monitor.report.compare import names_of, rows_of
 from patrol.scenario import dump_scenario, load_scenario
 from tests.hostile.files.looks import MAP, looked_at, one_line
-from tests.hostile.files.strange_files import (
-    add_event,
-    rewrite_record,
-    rewrite_summary,
-)
+from tests.hostile.files.strange_files import add_event, rewrite_record, rewrite_summary
 
 
 def _put(name: str, value: Any) -> Callable[[dict[str, Any]], None]:

@@ -26,10 +26,7 @@ from patrol.radio.fleet_key import fleet_key
 from patrol.scenario import load_scenario, open_scenario
 from patrol.security.access import read_access
 from tests.hostile.files.looks import MAP, looked_at, one_line
-from tests.hostile.files.strange_files import (
-    journal_of,
-    records_of,
-)
+from tests.hostile.files.strange_files import journal_of, records_of
 
 PATIENCE_S = 300.0
 """How long anything may take, on a machine with much else to do."""

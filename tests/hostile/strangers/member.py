@@ -37,12 +37,7 @@ OVERHEARD, ASKED = "overheard", "asked in the world's place"
 
 _KEPT = 2000
 _OWN = zenoh.Locality.REMOTE
-_QUEUES = (
-    zenoh.Priority.REAL_TIME,
-    zenoh.Priority.DATA_HIGH,
-    zenoh.Priority.DATA,
-    zenoh.Priority.BACKGROUND,
-)
+_QUEUES = (zenoh.Priority.REAL_TIME, zenoh.Priority.DATA_HIGH, zenoh.Priority.DATA, zenoh.Priority.BACKGROUND)
 
 
 class Member:
@@ -244,11 +239,7 @@ class Member:
     ) -> Counter[str]:
         for key, payload in messages:
             self._session.put(
-                key,
-                payload,
-                priority=priority,
-                express=True,
-                congestion_control=zenoh.CongestionControl.BLOCK,
+                key, payload, priority=priority, express=True, congestion_control=zenoh.CongestionControl.BLOCK
             )
         return Counter({"messages": len(messages), "bytes": sum(len(payload) for _, payload in messages)})
 

@@ -107,16 +107,8 @@ def forged(dice: Draws, keys: FleetKeys, robots: Sequence[str], newest: PhaseA |
     metrics = Metrics(dice.choice(0, 1), 1, 0.0, 0.0, 0.0, 0.0, 2.0, 5e-324, rows)
     records = (msgpack.packb([1, 2**62, {}]), b"\x80" * dice.whole(1, _MANY))
     batch = Batch(dice.whole(0, 2**52), records, True, math.inf)
-    to_robot = (
-        PhaseA(incarnation, instance, k, run, sensed),
-        PhaseB(incarnation, instance, k, run, (frame,)),
-        stop,
-    )
-    to_world = (
-        seat,
-        ReplyA(incarnation, instance, k, run, (frame,)),
-        forged_command(ReplyA(*head, ()), drive),
-    )
+    to_robot = (PhaseA(incarnation, instance, k, run, sensed), PhaseB(incarnation, instance, k, run, (frame,)), stop)
+    to_world = (seat, ReplyA(incarnation, instance, k, run, (frame,)), forged_command(ReplyA(*head, ()), drive))
     return dice.choice(
         *((keys.tick(name), encode(message)) for message in to_robot),
         *((keys.reply(name), encode(message)) for message in to_world),

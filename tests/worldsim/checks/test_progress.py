@@ -218,11 +218,7 @@ def test_without_a_tour_ground_that_nobody_has_seen_is_judged_once_no_more_is_fo
 
     for ticks, path, detail in (
         (700, LEFT_ROOM, "the fog is not judged: the run takes 350 s, and it would have to take 360 s"),
-        (
-            1000,
-            late,
-            "the fog is not judged: there is no tour to compare with, and new ground was seen to the end",
-        ),
+        (1000, late, "the fog is not judged: there is no tour to compare with, and new ground was seen to the end"),
         (1400, leaves, "all that can be seen was seen; there is no tour to compare the fog's growth with"),
     ):
         result = result_of(ProgressCheck, narrow, made(narrow, ticks, path, path))

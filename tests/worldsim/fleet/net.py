@@ -7,17 +7,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from patrol.exchange import Reply, Sensed
-from patrol.messages.phases import (
-    Hello,
-    HelloReply,
-    PhaseA,
-    PhaseB,
-    ReplyA,
-    ReplyB,
-    ToRobot,
-    ToWorld,
-    decode_to_robot,
-)
+from patrol.messages.phases import Hello, HelloReply, PhaseA, PhaseB, ReplyA, ReplyB, ToRobot, ToWorld, decode_to_robot
 from patrol.messages.session import WorldRun
 from patrol.net.mailbox import Presence
 from patrol.pose import Pose, Velocity

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
 
@@ -10,13 +10,11 @@ from patrol.errors import BadInput
 from patrol.exchange import FIRST_INCARNATION
 from patrol.journal import Status, TickRecord
 from patrol.journal.records import Event
+from tests.worldsim.conftest import Lab
 from worldsim.fleet.acts import Acts
 from worldsim.fleet.loop import act_between_ticks, begin_tick, end_tick, run_ticks
 from worldsim.run_record import COMPLETED, DESERTED, MemoryJournal
 from worldsim.verdict.judge import judge
-
-if TYPE_CHECKING:
-    from tests.worldsim.conftest import Lab
 
 DISC = {"model": "holonomic", "radius": 0.4}
 STARTS = [(3.0, 3.0, 0.0), (7.0, 11.0, 0.0), (14.0, 4.0, 0.0)]

@@ -5,10 +5,7 @@ from __future__ import annotations
 import pytest
 
 from patrol.journal import Status
-from patrol.messages.phases import (
-    Failed,
-    Stop,
-)
+from patrol.messages.phases import Failed, Stop
 from tests.worldsim.fleet.net import NAMES, RUN, Net, fleet_of, heard, sensed
 from worldsim.fleet.paced import PacedFleet
 

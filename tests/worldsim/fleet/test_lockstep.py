@@ -67,10 +67,7 @@ def test_a_hello_is_repeated_to_those_who_are_there() -> None:
     ("reply", "problem"),
     [
         (HelloReply(1, 5, 0, RUN, "d" * 64), "scenario (hash dddddddddddd, the world's is cccccccccccc); give all"),
-        (
-            HelloReply(1, 5, 0, RUN, HASH, PROTOCOL + 1),
-            f"protocol ({PROTOCOL + 1}, the world's is {PROTOCOL}); run",
-        ),
+        (HelloReply(1, 5, 0, RUN, HASH, PROTOCOL + 1), f"protocol ({PROTOCOL + 1}, the world's is {PROTOCOL}); run"),
     ],
 )
 def test_a_robot_that_means_something_else_is_bad_input_and_all_are_told(reply: HelloReply, problem: str) -> None:

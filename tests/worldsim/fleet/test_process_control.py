@@ -11,15 +11,7 @@ from typing import Any
 import pytest
 
 from patrol.exchange import Sensed
-from patrol.messages.phases import (
-    NO_RUN,
-    Hello,
-    HelloReply,
-    ReplyA,
-    Stop,
-    ToRobot,
-    decode_to_robot,
-)
+from patrol.messages.phases import NO_RUN, Hello, HelloReply, ReplyA, Stop, ToRobot, decode_to_robot
 from patrol.messages.session import WorldRun
 from patrol.net.mailbox import Presence
 from patrol.pose import Pose
@@ -234,8 +226,7 @@ def test_a_token_that_went_during_a_pause_costs_no_robot_its_life() -> None:
 
 
 @pytest.mark.parametrize(
-    ("state", "says"),
-    [("T", STOPPED), ("", UNSEEN), ("S", "its process has the state S and does not stand still")],
+    ("state", "says"), [("T", STOPPED), ("", UNSEEN), ("S", "its process has the state S and does not stand still")]
 )
 def test_what_was_seen_of_a_paused_process_is_told(state: str, says: str) -> None:
     stage = Stage()

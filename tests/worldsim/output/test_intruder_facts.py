@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
 
 from patrol.journal.records import SURROUNDING, Status
 from patrol.radio.message import CONTACT, Position, decode, encode
+from tests.worldsim.conftest import Lab
 from worldsim.output.summary import summarise
+from worldsim.run_record import MemoryJournal
 from worldsim.verdict.judge import judge
-
-if TYPE_CHECKING:
-    from tests.worldsim.conftest import Lab
-    from worldsim.run_record import MemoryJournal
-    from worldsim.world import World
+from worldsim.world import World
 
 PLACE = (8.0, 6.0)
 

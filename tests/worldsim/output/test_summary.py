@@ -7,7 +7,7 @@ import math
 import re
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pytest
@@ -18,15 +18,13 @@ from patrol.measures.stays import roaming_radius
 from patrol.scenario import load_scenario, scenario_hash
 from patrol.summary.metric import metrics_of
 from patrol.summary.model import Messages, RobotFigures, Summary
+from tests.worldsim.conftest import Lab
 from worldsim.output.record import lower_bound
 from worldsim.output.summary import summarise
 from worldsim.output.ticks_table import HEAD
 from worldsim.run_record import MemoryJournal
 from worldsim.verdict.judge import judge
-
-if TYPE_CHECKING:
-    from tests.worldsim.conftest import Lab
-    from worldsim.world import World
+from worldsim.world import World
 
 
 def summary_of(world: World, journal: MemoryJournal) -> dict[str, Any]:

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
 
+from tests.worldsim.conftest import Lab
 from worldsim.output.summary import summarise
 from worldsim.verdict.judge import judge
-
-if TYPE_CHECKING:
-    from tests.worldsim.conftest import Lab
 
 TICKS = 20
 

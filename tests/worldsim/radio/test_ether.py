@@ -6,29 +6,19 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
 
+from patrol.ground.terrain import Terrain
 from patrol.journal.records import MAX_TICKS, Status, frame_sequence, sent_at
 from patrol.pose import Pose
 from patrol.radio.message import MAX_FRAMES
 from patrol.scenario import Scenario, load_scenario
+from tests.worldsim.conftest import Lab
 from worldsim.faults import Timeline
-from worldsim.radio.ether import (
-    OVERSIZED,
-    RECEIVER_ABSENT,
-    RECEIVER_DEAD,
-    RECEIVER_PAUSED,
-    Delivery,
-    Ether,
-    ether_of,
-)
+from worldsim.radio.ether import OVERSIZED, RECEIVER_ABSENT, RECEIVER_DEAD, RECEIVER_PAUSED, Delivery, Ether, ether_of
 from worldsim.robots.senses import Senses
-
-if TYPE_CHECKING:
-    from patrol.ground.terrain import Terrain
-    from tests.worldsim.conftest import Lab
 
 ALIVE = Status.ALIVE
 Fate = tuple[int, int, int, int]
@@ -112,8 +102,7 @@ def test_every_frame_reaches_all_others_in_the_same_tick() -> None:
 
 
 @pytest.mark.parametrize(
-    ("status", "cause"),
-    [(Status.DEAD, RECEIVER_DEAD), (Status.LOST, RECEIVER_DEAD), (Status.PAUSED, RECEIVER_PAUSED)],
+    ("status", "cause"), [(Status.DEAD, RECEIVER_DEAD), (Status.LOST, RECEIVER_DEAD), (Status.PAUSED, RECEIVER_PAUSED)]
 )
 def test_frames_to_those_who_do_not_listen_are_dropped_and_counted(status: Status, cause: str) -> None:
     delivery = Ether().carry(0, {1: [b"a"]}, {**alive(1, 3), 2: status}, {})
@@ -223,8 +212,7 @@ def test_a_delay_counts_from_phase_a_to_the_next_phase_b(air: Any, seconds: floa
 
 
 @pytest.mark.parametrize(
-    ("wait", "mean"),
-    [({"uniform": [1.0, 3.0]}, 2.0), ({"normal": [2.0, 0.5]}, 2.0), ({"exponential": 2.0}, 2.0)],
+    ("wait", "mean"), [({"uniform": [1.0, 3.0]}, 2.0), ({"normal": [2.0, 0.5]}, 2.0), ({"exponential": 2.0}, 2.0)]
 )
 def test_delays_are_distributed_as_asked_for(air: Any, wait: dict[str, Any], mean: float) -> None:
     late = air({"kind": "delay", "delay": wait}, robots=3)

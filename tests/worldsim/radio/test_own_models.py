@@ -7,7 +7,7 @@ from collections.abc import Callable
 from importlib import import_module
 from pathlib import Path
 from textwrap import dedent
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pytest
@@ -18,11 +18,9 @@ from patrol.scenario import Scenario, dump_scenario, load_scenario, scenario_has
 from patrol.scenario.load import keep_scenario
 from patrol.scenario.radio_spec import PathLossOptions
 from tests.worldsim.checks.judged import change, failures
+from tests.worldsim.conftest import Lab
 from worldsim.radio.models import Ideal, ModelSetup, model_class, model_named, model_of
 from worldsim.verdict.judge import judge
-
-if TYPE_CHECKING:
-    from tests.worldsim.conftest import Lab
 
 EXAMPLE = Path(__file__).parents[3] / "examples" / "my_radio.py"
 DEAF = """
@@ -155,10 +153,7 @@ def test_a_model_that_cannot_be_had_is_named_with_and_without_running_it(
     model: str, says: str, write: Callable[..., Path]
 ) -> None:
     scenario = load_scenario(write(model))
-    for look in (
-        lambda: model_class(scenario),
-        lambda: check_without_running(model_named(scenario)),
-    ):
+    for look in (lambda: model_class(scenario), lambda: check_without_running(model_named(scenario))):
         with pytest.raises(BadInput) as bad:
             look()
         assert str(bad.value).startswith("radio.model = ")

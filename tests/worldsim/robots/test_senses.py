@@ -4,20 +4,18 @@ from __future__ import annotations
 
 import statistics
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
 
+from patrol.ground.terrain import Terrain
 from patrol.pose import Pose
 from patrol.radio.message import MAX_TIME_MS, decode
 from patrol.scenario import load_scenario
+from tests.worldsim.conftest import Lab
 from worldsim.faults import Timeline
 from worldsim.robots.senses import Senses
 from worldsim.verdict.judge import judge
-
-if TYPE_CHECKING:
-    from patrol.ground.terrain import Terrain
-    from tests.worldsim.conftest import Lab
 
 HERE = Pose(10.0, 8.0, 0.3)
 

@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import pytest
 
 from patrol.random import draw
+from tests.worldsim.conftest import Lab
 from tests.worldsim.verdict.test_judge import change, moved
 from worldsim.checks.check import CheckResult
 from worldsim.verdict.judge import CHECKS, judge
-
-if TYPE_CHECKING:
-    from tests.worldsim.conftest import Lab
 
 
 @pytest.mark.parametrize("seed", range(4))

@@ -6,19 +6,17 @@ import math
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
 
 from patrol.journal import JournalWriter, RobotTick, TickRecord, read_journal, trace_hash
 from patrol.pose import Pose
 from patrol.radio.message import Position, encode
+from tests.worldsim.conftest import Lab
 from worldsim.run_record import INTERRUPTED, MemoryJournal
 from worldsim.verdict.judge import Judge, Verdict, judge
-
-if TYPE_CHECKING:
-    from tests.worldsim.conftest import Lab
-    from worldsim.world import World
+from worldsim.world import World
 
 TICKS = 12
 GOOD_EXITS: dict[str, int | None] = {"r1": 0, "r2": 0, "r3": 0, "r4": 0, "world": 0}

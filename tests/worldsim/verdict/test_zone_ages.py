@@ -2,20 +2,16 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 import pytest
 
 from patrol.journal import Status
 from patrol.pose import Pose
 from patrol.prepare import sensor_footprint
+from tests.worldsim.conftest import Lab
 from worldsim.output.summary import summarise
 from worldsim.truth import Truth
 from worldsim.verdict.judge import judge
-
-if TYPE_CHECKING:
-    from tests.worldsim.conftest import Lab
 
 DISC = {"model": "holonomic", "radius": 0.4, "speed": 1.0}
 VAULT = {"name": "vault", "polygon": [[12, 8], [20, 8], [20, 15], [12, 15]], "weight": 4}
