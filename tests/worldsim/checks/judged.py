@@ -12,8 +12,10 @@ from numpy.typing import NDArray
 from patrol.journal import trace_hash
 from patrol.journal.records import sent_at
 from patrol.prepare import Prepared
+from patrol.summary.model import Summary
 from worldsim.checks.check import Check, CheckResult, JudgedRun
 from worldsim.faults import Timeline
+from worldsim.output.summary import summarise
 from worldsim.radio.fates import Fates, Sent
 from worldsim.radio.rules import RadioRules, cause
 from worldsim.run_record import MemoryJournal
@@ -38,13 +40,18 @@ def failures(result: Result, exits: Exits | None = None) -> dict[str, str]:
     return {name: check.detail for name, check in checks(result, exits).items() if not check.ok}
 
 
+def summary_of(result: Result) -> Summary:
+    """The summary of a run, without the best tour."""
+    return summarise(result[1], judge(result[1], {}, result[0].prepared))
+
+
 def change(journal: MemoryJournal, k: int, **fields: Any) -> None:
     """Alter one tick's record, and make the trace hash agree with it."""
     journal.records[k] = replace(journal.records[k], **fields)
     rehash(journal)
 
 
-def move(journal: MemoryJournal, k: int, number: int, **fields: Any) -> None:
+def move(journal: MemoryJournal, k: int, number: int, /, **fields: Any) -> None:
     """Alter one robot's row in one tick, and make the trace hash agree with it."""
     rows = journal.records[k].robots
     change(journal, k, robots=tuple(replace(row, **fields) if row.number == number else row for row in rows))

@@ -12,13 +12,11 @@ import pytest
 
 from patrol.exchange import Reply
 from patrol.pose import Velocity
-from tests.worldsim.checks.judged import Result, checks, move, result_of
+from tests.worldsim.checks.judged import Result, checks, move, result_of, summary_of
 from tests.worldsim.conftest import Lab
 from worldsim.checks.bodies import BumpsRare
 from worldsim.kernels.apart import first_overlap
-from worldsim.output.summary import summarise
 from worldsim.run_record import MemoryJournal
-from worldsim.verdict.judge import judge
 
 
 @pytest.mark.parametrize("seed", range(20))
@@ -76,7 +74,7 @@ def test_an_empty_battery_is_named_and_its_robot_stands(lab: Lab) -> None:
     assert 0 < last < 30
     assert check.warnings == (f"the battery of r1 was empty at tick {last} ({0.5 * last:g} s)",)
     assert any(record.robots[1].c0 for record in list(journal.ticks)[last + 1 :])
-    figures = summarise(journal, judge(journal, {}, world.prepared)).robots
+    figures = summary_of((world, journal)).robots
     assert figures["r2"].battery is None
     battery = figures["r1"].battery
     assert battery is not None

@@ -9,10 +9,9 @@ import pytest
 
 from patrol.journal.records import SURROUNDING, Status
 from patrol.radio.message import CONTACT, Position, decode, encode
+from tests.worldsim.checks.judged import move, summary_of
 from tests.worldsim.conftest import Lab
-from worldsim.output.summary import summarise
 from worldsim.run_record import MemoryJournal
-from worldsim.verdict.judge import judge
 from worldsim.world import World
 
 PLACE = (8.0, 6.0)
@@ -34,15 +33,12 @@ def reporting(journal: MemoryJournal, ticks: range, place: tuple[float, float], 
 def standing(journal: MemoryJournal, ticks: range, robots: int, place: tuple[float, float]) -> None:
     """Let the first robots stand beside a place and surround it in some ticks."""
     for k in ticks:
-        rows = [
-            replace(row, state=SURROUNDING, x=place[0] + 1.0, y=place[1] - row.number) if row.number <= robots else row
-            for row in journal.records[k].robots
-        ]
-        journal.records[k] = replace(journal.records[k], robots=tuple(rows))
+        for number in range(1, robots + 1):
+            move(journal, k, number, state=SURROUNDING, x=place[0] + 1.0, y=place[1] - number)
 
 
 def intruders_of(journal: MemoryJournal, world: World) -> list[dict[str, Any]]:
-    found: list[dict[str, Any]] = summarise(journal, judge(journal, {}, world.prepared)).document()["intruders"]
+    found: list[dict[str, Any]] = summary_of((world, journal)).document()["intruders"]
     return found
 
 
@@ -55,15 +51,8 @@ def test_an_intruder_is_found_and_surrounded(lab: Lab, key: bytes | None) -> Non
     standing(journal, range(14, 30), 2, PLACE)
     standing(journal, range(20, 24), 3, PLACE)
     one, other = intruders_of(journal, world)
-    assert one == {
-        "place_m": [8.0, 6.0],
-        "at_s": 2.0,
-        "until_s": 17.0,
-        "first_reported_s": 5.0,
-        "reported_s": 10.0,
-        "surrounded_s": 8.0,
-        "most_robots": 3,
-    }
+    times = {"at_s": 2.0, "until_s": 17.0, "first_reported_s": 5.0, "reported_s": 10.0, "surrounded_s": 8.0}
+    assert one == {"place_m": [8.0, 6.0], **times, "most_robots": 3}
     assert (other["first_reported_s"], other["surrounded_s"], other["until_s"]) == (None, 0.0, None)
 
 
@@ -82,13 +71,7 @@ def test_robots_that_are_dead_far_away_or_patrolling_surround_nobody(lab: Lab) -
     journal = lab.run(world)
     standing(journal, range(5, 20), 4, (14.0, 6.0))
     for k in range(5, 10):
-        rows = tuple(replace(row, x=8.0, y=7.0, status=Status.DEAD) for row in journal.records[k].robots)
-        journal.records[k] = replace(journal.records[k], robots=rows)
+        for number in (1, 2, 3, 4):
+            move(journal, k, number, x=8.0, y=7.0, status=Status.DEAD)
     (one,) = intruders_of(journal, world)
     assert (one["surrounded_s"], one["most_robots"]) == (0.0, 0)
-
-
-def test_a_run_without_intruders_says_nothing_of_them(lab: Lab) -> None:
-    world = lab.patrol(ticks=5)
-    journal = lab.run(world)
-    assert "intruders" not in summarise(journal, judge(journal, {}, world.prepared)).document()

@@ -18,6 +18,8 @@ from patrol.measures.stays import roaming_radius
 from patrol.scenario import load_scenario, scenario_hash
 from patrol.summary.metric import metrics_of
 from patrol.summary.model import Messages, RobotFigures, Summary
+from tests.worldsim.checks import judged
+from tests.worldsim.checks.judged import move
 from tests.worldsim.conftest import Lab
 from worldsim.output.record import lower_bound
 from worldsim.output.summary import summarise
@@ -28,7 +30,7 @@ from worldsim.world import World
 
 
 def summary_of(world: World, journal: MemoryJournal) -> dict[str, Any]:
-    return summarise(journal, judge(journal, {}, world.prepared)).document()
+    return judged.summary_of((world, journal)).document()
 
 
 def test_the_summary_has_what_it_promises(lab: Lab) -> None:
@@ -54,9 +56,8 @@ def test_the_summary_has_what_it_promises(lab: Lab) -> None:
 WITH_ZONES = {"mfow_weighted_mean_s", "mfow_weighted_late_mean_s", "mfow_weighted_max_s", "best_weighted_s", "zones"}
 WITH_CLOSURES = {"mfow_open_mean_s", "mfow_open_late_mean_s", "mfow_open_max_s", "closed_out_share", "closures"}
 ON_SOME_GROUND = {"patrolled_vertices", "nodes"}
-IN_SOME_RUNS = (
-    {"intruders", "refused", "deadlines", "direct", "exit_codes"} | ON_SOME_GROUND | WITH_ZONES | WITH_CLOSURES
-)
+OTHERS = {"intruders", "refused", "deadlines", "direct", "exit_codes"}
+IN_SOME_RUNS = OTHERS | ON_SOME_GROUND | WITH_ZONES | WITH_CLOSURES
 
 
 def test_every_metric_is_declared_and_computed_in_the_order_of_its_declaration(lab: Lab) -> None:
@@ -107,9 +108,7 @@ def test_commands_that_made_no_sense_are_counted_by_robot(lab: Lab) -> None:
     world = lab.patrol(ticks=20)
     journal = lab.run(world)
     for k in (3, 4, 11):
-        robots = list(journal.records[k].robots)
-        robots[2] = replace(robots[2], refused=True)
-        journal.records[k] = replace(journal.records[k], robots=tuple(robots))
+        move(journal, k, 3, refused=True)
     counts = {name: facts["refused_commands"] for name, facts in summary_of(world, journal)["robots"].items()}
     assert counts == {"r1": 0, "r2": 0, "r3": 3, "r4": 0}
 
@@ -147,20 +146,12 @@ def test_the_longest_stay_is_the_longest_time_within_one_circle(lab: Lab) -> Non
     radius = {spec.number: roaming_radius(spec, world.step) for spec in world.scenario.roster}
     swing = 0.6 * radius[1]
     for k in range(20):
-        robots = list(journal.records[k].robots)
-        robots[0] = replace(robots[0], x=1.0 + (swing if k // 2 % 2 else 0.0), y=1.0)
-        robots[2] = replace(robots[2], x=2.0, y=2.0, status=Status.PAUSED if k == 8 else Status.ALIVE)
-        journal.records[k] = replace(journal.records[k], robots=tuple(robots))
+        move(journal, k, 1, x=1.0 + (swing if k // 2 % 2 else 0.0), y=1.0)
+        move(journal, k, 3, x=2.0, y=2.0, status=Status.PAUSED if k == 8 else Status.ALIVE)
     robots_of = summary_of(world, journal)["robots"]
     assert (robots_of["r1"]["longest_stay_s"], robots_of["r3"]["longest_stay_s"]) == (9.5, 4.5)
-    stay = robots_of["r1"]["longest_stay"]
-    assert stay == {
-        "seconds": 9.5,
-        "since_s": 0.0,
-        "x": pytest.approx(1.0 + swing / 2.0),
-        "y": 1.0,
-        "radius_m": pytest.approx(radius[1]),
-    }
+    circle = {"x": pytest.approx(1.0 + swing / 2.0), "y": 1.0, "radius_m": pytest.approx(radius[1])}
+    assert robots_of["r1"]["longest_stay"] == {"seconds": 9.5, "since_s": 0.0, **circle}
     assert robots_of["r3"]["longest_stay"]["since_s"] == 5.0
 
 

@@ -6,19 +6,18 @@ from typing import Any
 
 import pytest
 
+from tests.worldsim.checks import judged
+from tests.worldsim.checks.judged import failures
 from tests.worldsim.conftest import Lab
-from worldsim.output.summary import summarise
-from worldsim.verdict.judge import judge
 
 TICKS = 20
 
 
 def summary_of(lab: Lab, *faults: dict[str, Any]) -> dict[str, Any]:
     world = lab.patrol(ticks=TICKS, faults=list(faults))
-    journal = lab.run(world)
-    verdict = judge(journal, {}, world.prepared)
-    assert verdict.valid, verdict.failed
-    return summarise(journal, verdict).document()
+    result = world, lab.run(world)
+    assert failures(result) == {}
+    return judged.summary_of(result).document()
 
 
 def test_without_faults_every_link_delivers_everything(lab: Lab) -> None:
