@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections import Counter, deque
-from collections.abc import Callable, Sequence
-from typing import Any
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, TypeVar
 
 from patrol.exchange import Reply, Sensed
 from patrol.messages.phases import Hello, HelloReply, PhaseA, PhaseB, ReplyA, ReplyB, ToRobot, ToWorld, decode_to_robot
@@ -13,8 +13,10 @@ from patrol.net.mailbox import Presence
 from patrol.pose import Pose, Velocity
 from patrol.security.keys import FleetKeys
 from worldsim.fleet.lockstep import LockstepFleet
+from worldsim.fleet.paced import PacedFleet
 from worldsim.fleet.sessions import FleetConnection, Sessions
 
+M = TypeVar("M")
 KEYS = FleetKeys("f")
 NAMES = {1: "r1", 2: "r2", 3: "r3"}
 RUN, HASH = 9, "c" * 64
@@ -98,13 +100,26 @@ class Net:
             self.presence(number, True)
         self.sessions.gather(10.0, lambda _names, _s: None)
 
-    def told(self, kind: type[ToRobot], number: int) -> list[ToRobot]:
+    def told(self, kind: type[M], number: int) -> list[M]:
         return [message for to, message in self.sent if to == number and isinstance(message, kind)]
 
 
-def fleet_of(net: Net, deadline_s: float = 10.0) -> LockstepFleet:
+def lockstep(deadline_s: float = 10.0, *, launched: bool = False) -> tuple[Net, LockstepFleet]:
+    net = Net(launched=launched)
     net.gather()
-    return LockstepFleet(net.sessions, deadline_s)
+    return net, LockstepFleet(net.sessions, deadline_s)
+
+
+def paced(step_s: float = 0.5, *, launched: bool = False) -> tuple[Net, PacedFleet]:
+    net = Net(launched=launched)
+    net.gather()
+    return net, PacedFleet(net.sessions, step_s)
+
+
+def tick(fleet: LockstepFleet | PacedFleet, k: int) -> Mapping[int, Reply | None]:
+    """Do both phases of a tick; the answers to the second."""
+    fleet.phase_a(k, sensed(k))
+    return fleet.phase_b(k, heard())
 
 
 def sensed(k: int, numbers: Sequence[int] = (1, 2, 3)) -> dict[int, Sensed]:

@@ -54,14 +54,6 @@ def test_a_killed_robot_is_silent_and_its_wreck_stays(lab: Lab) -> None:
     assert {source for record in journal.records[4:] for source, _ in record.frames} == {1, 3}
 
 
-def test_the_faults_are_told_when_they_begin_and_end(lab: Lab) -> None:
-    journal, _ = run(lab, [fault("pause", "r2", 4, **{"for": 1.0})])
-    assert [(e.k, e.robot, e.detail) for e in journal.events if e.kind == "fault"] == [
-        (4, None, "f1 pause begins: r2"),
-        (6, None, "f1 pause ends"),
-    ]
-
-
 def test_a_restarted_robot_wakes_up_in_its_wreck(lab: Lab) -> None:
     journal, done = run(lab, [fault("kill", "r2", 4), fault("restart", "r2", 7)])
     assert statuses(journal, 2) == [A] * 4 + [D] * 3 + [A] * 5

@@ -11,9 +11,8 @@ from patrol.exchange import Reply
 from patrol.journal import Event, Status, TickRecord
 from patrol.messages.phases import PhaseA, PhaseB
 from tests.worldsim.conftest import Lab, RandomFleet
-from tests.worldsim.fleet.net import NAMES, Net, fleet_of, heard, sensed
+from tests.worldsim.fleet.net import NAMES, heard, lockstep, paced, sensed, tick
 from worldsim.fleet.loop import run_ticks
-from worldsim.fleet.paced import PacedFleet
 from worldsim.output.record import Recorder, header_of
 from worldsim.run_record import COMPLETED, MemoryJournal, PutOff
 from worldsim.wiring import put_off
@@ -30,8 +29,7 @@ class Waiting(RandomFleet):
 
 
 def test_in_lockstep_it_is_done_while_robots_decide() -> None:
-    net = Net()
-    fleet = fleet_of(net)
+    net, fleet = lockstep()
     told: list[tuple[int, int]] = []
     fleet.aside = lambda: told.append((len(net.told(PhaseA, 3)), len(net.told(PhaseB, 3))))
     for k in range(2):
@@ -41,8 +39,7 @@ def test_in_lockstep_it_is_done_while_robots_decide() -> None:
 
 
 def test_work_of_the_world_costs_no_robot_its_time_to_answer() -> None:
-    net = Net()
-    fleet = fleet_of(net, deadline_s=5.0)
+    net, fleet = lockstep(5.0)
     fleet.phase_a(0, sensed(0))
 
     def aside() -> None:
@@ -54,14 +51,11 @@ def test_work_of_the_world_costs_no_robot_its_time_to_answer() -> None:
 
 
 def test_at_a_pace_it_is_done_before_phase_b_is_due() -> None:
-    net = Net()
-    net.gather()
-    fleet = PacedFleet(net.sessions, 0.5)
+    net, fleet = paced()
     told: list[tuple[int, int]] = []
     fleet.aside = lambda: told.append((len(net.told(PhaseA, 3)), len(net.told(PhaseB, 3))))
     for k in range(2):
-        fleet.phase_a(k, sensed(k))
-        fleet.phase_b(k, heard())
+        tick(fleet, k)
     assert told == [(1, 0), (2, 1)]
 
 
@@ -162,8 +156,7 @@ def test_the_true_fog_takes_in_a_tick_once(lab: Lab) -> None:
 
 
 def test_a_tick_is_written_while_a_robot_keeps_the_world_waiting(lab: Lab) -> None:
-    net = Net()
-    fleet = fleet_of(net, deadline_s=5.0)
+    net, fleet = lockstep(5.0)
     written: list[tuple[int, float]] = []
     later = PutOff(lambda record: written.append((record.k, net.time)), lambda _: None)
     put_off(later, lab.patrol(), fleet, None, lambda: None)
