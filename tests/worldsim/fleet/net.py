@@ -26,7 +26,7 @@ POSES = {number: Pose(float(number), 0.0, 0.0) for number in NAMES}
 class Net:
     """Robots that answer at once unless told otherwise, and time that passes only while somebody waits."""
 
-    def __init__(self, *, launched: bool = False) -> None:
+    def __init__(self, *, launched: bool = False, robots: int = 3, absent: Sequence[int] = ()) -> None:
         self.time = 1000.0
         self.refused: Counter[str] = Counter()
         self.letters: deque[tuple[float, str, Any]] = deque()
@@ -39,17 +39,15 @@ class Net:
         """Robots whose processes have ended, which only a launcher knows."""
         self.stands_still: deque[tuple[float, float]] = deque()
         """When the whole machine stands still, and for how long, s."""
-        self.wire = FleetConnection(
-            KEYS,
-            NAMES,
-            {number: self.post_of(number) for number in NAMES},
-            self,
-            lambda: self.connected,
-            lambda: self.time,
-            lambda: self.ending,
-            self.ended.__contains__ if launched else None,
-        )
-        self.sessions = Sessions(self.wire, WorldRun(RUN, HASH))
+        names = {number: NAMES[number] for number in range(1, robots + 1)}
+        posts = {number: self.post_of(number) for number in names}
+        ended = self.has_ended if launched else None
+        clock = lambda: self.time  # noqa: E731
+        self.wire = FleetConnection(KEYS, names, posts, self, lambda: self.connected, clock, lambda: self.ending, ended)
+        self.sessions = Sessions(self.wire, WorldRun(RUN, HASH), absent)
+
+    def has_ended(self, number: int) -> bool:
+        return number in self.ended
 
     @property
     def waiting(self) -> int:
