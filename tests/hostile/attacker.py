@@ -41,13 +41,7 @@ def connect(folder: Path, role: Role) -> zenoh.Session:
 
 
 class Attacker:
-    """Somebody on a fleet's network.
-
-    Attributes:
-        keys: The fleet's keys.
-        heard: What was read along, as key and payload.
-        asked: The questions that reached its queryable, as key and payload.
-    """
+    """Somebody on a fleet's network."""
 
     def __init__(self, folder: Path) -> None:
         robots = [robot_role(spec.name) for spec in load_scenario(folder / "scenario.yaml").roster]
@@ -82,11 +76,7 @@ class Attacker:
         )
 
     def listen(self, then: Callable[[str, bytes], None] = lambda _key, _payload: None) -> None:
-        """Read everything that the fleet publishes.
-
-        Args:
-            then: Called with each message, on a thread of its own.
-        """
+        """Read everything that the fleet publishes."""
         expressions = {key: role for role, rights in self._rights.items() for key in rights.hear}
         subscribers = [
             self._sessions[role].declare_subscriber(key, zenoh.handlers.FifoChannel(_KEPT))

@@ -22,12 +22,7 @@ __all__ = ["start"]
 
 
 class Target:
-    """A running fleet, its operator, and somebody on its network.
-
-    Attributes:
-        run: The fleet's processes.
-        attacker: Somebody who does not know the token.
-    """
+    """A running fleet, its operator, and somebody on its network."""
 
     def __init__(self, run: Run) -> None:
         self.run = run
@@ -94,6 +89,10 @@ class Target:
         """Leave the network."""
         self.attacker.close()
         self.link.close()
+
+
+Attack = Callable[..., Target]
+"""The fixture `attack`."""
 
 
 @pytest.fixture

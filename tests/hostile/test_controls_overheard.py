@@ -7,12 +7,11 @@ import os
 import signal
 import subprocess
 import sys
-from collections.abc import Callable
 
 import pytest
 
 from patrol.security.control_auth import ASK, CHALLENGE, NONCE
-from tests.hostile.conftest import Target
+from tests.hostile.conftest import Attack, Target
 
 pytestmark = pytest.mark.processes
 
@@ -44,7 +43,7 @@ def shown(done: subprocess.CompletedProcess[str]) -> str:
     return text
 
 
-def test_neither_the_token_nor_a_control_is_had_by_listening_and_answering(attack: Callable[..., Target]) -> None:
+def test_neither_the_token_nor_a_control_is_had_by_listening_and_answering(attack: Attack) -> None:
     target = attack({"duration": 100_000, "robots": 2 * [{}]})
     target.step(3)
     attacker = target.attacker
@@ -77,7 +76,7 @@ def test_neither_the_token_nor_a_control_is_had_by_listening_and_answering(attac
     target.run.interrupt()
 
 
-def test_an_impostor_in_the_worlds_place_is_named_in_one_line(attack: Callable[..., Target]) -> None:
+def test_an_impostor_in_the_worlds_place_is_named_in_one_line(attack: Attack) -> None:
     target = attack({"duration": 100_000, "robots": 2 * [{}]})
     target.attacker.answer_everything(ANSWERS)
     world = target.run.children()["worldsim"]

@@ -131,29 +131,23 @@ DECODERS: Mapping[str, Decoder] = {
         decode_to_robot,
         Malformed,
         max_to_robot(ROBOTS),
-        tuple(
-            encode(message)
-            for message in (
-                Hello(*HEAD),
-                PhaseA(*HEAD, Sensed(3, POSE, False, ((1.0, 2.0),), 1.5)),
-                PhaseB(*HEAD, (b"frame", b"other")),
-                Stop(*HEAD, orderly=True, reason="the run is over"),
-            )
+        (
+            encode(Hello(*HEAD)),
+            encode(PhaseA(*HEAD, Sensed(3, POSE, False, ((1.0, 2.0),), 1.5))),
+            encode(PhaseB(*HEAD, (b"frame", b"other"))),
+            encode(Stop(*HEAD, orderly=True, reason="the run is over")),
         ),
     ),
     "phases, to the world": Decoder(
         decode_to_world,
         Malformed,
         MAX_REPLY,
-        tuple(
-            encode(message)
-            for message in (
-                HelloReply(*HEAD, "a" * 64),
-                ReplyA(*HEAD, (b"frame",)),
-                ReplyB(*HEAD, Reply(Velocity(0.5, 0.25), "patrolling", (1.0, 2.0), 1.5, 0)),
-                Failed(*HEAD, "no plan"),
-                Farewell(*HEAD),
-            )
+        (
+            encode(HelloReply(*HEAD, "a" * 64)),
+            encode(ReplyA(*HEAD, (b"frame",))),
+            encode(ReplyB(*HEAD, Reply(Velocity(0.5, 0.25), "patrolling", (1.0, 2.0), 1.5, 0))),
+            encode(Failed(*HEAD, "no plan")),
+            encode(Farewell(*HEAD)),
         ),
     ),
     "batches": Decoder(

@@ -3,20 +3,17 @@
 from __future__ import annotations
 
 import signal
-from collections.abc import Callable
 
 import pytest
 
 from patrol.messages.feed import FOG
-from tests.hostile.conftest import Target
+from tests.hostile.conftest import Attack
 
 pytestmark = pytest.mark.processes
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, pytest.param(signal.SIGTERM, marks=pytest.mark.accept)])
-def test_a_flood_under_every_key_keeps_no_fleet_from_ending(
-    number: signal.Signals, attack: Callable[..., Target]
-) -> None:
+def test_a_flood_under_every_key_keeps_no_fleet_from_ending(number: signal.Signals, attack: Attack) -> None:
     target = attack({"duration": 100_000, "robots": [{"name": "r1"}, {"name": "r2"}]})
     keys = target.keys
     everything = (keys.reply("r1"), keys.tick("r1"), keys.tick("r2"), keys.truth(FOG), keys.position("r2"))

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import os
 import signal
-from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
 import pytest
 
 from patrol.messages.phases import ANYONE, HelloReply, PhaseB, Stop, encode
-from tests.hostile.conftest import Target
+from tests.hostile.conftest import Attack, Target
 
 pytestmark = pytest.mark.processes
 
@@ -34,7 +33,7 @@ def of_another_run(target: Target, robot: str) -> list[tuple[str, bytes]]:
     return [(key, phase) for phase in phases]
 
 
-def test_a_robot_that_the_router_cuts_off_because_it_does_not_read_is_not_lost(attack: Callable[..., Target]) -> None:
+def test_a_robot_that_the_router_cuts_off_because_it_does_not_read_is_not_lost(attack: Attack) -> None:
     target = attack(CALM)
     k = target.step(5)
     r2 = target.run.children()["r2"]
@@ -50,7 +49,7 @@ def test_a_robot_that_the_router_cuts_off_because_it_does_not_read_is_not_lost(a
     same_as_without(target)
 
 
-def test_nobody_leaves_because_a_stranger_says_so(attack: Callable[..., Target]) -> None:
+def test_nobody_leaves_because_a_stranger_says_so(attack: Attack) -> None:
     target = attack(CALM)
     target.step(5)
     a = target.attacker.newest_phase_a("r1")
@@ -69,7 +68,7 @@ def test_nobody_leaves_because_a_stranger_says_so(attack: Callable[..., Target])
     assert target.run.summary()["robots"]["r1"]["rejected"] >= 6
 
 
-def test_a_stranger_does_not_take_the_seat_of_a_robot_that_lives(attack: Callable[..., Target]) -> None:
+def test_a_stranger_does_not_take_the_seat_of_a_robot_that_lives(attack: Attack) -> None:
     target = attack(CALM)
     target.step(5)
     run = target.attacker.newest_phase_a("r1").run

@@ -73,23 +73,17 @@ def digest_of_policy(path: Path) -> str:
 
 def folder_of(path: Path, name: str) -> Path:
     """The run folder in the current folder, with that path in the place of one of its files."""
-    folder = Path("run").absolute()
-    (folder / name).unlink()
+    file = Path("run", name).absolute()
+    file.unlink(missing_ok=True)
     if path.is_fifo() or path.is_file():
-        path.rename(folder / name)
+        path.rename(file)
     else:
-        (folder / name).symlink_to(path)
-    return folder
+        file.symlink_to(path)
+    return file.parent
 
 
 def results_of(path: Path) -> None:
-    folder = Path("sweep").absolute()
-    folder.mkdir()
-    if path.is_fifo() or path.is_file():
-        path.rename(folder / FILE)
-    else:
-        (folder / FILE).symlink_to(path)
-    with open_results(folder):
+    with open_results(folder_of(path, FILE)):
         pass
 
 

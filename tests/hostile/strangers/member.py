@@ -41,21 +41,9 @@ _QUEUES = (zenoh.Priority.REAL_TIME, zenoh.Priority.DATA_HIGH, zenoh.Priority.DA
 
 
 class Member:
-    """A session of somebody who attacks.
-
-    Attributes:
-        door: The router.
-        role: As what it was let in.
-    """
+    """A session of somebody who attacks."""
 
     def __init__(self, door: Door, role: Role, session: zenoh.Session) -> None:
-        """Take over a session.
-
-        Args:
-            door: The router.
-            role: As what it was let in.
-            session: The session.
-        """
         self.door = door
         self.role = role
         self._session = session

@@ -37,14 +37,6 @@ class Stranger:
     """The process of a stranger."""
 
     def __init__(self, spell: Spell, run: Path, log: Path, now: Callable[[], float]) -> None:
-        """Start nothing yet.
-
-        Args:
-            spell: What it holds, and its seed.
-            run: The run's folder.
-            log: The file that its output goes to.
-            now: Monotonic clock, s.
-        """
         self._spell = spell
         self._run = run
         self._log = log
@@ -78,11 +70,7 @@ class Stranger:
             )
 
     def wait(self, over: Callable[[], bool]) -> None:
-        """Wait until it begins its first attack, or has ended.
-
-        Args:
-            over: Asked all the time whether to wait no longer.
-        """
+        """Wait until it begins its first attack, or has ended."""
         until = self._now() + FIRST_S
         while self._process is not None and self._process.poll() is None and self._now() < until and not over():
             if read_log(self._log)[0]:
@@ -105,12 +93,7 @@ class Stranger:
             process.send_signal(signal.SIGCONT)
 
     def end(self) -> tuple[Counter[str], Counter[str], str]:
-        """Kill it.
-
-        Returns:
-            The attacks that it has begun by name, what came of them, and why it had ended by itself; empty where it had
-            not.
-        """
+        """Kill it; return its attacks by name, what came of them, and why it had ended by itself, if it had."""
         why = ""
         if self._process is not None:
             if self._process.poll() is not None:
@@ -126,14 +109,7 @@ class Stranger:
 
 
 def read_log(log: Path) -> tuple[Counter[str], Counter[str], str]:
-    """What a stranger has reported.
-
-    Args:
-        log: Its output.
-
-    Returns:
-        The attacks that it has begun by name, what came of them, and the last line that is no report.
-    """
+    """What a stranger has reported: its attacks by name, what came of them, and the last line that is no report."""
     attacks: Counter[str] = Counter()
     counts: Counter[str] = Counter()
     rest = ""
@@ -151,19 +127,7 @@ def read_log(log: Path) -> tuple[Counter[str], Counter[str], str]:
 
 
 def run_spell(spell: Spell, folder: Path, over: Callable[[], bool]) -> tuple[Seen, Counter[str]]:
-    """Run a spell.
-
-    Args:
-        spell: The spell.
-        folder: A new folder; the run is written to `run` in it, and what the stranger says to `stranger.log`.
-        over: Asked all the time whether to end early.
-
-    Returns:
-        What was seen, and the stranger's attacks by name.
-
-    Raises:
-        KeyboardInterrupt: It was ended early.
-    """
+    """Run a spell, with its run and the stranger's log in a new folder; what was seen, and the attacks by name."""
     folder.mkdir(parents=True, exist_ok=True)
     out, now = folder / "run", time.monotonic
     progress, memory = Progress(now), Memory(now)
@@ -219,9 +183,5 @@ def run_spell(spell: Spell, folder: Path, over: Callable[[], bool]) -> tuple[See
 
 
 def honest_trace(spell: Spell) -> str:
-    """The trace hash of a spell's scenario without a stranger, run in this process.
-
-    Args:
-        spell: The spell.
-    """
+    """The trace hash of a spell's scenario without a stranger, run in this process."""
     return str(run_in_process(spell.scenario, keep=False).summary.trace_hash)
