@@ -27,9 +27,8 @@ class Band:
 
     def __init__(self, lab: Lab, faults: list[dict[str, Any]], key: Path | None) -> None:
         radio = {} if key is None else {"key": str(key)}
-        self.scenario = load_scenario(
-            {"terrain": {"builtin": "open"}, "robots": {"count": 3}, "faults": faults, "radio": radio}
-        )
+        facts = {"terrain": {"builtin": "open"}, "robots": {"count": 3}}
+        self.scenario = load_scenario({**facts, "faults": faults, "radio": radio})
         timeline = Timeline(self.scenario)
         self.key = None if key is None else KEY
         self.terrain = lab.room

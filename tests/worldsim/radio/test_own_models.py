@@ -227,26 +227,21 @@ def test_another_model_has_other_options() -> None:
     assert "wall: 4.0" in dump_scenario(loaded)
 
 
+def loss_with(**options: object) -> dict[str, Any]:
+    return {"model": "path-loss", "options": options}
+
+
 @pytest.mark.parametrize(
     ("radio", "says"),
     [
         ({"options": {"wall": 3}}, 'radio.options = {"wall": 3}: expected none: the model ideal has no settings'),
-        ({"model": "path-loss", "options": {"wal": 3}}, "radio.options.wal: unknown key; did you mean wall?"),
-        ({"model": "path-loss", "options": {"wall": -1}}, "radio.options.wall = -1: expected a number from 0 to 200"),
-        ({"model": "path-loss", "options": {"exponent": 0}}, "expected a number from 1 to 10"),
-        ({"model": "path-loss", "options": {"sensitivity": True}}, "expected a number from -200 to 100"),
-        (
-            {"model": "path-loss", "options": {"airtime": 0.7}},
-            "radio.options.airtime = 0.7: longer than one step of 0.5",
-        ),
-        (
-            {"model": "path-loss", "options": {"redraw": 1e-308}},
-            "radio.options.redraw = 1e-308: shorter than one step of 0.5 s",
-        ),
-        (
-            {"model": "path-loss", "model_sha256": "0" * 64},
-            "radio.model_sha256: only a model that is a file has a hash",
-        ),
+        (loss_with(wal=3), "radio.options.wal: unknown key; did you mean wall?"),
+        (loss_with(wall=-1), "radio.options.wall = -1: expected a number from 0 to 200"),
+        (loss_with(exponent=0), "expected a number from 1 to 10"),
+        (loss_with(sensitivity=True), "expected a number from -200 to 100"),
+        (loss_with(airtime=0.7), "radio.options.airtime = 0.7: longer than one step of 0.5"),
+        (loss_with(redraw=1e-308), "radio.options.redraw = 1e-308: shorter than one step of 0.5 s"),
+        ({"model": "path-loss", "model_sha256": "0" * 64}, "model_sha256: only a model that is a file has a hash"),
         ({"model": ["path-loss"]}, 'radio.model = ["path-loss"]: expected ideal, path-loss, package.module:Class'),
         ({"wall": 3}, "radio.wall: unknown key; did you mean radio.options.wall?"),
     ],
@@ -255,14 +250,6 @@ def test_what_a_section_may_not_say(radio: dict[str, Any], says: str) -> None:
     with pytest.raises(BadInput) as bad:
         load_scenario({"terrain": {"builtin": "open"}, "radio": radio})
     assert says in str(bad.value)
-
-
-def test_a_direct_radio_has_no_model() -> None:
-    mapping = {"terrain": {"builtin": "open"}, "pace": "realtime", "radio": {"via": "direct", "model": "path-loss"}}
-    with pytest.raises(
-        BadInput, match=r"radio\.model: decides what reaches whom in the ether, and radio\.via is direct"
-    ):
-        load_scenario(mapping)
 
 
 def test_the_module_of_1_0_has_the_same_names() -> None:
