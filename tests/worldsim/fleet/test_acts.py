@@ -54,21 +54,16 @@ def test_a_killed_robot_is_silent_and_its_wreck_stays(lab: Lab) -> None:
     assert {source for record in journal.records[4:] for source, _ in record.frames} == {1, 3}
 
 
-def test_a_restarted_robot_wakes_up_in_its_wreck(lab: Lab) -> None:
-    journal, done = run(lab, [fault("kill", "r2", 4), fault("restart", "r2", 7)])
+@pytest.mark.parametrize("wreck", ["stays", "removed"])
+def test_a_restarted_robot_wakes_up_in_its_wreck_or_at_its_start(lab: Lab, wreck: str) -> None:
+    journal, done = run(lab, [fault("kill", "r2", 4, wreck=wreck), fault("restart", "r2", 7)])
     assert statuses(journal, 2) == [A] * 4 + [D] * 3 + [A] * 5
     assert done == [("kill", 2), ("start 2", 2)]
-    wreck, woken = (journal.records[k].robots[1] for k in (6, 7))
-    assert (wreck.x, wreck.y) == (woken.x, woken.y) != STARTS[1][:2]
-    assert news(journal)[-1] == (7, "alive", 2, "f2 restart: process 2")
-
-
-def test_where_the_wreck_was_taken_away_it_appears_at_its_start(lab: Lab) -> None:
-    journal, _ = run(lab, [fault("kill", "r2", 4, wreck="removed"), fault("restart", "r2", 7)])
-    dead, back = (journal.records[k].robots[1] for k in (6, 7))
-    assert dead.status is D
+    dead, woken = (journal.records[k].robots[1] for k in (6, 7))
     assert (dead.x, dead.y) != STARTS[1][:2]
-    assert (back.x, back.y, back.heading) == STARTS[1]
+    place = (dead.x, dead.y, dead.heading) if wreck == "stays" else STARTS[1]
+    assert (woken.x, woken.y, woken.heading) == place
+    assert news(journal)[-1] == (7, "alive", 2, "f2 restart: process 2")
 
 
 def test_a_living_robot_is_restarted_at_once(lab: Lab) -> None:

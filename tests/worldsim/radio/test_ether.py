@@ -21,8 +21,6 @@ from worldsim.radio.ether import OVERSIZED, RECEIVER_ABSENT, RECEIVER_DEAD, RECE
 from worldsim.robots.senses import Senses
 
 ALIVE = Status.ALIVE
-Fate = tuple[int, int, int, int]
-"""(source, destination, sequence, copy number)."""
 
 
 def scenario_of(*faults: dict[str, Any], robots: int = 4, **more: Any) -> Scenario:
