@@ -16,12 +16,8 @@ from tests.worldsim.checks.judged import change, result_of
 from worldsim.checks.sent import FramesAreTrue, WithinBudget
 from worldsim.run_record import MemoryJournal
 
-SCENARIO: dict[str, Any] = {
-    "terrain": {"builtin": "yards"},
-    "point": 1.0,
-    "duration": 40,
-    "robots": {"count": 3, "model": "car"},
-}
+SCENARIO: dict[str, Any] = {"terrain": {"builtin": "yards"}, "point": 1.0, "duration": 40}
+SCENARIO["robots"] = {"count": 3, "model": "car"}
 BUDGET = {"bits_per_s": 900, "overhead": 8}
 SAVINGS: dict[str, dict[str, Any]] = {
     "budget": {"budget": BUDGET, "trail": 4, "trail_every": 3},

@@ -6,7 +6,6 @@ import json
 from collections.abc import Callable
 from importlib import import_module
 from pathlib import Path
-from textwrap import dedent
 from typing import Any
 
 import numpy as np
@@ -23,51 +22,33 @@ from worldsim.radio.models import Ideal, ModelSetup, model_class, model_named, m
 from worldsim.verdict.judge import judge
 
 EXAMPLE = Path(__file__).parents[3] / "examples" / "my_radio.py"
-DEAF = """
-    import numpy as np
+MODELS = """
+import numpy as np
 
+class Deaf:
+    def __init__(self, setup): pass
+    def lost(self, air): return np.ones(air.on_the_way.shape, dtype=bool)
 
-    class Deaf:
-        def __init__(self, setup):
-            pass
+class Unmade(Deaf):
+    def __init__(self, setup): raise KeyError("no idea")
 
-        def lost(self, air):
-            return np.ones(air.on_the_way.shape, dtype=bool)
+class Raising(Deaf):
+    def lost(self, air): return 1 / 0
 
+class Leaving(Deaf):
+    def lost(self, air): raise SystemExit(0)
 
-    class Unmade(Deaf):
-        def __init__(self, setup):
-            raise KeyError("no idea")
+class Narrow(Deaf):
+    def lost(self, air): return np.ones(3, dtype=bool)
 
+class Shares(Deaf):
+    def lost(self, air): return np.ones(air.on_the_way.shape)
 
-    class Raising(Deaf):
-        def lost(self, air):
-            return 1 / 0
+class Nothing(Deaf):
+    def lost(self, air): return None
 
-
-    class Leaving(Deaf):
-        def lost(self, air):
-            raise SystemExit(0)
-
-
-    class Narrow(Deaf):
-        def lost(self, air):
-            return np.ones(3, dtype=bool)
-
-
-    class Shares(Deaf):
-        def lost(self, air):
-            return np.ones(air.on_the_way.shape)
-
-
-    class Nothing(Deaf):
-        def lost(self, air):
-            return None
-
-
-    class Silent:
-        pass
-    """
+class Silent: pass
+"""
 
 
 @pytest.fixture
@@ -75,7 +56,7 @@ def write(tmp_path: Path) -> Callable[..., Path]:
     """Write a scenario beside a file with models; the scenario's path."""
 
     def make(model: str, **radio: Any) -> Path:
-        (tmp_path / "radio.py").write_text(dedent(DEAF), encoding="utf-8")
+        (tmp_path / "radio.py").write_text(MODELS, encoding="utf-8")
         path = tmp_path / "scenario.yaml"
         mapping = {"terrain": {"builtin": "open"}, "point": 2.0, "radio": {"model": model, **radio}}
         path.write_text(json.dumps(mapping), encoding="utf-8")
