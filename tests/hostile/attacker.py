@@ -71,8 +71,10 @@ class Attacker:
     def listen(self) -> None:
         """Read everything that the fleet publishes, on a thread of its own."""
         expressions = {key: role for role, rights in self._rights.items() for key in rights.hear}
-        channel = lambda: zenoh.handlers.FifoChannel(_KEPT)  # noqa: E731
-        declared = [self._sessions[role].declare_subscriber(key, channel()) for key, role in expressions.items()]
+        declared = [
+            self._sessions[role].declare_subscriber(key, zenoh.handlers.FifoChannel(_KEPT))
+            for key, role in expressions.items()
+        ]
         self._declared += declared
 
         def read() -> None:

@@ -169,6 +169,11 @@ class Lab:
         recorder.end(COMPLETED)
         return journal
 
+    def driven(self, *args: Any, **more: Any) -> tuple[World, MemoryJournal]:
+        """A patrol, run to its end."""
+        world = self.patrol(*args, **more)
+        return world, self.run(world)
+
     def fleet(self, world: World, **more: Any) -> RandomFleet:
         """A fleet that drives at random."""
         return RandomFleet(world, **more)

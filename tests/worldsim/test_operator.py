@@ -333,22 +333,17 @@ def test_a_changed_scenario_that_cannot_be_kept_is_in_force_all_the_same() -> No
     assert judge(journal, {}, prepared).valid
 
 
-def test_an_intruder_in_a_wall_is_refused() -> None:
+def test_what_is_refused_on_other_grounds() -> None:
+    """An intruder in a wall, and a kill of a robot that nobody here started."""
     prepared = prepare(load_scenario({**SMALL, "terrain": {"builtin": "yards"}}))
     row, col = np.argwhere(~prepared.terrain.passable)[0]
-    place = prepared.terrain.centre(int(row), int(col))
-    journal, requests, *_ = run(prepared, {1: [{"do": "intruder", "place": list(place)}]}, ticks=3)
-    ((_, answer),) = requests.answers
-    assert not answer.done
-    assert "in an obstacle of yards; move it" in answer.text
-    assert not [event for event in journal.events if event.kind == OPERATOR]
-
-
-def test_robots_that_nobody_here_started_are_not_killed() -> None:
-    prepared = prepare(load_scenario(SMALL))
+    intruder = {"do": "intruder", "place": list(prepared.terrain.centre(int(row), int(col)))}
     kill = {"do": "fault", "fault": {"kind": "kill", "who": "r1"}}
-    _, requests, *_ = run(prepared, {1: [kill]}, controls_processes=False, ticks=3)
-    assert "did not start" in requests.answers[0][1].text
+    journal, requests, *_ = run(prepared, {1: [intruder, kill]}, controls_processes=False, ticks=3)
+    assert [answer.done for _, answer in requests.answers] == [False, False]
+    assert "in an obstacle of yards; move it" in requests.answers[0][1].text
+    assert "did not start" in requests.answers[1][1].text
+    assert not [event for event in journal.events if event.kind == OPERATOR]
 
 
 def test_what_an_operator_has_asked_for_is_in_force_until_it_ends() -> None:

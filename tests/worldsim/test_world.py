@@ -124,8 +124,7 @@ def test_the_same_seed_gives_the_same_trace_and_another_does_not(lab: Lab) -> No
 
 
 def test_distances_and_collisions_of_a_run_are_those_of_its_bodies(lab: Lab) -> None:
-    world = lab.patrol()
-    journal = lab.run(world)
+    world, journal = lab.driven()
     assert sum(body.collisions for body in world.bodies.values()) > 0
     for index, body in enumerate(world.bodies.values()):
         rows = [record.robots[index] for record in journal.ticks]
@@ -249,8 +248,7 @@ def test_of_many_intruders_the_nearest_are_seen(lab: Lab) -> None:
 
 
 def test_contacts_are_carried_and_a_run_with_them_is_valid(lab: Lab) -> None:
-    world = lab.patrol(ticks=20, intruders=[{"place": [4.0, 4.0]}, {"place": [4.0, 5.0]}])
-    journal = lab.run(world)
+    world, journal = lab.driven(ticks=20, intruders=[{"place": [4.0, 4.0]}, {"place": [4.0, 5.0]}])
     frames = [(source, decode(frame)) for record in journal.ticks for source, frame in record.frames]
     reported = [(source, frame) for source, frame in frames if frame.robot == 0]
     assert {source for source, _ in reported} >= {1}
@@ -263,8 +261,7 @@ def test_contacts_are_carried_and_a_run_with_them_is_valid(lab: Lab) -> None:
 
 @pytest.mark.parametrize(("x", "k", "twice"), [(4.5, 0, False), (4.0, 1, False), (4.0, 0, True)])
 def test_a_report_of_what_its_sender_does_not_see_fails(lab: Lab, x: float, k: int, twice: bool) -> None:
-    world = lab.patrol(ticks=5, intruders=[{"place": [4.0, 4.0]}])
-    journal = lab.run(world)
+    world, journal = lab.driven(ticks=5, intruders=[{"place": [4.0, 4.0]}])
     first = journal.records[0]
     false = encode(Position.of_contact(k, 0.5 * k, x, 4.0))
     reports = [*([frame for source, frame in first.frames if source == 1][1:] if twice else []), false]
@@ -274,8 +271,7 @@ def test_a_report_of_what_its_sender_does_not_see_fails(lab: Lab, x: float, k: i
 
 
 def test_a_contact_that_its_sender_sees_and_does_not_report_fails(lab: Lab) -> None:
-    world = lab.patrol(ticks=5, intruders=[{"place": [4.0, 4.0]}])
-    journal = lab.run(world)
+    world, journal = lab.driven(ticks=5, intruders=[{"place": [4.0, 4.0]}])
     first = journal.records[0]
     assert [source for source, _ in first.frames] == [1, 1, 2, 3, 4]
     journal.records[0] = replace(first, frames=(first.frames[0], *first.frames[2:]))

@@ -13,7 +13,6 @@ def run(lab: Lab, request: pytest.FixtureRequest) -> Run:
     """Run a patrol under faults; it takes 40 ticks, or a module's ``TICKS``, unless told otherwise."""
 
     def of(*faults: dict[str, Any], ticks: int = getattr(request.module, "TICKS", 40), **more: Any) -> Result:
-        world = lab.patrol(ticks=ticks, faults=list(faults), **more)
-        return world, lab.run(world)
+        return lab.driven(ticks=ticks, faults=list(faults), **more)
 
     return of

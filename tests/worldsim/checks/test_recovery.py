@@ -16,8 +16,7 @@ WIDE = {"range": 40.0, "line_of_sight": False}
 
 
 def run(lab: Lab, fault: dict[str, Any] = SILENCE, sensor: dict[str, Any] = WIDE) -> Result:
-    world = lab.patrol(sensor=sensor, faults=[fault])
-    return world, lab.run(world)
+    return lab.driven(sensor=sensor, faults=[fault])
 
 
 def recovery(result: Result, baseline_s: float | None) -> CheckResult:

@@ -122,6 +122,7 @@ def test_the_down_neither_send_hear_nor_decide(run: Result, k: int, number: int,
         ({"r1": -9}, "r1 ended with -9"),
         ({"r3": 130}, "r3 ended with 130"),
         ({"the world": -9}, "the world ended with -9"),
+        ({"r1": None}, "r1 did not end"),
         ({"r2": None}, "r2 did not end, not with -9 as planned"),
     ],
 )

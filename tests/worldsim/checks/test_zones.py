@@ -39,9 +39,9 @@ def shape(request: pytest.FixtureRequest, tmp_path: Path) -> dict[str, Any]:
 
 def run(lab: Lab, *zones: dict[str, Any], duration: float = 6.0, **more: Any) -> Result:
     """A run of one robot that stays far from the rectangle."""
-    faults, closures = more.pop("faults", ()), more.pop("closures", ())
-    scenario = {"duration": duration, "zones": list(zones), "faults": list(faults), "closures": list(closures)}
-    world = lab.world([{**DISC, **more}], [(3.0, 3.0, 0.0)], **scenario)
+    faults, closures = list(more.pop("faults", ())), list(more.pop("closures", ()))
+    site = {"zones": list(zones), "faults": faults, "closures": closures}
+    world = lab.world([{**DISC, **more}], [(3.0, 3.0, 0.0)], None, duration=duration, **site)
     return world, lab.run(world)
 
 
@@ -88,8 +88,7 @@ def test_only_while_the_zone_is_in_force(lab: Lab, k: int, caught: bool) -> None
 
 def test_robots_of_all_models_that_drive_at_random_are_slow_there(lab: Lab) -> None:
     """Each of them is faster elsewhere."""
-    world = lab.patrol(60, zones=[{"name": "ward", "polygon": WHOLE, "speed": 0.5, "times": [[10.0, 20.0]]}])
-    journal = lab.run(world)
+    world, journal = lab.driven(60, zones=[{"name": "ward", "polygon": WHOLE, "speed": 0.5, "times": [[10.0, 20.0]]}])
     assert failures((world, journal)) == {}
     assert checks((world, journal))["slow zones"].detail == "80 steps in 1 slow zones, none too fast"
     fastest = {True: 0.0, False: 0.0}
@@ -103,8 +102,7 @@ def test_robots_of_all_models_that_drive_at_random_are_slow_there(lab: Lab) -> N
 
 def test_under_uneven_motion_the_command_counts(lab: Lab) -> None:
     zone = {"name": "ward", "polygon": WHOLE, "speed": 0.5}
-    world = lab.patrol(60, zones=[zone], faults=[{"kind": "motion", "who": "all", "speed": 0.3}])
-    journal = lab.run(world)
+    world, journal = lab.driven(60, zones=[zone], faults=[{"kind": "motion", "who": "all", "speed": 0.3}])
     assert failures((world, journal)) == {}
     move(journal, 9, 1, c0=1.0)
     says = "r1 drives 1.000 m/s in ward, which allows 0.5 m/s, at tick"

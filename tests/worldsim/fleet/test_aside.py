@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -107,9 +108,13 @@ def test_a_tick_is_written_before_processes_are_waited_for_and_robots_are_dismis
     fleet = Waiting(world)
     put_off = PutOff(lambda record: written.append(record.k), lambda _event: None)
     fleet.aside = put_off.settle
+
+    def watched(act: Callable[[int], None], number: int) -> None:
+        seen.append((world.tick, written[-1]))
+        act(number)
+
     for name in ("kill", "finish"):
-        act = getattr(fleet, name)
-        setattr(fleet, name, lambda number, act=act: (seen.append((world.tick, written[-1])), act(number)))
+        setattr(fleet, name, partial(watched, getattr(fleet, name)))
     run_ticks(world, fleet, put_off.tick, put_off.event, control=fleet, settle=put_off.settle)
     assert seen == [(4, 3), (8, 7)]
     assert written == list(range(8))

@@ -68,8 +68,7 @@ def write(tmp_path: Path) -> Callable[..., Path]:
 def test_a_model_of_ones_own_decides_and_is_not_run_by_the_verdict(lab: Lab, monkeypatch: pytest.MonkeyPatch) -> None:
     radio = {"model": f"{EXAMPLE}:Halving", "options": {"reach": 6.0}}
     faults = [{"kind": "loss", "rate": 0.2}, {"kind": "delay", "delay": {"constant": 1.0}, "from": "r1"}]
-    world = lab.patrol(radio=radio, faults=faults, ticks=60)
-    journal = lab.run(world)
+    world, journal = lab.driven(radio=radio, faults=faults, ticks=60)
     lost = sum(why == "model" for record in journal.ticks for *_, why in record.dropped)
     assert lost > 100
     monkeypatch.setattr("worldsim.radio.models.find", lambda _: pytest.fail("a verdict loads no code"))
@@ -84,8 +83,7 @@ def test_a_model_of_ones_own_decides_and_is_not_run_by_the_verdict(lab: Lab, mon
 
 
 def test_frames_are_lost_as_often_as_the_example_says(lab: Lab) -> None:
-    world = lab.patrol(radio={"model": f"{EXAMPLE}:Halving", "options": {"reach": 1e-6}}, ticks=200)
-    journal = lab.run(world)
+    _, journal = lab.driven(radio={"model": f"{EXAMPLE}:Halving", "options": {"reach": 1e-6}}, ticks=200)
     lost = sum(len(record.dropped) for record in journal.ticks)
     assert abs(lost / (200 * 12) - 0.5) < 4.5 * 0.5 / np.sqrt(200 * 12)
 

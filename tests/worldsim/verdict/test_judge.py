@@ -30,8 +30,7 @@ NAMES = [
 
 @pytest.fixture
 def good(lab: Lab) -> Result:
-    world = lab.patrol(ticks=TICKS)
-    return world, lab.run(world)
+    return lab.driven(ticks=TICKS)
 
 
 def only_failure(result: Result, exits: Exits = GOOD_EXITS) -> str:
@@ -125,21 +124,7 @@ def test_a_robot_lost_in_the_last_tick_fails_too(lab: Lab) -> None:
 @pytest.fixture
 def killing(lab: Lab) -> Result:
     """A run in which r3 is killed before tick 3."""
-    world = lab.patrol(ticks=TICKS, faults=[{"kind": "kill", "who": "r3", "at": 1.5}])
-    return world, lab.run(world)
-
-
-def test_a_robot_killed_on_purpose_is_no_failure(killing: Result) -> None:
-    exits = {**GOOD_EXITS, "r3": -9}
-    assert failures(killing, exits) == {}
-    assert checks(killing, exits)["exit codes"].detail == "4 processes ended with 0, 1 were killed as planned"
-
-
-@pytest.mark.parametrize(
-    ("code", "says"), [(1, "r4 ended with 1"), (None, "r4 did not end"), (-11, "r4 ended with -11")]
-)
-def test_a_bad_exit_code_fails(good: Result, code: int | None, says: str) -> None:
-    assert only_failure(good, {**GOOD_EXITS, "r4": code}) == f"exit codes: {says}"
+    return lab.driven(ticks=TICKS, faults=[{"kind": "kill", "who": "r3", "at": 1.5}])
 
 
 def test_overlapping_bodies_fail(good: Result) -> None:
@@ -367,8 +352,7 @@ def test_a_living_robot_that_does_not_send_fails_in_lockstep(good: Result, ticks
 
 
 def test_at_a_pace_nobody_waits_for_a_frame(lab: Lab) -> None:
-    world = lab.patrol(ticks=TICKS, pace=10)
-    result = world, lab.run(world)
+    result = lab.driven(ticks=TICKS, pace=10)
     silence(result, *range(TICKS))
     assert failures(result) == {}
 
@@ -376,6 +360,5 @@ def test_at_a_pace_nobody_waits_for_a_frame(lab: Lab) -> None:
 @pytest.mark.parametrize("free", [False, True])
 def test_a_world_that_cancels_moves_at_will_fails(lab: Lab, monkeypatch: pytest.MonkeyPatch, free: bool) -> None:
     monkeypatch.setattr("worldsim.robots.motion.path_is_free", lambda *_: free)
-    world = lab.patrol(ticks=TICKS)
-    found = failures((world, lab.run(world)))
+    found = failures(lab.driven(ticks=TICKS))
     assert ("drives through a wall" if free else "neither a wall nor another body was in its way") in found["moves"]
