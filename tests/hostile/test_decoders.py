@@ -126,6 +126,7 @@ METRICS = Metrics(3, 10, 1.5, 2.0, 2.0, 3.0, 0.5, 99.0, (RobotView("r1", Status.
 TELEMETRY = Telemetry(
     3, "patrolling", (1.0, 2.0), None, 0.5, 9, 1.5, 0, Traffic(1, 5, {"r1": 3, "r2": 4}, 0, final=False)
 )
+ONE, OF_CONTACT = (Position.of(number, 3, 1.5, POSE) for number in (1, CONTACT))
 DECODERS: Mapping[str, Decoder] = {
     "phases, to a robot": Decoder(
         decode_to_robot,
@@ -165,17 +166,9 @@ DECODERS: Mapping[str, Decoder] = {
     "traffic": Decoder(read_traffic, Malformed, MAX_NOTICE, (pack_view(TELEMETRY),)),
     "controls": Decoder(control, None, MAX_REQUEST, (msgpack.packb({"do": "step", "ticks": 3}), bytes(16))),
     "answers to operators": Decoder(answer, None, MAX_ANSWER, (bytes(64), b"m" * 32 + b'{"done": true, "text": "x"}')),
-    "positions": Decoder(
-        decode_frame,
-        Rejected,
-        MAX_FRAME + 1,
-        (encode_frame(Position.of(1, 3, 1.5, POSE)), encode_frame(Position.of(CONTACT, 3, 1.5, POSE))),
-    ),
+    "positions": Decoder(decode_frame, Rejected, MAX_FRAME + 1, (encode_frame(ONE), encode_frame(OF_CONTACT))),
     "positions with a key": Decoder(
-        lambda frame: decode_frame(frame, b"key"),
-        Rejected,
-        MAX_FRAME + 1,
-        (encode_frame(Position.of(1, 3, 1.5, POSE), b"key"),),
+        lambda frame: decode_frame(frame, b"key"), Rejected, MAX_FRAME + 1, (encode_frame(ONE, b"key"),)
     ),
 }
 

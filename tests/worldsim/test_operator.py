@@ -31,7 +31,7 @@ from patrol.scenario.controls import (
     worded,
 )
 from patrol.scenario.load import FILE, keep_scenario
-from tests.fleets import end_of
+from tests.fleets import COARSE, end_of
 from worldsim.controls import TIMELINE, ControlRequest, Operator, keep_timeline
 from worldsim.fleet.loop import run_ticks
 from worldsim.output.record import Recorder, header_of
@@ -39,13 +39,8 @@ from worldsim.run_record import MemoryJournal
 from worldsim.verdict.judge import judge
 from worldsim.world import World
 
-SMALL: dict[str, Any] = {
-    "terrain": {"builtin": "open"},
-    "point": 1.0,
-    "duration": 20,
-    "robots": 4 * [{}],
-    "faults": [{"kind": "loss", "rate": 0.2, "at": 2}, {"kind": "leave", "who": "r4", "at": 3}],
-}
+FAULTS = [{"kind": "loss", "rate": 0.2, "at": 2}, {"kind": "leave", "who": "r4", "at": 3}]
+SMALL: dict[str, Any] = {**COARSE, "duration": 20, "robots": 4 * [{}], "faults": FAULTS}
 
 
 class Hour:

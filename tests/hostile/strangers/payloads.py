@@ -19,16 +19,9 @@ from patrol.random import Draws
 from patrol.security.keys import FleetKeys
 
 _EXTREMES = (
-    b"\x00" * 8,
-    b"\xff" * 8,
-    b"\xdd\xff\xff\xff\xff",
-    b"\xdf\xff\xff\xff\xff",
-    b"\xc6\x7f\xff\xff\xff",
-    b"\xcb" + struct.pack(">d", math.nan),
-    b"\xcb" + struct.pack(">d", math.inf),
-    b"\xcf" + b"\xff" * 8,
-    b"\x91" * 400,
-    b"\xc7\x01\x05\x00",
+    *(b"\x00" * 8, b"\xff" * 8, b"\xcf" + b"\xff" * 8, b"\x91" * 400, b"\xc7\x01\x05\x00"),
+    *(b"\xdd\xff\xff\xff\xff", b"\xdf\xff\xff\xff\xff", b"\xc6\x7f\xff\xff\xff"),
+    *(b"\xcb" + struct.pack(">d", number) for number in (math.nan, math.inf)),
 )
 """Hard pieces of msgpack: endless arrays, maps and bytes, no numbers, deep nesting, extensions."""
 _CLEAR = "\x1b[2J"

@@ -12,6 +12,7 @@ from collections import Counter
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from fogwatch.api import RunOptions, execute
 from fogwatch.inprocess import run_in_process
@@ -60,14 +61,9 @@ class Stranger:
         for attack in self._spell.only:
             command += ["--only", attack]
         with self._log.open("wb") as output:
-            self._process = subprocess.Popen(
-                command,
-                stdin=subprocess.DEVNULL,
-                stdout=output,
-                stderr=subprocess.STDOUT,
-                pass_fds=[self._lifeline[0]],
-                start_new_session=True,
-            )
+            streams: dict[str, Any] = {"stdin": subprocess.DEVNULL, "stdout": output, "stderr": subprocess.STDOUT}
+            inherited = [self._lifeline[0]]
+            self._process = subprocess.Popen(command, **streams, pass_fds=inherited, start_new_session=True)
 
     def wait(self, over: Callable[[], bool]) -> None:
         """Wait until it begins its first attack, or has ended."""
@@ -162,9 +158,7 @@ def run_spell(spell: Spell, folder: Path, over: Callable[[], bool]) -> tuple[See
     if progress.hung:
         ended = f"hung: no tick for {progress.stalled_s:.0f} s after tick {progress.ticks}"
     logs = RunFolder(out).logs
-    crashes = [
-        log.name for log in sorted(logs.glob("*")) if _TRACEBACK in log.read_text(encoding="utf-8", errors="replace")
-    ]
+    said = {log.name: log.read_text(encoding="utf-8", errors="replace") for log in sorted(logs.glob("*"))}
     seen = Seen(
         ended=ended or ("" if result is None else str(result.summary["ended"])),
         outcome="" if result is None else result.verdict.outcome,
@@ -172,7 +166,7 @@ def run_spell(spell: Spell, folder: Path, over: Callable[[], bool]) -> tuple[See
         trace="" if result is None else result.trace_hash,
         honest=honest_trace(spell) if result is not None and spell.lockstep else "",
         restarts=[printable(line) for line in progress.lines if _DIED in line],
-        crashes=crashes,
+        crashes=[name for name, text in said.items() if _TRACEBACK in text],
         growth_mb=memory.growth_mb,
         counts=counts,
         ticks=progress.ticks if result is None else int(result.summary["ticks"]),

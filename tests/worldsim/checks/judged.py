@@ -1,4 +1,7 @@
-"""Runs of a lab under faults, altered afterwards, and their verdicts."""
+"""Runs of a lab under faults, altered afterwards, and their verdicts.
+
+Where a test breaks the radio itself, the replay is broken in the same way and finds nothing: other checks have to.
+"""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""The verdict on reach, delays, copies and reorderings, from the journal alone: each check passes, and can fail.
-
-Where the radio itself is broken, the replay is broken in the same way and finds nothing: the others have to.
-"""
+"""The verdict on reach, delays, copies and reorderings, from the journal alone: each check passes, and can fail."""
 
 from __future__ import annotations
 

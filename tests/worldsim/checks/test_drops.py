@@ -1,7 +1,4 @@
-"""The verdict on frames that were stopped: too few, too many, the wrong ones, or for no reason at all.
-
-Where the radio itself is broken, the replay is broken in the same way and finds nothing: the others have to.
-"""
+"""The verdict on frames that were stopped: too few, too many, the wrong ones, or for no reason at all."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""The verdict on what is forged: as asked it passes; a forger that does anything else is found out.
-
-The replay's forger is then the same and finds nothing.
-"""
+"""The verdict on what is forged: as asked it passes; a forger that does anything else is found out."""
 
 from __future__ import annotations
 

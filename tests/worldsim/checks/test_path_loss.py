@@ -1,7 +1,4 @@
-"""The verdict on the radio model, from the journal alone: what it lost had to be lost, and nothing else.
-
-Where the model itself is broken, the replay is broken in the same way and finds nothing: the check `path loss` has to.
-"""
+"""The verdict on the radio model, from the journal alone: what it lost had to be lost, and nothing else."""
 
 from __future__ import annotations
 

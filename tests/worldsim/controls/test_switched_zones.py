@@ -16,7 +16,7 @@ from patrol.prepare import prepare
 from patrol.scenario import Scenario, dump_scenario, load_scenario
 from patrol.scenario.controls import OPERATOR, amended, as_detail, described, read_control
 from patrol.zones.spec import zones_in_force
-from tests.fleets import end_of
+from tests.fleets import COARSE, end_of
 from tests.worldsim.test_operator import again, failed_without_operator, run
 from worldsim.verdict.judge import judge
 from worldsim.world import World
@@ -24,13 +24,8 @@ from worldsim.world import World
 VAULT = {"name": "vault", "polygon": [[0, 0], [40, 0], [40, 40], [0, 40]], "weight": 8}
 WARD = {"name": "ward", "polygon": [[0, 0], [100, 0], [100, 100], [0, 100]], "speed": 0.5, "times": []}
 STAIRS = {"name": "stairs", "polygon": [[60, 60], [62, 60], [62, 62], [60, 62]], "keep_out": True}
-SITE: dict[str, Any] = {
-    "terrain": {"builtin": "open"},
-    "point": 1.0,
-    "duration": 30,
-    "robots": {"count": 4, "model": "holonomic", "radius": 0.4, "speed": 4.0},
-    "zones": [VAULT, WARD, STAIRS],
-}
+ROBOTS = {"count": 4, "model": "holonomic", "radius": 0.4, "speed": 4.0}
+SITE: dict[str, Any] = {**COARSE, "duration": 30, "robots": ROBOTS, "zones": [VAULT, WARD, STAIRS]}
 
 
 def switch(name: str, on: bool) -> dict[str, Any]:
@@ -49,13 +44,8 @@ def after(scenario: Scenario, controls: Mapping[int, Sequence[dict[str, Any]]]) 
     return scenario
 
 
-SWITCHES = {
-    9: [switch("vault", False)],
-    20: [switch("ward", True)],
-    21: [switch("ward", False)],
-    30: [switch("vault", True), switch("ward", True)],
-    44: [switch("vault", False), switch("vault", True)],
-}
+SWITCHES = {9: [switch("vault", False)], 20: [switch("ward", True)], 21: [switch("ward", False)]}
+SWITCHES |= {30: [switch("vault", True), switch("ward", True)], 44: [switch("vault", False), switch("vault", True)]}
 
 
 def test_what_is_switched_is_judged_and_gives_the_same_trace_again() -> None:
@@ -67,13 +57,9 @@ def test_what_is_switched_is_judged_and_gives_the_same_trace_again() -> None:
     (slow,) = (check for check in verdict.checks if check.name == "slow zones")
     assert slow.detail == "120 steps in 1 slow zones, none too fast"  # of the last of 30 + 1 ticks nothing follows
     turns = [(event.k, event.kind, event.detail) for event in journal.events if event.kind in (IN_FORCE, OUT_OF_FORCE)]
-    assert turns == [
-        (9, OUT_OF_FORCE, "vault"),
-        (20, IN_FORCE, "ward"),
-        (21, OUT_OF_FORCE, "ward"),
-        (30, IN_FORCE, "vault"),
-        (30, IN_FORCE, "ward"),
-    ]
+    off, on = OUT_OF_FORCE, IN_FORCE
+    ward = [(20, on, "ward"), (21, off, "ward"), (30, on, "ward")]
+    assert turns == [(9, off, "vault"), *ward[:2], (30, on, "vault"), ward[2]]
     again(prepared, journal)
     assert end_of(run_in_process(prepared, threads=1).journal) != end_of(journal)
 

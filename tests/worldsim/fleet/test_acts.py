@@ -137,9 +137,8 @@ def test_what_makes_no_sense_is_skipped_and_told(
 
 
 def test_at_a_pace_a_robot_takes_part_when_its_process_is_there(lab: Lab) -> None:
-    world = lab.world(
-        [DISC] * 3, STARTS, duration=6.0, pace=10, faults=[fault("join", "r3", 3), fault("kill", "r3", 5)]
-    )
+    faults = [fault("join", "r3", 3), fault("kill", "r3", 5)]
+    world = lab.world([DISC] * 3, STARTS, duration=6.0, pace=10, faults=faults)
     journal = lab.run(world, lab.fleet(world, late={3: 7}))
     assert statuses(journal, 3) == [X] * 7 + [A] * 5
     assert (5, "skipped", 3, "f2 kill: r3 is being started") in news(journal)
@@ -190,13 +189,8 @@ def test_incarnations_count_a_robots_minds(lab: Lab) -> None:
 
 
 def test_a_robot_will_be_alive_if_an_act_to_come_makes_it_so(lab: Lab) -> None:
-    faults = [
-        fault("kill", "r1", 2),
-        fault("kill", "r2", 2),
-        fault("restart", "r2", 6),
-        fault("pause", "r3", 2, **{"for": 1.0}),
-        fault("leave", "r3", 8),
-    ]
+    faults = [fault("kill", "r1", 2), fault("kill", "r2", 2), fault("restart", "r2", 6)]
+    faults += [fault("pause", "r3", 2, **{"for": 1.0}), fault("leave", "r3", 8)]
     world = lab.world([DISC] * 3, STARTS, duration=6.0, faults=faults)
     fleet = lab.fleet(world)
     acts = Acts(world, fleet)

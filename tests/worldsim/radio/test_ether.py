@@ -102,11 +102,8 @@ def test_every_frame_reaches_all_others_in_the_same_tick() -> None:
 @pytest.mark.parametrize(
     ("status", "cause"),
     [
-        (Status.DEAD, RECEIVER_DEAD),
-        (Status.LOST, RECEIVER_DEAD),
-        (Status.PAUSED, RECEIVER_PAUSED),
-        (Status.ABSENT, None),
-        (Status.LEFT, None),
+        *((Status.DEAD, RECEIVER_DEAD), (Status.LOST, RECEIVER_DEAD), (Status.PAUSED, RECEIVER_PAUSED)),
+        *((Status.ABSENT, None), (Status.LEFT, None)),
     ],
 )
 def test_frames_to_those_who_do_not_listen_are_dropped_and_counted(status: Status, cause: str | None) -> None:
@@ -318,11 +315,8 @@ def test_the_first_cause_is_named(air: Any) -> None:
 @pytest.mark.parametrize(
     ("status", "cause"),
     [
-        (Status.DEAD, RECEIVER_DEAD),
-        (Status.PAUSED, RECEIVER_PAUSED),
-        (Status.LEFT, RECEIVER_ABSENT),
-        (Status.LOST, RECEIVER_DEAD),
-        (ALIVE, None),
+        *((Status.DEAD, RECEIVER_DEAD), (Status.PAUSED, RECEIVER_PAUSED), (Status.LEFT, RECEIVER_ABSENT)),
+        *((Status.LOST, RECEIVER_DEAD), (ALIVE, None)),
     ],
 )
 def test_a_frame_in_flight_is_lost_on_arrival_where_the_robot_has_gone(
