@@ -12,12 +12,12 @@ import time
 from collections import deque
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import pytest
 import zenoh
 
-from patrol.messages.phases import Hello, PhaseA, PhaseB, ReplyB, decode_to_robot, decode_to_world
+from patrol.messages.phases import PhaseA, decode_to_robot
 from patrol.net.link import LEASE_S
 from patrol.net.settings import client_settings
 from patrol.scenario import load_scenario
@@ -27,8 +27,6 @@ from patrol.security.roles import OPERATOR, WORLD_ROLE, Rights, Role, rights_of,
 
 PATIENCE_S = 300.0
 _KEPT = 10_000
-
-M = TypeVar("M")
 
 
 def connect(folder: Path, role: Role) -> zenoh.Session:
@@ -41,13 +39,7 @@ def connect(folder: Path, role: Role) -> zenoh.Session:
 
 
 class Attacker:
-    """Somebody on a fleet's network.
-
-    Attributes:
-        keys: The fleet's keys.
-        heard: What was read along, as key and payload.
-        asked: The questions that reached its queryable, as key and payload.
-    """
+    """Somebody on a fleet's network."""
 
     def __init__(self, folder: Path) -> None:
         robots = [robot_role(spec.name) for spec in load_scenario(folder / "scenario.yaml").roster]
@@ -73,34 +65,23 @@ class Attacker:
 
     def send(self, key: str, payload: bytes) -> None:
         """Publish as whoever may, ahead of everything else, and wait where a queue is full."""
-        self._who(key, "publish").put(
-            key,
-            payload,
-            priority=zenoh.Priority.REAL_TIME,
-            express=True,
-            congestion_control=zenoh.CongestionControl.BLOCK,
-        )
+        block, first = zenoh.CongestionControl.BLOCK, zenoh.Priority.REAL_TIME
+        self._who(key, "publish").put(key, payload, priority=first, express=True, congestion_control=block)
 
-    def listen(self, then: Callable[[str, bytes], None] = lambda _key, _payload: None) -> None:
-        """Read everything that the fleet publishes.
-
-        Args:
-            then: Called with each message, on a thread of its own.
-        """
+    def listen(self) -> None:
+        """Read everything that the fleet publishes, on a thread of its own."""
         expressions = {key: role for role, rights in self._rights.items() for key in rights.hear}
-        subscribers = [
+        declared = [
             self._sessions[role].declare_subscriber(key, zenoh.handlers.FifoChannel(_KEPT))
             for key, role in expressions.items()
         ]
-        self._declared += subscribers
+        self._declared += declared
 
         def read() -> None:
             while not self._over.wait(0.0005):
-                for subscriber in subscribers:
+                for subscriber in declared:
                     while (sample := subscriber.try_recv()) is not None:
-                        key, payload = str(sample.key_expr), sample.payload.to_bytes()
-                        self.heard.append((key, payload))
-                        then(key, payload)
+                        self.heard.append((str(sample.key_expr), sample.payload.to_bytes()))
 
         self._thread(read)
 
@@ -135,11 +116,6 @@ class Attacker:
         replies = self._who(key, "ask").get(key, payload=payload, timeout=30.0, target=zenoh.QueryTarget.ALL)
         return [reply.ok.payload.to_bytes() for reply in replies if reply.ok is not None]
 
-    def pretend_to_live(self, robot: str) -> None:
-        """Declare a robot's liveliness token."""
-        session = self._sessions[robot_role(robot)]
-        self._declared.append(session.liveliness().declare_token(self.keys.alive(robot)))
-
     def sees(self, robot: str) -> bool:
         """Whether the router knows a robot's liveliness token."""
         replies = self._sessions[WORLD_ROLE].liveliness().get(self.keys.alive(robot), timeout=PATIENCE_S)
@@ -154,28 +130,13 @@ class Attacker:
 
     def newest_phase_a(self, robot: str) -> PhaseA:
         """The newest phase A of a robot, awaited."""
-        return self._newest(self.keys.tick(robot), decode_to_robot, PhaseA)
-
-    def newest_phase_b(self, robot: str) -> PhaseB:
-        """The newest phase B of a robot, awaited."""
-        return self._newest(self.keys.tick(robot), decode_to_robot, PhaseB)
-
-    def newest_reply_b(self, robot: str) -> ReplyB:
-        """The newest command of a robot, awaited."""
-        return self._newest(self.keys.reply(robot), decode_to_world, ReplyB)
-
-    def newest_hello(self, robot: str) -> Hello:
-        """The newest greeting of a robot, awaited."""
-        return self._newest(self.keys.tick(robot), decode_to_robot, Hello)
-
-    def _newest(self, key: str, decode: Callable[[bytes], object], kind: type[M]) -> M:
         end = time.monotonic() + PATIENCE_S
         while time.monotonic() < end:
-            for heard, payload in reversed(list(self.heard)):
-                if heard == key and isinstance(message := decode(payload), kind):
+            for key, payload in reversed(list(self.heard)):
+                if key == self.keys.tick(robot) and isinstance(message := decode_to_robot(payload), PhaseA):
                     return message
             time.sleep(0.01)
-        pytest.fail(f"no {kind.__name__} was heard under {key}")
+        pytest.fail(f"no phase A of {robot} was heard")
 
     def _who(self, key: str, right: str) -> zenoh.Session:
         """The session of whoever may publish under a key, or ask it."""

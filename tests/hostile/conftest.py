@@ -22,12 +22,7 @@ __all__ = ["start"]
 
 
 class Target:
-    """A running fleet, its operator, and somebody on its network.
-
-    Attributes:
-        run: The fleet's processes.
-        attacker: Somebody who does not know the token.
-    """
+    """A running fleet, its operator, and somebody on its network."""
 
     def __init__(self, run: Run) -> None:
         self.run = run
@@ -76,24 +71,18 @@ class Target:
         counts: dict[str, int] = end.notes["refused"]
         return counts
 
-    def failed(self) -> list[str]:
-        """The verdict's failed checks, once the run is over."""
-        checks = self.run.summary()["verdict"]["checks"]
-        return [f"{one['name']}: {one['detail']}" for one in checks if not one["ok"]]
-
     def scenario_hash(self) -> str:
         """The hash of the run's scenario."""
         return read_journal(self.run.folder / "journal").header.scenario_hash
-
-    def check(self, name: str) -> dict[str, Any]:
-        """A check of the verdict, once the run is over."""
-        (found,) = (one for one in self.run.summary()["verdict"]["checks"] if one["name"] == name)
-        return dict(found)
 
     def close(self) -> None:
         """Leave the network."""
         self.attacker.close()
         self.link.close()
+
+
+Attack = Callable[..., Target]
+"""The fixture `attack`."""
 
 
 @pytest.fixture

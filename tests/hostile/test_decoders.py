@@ -24,13 +24,7 @@ from patrol.errors import BadInput, Malformed
 from patrol.exchange import Reply, Sensed
 from patrol.journal import Event, Status, pack, unpack
 from patrol.messages.feed import MAX_ANSWER as MAX_SO_FAR
-from patrol.messages.feed import (
-    MAX_BATCH,
-    Batch,
-    batch_bytes,
-    longest_record,
-    read_so_far,
-)
+from patrol.messages.feed import MAX_BATCH, Batch, batch_bytes, longest_record, read_so_far
 from patrol.messages.phases import (
     MAX_REPLY,
     Failed,
@@ -64,14 +58,7 @@ from patrol.radio.message import decode as decode_frame
 from patrol.radio.message import encode as encode_frame
 from patrol.random import Draws, Purpose
 from patrol.scenario.controls import read_control
-from patrol.security.control_auth import (
-    MAX_ANSWER,
-    MAX_REQUEST,
-    ControlClient,
-    ControlGate,
-    RequestRefused,
-    Unanswered,
-)
+from patrol.security.control_auth import MAX_ANSWER, MAX_REQUEST, ControlClient, ControlGate, RequestRefused, Unanswered
 from patrol.security.keys import fleet_keys
 from patrol.wire import read, read_sparingly
 from tests.fleets import answer_so_far
@@ -139,34 +126,29 @@ METRICS = Metrics(3, 10, 1.5, 2.0, 2.0, 3.0, 0.5, 99.0, (RobotView("r1", Status.
 TELEMETRY = Telemetry(
     3, "patrolling", (1.0, 2.0), None, 0.5, 9, 1.5, 0, Traffic(1, 5, {"r1": 3, "r2": 4}, 0, final=False)
 )
+ONE, OF_CONTACT = (Position.of(number, 3, 1.5, POSE) for number in (1, CONTACT))
 DECODERS: Mapping[str, Decoder] = {
     "phases, to a robot": Decoder(
         decode_to_robot,
         Malformed,
         max_to_robot(ROBOTS),
-        tuple(
-            encode(message)
-            for message in (
-                Hello(*HEAD),
-                PhaseA(*HEAD, Sensed(3, POSE, False, ((1.0, 2.0),), 1.5)),
-                PhaseB(*HEAD, (b"frame", b"other")),
-                Stop(*HEAD, orderly=True, reason="the run is over"),
-            )
+        (
+            encode(Hello(*HEAD)),
+            encode(PhaseA(*HEAD, Sensed(3, POSE, False, ((1.0, 2.0),), 1.5))),
+            encode(PhaseB(*HEAD, (b"frame", b"other"))),
+            encode(Stop(*HEAD, orderly=True, reason="the run is over")),
         ),
     ),
     "phases, to the world": Decoder(
         decode_to_world,
         Malformed,
         MAX_REPLY,
-        tuple(
-            encode(message)
-            for message in (
-                HelloReply(*HEAD, "a" * 64),
-                ReplyA(*HEAD, (b"frame",)),
-                ReplyB(*HEAD, Reply(Velocity(0.5, 0.25), "patrolling", (1.0, 2.0), 1.5, 0)),
-                Failed(*HEAD, "no plan"),
-                Farewell(*HEAD),
-            )
+        (
+            encode(HelloReply(*HEAD, "a" * 64)),
+            encode(ReplyA(*HEAD, (b"frame",))),
+            encode(ReplyB(*HEAD, Reply(Velocity(0.5, 0.25), "patrolling", (1.0, 2.0), 1.5, 0))),
+            encode(Failed(*HEAD, "no plan")),
+            encode(Farewell(*HEAD)),
         ),
     ),
     "batches": Decoder(
@@ -184,17 +166,9 @@ DECODERS: Mapping[str, Decoder] = {
     "traffic": Decoder(read_traffic, Malformed, MAX_NOTICE, (pack_view(TELEMETRY),)),
     "controls": Decoder(control, None, MAX_REQUEST, (msgpack.packb({"do": "step", "ticks": 3}), bytes(16))),
     "answers to operators": Decoder(answer, None, MAX_ANSWER, (bytes(64), b"m" * 32 + b'{"done": true, "text": "x"}')),
-    "positions": Decoder(
-        decode_frame,
-        Rejected,
-        MAX_FRAME + 1,
-        (encode_frame(Position.of(1, 3, 1.5, POSE)), encode_frame(Position.of(CONTACT, 3, 1.5, POSE))),
-    ),
+    "positions": Decoder(decode_frame, Rejected, MAX_FRAME + 1, (encode_frame(ONE), encode_frame(OF_CONTACT))),
     "positions with a key": Decoder(
-        lambda frame: decode_frame(frame, b"key"),
-        Rejected,
-        MAX_FRAME + 1,
-        (encode_frame(Position.of(1, 3, 1.5, POSE), b"key"),),
+        lambda frame: decode_frame(frame, b"key"), Rejected, MAX_FRAME + 1, (encode_frame(ONE, b"key"),)
     ),
 }
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Iterator
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import msgpack
 import numpy as np
@@ -20,12 +20,9 @@ from patrol.net.link import Link, open_link
 from patrol.net.mailbox import Mailbox, Question
 from patrol.process.lifeline import Ending
 from patrol.security.keys import WORLD, FleetKeys
-from tests.monitor.conftest import quiet
+from tests.monitor.conftest import Seen, quiet
 from tests.monitor.live.test_feed_source import FakeFeed
-from tests.routers import PATIENCE_S, routed
-
-if TYPE_CHECKING:
-    from tests.monitor.conftest import Seen
+from tests.routers import PATIENCE_S
 
 __all__ = ["quiet"]
 
@@ -70,29 +67,23 @@ class Feeding:
 
 
 @pytest.fixture
-def router() -> Iterator[str]:
-    with routed() as where:
-        yield where
-
-
-@pytest.fixture
-def world(router: str, quiet: Seen) -> Iterator[Feeding]:
-    feeding = Feeding(router, quiet)
+def world(endpoint: str, quiet: Seen) -> Iterator[Feeding]:
+    feeding = Feeding(endpoint, quiet)
     yield feeding
     feeding.close()
 
 
 @pytest.fixture
-def stranger(router: str) -> Iterator[Link]:
-    link = open_link(router, PATIENCE_S)
+def stranger(endpoint: str) -> Iterator[Link]:
+    link = open_link(endpoint, PATIENCE_S)
     yield link
     assert link.close(PATIENCE_S)
 
 
 @pytest.fixture
-def viewer(router: str, world: Feeding) -> Iterator[Source]:
+def viewer(endpoint: str, world: Feeding) -> Iterator[Source]:
     assert world.link.connected
-    source = open_fleet(Ending(), router=router, fleet=FLEET)
+    source = open_fleet(Ending(), router=endpoint, fleet=FLEET)
     assert source is not None
     yield source
     source.close()
@@ -133,7 +124,7 @@ def test_forged_batches_stop_no_viewer(world: Feeding, stranger: Link, viewer: S
 
 
 def test_a_false_answer_that_claims_to_be_complete_does_not_hide_the_true_one(
-    router: str, world: Feeding, stranger: Link, quiet: Seen
+    endpoint: str, world: Feeding, stranger: Link, quiet: Seen
 ) -> None:
     key = FleetKeys(FLEET).truth(FOG)
     forged = so_far_bytes(replace(world.told.answer(), header=b"\xc0"))
@@ -145,11 +136,11 @@ def test_a_false_answer_that_claims_to_be_complete_does_not_hide_the_true_one(
             query.reply(key, forged)
 
     held = stranger._session.declare_queryable("fogwatch/**", answer, complete=True)
-    other = open_link(router, PATIENCE_S)
+    other = open_link(endpoint, PATIENCE_S)
     while not asked.is_set():  # the router has heard of the queryable
         list(other.answers(key, b"", MAX_BATCH, PATIENCE_S))
     assert other.close(PATIENCE_S)
-    source = open_fleet(Ending(), router=router, fleet=FLEET)
+    source = open_fleet(Ending(), router=endpoint, fleet=FLEET)
     assert source is not None
     world.send(5)
     state = until(source, 4)

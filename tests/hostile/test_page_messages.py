@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
 
 import pytest
 from hypothesis import HealthCheck, given, settings
@@ -13,12 +12,9 @@ from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import ClientConnection
 
 from monitor.replay.player import Player
-from tests.monitor.conftest import quiet
+from tests.monitor.conftest import Seen, quiet
 from tests.monitor.page.test_server import look
 from tests.monitor.pages import PATIENCE_S, ServedPage
-
-if TYPE_CHECKING:
-    from tests.monitor.conftest import Seen
 
 __all__ = ["quiet"]
 

@@ -19,6 +19,7 @@ from patrol.random import Draws, Purpose
 from patrol.scenario import load_scenario
 from patrol.security.keys import fleet_keys
 from patrol.security.roles import VIEWER
+from tests.fleets import COARSE
 from tests.hostile.strangers.door import CONNECTIONS, LET_IN, Door, begin_well, knock, send_noise
 from tests.hostile.strangers.judge import problems
 from tests.hostile.strangers.member import ASKED, OVERHEARD, Member
@@ -27,13 +28,8 @@ from tests.hostile.strangers.spell import Holds, draw_spell
 from tests.routers import PATIENCE_S, guarded_by_passwords, routed
 
 ROBOTS = ("r1", "r2", "r3")
-SHORT: dict[str, object] = {
-    "name": "attacked",
-    "terrain": {"builtin": "open"},
-    "point": 1.0,
-    "duration": 150,
-    "robots": [{"name": name, "model": "holonomic"} for name in ROBOTS],
-}
+FLEET = [{"name": name, "model": "holonomic"} for name in ROBOTS]
+SHORT: dict[str, object] = {**COARSE, "name": "attacked", "duration": 150, "robots": FLEET}
 
 
 def dice() -> Draws:

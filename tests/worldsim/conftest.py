@@ -64,10 +64,7 @@ class RandomFleet:
 
     def phase_a(self, k: int, sensed: Mapping[int, Sensed]) -> Mapping[int, Sequence[bytes]]:
         return {
-            number: (
-                encode(Position.of(number, k, one.clock_s, one.pose), self.key),
-                *self._contacts(k, one),
-            )
+            number: (encode(Position.of(number, k, one.clock_s, one.pose), self.key), *self._contacts(k, one))
             for number, one in sensed.items()
             if (number, k, "A") not in self.silent
         }
@@ -171,6 +168,11 @@ class Lab:
         run_ticks(world, driven, recorder.tick, recorder.event, stop, driven)
         recorder.end(COMPLETED)
         return journal
+
+    def driven(self, *args: Any, **more: Any) -> tuple[World, MemoryJournal]:
+        """A patrol, run to its end."""
+        world = self.patrol(*args, **more)
+        return world, self.run(world)
 
     def fleet(self, world: World, **more: Any) -> RandomFleet:
         """A fleet that drives at random."""

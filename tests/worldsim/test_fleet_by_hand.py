@@ -64,6 +64,21 @@ class Hand(Processes):
     def start_agent(self, robot: str, *arguments: str, name: str = "") -> None:
         self.start(name or robot, "agent", *self.common(), "--robot", robot, *arguments)
 
+    def start_all(self, *arguments: str) -> None:
+        """Start a long run, of which the world gets these arguments, and wait until it is under way."""
+        self.write({**SCENARIO, "duration": 100_000})
+        self.start_router()
+        self.start_world(*arguments)
+        for robot in ("anna", "bert"):
+            self.start_agent(robot)
+        self.until(lambda: self.ticks() > 10)
+
+    def codes(self, *names: str) -> list[int]:
+        return [self.code(name) for name in names]
+
+    def summary(self) -> dict[str, Any]:
+        return dict(json.loads((self.out / "summary.json").read_text(encoding="utf-8")))
+
     def common(self) -> list[str]:
         return ["--router", self.router, "--fleet", self.fleet, "--scenario", str(self.scenario)]
 
@@ -84,8 +99,8 @@ def test_a_fleet_started_by_hand_in_any_order(hand: Hand, tmp_path: Path) -> Non
     hand.start_agent("bert")
     hand.start_router()
     hand.start_agent("anna")
-    assert [hand.code(name) for name in ("world", "anna", "bert")] == [0, 0, 0]
-    summary = json.loads((hand.out / "summary.json").read_text(encoding="utf-8"))
+    assert hand.codes("world", "anna", "bert") == [0, 0, 0]
+    summary = hand.summary()
     assert summary["verdict"]["valid"]
     end = read_journal(hand.out / "journal").end
     assert end is not None
@@ -109,8 +124,8 @@ def test_robots_that_hear_each_other_by_a_router_of_their_own(hand: Hand) -> Non
     hand.start_world("--radio", radio)
     for robot in ("anna", "bert"):
         hand.start_agent(robot, "--radio", radio)
-    assert [hand.code(name) for name in ("world", "anna", "bert")] == [0, 0, 0], hand.said("world")
-    summary = json.loads((hand.out / "summary.json").read_text(encoding="utf-8"))
+    assert hand.codes("world", "anna", "bert") == [0, 0, 0], hand.said("world")
+    summary = hand.summary()
     assert summary["direct"]["unsaid"] == []
     assert set(summary["direct"]["links"]) == {"anna to bert", "bert to anna"}
     for counts in summary["direct"]["links"].values():
@@ -121,17 +136,12 @@ def test_robots_that_hear_each_other_by_a_router_of_their_own(hand: Hand) -> Non
 def test_a_radio_that_nobody_asked_for_is_bad_input(hand: Hand) -> None:
     hand.start_world("--radio", "tcp/127.0.0.1:7448")
     hand.start_agent("anna", "--radio", "tcp/127.0.0.1:7448")
-    assert [hand.code(name) for name in ("world", "anna")] == [2, 2]
+    assert hand.codes("world", "anna") == [2, 2]
     assert "radio.via is ether" in hand.said("world")
 
 
 def test_an_agent_that_is_paused_too_long_is_left_out_and_leaves(hand: Hand) -> None:
-    hand.write({**SCENARIO, "duration": 100_000})
-    hand.start_router()
-    hand.start_world("--deadline", "20")
-    for robot in ("anna", "bert"):
-        hand.start_agent(robot)
-    hand.until(lambda: hand.ticks() > 20)
+    hand.start_all("--deadline", "20")
     hand.processes["anna"].send_signal(signal.SIGSTOP)
     paused = hand.ticks()
     hand.until(lambda: hand.ticks() > paused + 10)
@@ -139,18 +149,13 @@ def test_an_agent_that_is_paused_too_long_is_left_out_and_leaves(hand: Hand) -> 
     assert hand.code("anna") == 1
     assert "left out: no answer in phase" in hand.said("anna")
     hand.processes["world"].terminate()
-    assert [hand.code(name) for name in ("world", "bert")] == [130, 0]
-    assert json.loads((hand.out / "summary.json").read_text(encoding="utf-8"))["verdict"]["outcome"] == "invalid"
+    assert hand.codes("world", "bert") == [130, 0]
+    assert hand.summary()["verdict"]["outcome"] == "invalid"
     assert "anna lost" in hand.said("world")
 
 
 def test_garbage_and_floods_on_every_key_change_nothing(hand: Hand, tmp_path: Path) -> None:
-    hand.write({**SCENARIO, "duration": 100_000})
-    hand.start_router()
-    hand.start_world()
-    for robot in ("anna", "bert"):
-        hand.start_agent(robot)
-    hand.until(lambda: hand.ticks() > 10)
+    hand.start_all()
     keys = FleetKeys(hand.fleet)
     link = open_link(hand.router, PATIENCE_S)
     head = (1, 12345, 7, 6789)
@@ -183,8 +188,8 @@ def test_garbage_and_floods_on_every_key_change_nothing(hand: Hand, tmp_path: Pa
     before = hand.ticks()
     hand.until(lambda: hand.ticks() > before + 50)
     hand.processes["world"].terminate()
-    assert [hand.code(name) for name in ("world", "anna", "bert")] == [130, 0, 0], hand.said("world")
-    summary = json.loads((hand.out / "summary.json").read_text(encoding="utf-8"))
+    assert hand.codes("world", "anna", "bert") == [130, 0, 0], hand.said("world")
+    summary = hand.summary()
     assert summary["verdict"]["valid"], summary["verdict"]
     assert summary["trace_hash"] == trace_of(SCENARIO, summary["ticks"], tmp_path)
     end = read_journal(hand.out / "journal").end
@@ -198,12 +203,7 @@ def test_garbage_and_floods_on_every_key_change_nothing(hand: Hand, tmp_path: Pa
 
 
 def test_a_second_world_and_a_second_process_for_a_robot_are_turned_away(hand: Hand) -> None:
-    hand.write({**SCENARIO, "duration": 100_000})
-    hand.start_router()
-    hand.start_world()
-    for robot in ("anna", "bert"):
-        hand.start_agent(robot)
-    hand.until(lambda: hand.ticks() > 10)
+    hand.start_all()
     hand.start("second", "worldsim", *hand.common(), "--out", str(hand.folder / "second"))
     assert hand.code("second") == 2
     assert "--fleet by-hand-1: a world of this fleet is running already" in hand.said("second")
@@ -213,22 +213,16 @@ def test_a_second_world_and_a_second_process_for_a_robot_are_turned_away(hand: H
     before = hand.ticks()
     hand.until(lambda: hand.ticks() > before + 10)
     hand.processes["world"].terminate()
-    assert [hand.code(name) for name in ("world", "anna", "bert")] == [130, 0, 0]
+    assert hand.codes("world", "anna", "bert") == [130, 0, 0]
 
 
 def test_a_run_ends_when_nobody_is_living(hand: Hand) -> None:
-    hand.write({**SCENARIO, "duration": 100_000})
-    hand.start_router()
-    hand.start_world()
-    for robot in ("anna", "bert"):
-        hand.start_agent(robot)
-    hand.until(lambda: hand.ticks() > 10)
+    hand.start_all()
     for robot in ("anna", "bert"):
         hand.processes[robot].kill()
     assert hand.code("world") == 1
-    summary = json.loads((hand.out / "summary.json").read_text(encoding="utf-8"))
-    assert summary["ended"] == DESERTED
-    assert summary["ticks"] < 200_000
+    assert hand.summary()["ended"] == DESERTED
+    assert hand.summary()["ticks"] < 200_000
 
 
 def test_another_scenario_is_refused_and_both_sides_say_why(hand: Hand) -> None:
@@ -241,7 +235,6 @@ def test_another_scenario_is_refused_and_both_sides_say_why(hand: Hand) -> None:
     hashes = [scenario_hash(load_scenario(path))[:12] for path in (other, hand.scenario)]
     why = f"another scenario (hash {hashes[0]}, the world's is {hashes[1]}); give all processes the same file"
     assert hand.said("bert").splitlines()[-1] == f"bert: this process was started with {why}"
-    hand.until(lambda: hand.processes["world"].poll() is not None)
     assert hand.code("world") == 2
     assert f"world: bert was started with {why}" in hand.said("world")
 
@@ -255,15 +248,13 @@ def test_a_robot_that_the_worlds_scenario_does_not_have_is_told_that_nobody_gree
     hand.until(lambda: "the world of fleet by-hand-1 is there, but has not greeted carl" in hand.said("carl"))
     for name in ("carl", "world"):
         hand.processes[name].terminate()
-    assert [hand.code(name) for name in ("world", "carl")] == [130, 130]
+    assert hand.codes("world", "carl") == [130, 130]
 
 
 def test_without_a_router_or_a_world_people_are_told(hand: Hand) -> None:
     hand.start_agent("anna", "--wait", "5")
     hand.start_world("--wait", "5")
-    assert hand.code("anna") == 2
-    hand.until(lambda: hand.processes["world"].poll() is not None)
-    assert hand.code("world") == 2
+    assert hand.codes("anna", "world") == [2, 2]
     for name in ("anna", "world"):
         assert "waiting for a router at" in hand.said(name)
         assert "start one with: fogwatch router --listen" in hand.said(name)

@@ -14,7 +14,7 @@ import pytest
 from PIL import Image
 
 from agent.build import mind_maker, shared_by
-from fogwatch.inprocess import InProcessFleet, run_in_process
+from fogwatch.inprocess import InProcessFleet, Outcome, run_in_process
 from patrol.errors import BadInput
 from patrol.exchange import FIRST_INCARNATION
 from patrol.journal.records import Event, Status, TickRecord
@@ -31,7 +31,7 @@ from patrol.scenario.controls import (
     worded,
 )
 from patrol.scenario.load import FILE, keep_scenario
-from tests.fleets import end_of
+from tests.fleets import COARSE, end_of
 from worldsim.controls import TIMELINE, ControlRequest, Operator, keep_timeline
 from worldsim.fleet.loop import run_ticks
 from worldsim.output.record import Recorder, header_of
@@ -39,13 +39,8 @@ from worldsim.run_record import MemoryJournal
 from worldsim.verdict.judge import judge
 from worldsim.world import World
 
-SMALL: dict[str, Any] = {
-    "terrain": {"builtin": "open"},
-    "point": 1.0,
-    "duration": 20,
-    "robots": 4 * [{}],
-    "faults": [{"kind": "loss", "rate": 0.2, "at": 2}, {"kind": "leave", "who": "r4", "at": 3}],
-}
+FAULTS = [{"kind": "loss", "rate": 0.2, "at": 2}, {"kind": "leave", "who": "r4", "at": 3}]
+SMALL: dict[str, Any] = {**COARSE, "duration": 20, "robots": 4 * [{}], "faults": FAULTS}
 
 
 class Hour:
@@ -124,6 +119,20 @@ def run(
     return journal, requests, rests, times
 
 
+def again(prepared: Prepared, journal: MemoryJournal) -> Outcome:
+    """The run once more, with what the operator asked for as faults: valid, and with the same end."""
+    outcome = run_in_process(prepared.as_operated(journal.events), threads=1)
+    assert outcome.verdict.valid, outcome.verdict.failed
+    assert end_of(outcome.journal) == end_of(journal)
+    return outcome
+
+
+def failed_without_operator(prepared: Prepared, journal: MemoryJournal) -> set[str]:
+    """The checks that fail where the journal says nothing of the operator."""
+    journal.events = tuple(event for event in journal.events if event.kind != OPERATOR)
+    return {check.name for check in judge(journal, {}, prepared).failed}
+
+
 EVERYTHING: dict[int, list[dict[str, Any]]] = {
     5: [{"do": "fault", "fault": {"kind": "kill", "who": "r2", "wreck": "removed"}}],
     8: [{"do": "fault", "fault": {"kind": "loss", "rate": 0.9}, "instead": "f1"}, {"do": "pace", "factor": 5}],
@@ -156,23 +165,10 @@ def test_all_that_an_operator_does_is_judged_and_gives_the_same_trace_again() ->
     assert rests.times == 0  # whoever holds the ticks for no time keeps nobody waiting
     verdict = judge(journal, {}, prepared)
     assert verdict.valid, verdict.failed
-    again = run_in_process(prepared.as_operated(journal.events), threads=1)
-    assert again.verdict.valid, again.verdict.failed
-    assert journal.end is not None
-    assert again.journal.end is not None
-    assert again.journal.end.trace_hash == journal.end.trace_hash
-    theirs = [event for event in journal.events if event.kind != OPERATOR]
-    assert tuple(theirs) == again.journal.events
-    without = run_in_process(prepared)
-    assert without.journal.end is not None
-    assert without.journal.end.trace_hash != journal.end.trace_hash
-
-
-def test_a_verdict_that_knows_nothing_of_the_operator_is_invalid() -> None:
-    prepared = prepare(load_scenario(SMALL))
-    journal, *_ = run(prepared, EVERYTHING)
-    journal.events = tuple(event for event in journal.events if event.kind != OPERATOR)
-    assert {check.name for check in judge(journal, {}, prepared).failed} >= {"statuses", "radio"}
+    told = again(prepared, journal).journal.events
+    assert end_of(run_in_process(prepared).journal) != end_of(journal)
+    assert failed_without_operator(prepared, journal) >= {"statuses", "radio"}
+    assert journal.events == told
 
 
 def test_ticks_are_held_stepped_and_paced_without_changing_the_trace() -> None:
@@ -235,21 +231,15 @@ def test_closures_that_an_operator_closes_and_opens_are_judged_and_do_so_again()
         "op5 ends with tick 30",
         "op4 ends with tick 30",
     ]
-    told = [(event.k, event.kind) for event in journal.events if event.detail == "gate"]
-    assert told == [(8, "closed"), (10, "opened"), (14, "closed"), (18, "opened")]
-    assert [(event.k, event.kind) for event in journal.events if event.detail == "crate"] == [
-        (5, "closed"),
-        (20, "opened"),
-    ]
+    gate, crate = ([(e.k, e.kind) for e in journal.events if e.detail == name] for name in ("gate", "crate"))
+    assert gate == [(8, "closed"), (10, "opened"), (14, "closed"), (18, "opened")]
+    assert crate == [(5, "closed"), (20, "opened")]
     verdict = judge(journal, {}, prepared)
     assert verdict.valid, verdict.failed
-    again = run_in_process(prepared.as_operated(journal.events), threads=1)
-    assert again.verdict.valid, again.verdict.failed
-    assert end_of(again.journal) == end_of(journal)
-    assert tuple(event for event in journal.events if event.kind != OPERATOR) == again.journal.events
+    told = again(prepared, journal).journal.events
     assert end_of(run_in_process(prepared).journal) != end_of(journal)
-    journal.events = tuple(event for event in journal.events if event.kind != OPERATOR)
-    assert "closures" in {check.name for check in judge(journal, {}, prepared).failed}
+    assert "closures" in failed_without_operator(prepared, journal)
+    assert journal.events == told
 
 
 def test_an_operators_last_word_on_a_closure_replaces_the_one_before() -> None:
@@ -338,22 +328,17 @@ def test_a_changed_scenario_that_cannot_be_kept_is_in_force_all_the_same() -> No
     assert judge(journal, {}, prepared).valid
 
 
-def test_an_intruder_in_a_wall_is_refused() -> None:
+def test_what_is_refused_on_other_grounds() -> None:
+    """An intruder in a wall, and a kill of a robot that nobody here started."""
     prepared = prepare(load_scenario({**SMALL, "terrain": {"builtin": "yards"}}))
     row, col = np.argwhere(~prepared.terrain.passable)[0]
-    place = prepared.terrain.centre(int(row), int(col))
-    journal, requests, *_ = run(prepared, {1: [{"do": "intruder", "place": list(place)}]}, ticks=3)
-    assert [(answer.done, "in an obstacle of yards; move it" in answer.text) for _, answer in requests.answers] == [
-        (False, True)
-    ]
-    assert not [event for event in journal.events if event.kind == OPERATOR]
-
-
-def test_robots_that_nobody_here_started_are_not_killed() -> None:
-    prepared = prepare(load_scenario(SMALL))
+    intruder = {"do": "intruder", "place": list(prepared.terrain.centre(int(row), int(col)))}
     kill = {"do": "fault", "fault": {"kind": "kill", "who": "r1"}}
-    _, requests, *_ = run(prepared, {1: [kill]}, controls_processes=False, ticks=3)
-    assert "did not start" in requests.answers[0][1].text
+    journal, requests, *_ = run(prepared, {1: [intruder, kill]}, controls_processes=False, ticks=3)
+    assert [answer.done for _, answer in requests.answers] == [False, False]
+    assert "in an obstacle of yards; move it" in requests.answers[0][1].text
+    assert "did not start" in requests.answers[1][1].text
+    assert not [event for event in journal.events if event.kind == OPERATOR]
 
 
 def test_what_an_operator_has_asked_for_is_in_force_until_it_ends() -> None:
@@ -382,15 +367,10 @@ def test_an_intruder_leaves_when_it_is_healed() -> None:
     def names(k: int) -> list[str]:
         return [name for *_, name in intruders_there(scenario, k)]
 
-    assert [names(k) for k in (3, 5, 6, 11, 12)] == [
-        [],
-        ["intruder1"],
-        ["intruder1", "intruder2", "intruder3"],
-        ["intruder1", "intruder2", "intruder3"],
-        ["intruder2"],
-    ]
+    all_three = ["intruder1", "intruder2", "intruder3"]
+    assert [names(k) for k in (3, 5, 6, 11, 12)] == [[], ["intruder1"], all_three, all_three, ["intruder2"]]
     scenario, _ = amended(scenario, 8, read_control({"do": "heal", "id": "intruder2"}))
-    assert names(7) == ["intruder1", "intruder2", "intruder3"]
+    assert names(7) == all_three
     assert names(8) == ["intruder1", "intruder3"]
     for name, why in (("intruder2", "has left already"), ("intruder9", "no such fault or intruder")):
         with pytest.raises(BadInput, match=why):
@@ -407,19 +387,17 @@ def test_an_intruder_that_is_healed_at_once_never_comes_and_others_keep_their_na
     assert [intruders_there(scenario, k) for k in (6, 7, 8)] == [(), *2 * [((40.0, 30.0, "intruder2"),)]]
 
 
+LOSS = {"do": "fault", "fault": {"kind": "loss", "rate": 0.5, "who": ["r1", "r2"]}}
+
+
 def test_events_of_controls_are_in_words() -> None:
     controls: dict[str, dict[str, Any]] = {
-        "loss: rate 0.5, who [r1, r2], instead of f1": {
-            "do": "fault",
-            "fault": {"kind": "loss", "rate": 0.5, "who": ["r1", "r2"]},
-            "instead": "f1",
-        },
+        "loss: rate 0.5, who [r1, r2], instead of f1": LOSS | {"instead": "f1"},
         "ends intruder1": {"do": "heal", "id": "intruder1"},
         "places an intruder at (30, 30) for 3 s": {"do": "intruder", "place": [30, 30], "stay": 3},
     }
     for words, control in controls.items():
-        event = Event(3, OPERATOR, None, as_detail(read_control(control)))
-        assert worded(event).detail == words
+        assert worded(Event(3, OPERATOR, None, as_detail(read_control(control)))).detail == words
 
 
 def test_a_fault_that_is_replaced_before_it_has_acted_never_acts() -> None:
@@ -449,9 +427,7 @@ def test_a_spare_robot_can_be_called_and_is_replayed() -> None:
     assert sorted(there[:3]) == [Status.ALIVE, Status.ALIVE, Status.DEAD]
     assert there[3:] == [Status.ABSENT, Status.ALIVE]
     assert len({(row.x, row.y) for record in journal.records[6:] for row in record.robots[4:]}) > 5
-    again = run_in_process(prepared.as_operated(journal.events), threads=1)
-    assert again.verdict.valid, again.verdict.failed
-    assert end_of(again.journal) == end_of(journal)
+    again(prepared, journal)
     without = run_in_process(prepare(load_scenario({**SMALL, "robots": {"count": 3}, "faults": faults})), threads=1)
     assert end_of(without.journal) == end_of(unasked)
 

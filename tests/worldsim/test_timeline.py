@@ -30,13 +30,9 @@ TARGETS: list[Any] = ["one", "minority", "half", "all", {"fraction": 0.3}, {"fra
 @pytest.mark.parametrize(
     ("who", "sizes"),
     [
-        ("one", [1, 1, 1, 1, 1, 1]),
-        ("minority", [1, 1, 1, 2, 2, 3]),
-        ("half", [1, 1, 1, 2, 2, 3]),
-        ("all", [1, 2, 3, 4, 5, 6]),
-        ({"fraction": 0.3}, [1, 1, 1, 1, 2, 2]),
-        ({"fraction": 0.5}, [1, 1, 2, 2, 3, 3]),
-        ({"fraction": 0.01}, [1, 1, 1, 1, 1, 1]),
+        *(("one", [1, 1, 1, 1, 1, 1]), ("minority", [1, 1, 1, 2, 2, 3]), ("half", [1, 1, 1, 2, 2, 3])),
+        *(("all", [1, 2, 3, 4, 5, 6]), ({"fraction": 0.3}, [1, 1, 1, 1, 2, 2])),
+        *(({"fraction": 0.5}, [1, 1, 2, 2, 3, 3]), ({"fraction": 0.01}, [1, 1, 1, 1, 1, 1])),
     ],
 )
 def test_targets_by_size_are_so_many(who: Any, sizes: list[int]) -> None:
@@ -111,13 +107,8 @@ def test_a_spoof_knows_its_forger_and_its_victims() -> None:
 @pytest.mark.parametrize(
     ("at", "lasts", "begin", "end"),
     [
-        (0, None, 0, None),
-        (0, 0.1, 0, 1),
-        (0.5, 0.5, 1, 2),
-        (0.6, 1.0, 2, 4),
-        (0.1 * 3, 1.24, 1, 3),
-        (0, 1.25, 0, 3),
-        (10, 30, 20, 80),
+        *((0, None, 0, None), (0, 0.1, 0, 1), (0.5, 0.5, 1, 2), (0.6, 1.0, 2, 4)),
+        *((0.1 * 3, 1.24, 1, 3), (0, 1.25, 0, 3), (10, 30, 20, 80)),
     ],
 )
 def test_times_become_ticks(at: float, lasts: float | None, begin: int, end: int | None) -> None:
@@ -143,12 +134,10 @@ def test_what_is_active_is_listed_by_index() -> None:
 
 @given(st.lists(st.tuples(st.integers(0, 180), st.none() | st.integers(1, 40)), max_size=6), st.integers(0, 250))
 def test_a_fault_is_active_from_its_beginning_to_before_its_end(times: list[tuple[int, int | None]], k: int) -> None:
-    line = timeline(
-        *({"kind": "silence", "who": "all", "at": a * 0.5, "for": None if n is None else n * 0.5} for a, n in times)
-    )
-    assert [entry.index for entry in line.at(k)] == [
-        index for index, (a, n) in enumerate(times) if a <= k and (n is None or k < a + n)
-    ]
+    silence = {"kind": "silence", "who": "all"}
+    line = timeline(*({**silence, "at": a * 0.5, "for": None if n is None else n * 0.5} for a, n in times))
+    active = [index for index, (a, n) in enumerate(times) if a <= k and (n is None or k < a + n)]
+    assert [entry.index for entry in line.at(k)] == active
 
 
 def test_acts_are_by_fault_and_then_by_robot() -> None:
@@ -159,23 +148,21 @@ def test_acts_are_by_fault_and_then_by_robot() -> None:
         {"kind": "resume", "who": "r5", "at": 10},
         {"kind": "silence", "who": "all", "at": 10},
     )
-    assert line.acts(20) == (
-        Act("kill", 2, "f1", "removed"),
-        Act("kill", 4, "f1", "removed"),
-        Act("restart", 1, "f2"),
-        Act("resume", 3, "nap"),
-        Act("resume", 5, "f4"),
-    )
+    kills = Act("kill", 2, "f1", "removed"), Act("kill", 4, "f1", "removed")
+    assert line.acts(20) == (*kills, Act("restart", 1, "f2"), Act("resume", 3, "nap"), Act("resume", 5, "f4"))
     assert line.acts(0) == (Act("pause", 3, "nap"),)
     assert line.acts(1) == ()
     assert line.needs_process_control
     assert not timeline({"kind": "silence", "who": "all"}).needs_process_control
 
 
-def test_who_joins_is_absent_from_the_beginning() -> None:
-    line = timeline({"kind": "join", "who": ["r4", "r5"], "at": 20}, {"kind": "leave", "who": "r1"})
+def test_who_joins_is_absent_from_the_beginning_unless_it_leaves_before() -> None:
+    join = {"kind": "join", "who": ["r4", "r5"], "at": 20}
+    line = timeline(join, {"kind": "leave", "who": "r1"})
     assert line.starts_absent == {4, 5}
     assert line.acts(40) == (Act("join", 4, "f1"), Act("join", 5, "f1"))
+    leaves = [{"kind": "leave", "who": ["r1", "r4"], "at": 10}, {"kind": "leave", "who": "r5", "at": 30}]
+    assert timeline(join, *leaves, {"kind": "join", "who": "r1", "at": 40}).starts_absent == {5}
 
 
 def test_a_fault_means_the_same_robots_with_spare_ones_and_without() -> None:
@@ -191,16 +178,6 @@ def test_a_fault_means_the_same_robots_with_spare_ones_and_without() -> None:
     assert [entry.who for entry in spared.entries[:2]] == [entry.who for entry in plain[:2]]
     assert spared.entries[2].groups == (plain[2].groups[0], (*plain[2].groups[1], 6, 7))
     assert spared.entries[3].sources == spared.entries[3].targets == (1, 2, 3, 4, 5, 6, 7)
-
-
-def test_who_leaves_before_it_joins_was_there() -> None:
-    line = timeline(
-        {"kind": "join", "who": ["r4", "r5"], "at": 20},
-        {"kind": "leave", "who": ["r1", "r4"], "at": 10},
-        {"kind": "leave", "who": "r5", "at": 30},
-        {"kind": "join", "who": "r1", "at": 40},
-    )
-    assert line.starts_absent == {5}
 
 
 # --- what is told ----------------------------------------------------------------------------------------------------
@@ -240,14 +217,8 @@ def test_a_run_is_healed_when_nothing_happens_any_more(faults: list[dict[str, An
 # --- the nemesis in time ---------------------------------------------------------------------------------------------
 
 AFTER = {"kill": "dead", "restart": "alive", "pause": "paused", "resume": "alive", "join": "alive", "leave": "left"}
-BEFORE = {
-    "kill": {"alive"},
-    "restart": {"alive", "dead"},
-    "pause": {"alive"},
-    "resume": {"paused"},
-    "join": {"absent", "left"},
-    "leave": {"alive"},
-}
+BEFORE = {"kill": {"alive"}, "restart": {"alive", "dead"}, "pause": {"alive"}, "resume": {"paused"}}
+BEFORE |= {"join": {"absent", "left"}, "leave": {"alive"}}
 
 
 @given(st.integers(0, 2**63 - 1), st.integers(1, 8), st.sampled_from([0.1, 0.5, 1.0 / 3.0]), st.integers(2, 60))

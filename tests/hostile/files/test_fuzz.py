@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from contextlib import suppress
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import msgpack
 import pytest
@@ -41,112 +44,95 @@ LONG = (pytest.mark.accept, pytest.mark.timeout(7200))
 often = pytest.mark.parametrize("examples", [100, pytest.param(2000, marks=LONG)])
 
 
-@often
-def test_no_journal_gives_anything_but_a_value_or_a_line(examples: int, strange: Path) -> None:
-    honest = (strange / "journal").read_bytes()
+@dataclass(frozen=True)
+class Case:
+    """Files, what they may hold, and what reads them."""
 
-    @fuzz(max_examples=examples)
-    @given(strange_journal(honest))
-    def check(journal: bytes) -> None:
-        (strange / "journal").write_bytes(journal)
-        value_or_line(lambda: looked_at(strange))
-
-    check()
+    contents: st.SearchStrategy[tuple[bytes, ...]]
+    files: tuple[Path, ...]
+    reads: tuple[Callable[[], object], ...]
 
 
-@often
-def test_no_summary_gives_anything_but_a_value_or_a_line(examples: int, strange: Path) -> None:
-    honest = (strange / "summary.json").read_bytes()
-    says = json.loads(honest)
-
-    @fuzz(max_examples=examples)
-    @given(strange_bytes(honest) | strange_value(says).map(as_json))
-    def check(summary: bytes) -> None:
-        (strange / "summary.json").write_bytes(summary)
-        value_or_line(lambda: report_html(analyse(open_run(strange)), []))
-
-    check()
+def case(contents: st.SearchStrategy[bytes], file: Path, *reads: Callable[[], object]) -> Case:
+    return Case(st.tuples(contents), (file,), reads)
 
 
-@often
-def test_no_scenario_gives_anything_but_a_value_or_a_line(examples: int, strange: Path) -> None:
-    path = strange / "scenario.yaml"
-    honest = path.read_bytes()
-    says = json.loads(json.dumps(load_scenario(path).model_dump(mode="json")))
-
-    @fuzz(max_examples=examples)
-    @given(strange_bytes(honest) | strange_value(says).map(as_json))
-    def check(scenario: bytes) -> None:
-        path.write_bytes(scenario)
-        value_or_line(lambda: load_scenario(path))
-
-    check()
+def strange_json(file: Path, says: Any) -> st.SearchStrategy[bytes]:
+    return strange_bytes(file.read_bytes()) | strange_value(says).map(as_json)
 
 
-@often
-def test_no_map_gives_anything_but_a_value_or_a_line(examples: int, strange: Path) -> None:
-    path = strange / "map" / "hall.yaml"
-    text, image = path.read_bytes(), path.with_name("hall.pgm").read_bytes()
-
-    @fuzz(max_examples=examples)
-    @given(strange_bytes(text), strange_bytes(image), st.integers(0, 2))
-    def check(text_: bytes, image_: bytes, which: int) -> None:
-        path.write_bytes(text if which == 0 else text_)
-        path.with_name("hall.pgm").write_bytes(image if which == 1 else image_)
-        value_or_line(lambda: read_terrain(path, 1.0))
-
-    check()
+def of_journal(run: Path) -> Case:
+    file = run / "journal"
+    return case(strange_journal(file.read_bytes()), file, lambda: looked_at(run))
 
 
-@often
-def test_no_recording_gives_anything_but_a_value_or_a_line(examples: int, strange: Path) -> None:
-    path = strange / "recording.mcap"
-    honest = path.read_bytes()
-
-    @fuzz(max_examples=examples)
-    @given(strange_bytes(honest))
-    def check(recording: bytes) -> None:
-        path.write_bytes(recording)
-        value_or_line(lambda: inspect_recording(path))
-        value_or_line(lambda: inspect_recording(path, strange / "repaired.mcap"))
-        (strange / "repaired.mcap").unlink(missing_ok=True)
-
-    check()
+def of_summary(run: Path) -> Case:
+    file = run / "summary.json"
+    contents = strange_json(file, json.loads(file.read_bytes()))
+    return case(contents, file, lambda: report_html(analyse(open_run(run)), []))
 
 
-@often
-def test_no_sweep_gives_anything_but_a_value_or_a_line(examples: int, tmp_path: Path) -> None:
-    path = tmp_path / "sweep.yaml"
+def of_scenario(run: Path) -> Case:
+    file = run / "scenario.yaml"
+    says = json.loads(json.dumps(load_scenario(file).model_dump(mode="json")))
+    return case(strange_json(file, says), file, lambda: load_scenario(file))
+
+
+def of_map(run: Path) -> Case:
+    files = run / "map" / "hall.yaml", run / "map" / "hall.pgm"
+    honest, strange = zip(*((st.just(f.read_bytes()), strange_bytes(f.read_bytes())) for f in files), strict=True)
+    contents = st.tuples(honest[0], strange[1]) | st.tuples(strange[0], honest[1]) | st.tuples(*strange)
+    return Case(contents, files, (lambda: read_terrain(files[0], 1.0),))
+
+
+def of_recording(run: Path) -> Case:
+    file, repaired = run / "recording.mcap", run / "repaired.mcap"
+
+    def repair() -> None:
+        try:
+            inspect_recording(file, repaired)
+        finally:
+            repaired.unlink(missing_ok=True)
+
+    return case(strange_bytes(file.read_bytes()), file, lambda: inspect_recording(file), repair)
+
+
+def of_sweep(run: Path) -> Case:
     line = b'{"key":"k","case":"c","seed":1,"outcome":"ok","error":null,"metrics":{"a":1.5},"trace_hash":null,'
     line += b'"wall_s":1.0,"software":"0","settings":{}}\n'
+    files = run / "sweep.yaml", run / FILE
 
-    @fuzz(max_examples=examples)
-    @given(strange_bytes(SWEEP.encode()), strange_bytes(line * 3))
-    def check(plan: bytes, results: bytes) -> None:
-        path.write_bytes(plan)
-        value_or_line(lambda: read_plan(path))
-        (tmp_path / FILE).write_bytes(results)
+    def read() -> None:
+        with open_results(run):
+            pass
 
-        def read() -> None:
-            with open_results(tmp_path):
-                pass
+    contents = st.tuples(strange_bytes(SWEEP.encode()), strange_bytes(line * 3))
+    return Case(contents, files, (lambda: read_plan(files[0]), read))
 
-        value_or_line(read)
 
-    check()
+def of_key_or_access(run: Path) -> Case:
+    access = {"fleet": "yards-1", "router": "tcp/127.0.0.1:7447", "token": "t" * 32}
+    contents = st.binary(max_size=200) | strange_value(access).map(as_json)
+    file = run / "file"
+    return case(contents, file, lambda: fleet_key(file), lambda: read_access(file, "--access"))
 
 
 @often
-def test_no_key_or_access_gives_anything_but_a_value_or_a_line(examples: int, tmp_path: Path) -> None:
-    path = tmp_path / "file"
-    access = {"fleet": "yards-1", "router": "tcp/127.0.0.1:7447", "token": "t" * 32}
+@pytest.mark.parametrize(
+    "make", [of_journal, of_summary, of_scenario, of_map, of_recording, of_sweep, of_key_or_access]
+)
+def test_no_file_gives_anything_but_a_value_or_a_line(
+    make: Callable[[Path], Case], examples: int, strange: Path
+) -> None:
+    tried = make(strange)
 
     @fuzz(max_examples=examples)
-    @given(st.binary(max_size=200) | strange_value(access).map(as_json))
-    def check(content: bytes) -> None:
-        path.write_bytes(content)
-        value_or_line(lambda: fleet_key(path))
-        value_or_line(lambda: read_access(path, "--access"))
+    @given(tried.contents)
+    def check(contents: tuple[bytes, ...]) -> None:
+        for file, content in zip(tried.files, contents, strict=True):
+            file.write_bytes(content)
+        for read in tried.reads:
+            value_or_line(read)
 
     check()
 

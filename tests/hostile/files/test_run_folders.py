@@ -18,11 +18,7 @@ from monitor.replay.run import open_run
 from monitor.report.compare import names_of, rows_of
 from patrol.scenario import dump_scenario, load_scenario
 from tests.hostile.files.looks import MAP, looked_at, one_line
-from tests.hostile.files.strange_files import (
-    add_event,
-    rewrite_record,
-    rewrite_summary,
-)
+from tests.hostile.files.strange_files import add_event, rewrite_record, rewrite_summary
 
 
 def _put(name: str, value: Any) -> Callable[[dict[str, Any]], None]:
@@ -58,6 +54,10 @@ def _linked(folder: Path, name: str) -> None:
     (folder / name).symlink_to(folder.parent / Path(name).name)
 
 
+def _operator(detail: str) -> Callable[[Path], None]:
+    return lambda folder: add_event(folder, kind="operator", detail=detail)
+
+
 DEEP = '{"do":' * 100_000 + "1" + "}" * 100_000
 ROWS: dict[str, Callable[[Path], None]] = {
     "k is text": lambda folder: rewrite_record(folder, "tick", _put("k", "0")),
@@ -78,11 +78,9 @@ ROWS: dict[str, Callable[[Path], None]] = {
     "an event in time without end": lambda folder: add_event(folder, k=2**31),
     "an event is a list": lambda folder: add_event(folder, kind=["fault"]),
     "an event of nobody": lambda folder: add_event(folder, robot="r1"),
-    "an operator's JSON is deep": lambda folder: add_event(folder, kind="operator", detail=DEEP),
-    "an operator says nothing": lambda folder: add_event(folder, kind="operator", detail="x"),
-    "an operator is late": lambda folder: add_event(
-        folder, kind="operator", detail='{"do":"fault","fault":{"kind":"loss","rate":0.1,"at":1e300}}'
-    ),
+    "an operator's JSON is deep": _operator(DEEP),
+    "an operator says nothing": _operator("x"),
+    "an operator is late": _operator('{"do":"fault","fault":{"kind":"loss","rate":0.1,"at":1e300}}'),
     "the header has no robots": lambda folder: rewrite_record(folder, "header", _put("robots", [])),
     "the header's terrain is huge": lambda folder: rewrite_record(folder, "header", _put("terrain.width", 2**40)),
     "the header's point is NaN": lambda folder: rewrite_record(folder, "header", _put("terrain.point", float("nan"))),
@@ -99,9 +97,7 @@ ROWS: dict[str, Callable[[Path], None]] = {
     "its warnings are numbers": lambda folder: rewrite_summary(folder, _put("verdict.warnings", [1])),
     "the summary holds half of a character": lambda folder: rewrite_summary(folder, _put("verdict.outcome", "\ud800")),
     "a key of it is half of one": lambda folder: rewrite_summary(folder, _put("\ud800", 1)),
-    "an operator asks with half of one": lambda folder: add_event(
-        folder, kind="operator", detail='{"do":"fault","fault":{"kind":"\\ud800"}}'
-    ),
+    "an operator asks with half of one": _operator('{"do":"fault","fault":{"kind":"\\ud800"}}'),
     "the scenario holds half of one": lambda folder: _write(
         folder / "scenario.yaml", 'terrain: {builtin: open}\nfaults: [{kind: "\\ud800"}]'
     ),

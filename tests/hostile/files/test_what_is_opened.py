@@ -20,16 +20,15 @@ from experiments.sweeps.plan import read_plan
 from experiments.sweeps.results import FILE, open_results
 from monitor.recording.mcap_file import inspect_recording
 from monitor.replay.run import open_run
+from patrol.classes.class_file import file_digest
 from patrol.errors import BadInput
 from patrol.maps.load import load_terrain, read_terrain
+from patrol.maps.map_file import map_meaning
 from patrol.scenario import load_scenario, open_scenario
 from patrol.security.access import read_access
 from patrol.security.private_files import fleet_key
 from tests.hostile.files.looks import MAP, looked_at, one_line
-from tests.hostile.files.strange_files import (
-    journal_of,
-    records_of,
-)
+from tests.hostile.files.strange_files import journal_of, records_of
 
 PATIENCE_S = 300.0
 """How long anything may take, on a machine with much else to do."""
@@ -62,37 +61,19 @@ def map_of(image: Path) -> Path:
     return path
 
 
-def digest_of(image: Path) -> object:
-    from patrol.maps.map_file import map_meaning
-
-    return map_meaning(map_of(image))
-
-
-def digest_of_policy(path: Path) -> str:
-    from patrol.classes.class_file import file_digest
-
-    return file_digest(path, "patrol.policy")
-
-
 def folder_of(path: Path, name: str) -> Path:
     """The run folder in the current folder, with that path in the place of one of its files."""
-    folder = Path("run").absolute()
-    (folder / name).unlink()
+    file = Path("run", name).absolute()
+    file.unlink(missing_ok=True)
     if path.is_fifo() or path.is_file():
-        path.rename(folder / name)
+        path.rename(file)
     else:
-        (folder / name).symlink_to(path)
-    return folder
+        file.symlink_to(path)
+    return file.parent
 
 
 def results_of(path: Path) -> None:
-    folder = Path("sweep").absolute()
-    folder.mkdir()
-    if path.is_fifo() or path.is_file():
-        path.rename(folder / FILE)
-    else:
-        (folder / FILE).symlink_to(path)
-    with open_results(folder):
+    with open_results(folder_of(path, FILE)):
         pass
 
 
@@ -101,10 +82,10 @@ READERS: dict[str, Callable[[Path], object]] = {
     "scenario or map": lambda path: open_scenario(str(path)),
     "map": lambda path: read_terrain(path, 1.0),
     "image": lambda path: read_terrain(map_of(path), 1.0),
-    "map's hash": digest_of,
+    "map's hash": lambda path: map_meaning(map_of(path)),
     "key": fleet_key,
     "access": lambda path: read_access(path, "--access"),
-    "policy": digest_of_policy,
+    "policy": lambda path: file_digest(path, "patrol.policy"),
     "sweep": read_plan,
     "journal": lambda path: open_run(folder_of(path, "journal")),
     "run's scenario": lambda path: open_run(folder_of(path, "scenario.yaml")),

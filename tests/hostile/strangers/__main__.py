@@ -29,18 +29,7 @@ MINUTES = 10.0
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Attack fleets.
-
-    Args:
-        arguments: The command line; this process's own unless given.
-
-    Returns:
-        The exit code: 0 all fleets held, 1 at least one broke.
-
-    Raises:
-        BadInput: The folder is not empty, or a seed is too large.
-        KeyboardInterrupt: It was interrupted.
-    """
+    """Attack fleets; the exit code is 0 where all held, and 1 where at least one broke."""
     parser = argparse.ArgumentParser(
         prog="python -m tests.hostile.strangers",
         description=__doc__,

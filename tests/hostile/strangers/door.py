@@ -33,13 +33,7 @@ LET_IN = "let in"
 
 @dataclass(frozen=True, slots=True)
 class Door:
-    """A fleet's router, as it looks from outside.
-
-    Attributes:
-        router: Its locator.
-        keys: The fleet's keys; its name is no secret.
-        robots: The names of its robots.
-    """
+    """A fleet's router, as it looks from outside."""
 
     router: str
     keys: FleetKeys
@@ -52,15 +46,7 @@ class Door:
         return host, int(port)
 
     def enter(self, credentials: Credentials | None, wait_s: float = REFUSED_S) -> zenoh.Session | None:
-        """Open a session.
-
-        Args:
-            credentials: Of whoever asks; None for nobody's.
-            wait_s: How long to wait for it.
-
-        Returns:
-            The session, or None for one that is not let in.
-        """
+        """Open a session; None where it is not let in."""
         settings = client_settings(self.router, LEASE_S, credentials)
         config = zenoh.Config()
         for key, value in {**settings, "connect/timeout_ms": round(wait_s * 1000)}.items():

@@ -58,10 +58,6 @@ def problems(spell: Spell, seen: Seen) -> list[str]:
     A stranger with no secret, or with a viewer's credentials, changes nothing: the verdict is valid, and in lockstep
     the trace is that of the run without it. One with a robot's credentials may speak for that robot. Then the verdict
     is valid, or names the robot and no other.
-
-    Args:
-        spell: The spell.
-        seen: What was seen of it.
     """
     found = []
     if seen.stranger:

@@ -37,30 +37,14 @@ OVERHEARD, ASKED = "overheard", "asked in the world's place"
 
 _KEPT = 2000
 _OWN = zenoh.Locality.REMOTE
-_QUEUES = (
-    zenoh.Priority.REAL_TIME,
-    zenoh.Priority.DATA_HIGH,
-    zenoh.Priority.DATA,
-    zenoh.Priority.BACKGROUND,
-)
+_FIRST, _BLOCK = zenoh.Priority.REAL_TIME, zenoh.CongestionControl.BLOCK
+_QUEUES = (_FIRST, zenoh.Priority.DATA_HIGH, zenoh.Priority.DATA, zenoh.Priority.BACKGROUND)
 
 
 class Member:
-    """A session of somebody who attacks.
-
-    Attributes:
-        door: The router.
-        role: As what it was let in.
-    """
+    """A session of somebody who attacks."""
 
     def __init__(self, door: Door, role: Role, session: zenoh.Session) -> None:
-        """Take over a session.
-
-        Args:
-            door: The router.
-            role: As what it was let in.
-            session: The session.
-        """
         self.door = door
         self.role = role
         self._session = session
@@ -186,12 +170,8 @@ class Member:
 
     def impersonate(self, dice: Draws) -> Counter[str]:
         """Answer the world in the robot's name, faster than the robot if possible."""
-        reply: Any = self._session.declare_publisher(
-            self.door.keys.reply(self.role.robot),
-            priority=zenoh.Priority.REAL_TIME,
-            express=True,
-            congestion_control=zenoh.CongestionControl.BLOCK,
-        )
+        key = self.door.keys.reply(self.role.robot)
+        reply: Any = self._session.declare_publisher(key, priority=_FIRST, express=True, congestion_control=_BLOCK)
         drive = Velocity(dice.between(-1.0, 1.0), dice.between(-1.0, 1.0))
         counts: Counter[str] = Counter()
         lock = threading.Lock()
@@ -199,10 +179,8 @@ class Member:
         def receive(sample: zenoh.Sample) -> None:
             match self._note(sample.payload.to_bytes()):
                 case PhaseA(incarnation, instance, k, run) as a:
-                    answers: list[ReplyA | ReplyB] = [
-                        ReplyA(incarnation, instance, k, run, ()),
-                        forged_command(a, drive),
-                    ]
+                    empty = ReplyA(incarnation, instance, k, run, ())
+                    answers: list[ReplyA | ReplyB] = [empty, forged_command(a, drive)]
                 case PhaseB() as b:
                     answers = [forged_command(b, drive)]
                 case _:
@@ -239,17 +217,9 @@ class Member:
             self._newest = message
         return message
 
-    def _send(
-        self, messages: list[tuple[str, bytes]], priority: zenoh.Priority = zenoh.Priority.REAL_TIME
-    ) -> Counter[str]:
+    def _send(self, messages: list[tuple[str, bytes]], priority: zenoh.Priority = _FIRST) -> Counter[str]:
         for key, payload in messages:
-            self._session.put(
-                key,
-                payload,
-                priority=priority,
-                express=True,
-                congestion_control=zenoh.CongestionControl.BLOCK,
-            )
+            self._session.put(key, payload, priority=priority, express=True, congestion_control=_BLOCK)
         return Counter({"messages": len(messages), "bytes": sum(len(payload) for _, payload in messages)})
 
     @contextmanager

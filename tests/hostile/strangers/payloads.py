@@ -19,16 +19,9 @@ from patrol.random import Draws
 from patrol.security.keys import FleetKeys
 
 _EXTREMES = (
-    b"\x00" * 8,
-    b"\xff" * 8,
-    b"\xdd\xff\xff\xff\xff",
-    b"\xdf\xff\xff\xff\xff",
-    b"\xc6\x7f\xff\xff\xff",
-    b"\xcb" + struct.pack(">d", math.nan),
-    b"\xcb" + struct.pack(">d", math.inf),
-    b"\xcf" + b"\xff" * 8,
-    b"\x91" * 400,
-    b"\xc7\x01\x05\x00",
+    *(b"\x00" * 8, b"\xff" * 8, b"\xcf" + b"\xff" * 8, b"\x91" * 400, b"\xc7\x01\x05\x00"),
+    *(b"\xdd\xff\xff\xff\xff", b"\xdf\xff\xff\xff\xff", b"\xc6\x7f\xff\xff\xff"),
+    *(b"\xcb" + struct.pack(">d", number) for number in (math.nan, math.inf)),
 )
 """Hard pieces of msgpack: endless arrays, maps and bytes, no numbers, deep nesting, extensions."""
 _CLEAR = "\x1b[2J"
@@ -37,23 +30,13 @@ _MANY = 2000
 
 
 def noise(dice: Draws, most: int = 2048) -> bytes:
-    """Random bytes.
-
-    Args:
-        dice: Decides them.
-        most: Length of the longest.
-    """
+    """Random bytes."""
     what = dice.whole(0, 1 << 52).to_bytes(8, "little")
     return hashlib.shake_128(what).digest(dice.whole(0, most))
 
 
 def changed(dice: Draws, payload: bytes) -> bytes:
-    """A changed copy of a message.
-
-    Args:
-        dice: Decides how.
-        payload: The message.
-    """
+    """A changed copy of a message."""
     data = bytearray(payload)
     for _ in range(dice.whole(1, 3)):
         at = dice.whole(0, max(len(data) - 1, 0))
@@ -73,26 +56,14 @@ def changed(dice: Draws, payload: bytes) -> bytes:
 
 
 def all_keys(keys: FleetKeys, robots: Sequence[str]) -> list[str]:
-    """Every key of a fleet that anybody publishes under or answers.
-
-    Args:
-        keys: The fleet's keys.
-        robots: The names of its robots.
-    """
+    """Every key of a fleet that anybody publishes under or answers."""
     own = [make(name) for name in robots for make in (keys.tick, keys.reply, keys.position, keys.telemetry)]
     truths = [keys.truth(topic) for topic in (METRICS, EVENTS, TICKS, "fog", "anything")]
     return [*own, *truths, *(keys.control(what) for what in ("ask", "challenge"))]
 
 
 def forged(dice: Draws, keys: FleetKeys, robots: Sequence[str], newest: PhaseA | None) -> tuple[str, bytes]:
-    """A message that a decoder takes, under the key that it belongs to, with something false in it.
-
-    Args:
-        dice: Decides it.
-        keys: The fleet's keys.
-        robots: The names of its robots.
-        newest: A phase A that the stranger has heard, whose run and instance it then uses; None for none.
-    """
+    """A message that a decoder takes, with something false in it, under its key; its run is that of a phase A heard."""
     name = dice.choice(*robots)
     head = (1, ANYONE, 0, 1) if newest is None else (newest.incarnation, newest.instance, newest.k, newest.run)
     incarnation, instance, k, run = head
@@ -107,16 +78,8 @@ def forged(dice: Draws, keys: FleetKeys, robots: Sequence[str], newest: PhaseA |
     metrics = Metrics(dice.choice(0, 1), 1, 0.0, 0.0, 0.0, 0.0, 2.0, 5e-324, rows)
     records = (msgpack.packb([1, 2**62, {}]), b"\x80" * dice.whole(1, _MANY))
     batch = Batch(dice.whole(0, 2**52), records, True, math.inf)
-    to_robot = (
-        PhaseA(incarnation, instance, k, run, sensed),
-        PhaseB(incarnation, instance, k, run, (frame,)),
-        stop,
-    )
-    to_world = (
-        seat,
-        ReplyA(incarnation, instance, k, run, (frame,)),
-        forged_command(ReplyA(*head, ()), drive),
-    )
+    to_robot = (PhaseA(incarnation, instance, k, run, sensed), PhaseB(incarnation, instance, k, run, (frame,)), stop)
+    to_world = (seat, ReplyA(incarnation, instance, k, run, (frame,)), forged_command(ReplyA(*head, ()), drive))
     return dice.choice(
         *((keys.tick(name), encode(message)) for message in to_robot),
         *((keys.reply(name), encode(message)) for message in to_world),
@@ -128,20 +91,11 @@ def forged(dice: Draws, keys: FleetKeys, robots: Sequence[str], newest: PhaseA |
 
 
 def forged_command(head: ReplyA | PhaseA | PhaseB, drive: Velocity) -> ReplyB:
-    """A command in the name of the process that a message belongs to.
-
-    Args:
-        head: A message from or to that process.
-        drive: The command.
-    """
+    """A command in the name of the process that a message belongs to."""
     reply = Reply(drive, "patrolling", None, 1.0, 0)
     return ReplyB(head.incarnation, head.instance, head.k, head.run, reply)
 
 
 def forged_farewell(newest: PhaseA) -> Failed:
-    """A robot's message that its mind cannot go on, after which it is lost.
-
-    Args:
-        newest: A phase A that the stranger has heard.
-    """
+    """A robot's message that its mind cannot go on, after which it is lost."""
     return Failed(newest.incarnation, newest.instance, newest.k, newest.run, "I cannot go on")

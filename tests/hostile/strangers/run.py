@@ -12,6 +12,7 @@ from collections import Counter
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from fogwatch.api import RunOptions, execute
 from fogwatch.inprocess import run_in_process
@@ -36,14 +37,6 @@ class Stranger:
     """The process of a stranger."""
 
     def __init__(self, spell: Spell, run: Path, log: Path, now: Callable[[], float]) -> None:
-        """Start nothing yet.
-
-        Args:
-            spell: What it holds, and its seed.
-            run: The run's folder.
-            log: The file that its output goes to.
-            now: Monotonic clock, s.
-        """
         self._spell = spell
         self._run = run
         self._log = log
@@ -67,21 +60,12 @@ class Stranger:
         for attack in self._spell.only:
             command += ["--only", attack]
         with self._log.open("wb") as output:
-            self._process = subprocess.Popen(
-                command,
-                stdin=subprocess.DEVNULL,
-                stdout=output,
-                stderr=subprocess.STDOUT,
-                pass_fds=[self._lifeline[0]],
-                start_new_session=True,
-            )
+            streams: dict[str, Any] = {"stdin": subprocess.DEVNULL, "stdout": output, "stderr": subprocess.STDOUT}
+            inherited = [self._lifeline[0]]
+            self._process = subprocess.Popen(command, **streams, pass_fds=inherited, start_new_session=True)
 
     def wait(self, over: Callable[[], bool]) -> None:
-        """Wait until it begins its first attack, or has ended.
-
-        Args:
-            over: Asked all the time whether to wait no longer.
-        """
+        """Wait until it begins its first attack, or has ended."""
         until = self._now() + FIRST_S
         while self._process is not None and self._process.poll() is None and self._now() < until and not over():
             if read_log(self._log)[0]:
@@ -104,12 +88,7 @@ class Stranger:
             process.send_signal(signal.SIGCONT)
 
     def end(self) -> tuple[Counter[str], Counter[str], str]:
-        """Kill it.
-
-        Returns:
-            The attacks that it has begun by name, what came of them, and why it had ended by itself; empty where it had
-            not.
-        """
+        """Kill it; return its attacks by name, what came of them, and why it had ended by itself, if it had."""
         why = ""
         if self._process is not None:
             if self._process.poll() is not None:
@@ -125,14 +104,7 @@ class Stranger:
 
 
 def read_log(log: Path) -> tuple[Counter[str], Counter[str], str]:
-    """What a stranger has reported.
-
-    Args:
-        log: Its output.
-
-    Returns:
-        The attacks that it has begun by name, what came of them, and the last line that is no report.
-    """
+    """What a stranger has reported: its attacks by name, what came of them, and the last line that is no report."""
     attacks: Counter[str] = Counter()
     counts: Counter[str] = Counter()
     rest = ""
@@ -150,19 +122,7 @@ def read_log(log: Path) -> tuple[Counter[str], Counter[str], str]:
 
 
 def run_spell(spell: Spell, folder: Path, over: Callable[[], bool]) -> tuple[Seen, Counter[str]]:
-    """Run a spell.
-
-    Args:
-        spell: The spell.
-        folder: A new folder; the run is written to `run` in it, and what the stranger says to `stranger.log`.
-        over: Asked all the time whether to end early.
-
-    Returns:
-        What was seen, and the stranger's attacks by name.
-
-    Raises:
-        KeyboardInterrupt: It was ended early.
-    """
+    """Run a spell, with its run and the stranger's log in a new folder; what was seen, and the attacks by name."""
     folder.mkdir(parents=True, exist_ok=True)
     out, now = folder / "run", time.monotonic
     progress, memory = Progress(now), Memory(now)
@@ -197,9 +157,7 @@ def run_spell(spell: Spell, folder: Path, over: Callable[[], bool]) -> tuple[See
     if progress.hung:
         ended = f"hung: no tick for {progress.stalled_s:.0f} s after tick {progress.ticks}"
     logs = RunFolder(out).logs
-    crashes = [
-        log.name for log in sorted(logs.glob("*")) if _TRACEBACK in log.read_text(encoding="utf-8", errors="replace")
-    ]
+    said = {log.name: log.read_text(encoding="utf-8", errors="replace") for log in sorted(logs.glob("*"))}
     seen = Seen(
         ended=ended or ("" if result is None else str(result.summary["ended"])),
         outcome="" if result is None else result.verdict.outcome,
@@ -207,7 +165,7 @@ def run_spell(spell: Spell, folder: Path, over: Callable[[], bool]) -> tuple[See
         trace="" if result is None else result.trace_hash,
         honest=honest_trace(spell) if result is not None and spell.lockstep else "",
         restarts=[printable(line) for line in progress.lines if _DIED in line],
-        crashes=crashes,
+        crashes=[name for name, text in said.items() if _TRACEBACK in text],
         growth_mb=memory.growth_mb,
         counts=counts,
         ticks=progress.ticks if result is None else int(result.summary["ticks"]),
@@ -218,9 +176,5 @@ def run_spell(spell: Spell, folder: Path, over: Callable[[], bool]) -> tuple[See
 
 
 def honest_trace(spell: Spell) -> str:
-    """The trace hash of a spell's scenario without a stranger, run in this process.
-
-    Args:
-        spell: The spell.
-    """
+    """The trace hash of a spell's scenario without a stranger, run in this process."""
     return str(run_in_process(spell.scenario, keep=False).summary.trace_hash)

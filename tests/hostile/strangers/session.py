@@ -32,16 +32,7 @@ class HostileSession:
     """Runs spells, prints what comes of them, and keeps those that break; a context manager around its folders."""
 
     def __init__(self, folder: Path, console: Console, over: Callable[[], bool]) -> None:
-        """Check the folder.
-
-        Args:
-            folder: Where spells that break are kept; empty, or not there yet.
-            console: Where lines are printed.
-            over: Asked all the time whether to end early.
-
-        Raises:
-            BadInput: The folder is not empty or cannot be written to.
-        """
+        """Check the folder."""
         if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
             raise BadInput(f"--out {folder}: is no empty folder; choose one that is, or that does not exist yet")
         self._folder = folder
@@ -60,19 +51,7 @@ class HostileSession:
         self._part.cleanup()
 
     def run(self, seed: int, minutes: float | None, runs: int | None) -> int:
-        """Run spells until the time is over, or as many as asked for, and at least one.
-
-        Args:
-            seed: Seed of the first spell.
-            minutes: Wall time after which no further spell begins; None for no limit.
-            runs: The number of spells; None for no limit.
-
-        Returns:
-            The exit code.
-
-        Raises:
-            KeyboardInterrupt: It was ended early; what was found until then is printed.
-        """
+        """Run spells until the time is over, or as many as asked for, and at least one."""
         until = math.inf if minutes is None else self._begun + 60.0 * minutes
         try:
             while not self._done or (time.monotonic() < until and (runs is None or self._done < runs)):

@@ -63,11 +63,7 @@ class Spell:
 
 
 def draw_spell(seed: int) -> Spell:
-    """Draw a spell.
-
-    Args:
-        seed: Decides it.
-    """
+    """Draw a spell."""
     dice = Draws(seed, Purpose.STRANGER, SCENARIO)
     holds = dice.choice(*Holds)
     names = [f"r{number}" for number in range(1, 4)]
@@ -99,12 +95,7 @@ def draw_spell(seed: int) -> Spell:
 
 
 def role_of_stranger(holds: Holds, victim: str) -> Role | None:
-    """The role in which a stranger gets in; None for one that holds nothing.
-
-    Args:
-        holds: What it holds.
-        victim: The robot whose credentials those are.
-    """
+    """The role in which a stranger gets in; None for one that holds nothing."""
     match holds:
         case Holds.NOTHING:
             return None

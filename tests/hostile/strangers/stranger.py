@@ -33,14 +33,7 @@ Attack = Callable[[Draws], Counter[str]]
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Attack a fleet until asked to stop.
-
-    Args:
-        arguments: The command line; this process's own unless given.
-
-    Returns:
-        The exit code: 0 asked to stop, 2 the fleet is not there or does not let its own member in.
-    """
+    """Attack a fleet until asked to stop; exit code 2: it is not there, or does not let its own member in."""
     options = _options(arguments)
     ending = heed(options.lifeline)
     try:

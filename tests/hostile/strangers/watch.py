@@ -32,11 +32,6 @@ class Progress(RunDisplay):
     """
 
     def __init__(self, now: Callable[[], float]) -> None:
-        """Begin.
-
-        Args:
-            now: Monotonic clock, s.
-        """
         self.ticks = 0
         self.longest_s = 0.0
         self.lines: list[str] = []
@@ -78,12 +73,6 @@ class Memory:
     """
 
     def __init__(self, now: Callable[[], float], parent: int | None = None) -> None:
-        """Begin.
-
-        Args:
-            now: Monotonic clock, s.
-            parent: Process id; this process unless given.
-        """
         self.growth_mb: dict[str, float] = {}
         self._now = now
         self._parent = os.getpid() if parent is None else parent
@@ -91,23 +80,14 @@ class Memory:
         self._due = 0.0
 
     def settle(self, rest: Callable[[float], None], over: Callable[[], bool]) -> None:
-        """Wait until no child has grown for `SAMPLE_S`; from now on growth counts. The stranger must not be there yet.
-
-        Args:
-            rest: Waits, s.
-            over: Asked all the time whether to wait no longer.
-        """
+        """Wait until no child has grown for `SAMPLE_S`; from now on growth counts. The stranger has to come later."""
         until, before = self._now() + SETTLED_S, {0: 0.0}
         while self._start_mb != before and self._now() < until and not over():
             rest(SAMPLE_S)
             before, self._start_mb = self._start_mb, {number: mb for number, _, mb in self._children(0)}
 
     def look(self, but: int) -> None:
-        """Look at all children, at most every `SAMPLE_S`; where there is no proc(5), at none.
-
-        Args:
-            but: Process id of a child that is not looked at.
-        """
+        """Look at all children, at most every `SAMPLE_S`; where there is no proc(5), at none."""
         now = self._now()
         if now < self._due:
             return

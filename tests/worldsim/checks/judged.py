@@ -1,51 +1,67 @@
-"""Runs of a lab under faults, altered afterwards, and what their verdict says of them."""
+"""Runs of a lab under faults, altered afterwards, and their verdicts.
+
+Where a test breaks the radio itself, the replay is broken in the same way and finds nothing: other checks have to.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from patrol.journal import trace_hash
 from patrol.journal.records import sent_at
+from patrol.prepare import Prepared
+from patrol.summary.model import Summary
 from worldsim.checks.check import Check, CheckResult, JudgedRun
 from worldsim.faults import Timeline
+from worldsim.output.summary import summarise
 from worldsim.radio.fates import Fates, Sent
 from worldsim.radio.rules import RadioRules, cause
+from worldsim.run_record import MemoryJournal
 from worldsim.verdict.judge import judge
+from worldsim.world import World
 
-if TYPE_CHECKING:
-    from patrol.prepare import Prepared
-    from tests.worldsim.conftest import Lab
-    from worldsim.run_record import MemoryJournal
-    from worldsim.world import World
-
-Result = tuple["World", "MemoryJournal"]
+Result = tuple[World, MemoryJournal]
+Run = Callable[..., Result]
+"""The fixture `run`: it runs a patrol under faults."""
+Exits = Mapping[str, int | None]
 C = TypeVar("C", bound=Check)
 
 
-def runs(lab: Lab, ticks: int) -> Callable[..., Result]:
-    """What makes a run of so many ticks, unless told otherwise, under faults."""
-
-    def of(*faults: dict[str, Any], ticks: int = ticks, **more: Any) -> Result:
-        world = lab.patrol(ticks=ticks, faults=list(faults), **more)
-        return world, lab.run(world)
-
-    return of
-
-
-def failures(result: Result) -> dict[str, str]:
-    """The details of the checks that failed, by name."""
+def checks(result: Result, exits: Exits | None = None) -> dict[str, CheckResult]:
+    """The results of a verdict's checks, by name."""
     world, journal = result
-    return {check.name: check.detail for check in judge(journal, {}, world.prepared).failed}
+    return {check.name: check for check in judge(journal, dict(exits or {}), world.prepared).checks}
+
+
+def failures(result: Result, exits: Exits | None = None) -> dict[str, str]:
+    """The details of the checks that failed, by name."""
+    return {name: check.detail for name, check in checks(result, exits).items() if not check.ok}
+
+
+def summary_of(result: Result) -> Summary:
+    """The summary of a run, without the best tour."""
+    return summarise(result[1], judge(result[1], {}, result[0].prepared))
 
 
 def change(journal: MemoryJournal, k: int, **fields: Any) -> None:
     """Alter one tick's record, and make the trace hash agree with it."""
     journal.records[k] = replace(journal.records[k], **fields)
+    rehash(journal)
+
+
+def move(journal: MemoryJournal, k: int, number: int, /, **fields: Any) -> None:
+    """Alter one robot's row in one tick, and make the trace hash agree with it."""
+    rows = journal.records[k].robots
+    change(journal, k, robots=tuple(replace(row, **fields) if row.number == number else row for row in rows))
+
+
+def rehash(journal: MemoryJournal) -> None:
+    """Make the trace hash agree with the ticks."""
     assert journal.end
     journal.end = replace(journal.end, trace_hash=trace_hash(journal.ticks))
 

@@ -1,13 +1,9 @@
-"""The verdict on reach, delays, copies and reorderings, from the journal alone: each check passes, and can fail.
-
-Where the radio itself is broken, the replay is broken in the same way and finds nothing: the others have to.
-"""
+"""The verdict on reach, delays, copies and reorderings, from the journal alone: each check passes, and can fail."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,7 +12,8 @@ from shapely import LineString, box
 from patrol.ground.terrain import Terrain
 from patrol.journal import TickRecord
 from patrol.journal.records import sent_at
-from tests.worldsim.checks.judged import Result, change, check_of, failures, result_of, runs, spares, stops
+from tests.worldsim.checks.judged import Run, change, check_of, checks, failures, result_of, spares, stops
+from tests.worldsim.conftest import Lab
 from worldsim.checks.arrivals import DelaysAsAsked, alarm_of
 from worldsim.checks.journal import FaultsOnTime
 from worldsim.checks.reach import GRAZING_M, Sightlines
@@ -24,11 +21,7 @@ from worldsim.faults import Timeline
 from worldsim.output.record import header_of
 from worldsim.radio.rules import RadioRules, arrival
 from worldsim.run_record import MemoryJournal
-from worldsim.verdict.judge import judge
-
-if TYPE_CHECKING:
-    from tests.worldsim.conftest import Lab
-    from worldsim.world import World
+from worldsim.world import World
 
 NEAR = {"kind": "range", "reach": 8.0, "id": "near"}
 SEEN = {"kind": "range", "reach": 100.0, "through_walls": False, "id": "seen"}
@@ -36,11 +29,6 @@ LATE = {"kind": "delay", "delay": {"constant": 1.2}, "id": "late"}
 SPREAD = {"kind": "delay", "delay": {"uniform": [0.7, 1.5]}, "id": "spread"}
 TWICE = {"kind": "duplicate", "rate": 0.5, "delay": {"constant": 0.8}, "id": "twice"}
 MIXED = {"kind": "reorder", "rate": 0.3, "hold": 1.0, "id": "mixed"}
-
-
-@pytest.fixture
-def run(lab: Lab) -> Callable[..., Result]:
-    return runs(lab, ticks=40)
 
 
 # --- when faults happen ----------------------------------------------------------------------------------------------
@@ -79,7 +67,7 @@ def test_faults_happen_when_they_should(lab: Lab, at: float, lasts: float | None
     ],
 )
 def test_a_timeline_with_other_times_fails(
-    run: Callable[..., Result], name: str, ticks: Any, says: str, monkeypatch: pytest.MonkeyPatch
+    run: Run, name: str, ticks: Any, says: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(f"worldsim.faults.{name}", ticks)
     detail = f"f1 is scheduled {says}, which is not what its `at` and `for` say"
@@ -90,20 +78,18 @@ def test_a_timeline_with_other_times_fails(
 
 
 @pytest.mark.parametrize("fault", [NEAR, SEEN], ids=["distance", "walls"])
-def test_reach_is_told_from_true_places(run: Callable[..., Result], fault: dict[str, Any]) -> None:
+def test_reach_is_told_from_true_places(run: Run, fault: dict[str, Any]) -> None:
     result = run(fault, LATE, {"kind": "spoof", "by": "r2", "as": "r1", "payload": "freeze"}, ticks=80)
-    world, journal = result
     assert failures(result) == {}
-    details = {check.name: check.detail for check in judge(journal, {}, world.prepared).checks}
-    stopped = sum(why == f"range:{fault['id']}" for record in journal.ticks for *_, why in record.dropped)
+    stopped = sum(why == f"range:{fault['id']}" for record in result[1].ticks for *_, why in record.dropped)
     assert stopped > 0
-    assert details["reach"] == f"{stopped} frames were out of reach, and no other was stopped"
+    assert checks(result)["reach"].detail == f"{stopped} frames were out of reach, and no other was stopped"
 
 
 @pytest.mark.parametrize("fault", [NEAR, SEEN], ids=["distance", "walls"])
 @pytest.mark.parametrize("late", [False, True])
 def test_a_radio_that_reaches_farther_fails(
-    run: Callable[..., Result], fault: dict[str, Any], late: bool, monkeypatch: pytest.MonkeyPatch
+    run: Run, fault: dict[str, Any], late: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(RadioRules, "stop", spares())
     found = failures(run(fault, LATE) if late else run(fault))
@@ -113,7 +99,7 @@ def test_a_radio_that_reaches_farther_fails(
 
 @pytest.mark.parametrize("fault", [NEAR, SEEN], ids=["distance", "walls"])
 def test_a_radio_that_does_not_reach_so_far_fails(
-    run: Callable[..., Result], fault: dict[str, Any], monkeypatch: pytest.MonkeyPatch
+    run: Run, fault: dict[str, Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(RadioRules, "stop", stops(f"range:{fault['id']}"))
     found = failures(run({**fault, "reach": 100.0}))
@@ -121,17 +107,13 @@ def test_a_radio_that_does_not_reach_so_far_fails(
     assert f"was stopped by range {fault['id']} although it was within reach" in found["reach"]
 
 
-def test_a_frame_that_only_the_record_lets_through_fails(run: Callable[..., Result]) -> None:
+def test_a_frame_that_only_the_record_lets_through_fails(run: Run) -> None:
     world, journal = run(NEAR)
     k, drop = next((record.k, drop) for record in journal.ticks for drop in record.dropped)
     record = journal.records[k]
-    change(
-        journal,
-        k,
-        dropped=tuple(other for other in record.dropped if other != drop),
-        deliveries=tuple(sorted((*record.deliveries, drop[:3]))),
-    )
-    source, to, _ = drop[:3]
+    dropped = tuple(other for other in record.dropped if other != drop)
+    change(journal, k, dropped=dropped, deliveries=tuple(sorted((*record.deliveries, drop[:3]))))
+    source, to, *_ = drop
     found = failures((world, journal))
     assert set(found) == {"radio", "reach"}
     assert found["reach"] == f"a frame from r{source} to r{to} of tick {k} got through range near"
@@ -189,24 +171,19 @@ def test_a_line_that_touches_a_wall_may_count_as_either(a: tuple[float, float], 
         [{"kind": "loss", "rate": 0.2}],
     ],
 )
-def test_frames_arrive_when_the_faults_let_them(run: Callable[..., Result], faults: list[dict[str, Any]]) -> None:
+def test_frames_arrive_when_the_faults_let_them(run: Run, faults: list[dict[str, Any]]) -> None:
     result = run(*faults)
     assert failures(result) == {}
-    arrived = sum(
-        len(record.deliveries) + sum(why.startswith("receiver") for *_, why in record.dropped)
-        for record in result[1].ticks
-    )
-    details = {check.name: check.detail for check in judge(result[1], {}, result[0].prepared).checks}
-    assert details["on time"] == f"{arrived} frames arrived in time"
+    arrived = sum(len(record.deliveries) for record in result[1].ticks)
+    arrived += sum(why.startswith("receiver") for record in result[1].ticks for *_, why in record.dropped)
+    assert checks(result)["on time"].detail == f"{arrived} frames arrived in time"
 
 
 @pytest.mark.parametrize(
     ("shift", "says"),
     [(1, "should have arrived by tick 3"), (-1, "arrived in tick 2 and should not have before tick 3")],
 )
-def test_a_radio_that_is_late_or_early_fails(
-    run: Callable[..., Result], shift: int, says: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_radio_that_is_late_or_early_fails(run: Run, shift: int, says: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("worldsim.radio.ether.arrival", lambda k, s, step: arrival(k, s, step) + shift * (s > 0.0))
     found = failures(run(LATE))
     assert list(found) == ["on time"]
@@ -214,14 +191,12 @@ def test_a_radio_that_is_late_or_early_fails(
 
 
 @pytest.mark.parametrize("seconds", [0.55, 2.15])
-def test_a_delay_beyond_its_bounds_fails(
-    run: Callable[..., Result], seconds: float, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_delay_beyond_its_bounds_fails(run: Run, seconds: float, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("worldsim.radio.rules.waited", lambda *_: seconds)
     assert "on time" in failures(run(SPREAD))
 
 
-def test_frames_that_nothing_holds_up_arrive_at_once_and_once(run: Callable[..., Result]) -> None:
+def test_frames_that_nothing_holds_up_arrive_at_once_and_once(run: Run) -> None:
     world, journal = run({"kind": "loss", "rate": 0.2, "at": 10.0})
     good = journal.records[4:6]
     link = good[0].deliveries[0]
@@ -241,13 +216,9 @@ def first(journal: MemoryJournal, what: str) -> TickRecord:
 
 
 @pytest.mark.parametrize(
-    ("what", "says"),
-    [
-        ("copies", "once too often"),
-        ("delayed", "was not delayed and should have been"),
-    ],
+    ("what", "says"), [("copies", "once too often"), ("delayed", "was not delayed and should have been")]
 )
-def test_a_copy_or_a_delay_that_is_not_told_of_fails(run: Callable[..., Result], what: str, says: str) -> None:
+def test_a_copy_or_a_delay_that_is_not_told_of_fails(run: Run, what: str, says: str) -> None:
     world, journal = run(LATE, {**TWICE, "rate": 1.0})
     record = first(journal, what)
     change(journal, record.k, **{what: getattr(record, what)[1:]})
@@ -255,7 +226,7 @@ def test_a_copy_or_a_delay_that_is_not_told_of_fails(run: Callable[..., Result],
 
 
 @pytest.mark.parametrize("what", ["copies", "delayed"])
-def test_a_fault_that_did_not_do_it_cannot_be_named(run: Callable[..., Result], what: str) -> None:
+def test_a_fault_that_did_not_do_it_cannot_be_named(run: Run, what: str) -> None:
     world, journal = run(LATE, TWICE)
     record = first(journal, what)
     (link, _), *rest = ((row[:3], row[3]) for row in getattr(record, what))
@@ -264,7 +235,7 @@ def test_a_fault_that_did_not_do_it_cannot_be_named(run: Callable[..., Result], 
     assert f"by {wrong}, which does not {does} it" in failures((world, journal))["on time"]
 
 
-def test_what_a_dead_receiver_does_not_hear_arrives_all_the_same(run: Callable[..., Result]) -> None:
+def test_what_a_dead_receiver_does_not_hear_arrives_all_the_same(run: Run) -> None:
     world, journal = run(LATE, {"kind": "kill", "who": "r2", "at": 5.0})
     record = journal.records[12]
     assert {sent_at(sequence) for _, to, sequence, _ in record.dropped if to == 2} == {9}
@@ -290,7 +261,7 @@ SERIES = [
 
 
 @pytest.mark.parametrize("fault", SERIES, ids=lambda fault: fault["id"])
-def test_what_a_good_radio_does_is_explained_and_judged(run: Callable[..., Result], fault: dict[str, Any]) -> None:
+def test_what_a_good_radio_does_is_explained_and_judged(run: Run, fault: dict[str, Any]) -> None:
     check = shares(*run(fault, ticks=200))
     assert (check.ok, check.judged) == (True, True), check.detail
 
@@ -306,9 +277,7 @@ def test_what_a_good_radio_does_is_explained_and_judged(run: Callable[..., Resul
     ],
     ids=["duplicate", "reorder", "uniform", "normal", "exponential"],
 )
-def test_another_share_than_asked_for_fails(
-    lab: Lab, run: Callable[..., Result], fault: dict[str, Any], asked: dict[str, Any]
-) -> None:
+def test_another_share_than_asked_for_fails(lab: Lab, run: Run, fault: dict[str, Any], asked: dict[str, Any]) -> None:
     _, journal = run(fault, ticks=200)
     check = shares(lab.patrol(ticks=200, faults=[{**fault, **asked}]), journal)
     assert not check.ok
@@ -316,12 +285,12 @@ def test_another_share_than_asked_for_fails(
     assert "configured" in check.detail
 
 
-def test_a_radio_with_loaded_dice_fails(run: Callable[..., Result], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_radio_with_loaded_dice_fails(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("worldsim.radio.rules.draw", lambda *_: 0.9)
     assert list(failures(run(TWICE, MIXED, ticks=100))) == ["delays and copies"]
 
 
-def test_what_is_not_decided_when_a_run_ends_does_not_count(run: Callable[..., Result]) -> None:
+def test_what_is_not_decided_when_a_run_ends_does_not_count(run: Run) -> None:
     world, journal = run({**SPREAD, "delay": {"uniform": [0.0, 40.0]}}, ticks=60)
     check = shares(world, journal)
     assert (check.ok, check.judged) == (True, True)
@@ -329,7 +298,7 @@ def test_what_is_not_decided_when_a_run_ends_does_not_count(run: Callable[..., R
     assert failures((world, journal)) == {}
 
 
-def test_too_few_frames_or_none_are_not_judged_and_say_so(run: Callable[..., Result]) -> None:
+def test_too_few_frames_or_none_are_not_judged_and_say_so(run: Run) -> None:
     few = shares(*run({**TWICE, "from": "r1", "to": "r2"}, ticks=8))
     assert (few.ok, few.judged) == (True, False)
     assert few.detail.endswith("too few to judge")

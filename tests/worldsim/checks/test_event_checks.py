@@ -2,23 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
 
 from patrol.journal import Event
-from tests.worldsim.checks.judged import result_of
+from tests.worldsim.checks.judged import Result, failures, result_of
+from tests.worldsim.conftest import Lab
 from worldsim.checks.statuses import EventsFollow
 from worldsim.run_record import INTERRUPTED
-from worldsim.verdict.judge import judge
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from tests.worldsim.conftest import Lab
-    from worldsim.run_record import MemoryJournal
-    from worldsim.world import World
+from worldsim.world import World
 
 TICKS = 24
 DISC = {"model": "holonomic", "radius": 0.4}
@@ -57,49 +52,51 @@ MADE = [
 ]
 
 
-def run(lab: Lab, stop: Callable[[World], bool] | None = None, **more: Any) -> tuple[World, MemoryJournal]:
+def run(lab: Lab, stop: Callable[[World], bool] | None = None, **more: Any) -> Result:
     world = lab.world([DISC] * 3, STARTS, duration=0.5 * TICKS, faults=FAULTS, **more)
     return world, lab.run(world, None, lambda: stop is not None and stop(world))
 
 
-def failures(world: World, journal: MemoryJournal, events: list[Event] | None = None) -> dict[str, str]:
-    journal.events = journal.events if events is None else tuple(sorted(events, key=lambda event: event.k))
-    return {check.name: check.detail for check in judge(journal, {}, world.prepared).failed}
+def failed(result: Result, *events: Event) -> dict[str, str]:
+    """The checks that fail with these events."""
+    result[1].events = tuple(sorted(events, key=lambda event: event.k))
+    return failures(result)
 
 
-def test_events_as_they_were_made_pass(lab: Lab) -> None:
-    world, journal = run(lab)
-    assert [(event.k, event.kind, event.robot, event.detail) for event in journal.events] == MADE
-    assert failures(world, journal) == {}
-
-
-def caught(world: World, journal: MemoryJournal, events: list[Event]) -> bool:
+def caught(result: Result, events: list[Event]) -> bool:
+    world, journal = result
     journal.events = tuple(sorted(events, key=lambda event: event.k))
     return not result_of(EventsFollow, world.prepared, journal).ok
 
 
+def test_events_as_they_were_made_pass(lab: Lab) -> None:
+    result = run(lab)
+    assert [(event.k, event.kind, event.robot, event.detail) for event in result[1].events] == MADE
+    assert failures(result) == {}
+
+
 @pytest.mark.parametrize("forged", [{"k": 1}, {"kind": "alive"}, {"kind": "x"}, {"robot": 2}, {"detail": "f6 x"}])
 def test_each_field_of_each_event_counts(lab: Lab, forged: dict[str, Any]) -> None:
-    world, journal = run(lab)
-    events = list(journal.events)
+    result = run(lab)
+    events = list(result[1].events)
     for place, event in enumerate(events):
         other = replace(event, **forged)
-        assert caught(world, journal, [*events[:place], other, *events[place + 1 :]]) or other == event
+        assert caught(result, [*events[:place], other, *events[place + 1 :]]) or other == event
 
 
 def test_an_event_that_is_missing_or_there_twice_is_caught(lab: Lab) -> None:
-    world, journal = run(lab)
-    events = list(journal.events)
+    result = run(lab)
+    events = list(result[1].events)
     for place, event in enumerate(events):
-        assert caught(world, journal, events[:place] + events[place + 1 :])
-        assert caught(world, journal, [*events, event])
+        assert caught(result, events[:place] + events[place + 1 :])
+        assert caught(result, [*events, event])
 
 
 @pytest.mark.parametrize("kind", ["closed", "in force", "waiting", "looked at", "trapped"])
 def test_events_that_nothing_makes_are_caught(lab: Lab, kind: str) -> None:
-    world, journal = run(lab)
+    result = run(lab)
     problem = f'the journal has "{kind}" (box) before tick 3, which nothing made'
-    assert failures(world, journal, [*journal.events, Event(3, kind, None, "box")]) == {"events": problem}
+    assert failed(result, *result[1].events, Event(3, kind, None, "box")) == {"events": problem}
 
 
 GROUND: dict[str, Any] = {
@@ -123,36 +120,35 @@ GROUND: dict[str, Any] = {
     ],
 )
 def test_only_what_the_scenario_has_closes_opens_begins_or_ends(lab: Lab, kind: str, detail: str) -> None:
-    world, journal = run(lab, **GROUND)
-    assert failures(world, journal) == {}
+    result = run(lab, **GROUND)
+    assert failures(result) == {}
     problem = f'the journal has "{kind}" ({detail}) before tick 7, which nothing made'
-    assert failures(world, journal, [*journal.events, Event(7, kind, None, detail)])["events"] == problem
+    assert failed(result, *result[1].events, Event(7, kind, None, detail))["events"] == problem
 
 
 @pytest.mark.parametrize(
     ("kind", "detail"), [("closed", "box"), ("waiting", "box waits to close: r2 in it"), ("in force", "vault")]
 )
 def test_the_ground_does_not_change_after_the_last_tick(lab: Lab, kind: str, detail: str) -> None:
-    world, journal = run(lab, **GROUND)
+    result = run(lab, **GROUND)
     problem = f'the journal has "{kind}" ({detail}) before tick {TICKS}, which nothing made'
-    assert failures(world, journal, [*journal.events, Event(TICKS, kind, None, detail)]) == {"events": problem}
+    assert failed(result, *result[1].events, Event(TICKS, kind, None, detail)) == {"events": problem}
 
 
 def test_at_a_pace_nothing_says_when_a_robot_began_to_wait(lab: Lab) -> None:
-    world, journal = run(lab, pace=10)
-    events = list(journal.events)
-    assert failures(world, journal, [*events[:-1], replace(events[-1], k=20)]) == {}
-    assert "events" in failures(world, journal, [*events[:-1], replace(events[-1], detail="its start is taken by r3")])
+    result = run(lab, pace=10)
+    *events, last = result[1].events
+    assert failed(result, *events, replace(last, k=20)) == {}
+    assert "events" in failed(result, *events, replace(last, detail="its start is taken by r3"))
 
 
 @pytest.mark.parametrize("more", range(3))
 def test_a_run_may_be_interrupted_among_the_events_of_a_tick(lab: Lab, more: int) -> None:
-    world, journal = run(lab, lambda world: world.tick == 10)
-    assert journal.end
-    journal.end = replace(journal.end, reason=INTERRUPTED)
-    after = [Event(*fields) for fields in MADE if fields[0] == 10][: more + 1]
-    before = journal.events
-    assert failures(world, journal, [*before, *after]) == {}
-    forged = [*after[:-1], replace(after[-1], detail="f9 loss ends")]
-    assert list(failures(world, journal, [*before, *forged])) == ["events"]
-    assert list(failures(world, journal, [*before, Event(11, "fault", None, "f4 pause begins: r3")])) == ["events"]
+    result = run(lab, lambda world: world.tick == 10)
+    assert result[1].end
+    result[1].end = replace(result[1].end, reason=INTERRUPTED)
+    *some, last = [Event(*fields) for fields in MADE if fields[0] == 10][: more + 1]
+    before = result[1].events
+    assert failed(result, *before, *some, last) == {}
+    assert list(failed(result, *before, *some, replace(last, detail="f9 loss ends"))) == ["events"]
+    assert list(failed(result, *before, Event(11, "fault", None, "f4 pause begins: r3"))) == ["events"]

@@ -1,46 +1,32 @@
-"""The verdict on what is forged: as asked it passes; a forger that does anything else is found out.
-
-The replay's forger is then the same and finds nothing.
-"""
+"""The verdict on what is forged: as asked it passes; a forger that does anything else is found out."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
 
-from patrol.journal import Status, trace_hash
+from patrol.journal import Status
 from patrol.pose import Pose
 from patrol.radio.message import Position, decode, encode
-from tests.worldsim.checks.judged import Result, failures, runs
+from tests.worldsim.checks.judged import Run, failures, move
+from tests.worldsim.conftest import Lab
 from worldsim.radio.fates import Forged
 from worldsim.radio.forging import Forger
-from worldsim.verdict.judge import judge
 
-if TYPE_CHECKING:
-    from tests.worldsim.conftest import Lab
-
+TICKS = 30
 DRIFT = {"kind": "drift", "who": "r2", "bias": [30.0, 0.0], "noise": 0.3}
 CLOCK = {"kind": "clock", "who": "r2", "offset": 2.0, "rate": 0.3}
 PAYLOADS: tuple[Any, ...] = (
-    {"offset": [0.337, -0.252]},
-    "freeze",
-    {"replay": 1.7},
-    "random",
-    {"invented": 3},
-    {"ahead": 64},
+    *({"offset": [0.337, -0.252]}, "freeze", {"replay": 1.7}),
+    *("random", {"invented": 3}, {"ahead": 64}),
 )
 
 
 def spoof(payload: Any, **more: Any) -> dict[str, Any]:
     return {"kind": "spoof", "as": ["r2", "r3"], "payload": payload, "at": 2.0, "for": 8.0, "id": "lie", **more}
-
-
-@pytest.fixture
-def run(lab: Lab) -> Callable[..., Result]:
-    return runs(lab, ticks=30)
 
 
 @pytest.mark.parametrize("payload", PAYLOADS, ids=str)
@@ -55,16 +41,12 @@ def run(lab: Lab) -> Callable[..., Result]:
     ],
     ids=["senses", "killed", "absent", "paused"],
 )
-def test_what_is_forged_as_asked_passes(
-    run: Callable[..., Result], payload: Any, by: str, others: list[dict[str, Any]]
-) -> None:
+def test_what_is_forged_as_asked_passes(run: Run, payload: Any, by: str, others: list[dict[str, Any]]) -> None:
     assert failures(run(spoof(payload, by=by), spoof(payload, id="more", at=3.3), *others)) == {}
 
 
 @pytest.mark.parametrize("payload", PAYLOADS, ids=str)
-def test_a_spoof_that_never_happens_fails(
-    run: Callable[..., Result], payload: Any, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_spoof_that_never_happens_fails(run: Run, payload: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Forger, "forge", lambda *_: [])
     found = failures(run(spoof(payload)))
     assert list(found) == ["forgeries"]
@@ -90,7 +72,7 @@ def honest() -> Any:
 @pytest.mark.parametrize("payload", ["freeze", {"offset": [5.0, 5.0]}], ids=str)
 @pytest.mark.parametrize("others", [[], [DRIFT], [{"kind": "kill", "who": ["r2", "r3"], "at": 1.0}]])
 def test_a_spoof_that_tells_the_truth_fails(
-    run: Callable[..., Result], payload: Any, others: list[dict[str, Any]], monkeypatch: pytest.MonkeyPatch
+    run: Run, payload: Any, others: list[dict[str, Any]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     dead = payload == "freeze" and others and others[0]["kind"] == "kill"
     monkeypatch.setattr(Forger, "forge", honest())
@@ -111,6 +93,13 @@ def edited(**values: Any) -> Callable[[Forger, int, list[Forged]], list[Forged]]
     ]
 
 
+def with_each(**fields: Any) -> Callable[[Forger, int, list[Forged]], list[Forged]]:
+    return lambda _forger, _k, forged: [replace(one, **fields) for one in forged]
+
+
+NAMES = "forges in the names of robots"
+
+
 @pytest.mark.parametrize(
     ("payload", "change", "says"),
     [
@@ -120,44 +109,24 @@ def edited(**values: Any) -> Callable[[Forger, int, list[Forged]], list[Forged]]
         ({"offset": [1.0, 0.0]}, edited(y_cm=lambda said, _: said.y_cm + 3), "claims for robot 2: place ("),
         ({"offset": [1.0, 0.0]}, edited(time_ms=lambda said, _: said.time_ms + 500), "time 2500 ms instead of 2000 ms"),
         ("random", edited(y_cm=lambda said, _: said.y_cm + 1600), "off the terrain"),
-        (
-            {"invented": 3},
-            edited(robot=lambda said, _: said.robot - 3),
-            "forges in the names of robots [2, 3, 4] instead of [5, 6, 7]",
-        ),
-        (
-            {"invented": 3},
-            lambda _f, _k, forged: forged[1:],
-            "forges in the names of robots [6, 7] instead of [5, 6, 7]",
-        ),
-        (
-            "random",
-            lambda _f, _k, forged: [*forged, *forged],
-            "forges in the names of robots [2, 2, 3, 3] instead of [2, 3]",
-        ),
+        ({"invented": 3}, edited(robot=lambda said, _: said.robot - 3), f"{NAMES} [2, 3, 4] instead of [5, 6, 7]"),
+        ({"invented": 3}, lambda _f, _k, forged: forged[1:], f"{NAMES} [6, 7] instead of [5, 6, 7]"),
+        ("random", lambda _f, _k, forged: [*forged, *forged], f"{NAMES} [2, 2, 3, 3] instead of [2, 3]"),
         ({"replay": 1.7}, lambda _f, _k, forged: forged[1:], "does not repeat what its victims sent 4 ticks ago"),
         ({"replay": 1.7}, edited(x_cm=lambda said, _: said.x_cm + 1), "does not repeat what its victims sent"),
-        (
-            "random",
-            lambda _f, _k, forged: [replace(f, frame=b"?") for f in forged],
-            "sends a frame that cannot be decoded",
-        ),
-        (
-            "random",
-            lambda _f, _k, forged: [replace(f, fault="f9") for f in forged],
-            "lie forges in the names of robots []",
-        ),
+        ("random", with_each(frame=b"?"), "sends a frame that cannot be decoded"),
+        ("random", with_each(fault="f9"), f"lie {NAMES} []"),
     ],
 )
 def test_a_forger_that_says_something_else_fails(
-    run: Callable[..., Result], payload: Any, change: Any, says: str, monkeypatch: pytest.MonkeyPatch
+    run: Run, payload: Any, change: Any, says: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(Forger, "forge", forging(change))
     assert says in failures(run(spoof(payload)))["forgeries"]
 
 
 @pytest.mark.parametrize("age", [3, 5])
-def test_a_replay_of_another_time_fails(run: Callable[..., Result], age: int, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_replay_of_another_time_fails(run: Run, age: int, monkeypatch: pytest.MonkeyPatch) -> None:
     good = Forger.forge
     sent: dict[int, Mapping[int, Sequence[bytes]]] = {}
 
@@ -167,26 +136,18 @@ def test_a_replay_of_another_time_fails(run: Callable[..., Result], age: int, mo
         return [replace(one, frame=sent[k - age][victim][0]) for one, victim in right if k >= age]
 
     monkeypatch.setattr(Forger, "forge", forge)
-    assert failures(run(spoof({"replay": 1.7}))) == {
-        "forgeries": f"tick {4}: lie does not repeat what its victims sent 4 ticks ago"
-    }
+    says = "tick 4: lie does not repeat what its victims sent 4 ticks ago"
+    assert failures(run(spoof({"replay": 1.7}))) == {"forgeries": says}
 
 
 @pytest.mark.parametrize("payload", ["random", {"replay": 0.5}], ids=str)
-def test_what_is_forged_by_the_dead_or_out_of_time_fails(run: Callable[..., Result], payload: Any) -> None:
-    world, journal = run(spoof(payload, by="r4"))
-    judged = world.prepared
+def test_what_is_forged_by_the_dead_or_out_of_time_fails(run: Run, payload: Any) -> None:
+    result = run(spoof(payload, by="r4"))
     for other in (spoof(payload, by="r4", at=3.0), spoof(payload, by="r4", **{"for": 3.0})):
         late, _ = run(other)
-        found = {check.name: check.detail for check in judge(journal, {}, late.prepared).failed}
-        assert found["forgeries"].endswith("lie sends forged frames and should not")
-    record = journal.records[6]
-    dead = tuple(replace(row, status=Status.DEAD) if row.number == 4 else row for row in record.robots)
-    journal.records[6] = replace(record, robots=dead)
-    assert journal.end
-    journal.end = replace(journal.end, trace_hash=trace_hash(journal.ticks))
-    found = {check.name: check.detail for check in judge(journal, {}, judged).failed}
-    assert found["forgeries"] == "tick 6: lie sends forged frames and should not"
+        assert failures((late, result[1]))["forgeries"].endswith("lie sends forged frames and should not")
+    move(result[1], 6, 4, status=Status.DEAD)
+    assert failures(result)["forgeries"] == "tick 6: lie sends forged frames and should not"
 
 
 def test_nobody_forges_in_the_name_of_a_spare_robot_that_has_not_come(lab: Lab) -> None:

@@ -3,18 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
 
 import pytest
 
 from patrol.journal import Event, RobotTick, Status
+from tests.worldsim.checks.judged import Result, change, checks, failures, move
+from tests.worldsim.conftest import Lab
+from worldsim.checks.check import CheckResult
 from worldsim.faults import LOOKED_AT, STOPPED, UNSEEN
-from worldsim.run_record import MemoryJournal
-from worldsim.verdict.judge import judge
-
-if TYPE_CHECKING:
-    from tests.worldsim.conftest import Lab
-    from worldsim.world import World
 
 TICKS = 16
 DISC = {"model": "holonomic", "radius": 0.4}
@@ -28,39 +24,22 @@ FAULTS = [
 ]
 """r2 is dead over ticks 4 to 9, r1 paused over 6 to 8, r3 there over 2 to 11."""
 
-Run = tuple[MemoryJournal, "World"]
-
-
-@pytest.fixture
-def run(lab: Lab) -> Run:
-    world = lab.world([DISC] * 3, STARTS, duration=0.5 * TICKS, faults=FAULTS)
-    return lab.run(world, lab.fleet(world, seed=world.scenario.seed, seen=STOPPED)), world
-
-
-def failures(run: Run, exits: dict[str, int | None] | None = None) -> dict[str, str]:
-    """The details of the checks that failed, by name; the trace is not of interest here."""
-    verdict = judge(run[0], exits or {}, run[1].prepared)
-    return {check.name: check.detail for check in verdict.failed if check.name != "trace"}
-
-
 EXITS: dict[str, int | None] = {"the world": 0, "r1": 0, "r2": -9, "r2 (2)": 0, "r3": 0}
 
 
-def alter(run: Run, k: int, number: int, **fields: Any) -> None:
-    """Change one robot's row in one tick."""
-    record = run[0].records[k]
-    robots = tuple(replace(row, **fields) if row.number == number else row for row in record.robots)
-    run[0].records[k] = replace(record, robots=robots)
+@pytest.fixture
+def run(lab: Lab) -> Result:
+    world = lab.world([DISC] * 3, STARTS, duration=0.5 * TICKS, faults=FAULTS)
+    return world, lab.run(world, lab.fleet(world, seed=world.scenario.seed, seen=STOPPED))
 
 
-def row(run: Run, k: int, number: int) -> RobotTick:
-    return run[0].records[k].robots[number - 1]
+def row(run: Result, k: int, number: int) -> RobotTick:
+    return run[1].records[k].robots[number - 1]
 
 
-def test_what_was_planned_is_valid(run: Run) -> None:
-    verdict = judge(run[0], EXITS, run[1].prepared)
-    assert verdict.valid, verdict.failed
-    details = {check.name: check.detail for check in verdict.checks}
+def test_what_was_planned_is_valid(run: Result) -> None:
+    assert failures(run, EXITS) == {}
+    details = {name: check.detail for name, check in checks(run, EXITS).items()}
     assert details["statuses"] == "6 changes as planned"
     assert details["exit codes"] == "4 processes ended with 0, 1 were killed as planned"
     assert details["the down are silent"] == "in 15 ticks of robots"
@@ -78,17 +57,17 @@ def test_what_was_planned_is_valid(run: Run) -> None:
         (12, 3, Status.ALIVE, "r3 is alive at tick 12, but should be left"),
     ],
 )
-def test_another_status_than_planned_fails(run: Run, k: int, number: int, status: Status, says: str) -> None:
-    alter(run, k, number, status=status)
+def test_another_status_than_planned_fails(run: Result, k: int, number: int, status: Status, says: str) -> None:
+    move(run[1], k, number, status=status)
     assert failures(run)["statuses"] == says
 
 
 def test_who_appears_where_another_stands_fails(lab: Lab) -> None:
     faults = [{"kind": "kill", "who": "r1", "at": 0.0}, {"kind": "join", "who": "r2", "at": 1.0}]
     world = lab.world([DISC] * 2, [(3.0, 3.0, 0.0), (3.1, 3.0, 0.0)], duration=4.0, faults=faults)
-    run = lab.run(world), world
+    run = world, lab.run(world)
     assert failures(run) == {}
-    alter(run, 5, 2, status=Status.ALIVE)
+    move(run[1], 5, 2, status=Status.ALIVE)
     found = failures(run)
     assert found["statuses"] == "r2 is alive at tick 5, but should be absent"
     assert found["bodies apart"].startswith("r1 and r2 overlap at tick 5")
@@ -97,41 +76,41 @@ def test_who_appears_where_another_stands_fails(lab: Lab) -> None:
 def test_at_a_pace_a_robot_may_come_late_but_not_early(lab: Lab) -> None:
     faults = [{"kind": "join", "who": "r3", "at": 2.0}]
     world = lab.world([DISC] * 3, STARTS, duration=0.5 * TICKS, pace=10, faults=faults)
-    run = lab.run(world, lab.fleet(world, late={3: 9})), world
+    run = world, lab.run(world, lab.fleet(world, late={3: 9}))
     assert failures(run) == {}
-    alter(run, 3, 3, status=Status.ALIVE)
+    move(run[1], 3, 3, status=Status.ALIVE)
     assert failures(run)["statuses"] == "r3 is alive at tick 3, but should be absent"
 
 
-def test_a_removed_wreck_may_be_driven_over_and_one_that_stays_may_not(run: Run) -> None:
+def test_a_removed_wreck_may_be_driven_over_and_one_that_stays_may_not(run: Result) -> None:
     there = row(run, 8, 1)
     for k in range(8, 10):
-        alter(run, k, 2, x=there.x, y=there.y)
+        move(run[1], k, 2, x=there.x, y=there.y)
     assert "bodies apart" not in failures(run)
-    alter(run, 3, 2, x=row(run, 3, 1).x, y=row(run, 3, 1).y)
+    move(run[1], 3, 2, x=row(run, 3, 1).x, y=row(run, 3, 1).y)
     assert failures(run)["bodies apart"].startswith("r1 and r2 overlap at tick 3")
 
 
-def test_who_comes_back_elsewhere_than_at_its_start_fails(run: Run) -> None:
+def test_who_comes_back_elsewhere_than_at_its_start_fails(run: Result) -> None:
     for k in range(10, TICKS):
-        alter(run, k, 2, x=row(run, k, 2).x + 0.5)
+        move(run[1], k, 2, x=row(run, k, 2).x + 0.5)
     assert failures(run)["moves"].startswith("r2 is at (7.5, 11.0; 0.0 rad) and not at (7.0, 11.0; 0.0 rad)")
 
 
 @pytest.mark.parametrize(("k", "number", "status"), [(5, 2, "dead"), (7, 1, "paused"), (0, 3, "absent")])
-def test_the_down_neither_send_hear_nor_decide(run: Run, k: int, number: int, status: str) -> None:
-    record = run[0].records[k]
+def test_the_down_neither_send_hear_nor_decide(run: Result, k: int, number: int, status: str) -> None:
+    record = run[1].records[k]
     frame = next(frame for _, frame in record.frames)
     variants = {
         "sends": replace(record, frames=(*record.frames, (number, frame))),
         "hears": replace(record, deliveries=(*record.deliveries, (2 if number != 2 else 3, number, k))),
     }
     for what, changed in variants.items():
-        run[0].records[k] = changed
+        change(run[1], k, frames=changed.frames, deliveries=changed.deliveries)
         assert failures(run)["the down are silent"] == f"r{number} is {status} at tick {k} and {what}"
     for field, value in {"state": "x", "goal": (1.0, 2.0), "decision_ms": 3.0, "rejected": 0, "refused": True}.items():
-        run[0].records[k] = record
-        alter(run, k, number, **{field: value})
+        run[1].records[k] = record
+        move(run[1], k, number, **{field: value})
         assert failures(run)["the down are silent"] == f"r{number} is {status} at tick {k} and decides"
 
 
@@ -143,63 +122,54 @@ def test_the_down_neither_send_hear_nor_decide(run: Run, k: int, number: int, st
         ({"r1": -9}, "r1 ended with -9"),
         ({"r3": 130}, "r3 ended with 130"),
         ({"the world": -9}, "the world ended with -9"),
+        ({"r1": None}, "r1 did not end"),
         ({"r2": None}, "r2 did not end, not with -9 as planned"),
     ],
 )
-def test_a_process_that_ends_otherwise_than_planned_fails(run: Run, exits: dict[str, int | None], says: str) -> None:
+def test_a_process_that_ends_otherwise_than_planned_fails(run: Result, exits: dict[str, int | None], says: str) -> None:
     assert failures(run, EXITS | exits) == {"exit codes": says}
 
 
 @pytest.mark.parametrize("name", ["r1", "r2", "r2 (2)", "r3"])
-def test_a_process_of_which_nobody_knows_how_it_ended_fails(run: Run, name: str) -> None:
+def test_a_process_of_which_nobody_knows_how_it_ended_fails(run: Result, name: str) -> None:
     """A launcher that forgets a process it killed, started again, or started at the beginning."""
     told = {other: code for other, code in EXITS.items() if other != name}
     assert failures(run, told) == {"exit codes": f"the exit code of {name} is unknown"}
 
 
-def test_how_a_lost_or_belated_process_ends_says_nothing(run: Run) -> None:
+def test_how_a_lost_or_belated_process_ends_says_nothing(run: Result) -> None:
     assert failures(run, EXITS | {"r2 (3)": 130, "r3 (2)": 130}) == {}
-    run[0].events += (Event(TICKS, "lost", 1, "its process was gone"),)
+    run[1].events += (Event(TICKS, "lost", 1, "its process was gone"),)
     assert list(failures(run, EXITS | {"r1": 1})) == ["nobody lost"]
     assert list(failures(run, {name: code for name, code in EXITS.items() if name != "r1"})) == ["nobody lost"]
 
 
-def seen(run: Run, *details: str, k: int = 6) -> None:
+def seen(run: Result, *details: str, k: int = 6) -> None:
     """What was seen of r1 when it was paused, or at tick 9 when that ended."""
-    events = [event for event in run[0].events if (event.kind, event.k) != (LOOKED_AT, k)]
+    events = [event for event in run[1].events if (event.kind, event.k) != (LOOKED_AT, k)]
     place = next(place for place, e in enumerate(events) if (e.k, e.robot) == (k, 1) and e.kind in ("paused", "alive"))
     events[place + 1 : place + 1] = [Event(k, LOOKED_AT, 1, detail) for detail in details]
-    run[0].events = tuple(events)
+    run[1].events = tuple(events)
 
 
-def test_a_paused_process_that_somebody_lets_go_on_meanwhile_fails(run: Run) -> None:
-    seen(run, "its process has the state S and does not stand still", k=9)
-    says = "r1 was paused until tick 9, but its process has the state S and does not stand still"
-    assert failures(run, EXITS) == {"the paused stand still": says}
-    seen(run, k=9)
-    says = "r1 was paused until tick 9, but its process was not inspected"
-    assert failures(run, EXITS) == {"the paused stand still": says}
+@pytest.mark.parametrize(("k", "when"), [(6, "at tick 6"), (9, "until tick 9")])
+@pytest.mark.parametrize(
+    ("details", "says"),
+    [(("its process has the state S and does not stand still",), ""), ((), "its process was not inspected")],
+)
+def test_a_paused_process_that_does_not_stand_still_or_that_nobody_looked_at_fails(
+    run: Result, k: int, when: str, details: tuple[str, ...], says: str
+) -> None:
+    seen(run, *details, k=k)
+    detail = f"r1 was paused {when}, but {says or details[0]}"
+    assert failures(run, EXITS) == {"the paused stand still": detail}
 
 
-def test_a_paused_process_that_does_not_stand_still_fails(run: Run) -> None:
-    seen(run, "its process has the state S and does not stand still")
-    says = "r1 was paused at tick 6, but its process has the state S and does not stand still"
-    assert failures(run, EXITS) == {"the paused stand still": says}
-
-
-def test_a_pause_that_nobody_looked_at_fails_where_there_are_processes(run: Run) -> None:
+def test_where_nobody_can_look_it_is_not_judged(run: Result) -> None:
     seen(run)
-    says = "r1 was paused at tick 6, but its process was not inspected"
-    assert failures(run, EXITS) == {"the paused stand still": says}
-    (check,) = [c for c in judge(run[0], {}, run[1].prepared).checks if c.name == "the paused stand still"]
-    assert (check.ok, check.judged, check.detail) == (True, False, "the run had no processes")
-
-
-def test_where_nobody_can_look_it_is_not_judged(run: Run) -> None:
+    detail = "the run had no processes"
+    assert checks(run)["the paused stand still"] == CheckResult("the paused stand still", True, detail, judged=False)
     seen(run, UNSEEN)
-    (check,) = [c for c in judge(run[0], EXITS, run[1].prepared).checks if c.name == "the paused stand still"]
-    assert (check.ok, check.judged, check.detail) == (
-        True,
-        False,
-        "in 1 of 2 inspections the state of the process was unknown",
-    )
+    detail = "in 1 of 2 inspections the state of the process was unknown"
+    check = CheckResult("the paused stand still", True, detail, judged=False)
+    assert checks(run, EXITS)["the paused stand still"] == check

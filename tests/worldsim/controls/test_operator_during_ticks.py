@@ -11,11 +11,9 @@ from patrol.errors import BadInput
 from patrol.prepare import prepare
 from patrol.scenario import load_scenario
 from patrol.scenario.controls import Answer, Pause, read_control
-from tests.worldsim.fleet.net import NAMES, Net, heard, sensed
+from tests.worldsim.fleet.net import NAMES, heard, lockstep, paced, sensed, tick
 from tests.worldsim.test_operator import SMALL, Rests
 from worldsim.controls import MOST_DEFERRED, MOST_DURING, ControlRequest, Operator
-from worldsim.fleet.lockstep import LockstepFleet
-from worldsim.fleet.paced import PacedFleet
 from worldsim.world import World
 
 
@@ -84,44 +82,34 @@ def test_a_flood_takes_a_bounded_part_of_a_tick(operator: Operator, asked: Asked
 
 
 def test_a_long_tick_ends_when_it_is_made_short() -> None:
-    net = Net()
-    net.gather()
-    fleet = PacedFleet(net.sessions, 500.0)
+    net, fleet = paced(500.0)
     began = net.time
     asked_at = began + 30.0
     fleet.meanwhile = lambda: fleet.set_step(0.5) if net.time >= asked_at else None
-    fleet.phase_a(0, sensed(0))
-    fleet.phase_b(0, heard())
+    tick(fleet, 0)
     assert asked_at <= net.time < asked_at + 1.0
-    fleet.phase_a(1, sensed(1))
-    fleet.phase_b(1, heard())
+    tick(fleet, 1)
     assert net.time < asked_at + 2.0
     assert fleet.slipped_s == 0.0
 
 
 def test_a_tick_under_way_is_never_made_longer() -> None:
-    net = Net()
-    net.gather()
-    fleet = PacedFleet(net.sessions, 0.5)
+    net, fleet = paced()
     began = net.time
     fleet.phase_a(0, sensed(0))
     fleet.set_step(500.0)
     fleet.phase_b(0, heard())
     assert net.time - began == pytest.approx(0.5)
-    fleet.phase_a(1, sensed(1))
-    fleet.phase_b(1, heard())
+    tick(fleet, 1)
     assert net.time - began == pytest.approx(500.5)
     assert fleet.slipped_s == 0.0
 
 
 def test_the_world_serves_others_while_it_waits_for_a_robot() -> None:
-    net = Net()
-    net.gather()
-    fleet = LockstepFleet(net.sessions, 5.0)
+    net, fleet = lockstep(5.0)
     served: list[float] = []
     fleet.meanwhile = lambda: served.append(net.time)
-    fleet.phase_a(0, sensed(0))
-    fleet.phase_b(0, heard())
+    tick(fleet, 0)
     assert served == []
     net.mute = {1}
     began = net.time

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -12,23 +13,19 @@ from fogwatch.inprocess import run_in_process
 from patrol.errors import BadInput
 from patrol.journal.records import IN_FORCE, OUT_OF_FORCE, Event
 from patrol.prepare import prepare
-from patrol.scenario import dump_scenario, load_scenario
+from patrol.scenario import Scenario, dump_scenario, load_scenario
 from patrol.scenario.controls import OPERATOR, amended, as_detail, described, read_control
 from patrol.zones.spec import zones_in_force
-from tests.worldsim.test_operator import run
+from tests.fleets import COARSE, end_of
+from tests.worldsim.test_operator import again, failed_without_operator, run
 from worldsim.verdict.judge import judge
 from worldsim.world import World
 
 VAULT = {"name": "vault", "polygon": [[0, 0], [40, 0], [40, 40], [0, 40]], "weight": 8}
 WARD = {"name": "ward", "polygon": [[0, 0], [100, 0], [100, 100], [0, 100]], "speed": 0.5, "times": []}
 STAIRS = {"name": "stairs", "polygon": [[60, 60], [62, 60], [62, 62], [60, 62]], "keep_out": True}
-SITE: dict[str, Any] = {
-    "terrain": {"builtin": "open"},
-    "point": 1.0,
-    "duration": 30,
-    "robots": {"count": 4, "model": "holonomic", "radius": 0.4, "speed": 4.0},
-    "zones": [VAULT, WARD, STAIRS],
-}
+ROBOTS = {"count": 4, "model": "holonomic", "radius": 0.4, "speed": 4.0}
+SITE: dict[str, Any] = {**COARSE, "duration": 30, "robots": ROBOTS, "zones": [VAULT, WARD, STAIRS]}
 
 
 def switch(name: str, on: bool) -> dict[str, Any]:
@@ -39,13 +36,16 @@ def weigh(name: str, weight: float) -> dict[str, Any]:
     return {"do": "zone", "name": name, "weight": weight}
 
 
-SWITCHES = {
-    9: [switch("vault", False)],
-    20: [switch("ward", True)],
-    21: [switch("ward", False)],
-    30: [switch("vault", True), switch("ward", True)],
-    44: [switch("vault", False), switch("vault", True)],
-}
+def after(scenario: Scenario, controls: Mapping[int, Sequence[dict[str, Any]]]) -> Scenario:
+    """The scenario with what an operator asked for, by tick."""
+    for k, some in controls.items():
+        for control in some:
+            scenario, _ = amended(scenario, k, read_control(control))
+    return scenario
+
+
+SWITCHES = {9: [switch("vault", False)], 20: [switch("ward", True)], 21: [switch("ward", False)]}
+SWITCHES |= {30: [switch("vault", True), switch("ward", True)], 44: [switch("vault", False), switch("vault", True)]}
 
 
 def test_what_is_switched_is_judged_and_gives_the_same_trace_again() -> None:
@@ -57,21 +57,11 @@ def test_what_is_switched_is_judged_and_gives_the_same_trace_again() -> None:
     (slow,) = (check for check in verdict.checks if check.name == "slow zones")
     assert slow.detail == "120 steps in 1 slow zones, none too fast"  # of the last of 30 + 1 ticks nothing follows
     turns = [(event.k, event.kind, event.detail) for event in journal.events if event.kind in (IN_FORCE, OUT_OF_FORCE)]
-    assert turns == [
-        (9, OUT_OF_FORCE, "vault"),
-        (20, IN_FORCE, "ward"),
-        (21, OUT_OF_FORCE, "ward"),
-        (30, IN_FORCE, "vault"),
-        (30, IN_FORCE, "ward"),
-    ]
-    again = run_in_process(prepared.as_operated(journal.events), threads=1)
-    assert again.verdict.valid, again.verdict.failed
-    assert journal.end is not None
-    assert again.journal.end is not None
-    assert again.journal.end.trace_hash == journal.end.trace_hash
-    without = run_in_process(prepared, threads=1)
-    assert without.journal.end is not None
-    assert without.journal.end.trace_hash != journal.end.trace_hash
+    off, on = OUT_OF_FORCE, IN_FORCE
+    ward = [(20, on, "ward"), (21, off, "ward"), (30, on, "ward")]
+    assert turns == [(9, off, "vault"), *ward[:2], (30, on, "vault"), ward[2]]
+    again(prepared, journal)
+    assert end_of(run_in_process(prepared, threads=1).journal) != end_of(journal)
 
 
 WEIGHTS = {10: [weigh("vault", 0.2)], 24: [weigh("vault", 30.0)], 40: [switch("vault", False), weigh("vault", 8.0)]}
@@ -88,24 +78,16 @@ def test_a_weight_that_is_changed_is_judged_and_gives_the_same_trace_again() -> 
     ]
     verdict = judge(journal, {}, prepared)
     assert verdict.valid, verdict.failed
-    again = run_in_process(prepared.as_operated(journal.events), threads=1)
-    assert again.verdict.valid, again.verdict.failed
     assert verdict.zones is not None
-    np.testing.assert_equal(vars(verdict.zones), vars(again.verdict.zones))
+    np.testing.assert_equal(vars(verdict.zones), vars(again(prepared, journal).verdict.zones))
     without = run_in_process(prepared, threads=1)
-    ends = [made.end for made in (journal, again.journal, without.journal) if made.end is not None]
-    hashes = [end.trace_hash for end in ends]
-    assert hashes[0] == hashes[1] != hashes[2]
-    assert verdict.zones is not None
+    assert end_of(without.journal) != end_of(journal)
     assert without.verdict.zones is not None
     assert verdict.zones.mfow_weighted_max_s != without.verdict.zones.mfow_weighted_max_s
 
 
 def test_a_scenario_of_changed_weights_comes_back_from_its_file(tmp_path: Path) -> None:
-    scenario = load_scenario(SITE)
-    for k, controls in WEIGHTS.items():
-        for control in controls:
-            scenario, _ = amended(scenario, k, read_control(control))
+    scenario = after(load_scenario(SITE), WEIGHTS)
     (vault, *_) = scenario.zones
     assert (vault.weight, vault.weights) == (8.0, ((5.0, 0.2), (12.0, 30.0), (20.0, 8.0)))
     assert [vault.weight_at(time_s) for time_s in (0.0, 4.9, 5.0, 12.0, 30.0)] == [8.0, 8.0, 0.2, 30.0, 8.0]
@@ -119,25 +101,22 @@ def test_robots_learn_a_weight_from_the_world() -> None:
     assert {sensed.weights for sensed in world.begin_tick().values()} == {()}
     world.end_tick({})
     for k, weight in ((1, 3.0), (2, 4.0)):
-        scenario, _ = amended(world.scenario, k, read_control(weigh("vault", weight)))
-        world.amend(scenario)
+        world.amend(after(world.scenario, {k: [weigh("vault", weight)]}))
         assert {(sensed.zones, sensed.weights) for sensed in world.begin_tick().values()} == {((0, 2), ((0, weight),))}
         world.end_tick({})
 
 
 def test_of_two_weights_before_one_tick_the_last_holds() -> None:
-    scenario = load_scenario(SITE)
-    for k, weights in ((0, (4.0,)), (4, (3.0, 8.0, 5.0))):
-        for weight in weights:
-            scenario, _ = amended(scenario, k, read_control(weigh("vault", weight)))
+    asked = {0: [weigh("vault", 4.0)], 4: [weigh("vault", weight) for weight in (3.0, 8.0, 5.0)]}
+    scenario = after(load_scenario(SITE), asked)
     assert scenario.zones[0].weights == ((0.0, 4.0), (2.0, 5.0))
 
 
 def test_an_operators_weight_outlasts_those_of_the_scenario() -> None:
     scenario = load_scenario(SITE | {"zones": [VAULT | {"weights": [[5.0, 3.0], [10.1, 7.0]]}, WARD, STAIRS]})
-    held, _ = amended(scenario, 15, read_control(weigh("vault", 3.0)))
+    held = after(scenario, {15: [weigh("vault", 3.0)]})
     assert held.zones[0].weights == ((5.0, 3.0), (7.5, 3.0))
-    later, _ = amended(scenario, 21, read_control(weigh("vault", 2.0)))  # 10.1 s is in the same tick
+    later = after(scenario, {21: [weigh("vault", 2.0)]})  # 10.1 s is in the same tick
     assert later.zones[0].weights == ((5.0, 3.0), (10.5, 2.0))
     with pytest.raises(BadInput, match="already"):
         amended(held, 16, read_control(weigh("vault", 3.0)))
@@ -148,15 +127,11 @@ def test_a_verdict_that_knows_nothing_of_the_operator_does_not_see_slow_zones_ke
     prepared = prepare(load_scenario(SITE | {"zones": [VAULT, WARD | {"times": [[0, 10]]}, STAIRS]}))
     journal, *_ = run(prepared, {9: [switch("ward", False)]})
     assert judge(journal, {}, prepared).valid
-    journal.events = tuple(event for event in journal.events if event.kind != OPERATOR)
-    assert {check.name for check in judge(journal, {}, prepared).failed} == {"slow zones", "zone times"}
+    assert failed_without_operator(prepared, journal) == {"slow zones", "zone times"}
 
 
 def test_the_zones_in_force_follow_the_switches_and_keep_their_past() -> None:
-    scenario = load_scenario(SITE)
-    for k, controls in SWITCHES.items():
-        for control in controls:
-            scenario, _ = amended(scenario, k, read_control(control))
+    scenario = after(load_scenario(SITE), SWITCHES)
     held = [zones_in_force(scenario.zones, k * scenario.step) for k in range(scenario.ticks)]
     assert [k for k in range(60) if "vault" in held[k]] == [*range(9), *range(30, 60)]
     assert [k for k in range(60) if "ward" in held[k]] == [20, *range(30, 60)]
@@ -213,15 +188,19 @@ def test_what_is_refused_in_one_line(control: dict[str, Any], problem: str) -> N
     assert "\n" not in str(caught.value)
 
 
-def test_a_one_way_zone_always_holds() -> None:
-    lane = STAIRS | {"name": "lane", "keep_out": None, "one_way": 90}
-    with pytest.raises(BadInput, match="name = lane: a one-way zone always holds; only other zones can be switched"):
-        amended(load_scenario(SITE | {"zones": [lane]}), 5, read_control(switch("lane", False)))
+LANE = STAIRS | {"name": "lane", "keep_out": None, "one_way": 90}
 
 
-def test_without_zones_there_is_nothing_to_switch() -> None:
-    with pytest.raises(BadInput, match="control: name = vault: this run has no zones"):
-        amended(load_scenario(SITE | {"zones": []}), 5, read_control(switch("vault", False)))
+@pytest.mark.parametrize(
+    ("zones", "name", "problem"),
+    [
+        ([LANE], "lane", "name = lane: a one-way zone always holds; only other zones can be switched"),
+        ([], "vault", "control: name = vault: this run has no zones"),
+    ],
+)
+def test_other_sites_are_refused_too(zones: list[dict[str, Any]], name: str, problem: str) -> None:
+    with pytest.raises(BadInput, match=problem):
+        amended(load_scenario(SITE | {"zones": zones}), 5, read_control(switch(name, False)))
 
 
 def test_what_people_read_of_it() -> None:

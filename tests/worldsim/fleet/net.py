@@ -3,28 +3,20 @@
 from __future__ import annotations
 
 from collections import Counter, deque
-from collections.abc import Callable, Sequence
-from typing import Any
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, TypeVar
 
 from patrol.exchange import Reply, Sensed
-from patrol.messages.phases import (
-    Hello,
-    HelloReply,
-    PhaseA,
-    PhaseB,
-    ReplyA,
-    ReplyB,
-    ToRobot,
-    ToWorld,
-    decode_to_robot,
-)
+from patrol.messages.phases import Hello, HelloReply, PhaseA, PhaseB, ReplyA, ReplyB, ToRobot, ToWorld, decode_to_robot
 from patrol.messages.session import WorldRun
 from patrol.net.mailbox import Presence
 from patrol.pose import Pose, Velocity
 from patrol.security.keys import FleetKeys
 from worldsim.fleet.lockstep import LockstepFleet
+from worldsim.fleet.paced import PacedFleet
 from worldsim.fleet.sessions import FleetConnection, Sessions
 
+M = TypeVar("M")
 KEYS = FleetKeys("f")
 NAMES = {1: "r1", 2: "r2", 3: "r3"}
 RUN, HASH = 9, "c" * 64
@@ -34,7 +26,7 @@ POSES = {number: Pose(float(number), 0.0, 0.0) for number in NAMES}
 class Net:
     """Robots that answer at once unless told otherwise, and time that passes only while somebody waits."""
 
-    def __init__(self, *, launched: bool = False) -> None:
+    def __init__(self, *, launched: bool = False, robots: int = 3, absent: Sequence[int] = ()) -> None:
         self.time = 1000.0
         self.refused: Counter[str] = Counter()
         self.letters: deque[tuple[float, str, Any]] = deque()
@@ -47,17 +39,15 @@ class Net:
         """Robots whose processes have ended, which only a launcher knows."""
         self.stands_still: deque[tuple[float, float]] = deque()
         """When the whole machine stands still, and for how long, s."""
-        self.wire = FleetConnection(
-            KEYS,
-            NAMES,
-            {number: self.post_of(number) for number in NAMES},
-            self,
-            lambda: self.connected,
-            lambda: self.time,
-            lambda: self.ending,
-            self.ended.__contains__ if launched else None,
-        )
-        self.sessions = Sessions(self.wire, WorldRun(RUN, HASH))
+        names = {number: NAMES[number] for number in range(1, robots + 1)}
+        posts = {number: self.post_of(number) for number in names}
+        ended = self.has_ended if launched else None
+        clock = lambda: self.time  # noqa: E731
+        self.wire = FleetConnection(KEYS, names, posts, self, lambda: self.connected, clock, lambda: self.ending, ended)
+        self.sessions = Sessions(self.wire, WorldRun(RUN, HASH), absent)
+
+    def has_ended(self, number: int) -> bool:
+        return number in self.ended
 
     @property
     def waiting(self) -> int:
@@ -108,13 +98,26 @@ class Net:
             self.presence(number, True)
         self.sessions.gather(10.0, lambda _names, _s: None)
 
-    def told(self, kind: type[ToRobot], number: int) -> list[ToRobot]:
+    def told(self, kind: type[M], number: int) -> list[M]:
         return [message for to, message in self.sent if to == number and isinstance(message, kind)]
 
 
-def fleet_of(net: Net, deadline_s: float = 10.0) -> LockstepFleet:
+def lockstep(deadline_s: float = 10.0, *, launched: bool = False) -> tuple[Net, LockstepFleet]:
+    net = Net(launched=launched)
     net.gather()
-    return LockstepFleet(net.sessions, deadline_s)
+    return net, LockstepFleet(net.sessions, deadline_s)
+
+
+def paced(step_s: float = 0.5, *, launched: bool = False) -> tuple[Net, PacedFleet]:
+    net = Net(launched=launched)
+    net.gather()
+    return net, PacedFleet(net.sessions, step_s)
+
+
+def tick(fleet: LockstepFleet | PacedFleet, k: int) -> Mapping[int, Reply | None]:
+    """Do both phases of a tick; the answers to the second."""
+    fleet.phase_a(k, sensed(k))
+    return fleet.phase_b(k, heard())
 
 
 def sensed(k: int, numbers: Sequence[int] = (1, 2, 3)) -> dict[int, Sensed]:

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any
 
 import numpy as np
+import pytest
 
 from patrol.exchange import Reply
 from patrol.journal import Event, Status, TickRecord
 from patrol.messages.phases import PhaseA, PhaseB
 from tests.worldsim.conftest import Lab, RandomFleet
-from tests.worldsim.fleet.net import NAMES, Net, fleet_of, heard, sensed
+from tests.worldsim.fleet.net import NAMES, Net, heard, lockstep, paced, sensed, tick
+from worldsim.fleet.lockstep import LockstepFleet
 from worldsim.fleet.loop import run_ticks
 from worldsim.fleet.paced import PacedFleet
 from worldsim.output.record import Recorder, header_of
@@ -29,20 +32,20 @@ class Waiting(RandomFleet):
         return super().phase_b(k, heard)
 
 
-def test_in_lockstep_it_is_done_while_robots_decide() -> None:
-    net = Net()
-    fleet = fleet_of(net)
+@pytest.mark.parametrize(("start", "due"), [(lockstep, [(1, 1), (2, 2)]), (paced, [(1, 0), (2, 1)])])
+def test_it_is_done_while_robots_decide_and_at_a_pace_before_phase_b_is_due(
+    start: Callable[[], tuple[Net, LockstepFleet | PacedFleet]], due: list[tuple[int, int]]
+) -> None:
+    net, fleet = start()
     told: list[tuple[int, int]] = []
     fleet.aside = lambda: told.append((len(net.told(PhaseA, 3)), len(net.told(PhaseB, 3))))
     for k in range(2):
-        assert len(fleet.phase_a(k, sensed(k))) == len(NAMES)
-        assert len(fleet.phase_b(k, heard())) == len(NAMES)
-    assert told == [(1, 1), (2, 2)]
+        assert len(tick(fleet, k)) == len(NAMES)
+    assert told == due
 
 
 def test_work_of_the_world_costs_no_robot_its_time_to_answer() -> None:
-    net = Net()
-    fleet = fleet_of(net, deadline_s=5.0)
+    net, fleet = lockstep(5.0)
     fleet.phase_a(0, sensed(0))
 
     def aside() -> None:
@@ -51,18 +54,6 @@ def test_work_of_the_world_costs_no_robot_its_time_to_answer() -> None:
     fleet.aside = aside
     assert len(fleet.phase_b(0, heard())) == len(NAMES)
     assert fleet.lost() == []
-
-
-def test_at_a_pace_it_is_done_before_phase_b_is_due() -> None:
-    net = Net()
-    net.gather()
-    fleet = PacedFleet(net.sessions, 0.5)
-    told: list[tuple[int, int]] = []
-    fleet.aside = lambda: told.append((len(net.told(PhaseA, 3)), len(net.told(PhaseB, 3))))
-    for k in range(2):
-        fleet.phase_a(k, sensed(k))
-        fleet.phase_b(k, heard())
-    assert told == [(1, 0), (2, 1)]
 
 
 def _recorded(lab: Lab, *, later: bool, **more: Any) -> tuple[MemoryJournal, list[str], list[int]]:
@@ -110,41 +101,23 @@ def test_what_is_written_later_is_written_alike(lab: Lab) -> None:
     assert max(now[2]) > 0
 
 
-def test_a_tick_is_written_before_processes_are_waited_for(lab: Lab) -> None:
+def test_a_tick_is_written_before_processes_are_waited_for_and_robots_are_dismissed(lab: Lab) -> None:
     world = lab.patrol(ticks=8, faults=[{"kind": "kill", "who": "r1", "at": 2.0}])
     written: list[int] = []
     seen: list[tuple[int, int]] = []
     fleet = Waiting(world)
     put_off = PutOff(lambda record: written.append(record.k), lambda _event: None)
     fleet.aside = put_off.settle
-    kill = fleet.kill
 
-    def watched(number: int) -> None:
+    def watched(act: Callable[[int], None], number: int) -> None:
         seen.append((world.tick, written[-1]))
-        kill(number)
+        act(number)
 
-    fleet.kill = watched  # type: ignore[method-assign]
+    for name in ("kill", "finish"):
+        setattr(fleet, name, partial(watched, getattr(fleet, name)))
     run_ticks(world, fleet, put_off.tick, put_off.event, control=fleet, settle=put_off.settle)
-    assert seen == [(4, 3)]
+    assert seen == [(4, 3), (8, 7)]
     assert written == list(range(8))
-
-
-def test_the_last_tick_is_written_before_the_robots_are_dismissed(lab: Lab) -> None:
-    world = lab.patrol(ticks=3)
-    written: list[int] = []
-    fleet = Waiting(world)
-    put_off = PutOff(lambda record: written.append(record.k), lambda _event: None)
-    fleet.aside = put_off.settle
-    finish = fleet.finish
-    at_the_end: list[list[int]] = []
-
-    def watched(k: int) -> None:
-        at_the_end.append(list(written))
-        finish(k)
-
-    fleet.finish = watched  # type: ignore[method-assign]
-    run_ticks(world, fleet, put_off.tick, put_off.event, settle=put_off.settle)
-    assert at_the_end == [[0, 1, 2]]
 
 
 def test_the_true_fog_takes_in_a_tick_once(lab: Lab) -> None:
@@ -162,8 +135,7 @@ def test_the_true_fog_takes_in_a_tick_once(lab: Lab) -> None:
 
 
 def test_a_tick_is_written_while_a_robot_keeps_the_world_waiting(lab: Lab) -> None:
-    net = Net()
-    fleet = fleet_of(net, deadline_s=5.0)
+    net, fleet = lockstep(5.0)
     written: list[tuple[int, float]] = []
     later = PutOff(lambda record: written.append((record.k, net.time)), lambda _: None)
     put_off(later, lab.patrol(), fleet, None, lambda: None)

@@ -7,22 +7,15 @@ import pytest
 from patrol.exchange import Reply
 from patrol.messages.phases import ReplyA, ReplyB
 from patrol.pose import Velocity
-from tests.worldsim.fleet.net import NAMES, RUN, Net, heard, sensed
+from tests.worldsim.fleet.net import NAMES, RUN, heard, paced, sensed, tick
 from worldsim.fleet.paced import COMMAND_SHARE, LOOK_S, WAKING_S, PacedFleet
 
 STEP_S = 0.5
 
 
-def fleet_at_a_pace(step_s: float = STEP_S) -> tuple[Net, PacedFleet]:
-    net = Net()
-    net.gather()
-    return net, PacedFleet(net.sessions, step_s)
-
-
 def run(fleet: PacedFleet, ticks: int) -> None:
     for k in range(ticks):
-        fleet.phase_a(k, sensed(k))
-        fleet.phase_b(k, heard())
+        tick(fleet, k)
 
 
 def missed(fleet: PacedFleet) -> tuple[int, int]:
@@ -30,7 +23,7 @@ def missed(fleet: PacedFleet) -> tuple[int, int]:
 
 
 def test_phase_b_begins_when_all_frames_are_there() -> None:
-    net, fleet = fleet_at_a_pace()
+    net, fleet = paced()
     began = net.time
     net.delays = {(3, 0, "A"): 0.03}
     fleet.phase_a(0, sensed(0))
@@ -43,29 +36,26 @@ def test_phase_b_begins_when_all_frames_are_there() -> None:
 
 
 def test_a_robot_that_was_not_asked_answers_for_no_other() -> None:
-    net, fleet = fleet_at_a_pace()
+    net, fleet = paced()
     net.delays = {(2, 0, "A"): 0.05}
     net.deliver(3, ReplyA(1, 73, 0, RUN, (b"frame",)))
     assert fleet.phase_a(0, sensed(0, (1, 2))) == dict.fromkeys((1, 2), (b"frame",))
 
 
 def test_who_begins_late_gives_the_robots_their_time_all_the_same() -> None:
-    net, fleet = fleet_at_a_pace()
-    fleet.phase_a(0, sensed(0))
-    fleet.phase_b(0, heard())
+    net, fleet = paced()
+    tick(fleet, 0)
     net.time += 0.9 * STEP_S
     net.delays = {(1, 1, "A"): 0.09, (1, 1, "B"): 0.9 * COMMAND_SHARE * STEP_S}
-    fleet.phase_a(1, sensed(1))
-    fleet.phase_b(1, heard())
+    tick(fleet, 1)
     assert missed(fleet) == (0, 0)
 
 
 def test_ticks_that_began_late_find_back_to_the_clock() -> None:
-    net, fleet = fleet_at_a_pace()
+    net, fleet = paced()
     began = net.time
     for k in range(8):
-        fleet.phase_a(k, sensed(k))
-        fleet.phase_b(k, heard())
+        tick(fleet, k)
         net.time += 0.9 * STEP_S if k == 2 else 0.0
     assert net.time - began == pytest.approx(8 * STEP_S)
     assert missed(fleet) == (0, 0)
@@ -76,7 +66,7 @@ def test_ticks_that_began_late_find_back_to_the_clock() -> None:
 @pytest.mark.parametrize("phase", ["A", "B"])
 @pytest.mark.parametrize("steps", [0.1, 0.5, 0.99])
 def test_a_machine_that_stands_still_costs_no_robot_a_deadline(phase: str, step_s: float, steps: float) -> None:
-    net, fleet = fleet_at_a_pace(step_s)
+    net, fleet = paced(step_s)
     usual_s = {"A": 0.09, "B": 0.85}[phase] * step_s
     net.delays = {(number, 0, phase): usual_s for number in NAMES}
     net.stands_still.append((net.time + 0.5 * usual_s, steps * step_s))
@@ -87,7 +77,7 @@ def test_a_machine_that_stands_still_costs_no_robot_a_deadline(phase: str, step_
 
 
 def test_robots_have_a_step_again_at_most() -> None:
-    net, fleet = fleet_at_a_pace()
+    net, fleet = paced()
     for _ in range(3):
         net.stands_still.append((net.time + 0.2, 0.9 * STEP_S))
     net.mute = {2}
@@ -98,7 +88,7 @@ def test_robots_have_a_step_again_at_most() -> None:
 
 
 def test_what_is_counted_as_held_up_is_no_usual_delay() -> None:
-    net, fleet = fleet_at_a_pace()
+    net, fleet = paced()
     for look in range(20):
         net.stands_still.append((net.time + 0.01 * look, 0.9 * WAKING_S))
     run(fleet, 1)
@@ -107,7 +97,7 @@ def test_what_is_counted_as_held_up_is_no_usual_delay() -> None:
 
 @pytest.mark.parametrize("busy_s", [0.015, 0.025, 0.06, 0.2])
 def test_a_tick_ends_however_busy_the_world_is(busy_s: float) -> None:
-    net, fleet = fleet_at_a_pace()
+    net, fleet = paced()
 
     def busy() -> None:
         net.time += busy_s
@@ -123,7 +113,7 @@ def test_a_tick_ends_however_busy_the_world_is(busy_s: float) -> None:
 
 @pytest.mark.parametrize("aside_s", [0.04, 0.2])
 def test_what_comes_while_the_world_is_busy_is_there_in_time_and_who_is_mute_slows_nobody(aside_s: float) -> None:
-    net, fleet = fleet_at_a_pace()
+    net, fleet = paced()
 
     def busy() -> None:
         net.time += aside_s
@@ -139,7 +129,7 @@ def test_what_comes_while_the_world_is_busy_is_there_in_time_and_who_is_mute_slo
 
 
 def test_a_robot_that_floods_the_world_keeps_no_tick_open() -> None:
-    net, fleet = fleet_at_a_pace()
+    net, fleet = paced()
     began = net.time
     net.delays = {(2, 0, "B"): 1.2 * STEP_S}
     fleet.phase_a(0, sensed(0))
@@ -151,10 +141,9 @@ def test_a_robot_that_floods_the_world_keeps_no_tick_open() -> None:
 
 
 def test_a_robot_that_alone_is_late_is_late() -> None:
-    net, fleet = fleet_at_a_pace()
+    net, fleet = paced()
     net.delays = {(1, 0, "A"): 0.11, (2, 0, "B"): STEP_S}
     began = net.time
-    fleet.phase_a(0, sensed(0))
-    fleet.phase_b(0, heard())
+    tick(fleet, 0)
     assert missed(fleet) == (1, 1)
     assert net.time - began == pytest.approx(STEP_S)

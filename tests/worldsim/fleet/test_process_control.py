@@ -3,27 +3,13 @@
 from __future__ import annotations
 
 import json
-from collections import Counter, deque
-from collections.abc import Callable
-from functools import partial
-from typing import Any
 
 import pytest
 
 from patrol.exchange import Sensed
-from patrol.messages.phases import (
-    NO_RUN,
-    Hello,
-    HelloReply,
-    ReplyA,
-    Stop,
-    ToRobot,
-    decode_to_robot,
-)
-from patrol.messages.session import WorldRun
-from patrol.net.mailbox import Presence
+from patrol.messages.phases import NO_RUN, Hello, HelloReply, ReplyA, Stop, ToRobot
 from patrol.pose import Pose
-from patrol.security.keys import FleetKeys
+from tests.worldsim.fleet.net import HASH, RUN, Net
 from worldsim.faults import STOPPED, UNSEEN, process_name
 from worldsim.fleet.process_control import (
     ENDED,
@@ -35,53 +21,30 @@ from worldsim.fleet.process_control import (
     answer_line,
     has_ended,
 )
-from worldsim.fleet.sessions import FleetConnection, Interrupted, Sessions
+from worldsim.fleet.sessions import Interrupted
 
-KEYS = FleetKeys("f")
-NAMES = {1: "r1", 2: "r2"}
-RUN, HASH = 9, "c" * 64
+BOTH = (1, 2)
 
 
-class Stage:
-    """Two robots whose processes come and go as the launcher is asked, and a clock that only waiting moves.
+class Stage(Net):
+    """Two robots whose processes come and go as the launcher is asked.
 
-    slow: seconds until a started process says hello, None for never. problem, state: what the launcher answers. ended:
-    robots whose processes have ended.
+    slow: seconds until a started process says hello, None for never. problem, state: what the launcher answers.
     """
 
     def __init__(self, *, waits: bool = True, absent: tuple[int, ...] = ()) -> None:
-        self.time = 100.0
-        self.refused: Counter[str] = Counter()
-        self.letters: deque[tuple[float, str, Any]] = deque()
-        self.sent: list[tuple[int, ToRobot]] = []
+        super().__init__(launched=True, robots=2, absent=absent)
         self.asked: list[tuple[str, int, int]] = []
-        self.incarnation = {number: 1 for number in NAMES if number not in absent}
+        self.incarnation = {number: 1 for number in BOTH if number not in absent}
         self.slow: float | None = 1.0
-        self.problem = ""
-        self.state = ""
-        self.ending = False
-        self.ended: set[int] = set()
-        posts = {number: self.post_of(number) for number in NAMES}
-        ended = partial(has_ended, self.ask)
-        wire = FleetConnection(KEYS, NAMES, posts, self, lambda: True, lambda: self.time, lambda: self.ending, ended)
-        self.sessions = Sessions(wire, WorldRun(RUN, HASH), absent)
+        self.problem = self.state = ""
         self.control = LauncherControl(self.ask, self.sessions, waits=waits)
         for number in self.incarnation:
             self.presence(number, True)
         self.sessions.gather(10.0, lambda _names, _s: None)
 
-    @property
-    def waiting(self) -> int:
-        return len(self.letters)
-
-    def get(self, timeout_s: float = 0.0) -> tuple[str, Any] | None:
-        due = min(self.letters, key=lambda letter: letter[0], default=None)
-        if due is None or due[0] > self.time + timeout_s:
-            self.time += timeout_s
-            return None
-        self.letters.remove(due)
-        self.time = max(self.time, due[0])
-        return due[1:]
+    def has_ended(self, number: int) -> bool:
+        return has_ended(self.ask, number)
 
     def ask(self, line: bytes) -> bytes:
         request = Request.read(line)
@@ -95,20 +58,9 @@ class Stage:
             self.presence(request.robot, False)
         return answer_line(self.problem, self.state)
 
-    def presence(self, number: int, present: bool, after_s: float = 0.0) -> None:
-        self.letters.append((self.time + after_s, KEYS.alive(NAMES[number]), Presence(present)))
-
-    def deliver(self, number: int, message: Any) -> None:
-        self.letters.append((self.time, KEYS.reply(NAMES[number]), message))
-
-    def post_of(self, number: int) -> Callable[[bytes], None]:
-        def post(payload: bytes) -> None:
-            message = decode_to_robot(payload)
-            self.sent.append((number, message))
-            if isinstance(message, Hello):
-                self.deliver(number, HelloReply(*self.me(number), message.run, HASH))
-
-        return post
+    def answer(self, number: int, message: ToRobot) -> None:
+        if isinstance(message, Hello):
+            self.deliver(number, HelloReply(*self.me(number), message.run, HASH))
 
     def me(self, number: int) -> tuple[int, int, int]:
         incarnation = self.incarnation[number]
@@ -157,17 +109,16 @@ def test_a_word_of_the_dead_takes_no_place() -> None:
     stage.deliver(2, last_words)
     stage.sessions.take(0.1)
     assert not stage.control.arrived(2)
-    reasons = [message.reason for number, message in stage.sent if isinstance(message, Stop) and number == 2]
-    assert reasons == ["no process is expected for r2 now"] * 2
+    assert [stop.reason for stop in stage.told(Stop, 2)] == ["no process is expected for r2 now"] * 2
 
 
 def test_nobody_is_awaited_for_a_robot_that_is_absent() -> None:
     stage = Stage(absent=(2,))
-    assert [stage.sessions.is_open(number) for number in NAMES] == [True, False]
+    assert [stage.sessions.is_open(number) for number in BOTH] == [True, False]
     stage.incarnation[2] = 1
     stage.deliver(2, HelloReply(1, 201, 0, NO_RUN, HASH))
     stage.sessions.take(0.1)
-    assert [number for number, message in stage.sent if isinstance(message, Hello)] == [1]
+    assert [len(stage.told(Hello, number)) for number in BOTH] == [1, 0]
     stage.control.start(2, 1)
     assert stage.control.arrived(2)
 
@@ -208,14 +159,14 @@ def test_a_process_that_ends_before_it_has_come_is_waited_for_no_longer(waits: b
     stage.time += 1.0
     with pytest.raises(NotStarted, match="its new process has ended"):
         stage.control.arrived(2)
-    assert stage.time < 110.0
+    assert stage.time < 1010.0
 
 
 def test_who_leaves_is_let_go_told_and_waited_for() -> None:
     stage = Stage()
     stage.control.leave(2)
     assert [do for do, _, _ in stage.asked] == ["resume", "leave"]
-    (stop,) = [message for number, message in stage.sent if isinstance(message, Stop) and number == 2]
+    (stop,) = stage.told(Stop, 2)
     assert stop.orderly
     assert not stage.sessions.is_open(2)
 
@@ -234,8 +185,7 @@ def test_a_token_that_went_during_a_pause_costs_no_robot_its_life() -> None:
 
 
 @pytest.mark.parametrize(
-    ("state", "says"),
-    [("T", STOPPED), ("", UNSEEN), ("S", "its process has the state S and does not stand still")],
+    ("state", "says"), [("T", STOPPED), ("", UNSEEN), ("S", "its process has the state S and does not stand still")]
 )
 def test_what_was_seen_of_a_paused_process_is_told(state: str, says: str) -> None:
     stage = Stage()

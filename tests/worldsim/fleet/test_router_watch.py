@@ -7,7 +7,7 @@ from collections.abc import Callable
 from patrol.journal import Status
 from patrol.messages.phases import ReplyA
 from patrol.messages.session import RETURN_S
-from tests.worldsim.fleet.net import NAMES, RUN, Net, heard, sensed
+from tests.worldsim.fleet.net import NAMES, RUN, Net, sensed, tick
 from worldsim.fleet.lockstep import LockstepFleet
 from worldsim.fleet.paced import PacedFleet
 from worldsim.fleet.router_watch import EVERY_S, SETTLING_S, SILENT_S, RouterWatch
@@ -106,16 +106,14 @@ def test_a_token_that_goes_with_the_router_loses_nobody() -> None:
         net.presence(number, True, 13.0)
     k = 0
     while net.time < began + 20.0:
-        fleet.phase_a(k, sensed(k))
-        fleet.phase_b(k, heard())
+        tick(fleet, k)
         assert fleet.lost() == []
         k += 1
     assert set(fleet.notes()["late_commands"].values()) == {k}
     net.presence(1, False)
     gone: list[int] = []
     while not gone and net.time < began + 40.0:
-        fleet.phase_a(k, sensed(k))
-        fleet.phase_b(k, heard())
+        tick(fleet, k)
         gone = [number for number, _, _ in fleet.lost()]
         k += 1
     assert gone == [1]

@@ -51,17 +51,9 @@ class Watched:
         self.world = World(prepared)
         header = header_of(self.world)
         self.journal = JournalWriter(folder / "journal", header)
-        state = RunState(True, pace)
-        self.feed = Feed(
-            self.world,
-            self.journal,
-            header,
-            lambda _batch: None,
-            self.asking,
-            self.work.append,
-            lambda: self.now,
-            lambda: state,
-        )
+        state, post = RunState(True, pace), self.work.append
+        given = self.world, self.journal, header, lambda _batch: None, self.asking
+        self.feed = Feed(*given, post, lambda: self.now, lambda: state)
 
     def run(self, ticks: int, during: Callable[[], None]) -> None:
         """Run so many ticks; during each, call something."""

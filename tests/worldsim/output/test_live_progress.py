@@ -1,7 +1,7 @@
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
@@ -12,9 +12,6 @@ from patrol.messages.telemetry import Notice
 from tests.worldsim.checks.test_progress import WHOLE, made, rooms
 from worldsim.output.live_progress import LiveProgress
 from worldsim.world import World
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
 
 
 def told(path: Callable[[int], Place], ticks: int = 1600) -> tuple[LiveProgress, list[Notice]]:

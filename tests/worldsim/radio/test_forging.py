@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
 
@@ -13,12 +13,10 @@ from patrol.journal.records import FORGED, Status, frame_sequence
 from patrol.pose import Pose
 from patrol.radio.message import MAX_FRAME, Position, Rejected, RejectReason, decode, encode
 from patrol.scenario import load_scenario
+from tests.worldsim.conftest import Lab
 from worldsim.faults import Timeline
 from worldsim.radio.ether import Delivery, Ether, ether_of
 from worldsim.robots.senses import Senses
-
-if TYPE_CHECKING:
-    from tests.worldsim.conftest import Lab
 
 KEY = b"a key of a fleet"
 ALIVE = Status.ALIVE
@@ -29,9 +27,8 @@ class Band:
 
     def __init__(self, lab: Lab, faults: list[dict[str, Any]], key: Path | None) -> None:
         radio = {} if key is None else {"key": str(key)}
-        self.scenario = load_scenario(
-            {"terrain": {"builtin": "open"}, "robots": {"count": 3}, "faults": faults, "radio": radio}
-        )
+        facts = {"terrain": {"builtin": "open"}, "robots": {"count": 3}}
+        self.scenario = load_scenario({**facts, "faults": faults, "radio": radio})
         timeline = Timeline(self.scenario)
         self.key = None if key is None else KEY
         self.terrain = lab.room

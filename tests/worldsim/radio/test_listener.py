@@ -211,9 +211,7 @@ def test_a_robot_that_has_said_nothing_is_named(ended: Callable[..., MemoryJourn
 
 
 def test_nobody_can_have_heard_more_than_was_sent(ended: Callable[..., MemoryJournal]) -> None:
-    check = result_of(
-        DirectLinks, prepare(load_scenario(direct())), ended({"r1": says(10, r2=21), "r2": says(20, r1=8)})
-    )
+    check = links_of(ended({"r1": says(10, r2=21), "r2": says(20, r1=8)}))
     assert not check.ok
     assert check.detail == "r1 heard 21 frames of r2, which sent 20"
     killed = ended({"r1": says(10, r2=21), "r2": says(20, final=False, r1=8)})
@@ -231,12 +229,21 @@ def test_the_world_carries_nothing() -> None:
     assert record.dropped == ()
 
 
-def test_lockstep_has_no_direct_radio() -> None:
-    with pytest.raises(BadInput, match=r"radio\.via.*pace is lockstep; set pace"):
-        load_scenario(direct(pace="lockstep"))
+DRIFT, LOSS = {"kind": "drift", "who": "one", "bias": [1, 0]}, {"kind": "loss", "rate": 0.5}
 
 
-def test_an_ethers_faults_need_an_ether() -> None:
-    loss = {"kind": "loss", "rate": 0.5}
-    with pytest.raises(BadInput, match=r"faults\.1.*: loss acts on frames in the ether"):
-        load_scenario(direct(faults=[{"kind": "drift", "who": "one", "bias": [1, 0]}, loss]))
+@pytest.mark.parametrize(
+    ("more", "problem"),
+    [
+        ({"pace": "lockstep"}, r"radio\.via.*pace is lockstep; set pace"),
+        ({"faults": [DRIFT, LOSS]}, r"faults\.1.*: loss acts on frames in the ether"),
+        (
+            {"radio": {"via": "direct", "model": "path-loss"}},
+            r"radio\.model: decides what reaches whom in the ether, and radio\.via is direct",
+        ),
+    ],
+    ids=["lockstep", "a fault of the ether", "a model"],
+)
+def test_what_a_direct_radio_cannot_have_is_refused(more: dict[str, Any], problem: str) -> None:
+    with pytest.raises(BadInput, match=problem):
+        load_scenario(direct(**more))

@@ -6,8 +6,7 @@ import json
 from collections.abc import Callable
 from importlib import import_module
 from pathlib import Path
-from textwrap import dedent
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pytest
@@ -18,58 +17,38 @@ from patrol.scenario import Scenario, dump_scenario, load_scenario, scenario_has
 from patrol.scenario.load import keep_scenario
 from patrol.scenario.radio_spec import PathLossOptions
 from tests.worldsim.checks.judged import change, failures
+from tests.worldsim.conftest import Lab
 from worldsim.radio.models import Ideal, ModelSetup, model_class, model_named, model_of
 from worldsim.verdict.judge import judge
 
-if TYPE_CHECKING:
-    from tests.worldsim.conftest import Lab
-
 EXAMPLE = Path(__file__).parents[3] / "examples" / "my_radio.py"
-DEAF = """
-    import numpy as np
+MODELS = """
+import numpy as np
 
+class Deaf:
+    def __init__(self, setup): pass
+    def lost(self, air): return np.ones(air.on_the_way.shape, dtype=bool)
 
-    class Deaf:
-        def __init__(self, setup):
-            pass
+class Unmade(Deaf):
+    def __init__(self, setup): raise KeyError("no idea")
 
-        def lost(self, air):
-            return np.ones(air.on_the_way.shape, dtype=bool)
+class Raising(Deaf):
+    def lost(self, air): return 1 / 0
 
+class Leaving(Deaf):
+    def lost(self, air): raise SystemExit(0)
 
-    class Unmade(Deaf):
-        def __init__(self, setup):
-            raise KeyError("no idea")
+class Narrow(Deaf):
+    def lost(self, air): return np.ones(3, dtype=bool)
 
+class Shares(Deaf):
+    def lost(self, air): return np.ones(air.on_the_way.shape)
 
-    class Raising(Deaf):
-        def lost(self, air):
-            return 1 / 0
+class Nothing(Deaf):
+    def lost(self, air): return None
 
-
-    class Leaving(Deaf):
-        def lost(self, air):
-            raise SystemExit(0)
-
-
-    class Narrow(Deaf):
-        def lost(self, air):
-            return np.ones(3, dtype=bool)
-
-
-    class Shares(Deaf):
-        def lost(self, air):
-            return np.ones(air.on_the_way.shape)
-
-
-    class Nothing(Deaf):
-        def lost(self, air):
-            return None
-
-
-    class Silent:
-        pass
-    """
+class Silent: pass
+"""
 
 
 @pytest.fixture
@@ -77,7 +56,7 @@ def write(tmp_path: Path) -> Callable[..., Path]:
     """Write a scenario beside a file with models; the scenario's path."""
 
     def make(model: str, **radio: Any) -> Path:
-        (tmp_path / "radio.py").write_text(dedent(DEAF), encoding="utf-8")
+        (tmp_path / "radio.py").write_text(MODELS, encoding="utf-8")
         path = tmp_path / "scenario.yaml"
         mapping = {"terrain": {"builtin": "open"}, "point": 2.0, "radio": {"model": model, **radio}}
         path.write_text(json.dumps(mapping), encoding="utf-8")
@@ -89,8 +68,7 @@ def write(tmp_path: Path) -> Callable[..., Path]:
 def test_a_model_of_ones_own_decides_and_is_not_run_by_the_verdict(lab: Lab, monkeypatch: pytest.MonkeyPatch) -> None:
     radio = {"model": f"{EXAMPLE}:Halving", "options": {"reach": 6.0}}
     faults = [{"kind": "loss", "rate": 0.2}, {"kind": "delay", "delay": {"constant": 1.0}, "from": "r1"}]
-    world = lab.patrol(radio=radio, faults=faults, ticks=60)
-    journal = lab.run(world)
+    world, journal = lab.driven(radio=radio, faults=faults, ticks=60)
     lost = sum(why == "model" for record in journal.ticks for *_, why in record.dropped)
     assert lost > 100
     monkeypatch.setattr("worldsim.radio.models.find", lambda _: pytest.fail("a verdict loads no code"))
@@ -105,8 +83,7 @@ def test_a_model_of_ones_own_decides_and_is_not_run_by_the_verdict(lab: Lab, mon
 
 
 def test_frames_are_lost_as_often_as_the_example_says(lab: Lab) -> None:
-    world = lab.patrol(radio={"model": f"{EXAMPLE}:Halving", "options": {"reach": 1e-6}}, ticks=200)
-    journal = lab.run(world)
+    _, journal = lab.driven(radio={"model": f"{EXAMPLE}:Halving", "options": {"reach": 1e-6}}, ticks=200)
     lost = sum(len(record.dropped) for record in journal.ticks)
     assert abs(lost / (200 * 12) - 0.5) < 4.5 * 0.5 / np.sqrt(200 * 12)
 
@@ -155,10 +132,7 @@ def test_a_model_that_cannot_be_had_is_named_with_and_without_running_it(
     model: str, says: str, write: Callable[..., Path]
 ) -> None:
     scenario = load_scenario(write(model))
-    for look in (
-        lambda: model_class(scenario),
-        lambda: check_without_running(model_named(scenario)),
-    ):
+    for look in (lambda: model_class(scenario), lambda: check_without_running(model_named(scenario))):
         with pytest.raises(BadInput) as bad:
             look()
         assert str(bad.value).startswith("radio.model = ")
@@ -232,26 +206,21 @@ def test_another_model_has_other_options() -> None:
     assert "wall: 4.0" in dump_scenario(loaded)
 
 
+def loss_with(**options: object) -> dict[str, Any]:
+    return {"model": "path-loss", "options": options}
+
+
 @pytest.mark.parametrize(
     ("radio", "says"),
     [
         ({"options": {"wall": 3}}, 'radio.options = {"wall": 3}: expected none: the model ideal has no settings'),
-        ({"model": "path-loss", "options": {"wal": 3}}, "radio.options.wal: unknown key; did you mean wall?"),
-        ({"model": "path-loss", "options": {"wall": -1}}, "radio.options.wall = -1: expected a number from 0 to 200"),
-        ({"model": "path-loss", "options": {"exponent": 0}}, "expected a number from 1 to 10"),
-        ({"model": "path-loss", "options": {"sensitivity": True}}, "expected a number from -200 to 100"),
-        (
-            {"model": "path-loss", "options": {"airtime": 0.7}},
-            "radio.options.airtime = 0.7: longer than one step of 0.5",
-        ),
-        (
-            {"model": "path-loss", "options": {"redraw": 1e-308}},
-            "radio.options.redraw = 1e-308: shorter than one step of 0.5 s",
-        ),
-        (
-            {"model": "path-loss", "model_sha256": "0" * 64},
-            "radio.model_sha256: only a model that is a file has a hash",
-        ),
+        (loss_with(wal=3), "radio.options.wal: unknown key; did you mean wall?"),
+        (loss_with(wall=-1), "radio.options.wall = -1: expected a number from 0 to 200"),
+        (loss_with(exponent=0), "expected a number from 1 to 10"),
+        (loss_with(sensitivity=True), "expected a number from -200 to 100"),
+        (loss_with(airtime=0.7), "radio.options.airtime = 0.7: longer than one step of 0.5"),
+        (loss_with(redraw=1e-308), "radio.options.redraw = 1e-308: shorter than one step of 0.5 s"),
+        ({"model": "path-loss", "model_sha256": "0" * 64}, "model_sha256: only a model that is a file has a hash"),
         ({"model": ["path-loss"]}, 'radio.model = ["path-loss"]: expected ideal, path-loss, package.module:Class'),
         ({"wall": 3}, "radio.wall: unknown key; did you mean radio.options.wall?"),
     ],
@@ -260,14 +229,6 @@ def test_what_a_section_may_not_say(radio: dict[str, Any], says: str) -> None:
     with pytest.raises(BadInput) as bad:
         load_scenario({"terrain": {"builtin": "open"}, "radio": radio})
     assert says in str(bad.value)
-
-
-def test_a_direct_radio_has_no_model() -> None:
-    mapping = {"terrain": {"builtin": "open"}, "pace": "realtime", "radio": {"via": "direct", "model": "path-loss"}}
-    with pytest.raises(
-        BadInput, match=r"radio\.model: decides what reaches whom in the ether, and radio\.via is direct"
-    ):
-        load_scenario(mapping)
 
 
 def test_the_module_of_1_0_has_the_same_names() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from itertools import pairwise
 from statistics import NormalDist
 from typing import Any
@@ -17,9 +18,9 @@ from numpy.typing import NDArray
 from patrol.ground.terrain import Terrain
 from patrol.journal.records import FORGED, frame_sequence
 from patrol.pose import Pose
-from patrol.random import Purpose, gauss, mix
+from patrol.random import Purpose, draw, gauss, mix
 from patrol.scenario.radio_spec import PathLossOptions
-from worldsim.kernels.radio import normals
+from worldsim.kernels.radio import below, normals
 from worldsim.radio.models import ModelSetup, OnAir
 from worldsim.radio.path_loss import PathLoss
 
@@ -49,18 +50,10 @@ def lost(
     """What is lost of one frame of each robot, (sender, receiver); robots stand in a row at some x."""
     numbers = np.arange(1, len(places) + 1)
     origin = numbers if origins is None else np.array(origins)
-    air = OnAir(
-        k=k,
-        frames=[b"frame"] * origin.size,
-        origin=origin,
-        source=origin,
-        sequence=np.full(origin.size, frame_sequence(k, 0)),
-        receivers=numbers,
-        on_the_way=origin[:, None] != numbers[None, :],
-        poses={number: Pose(x, 10.5, 0.0) for number, x in enumerate(places, start=1)},
-    )
-    for name, value in more.items():
-        object.__setattr__(air, name, value)
+    sequence, on_the_way = np.full(origin.size, frame_sequence(k, 0)), origin[:, None] != numbers[None, :]
+    poses = {number: Pose(x, 10.5, 0.0) for number, x in enumerate(places, start=1)}
+    air = OnAir(k, [b"frame"] * origin.size, origin, origin, sequence, numbers, on_the_way, poses)
+    air = replace(air, **more)
     return radio.lost(air) & air.on_the_way
 
 
@@ -90,11 +83,8 @@ def agrees(share: float, chance: float) -> bool:
 def test_the_reach_is_where_the_formula_has_it(options: dict[str, Any], walls: Sequence[float], reach: float) -> None:
     radio = model(ground(*walls), **PLAIN, **options)
     if walls and reach < walls[-1]:
-        assert lost(radio, [1.5, 29.0, walls[-1] + 1.5]).tolist() == [
-            [False, False, True],
-            [False] * 3,
-            [True, False, False],
-        ]
+        expected = [[False, False, True], [False] * 3, [True, False, False]]
+        assert lost(radio, [1.5, 29.0, walls[-1] + 1.5]).tolist() == expected
         return
     assert not lost(radio, [1.5, 1.5 + reach - 0.1]).any()
     assert lost(radio, [1.5, 1.5 + reach + 0.1]).sum() == 2
@@ -139,9 +129,8 @@ def test_the_fate_of_a_frame_depends_on_no_other_link() -> None:
     row = [0.5, 60.0, 100.0, 140.0]
     whole = lost(model(airtime=0.0), row)
     for some in ((1, 2), (2, 4), (1, 3, 4)):
-        rows = [number - 1 for number in some]
         part = lost(model(airtime=0.0), row, origins=some)
-        assert np.array_equal(part, whole[rows])
+        assert np.array_equal(part, whole[[number - 1 for number in some]])
 
 
 @given(st.integers(0, 2**63), st.lists(st.integers(0, 65535), max_size=4), st.lists(st.integers(0, 65535), max_size=4))
@@ -151,6 +140,20 @@ def test_the_normal_draws_of_many_links_are_those_of_each(seed: int, senders: li
     each = [[gauss(seed, Purpose.RADIO, 0, 7, sender, to) for to in receivers] for sender in senders]
     assert found.shape == (len(senders), len(receivers))
     assert np.allclose(found, np.array(each).reshape(found.shape), rtol=0.0, atol=1e-12)
+
+
+def test_the_draws_of_many_links_are_those_of_each() -> None:
+    seed, fault, rate = 2**63 + 5, 3, 0.3
+    sources, receivers, sequences = [1, 2, 900], [1, 7, 65535], [0, 12, 2**29 + 12]
+    states = np.array([mix(seed, Purpose.ETHER, fault, source) for source in sources], dtype=np.uint64)
+    rates = np.broadcast_to(rate, (len(sources), len(receivers)))
+    found = below(states, np.array(receivers, dtype=np.int64), np.array(sequences, dtype=np.int64), rates)
+    expected = [
+        [draw(seed, Purpose.ETHER, fault, source, receiver, sequence) < rate for receiver in receivers]
+        for source, sequence in zip(sources, sequences, strict=True)
+    ]
+    assert found.tolist() == expected
+    assert 0 < found.sum() < found.size
 
 
 # --- interference ----------------------------------------------------------------------------------------------------

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from patrol.exchange import Reply, Sensed
 from patrol.journal import Event
 from patrol.pose import Velocity
-
-if TYPE_CHECKING:
-    from tests.worldsim.conftest import Lab
+from tests.worldsim.conftest import Lab
 
 DISC = {"model": "holonomic", "radius": 0.4}
 STRIP = [[8.0, 0.0], [9.0, 0.0], [9.0, 15.0], [8.0, 15.0]]

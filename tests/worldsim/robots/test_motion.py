@@ -169,24 +169,15 @@ def test_who_touches_a_wall_turns_on_the_spot_and_drives_along_it() -> None:
     assert base.bumped
 
 
-def test_two_robots_head_on_both_stay() -> None:
-    left, right = body(0.0, 0.0, Velocity(2.0, 0.0)), body(2.0, 0.0, Velocity(-2.0, 0.0))
+@pytest.mark.parametrize(("speed", "gap_m"), [(2.0, 2.0), (4.0, 2.0), (8.0, 4.0)])
+def test_two_robots_head_on_both_stay_and_cannot_swap(speed: float, gap_m: float) -> None:
+    fast = replace(DISC, speed=8.0)
+    left, right = body(0.0, 0.0, Velocity(speed, 0.0), fast), body(gap_m, 0.0, Velocity(-speed, 0.0), fast)
     move([left, right], FIELD, STEP)
-    assert (left.pose, right.pose) == (Pose(0.0, 0.0, 0.0), Pose(2.0, 0.0, 0.0))
+    assert (left.pose, right.pose) == (Pose(0.0, 0.0, 0.0), Pose(gap_m, 0.0, 0.0))
     assert left.bumped
     assert right.bumped
-    assert (left.collisions, right.collisions) == (1, 1)
-    assert left.distance_m == 0.0
-
-
-@pytest.mark.parametrize("speed", [4.0, 8.0])
-def test_two_robots_cannot_swap(speed: float) -> None:
-    fast = replace(DISC, speed=8.0)
-    left = body(0.0, 0.0, Velocity(speed, 0.0), fast)
-    right = body(speed * STEP, 0.0, Velocity(-speed, 0.0), fast)
-    move([left, right], FIELD, STEP)
-    assert left.pose.x == 0.0
-    assert right.pose.x == speed * STEP
+    assert (left.collisions, right.collisions, left.distance_m) == (1, 1, 0.0)
 
 
 def test_robots_that_cross_at_different_times_both_pass() -> None:
@@ -214,30 +205,22 @@ def test_a_blocked_robot_blocks_those_behind_it() -> None:
     assert aside.pose.x == 0.5
 
 
-def test_a_dead_body_is_in_the_way_and_one_that_left_is_not() -> None:
-    other = body(2.0, 0.0)
-    for status, passes in ((Status.DEAD, False), (Status.LOST, False), (Status.LEFT, True), (Status.ABSENT, True)):
-        other.status = status
-        robot = body(0.0, 0.0, Velocity(4.0, 0.0))
-        move([robot, other], FIELD, STEP)
-        assert (robot.pose.x == 2.0) == passes
-        assert robot.bumped != passes
-        assert (other.pose.x, other.collisions, other.bumped) == (2.0, 0, False)
-
-
-def test_a_standing_robot_that_is_run_into_has_no_move_to_cancel() -> None:
+@pytest.mark.parametrize("status", [Status.ALIVE, Status.DEAD, Status.LOST, Status.LEFT, Status.ABSENT])
+def test_a_standing_or_dead_body_is_in_the_way_and_one_that_left_is_not(status: Status) -> None:
+    passes = status in (Status.LEFT, Status.ABSENT)
     robot, other = body(0.0, 0.0, Velocity(4.0, 0.0)), body(2.0, 0.0)
+    other.status = status
     move([robot, other], FIELD, STEP)
-    assert (robot.collisions, other.collisions) == (1, 0)
+    assert (robot.pose.x == 2.0) == passes
+    assert (robot.bumped, robot.collisions) == (not passes, not passes)
+    assert (other.pose.x, other.collisions, other.bumped) == (2.0, 0, False)
 
 
-def test_two_that_overlap_may_only_move_apart() -> None:
-    left, right = body(0.0, 0.0, Velocity(-1.0, 0.0)), body(1.0, 0.0, Velocity(1.0, 0.0))
+@pytest.mark.parametrize(("speeds", "xs"), [((-1.0, 1.0), (-0.5, 1.5)), ((1.0, -0.5), (0.0, 1.0))])
+def test_two_that_overlap_may_only_move_apart(speeds: tuple[float, float], xs: tuple[float, float]) -> None:
+    left, right = body(0.0, 0.0, Velocity(speeds[0], 0.0)), body(1.0, 0.0, Velocity(speeds[1], 0.0))
     move([left, right], FIELD, STEP)
-    assert (left.pose.x, right.pose.x) == (-0.5, 1.5)
-    left, right = body(0.0, 0.0, Velocity(1.0, 0.0)), body(1.0, 0.0, Velocity(-0.5, 0.0))
-    move([left, right], FIELD, STEP)
-    assert (left.pose.x, right.pose.x) == (0.0, 1.0)
+    assert (left.pose.x, right.pose.x) == xs
 
 
 def test_cars_on_arcs_meet_too() -> None:
@@ -257,14 +240,12 @@ def test_cars_on_arcs_meet_too() -> None:
 @given(st.lists(st.tuples(st.floats(-9, 9), st.floats(-9, 9), st.floats(0, 2)), max_size=12))
 def test_the_bodies_that_can_meet_are_those_whose_discs_overlap(discs: list[tuple[float, float, float]]) -> None:
     found = near_others(np.array(discs, dtype=np.float64).reshape(-1, 3))
-    assert found.tolist() == [
-        any(
-            math.hypot(other[0] - one[0], other[1] - one[1]) <= one[2] + other[2]
-            for place, other in enumerate(discs)
-            if place != at
-        )
-        for at, one in enumerate(discs)
-    ]
+
+    def overlap(one: tuple[float, float, float], other: tuple[float, float, float]) -> bool:
+        return math.hypot(other[0] - one[0], other[1] - one[1]) <= one[2] + other[2]
+
+    expected = [any(overlap(one, other) for other in discs[:at] + discs[at + 1 :]) for at, one in enumerate(discs)]
+    assert found.tolist() == expected
 
 
 def test_who_is_far_away_changes_nothing_for_those_who_meet() -> None:

@@ -2,33 +2,26 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 import pytest
 
 from patrol.journal import Status
 from patrol.pose import Pose
 from patrol.prepare import sensor_footprint
-from worldsim.output.summary import summarise
+from tests.worldsim.checks.judged import summary_of
+from tests.worldsim.conftest import Lab
 from worldsim.truth import Truth
-from worldsim.verdict.judge import judge
-
-if TYPE_CHECKING:
-    from tests.worldsim.conftest import Lab
 
 DISC = {"model": "holonomic", "radius": 0.4, "speed": 1.0}
 VAULT = {"name": "vault", "polygon": [[12, 8], [20, 8], [20, 15], [12, 15]], "weight": 4}
 LOBBY = {"name": "lobby", "polygon": [[0, 0], [6, 0], [6, 6], [0, 6]], "weight": 0.5}
+FAR = {"name": "far", "polygon": [[18, 13], [20, 13], [20, 15], [18, 15]]}
 
 
 def test_figures_are_those_of_the_points(lab: Lab) -> None:
-    sensor = {"range": 3.0}
-    world = lab.world(
-        [DISC] * 2, [(3.0, 3.0, 0.0), (14.0, 4.0, 0.0)], duration=30.0, zones=[VAULT, LOBBY], sensor=sensor
-    )
+    world = lab.world([DISC] * 2, [(3.0, 3.0, 0.0), (14.0, 4.0, 0.0)], duration=30.0, zones=[VAULT, LOBBY])
     journal = lab.run(world)
-    summary = summarise(journal, judge(journal, {}, world.prepared))
+    summary = summary_of((world, journal))
     patrolled, terrain = world.prepared.patrolled, world.prepared.terrain
     ys, xs = np.indices(terrain.shape) * terrain.point + 0.5 * terrain.point
     inside = {"vault": (xs > 12) & (ys > 8), "lobby": (xs < 6) & (ys < 6)}
@@ -53,12 +46,9 @@ def test_figures_are_those_of_the_points(lab: Lab) -> None:
 
 def test_a_zone_counts_while_it_is_in_force(lab: Lab) -> None:
     """Nothing of the far zone is ever seen, so its age is the time; it weighs from 5 s to 10 s."""
-    far = {"name": "far", "polygon": [[18, 13], [20, 13], [20, 15], [18, 15]], "weight": 4, "times": [[5, 10]]}
-    never = far | {"name": "never", "times": []}
-    sensor = {"range": 3.0}
-    world = lab.world([DISC], [(3.0, 3.0, 0.0)], duration=20.0, zones=[far, never], sensor=sensor)
-    journal = lab.run(world)
-    summary = summarise(journal, judge(journal, {}, world.prepared))
+    far = FAR | {"weight": 4, "times": [[5, 10]]}
+    world = lab.world([DISC], [(3.0, 3.0, 0.0)], duration=20.0, zones=[far, far | {"name": "never", "times": []}])
+    summary = summary_of((world, lab.run(world)))
     times = [0.5 * k for k in range(40)]
     assert set(summary.zones) == {"far", "elsewhere"}
     assert summary.zones["far"].mfow_mean_s == pytest.approx(np.mean([t for t in times if 5 <= t < 10]))
@@ -69,16 +59,7 @@ def test_a_zone_counts_while_it_is_in_force(lab: Lab) -> None:
 
 def test_how_long_a_wish_was_kept(lab: Lab) -> None:
     """Nothing of the far corner is seen, so its age is the time: half of 30 s it is at most 15 s."""
-    far = {"name": "far", "polygon": [[18, 13], [20, 13], [20, 15], [18, 15]], "age": 14.9}
-    world = lab.world([DISC], [(3.0, 3.0, 0.0)], duration=30.0, zones=[far], sensor={"range": 3.0})
-    journal = lab.run(world)
-    figures = summarise(journal, judge(journal, {}, world.prepared)).zones["far"]
+    world = lab.world([DISC], [(3.0, 3.0, 0.0)], duration=30.0, zones=[FAR | {"age": 14.9}])
+    figures = summary_of((world, lab.run(world))).zones["far"]
     assert figures.wanted_s == 14.9
     assert figures.kept_share == pytest.approx(0.5)
-
-
-def test_without_zones_the_summary_has_none_of_it(lab: Lab) -> None:
-    world = lab.world([DISC], [(3.0, 3.0, 0.0)], duration=2.0)
-    journal = lab.run(world)
-    document = summarise(journal, judge(journal, {}, world.prepared)).document()
-    assert not {"zones", "mfow_weighted_mean_s", "best_weighted_s"} & document.keys()
