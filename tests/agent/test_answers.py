@@ -10,15 +10,7 @@ import numpy as np
 import pytest
 
 from agent.answers import MAX_FAILURE, checked, policy_failure
-from agent.ports import (
-    Bearing,
-    Intent,
-    Place,
-    PolicyFailed,
-    State,
-    Stay,
-    Steer,
-)
+from agent.ports import Bearing, Intent, Place, PolicyFailed, State, Stay, Steer
 from patrol.messages.phases import MAX_STATE
 from patrol.pose import Drive, Velocity
 
@@ -36,18 +28,7 @@ VALID: list[Intent] = [
     Steer(Drive(-1.0, 0.2), state="reversing"),
 ]
 
-BAD: list[Any] = [
-    math.nan,
-    math.inf,
-    -math.inf,
-    "1",
-    None,
-    True,
-    1j,
-    (1.0,),
-    1e300,
-    10**400,
-]
+BAD: list[Any] = [math.nan, math.inf, -math.inf, "1", None, True, 1j, (1.0,), 1e300, 10**400]
 
 
 @pytest.mark.parametrize("intent", VALID, ids=repr)

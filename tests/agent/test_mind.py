@@ -305,14 +305,7 @@ def test_a_decision_carries_the_policys_word_and_figures() -> None:
 
 
 @pytest.mark.parametrize(
-    ("k", "zones", "limit"),
-    [
-        (0, None, 0.5),
-        (19, None, 0.5),
-        (20, None, 4.0),
-        (20, (0,), 0.5),
-        (0, (), 4.0),
-    ],
+    ("k", "zones", "limit"), [(0, None, 0.5), (19, None, 0.5), (20, None, 4.0), (20, (0,), 0.5), (0, (), 4.0)]
 )
 def test_a_robot_is_slow_where_a_zone_is_in_force_by_its_times_or_by_the_world(
     k: int, zones: tuple[int, ...] | None, limit: float

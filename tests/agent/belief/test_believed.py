@@ -157,8 +157,7 @@ def test_a_look_counts_once_whether_a_frame_or_a_trail_tells_of_it() -> None:
     filled = heard({10: [frame(2, 10, *place)], 12: [frame(2, 12, *place, trail=trail), frame(2, 11, *place)]})
     assert np.array_equal(heard({10: [frame(2, 10, *place)], 11: [], 12: [frame(2, 12, *place, trail=trail)]}), filled)
     assert np.array_equal(
-        once,
-        heard({k: [frame(2, k, *place, trail=trail[: k - 10]), frame(2, k, *place)] for k in (10, 11, 12)}),
+        once, heard({k: [frame(2, k, *place, trail=trail[: k - 10]), frame(2, k, *place)] for k in (10, 11, 12)})
     )
     assert once[10, 30] > 0
 

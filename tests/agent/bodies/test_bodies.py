@@ -152,9 +152,7 @@ def test_a_place_where_the_robot_stands_keeps_it_there(model: str, prepared: dic
     assert (drives.pose.x, drives.pose.y) == (FIRST.x, FIRST.y)
 
 
-def test_a_holonomic_body_leans_where_that_leads_on_and_takes_the_bend_where_not(
-    prepared: dict[str, Prepared],
-) -> None:
+def test_a_holonomic_body_leans_where_that_leads_on_and_takes_the_bend_where_not(prepared: dict[str, Prepared]) -> None:
     near = Pose(20.0, 16.6, 0.0)
     aside, into_the_wall = (20.0, 20.0), (20.0, 10.0)
     lean = Drives(prepared["holonomic"], Place(26.0, 16.6, bend=(26.0, 16.6), lean=aside), near)

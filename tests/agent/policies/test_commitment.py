@@ -32,11 +32,7 @@ def _without_random_steps(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def alone(
-    terrain: Terrain,
-    start: Pose = CORNER,
-    model: str = "holonomic",
-    *,
-    sensor: Mapping[str, Any] | None = None,
+    terrain: Terrain, start: Pose = CORNER, model: str = "holonomic", *, sensor: Mapping[str, Any] | None = None
 ) -> Prepared:
     robots = {**BASE, "model": model, **({"turning_radius": 1.0} if model == "car" else {})}
     sees = {"range": 3.0, **(sensor or {})}

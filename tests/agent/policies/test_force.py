@@ -34,13 +34,7 @@ Bools = NDArray[np.bool_]
 
 @pytest.mark.parametrize(
     ("name", "expected"),
-    [
-        ("f1", 0.5),
-        ("f2", 0.25),
-        ("f3", math.exp(40 * 0.5)),
-        ("f4", math.exp(40 * 0.25)),
-        ("f5", math.exp(40 * 0.0625)),
-    ],
+    [("f1", 0.5), ("f2", 0.25), ("f3", math.exp(40 * 0.5)), ("f4", math.exp(40 * 0.25)), ("f5", math.exp(40 * 0.0625))],
 )
 def test_functions_of_the_fog_are_those_of_table_1(name: str, expected: float) -> None:
     assert fow_force(name, np.array([0.5]), 40.0)[0] == pytest.approx(expected)

@@ -97,9 +97,7 @@ def write(tmp_path: Path) -> Write:
 
 
 def named(policy: str, **patrol: Any) -> Scenario:
-    return load_scenario(
-        {"terrain": {"builtin": "open"}, "point": 2.0, "patrol": {"policy": policy, **patrol}},
-    )
+    return load_scenario({"terrain": {"builtin": "open"}, "point": 2.0, "patrol": {"policy": policy, **patrol}})
 
 
 def refused(scenario: Scenario) -> str:

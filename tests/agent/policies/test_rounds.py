@@ -63,13 +63,7 @@ def test_vertices_are_seen_as_often_by_a_sensor_that_sees_less_far_than_a_stride
     places = [[10, 10], [50, 10], [90, 10], [90, 78], [50, 78], [10, 78]]
     graph = {"vertices": places, "edges": [[a, (a + 1) % 6, 40] for a in range(6)]}
     scenario = open_scenario(
-        "open",
-        {
-            **ROUND,
-            "terrain.graph": graph,
-            "terrain.patrolled": "vertices",
-            "sensor.range": 1.2,
-        },
+        "open", {**ROUND, "terrain.graph": graph, "terrain.patrolled": "vertices", "sensor.range": 1.2}
     )
     ticks: list[float] = []
     outcome = run_in_process(scenario, progress=lambda record: ticks.append(record.mfow * scenario.step))
@@ -150,11 +144,7 @@ def test_a_robot_drives_on_along_the_round_while_others_see_everything(model: st
 
 def test_a_robot_keeps_its_place_on_the_round_while_the_way_ahead_is_blocked_for_a_short_time() -> None:
     prepared = prepared_in(
-        two_rooms(),
-        [CORNER],
-        {**BASE, "model": "holonomic"},
-        patrol={"policy": "committed"},
-        sensor={"range": 3.0},
+        two_rooms(), [CORNER], {**BASE, "model": "holonomic"}, patrol={"policy": "committed"}, sensor={"range": 3.0}
     )
     robots = Robots(prepared)
     policy, mind = policy_of(robots), robots.minds[0]

@@ -12,12 +12,7 @@ from hypothesis import strategies as st
 from agent.belief.dilated import Posts
 from agent.policies.forces import FuzzySectors, repel
 from agent.policies.potential_field import Field, share_table
-from agent.policies.separation import (
-    artificial_obstacles,
-    critical_areas,
-    numbered,
-    occupied_areas,
-)
+from agent.policies.separation import artificial_obstacles, critical_areas, numbered, occupied_areas
 from agent.routes.ground import Area, Ground
 from agent.routes.path_window import FAR, PathWindow
 from agent.routes.straight import Straight

@@ -9,13 +9,7 @@ from typing import TYPE_CHECKING, cast
 import pytest
 
 from agent.robots.sim import join
-from patrol.messages.phases import (
-    ANYONE,
-    NO_RUN,
-    Stop,
-    ToRobot,
-    encode,
-)
+from patrol.messages.phases import ANYONE, NO_RUN, Stop, ToRobot, encode
 from patrol.net.mailbox import Mailbox, Payload, Post, Presence
 from patrol.process.lifeline import Ending
 from tests.agent.robots.test_sim import KEYS, ME, RUN, Scene, a, b, hello

@@ -207,10 +207,7 @@ def scenario(terrain: str, model: str, ticks: int, seed: int = 7, **options: obj
             "seed": seed,
             "robots": {"count": 3, "model": model},
             "duration": 0.5 * ticks,
-            "patrol": {
-                "policy": "potential-field",
-                "options": {"paths": "regions", **options},
-            },
+            "patrol": {"policy": "potential-field", "options": {"paths": "regions", **options}},
         }
     )
 

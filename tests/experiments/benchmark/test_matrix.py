@@ -101,11 +101,7 @@ def test_cells_are_all_combinations_that_have_enough_robots() -> None:
 def test_policies_may_have_options_and_be_classes() -> None:
     found = read_policies("committed, sebs:g2=50:edge_min=2,./mine.py:Mine:near=4")
     assert [policy.name for policy in found] == ["committed", "sebs:g2=50:edge_min=2", "./mine.py:Mine:near=4"]
-    assert found[1].settings == {
-        "patrol.policy": "sebs",
-        "patrol.options.g2": "50",
-        "patrol.options.edge_min": "2",
-    }
+    assert found[1].settings == {"patrol.policy": "sebs", "patrol.options.g2": "50", "patrol.options.edge_min": "2"}
     assert found[2].settings == {"patrol.policy": "./mine.py:Mine", "patrol.options.near": "4"}
 
 

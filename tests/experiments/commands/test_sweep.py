@@ -187,11 +187,7 @@ def test_failed_runs_are_reported_and_the_others_kept(tmp_path: Path, capsys: py
 @pytest.mark.parametrize(
     ("says", "words", "problem"),
     [
-        (
-            {"grid": {"patrol.dilation": [1]}},
-            [],
-            "override patrol.dilation: unknown key; did you mean",
-        ),
+        ({"grid": {"patrol.dilation": [1]}}, [], "override patrol.dilation: unknown key; did you mean"),
         ({}, ["--workers", "0"], "workers = 0: expected 1 or more"),
         ({}, ["--workers", "1", "--cluster", "tcp://127.0.0.1:9"], "--workers and --cluster"),
         ({}, ["--cluster", "nowhere"], "cluster = nowhere: cannot be reached"),

@@ -39,11 +39,7 @@ def test_a_number_with_three_values_gets_curves_and_compared_cases_a_change(tmp_
     assert axes.get_xlabel() == "patrol.options.dilatation"
     assert axes.get_legend_handles_labels()[1] == ["direction=mode", "direction=vector"]
     lines = [np.asarray(line.get_xydata()).tolist() for line in axes.lines]
-    assert next(line for line in lines if len(line) == 3) == [
-        [0.0, 80.0],
-        [2.0, 80.0],
-        [5.0, 80.0],
-    ]
+    assert next(line for line in lines if len(line) == 3) == [[0.0, 80.0], [2.0, 80.0], [5.0, 80.0]]
     change = drawn["change-mfow_mean_s"]
     assert "two-sided paired t-test" in change.caption
     notes = [text.get_text() for text in change.figure.axes[0].texts]

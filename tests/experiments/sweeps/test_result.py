@@ -15,12 +15,7 @@ from agent.ports import Intent
 from agent.view import View
 from patrol.errors import BadInput
 
-BASE = {
-    "terrain": {"builtin": "open"},
-    "point": 1.0,
-    "duration": 15,
-    "robots": {"count": 2, "model": "holonomic"},
-}
+BASE = {"terrain": {"builtin": "open"}, "point": 1.0, "duration": 15, "robots": {"count": 2, "model": "holonomic"}}
 GRID = {"robots.count": range(1, 3), "radio.trail": [0, 4]}
 pytestmark = pytest.mark.processes
 
