@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
 from agent.build import build_mind, shared_by
 from agent.mind import Mind
-from agent.ports import Decision, Intent
+from agent.policies.surround import Surround
+from agent.ports import Decision, Intent, Policy
 from agent.routes.ground import Spot
 from agent.view import View
 from patrol.ground.fields import compute_fields
@@ -83,6 +84,9 @@ class Says:
         return self._intent
 
 
+P = TypeVar("P", bound=Policy)
+
+
 class Robots:
     """Robots that the world moves as their bodies command.
 
@@ -92,7 +96,7 @@ class Robots:
 
     def __init__(self, prepared: Prepared, *intents: Intent, at_poses: Sequence[Pose] = ()) -> None:
         roster = prepared.scenario.roster
-        self.terrain = prepared.terrain
+        self.prepared, self.terrain = prepared, prepared.terrain
         starts = at_poses or prepared.starts
         self.bodies = [Body(spec, start, halted(spec.model)) for spec, start in zip(roster, starts, strict=True)]
         shared = shared_by(prepared)
@@ -125,6 +129,13 @@ class Robots:
                 return
             self.tick()
         assert there(), [body.pose for body in self.bodies]
+
+    def policy(self, kind: type[P], robot: int = 0) -> P:
+        """The policy of a robot, below that which surrounds intruders."""
+        surround = self.minds[robot].policy
+        assert isinstance(surround, Surround)
+        assert isinstance(surround.otherwise, kind)
+        return surround.otherwise
 
     def apart(self, spot: Spot, robot: int = 0) -> float:
         pose = self.bodies[robot].pose

@@ -91,27 +91,3 @@ def test_a_restarted_mind_knows_nothing_and_catches_up(model: str) -> None:
     assert [decided.rejected for decided in later[-1]] == [0, 0]
     assert belief.fog.seen == belief.fog.points
     assert later[-1][1].mfow < 80
-
-
-def test_a_silent_peer_is_an_obstacle_until_it_is_heard_again() -> None:
-    pair = Pair("holonomic")
-    pair.run(10, 0, 1)
-    last = pair.minds[0].belief.peers[2].pose
-
-    def is_closed() -> bool:
-        ground = pair.minds[0].look(at(pair.k, pair.poses[0])).ground
-        return ground.is_closed(*pair.terrain.point_at(last.x, last.y))
-
-    pair.run(9, 0)
-    assert not is_closed()
-    pair.run(6, 0)
-    assert is_closed()
-    pair.run(1, 0, 1)
-    assert not is_closed()
-
-
-def test_another_incarnation_draws_other_random_moves() -> None:
-    pair = Pair("holonomic")
-    twin = pair.make(1, 2)
-    bearings = [[mind.step(at(k, pair.poses[0]), []).direction for k in range(60)] for mind in (pair.minds[0], twin)]
-    assert bearings[0] != bearings[1]

@@ -20,6 +20,7 @@ from patrol.ground.swept_path import advance, path_is_free
 from patrol.ground.terrain import Terrain
 from patrol.pose import COMMANDS, MODELS, Command, Drive, Limits, Pose, Twist, Velocity, command_of
 from patrol.prepare import Prepared
+from patrol.radio.message import as_received
 from patrol.scenario import load_scenario
 from tests.agent.minds import STEP, at, prepared_on
 
@@ -53,12 +54,11 @@ class Says:
 @pytest.fixture(scope="module")
 def prepared() -> dict[str, Prepared]:
     """By model."""
-    found = {}
-    for model in MODELS:
-        robots = {"count": 2, "model": model}
-        mapping = {"terrain": {"builtin": "open"}, "point": 0.5, "robots": robots}
-        found[model] = prepared_on(load_scenario(mapping), walled(), [FIRST])
-    return found
+    mapping = {"terrain": {"builtin": "open"}, "point": 0.5}
+    return {
+        model: prepared_on(load_scenario({**mapping, "robots": {"count": 2, "model": model}}), walled(), [FIRST])
+        for model in MODELS
+    }
 
 
 class Drives:
@@ -177,10 +177,13 @@ def test_a_holonomic_body_that_bumps_on_its_way_steps_aside_now_and_then(prepare
 
 
 @pytest.mark.parametrize("model", MODELS)
-def test_on_the_way_to_a_place_a_wander_goes_first_for_one_step(model: str, prepared: dict[str, Prepared]) -> None:
-    pose = Pose(5.0, 5.0, 1.2)
-    wander = Place(15.0, 5.0, bend=(15.0, 5.0), wander=1.2, state="straying")
-    drives = Drives(prepared[model], wander, pose)
+@pytest.mark.parametrize(
+    "wander",
+    [Place(15.0, 5.0, bend=(15.0, 5.0), wander=1.2, state="straying"), Bearing((0.0,), wander=1.2, state="straying")],
+    ids=["place", "bearing"],
+)
+def test_a_wander_goes_first_for_one_step(model: str, wander: Intent, prepared: dict[str, Prepared]) -> None:
+    drives = Drives(prepared[model], wander, Pose(5.0, 5.0, 1.2))
     decision = drives.tick()
     assert (decision.state, decision.direction, decision.goal) == ("straying", 1.2, None)
     assert math.atan2(drives.pose.y - 5.0, drives.pose.x - 5.0) == pytest.approx(1.2)
@@ -275,14 +278,6 @@ def test_no_bearings_make_a_body_hold(model: str, prepared: dict[str, Prepared])
     assert (decision.command.numbers, decision.state) == ((0.0, 0.0), State.HOLDING)
 
 
-def test_a_wander_goes_before_all_bearings_for_one_step(prepared: dict[str, Prepared]) -> None:
-    for model in MODELS:
-        drives = Drives(prepared[model], Bearing((0.0,), wander=1.2), Pose(5.0, 5.0, 1.2))
-        decision = drives.tick()
-        assert decision.direction == 1.2
-        assert math.atan2(drives.pose.y - 5.0, drives.pose.x - 5.0) == pytest.approx(1.2)
-
-
 def test_a_holonomic_body_stops_at_a_place_in_sight(prepared: dict[str, Prepared]) -> None:
     drives = Drives(prepared["holonomic"], Bearing((0.0,), near=(6.25, 5.75)))
     decision = drives.tick()
@@ -316,3 +311,61 @@ def test_who_starts_beside_the_ground_joins_it(model: str, prepared: dict[str, P
     assert not reach[terrain.point_at(pose.x, pose.y)]
     drives = Drives(prepared[model], Place(12.0, 8.0), pose)
     drives.until_near((12.0, 8.0), NEAR[model], IN_TIME[model])
+
+
+# --- parking exactly -------------------------------------------------------------------------------------------------
+
+
+BESIDE = [(12.25, 6.25), (9.75, 6.75), (6.25, 3.75), (10.25, 3.25)]
+"""Centres of points beside a car, where no single step leads."""
+
+
+@pytest.fixture(scope="module")
+def fine() -> Prepared:
+    """Points of 0.1 m, without walls."""
+    scenario = load_scenario({"terrain": {"builtin": "open"}, "point": 0.1, "robots": {"count": 1, "model": "car"}})
+    return prepared_on(scenario, Terrain("free", np.ones((125, 170), dtype=np.bool_), 0.1), [FIRST])
+
+
+def heard_on(drives: Drives) -> tuple[int, int]:
+    """The point on which others hear the robot."""
+    heard = as_received(drives.pose)
+    return drives.terrain.point_at(heard.x, heard.y)
+
+
+def ends_on(drives: Drives, point: tuple[int, int], ticks: int, stays: int) -> None:
+    for _ in range(ticks):
+        drives.tick()
+        if heard_on(drives) == point:
+            break
+    else:
+        pytest.fail(f"it is at {drives.pose}")
+    for _ in range(stays):
+        drives.tick()
+        assert heard_on(drives) == point
+
+
+@pytest.mark.parametrize("spot", BESIDE)
+def test_a_car_that_is_asked_to_ends_on_the_very_point_and_stays_there(
+    spot: Spot, prepared: dict[str, Prepared]
+) -> None:
+    drives = Drives(prepared["car"], Place(*spot, exact=True), Pose(10.0, 5.0, 0.0))
+    ends_on(drives, drives.terrain.point_at(*spot), 80, 5)
+
+
+@settings(max_examples=15)
+@given(heading=st.floats(-3.1, 3.1), x=st.integers(35, 130), y=st.integers(35, 90))
+def test_it_ends_where_others_hear_it_on_a_small_point(heading: float, x: int, y: int, fine: Prepared) -> None:
+    """Others hear places rounded to centimetres, and what is seen from a place is computed from that."""
+    drives = Drives(fine, Place(0.1 * x + 0.05, 0.1 * y + 0.05, exact=True), Pose(10.0, 5.0, heading))
+    ends_on(drives, (y, x), 120, 1)
+
+
+def test_without_being_asked_it_stays_beside_some_of_them(prepared: dict[str, Prepared]) -> None:
+    beside = 0
+    for spot in BESIDE:
+        drives = Drives(prepared["car"], Place(*spot), Pose(10.0, 5.0, 0.0))
+        for _ in range(80):
+            drives.tick()
+        beside += drives.terrain.point_at(drives.pose.x, drives.pose.y) != drives.terrain.point_at(*spot)
+    assert beside > 0

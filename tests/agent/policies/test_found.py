@@ -154,7 +154,7 @@ def test_a_file_beside_the_scenario(write: Write, monkeypatch: pytest.MonkeyPatc
     assert decision.command.numbers == (0.0, 0.0)
 
 
-@pytest.mark.parametrize("policy", ["guard.py:Still", "../own/guard.py:Still", "./guard.py:Still"])
+@pytest.mark.parametrize("policy", ["guard.py:Still", "../own/guard.py:Still"])
 def test_a_file_is_named_in_any_way_that_leads_there(policy: str, write: Write) -> None:
     assert policy_of(load_scenario(write(policy))).make.__name__ == "Still"
 
@@ -225,50 +225,33 @@ def test_an_unknown_entry_point_is_named_and_what_there_is_offered() -> None:
 # --- what is wrong with it -------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("name", ["Silent", "function", "Stay"])
-def test_what_cannot_decide_is_no_policy(name: str, write: Write) -> None:
-    scenario = load_scenario(write(f"./guard.py:{name}"))
-    said = refused(scenario)
-    assert f"patrol.policy = {scenario.patrol.policy}: is not a class with a method decide(view)" in said
-
-
-def test_a_class_that_is_not_there_is_named_and_another_offered(write: Write) -> None:
-    scenario = load_scenario(write("./guard.py:Stil"))
-    said = refused(scenario)
-    assert f"patrol.policy = {scenario.patrol.policy}: has no Stil; " in said
-    assert "Still" in said.partition("has no Stil;")[2]
-
-
-def test_a_file_with_no_policy_has_none_to_offer(write: Write) -> None:
-    assert refused(load_scenario(write("./guard.py:Still", "X = 1\n"))).endswith("has no Still; there is none in it")
-
-
 def test_a_file_that_is_not_there_is_named(write: Write) -> None:
     path = write("./missing.py:Still")
-    said = refused(load_scenario(path))
-    assert said.startswith(
-        f"patrol.policy = {path.parent / 'missing.py'}: cannot be read (No such file or directory); correct it"
-    )
+    says = f"patrol.policy = {path.parent / 'missing.py'}: cannot be read (No such file or directory); correct it"
+    assert refused(load_scenario(path)).startswith(says)
 
 
 def test_a_module_that_is_not_there_is_named() -> None:
-    said = refused(named("nobody_has_this.module:Class"))
-    assert said.startswith(
-        "patrol.policy = nobody_has_this.module:Class: No module named 'nobody_has_this'; install it"
-    )
+    says = "patrol.policy = nobody_has_this.module:Class: No module named 'nobody_has_this'; install it"
+    assert refused(named("nobody_has_this.module:Class")).startswith(says)
 
 
 @pytest.mark.parametrize(
-    ("source", "says"),
+    ("name", "source", "says"),
     [
-        ("1 / 0\n", "raises ZeroDivisionError: division by zero; correct it"),
-        ("def broken(:\n", "raises SyntaxError: "),
-        ("raise ValueError('two\\nlines')\n", "raises ValueError: two lines; correct it"),
-        ("import nobody_has_this\n", "No module named 'nobody_has_this'"),
+        *((name, STILL, "is not a class with a method decide(view)") for name in ("Silent", "function", "Stay")),
+        ("Stil", STILL, "has no Stil; did you mean Still"),
+        ("Still", "X = 1\n", "has no Still; there is none in it"),
+        ("Still", "1 / 0\n", "raises ZeroDivisionError: division by zero; correct it"),
+        ("Still", "def broken(:\n", "raises SyntaxError: "),
+        ("Still", "raise ValueError('two\\nlines')\n", "raises ValueError: two lines; correct it"),
+        ("Still", "import nobody_has_this\n", "No module named 'nobody_has_this'"),
     ],
 )
-def test_a_file_that_raises_is_named_with_what_it_raises_each_time(source: str, says: str, write: Write) -> None:
-    scenario = load_scenario(write("./guard.py:Still", source))
+def test_a_file_without_the_policy_is_named_with_the_reason_each_time(
+    name: str, source: str, says: str, write: Write
+) -> None:
+    scenario = load_scenario(write(f"./guard.py:{name}", source))
     for _ in range(2):
         said = refused(scenario)
         assert said.startswith(f"patrol.policy = {scenario.patrol.policy}: ")
@@ -350,13 +333,9 @@ def test_a_policy_without_options_takes_none(write: Write) -> None:
     said = refused(scenario)
     assert said.startswith("patrol.options = {'patience': 3}: ")
     assert "takes no options" in said
-    assert policy_of(load_scenario(write("./guard.py:Still", options={}))).options == {}
-
-
-def test_wrong_options_stop_a_mind_before_it_is_made(write: Write) -> None:
-    prepared = prepare(load_scenario(write("./guard.py:Still", options={"patience": 3})))
     with pytest.raises(BadInput, match="takes no options"):
-        build_mind(prepared, 1)
+        build_mind(prepare(scenario), 1)
+    assert policy_of(load_scenario(write("./guard.py:Still", options={}))).options == {}
 
 
 @pytest.mark.parametrize(("dilatation", "metres"), [("auto", 5.0), (3, 3.0)])

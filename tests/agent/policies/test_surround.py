@@ -82,9 +82,6 @@ def test_the_assignment_is_the_best_there_is(rows: int, data: st.DataObject) -> 
     assert len(set(found)) == rows
     least = min(sum(costs[i][j] for i, j in enumerate(ways)) for ways in itertools.permutations(range(cols), rows))
     assert sum(costs[row][col] for row, col in enumerate(found)) == least
-
-
-def test_nobody_to_assign() -> None:
     assert assign([]) == []
 
 
@@ -158,10 +155,8 @@ def test_the_way_leads_round_walls() -> None:
 def test_who_is_on_its_place_stays_and_so_does_everybody_else() -> None:
     first = ways(CORNER, [(20.0, 20.0)])
     arrived = {number: Pose(*way.place, 0.0) for number, way in first.items() if way is not None}
-    again = ways(arrived, [(20.0, 20.0)])
-    assert {number: way and way.place for number, way in again.items()} == {
-        number: (pose.x, pose.y) for number, pose in arrived.items()
-    }
+    places = {number: way and way.place for number, way in ways(arrived, [(20.0, 20.0)]).items()}
+    assert places == {number: (pose.x, pose.y) for number, pose in arrived.items()}
 
 
 def test_of_several_intruders_each_robot_takes_the_nearest() -> None:
@@ -172,14 +167,10 @@ def test_of_several_intruders_each_robot_takes_the_nearest() -> None:
 
 
 def test_an_intruder_that_nobody_gets_near_attracts_nobody() -> None:
-    prepared = prepared_for(field(wall=True), 1)
-    reach = np.zeros(prepared.terrain.shape, dtype=np.bool_)
+    setup, reach = setup_of(prepared_for(field(wall=True), 1)), np.zeros((80, 80), dtype=np.bool_)
     reach[2:6, 2:6] = True
-    setup = setup_of(prepared)
-    ground = replace(setup.ground, fields=replace(setup.ground.fields, reach=reach))
-    setup = replace(setup, ground=ground)
-    routes = Routes(Ground(prepared.terrain, reach))
-    surround = Surround(setup, Otherwise())
+    setup = replace(setup, ground=replace(setup.ground, fields=replace(setup.ground.fields, reach=reach)))
+    routes, surround = Routes(Ground(setup.ground.terrain, reach)), Surround(setup, Otherwise())
     assert surround.way(Pose(2.0, 2.0, 0.0), {}, [(30.0, 30.0)], routes, (4, 4)) is None
 
 

@@ -29,7 +29,7 @@ from patrol.messages.phases import (
 )
 from patrol.messages.session import SILENCE_S, Identity, RobotEnd, Send
 from patrol.net.mailbox import Mailbox, Presence
-from patrol.pose import Drive, Pose, Velocity
+from patrol.pose import Command, Drive, Pose, Velocity
 from patrol.process.lifeline import Ending
 from patrol.security.keys import WORLD, FleetKeys
 
@@ -69,15 +69,8 @@ class Scene:
         self.ending = Ending()
         self.mailbox = Clocked((KEYS.tick("r1"), KEYS.alive(WORLD)), decode_to_robot, 1000)
         self.session = RobotEnd(ME, patience_s, blind_s, self.mailbox.time)
-        self.robot = SimRobot(
-            self.mailbox,
-            self.post,
-            self.session,
-            self.ending,
-            model=model,
-            waiting=self.waited.append,
-            now=lambda: self.mailbox.time,
-        )
+        ports = (self.mailbox, self.post, self.session, self.ending)
+        self.robot = SimRobot(*ports, model=model, waiting=self.waited.append, now=lambda: self.mailbox.time)
         if greeted:
             assert self.session.arrived(hello(), self.mailbox.time) == (Send(HelloReply(1, 77, 0, RUN, ME.scenario)),)
 
@@ -97,13 +90,17 @@ class Scene:
     def tick(self, k: int, frames: tuple[bytes, ...] = ()) -> list[bytes] | None:
         """One whole tick in lockstep; what was heard."""
         self.tell(a(k), b(k, frames))
-        sensed = self.robot.sense()
-        assert sensed is not None
+        sensed = self.sense()
         self.robot.send((b"frame %d" % k,))
         heard = self.robot.hear()
         self.robot.report(sensed, DECISION, 1.5)
         self.robot.act(DECISION.command)
         return heard
+
+    def sense(self) -> Sensed:
+        sensed = self.robot.sense()
+        assert sensed is not None
+        return sensed
 
     def end_after(self, seconds: float) -> None:
         """Ask the robot to leave so much later."""
@@ -128,8 +125,7 @@ def hello(run: int = RUN) -> Hello:
 def test_it_answers_a_hello_with_who_it_is() -> None:
     scene = Scene(greeted=False)
     scene.tell(hello(), a(0))
-    sensed = scene.robot.sense()
-    assert sensed is not None
+    sensed = scene.sense()
     assert (sensed.k, sensed.pose, sensed.bumped) == (0, POSE, False)
     assert scene.sent == [HelloReply(1, 77, 0, 5, "a" * 64)]
 
@@ -148,9 +144,7 @@ def test_a_repeat_is_answered_from_the_last_answer_and_decides_nothing() -> None
     scene.tick(0)
     answers = scene.last(2)
     scene.tell(a(0), b(0), a(1))
-    sensed = scene.robot.sense()
-    assert sensed is not None
-    assert sensed.k == 1
+    assert scene.sense().k == 1
     assert scene.last(2) == answers
     scene.robot.send((b"frame",))
     scene.tell(a(1), a(1), b(1))
@@ -161,8 +155,7 @@ def test_a_repeat_is_answered_from_the_last_answer_and_decides_nothing() -> None
 def test_who_comes_late_goes_on_with_the_newest_tick_and_all_that_was_heard() -> None:
     scene = Scene()
     scene.tell(a(0), b(0, (b"0",)), a(1), b(1, (b"1",)), a(2))
-    sensed = scene.robot.sense()
-    assert sensed is not None
+    sensed = scene.sense()
     assert sensed.k == 2
     scene.robot.send((b"frame",))
     scene.tell(b(2, (b"2",)))
@@ -175,11 +168,11 @@ def test_who_comes_late_goes_on_with_the_newest_tick_and_all_that_was_heard() ->
 def test_a_tick_that_is_over_is_not_decided_but_what_comes_later_is_heard() -> None:
     scene = Scene()
     scene.tell(a(0))
-    assert scene.robot.sense() is not None
+    scene.sense()
     scene.robot.send((b"frame",))
     scene.tell(a(1))
     assert scene.robot.hear() is None
-    assert scene.robot.sense() is not None
+    scene.sense()
     scene.robot.send((b"frame",))
     scene.tell(b(0, (b"0",)), b(1, (b"1",)))
     assert scene.robot.hear() == [b"0", b"1"]
@@ -188,9 +181,7 @@ def test_a_tick_that_is_over_is_not_decided_but_what_comes_later_is_heard() -> N
 def test_messages_for_another_process_are_counted_and_ignored() -> None:
     scene = Scene()
     scene.tell(a(7, instance=78), a(8, incarnation=2), replace(b(9), instance=5), Stop(1, 78, 0, RUN, True, "go"), a(0))
-    sensed = scene.robot.sense()
-    assert sensed is not None
-    assert sensed.k == 0
+    assert scene.sense().k == 0
     assert scene.mailbox.refused["stranger"] == 4
     assert scene.robot.refused == 4
     assert not scene.robot.farewell
@@ -200,7 +191,7 @@ def test_messages_for_another_process_are_counted_and_ignored() -> None:
 def test_it_leaves_when_told_to(orderly: bool) -> None:
     scene = Scene()
     scene.tell(a(0))
-    assert scene.robot.sense() is not None
+    scene.sense()
     scene.tell(Stop(1, 77, 0, RUN, orderly, "because"))
     assert scene.robot.hear() is None
     assert scene.robot.sense() is None
@@ -226,9 +217,6 @@ def test_a_farewell_that_came_before_the_signal_counts() -> None:
     scene.ending.ask("told to by SIGTERM")
     assert scene.robot.sense() is None
     assert (scene.robot.farewell, scene.robot.orderly) == ("the run is over", True)
-
-
-def test_it_leaves_when_its_process_should() -> None:
     scene = Scene()
     scene.ending.ask("told to by SIGTERM")
     assert scene.robot.sense() is None
@@ -309,16 +297,18 @@ def test_a_lost_world_may_come_back_for_a_while() -> None:
 STILL = ReplyB(1, 77, 3, RUN, Reply(Velocity(0.0, 0.0), "holding", None, 1.5, 2))
 
 
-def test_it_stops_when_no_pose_comes_any_more() -> None:
-    scene = Scene(patience_s=10.0, blind_s=2.0)
+@pytest.mark.parametrize(("model", "command"), [("holonomic", Velocity(0.0, 0.0)), ("car", Drive(0.0, 0.0))])
+def test_it_stops_when_no_pose_comes_any_more(model: str, command: Command) -> None:
+    scene = Scene(patience_s=10.0, blind_s=2.0, model=model)
     scene.world(present=True)
     scene.tick(3)
     began = scene.mailbox.time
     scene.tell(b(4))  # what others say is no pose
     scene.end_after(5.0)
     assert scene.robot.sense() is None
-    assert scene.sent.count(STILL) == 1
-    assert scene.times[scene.sent.index(STILL)] - began == pytest.approx(2.0, abs=0.5)
+    still = replace(STILL, reply=replace(STILL.reply, command=command))
+    assert scene.sent.count(still) == 1
+    assert scene.times[scene.sent.index(still)] - began == pytest.approx(2.0, abs=0.5)
 
 
 def test_it_drives_on_in_lockstep_and_has_nothing_to_stop_before_it_has_driven() -> None:
@@ -345,7 +335,7 @@ def test_a_mind_that_cannot_go_on_says_at_which_tick_and_why() -> None:
     scene.robot.stop("too early")
     scene.tick(4)
     scene.tell(a(5))
-    assert scene.robot.sense() is not None
+    scene.sense()
     scene.robot.stop("its policy failed")
     assert scene.sent[0] == Failed(1, 77, 0, RUN, "too early")
     assert scene.last(1) == [Failed(1, 77, 5, RUN, "its policy failed")]
@@ -355,7 +345,7 @@ def test_a_command_that_nobody_reports_on_is_sent_all_the_same() -> None:
     scene = Scene()
     scene.tick(3)
     scene.tell(a(4), b(4))
-    assert scene.robot.sense() is not None
+    scene.sense()
     scene.robot.send((b"frame",))
     assert scene.robot.hear() == []
     scene.robot.act(Velocity(0.5, 0.0))

@@ -49,9 +49,8 @@ def test_a_zone_that_the_scenario_does_not_have_is_refused(in_force: tuple[int, 
 
 def test_messages_of_another_run_are_counted_and_ignored() -> None:
     scene = Scene()
-    scene.tell(
-        replace(a(3), run=6), replace(b(3), run=6), Stop(1, 77, 0, 6, True, "go"), Stop(1, 77, 0, NO_RUN, True, "")
-    )
+    scene.tell(*(replace(begins, run=6) for begins in (a(3), b(3))))
+    scene.tell(Stop(1, 77, 0, 6, True, "go"), Stop(1, 77, 0, NO_RUN, True, ""))
     assert scene.tick(0, (b"x",)) == [b"x"]
     assert scene.mailbox.refused == {"stranger": 4}
     assert not scene.robot.farewell

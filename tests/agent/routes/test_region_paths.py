@@ -69,15 +69,23 @@ class Reference:
         return min(lengths, default=math.inf)
 
 
-def random_ground(seed: int, height: int = 40, width: int = 46) -> tuple[Terrain, Bools]:
-    """A terrain of random boxes, and a body that fits on most of it."""
+def any_place(mask: Bools, seed: int) -> Place:
+    places = np.argwhere(mask)
+    row, col = places[seed % len(places)]
+    return int(row), int(col)
+
+
+def random_ground(seed: int) -> tuple[Terrain, Bools, RegionSplit, Place]:
+    """A terrain of random boxes, where on most of it a body fits, the regions of that, and a start."""
+    height, width = 40, 46
     rng = np.random.default_rng(seed)
     free = np.ones((height, width), dtype=np.bool_)
     for _ in range(rng.integers(0, 12)):
         row, col = rng.integers(0, height), rng.integers(0, width)
         free[row : row + rng.integers(1, 16), col : col + rng.integers(1, 16)] = False
     free[0, 0] = True
-    return Terrain("made", free, 1.0), free & (rng.random(free.shape) > 0.02)
+    terrain, body = Terrain("made", free, 1.0), free & (rng.random(free.shape) > 0.02)
+    return terrain, body, split_regions(terrain, body), any_place(body, seed)
 
 
 def paths_from(terrain: Terrain, body: Bools, split: RegionSplit, start: Place, span: int, *limits: int) -> Regions:
@@ -86,12 +94,6 @@ def paths_from(terrain: Terrain, body: Bools, split: RegionSplit, start: Place, 
     for limit in limits:
         paths.extend(limit)
     return paths
-
-
-def any_place(mask: Bools, seed: int) -> Place:
-    places = np.argwhere(mask)
-    row, col = places[seed % len(places)]
-    return int(row), int(col)
 
 
 def settled(paths: Regions) -> dict[Place, tuple[int, Place]]:
@@ -107,9 +109,7 @@ def settled(paths: Regions) -> dict[Place, tuple[int, Place]]:
 @settings(max_examples=40)
 @given(seed=st.integers(0, 2**32 - 1))
 def test_lengths_are_those_of_the_formula(seed: int) -> None:
-    terrain, body = random_ground(seed)
-    split = split_regions(terrain, body)
-    start = any_place(body, seed)
+    terrain, body, split, start = random_ground(seed)
     reference = Reference(split)
     ways = reference.from_place(start)
     found = settled(paths_from(terrain, body, split, start, 400, 40_000))
@@ -126,9 +126,7 @@ def test_lengths_are_those_of_the_formula(seed: int) -> None:
 @settings(max_examples=30)
 @given(seed=st.integers(0, 2**32 - 1))
 def test_bends_are_the_first_connections_of_shortest_paths(seed: int) -> None:
-    terrain, body = random_ground(seed)
-    split = split_regions(terrain, body)
-    start = any_place(body, seed)
+    terrain, body, split, start = random_ground(seed)
     reference = Reference(split)
     places = {place for place, _ in reference.links}
     for target, (length, bend) in settled(paths_from(terrain, body, split, start, 400, 40_000)).items():
@@ -148,9 +146,7 @@ def test_bends_are_the_first_connections_of_shortest_paths(seed: int) -> None:
 @settings(max_examples=30)
 @given(seed=st.integers(0, 2**32 - 1), first=st.integers(0, 4000), last=st.integers(0, 4000))
 def test_a_limit_settles_just_the_shorter_paths(seed: int, first: int, last: int) -> None:
-    terrain, body = random_ground(seed)
-    split = split_regions(terrain, body)
-    start = any_place(body, seed)
+    terrain, body, split, start = random_ground(seed)
     everything = settled(paths_from(terrain, body, split, start, 400, 40_000))
     limit = max(first, last)
     near = settled(paths_from(terrain, body, split, start, -(-limit // 100), first, limit))
@@ -158,8 +154,7 @@ def test_a_limit_settles_just_the_shorter_paths(seed: int, first: int, last: int
 
 
 def test_who_stands_on_a_connection_is_in_both_regions() -> None:
-    terrain, body = random_ground(3)
-    split = split_regions(terrain, body)
+    terrain, body, split, _ = random_ground(3)
     assert len(split.connections) > 3
     for link in split.connections:
         start = divmod(link.points[0], terrain.width)
@@ -174,8 +169,7 @@ def test_who_stands_on_a_connection_is_in_both_regions() -> None:
 @settings(max_examples=20)
 @given(seed=st.integers(0, 2**32 - 1), count=st.integers(1, 4))
 def test_lengths_from_several_starts_are_the_least_of_each(seed: int, count: int) -> None:
-    terrain, body = random_ground(seed)
-    split = split_regions(terrain, body)
+    terrain, body, split, _ = random_ground(seed)
     starts = [any_place(body, seed + 7919 * number) for number in range(count)]
     ground = Ground(terrain, body)
     paths = Regions(terrain.height, terrain.width, 400, split)
@@ -189,10 +183,8 @@ def test_lengths_from_several_starts_are_the_least_of_each(seed: int, count: int
 
 
 def test_a_start_in_no_region_has_no_paths() -> None:
-    terrain, body = random_ground(5)
-    split = split_regions(terrain, body)
-    other = ~body & terrain.free
-    start = any_place(other, 0)
+    terrain, body, split, _ = random_ground(5)
+    start = any_place(~body & terrain.free, 0)
     assert settled(paths_from(terrain, terrain.free, split, start, 400, 40_000)) == {}
 
 
@@ -200,16 +192,9 @@ def test_a_start_in_no_region_has_no_paths() -> None:
 
 
 def scenario(terrain: str, model: str, ticks: int, seed: int = 7, **options: object) -> Scenario:
-    return load_scenario(
-        {
-            "terrain": {"builtin": terrain},
-            "point": 0.5,
-            "seed": seed,
-            "robots": {"count": 3, "model": model},
-            "duration": 0.5 * ticks,
-            "patrol": {"policy": "potential-field", "options": {"paths": "regions", **options}},
-        }
-    )
+    facts = {"terrain": {"builtin": terrain}, "point": 0.5, "seed": seed, "duration": 0.5 * ticks}
+    patrol = {"policy": "potential-field", "options": {"paths": "regions", **options}}
+    return load_scenario({**facts, "robots": {"count": 3, "model": model}, "patrol": patrol})
 
 
 QUICK = ("yards", "car", "mode"), ("clutter", "holonomic", "vector")

@@ -9,31 +9,28 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from typer.main import get_command
 
 from experiments.benchmark.matrix import read_policies
 from fogwatch.cli.app import app
 from patrol.scenario import load_scenario
+from tests.experiments.commands.conftest import Said, refuses
+from tests.ring import write_cells
 
-PLAN = "image: plan.pgm\nresolution: 0.5\norigin: [0, 0, 0]\nnegate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.2\n"
 GRAPH = "2 40 40 0.5 0 0\n0 10 10 1\n1 E 20\n1 30 10 1\n0 W 20\n"
 QUIET = ("--no-picture", "--no-recording", "--no-report", "--quiet")
-
-
-def plan_files(folder: Path) -> None:
-    """Write an empty room of 20 m with a graph of two vertices."""
-    rows = [bytes(0 if {row, col} & {0, 39} else 254 for col in range(40)) for row in range(40)]
-    (folder / "plan.pgm").write_bytes(b"P5 40 40 255\n" + b"".join(rows))
-    (folder / "plan.yaml").write_text(PLAN)
-    (folder / "plan.graph").write_text(GRAPH)
 
 
 @pytest.mark.processes
 def test_it_writes_a_page_and_each_command_repeats_its_run(
     fogwatch: Callable[..., int], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    plan_files(tmp_path)
+    occupied = np.zeros((40, 40), dtype=np.bool_)
+    occupied[[0, -1]] = occupied[:, [0, -1]] = True
+    write_cells(tmp_path, "plan", occupied)
+    (tmp_path / "plan.graph").write_text(GRAPH)
     words = (
         *("benchmark", "--policies", "committed:separation=none,sebs:g2=50", "--terrains", "open,plan.graph+plan.yaml"),
         *("--conditions", "spoof+loss-50", "--teams", "2,3", "--seeds", "1", "--point", "2", "--duration", "100"),
@@ -79,19 +76,9 @@ def test_the_policies_of_the_examples_can_be_run() -> None:
     ("words", "says"),
     [
         (("--policies", "even-tours"), "patrol.policy = even-tours: no such policy; did you mean even-tour"),
-        (
-            ("--policies", "sebs:g3=1"),
-            "patrol.options.g3 = 1: unknown key; sebs has the options tolerance, g2, edge_min",
-        ),
+        (("--policies", "sebs:g3=1"), "options.g3 = 1: unknown key; sebs has the options tolerance, g2, edge_min"),
         (("--policies", "committed:separation=some"), "patrol.options.separation ="),
-        (
-            ("--terrains", "yard"),
-            "--terrains yard: no such built-in terrain, and no map's YAML file; did you mean yards",
-        ),
-        (("--terrains", "gone.yaml"), "gone.yaml: no such file"),
         (("--terrains", "gone.graph+open"), "gone.graph"),
-        (("--teams", "0"), "--teams 0: 0: expected a number of robots from 1 to"),
-        (("--teams", "2", "--conditions", "deaths"), "--teams 2: deaths needs 3 robots or more"),
         (("--conditions", "loss"), "--conditions loss: loss: no such condition"),
         (("--seeds", "0"), "seeds = 0"),
         (("--duration", "-5"), "duration"),
@@ -102,7 +89,6 @@ def test_the_policies_of_the_examples_can_be_run() -> None:
         (("--set", "terrain={}"), "--set terrain: the benchmark sets this field; use --terrains"),
         (("--set", "nonsense=1"), "nonsense"),
         (("--preset", "magic"), "--preset magic: no such preset; did you mean magec"),
-        (("--preset", "magec"), "--preset magec: needs --map cumberland.yaml and --graph cumberland.graph; get both"),
         (("--preset", "magec", "--teams", "3"), "--teams: --preset magec says what is run; leave it out"),
         (("--map", "plan.yaml"), "--map plan.yaml: goes with --preset; give --terrains FILE.graph+MAP.yaml instead"),
         (("--workers", "0"), "workers = 0"),
@@ -110,10 +96,7 @@ def test_the_policies_of_the_examples_can_be_run() -> None:
     ],
 )
 def test_what_makes_no_sense_is_refused_in_one_line(
-    fogwatch: Callable[..., int], tmp_path: Path, capsys: pytest.CaptureFixture[str], words: tuple[str, ...], says: str
+    run: Callable[..., Said], tmp_path: Path, words: tuple[str, ...], says: str
 ) -> None:
-    assert fogwatch("benchmark", *words, "--out", "bench") == 2
-    err = capsys.readouterr().err
-    assert says in err
-    assert len(err.splitlines()) == 1
+    refuses(run("benchmark", *words, "--out", "bench"), says)
     assert not (tmp_path / "bench").exists()

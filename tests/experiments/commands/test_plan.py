@@ -6,12 +6,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 from PIL import Image
 
 from patrol.measures.best_tour import best_tour
 from patrol.prepare import prepare
 from patrol.process.lifeline import Ending
 from patrol.scenario import load_scenario
+from tests.ring import write_cells
 
 BODY = ["--model", "holonomic", "--radius", "0.3", "--speed", "1", "--point", "0.5", "--sensor-range", "4"]
 
@@ -26,13 +28,14 @@ def signals_are_left_alone(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.fixture
 def rooms(tmp_path: Path) -> str:
     """A map of two rooms of 10 x 10 m with a door 2 m wide."""
-    free = np.full((22, 43), 254, dtype=np.uint8)
-    free[[0, -1]] = free[:, [0, 21, -1]] = 0
-    free[9:13, 21] = 254
-    Image.fromarray(free).save(tmp_path / "rooms.png")
-    says = "image: rooms.png\nresolution: 0.5\norigin: [0, 0, 0]\nnegate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.2\n"
-    (tmp_path / "rooms.yaml").write_text(says)
-    return str(tmp_path / "rooms.yaml")
+    return str(write_cells(tmp_path, "rooms", walls()))
+
+
+def walls(door: bool = True) -> NDArray[np.bool_]:
+    occupied = np.zeros((22, 43), dtype=np.bool_)
+    occupied[[0, -1]] = occupied[:, [0, 21, -1]] = True
+    occupied[9:13, 21] = not door
+    return occupied
 
 
 def test_a_quick_plan_has_tours_and_pictures_and_simulates_nothing(
@@ -138,10 +141,7 @@ def test_an_interrupted_plan_leaves_nothing(
 def test_ground_without_a_way_to_it_is_named_in_plan_and_scenario_check(
     rooms: str, fogwatch: Callable[..., int], capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
-    with Image.open(tmp_path / "rooms.png") as image:
-        free = np.asarray(image).copy()
-    free[:, 21] = 0
-    Image.fromarray(free).save(tmp_path / "rooms.png")
+    write_cells(tmp_path, "rooms", walls(door=False))
     words = "left out: 100 m² of free ground, which no robot sees; it is around (15.75, 5.25), walled off"
     assert fogwatch("plan", rooms, "--robots", "1", "--quick", *BODY) == 0
     shown = capsys.readouterr()

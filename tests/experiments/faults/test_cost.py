@@ -19,9 +19,8 @@ from experiments.faults.cost import (
     plan_of,
 )
 from experiments.faults.cost_page import page
-from experiments.sweeps.results import RunResult
-from experiments.sweeps.runner import SweepOutcome
 from patrol.errors import BadInput
+from tests.experiments.outcomes import outcome_of
 
 
 @pytest.fixture
@@ -69,13 +68,12 @@ def test_small_fleets_have_fewer_conditions(setup: FaultSetup) -> None:
 
 def test_costs_are_ratios_to_the_same_seed_without_faults(setup: FaultSetup) -> None:
     tried = chosen(setup, ["silence"])
-    plan = plan_of(setup, tried)
-    results = {}
-    for run in plan.runs:
-        mfow = 100.0 * run.seed * (1.5 if "total silence" in run.case else 1.0)
-        metrics = {"mfow_mean_s": mfow, "messages_sent": 200.0, "messages_delivered": 50.0}
-        results[run.key] = RunResult(run.key, run.case, run.seed, "ok", None, metrics, None, 2.0, "1")
-    found = findings(SweepOutcome(plan, results, len(results), 1.0), tried)
+
+    def metrics(case: str, seed: int) -> dict[str, float]:
+        mfow = 100.0 * seed * (1.5 if "total silence" in case else 1.0)
+        return {"mfow_mean_s": mfow, "messages_sent": 200.0, "messages_delivered": 50.0}
+
+    found = findings(outcome_of(plan_of(setup, tried), metrics), tried)
     by_name = {case_name(one.condition, one.variant): one for one in found}
     silent = by_name["silence: total silence, with claims"]
     assert silent.cost is not None
@@ -86,9 +84,8 @@ def test_costs_are_ratios_to_the_same_seed_without_faults(setup: FaultSetup) -> 
     assert silent.delivered is not None
     assert silent.delivered.mean == 0.25
     assert silent.belief is None
-    text = page(
-        setup, found, [], command="fogwatch reproduce faults", computing_s=600.0, failed=2, pictures=["loss.png"]
-    )
+    command = "fogwatch reproduce faults"
+    text = page(setup, found, [], command=command, computing_s=600.0, failed=2, pictures=["loss.png"])
     assert "`fogwatch reproduce faults`: 10 min of computing" in text
     assert "| total silence | with claims | 225.0 ± " in text
     assert "| 1.500 ± 0.000 | - | 25.0 % |" in text
@@ -101,14 +98,12 @@ def test_costs_are_ratios_to_the_same_seed_without_faults(setup: FaultSetup) -> 
 def test_runs_are_compared_seed_by_seed(setup: FaultSetup) -> None:
     names = ["loss: 50 % lost", "loss with trail: 50 % lost", "death: one killed", "fleet: one robot fewer"]
     tried = chosen(setup, names)
-    plan = plan_of(setup, tried)
-    results = {}
-    for run in plan.runs:
-        mfow = 100.0 * run.seed * (0.7 if "with claims" in run.case else 1.0) * (0.9 if "trail" in run.case else 1.0)
-        late = 80.0 * run.seed * (1.1 if "killed" in run.case else 1.0)
-        metrics = {"mfow_mean_s": mfow, "mfow_late_mean_s": late}
-        results[run.key] = RunResult(run.key, run.case, run.seed, "ok", None, metrics, None, 2.0, "1")
-    compared = comparisons(SweepOutcome(plan, results, len(results), 1.0), tried)
+
+    def metrics(case: str, seed: int) -> dict[str, float]:
+        mfow = 100.0 * seed * (0.7 if "with claims" in case else 1.0) * (0.9 if "trail" in case else 1.0)
+        return {"mfow_mean_s": mfow, "mfow_late_mean_s": 80.0 * seed * (1.1 if "killed" in case else 1.0)}
+
+    compared = comparisons(outcome_of(plan_of(setup, tried), metrics), tried)
     ratios = {(one.group, one.what, one.variant): round(one.ratio.mean, 6) for one in compared}
     assert ratios["claims", "loss: 50 % lost", "with claims"] == 0.7
     assert ratios["trail", "loss: 50 % lost", "final algorithm"] == 0.9

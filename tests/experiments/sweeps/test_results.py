@@ -17,9 +17,8 @@ from patrol.errors import BadInput
 
 def result(name: str, value: float = 1.5, outcome: Literal["ok", "failed"] = "ok") -> RunResult:
     error = None if outcome == "ok" else "it broke"
-    return RunResult(
-        name, f"case {name}", 1, outcome, error, {"mfow_mean_s": value, "n": 3, "x": None}, "ab", 0.5, "1.0"
-    )
+    metrics = {"mfow_mean_s": value, "n": 3, "x": None}
+    return RunResult(name, f"case {name}", 1, outcome, error, metrics, "ab", 0.5, "1.0")
 
 
 def write(folder: Path, *results: RunResult) -> Path:
