@@ -57,18 +57,14 @@ def prepared_in(
     robots: Mapping[str, Any],
     *,
     speeds: Sequence[float] = (),
-    patrol: Mapping[str, Any] | None = None,
-    sensor: Mapping[str, Any] | None = None,
-    zones: Sequence[Mapping[str, Any]] = (),
+    **sections: Any,
 ) -> Prepared:
     """A scenario with robots, equal but for speeds, that begin at these places, and reach what they do from there."""
     roster: list[dict[str, Any]] = [{**robots, "start": [start.x, start.y, start.heading]} for start in starts]
     for robot, speed in zip(roster, speeds, strict=False):
         robot["speed"] = speed
     mapping = {"terrain": {"builtin": "open"}, "point": terrain.point, "robots": roster}
-    scenario = load_scenario(
-        {**mapping, "patrol": dict(patrol or {}), "sensor": dict(sensor or {}), "zones": list(zones)}
-    )
+    scenario = load_scenario({**mapping, **sections})
     fields = compute_fields(terrain, scenario.roster[0].radius, scenario.sensor.range, True, list(starts))
     return Prepared(scenario, terrain, tuple(starts), {robot.number: fields for robot in scenario.roster})
 
@@ -106,14 +102,18 @@ class Robots:
         self.k = 0
         self.is_lost: Callable[[int, int, int], bool] = lambda _k, _sender, _hearer: False
 
-    def tick(self) -> list[Decision]:
-        sensed = [at(self.k, body.pose, body.bumped) for body in self.bodies]
-        sent = [mind.frames(one) for mind, one in zip(self.minds, sensed, strict=True)]
+    def tick(self, up: Sequence[int] | None = None) -> list[Decision]:
+        """Let all robots decide and move, or those at some places in the roster; the others stand still and silent."""
+        here = range(len(self.minds)) if up is None else up
+        sensed = {i: at(self.k, self.bodies[i].pose, self.bodies[i].bumped) for i in here}
+        sent = {i: self.minds[i].frames(sensed[i]) for i in here}
         decisions = []
-        for i, mind in enumerate(self.minds):
-            heard = [j for j in range(len(sent)) if j != i and not self.is_lost(self.k, j, i)]
-            decisions.append(mind.step(sensed[i], [frame for j in heard for frame in sent[j]]))
-        for body, decision in zip(self.bodies, decisions, strict=True):
+        for i in here:
+            heard = [j for j in here if j != i and not self.is_lost(self.k, j, i)]
+            decisions.append(self.minds[i].step(sensed[i], [frame for j in heard for frame in sent[j]]))
+        for body in self.bodies:
+            body.command = halted(body.spec.model)
+        for body, decision in zip([self.bodies[i] for i in here], decisions, strict=True):
             assert type(decision.command) is type(halted(body.spec.model))
             assert decision.command.is_within(body.spec.limits)
             assert path_is_free(self.terrain, body.pose, decision.command, STEP, body.spec.radius), "into a wall"

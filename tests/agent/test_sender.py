@@ -1,4 +1,4 @@
-"""When a robot sends, and what, where its fleet saves on its radio."""
+"""Times and contents of a robot's frames, where its fleet saves on its radio."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def adaptive(trail: int = 2, every: int = 1, share: Share | None = None, silence
 
 
 def drive(sender: Sender, xs: Sequence[float], first: int = 0) -> dict[int, tuple[bytes, ...]]:
-    """What is sent along a way, by tick, without the ticks in which nothing is."""
+    """The frames along a way, by tick, without the ticks in which none is sent."""
     sent = {k: sender.frames(Sensed(k, Pose(x, 20.0, 0.0), clock_s=0.5 * k)) for k, x in enumerate(xs, start=first)}
     return {k: frames for k, frames in sent.items() if frames}
 
@@ -96,7 +96,7 @@ def test_a_tick_that_was_skipped_empties_the_trail_and_not_the_budget() -> None:
 
 
 def seeing(sender: Sender, k: int, contacts: Sequence[tuple[float, float]]) -> tuple[bytes, ...]:
-    """What a robot that stands sends when it sees intruders."""
+    """The frames of a robot that stands and sees intruders."""
     return sender.frames(Sensed(k, Pose(10.0, 20.0, 0.0), contacts=tuple(contacts), clock_s=0.5 * k))
 
 

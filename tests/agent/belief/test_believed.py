@@ -19,7 +19,7 @@ from patrol.ground.sensors import footprint_of
 from patrol.ground.terrain import Terrain
 from patrol.pose import Pose
 from patrol.radio.inbox import Inboxes, Rules
-from patrol.radio.message import Position, RejectReason, encode
+from patrol.radio.message import Position, encode
 from tests.agent.minds import STEP, fields_of
 
 OPEN = np.ones((40, 50), dtype=np.bool_)
@@ -94,22 +94,6 @@ def test_what_is_no_ground_has_no_age_where_there_are_no_posts(dilatation: int) 
     assert (belief.dilated[passable] <= 3).all()
 
 
-def test_late_and_repeated_frames_count_at_their_own_tick_and_move_nobody() -> None:
-    belief, footprint = belief_on(OPEN, 2)
-    expected, own = Fog(OPEN), Pose(1.0, 19.0, 0.0)
-    places = {k: (4.0 + 2.0 * k, 5.0) for k in range(6)}
-    arrivals = {0: [0], 1: [], 2: [2], 3: [1, 3, 3], 4: [], 5: [5, 0], 6: [4, 2]}
-    for k, numbers in arrivals.items():
-        belief.hear(k, own, [frame(2, number, *places[number]) for number in numbers])
-        expected.observe(footprint.visible(own), k)
-    for k in range(6):
-        expected.observe(footprint.visible(Pose(*places[k], 0.0)), k)
-    assert np.array_equal(belief.fog.last_seen, expected.last_seen)
-    peer = belief.peers[2]
-    assert (peer.sequence, peer.pose.x, peer.tick) == (5, places[5][0], 5)
-    assert belief.refused[RejectReason.OLD] == 3
-
-
 def test_a_look_counts_once_whether_a_frame_or_a_trail_tells_of_it() -> None:
     """With a quality of one half, two looks would leave a quarter of the age."""
     place, trail = (15.0, 5.0), ((0, 0), (0, 0))
@@ -137,7 +121,7 @@ def test_a_frame_from_the_future_dates_late_ones_into_no_past() -> None:
 
 @settings(max_examples=30)
 @given(seed=st.integers(0, 10**6), loss=st.sampled_from([0.0, 0.3, 0.6]), late=st.booleans(), length=st.integers(0, 4))
-def test_trails_and_late_frames_together_give_what_each_heard_look_gives(
+def test_trails_and_late_frames_give_what_each_heard_look_gives(
     seed: int, loss: float, late: bool, length: int
 ) -> None:
     """Whatever is lost, late or told twice, the fog is that of the looks that were told of at all, each at its tick."""

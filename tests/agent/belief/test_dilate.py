@@ -15,7 +15,7 @@ NO_SCRATCH = np.zeros(0, dtype=np.uint16)
 
 
 def window(passable: NDArray[np.bool_], row: int, col: int, reach: int) -> set[tuple[int, int]]:
-    """What can be reached in ``reach`` rounds of a step along the row and one along the column, odd rounds reversed."""
+    """The points reached in ``reach`` rounds of a step along the row and one along the column, odd rounds reversed."""
     places = {(row, col)}
     # A value travels to the point that reads it, so the last round comes first.
     for step in reversed(range(reach)):

@@ -23,12 +23,13 @@ from patrol.prepare import Prepared
 from patrol.radio.message import as_received
 from patrol.scenario import load_scenario
 from tests.agent.minds import STEP, at, prepared_on
+from tests.present import present
 
 RADIUS, SPEED, TURNING = 1.0, 4.4, 3.5
 LIMITS = Limits(SPEED, RADIUS, TURNING)
 FIRST = Pose(5.0, 5.0, 0.3)
 NEAR = {"holonomic": 0.01, "differential": 0.01, "car": 1.0}
-"""How near to a place each body comes, m."""
+"""Distance from a place to which each body comes, m."""
 IN_TIME = {"holonomic": 40, "differential": 45, "car": 80}
 """Ticks for the way round the wall, of about 50 m."""
 
@@ -128,12 +129,11 @@ def test_a_place_is_the_goal_and_the_bend_on_the_way_the_refined_one(model: str,
 @pytest.mark.parametrize(
     "spot", [(26.0, 3.0), (5.0, 15.25), (-70.0, 5.0), (5.0, 400.0), (1e9, -1e9)], ids=["chamber", "wall", *"wnx"]
 )
-def test_a_place_that_cannot_be_reached_stands_for_the_nearest_that_can(
+def test_an_unreachable_place_stands_for_the_nearest_other(
     model: str, spot: Spot, prepared: dict[str, Prepared]
 ) -> None:
     drives = Drives(prepared[model], Place(*spot))
-    goal = drives.tick().goal
-    assert goal is not None
+    goal = present(drives.tick().goal)
     reach = prepared[model].fields[1].reach
     row, col = drives.terrain.point_at(*goal)
     assert reach[row, col]
@@ -242,7 +242,7 @@ def test_a_holonomic_body_steered_into_a_wall_stops_at_it(prepared: dict[str, Pr
     [("car", Velocity(1.0, 0.0)), ("differential", Drive(1.0, 0.0)), ("holonomic", Twist(1.0, 0.0))],
     ids=MODELS,
 )
-def test_a_command_of_another_model_is_the_policys_failure(
+def test_another_models_command_is_the_policys_failure(
     model: str, command: Command, prepared: dict[str, Prepared]
 ) -> None:
     drives = Drives(prepared[model], Steer(command))
@@ -346,9 +346,7 @@ def ends_on(drives: Drives, point: tuple[int, int], ticks: int, stays: int) -> N
 
 
 @pytest.mark.parametrize("spot", BESIDE)
-def test_a_car_that_is_asked_to_ends_on_the_very_point_and_stays_there(
-    spot: Spot, prepared: dict[str, Prepared]
-) -> None:
+def test_a_car_that_is_asked_to_ends_on_the_very_point_and_stays(spot: Spot, prepared: dict[str, Prepared]) -> None:
     drives = Drives(prepared["car"], Place(*spot, exact=True), Pose(10.0, 5.0, 0.0))
     ends_on(drives, drives.terrain.point_at(*spot), 80, 5)
 

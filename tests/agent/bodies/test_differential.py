@@ -21,6 +21,7 @@ from patrol.prepare import Prepared
 from patrol.scenario import RobotSpec
 from tests.agent.minds import STEP
 from tests.agent.plans import POINT, Robots, Says, plan, prepared_in
+from tests.present import present
 
 RADIUS, SPEED = 0.3, 1.0
 
@@ -154,8 +155,7 @@ def test_whatever_it_steers_for_it_touches_no_wall_and_can_always_come_back(
         assert twist.is_within(spec.limits)
         assert path_is_free(terrain, pose, twist, STEP, RADIUS)
         pose = advance(pose, twist, STEP)
-        joined = ground.join(pose.x, pose.y)
-        assert joined is not None
+        joined = present(ground.join(pose.x, pose.y))
         centre = ground.centre(*joined)
         least = min(math.dist((pose.x, pose.y), centre), steering.stride)
         assert steering.reach(pose, centre) == pytest.approx(least, abs=1e-5)

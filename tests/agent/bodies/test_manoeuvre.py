@@ -207,7 +207,7 @@ def found_in(
 @example(seed=2097153, point=0.1, radius=0.2, heading=0.0, x=1.0, y=1.0, turns=False)  # the body touches a wall
 @example(seed=13675, point=0.25, radius=0.7578125, heading=0.0, x=1.0, y=1.0, turns=False)  # hardly any room
 @example(seed=22247, point=0.1, radius=0.7, heading=-1.0, x=1.0, y=1.0, turns=True)  # others hear another point
-def test_every_arc_that_is_found_is_free_and_they_lead_nearer(
+def test_every_arc_found_is_free_and_leads_nearer(
     seed: int, point: float, radius: float, heading: float, x: float, y: float, turns: bool
 ) -> None:
     terrain = cluttered(seed, point)

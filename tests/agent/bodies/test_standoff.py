@@ -28,6 +28,7 @@ from patrol.pose import MODELS, Pose
 from patrol.radio.peers import Peer
 from tests.agent.minds import STEP
 from tests.agent.plans import Robots, plan, prepared_in
+from tests.present import present
 from tests.swaps import TEAMS, random_passage, swap
 
 MOST_COLLISIONS = 25
@@ -159,8 +160,7 @@ def test_a_robot_that_keeps_bumping_backs_off_away_from_the_nearest(moves: Moves
     for k in range(OFTEN):
         assert alone.backs_off_to(k, others) is None
         alone.tick(k, others)
-    spot = alone.backs_off_to(OFTEN - 1, others)
-    assert spot is not None
+    spot = present(alone.backs_off_to(OFTEN - 1, others))
     assert spot[0] <= HERE.x
     assert math.dist(spot, (HERE.x, HERE.y)) <= BACKS_OFF_S
     assert alone.backs_off_to(OFTEN + round(BACKS_OFF_S / STEP), others) is None
@@ -200,8 +200,7 @@ def test_a_bump_ends_backing_off() -> None:
 @pytest.mark.parametrize("team", [team for team in TEAMS if "," not in team])
 def test_two_robots_swap_rooms_through_a_corridor_in_which_they_cannot_pass(team: str) -> None:
     seed = next(seed for seed in range(100) if random_passage(seed, team).width < 1.25)
-    result = swap(seed, team)
-    assert result is not None
+    result = present(swap(seed, team))
     assert result.passed, result
     # Robots that only push against each other collide many times before one is through by chance.
     assert result.collisions <= MOST_COLLISIONS, result

@@ -22,6 +22,7 @@ from patrol.prepare import Prepared, prepare
 from patrol.scenario import RobotSpec, load_scenario
 from tests.agent.minds import STEP, at
 from tests.agent.plans import Says
+from tests.present import present
 
 CAR = RobotSpec(1, "r1", "car", 4.4, 1.0, 3.5, None)
 HOLONOMIC = RobotSpec(1, "r1", "holonomic", 4.4, 1.0, 3.5, None)
@@ -96,11 +97,9 @@ def test_a_bump_while_backing_makes_it_drive_forward() -> None:
     unstuck = Unstuck(CarSteering(CAR, FIELD, 0.5), CAR.speed)
     unstuck.begin(math.pi)
     pose = Pose(30.0, 30.0, 0.0)
-    first = unstuck.step(pose, bumped=False)
-    assert first is not None
+    first = present(unstuck.step(pose, bumped=False))
     assert first.speed < 0.0
-    second = unstuck.step(pose, bumped=True)
-    assert second is not None
+    second = present(unstuck.step(pose, bumped=True))
     assert second.speed > 0.0
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,11 +14,13 @@ import pytest
 from agent.build import build_mind
 from agent.policies.commitment import Commitment
 from agent.policies.pursuit import AT_HAND_S, LEFT_OUT_S, LONGEST_S, MOST_PLACES, NO_NEARER_S, GivenUp, Target
+from agent.ports import Decision
 from patrol.ground.terrain import Terrain
 from patrol.pose import MODELS, Pose
 from patrol.prepare import Prepared
 from tests.agent.minds import STEP, at
 from tests.agent.plans import POINT, Robots, plan, prepared_in, two_rooms
+from tests.present import present
 
 BASE = {"radius": 0.3, "speed": 1.0, "turning_radius": 1.0}
 CORNER = Pose(2.0, 2.0, 0.0)
@@ -108,9 +110,9 @@ class Held(Robots):
 
     held_from = 10
 
-    def tick(self) -> Any:
+    def tick(self, up: Sequence[int] | None = None) -> list[Decision]:
         poses = [body.pose for body in self.bodies]
-        decisions = super().tick()
+        decisions = super().tick(up)
         if self.k > self.held_from:
             for body, pose in zip(self.bodies, poses, strict=True):
                 body.pose = pose
@@ -157,8 +159,7 @@ def test_a_target_to_which_no_way_leads_any_more_is_dropped_at_once() -> None:
     robots.policy(Commitment).pursuit.target = Target((40, 200), (40, 200), 10)
     robots.minds[0].body.obstacles = lambda *_: [(11.0, 4.0, 1.5)]  # type: ignore[method-assign]
     robots.tick()
-    now = target_of(robots)
-    assert now is not None
+    now = present(target_of(robots))
     assert now.point[1] * POINT < 11.0
 
 
@@ -193,8 +194,7 @@ def test_a_robot_whose_own_ground_is_fresh_takes_anothers() -> None:
         mind.belief.fog.last_seen[:, :110] = 10**6  # ages below 0: nothing there pulls
     robots.k = 5
     robots.tick()
-    target = target_of(robots, 0)
-    assert target is not None
+    target = present(target_of(robots, 0))
     assert target.point[1] >= 110
 
 

@@ -114,7 +114,7 @@ def room(seed: int, height: int, width: int, density: float) -> tuple[StaticFiel
 
 
 def ticks(side: int, *stale: tuple[int | slice, int | slice]) -> NDArray[np.int32]:
-    """When points of a square were last seen: now, except those that never were."""
+    """Ticks at which points of a square were last seen: now, except stale ones."""
     seen = np.full((side, side), 100, dtype=np.int32)
     for place in stale:
         seen[place] = 0

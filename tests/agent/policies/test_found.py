@@ -159,9 +159,7 @@ def test_a_file_is_named_in_any_way_that_leads_there(policy: str, write: Write) 
     assert policy_of(load_scenario(write(policy))).make.__name__ == "Still"
 
 
-def test_a_file_given_from_code_is_relative_to_the_working_folder(
-    write: Write, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_file_given_from_code_is_relative_to_the_work_folder(write: Write, monkeypatch: pytest.MonkeyPatch) -> None:
     path = write("./guard.py:Still")
     monkeypatch.chdir(path.parent)
     assert policy_of(named("./guard.py:Still")).name == f"{path.parent / 'guard.py'}:Still"
@@ -248,9 +246,7 @@ def test_a_module_that_is_not_there_is_named() -> None:
         ("Still", "import nobody_has_this\n", "No module named 'nobody_has_this'"),
     ],
 )
-def test_a_file_without_the_policy_is_named_with_the_reason_each_time(
-    name: str, source: str, says: str, write: Write
-) -> None:
+def test_a_file_without_the_policy_is_named_with_the_reason(name: str, source: str, says: str, write: Write) -> None:
     scenario = load_scenario(write(f"./guard.py:{name}", source))
     for _ in range(2):
         said = refused(scenario)
@@ -319,9 +315,7 @@ def test_options_are_the_policys_own(write: Write) -> None:
         ({"patiense": 1}, "patrol.options.patiense = 1: "),
     ],
 )
-def test_a_wrong_option_is_named_with_its_value_and_those_there_are(
-    options: dict[str, Any], says: str, write: Write
-) -> None:
+def test_a_wrong_option_is_named_with_value_and_alternatives(options: dict[str, Any], says: str, write: Write) -> None:
     scenario = load_scenario(write("./guard.py:Patient", PATIENT, options=options))
     said = refused(scenario)
     assert said.startswith(says)

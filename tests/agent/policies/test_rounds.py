@@ -18,6 +18,7 @@ from patrol.pose import MODELS, Pose
 from patrol.scenario import load_scenario, open_scenario
 from tests.agent.minds import STEP
 from tests.agent.plans import POINT, Robots, prepared_in, two_rooms
+from tests.present import present
 from worldsim.world import World
 
 ROUND = {
@@ -38,8 +39,7 @@ def mfow_by_tour(terrain: str = "yards", **changes: object) -> list[float]:
     ticks: list[float] = []
     outcome = run_in_process(scenario, progress=lambda record: ticks.append(record.mfow * scenario.step))
     assert outcome.verdict.outcome == "valid"
-    tour = outcome.summary.best_tour_s
-    assert tour is not None
+    tour = present(outcome.summary.best_tour_s)
     return [mfow / tour for mfow in ticks]
 
 
@@ -92,9 +92,7 @@ def test_a_robot_that_died_on_the_round_blocks_no_patrol(tmp_path: Path) -> None
     ],
     ids=["sector", "poor", "equal", "speeds"],
 )
-def test_robots_choose_freely_where_their_sensors_show_no_tour_or_their_speeds_differ(
-    kind: dict[str, object], free: bool
-) -> None:
+def test_robots_choose_freely_where_no_tour_is_seen_or_speeds_differ(kind: dict[str, object], free: bool) -> None:
     scenario = open_scenario("yards", {**ROUND, "duration": 5, **kind})
 
     def look(_world: object, by_number: object) -> None:
@@ -130,8 +128,7 @@ def test_a_robot_keeps_its_place_on_the_round_while_the_way_ahead_is_blocked_for
         return target is not None and target.stand[1] * POINT > 9.6 and robots.bodies[0].pose.x < 9.0
 
     robots.until(leaves_the_room, 100)
-    place = ahead.cursor
-    assert place is not None
+    place = present(ahead.cursor)
     mind.body.obstacles = lambda *_: [(11.0, 4.0, 1.5)]  # type: ignore[method-assign]
     for _ in range(round(NO_NEARER_S / STEP)):
         robots.tick()

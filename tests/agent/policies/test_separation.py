@@ -1,4 +1,4 @@
-"""What keeps robots apart: claims, artificial obstacles, semaphores, repulsion; and the fuzzy sectors."""
+"""Rules that keep robots apart: claims, artificial obstacles, semaphores, repulsion; and the fuzzy sectors."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def test_a_claim_leaves_half_of_a_force_halfway_and_nothing_at_the_rival() -> No
         ("mode", ["claims", "artificial-obstacles"], True),
     ],
 )
-def test_with_claims_a_point_pulls_the_robot_that_is_nearest_to_it(
+def test_a_claimed_point_pulls_the_robot_nearest_to_it(
     direction: str, separation: str | list[str], closed: bool
 ) -> None:
     """A rival's own disc, of an artificial obstacle or of giving way, is in everybody's way but its own."""

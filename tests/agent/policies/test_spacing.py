@@ -130,9 +130,7 @@ def spacing_at(number: int, places: Mapping[int, tuple[float, float]], **how: An
 
 
 @pytest.mark.parametrize(("first", "course", "expected"), [(0.5, 1.0, 15.0), (29.5, -1.0, 45.0)])
-def test_a_dead_end_is_told_from_the_way_back_by_where_a_robot_came_from(
-    first: float, course: float, expected: float
-) -> None:
+def test_a_dead_end_is_told_from_the_way_back_by_a_robots_course(first: float, course: float, expected: float) -> None:
     spacing = spacing_on(DEAD_END)
     for tick in range(30):
         note(spacing, at(tick, {1: (first + course * STRIDE * tick, 0.5)}))
@@ -209,9 +207,7 @@ def test_who_has_bumped_drives_on() -> None:
 @pytest.mark.parametrize(
     ("range_m", "most_slack", "waited"), [(2.0, math.inf, True), (50.0, math.inf, False), (50.0, 0.15, True)]
 )
-def test_gaps_that_differ_by_less_than_half_a_sensor_range_are_left_alone(
-    range_m: float, most_slack: float, waited: bool
-) -> None:
+def test_gaps_that_differ_by_less_than_half_a_range_are_kept(range_m: float, most_slack: float, waited: bool) -> None:
     places = {1: (10.5, 0.5), 2: (20.5, 0.5), 3: (10.5, 10.5)}  # 10 m ahead of robot 1, 30 m behind
     spacing = spacing_at(1, places, robots=3, range_m=range_m, most_slack=most_slack)
     assert waits(spacing, at(6, places)) is waited

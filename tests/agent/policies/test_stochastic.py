@@ -16,6 +16,7 @@ from patrol.pose import MODELS, Pose
 from patrol.prepare import Prepared
 from tests.agent.minds import STEP
 from tests.agent.plans import Robots, plan, prepared_in
+from tests.present import present
 
 BASE = {"radius": 0.3, "speed": 1.0, "turning_radius": 0.6}
 STARTS = [Pose(2.0, 2.0, 0.0), Pose(20.0, 6.0, 3.0)]
@@ -57,8 +58,7 @@ def stations(robots: Robots, ticks: int) -> list[int | None]:
     visited: list[int | None] = []
     for _ in range(ticks):
         robots.tick()
-        plan_ = plan_of(robots)
-        assert plan_ is not None
+        plan_ = present(plan_of(robots))
         if not visited or visited[-1] != plan_.station:
             visited.append(plan_.station)
     return visited
@@ -117,8 +117,7 @@ def test_a_robot_that_stands_still_is_left_out_of_the_plan() -> None:
     for tick in range(round(2 * STUCK_S / STEP)):
         robots.tick()
         robots.bodies[1].pose = STARTS[1]
-        plan_ = plan_of(robots)
-        assert plan_ is not None
+        plan_ = present(plan_of(robots))
         assert (2 in plan_.parts) == (tick * STEP <= STUCK_S), tick
 
 
@@ -149,8 +148,7 @@ def test_more_robots_than_stations_go_on() -> None:
     robots.tick()
     fewer = 0
     for _ in range(200):
-        shared = plan_of(robots)
-        assert shared is not None
+        shared = present(plan_of(robots))
         routes = [part.route for part in shared.parts.values()]
         stations = sum(map(len, routes))
         assert stations <= len(routes)

@@ -9,6 +9,7 @@ from patrol.pose import Pose
 from patrol.radio.message import Position, encode
 from patrol.reporting.vitals import DROPPED, Vitals
 from patrol.security.keys import FleetKeys
+from tests.present import present
 
 KEYS = FleetKeys("f")
 STEP_S = 0.5
@@ -73,8 +74,7 @@ def test_of_a_senders_many_frames_the_oldest_go() -> None:
     scene = Scene()
     scene.arrive("r1", *(b"%d" % number for number in range(ROOM + 3)))
     scene.arrive("r3", b"x")
-    heard = scene.radio.hear()
-    assert heard is not None
+    heard = present(scene.radio.hear())
     assert heard[0] == b"3"
     assert len(heard) == ROOM + 1
     traffic = scene.radio.traffic(1, final=False)
@@ -124,8 +124,7 @@ def test_forged_frames_of_ticks_to_come_make_no_other_late(key: bytes | None, fo
         if k % 10 == 3:
             scene.arrive("r1", *(frame_of(1, 10**6 + again) for again in range(forged)))
         scene.arrive("r1", frame_of(1, k, key))
-        heard = scene.radio.hear()
-        assert heard is not None
+        heard = present(scene.radio.hear())
         assert heard[-1] == frame_of(1, k, key)
 
 
@@ -153,8 +152,7 @@ def test_robots_that_count_differently_are_named() -> None:
     for k in range(10, 10 + REMEMBERED):
         skew.hear(k, [frame_of(2, k + 5), frame_of(3, k - 3), frame_of(4, k)])
     assert skew.ticks == {"r2": 5, "r3": -3, "r4": 0}
-    said = skew.complaint()
-    assert said is not None
+    said = present(skew.complaint())
     assert said.startswith("ticks differ: r2 is 5 ticks ahead, r3 is 3 ticks behind, so positions are refused")
 
 

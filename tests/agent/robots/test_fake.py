@@ -13,6 +13,7 @@ from patrol.exchange import Sensed
 from patrol.ground.terrain import Terrain
 from patrol.pose import Command, Drive, Pose, Twist, Velocity
 from patrol.scenario import RobotSpec
+from tests.present import present
 
 STEP = 0.5
 START = Pose(5.0, 5.0, 0.0)
@@ -40,9 +41,7 @@ def robot(model: str, *ticks: int | None) -> FakeRobot:
 
 
 def sensed_by(fake: FakeRobot) -> Sensed:
-    sensed = fake.sense()
-    assert sensed is not None
-    return sensed
+    return present(fake.sense())
 
 
 @pytest.mark.parametrize(
@@ -72,9 +71,7 @@ def test_it_obeys_for_one_step(model: str, command: Command, end: Pose) -> None:
         ("differential", Twist(0.0, 100.0), Pose(5.0, 5.0, 2.2)),  # 4.4 m/s at 1 m for half a second
     ],
 )
-def test_it_has_the_limits_of_its_body_and_two_wheels_turn_it_on_the_spot(
-    model: str, command: Command, end: Pose
-) -> None:
+def test_it_has_its_bodys_limits_and_two_wheels_turn_it_on_the_spot(model: str, command: Command, end: Pose) -> None:
     fake = robot(model, 0, 1)
     fake.sense()
     fake.act(command)

@@ -3,11 +3,12 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import replace
+from typing import TYPE_CHECKING, cast
 
 import pytest
 
 from agent.ports import Decision, State
-from agent.robots.sim import SimRobot
+from agent.robots.sim import SimRobot, join
 from patrol.exchange import Reply, Sensed
 from patrol.messages.phases import (
     ANYONE,
@@ -28,10 +29,15 @@ from patrol.messages.phases import (
     encode,
 )
 from patrol.messages.session import SILENCE_S, Identity, RobotEnd, Send
-from patrol.net.mailbox import Mailbox, Presence
+from patrol.net.mailbox import Mailbox, Payload, Post, Presence
 from patrol.pose import Command, Drive, Pose, Velocity
 from patrol.process.lifeline import Ending
 from patrol.security.keys import WORLD, FleetKeys
+from tests.patrol.net.test_mailbox import Bytes
+from tests.present import present
+
+if TYPE_CHECKING:
+    from patrol.net.link import Link
 
 ME = Identity("r1", 1, 77, "a" * 64)
 RUN = 5
@@ -63,7 +69,7 @@ class Scene:
         self.payloads: list[bytes] = []
         self.sent: list[ToWorld] = []
         self.answer: Callable[[ToWorld], None] = lambda _message: None
-        """What the world does when it is sent a message."""
+        """The world's reaction to a message."""
         self.times: list[float] = []
         self.waited: list[float] = []
         self.ending = Ending()
@@ -98,9 +104,7 @@ class Scene:
         return heard
 
     def sense(self) -> Sensed:
-        sensed = self.robot.sense()
-        assert sensed is not None
-        return sensed
+        return present(self.robot.sense())
 
     def end_after(self, seconds: float) -> None:
         """Ask the robot to leave so much later."""
@@ -198,18 +202,6 @@ def test_it_leaves_when_told_to(orderly: bool) -> None:
     assert (scene.robot.farewell, scene.robot.orderly) == ("because", orderly)
 
 
-def test_it_begins_no_tick_and_answers_nothing_once_it_has_left() -> None:
-    scene = Scene()
-    scene.tick(0)
-    before = len(scene.sent)
-    scene.tell(a(1), Stop(1, 77, 1, RUN, orderly=True, reason=""), a(0), hello())
-    assert scene.robot.sense() is None
-    scene.tell(hello(), a(1), b(1), a(2, instance=78))
-    assert scene.robot.sense() is None
-    assert [type(message) for message in scene.sent[before:]] == [Farewell]
-    assert (scene.robot.orderly, scene.robot.refused) == (True, 0)
-
-
 def test_a_farewell_that_came_before_the_signal_counts() -> None:
     scene = Scene()
     scene.tick(0)
@@ -257,15 +249,6 @@ def test_without_a_world_it_says_that_it_waits_and_gives_up() -> None:
     assert not scene.robot.orderly
     assert len(scene.waited) == 2
     assert set(scene.sent) == {HelloReply(1, 77, 0, NO_RUN, "a" * 64)}
-
-
-def test_a_world_that_does_not_greet_is_asked_to() -> None:
-    scene = Scene(greeted=False, patience_s=1.0)
-    scene.world(present=True)
-    scene.mailbox.put(KEYS.tick("r1"), a(0, instance=5))
-    scene.answer = lambda _message: scene.ending.ask("enough")
-    assert scene.robot.sense() is None
-    assert scene.sent == [HelloReply(1, 77, 0, NO_RUN, "a" * 64)]
 
 
 def test_a_world_that_falls_silent_is_asked_whether_we_still_belong() -> None:
@@ -366,3 +349,55 @@ def test_it_is_a_clock_for_radios() -> None:
     assert scene.robot.tick() == 6
     assert scene.robot.tick() is None
     assert not scene.robot.decide()
+
+
+# --- messages that a simulated robot refuses -------------------------------------------------------------------------
+
+
+class Wire:
+    """A link on which only the test speaks to the robot."""
+
+    def __init__(self) -> None:
+        self.deliver: dict[str, Callable[[str, Payload], None]] = {}
+
+    def post(self, _key: str) -> Post:
+        return lambda _payload: None
+
+    def subscribe(self, key: str, mailbox: Mailbox[ToRobot | Presence]) -> None:
+        self.deliver[key] = mailbox.deliver
+
+    def watch(self, key: str, mailbox: Mailbox[ToRobot | Presence]) -> None:
+        self.deliver[key] = mailbox.deliver
+
+    def live(self, key: str) -> None:
+        pass
+
+
+@pytest.mark.parametrize(("in_force", "refused"), [((0, 1), 0), ((0, 2), 1)])
+def test_a_zone_that_the_scenario_does_not_have_is_refused(in_force: tuple[int, ...], refused: int) -> None:
+    wire = Wire()
+    robot = join(cast("Link", wire), KEYS, ME, 1, 2, Ending(), 60.0, lambda _waited: None)
+    phase = replace(a(0), sensed=replace(a(0).sensed, zones=in_force))
+    wire.deliver[KEYS.tick("r1")](KEYS.tick("r1"), Bytes(encode(phase)))
+    assert robot.refused == refused
+
+
+def test_a_forged_greeting_does_not_keep_a_robot_from_its_own_world() -> None:
+    """Whoever greets it is answered, and the first who begins a tick has it."""
+    scene = Scene(greeted=False)
+    scene.tell(hello(6), hello(RUN), hello(7))
+    assert scene.tick(0, (b"x",)) == [b"x"]
+    assert [message.run for message in scene.sent[:3]] == [6, RUN, 7]
+    assert scene.mailbox.refused == {}
+    scene.world(present=True)
+    scene.tell(hello(6), replace(a(1), run=6))
+    assert scene.tick(1, (b"x",)) == [b"x"]
+    assert scene.mailbox.refused == {"stranger": 2}
+
+
+def test_greetings_without_end_take_a_bounded_memory() -> None:
+    scene = Scene(greeted=False)
+    for run in range(100, 200):
+        scene.tell(hello(run))
+    scene.tell(hello(RUN))
+    assert scene.tick(0, (b"x",)) == [b"x"]

@@ -23,6 +23,7 @@ from patrol.scenario.policies import Ties
 from tests.agent.plans import cluttered
 
 Bools = NDArray[np.bool_]
+Drawn = tuple[int, int, int, float]
 
 
 def dijkstra_lengths(is_open: Bools, row: int, col: int) -> NDArray[np.float64]:
@@ -68,7 +69,7 @@ maps = st.tuples(
 )
 
 
-def random_map(values: tuple[int, int, int, float]) -> tuple[Bools, int, int]:
+def random_map(values: Drawn) -> tuple[Bools, int, int]:
     height, width, seed, density = values
     rng = np.random.default_rng(seed)
     is_open = rng.random((height, width)) >= density
@@ -77,20 +78,25 @@ def random_map(values: tuple[int, int, int, float]) -> tuple[Bools, int, int]:
     return is_open, row, col
 
 
-@settings(max_examples=120)
-@given(values=maps, pieces=st.lists(st.integers(0, 3000), max_size=3))
-def test_lengths_equal_dijkstra_to_the_last_unit(values: tuple[int, int, int, float], pieces: list[int]) -> None:
+PIECES = st.lists(st.integers(0, 3000), max_size=3)
+
+
+@settings(max_examples=180)
+@given(values=maps, pieces=PIECES, limit=st.one_of(st.none(), st.integers(0, 2000)))
+def test_lengths_up_to_a_limit_equal_dijkstra(values: Drawn, pieces: list[int], limit: int | None) -> None:
     is_open, row, col = random_map(values)
     reference = dijkstra_lengths(is_open, row, col)
+    last, span = (10**6, 40) if limit is None else (limit, -(-limit // 100) + 1)
     # In one go or in pieces, a wave comes to the same.
-    wave = wave_from(is_open, row, col, 40, [*sorted(pieces), 10**6])
+    wave = wave_from(is_open, row, col, span, [*sorted(piece for piece in pieces if piece < last), last])
     found = over_terrain(wave, wave.length, is_open.shape)
-    assert np.array_equal(found, np.where(np.isfinite(reference), reference, -1))
+    known = np.isfinite(reference) & (reference <= last)
+    assert np.array_equal(found, np.where(known, reference, -1))
 
 
 @settings(max_examples=40)
 @given(values=maps, ties=st.sampled_from(["straight", "drawn"]), key=st.integers(0, 2**53 - 1))
-def test_the_first_step_is_on_a_shortest_path(values: tuple[int, int, int, float], ties: Ties, key: int) -> None:
+def test_the_first_step_is_on_a_shortest_path(values: Drawn, ties: Ties, key: int) -> None:
     is_open, row, col = random_map(values)
     wave = Wave(is_open.shape[0], is_open.shape[1], 40, ties)
     wave.begin(Ground(Terrain("t", is_open, 1.0), is_open), row + 1, col + 1, key=key)
@@ -106,21 +112,9 @@ def test_the_first_step_is_on_a_shortest_path(values: tuple[int, int, int, float
         assert (lengths[place] + onward == lengths[steps == step]).all()
 
 
-@settings(max_examples=60)
-@given(values=maps, limit=st.integers(0, 2000))
-def test_a_limit_settles_just_the_shorter_paths(values: tuple[int, int, int, float], limit: int) -> None:
-    is_open, row, col = random_map(values)
-    reference = dijkstra_lengths(is_open, row, col)
-    wave = wave_from(is_open, row, col, -(-limit // 100) + 1, [limit])
-    found = over_terrain(wave, wave.length, is_open.shape)
-    assert np.array_equal(found, np.where(reference <= limit, reference, -1))
-
-
 @settings(max_examples=40)
 @given(values=maps, picks=st.lists(st.floats(0, 1, exclude_max=True), min_size=6, max_size=6))
-def test_the_first_bend_is_in_sight_and_on_a_shortest_path(
-    values: tuple[int, int, int, float], picks: list[float]
-) -> None:
+def test_first_bends_are_in_sight_and_on_shortest_paths(values: Drawn, picks: list[float]) -> None:
     is_open, row, col = random_map(values)
     reference = dijkstra_lengths(is_open, row, col)
     wave = wave_from(is_open, row, col, 40, [10**6])
@@ -187,7 +181,7 @@ def plain_bends(wave: Wave, is_seen: NDArray[np.uint8]) -> dict[tuple[int, int],
     return bends
 
 
-def walled_map(values: tuple[int, int, int, float]) -> tuple[Bools, int, int]:
+def walled_map(values: Drawn) -> tuple[Bools, int, int]:
     """As `random_map`, with walls and doors at equal distances, where many paths are equally long."""
     height, width, seed, density = values
     rng = np.random.default_rng(seed)
@@ -202,13 +196,10 @@ def walled_map(values: tuple[int, int, int, float]) -> tuple[Bools, int, int]:
     return is_open, row, col
 
 
-PIECES = st.lists(st.integers(0, 3000), max_size=3)
-
-
 @settings(max_examples=300)
 @given(values=maps, walled=st.booleans(), pieces=PIECES, span=st.sampled_from([6, 17, 40]))
-def test_of_equally_long_paths_the_one_found_first_by_the_plain_rules_counts(
-    values: tuple[int, int, int, float], walled: bool, pieces: list[int], span: int
+def test_of_equally_long_paths_the_plain_rules_first_one_counts(
+    values: Drawn, walled: bool, pieces: list[int], span: int
 ) -> None:
     is_open, row, col = walled_map(values) if walled else random_map(values)
     height, width = is_open.shape
@@ -251,9 +242,7 @@ def test_a_smaller_limit_than_before_changes_nothing() -> None:
 
 @settings(max_examples=60)
 @given(values=maps, limit=st.integers(0, 4000), count=st.integers(0, 4))
-def test_lengths_from_several_starts_are_those_from_the_nearest_within_the_window(
-    values: tuple[int, int, int, float], limit: int, count: int
-) -> None:
+def test_lengths_from_several_starts_are_those_from_the_nearest(values: Drawn, limit: int, count: int) -> None:
     is_open, row, col = random_map(values)
     places = np.argwhere(is_open)
     starts = places[np.random.default_rng(values[2]).integers(0, len(places), count)].tolist()
@@ -301,9 +290,7 @@ def test_a_box_ends_where_the_terrain_does() -> None:
 @pytest.mark.parametrize(
     ("steps", "box"), [(14, (7, 21, 8, 23)), (10, (9, 19, 10, 21)), (3, (10, 18, 10, 21)), (10**6, (0, 60, 0, 40))]
 )
-def test_a_box_between_two_points_holds_them_and_the_paths_of_some_steps(
-    steps: int, box: tuple[int, int, int, int]
-) -> None:
+def test_a_box_between_two_points_holds_paths_of_some_steps(steps: int, box: tuple[int, int, int, int]) -> None:
     assert box_between((10, 20), (17, 10), steps, (60, 40)) == box
 
 

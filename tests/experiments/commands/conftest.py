@@ -17,10 +17,11 @@ class Said(NamedTuple):
     err: str
 
 
+Command = Callable[..., Said]
+
+
 @pytest.fixture
-def run(
-    fogwatch: Callable[..., int], capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> Callable[..., Said]:
+def run(fogwatch: Callable[..., int], capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Command:
     """The command, in a folder of its own and on a wide terminal."""
     monkeypatch.setenv("COLUMNS", "200")
 
@@ -31,8 +32,14 @@ def run(
     return command
 
 
+def output(said: Said) -> str:
+    """The output of a command that has succeeded."""
+    assert said.code == 0, said.err
+    return said.out
+
+
 def refuses(said: Said, message: str) -> None:
     """Assert that a command refused its input in one line."""
-    assert (said.code, said.out) == (2, "")
+    assert said.code == 2
     assert message in said.err
     assert said.err.count("\n") == 1

@@ -3,24 +3,22 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
 from experiments.faults.cost import VARIANTS
-from tests.experiments.commands.conftest import Said, refuses
+from tests.experiments.commands.conftest import Command, output, refuses
 
 FAULTS = ("reproduce", "faults")
 SMALL = ("--terrain", "open", "--point", "2", "--robots", "2", "--duration", "20", "--seeds", "2", "--workers", "1")
 
 
 @pytest.mark.processes
-def test_the_page_tells_everything_and_a_second_start_makes_no_run(tmp_path: Path, run: Callable[..., Said]) -> None:
+def test_the_page_tells_everything_and_a_second_start_makes_no_run(tmp_path: Path, run: Command) -> None:
     out = tmp_path / "faults"
     words = (*FAULTS, *SMALL, "--only", "loss: 50 % lost,silence: total silence", "--out", str(out))
-    code, said, _ = run(*words)
-    assert code == 0
+    said = output(run(*words))
     assert "12 runs made in " in said
     page = (out / "faults.md").read_text(encoding="utf-8")
     for variant in VARIANTS:
@@ -52,8 +50,6 @@ def test_the_page_tells_everything_and_a_second_start_makes_no_run(tmp_path: Pat
         (("--duration", "-5"), "duration"),
     ],
 )
-def test_what_makes_no_sense_is_refused_in_one_line(
-    tmp_path: Path, run: Callable[..., Said], words: tuple[str, ...], says: str
-) -> None:
+def test_nonsense_is_refused_in_one_line(tmp_path: Path, run: Command, words: tuple[str, ...], says: str) -> None:
     refuses(run(*FAULTS, *words, "--out", "faults"), says)
     assert not (tmp_path / "faults").exists()

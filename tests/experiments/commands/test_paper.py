@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import io
 import json
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -18,7 +17,7 @@ from experiments.paper.printed import paper
 from experiments.paper.tables import PaperSetup, compare, plan_of
 from experiments.sweeps.runner import SweepOutcome
 from patrol.errors import BadInput
-from tests.experiments.commands.conftest import Said, refuses
+from tests.experiments.commands.conftest import Command, output, refuses
 from tests.experiments.outcomes import outcome_of
 
 TABLE = ("reproduce", "table")
@@ -26,9 +25,8 @@ QUICK = ("--point", "1", "--duration", "20", "--workers", "1")
 
 
 @pytest.mark.processes
-def test_a_table_is_made_to_the_letter(tmp_path: Path, run: Callable[..., Said]) -> None:
-    code, said, _ = run(*TABLE, "4", "--letter", "--rows", "wave+mode", "--columns", "3", "--seeds", "1", *QUICK)
-    assert code == 0
+def test_a_table_is_made_to_the_letter(tmp_path: Path, run: Command) -> None:
+    said = output(run(*TABLE, "4", "--letter", "--rows", "wave+mode", "--columns", "3", "--seeds", "1", *QUICK))
     assert "set: patrol.options.letter = True" in said
     assert "set: patrol.options.random_move_for = all" in said
     folder = tmp_path / "runs" / "paper-letter-1m"
@@ -37,10 +35,9 @@ def test_a_table_is_made_to_the_letter(tmp_path: Path, run: Callable[..., Said])
 
 
 @pytest.mark.processes
-def test_a_table_is_made_shown_and_written(tmp_path: Path, run: Callable[..., Said]) -> None:
+def test_a_table_is_made_shown_and_written(tmp_path: Path, run: Command) -> None:
     part = ("--rows", "f3", "--columns", "g3,g4", "--seeds", "2", "--sensor-range", "11")
-    code, said, _ = run(*TABLE, "2", "3", *part, *QUICK, "--out", str(tmp_path))
-    assert code == 0
+    said = output(run(*TABLE, "2", "3", *part, *QUICK, "--out", str(tmp_path)))
     assert "points of 1 m (the paper's: 0.1 m), sensor range 11 m (calibrated for points of" in said
     assert "8 runs to make; 1 at a time, " in said
     assert "Table 2: open field, 3 holonomic robots, vector sum; 2 seeds" in said
@@ -60,20 +57,16 @@ def test_a_table_is_made_shown_and_written(tmp_path: Path, run: Callable[..., Sa
         assert "<svg" in (tmp_path / f"table_{number}.svg").read_text()[:1000]
     assert json.loads((tmp_path / "fit.json").read_text())["near"]["cells"] == 4
     assert json.loads((tmp_path / "orderings.json").read_text())[0]["pairs"] == 2
-    code, said, _ = run(*TABLE, "2", *part, *QUICK, "--out", str(tmp_path))
-    assert code == 0
+    said = output(run(*TABLE, "2", *part, *QUICK, "--out", str(tmp_path)))
     assert "0 runs made" in said
 
 
 @pytest.mark.processes
-def test_calibration_prints_what_each_radius_comes_to(
-    tmp_path: Path, run: Callable[..., Said], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_calibration_prints_each_radius_s_fit(tmp_path: Path, run: Command, monkeypatch: pytest.MonkeyPatch) -> None:
     few = {number: paper().table(number).part(["f3", "f4"], ["g4"]) for number in (2, 3)}
     monkeypatch.setitem(paper().tables, 2, few[2])
     monkeypatch.setitem(paper().tables, 3, few[3])
-    code, said, _ = run("reproduce", "calibrate", "--ranges", "10,30", *QUICK, "--out", str(tmp_path))
-    assert code == 0
+    said = output(run("reproduce", "calibrate", "--ranges", "10,30", *QUICK, "--out", str(tmp_path)))
     assert "Tables 2 and 3 on points of 1 m" in said
     says = json.loads((tmp_path / "calibration.json").read_text())
     assert [one["radius"] for one in says["fits"]] == [10.0, 30.0]
@@ -98,7 +91,7 @@ def test_calibration_prints_what_each_radius_comes_to(
         (["calibrate", "--ranges", "10,10"], "--ranges: expected different numbers"),
     ],
 )
-def test_bad_input_is_one_line_and_exit_code_2(run: Callable[..., Said], words: list[str], problem: str) -> None:
+def test_bad_input_is_one_line_and_exit_code_2(run: Command, words: list[str], problem: str) -> None:
     refuses(run("reproduce", *words, "--out", "out"), problem)
 
 

@@ -25,7 +25,7 @@ PICTURE = re.compile(r"(?:!\[[^\]]*\]\(|\bsrc=\"|\bsrcset=\")([^)\"\s]+\.(?:png|
 
 MADE_BY = re.compile(r"Made by `([^`]*)`|^    (fogwatch [^#\n]*?) *(?:#.*)?$", re.MULTILINE)
 AS_MEASURED = " --set patrol.random_move_for=holonomic"
-"""What a page of faults says must be added today."""
+"""An addition that a page of faults says is needed today."""
 
 
 def reproduce(*words: str) -> int:
@@ -132,7 +132,7 @@ def test_a_number_beyond_its_interval_is_named(clone: Path, capsys: pytest.Captu
     assert count == "1 of 2 numbers have changed"
 
 
-def test_without_an_interval_a_tenth_is_allowed_unless_the_sample_says_so(
+def test_without_an_interval_a_tenth_or_the_samples_own_is_allowed(
     clone: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     slow = {"says": r"(\d+) s in the mean", "value": "stdout:share", "scale": 100}

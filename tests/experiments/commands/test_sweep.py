@@ -10,7 +10,7 @@ import signal
 import subprocess
 import sys
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from itertools import product
 from pathlib import Path
@@ -26,7 +26,7 @@ from experiments.sweeps.plan import Run, read_plan
 from experiments.sweeps.progress import SweepProgress
 from experiments.sweeps.results import RunResult
 from experiments.sweeps.stats import Estimate
-from tests.experiments.commands.conftest import Said, refuses
+from tests.experiments.commands.conftest import Command, output, refuses
 
 BASE: dict[str, Any] = {
     "terrain": {"builtin": "yards"},
@@ -78,9 +78,7 @@ def numbers(found: list[dict[str, Any]]) -> dict[str, Any]:
 
 
 @pytest.mark.processes
-def test_a_sweep_killed_on_its_way_makes_only_the_runs_that_are_missing(
-    tmp_path: Path, run: Callable[..., Said]
-) -> None:
+def test_a_sweep_killed_on_its_way_makes_only_the_runs_that_are_missing(tmp_path: Path, run: Command) -> None:
     def lasting(*durations: int) -> dict[str, Any]:
         grid = {"patrol.options.direction": ["mode", "vector"], "duration": list(durations), **OPTIONS}
         return {**TWENTY_FOUR, "grid": grid}
@@ -92,8 +90,7 @@ def test_a_sweep_killed_on_its_way_makes_only_the_runs_that_are_missing(
     file = write(tmp_path, lasting(20))
     before = results(tmp_path / "killed")
     assert 4 <= len(before) <= 12
-    code, said, _ = run("sweep", file, "--out", tmp_path / "killed", "--workers", "1")
-    assert code == 0
+    said = output(run("sweep", file, "--out", tmp_path / "killed", "--workers", "1"))
     assert f"{24 - len(before)} runs to make, {len(before)} done already" in said
     after = results(tmp_path / "killed")
     assert after[: len(before)] == before
@@ -102,8 +99,7 @@ def test_a_sweep_killed_on_its_way_makes_only_the_runs_that_are_missing(
     grid = lasting(20)["grid"]
     cases = [json.dumps(dict(zip(grid, values, strict=True))) for values in product(*grid.values())]
     assert Counter(json.dumps(one["settings"]) for one in after) == dict.fromkeys(cases, 2)
-    code, _, _ = run("sweep", file, "--out", tmp_path / "whole", "--workers", "2")
-    assert code == 0
+    output(run("sweep", file, "--out", tmp_path / "whole", "--workers", "2"))
     assert numbers(after) == numbers(results(tmp_path / "whole"))
     for name in ("summary.csv", "summary.json"):
         assert (tmp_path / "killed" / name).read_text() == (tmp_path / "whole" / name).read_text()
@@ -117,7 +113,7 @@ def test_a_sweep_killed_on_its_way_makes_only_the_runs_that_are_missing(
 
 
 @pytest.mark.processes
-def test_ctrl_c_ends_the_workers_and_leaves_a_folder_to_go_on_with(tmp_path: Path, run: Callable[..., Said]) -> None:
+def test_ctrl_c_ends_the_workers_and_leaves_a_folder_to_go_on_with(tmp_path: Path, run: Command) -> None:
     endless = {**TWENTY_FOUR, "grid": {"duration": [20, 1_000_000]}, "seeds": 1}
     file = write(tmp_path, endless)
     with started(file, tmp_path / "out") as process:
@@ -130,13 +126,12 @@ def test_ctrl_c_ends_the_workers_and_leaves_a_folder_to_go_on_with(tmp_path: Pat
     assert len(results(tmp_path / "out")) == 1
     # Nobody holds the folder any more, and what was done is done.
     file = write(tmp_path, {**endless, "grid": {"duration": [20]}})
-    code, again, _ = run("sweep", file, "--out", tmp_path / "out")
-    assert code == 0
+    again = output(run("sweep", file, "--out", tmp_path / "out"))
     assert "1 runs, 0 made now" in again
 
 
 @pytest.mark.processes
-def test_failed_runs_are_reported_and_the_others_kept(tmp_path: Path, run: Callable[..., Said]) -> None:
+def test_failed_runs_are_reported_and_the_others_kept(tmp_path: Path, run: Command) -> None:
     cases = [{"name": "good"}, {"name": "crash", "set": {"robots.starts": [[10, 10], [10.5, 10]]}}]
     base = {**BASE, "terrain": {"builtin": "open"}, "duration": 10}
     file = write(tmp_path, {"base": base, "cases": cases, "seeds": 2})
@@ -157,9 +152,11 @@ def test_failed_runs_are_reported_and_the_others_kept(tmp_path: Path, run: Calla
     ],
 )
 def test_bad_input_is_one_line_and_exit_code_2(
-    tmp_path: Path, run: Callable[..., Said], says: dict[str, Any], words: list[str], problem: str
+    tmp_path: Path, run: Command, says: dict[str, Any], words: list[str], problem: str
 ) -> None:
-    refuses(run("sweep", write(tmp_path, {**TWENTY_FOUR, **says}), "--out", "out", *words), problem)
+    said = run("sweep", write(tmp_path, {**TWENTY_FOUR, **says}), "--out", "out", *words)
+    refuses(said, problem)
+    assert said.out == ""
     out = tmp_path / "out" / "results.jsonl"
     assert not out.exists() or out.read_text() == ""
 

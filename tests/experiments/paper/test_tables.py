@@ -27,6 +27,7 @@ from experiments.sweeps.runner import SweepOutcome
 from patrol.errors import BadInput
 from patrol.scenario import PotentialFieldOptions
 from tests.experiments.outcomes import outcome_of
+from tests.present import present
 
 SETUP = PaperSetup(1.0, 12.0, (1, 2))
 TABLES = list(paper().tables.values())
@@ -133,8 +134,7 @@ def test_ours_stand_beside_the_papers() -> None:
     lines = as_table(beside).rows
     assert len(lines) == 4
     assert lines[0][:4] == ["f3", "g4", "s", 90.0]
-    found = fit_of([beside])
-    assert found is not None
+    found = present(fit_of([beside]))
     assert found.cells == 4
     assert found.median_ratio == pytest.approx(1.1)
 
@@ -169,8 +169,7 @@ def test_a_table_says_how_mean_mfow_stands_to_mean_fog() -> None:
 
 def test_dead_ends_are_further_rows() -> None:
     table = runnable(paper().table(7))
-    cell = beside_ours(table, lambda *_: 6.1, "dead_end_percent").cell("5 cars, dead ends", "0")
-    assert cell is not None
+    cell = present(beside_ours(table, lambda *_: 6.1, "dead_end_percent").cell("5 cars, dead ends", "0"))
     assert (cell.paper, cell.unit, cell.ratio) == (6.1, "%", 1.0)
 
 
@@ -212,8 +211,7 @@ def calibration(bias: Callable[[float], float]) -> tuple[dict[str, PaperSetup], 
 def test_calibration_finds_the_radius_with_the_median_ratio_nearest_to_1() -> None:
     setups, outcome = calibration(lambda radius: math.exp(0.1 * (12.4 - radius)))
     fits = fit_radii(setups, outcome)
-    best = best_radius(fits)
-    assert best is not None
+    best = present(best_radius(fits))
     assert best.radius == 12.0
     assert [one.near.cells for one in fits] == [41, 41, 41]
     assert [one.whole.cells for one in fits] == [50, 50, 50]
@@ -233,8 +231,7 @@ def test_tables_2_and_3_are_fitted_together() -> None:
     wanted = printed(tables[0]) | printed(tables[1])
     outcome = mfow_of(plan_of(tables, {"": SETUP}), lambda case, _: wanted[case] * 1.05)
     beside = [compare(table, SETUP, outcome) for table in tables]
-    says = fit_as_json(beside)
-    assert says is not None
+    says = present(fit_as_json(beside))
     assert says["near"]["median_ratio"] == pytest.approx(1.05)
     assert says["all"]["cells"] == 50
     assert fit_as_json(beside[:1]) is None

@@ -15,6 +15,7 @@ from fogwatch.inprocess import run_in_process
 from patrol.errors import BadInput
 from patrol.journal import TickRecord
 from patrol.scenario import Scenario, load_scenario
+from tests.present import present
 from tests.ring import write_cells
 
 
@@ -94,10 +95,8 @@ def test_a_simulated_age_is_that_of_the_run_of_its_scenario(rooms: Path) -> None
         assert facts[kind]["trace_hash"] == outcome.summary.trace_hash
         assert facts[kind]["max_s"] == late.max()
         assert facts[kind]["mean_s"] == pytest.approx(late.mean())
-    peak = plan.size(2).one_dead
-    assert peak is not None
-    assert peak.peak_s is not None
-    assert peak.peak_s >= peak.max_s
+    peak = present(plan.size(2).one_dead)
+    assert present(peak.peak_s) >= peak.max_s
     assert peak.scenario.faults[0].kind == "kill"
 
 
@@ -119,7 +118,7 @@ def pretend(
 
 
 @pytest.mark.parametrize(("needed", "by_tours"), [(3, 4), (4, 4), (6, 4)])
-def test_the_search_goes_down_or_up_from_what_tours_keep(
+def test_the_search_starts_from_what_tours_keep(
     needed: int, by_tours: int, rooms: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     scenarios = pretend(monkeypatch, lambda scenario: len(scenario.roster) >= needed, by_tours)
@@ -146,8 +145,7 @@ def test_where_doors_close_only_open_ground_counts(rooms: Path) -> None:
     committed = {"policy": "committed"}  # nobody is shut in
     scenario = ground(rooms, closures=[DOOR], zones=[{**EAST, "age": 80}], patrol=committed)
     plan = make_plan(scenario, 90.0, range(2, 3), silent, duration_s=400.0, seeds=1)
-    kept = plan.size(2).simulated
-    assert kept is not None
+    kept = present(plan.size(2).simulated)
     assert kept.all_max_s is not None
     assert kept.max_s < 90.0
     assert kept.zones_s["east"] <= kept.max_s
@@ -155,8 +153,7 @@ def test_where_doors_close_only_open_ground_counts(rooms: Path) -> None:
     assert plan.chosen == 2
     assert [line for line in answer_lines(plan) if line.startswith("closures: ") and line.endswith("because of door")]
     before = make_plan(scenario, None, range(2, 3), silent, duration_s=60.0, seeds=1)
-    short = before.size(2).simulated
-    assert short is not None
+    short = present(before.size(2).simulated)
     assert short.all_max_s == short.max_s
     (line,) = (line for line in answer_lines(before) if line.startswith("clos"))
     said = "closure door: begins at 100 s, after the run's end, so it was not tried; --duration 200 would try it"
@@ -198,8 +195,7 @@ def test_runs_are_long_enough_for_their_tours_and_the_wanted_age(rooms: Path) ->
     def duration(wanted_s: float | None) -> float:
         return module._Planner(ground(rooms), wanted_s, silent, None, True, 1).duration_s(1)
 
-    age_s = planned(rooms, None, range(1, 2), quick=True).sizes[0].age_s
-    assert age_s is not None
+    age_s = present(planned(rooms, None, range(1, 2), quick=True).sizes[0].age_s)
     assert 600.0 < 12.0 * age_s <= duration(None) < 12.0 * age_s + 60.0
     assert duration(6000.0) == 12000.0
 

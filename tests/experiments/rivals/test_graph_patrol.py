@@ -16,6 +16,7 @@ from patrol.radio.peers import Peer
 from patrol.scenario import load_scenario
 from patrol.scenario.policies import BUILT_IN
 from patrol.summary.model import Summary
+from tests.present import present
 
 RIVALS = sorted(set(POLICIES.built_in) - {*BUILT_IN, "learned"})
 
@@ -40,8 +41,7 @@ def test_other_bodies_patrol_as_well(model: str) -> None:
 
 @pytest.mark.parametrize("policy", ["even-tour", "partition", "ahpa"])
 def test_the_others_take_over_what_a_dead_robot_saw(policy: str) -> None:
-    end_s = patrolled(policy, duration=700, faults=[{"kind": "kill", "at": 90, "who": "r2"}]).mfow_end_s
-    assert end_s is not None
+    end_s = present(patrolled(policy, duration=700, faults=[{"kind": "kill", "at": 90, "who": "r2"}]).mfow_end_s)
     assert end_s < 300.0, "what was the dead robot's is seen again"
 
 

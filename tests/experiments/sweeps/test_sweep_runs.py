@@ -31,6 +31,7 @@ from experiments.sweeps.workers import ClusterWorkers, LocalWorkers
 from fogwatch.inprocess import Outcome, run_in_process
 from patrol.errors import BadInput
 from patrol.scenario import Scenario, load_scenario
+from tests.present import present
 from worldsim.world import World
 
 BASE: Mapping[str, Any] = {
@@ -309,8 +310,7 @@ def test_a_change_is_that_of_the_means_with_the_interval_of_the_differences(tmp_
 @pytest.mark.processes
 def test_a_signal_that_does_not_wake_the_wait_ends_it() -> None:
     """So it is with Ctrl-C that comes just before the wait begins; here another thread takes the signal."""
-    waiting = threading.main_thread().ident
-    assert waiting is not None
+    waiting = present(threading.main_thread().ident)
     over = threading.Event()
 
     def interrupt() -> None:

@@ -238,7 +238,7 @@ def test_getting_unstuck_as_printed_takes_the_same_steps_each_time() -> None:
 
 
 def test_cars_get_unstuck_as_printed_where_ties_are_drawn() -> None:
-    """Where all paths begin diagonally that can, they drive to and fro before the same wall."""
+    """If all paths begin diagonally that can, they drive to and fro before the same wall."""
 
     def dead_end_share(ties: str) -> float:
         size = {"point": 1.0, "duration": 300, "seed": 2, "robots.count": 3, "robots.model": "car"}
