@@ -19,11 +19,8 @@ from patrol.scenario import load_scenario
 from tests.agent.minds import setup_of
 
 SMALL = {"model": "holonomic", "radius": 0.3, "speed": 1.0}
-MIXED: dict[str, Any] = {
-    "terrain": {"builtin": "yards"},
-    "point": 0.5,
-    "robots": [{"model": "holonomic"}, SMALL, {**SMALL, "speed": 1.1}],
-}
+ROBOTS = [{"model": "holonomic"}, SMALL, {**SMALL, "speed": 1.1}]
+MIXED: dict[str, Any] = {"terrain": {"builtin": "yards"}, "point": 0.5, "robots": ROBOTS}
 
 
 @pytest.fixture(scope="module")
@@ -70,9 +67,8 @@ def test_each_robot_looks_as_far_ahead_as_its_body_asks(mixed: Prepared, number:
     assert start
     psi = shared.psi[10.0 if number == 1 else 3.0]
     same, unrefined = (GoalFinder(lengths, ground, field) for field in (psi, None))
-    found, expected, plain = (
-        [finder.along(bearing, *start) for bearing in np.arange(0.0, 6.2, 0.1)] for finder in (goals, same, unrefined)
-    )
+    bearings = np.arange(0.0, 6.2, 0.1)
+    found, expected, plain = ([finder.along(b, *start) for b in bearings] for finder in (goals, same, unrefined))
     assert found == expected != plain
 
 
@@ -102,12 +98,8 @@ def test_attributes_of_1_0_are_found_in_the_parts_of_a_setup_with_a_warning(mixe
 
 
 def test_policies_get_a_scenario_without_what_robots_do_not_know() -> None:
-    given = {
-        "terrain": {"builtin": "open"},
-        "point": 2.0,
-        "faults": [{"kind": "loss", "rate": 0.5}],
-        "intruders": [{"place": [40, 40], "at": 10}],
-    }
+    facts = {"faults": [{"kind": "loss", "rate": 0.5}], "intruders": [{"place": [40, 40], "at": 10}]}
+    given = {"terrain": {"builtin": "open"}, "point": 2.0, **facts}
     prepared = prepare(load_scenario(given))
     known = known_to_robots(prepared)
     assert prepared.scenario.faults

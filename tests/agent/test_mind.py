@@ -232,9 +232,7 @@ def test_a_decision_carries_the_policys_word_and_figures() -> None:
 @pytest.mark.parametrize(
     ("k", "zones", "limit"), [(0, None, 0.5), (19, None, 0.5), (20, None, 4.0), (20, (0,), 0.5), (0, (), 4.0)]
 )
-def test_a_robot_is_slow_where_a_zone_is_in_force_by_times_or_world(
-    k: int, zones: tuple[int, ...] | None, limit: float
-) -> None:
+def test_a_robot_is_slow_where_a_zone_is_in_force(k: int, zones: tuple[int, ...] | None, limit: float) -> None:
     ward = {"name": "ward", "polygon": [[2, 2], [10, 2], [10, 10], [2, 10]], "speed": 0.5, "times": [[0, 10]]}
     robots = {"count": 2, "model": "holonomic", "speed": 4.0}
     scenario = load_scenario({"terrain": {"builtin": "yards"}, "point": 0.5, "robots": robots, "zones": [ward]})

@@ -117,9 +117,8 @@ def test_a_policy_that_fails_stops_its_robot(capsys: pytest.CaptureFixture[str])
     mind, robot = made(Ahead(raises=3))
     eyes = Eyes()
     says = present(run_mind(mind, robot, Ears(), eyes))
-    assert re.fullmatch(
-        rf"its policy failed at tick 3: raised RuntimeError: no idea \({Path(__file__).name}:\d+\)", says
-    )
+    line = rf"its policy failed at tick 3: raised RuntimeError: no idea \({Path(__file__).name}:\d+\)"
+    assert re.fullmatch(line, says)
     assert robot.stopped == says
     assert [k for k, _, _ in eyes.seen] == [0, 1, 2]
     assert 'raise RuntimeError("no idea")' in capsys.readouterr().err, "where it was raised is for its author to see"

@@ -121,9 +121,7 @@ def test_a_frame_from_the_future_dates_late_ones_into_no_past() -> None:
 
 @settings(max_examples=30)
 @given(seed=st.integers(0, 10**6), loss=st.sampled_from([0.0, 0.3, 0.6]), late=st.booleans(), length=st.integers(0, 4))
-def test_trails_and_late_frames_give_what_each_heard_look_gives(
-    seed: int, loss: float, late: bool, length: int
-) -> None:
+def test_trails_and_late_frames_give_what_each_look_gives(seed: int, loss: float, late: bool, length: int) -> None:
     """Whatever is lost, late or told twice, the fog is that of the looks that were told of at all, each at its tick."""
     rng = np.random.default_rng(seed)
     belief, footprint = belief_on(OPEN, 0)

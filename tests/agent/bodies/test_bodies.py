@@ -120,18 +120,15 @@ def test_a_place_is_the_goal_and_the_bend_on_the_way_the_refined_one(model: str,
     assert decision.goal == (5.1, 25.2)
     assert decision.refined is not None
     assert decision.refined[0] > 21.0
-    assert decision.direction == pytest.approx(
-        math.atan2(decision.refined[1] - FIRST.y, decision.refined[0] - FIRST.x), abs=1e-9
-    )
+    bearing = math.atan2(decision.refined[1] - FIRST.y, decision.refined[0] - FIRST.x)
+    assert decision.direction == pytest.approx(bearing, abs=1e-9)
 
 
 @pytest.mark.parametrize("model", MODELS)
 @pytest.mark.parametrize(
     "spot", [(26.0, 3.0), (5.0, 15.25), (-70.0, 5.0), (5.0, 400.0), (1e9, -1e9)], ids=["chamber", "wall", *"wnx"]
 )
-def test_an_unreachable_place_stands_for_the_nearest_other(
-    model: str, spot: Spot, prepared: dict[str, Prepared]
-) -> None:
+def test_an_unreachable_place_stands_for_the_nearest(model: str, spot: Spot, prepared: dict[str, Prepared]) -> None:
     drives = Drives(prepared[model], Place(*spot))
     goal = present(drives.tick().goal)
     reach = prepared[model].fields[1].reach
@@ -242,9 +239,7 @@ def test_a_holonomic_body_steered_into_a_wall_stops_at_it(prepared: dict[str, Pr
     [("car", Velocity(1.0, 0.0)), ("differential", Drive(1.0, 0.0)), ("holonomic", Twist(1.0, 0.0))],
     ids=MODELS,
 )
-def test_another_models_command_is_the_policys_failure(
-    model: str, command: Command, prepared: dict[str, Prepared]
-) -> None:
+def test_another_models_command_is_a_failure(model: str, command: Command, prepared: dict[str, Prepared]) -> None:
     drives = Drives(prepared[model], Steer(command))
     with pytest.raises(PolicyFailed, match=rf"returned Steer\({type(command).__name__}\) for a .*; give a"):
         drives.tick()

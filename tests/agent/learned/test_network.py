@@ -173,9 +173,8 @@ def test_whatever_is_changed_in_a_file_it_is_read_or_refused(data: st.DataObject
 
 
 def refused(node: Any, *constants: Any, gives: Any = TensorProto.DOUBLE) -> str:
-    x, y = (
-        helper.make_tensor_value_info(name, kind, [1, 2]) for name, kind in (("x", TensorProto.DOUBLE), ("y", gives))
-    )
+    kinds = {"x": TensorProto.DOUBLE, "y": gives}
+    x, y = (helper.make_tensor_value_info(name, kind, [1, 2]) for name, kind in kinds.items())
     content = bytes(model_of(helper.make_graph([node], "policy", [x], [y], constants)).SerializeToString())
     with pytest.raises(BadInput) as bad:
         onnx_network(content, Path("a.onnx"))

@@ -111,9 +111,7 @@ def test_it_takes_the_nearest_free_dock_that_its_charge_suffices_for(charge: flo
         ([[600, 900]], 0.75, 90.5),
     ],
 )
-def test_a_dock_is_claimed_by_one_that_comes_as_fast_as_slow_zones_allow(
-    times: Any, step_m: float, goal: float
-) -> None:
+def test_a_dock_is_claimed_by_one_that_comes_as_fast_as_zones_allow(times: Any, step_m: float, goal: float) -> None:
     ward = {"name": "ward", "polygon": [[12, 0], [30, 0], [30, 100], [12, 100]], "speed": 0.2, "times": times}
     fleet = Fleet(scenario(count=2, zones=[ward]))
     for k in range(11):
@@ -243,10 +241,8 @@ def test_it_goes_back_when_another_comes_or_too_few_patrol(
 @pytest.mark.parametrize(("other_m", "state"), [(0.0, State.DOCKING), (0.6, State.HOLDING)])
 def test_of_too_many_on_patrol_the_one_with_the_least_charge_goes(other_m: float, state: str) -> None:
     fleet = Fleet(scenario())
-    states = [
-        fleet.step(0.5, (50.5, 30.5 + 0.3 * k), {2: (70.5, 30.5 + other_m * k), 3: (80.5, 50.5)}) for k in range(60)
-    ]
-    assert states[-1] == state
+    others = [{2: (70.5, 30.5 + other_m * k), 3: (80.5, 50.5)} for k in range(60)]
+    assert [fleet.step(0.5, (50.5, 30.5 + 0.3 * k), there) for k, there in enumerate(others)][-1] == state
 
 
 def test_a_robot_that_has_to_charge_soon_does_so_in_passing() -> None:

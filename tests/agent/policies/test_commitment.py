@@ -36,9 +36,8 @@ def _without_random_steps(monkeypatch: pytest.MonkeyPatch) -> None:
 def alone(
     terrain: Terrain, start: Pose = CORNER, model: str = "holonomic", *, sensor: Mapping[str, Any] | None = None
 ) -> Prepared:
-    return prepared_in(
-        terrain, [start], {**BASE, "model": model}, patrol=CLAIMS, sensor={"range": 3.0, **(sensor or {})}
-    )
+    sees = {"range": 3.0, **(sensor or {})}
+    return prepared_in(terrain, [start], {**BASE, "model": model}, patrol=CLAIMS, sensor=sees)
 
 
 def target_of(robots: Robots, robot: int = 0) -> Target | None:

@@ -35,10 +35,7 @@ from patrol.scenario.load import keep_scenario
 from tests.agent.minds import at
 
 STILL = '''
-    """A policy that stands still."""
-
     from agent.ports import Stay
-
 
     class Still:
         def __init__(self, setup):
@@ -47,22 +44,15 @@ STILL = '''
         def decide(self, view):
             return Stay("resting")
 
-
     class Silent:
         """No policy: it decides nothing."""
-
 
     def function(setup):
         return Still(setup)
     '''
-
-PATIENT = '''
-    """A policy with options."""
-
+PATIENT = """
     from pydantic import BaseModel, ConfigDict, Field
-
     from agent.ports import Stay
-
 
     class Patient:
         class Options(BaseModel):
@@ -75,7 +65,7 @@ PATIENT = '''
 
         def decide(self, view):
             return Stay()
-    '''
+    """
 
 Write = Callable[..., Path]
 

@@ -21,14 +21,8 @@ from tests.agent.plans import POINT, Robots, prepared_in, two_rooms
 from tests.present import present
 from worldsim.world import World
 
-ROUND = {
-    "robots.count": 3,
-    "robots.model": "holonomic",
-    "point": 1.0,
-    "duration": 400,
-    "sensor.range": 20,
-    "patrol.policy": "committed",
-}
+ROUND = {"robots.count": 3, "robots.model": "holonomic", "point": 1.0, "duration": 400, "sensor.range": 20}
+ROUND |= {"patrol.policy": "committed"}
 BASE = {"radius": 0.3, "speed": 1.0, "turning_radius": 1.0}
 CORNER = Pose(2.0, 2.0, 0.0)
 

@@ -50,9 +50,7 @@ def test_a_claim_leaves_half_of_a_force_halfway_and_nothing_at_the_rival() -> No
         ("mode", ["claims", "artificial-obstacles"], True),
     ],
 )
-def test_a_claimed_point_pulls_the_robot_nearest_to_it(
-    direction: str, separation: str | list[str], closed: bool
-) -> None:
+def test_a_claimed_point_pulls_the_nearest_robot(direction: str, separation: str | list[str], closed: bool) -> None:
     """A rival's own disc, of an artificial obstacle or of giving way, is in everybody's way but its own."""
     seen = np.full((81, 81), 100, dtype=np.int32)
     seen[40, 70] = 0

@@ -68,9 +68,7 @@ def test_no_body_joins_through_a_wall() -> None:
 
 @settings(max_examples=60)
 @given(seed=st.integers(0, 2**32 - 1), turns=st.lists(st.tuples(discs, discs), min_size=1, max_size=3))
-def test_what_a_policy_closes_is_closed_for_its_tick_only(
-    seed: int, turns: list[tuple[list[Disc], list[Disc]]]
-) -> None:
+def test_what_a_policy_closes_is_closed_for_its_tick(seed: int, turns: list[tuple[list[Disc], list[Disc]]]) -> None:
     rng = np.random.default_rng(seed)
     is_open = rng.random((20, 24)) < 0.85
     part = rng.random((20, 24)) < 0.1

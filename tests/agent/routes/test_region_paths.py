@@ -39,11 +39,8 @@ class Reference:
 
     def from_place(self, start: Place) -> dict[int, float]:
         """Length of the shortest way from a place to each connection that can be reached."""
-        heap = [
-            (math.dist(start, place), number)
-            for number, (place, parts) in enumerate(self.links)
-            if self.parts[start] in parts
-        ]
+        links = enumerate(self.links)
+        heap = [(math.dist(start, place), n) for n, (place, parts) in links if self.parts[start] in parts]
         heapq.heapify(heap)
         found: dict[int, float] = {}
         while heap:
@@ -62,11 +59,8 @@ class Reference:
         if self.parts[start] == self.parts[target]:
             return math.dist(start, target)
         part = self.parts[target]
-        lengths = [
-            away + math.dist(self.links[number][0], target)
-            for number, away in ways.items()
-            if part in self.links[number][1]
-        ]
+        ends = [(away, *self.links[number]) for number, away in ways.items()]
+        lengths = [away + math.dist(place, target) for away, place, parts in ends if part in parts]
         return min(lengths, default=math.inf)
 
 

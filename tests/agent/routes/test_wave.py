@@ -64,9 +64,8 @@ def over_terrain(wave: Wave, grid: NDArray[np.int32], shape: tuple[int, int]) ->
     return out
 
 
-maps = st.tuples(
-    st.integers(2, 32), st.integers(2, 32), st.integers(0, 2**32 - 1), st.sampled_from([0.0, 0.08, 0.25, 0.4])
-)
+SIDES_OF_MAPS, DENSITIES = st.integers(2, 32), st.sampled_from([0.0, 0.08, 0.25, 0.4])
+maps = st.tuples(SIDES_OF_MAPS, SIDES_OF_MAPS, st.integers(0, 2**32 - 1), DENSITIES)
 
 
 def random_map(values: Drawn) -> tuple[Bools, int, int]:
@@ -198,7 +197,7 @@ def walled_map(values: Drawn) -> tuple[Bools, int, int]:
 
 @settings(max_examples=300)
 @given(values=maps, walled=st.booleans(), pieces=PIECES, span=st.sampled_from([6, 17, 40]))
-def test_of_equally_long_paths_the_plain_rules_first_one_counts(
+def test_of_equal_paths_the_plain_rules_first_one_counts(
     values: Drawn, walled: bool, pieces: list[int], span: int
 ) -> None:
     is_open, row, col = walled_map(values) if walled else random_map(values)

@@ -1,4 +1,4 @@
-"""A tiny benchmark in this process: it goes on where it stopped, and its tables hold the numbers of its runs."""
+"""A tiny benchmark in this process: its tables hold the numbers of its runs."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ from experiments.sweeps.cases import cases_table
 from experiments.sweeps.runner import SweepOutcome, run_sweep
 from experiments.sweeps.stats import estimate
 from patrol.errors import BadInput
-from tests.experiments.sweeps.test_sweep_runs import Here, Watching
+from tests.experiments.sweeps.test_sweep_runs import Here
 from tests.present import present
 
 TINY = Matrix(
@@ -48,22 +48,13 @@ TINY = Matrix(
 
 @pytest.fixture(scope="module")
 def outcome(tmp_path_factory: pytest.TempPathFactory) -> SweepOutcome:
-    """The tiny benchmark, interrupted after three runs and started again."""
-    folder = tmp_path_factory.mktemp("benchmark")
-    with pytest.raises(KeyboardInterrupt):
-        run_sweep(plan_of(TINY), folder, workers=Here(), observer=Watching(3))
-    return run_sweep(plan_of(TINY), folder, workers=Here())
+    return run_sweep(plan_of(TINY), tmp_path_factory.mktemp("benchmark"), workers=Here())
 
 
 @pytest.fixture(scope="module")
 def results(outcome: SweepOutcome) -> BenchmarkResults:
-    return results_of(TINY, outcome)
-
-
-def test_an_interrupted_benchmark_goes_on_where_it_stopped(outcome: SweepOutcome) -> None:
-    assert outcome.made == 5
     assert not outcome.failed
-    assert len(outcome.results) == 8
+    return results_of(TINY, outcome)
 
 
 def test_there_is_a_line_for_each_run_and_one_for_each_cell(outcome: SweepOutcome, results: BenchmarkResults) -> None:

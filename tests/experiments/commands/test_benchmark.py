@@ -75,7 +75,6 @@ def test_the_policies_of_the_examples_can_be_run() -> None:
         (("--policies", "sebs:g3=1"), "options.g3 = 1: unknown key; sebs has the options tolerance, g2, edge_min"),
         (("--policies", "committed:separation=some"), "patrol.options.separation ="),
         (("--terrains", "gone.graph+open"), "gone.graph"),
-        (("--conditions", "loss"), "--conditions loss: loss: no such condition"),
         (("--seeds", "0"), "seeds = 0"),
         (("--duration", "-5"), "duration"),
         (("--point", "0"), "point"),
@@ -87,7 +86,6 @@ def test_the_policies_of_the_examples_can_be_run() -> None:
         (("--preset", "magic"), "--preset magic: no such preset; did you mean magec"),
         (("--preset", "magec", "--teams", "3"), "--teams: --preset magec says what is run; leave it out"),
         (("--map", "plan.yaml"), "--map plan.yaml: goes with --preset; give --terrains FILE.graph+MAP.yaml instead"),
-        (("--workers", "0"), "workers = 0"),
         (("--workers", "1", "--cluster", "tcp://127.0.0.1:9"), "--workers and --cluster"),
     ],
 )

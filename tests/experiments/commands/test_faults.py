@@ -40,7 +40,6 @@ def test_the_page_tells_everything_and_a_second_start_makes_no_run(tmp_path: Pat
 @pytest.mark.parametrize(
     ("words", "says"),
     [
-        (("--only", "silense"), "--only silense: no such group or condition; did you mean silence"),
         (("--set", "point=1"), "--set point: the experiment sets this field"),
         (("--set", "patrol.policy=committed"), "--set patrol.policy: the experiment sets this field"),
         (("--set", "patrol.options.separation=none"), "--set patrol.options.separation: the experiment sets this"),

@@ -156,9 +156,8 @@ def test_without_a_graph_the_vertices_are_those_made_from_the_ground(tmp_path: P
 
 def test_the_tables_of_patrolling_sim_are_written(ran: Path, run: Command, tmp_path: Path) -> None:
     """Robot 1 begins on vertex 0; the tables agree with the summary."""
-    assert "idleness.csv, timeresults.csv, info.csv" in output(
-        run("report", ran, "--out", tmp_path / "report.html", "--csv", tmp_path / "tables")
-    )
+    shown = output(run("report", ran, "--out", tmp_path / "report.html", "--csv", tmp_path / "tables"))
+    assert "idleness.csv, timeresults.csv, info.csv" in shown
     nodes = json.loads((ran / "summary.json").read_text(encoding="utf-8"))["nodes"]
     visits, times, info = (
         [line.split(";") for line in (tmp_path / "tables" / f"{name}.csv").read_text(encoding="utf-8").splitlines()]

@@ -132,9 +132,7 @@ def test_a_number_beyond_its_interval_is_named(clone: Path, capsys: pytest.Captu
     assert count == "1 of 2 numbers have changed"
 
 
-def test_without_an_interval_a_tenth_or_the_samples_own_is_allowed(
-    clone: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_without_an_interval_a_tenth_or_the_samples_own_counts(clone: Path, capsys: pytest.CaptureFixture[str]) -> None:
     slow = {"says": r"(\d+) s in the mean", "value": "stdout:share", "scale": 100}
     samples(clone, slow)
     assert reproduce("check", "radio") == 0

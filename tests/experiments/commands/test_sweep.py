@@ -28,13 +28,8 @@ from experiments.sweeps.results import RunResult
 from experiments.sweeps.stats import Estimate
 from tests.experiments.commands.conftest import Command, output, refuses
 
-BASE: dict[str, Any] = {
-    "terrain": {"builtin": "yards"},
-    "point": 1,
-    "duration": 20,
-    "robots": {"count": 2, "model": "holonomic"},
-    "patrol": {"policy": "potential-field"},
-}
+ROBOTS, PATROL = {"count": 2, "model": "holonomic"}, {"policy": "potential-field"}
+BASE = {"terrain": {"builtin": "yards"}, "point": 1, "duration": 20, "robots": ROBOTS, "patrol": PATROL}
 OPTIONS = {"robots.count": [1, 2, 3], "patrol.options.dilatation": [0, 3]}
 TWENTY_FOUR = {"base": BASE, "grid": {"patrol.options.direction": ["mode", "vector"], **OPTIONS}, "seeds": 2}
 

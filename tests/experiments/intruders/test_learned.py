@@ -54,9 +54,8 @@ def test_a_place_that_nobody_comes_to_is_attacked_with_success() -> None:
 
 def test_a_trial_without_an_attack_is_a_failure() -> None:
     """Places that are always seen: after some training no output says that an attack would succeed."""
-    assert learned_games(blind(np.ones((500, 3), dtype=np.bool_)), [5.0], Trials((500.0,), 3)) == [
-        Learned(500.0, 5.0, 0.0, 0.0)
-    ]
+    seen = np.ones((500, 3), dtype=np.bool_)
+    assert learned_games(blind(seen), [5.0], Trials((500.0,), 3)) == [Learned(500.0, 5.0, 0.0, 0.0)]
 
 
 def test_an_attack_is_over_within_the_horizon_and_the_run() -> None:
@@ -113,7 +112,6 @@ def test_it_attacks_at_the_first_chance_for_which_it_is_armed(outputs: list[floa
         if outputs[second] >= 0.5 and armed and times[second]:
             expected = second
             break
-    found = first_attack(
-        np.array([outputs], dtype=np.float32), np.array(times), in_time - np.arange(seconds, dtype=np.float64)
-    )
+    remaining = in_time - np.arange(seconds, dtype=np.float64)
+    found = first_attack(np.array([outputs], dtype=np.float32), np.array(times), remaining)
     assert found.tolist() == [expected]

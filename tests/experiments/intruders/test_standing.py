@@ -20,9 +20,8 @@ def seen_at(ticks: int, *places: list[int]) -> NDArray[np.bool_]:
 
 
 def plain_random(seen: NDArray[np.bool_], ticks: int) -> list[bool]:
-    return [
-        not seen[t + 1 : t + ticks + 1, place].any() for place in range(seen.shape[1]) for t in range(len(seen) - ticks)
-    ]
+    ends = range(len(seen) - ticks)
+    return [not seen[t + 1 : t + ticks + 1, place].any() for place in range(seen.shape[1]) for t in ends]
 
 
 def plain_waiting(seen: NDArray[np.bool_], ticks: int) -> list[float]:

@@ -37,9 +37,7 @@ def runnable(table: PaperTable) -> PaperTable:
     """The rows whose kind of paths this version has."""
     kinds = get_args(PotentialFieldOptions.model_fields["paths"].annotation)
     settings = {row.name: {**table.settings, **row.settings} for row in table.rows}
-    return table.part(
-        [name for name, sets in settings.items() if sets.get("patrol.options.paths", "wave") in kinds], []
-    )
+    return table.part([name for name, own in settings.items() if own.get("patrol.options.paths", "wave") in kinds], [])
 
 
 def mfow_of(plan: Plan, value: Callable[[str, int], float], metric: str = "mfow_mean_s") -> SweepOutcome:

@@ -118,9 +118,7 @@ def pretend(
 
 
 @pytest.mark.parametrize(("needed", "by_tours"), [(3, 4), (4, 4), (6, 4)])
-def test_the_search_starts_from_what_tours_keep(
-    needed: int, by_tours: int, rooms: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_search_begins_at_tours(needed: int, by_tours: int, rooms: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     scenarios = pretend(monkeypatch, lambda scenario: len(scenario.roster) >= needed, by_tours)
     plan = planned(rooms, 20.0)
     runs = [len(scenario.roster) for scenario in scenarios]

@@ -12,13 +12,8 @@ from experiments.sweeps.plan import Plan, read_plan
 from patrol.errors import BadInput
 from patrol.scenario import as_mapping
 
-BASE = {
-    "terrain": {"builtin": "open"},
-    "point": 1,
-    "duration": 20,
-    "robots": {"count": 2, "model": "holonomic"},
-    "patrol": {"policy": "potential-field"},
-}
+ROBOTS, PATROL = {"count": 2, "model": "holonomic"}, {"policy": "potential-field"}
+BASE = {"terrain": {"builtin": "open"}, "point": 1, "duration": 20, "robots": ROBOTS, "patrol": PATROL}
 
 
 def plan(folder: Path, told: int | None = None, **says: Any) -> Plan:
@@ -42,10 +37,8 @@ def test_a_grid_is_every_combination_with_every_seed(tmp_path: Path) -> None:
 
 
 def test_cases_go_over_the_grid(tmp_path: Path) -> None:
-    cases = [
-        {"name": "far", "set": {"sensor.range": 20}},
-        {"name": "near", "set": {"sensor.range": 5, "patrol.options.fow": "f2"}},
-    ]
+    near = {"name": "near", "set": {"sensor.range": 5, "patrol.options.fow": "f2"}}
+    cases = [{"name": "far", "set": {"sensor.range": 20}}, near]
     found = plan(tmp_path, cases=cases, grid={"patrol.options.direction": ["mode", "vector"]}, seeds=[4, 9])
     assert names(found) == [f"{name} direction={by}" for name in ("far", "near") for by in ("mode", "vector")]
     assert found.seeds == (4, 9)
@@ -65,9 +58,8 @@ def test_cases_are_compared_with_the_ones_that_differ_in_one_thing(tmp_path: Pat
     grid = {"patrol.options.dilatation": [0, 2, 5], "robots.count": [1, 2]}
     found = plan(tmp_path, grid=grid, against={"patrol.options.dilatation": 0})
     partners = {case.name: other.name if (other := found.partner(case)) else None for case in found.cases}
-    assert partners == {
-        f"dilatation={d} count={n}": f"dilatation=0 count={n}" if d else None for d in (0, 2, 5) for n in (1, 2)
-    }
+    pairs = [(d, n) for d in (0, 2, 5) for n in (1, 2)]
+    assert partners == {f"dilatation={d} count={n}": f"dilatation=0 count={n}" if d else None for d, n in pairs}
 
 
 def test_the_base_as_it_is_is_compared_by_what_it_means(tmp_path: Path) -> None:

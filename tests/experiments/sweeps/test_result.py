@@ -73,7 +73,7 @@ def test_a_second_call_repeats_nothing(swept: fogwatch.SweepResult) -> None:
     assert more.table.column("case").to_pylist() == ["base", "base"]
 
 
-def test_a_file_gives_what_the_command_gives(
+def test_a_file_gives_the_commands_tables(
     tmp_path: Path, command: Callable[..., int], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     content = {"base": BASE, "cases": [{"name": "two", "set": {"radio.trail": 2}}], "seeds": 1}

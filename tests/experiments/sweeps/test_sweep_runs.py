@@ -34,13 +34,8 @@ from patrol.scenario import Scenario, load_scenario
 from tests.present import present
 from worldsim.world import World
 
-BASE: Mapping[str, Any] = {
-    "terrain": {"builtin": "open"},
-    "point": 1,
-    "duration": 30,
-    "robots": {"count": 2, "model": "holonomic"},
-    "patrol": {"policy": "potential-field"},
-}
+ROBOTS, PATROL = {"count": 2, "model": "holonomic"}, {"policy": "potential-field"}
+BASE = {"terrain": {"builtin": "open"}, "point": 1, "duration": 30, "robots": ROBOTS, "patrol": PATROL}
 
 
 def plan(cases: Mapping[str, Mapping[str, object]], seeds: Sequence[int] = (1, 2), **more: Any) -> Plan:

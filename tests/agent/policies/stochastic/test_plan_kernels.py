@@ -64,9 +64,7 @@ def stations_in(routes: Whole, counts: Whole) -> list[int]:
 
 @settings(max_examples=200)
 @given(seed=st.integers(0, 2**32 - 1), robots=st.integers(1, 4), stations=st.integers(5, 14), pins=st.booleans())
-def test_moves_keep_stations_and_pinned_ones_and_never_cost_more(
-    seed: int, robots: int, stations: int, pins: bool
-) -> None:
+def test_moves_keep_stations_and_pins_and_never_cost_more(seed: int, robots: int, stations: int, pins: bool) -> None:
     dice = np.random.default_rng(seed)
     fleet = fleet_of(dice, robots, stations)
     routes, counts = plan_of(dice, robots, stations)
