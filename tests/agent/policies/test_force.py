@@ -12,16 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from agent.policies.forces import (
-    PAPER_AREA,
-    ForceLaw,
-    bearings_by_force,
-    bearings_by_vector,
-    distance_force,
-    fow_force,
-    reach_scale,
-    sector_table,
-)
+from agent.policies import forces
 from patrol.ground.fields import StaticFields
 from patrol.prepare import prepare
 from patrol.scenario import PotentialFieldOptions, load_scenario
@@ -33,7 +24,7 @@ from tests.agent.minds import fields_of, pull_on, setup_of
     [("f1", 0.5), ("f2", 0.25), ("f3", math.exp(40 * 0.5)), ("f4", math.exp(40 * 0.25)), ("f5", math.exp(40 * 0.0625))],
 )
 def test_functions_of_the_fog_are_those_of_table_1(name: str, expected: float) -> None:
-    assert fow_force(name, np.array([0.5]), 40.0)[0] == pytest.approx(expected)
+    assert forces.fow_force(name, np.array([0.5]), 40.0)[0] == pytest.approx(expected)
 
 
 @pytest.mark.parametrize(
@@ -47,53 +38,53 @@ def test_functions_of_the_fog_are_those_of_table_1(name: str, expected: float) -
     ],
 )
 def test_functions_of_the_length_are_those_of_table_1(name: str, expected: float) -> None:
-    assert distance_force(name, np.array([50.0]), 4000.0, 800.0)[0] == pytest.approx(expected)
+    assert forces.distance_force(name, np.array([50.0]), 4000.0, 800.0)[0] == pytest.approx(expected)
 
 
-@pytest.mark.parametrize("function", [fow_force, distance_force])
+@pytest.mark.parametrize("function", [forces.fow_force, forces.distance_force])
 def test_there_is_no_sixth_function(function: object) -> None:
     assert callable(function)
     with pytest.raises(ValueError, match="no function x6"):
-        function("x6", np.ones(1), 40.0, *([800.0] if function is distance_force else []))
+        function("x6", np.ones(1), 40.0, *([800.0] if function is forces.distance_force else []))
 
 
 @pytest.mark.parametrize("point", [0.1, 0.5])
 def test_lengths_count_in_points_of_a_tenth_of_a_metre_whatever_the_point(point: float) -> None:
-    law = ForceLaw(PotentialFieldOptions(), point, 1000, 100_000)
+    law = forces.ForceLaw(PotentialFieldOptions(), point, 1000, 100_000)
     five_metres = round(5.0 / point) * 100
     assert law.decay[five_metres] == pytest.approx(math.exp(-(50.0**2) / 4000.0))
     assert law.decay[0] == 0.0
 
 
 def test_the_horizon_of_the_papers_function_is_about_sixty_metres() -> None:
-    law = ForceLaw(PotentialFieldOptions(), 0.1, 1_000_000, 400_000)
+    law = forces.ForceLaw(PotentialFieldOptions(), 0.1, 1_000_000, 400_000)
     assert law.limit / 100 == pytest.approx(math.sqrt(4000 * (40 + 36.84 + math.log(1e6))), rel=0.01)
 
 
 def test_functions_without_a_horizon_follow_every_path() -> None:
-    assert ForceLaw(PotentialFieldOptions(distance="g1"), 0.1, 10_000, 400_000).limit == 400_000
+    assert forces.ForceLaw(PotentialFieldOptions(distance="g1"), 0.1, 10_000, 400_000).limit == 400_000
 
 
 @pytest.mark.parametrize("distance", ["g1", "g2", "g3", "g4", "g5"])
 def test_with_reach_area_the_law_is_the_papers_at_lengths_divided_by_the_scale(distance: str) -> None:
     """Four times the reference's ground per robot: twice the reach."""
-    points = round(4 * PAPER_AREA / 0.25)
-    paper = ForceLaw(PotentialFieldOptions(distance=distance), 0.5, points, 100_000, team=1)
-    scaled = ForceLaw(PotentialFieldOptions(distance=distance, reach="area"), 0.5, points, 100_000, team=1)
+    points = round(4 * forces.PAPER_AREA / 0.25)
+    paper = forces.ForceLaw(PotentialFieldOptions(distance=distance), 0.5, points, 100_000, team=1)
+    scaled = forces.ForceLaw(PotentialFieldOptions(distance=distance, reach="area"), 0.5, points, 100_000, team=1)
     for metres in (1, 5, 20, 30):
         assert scaled.decay[metres * 400] == pytest.approx(paper.decay[metres * 200], rel=1e-9)
-    shared = ForceLaw(PotentialFieldOptions(distance=distance, reach="area"), 0.5, points, 100_000, team=4)
+    shared = forces.ForceLaw(PotentialFieldOptions(distance=distance, reach="area"), 0.5, points, 100_000, team=4)
     assert np.array_equal(shared.decay, paper.decay)
 
 
 def test_the_reach_is_the_papers_on_its_own_ground_and_never_shorter() -> None:
     prepared = prepare(load_scenario({"terrain": {"builtin": "open"}, "point": 0.5, "robots": {"count": 5}}))
     area = np.count_nonzero(prepared.fields[1].patrolled) * 0.25 / 5
-    assert area == pytest.approx(PAPER_AREA)
-    assert reach_scale("area", area) == pytest.approx(1.0)
-    assert reach_scale("area", area / 100) == 1.0
-    assert reach_scale("area", 9 * PAPER_AREA) == pytest.approx(3.0)
-    assert reach_scale("paper", 9 * PAPER_AREA) == 1.0
+    assert area == pytest.approx(forces.PAPER_AREA)
+    assert forces.reach_scale("area", area) == pytest.approx(1.0)
+    assert forces.reach_scale("area", area / 100) == 1.0
+    assert forces.reach_scale("area", 9 * forces.PAPER_AREA) == pytest.approx(3.0)
+    assert forces.reach_scale("paper", 9 * forces.PAPER_AREA) == 1.0
 
 
 def test_spare_robots_share_no_ground() -> None:
@@ -132,7 +123,7 @@ def test_leaving_out_what_lies_beyond_the_horizon_changes_no_decision(seed: int,
     scale = whole.sums[2] if direction == "vector" else whole.sums.sum()
     assert np.allclose(cut.sums, whole.sums, rtol=0.0, atol=1e-12 * scale)
     if direction == "mode":
-        assert bearings_by_force(cut.sums)[:1] == bearings_by_force(whole.sums)[:1]
+        assert forces.bearings_by_force(cut.sums)[:1] == forces.bearings_by_force(whole.sums)[:1]
 
 
 def test_sums_equal_the_formula_point_by_point_on_an_open_field() -> None:
@@ -172,7 +163,7 @@ def test_a_point_where_no_body_fits_pulls_through_the_pose_that_sees_it() -> Non
     fields.proxy[12, 35] = 12 * 40 + 29
     seen = ticks(40, (12, 35))[:30]
     far, close = (pull_on(fields, start, seen) for start in ((13, 16), (15, 25)))
-    assert bearings_by_force(far.sums)[0] == 0.0
+    assert forces.bearings_by_force(far.sums)[0] == 0.0
     assert far.near is None
     assert close.near == close.bend == (13, 30)
 
@@ -185,7 +176,7 @@ def test_a_place_close_by_counts_without_its_dilatation() -> None:
 
 def test_the_sector_table_centres_each_sector_on_its_bearing() -> None:
     for sectors in (4, 8, 36):
-        table = sector_table(sectors, 30)
+        table = forces.sector_table(sectors, 30)
         for up, across in np.ndindex(61, 61):
             bearing = math.atan2(up - 30, across - 30) % (2 * math.pi)
             off = math.remainder(bearing - int(table[up, across]) * 2 * math.pi / sectors, 2 * math.pi)
@@ -193,16 +184,16 @@ def test_the_sector_table_centres_each_sector_on_its_bearing() -> None:
 
 
 def test_mode_prefers_the_strongest_sector_and_of_equals_the_lowest() -> None:
-    assert bearings_by_force(np.array([1.0, 0.0, 5.0, 5.0])) == [math.pi, -math.pi / 2, 0.0]
-    assert bearings_by_force(np.zeros(8)) == []
+    assert forces.bearings_by_force(np.array([1.0, 0.0, 5.0, 5.0])) == [math.pi, -math.pi / 2, 0.0]
+    assert forces.bearings_by_force(np.zeros(8)) == []
 
 
 def test_vector_sum_points_along_the_sum_first() -> None:
-    bearings = bearings_by_vector(0.0, -2.0, 8)
+    bearings = forces.bearings_by_vector(0.0, -2.0, 8)
     assert bearings[0] == pytest.approx(-math.pi / 2)
     assert len(bearings) == 8
     assert len({round(b, 9) for b in bearings}) == 8
-    assert bearings_by_vector(0.0, 0.0, 8) == []
+    assert forces.bearings_by_vector(0.0, 0.0, 8) == []
 
 
 @pytest.mark.parametrize("mfow", [9, 100])
@@ -215,7 +206,7 @@ def test_straight_paths_lead_to_no_obstacle(direction: str, mfow: int) -> None:
     seen[31, 20] = 91
     options: dict[str, Any] = {"paths": "straight", "direction": direction}
     pull = pull_on(fields_of(passable), (31, 31), seen, mfow=mfow, **options)
-    law = ForceLaw(PotentialFieldOptions.model_validate(options), 0.5, int(passable.sum()), 10**5)
+    law = forces.ForceLaw(PotentialFieldOptions.model_validate(options), 0.5, int(passable.sum()), 10**5)
     by_age = law.pull(mfow)
     expected = np.zeros(3 if direction == "vector" else 8)
     for row, col in np.argwhere(passable):
@@ -226,7 +217,7 @@ def test_straight_paths_lead_to_no_obstacle(direction: str, mfow: int) -> None:
             if direction == "vector":
                 expected += force * np.array([across, up, 0.0]) / math.hypot(up, across) + [0.0, 0.0, force]
             else:
-                expected[sector_table(8, 60)[up + 60, across + 60]] += force
+                expected[forces.sector_table(8, 60)[up + 60, across + 60]] += force
     assert np.allclose(pull.sums, expected, rtol=1e-9, atol=1e-9 * np.abs(expected).max())
     assert pull.near == (32, 21)
 

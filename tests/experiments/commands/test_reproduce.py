@@ -18,7 +18,7 @@ from typer.main import get_command
 from experiments.commands import reproduce as studies
 from experiments.commands.reproduce import site_figures
 from fogwatch.cli.app import app
-from fogwatch.cli.ending import guarded
+from tests.experiments.commands.conftest import Command, output, refuses
 
 DOCS = Path(__file__).parents[3] / "docs"
 PICTURE = re.compile(r"(?:!\[[^\]]*\]\(|\bsrc=\"|\bsrcset=\")([^)\"\s]+\.(?:png|svg|webp|gif))")
@@ -26,10 +26,6 @@ PICTURE = re.compile(r"(?:!\[[^\]]*\]\(|\bsrc=\"|\bsrcset=\")([^)\"\s]+\.(?:png|
 MADE_BY = re.compile(r"Made by `([^`]*)`|^    (fogwatch [^#\n]*?) *(?:#.*)?$", re.MULTILINE)
 AS_MEASURED = " --set patrol.random_move_for=holonomic"
 """An addition that a page of faults says is needed today."""
-
-
-def reproduce(*words: str) -> int:
-    return guarded(lambda: app(["reproduce", *words], standalone_mode=False))
 
 
 def pictures_of_documents() -> set[Path]:
@@ -65,9 +61,8 @@ def test_the_commands_are_those_that_the_pages_name() -> None:
         assert whole in recorded
 
 
-def test_the_list_has_times_and_commands(capsys: pytest.CaptureFixture[str]) -> None:
-    assert reproduce() == 0
-    lines = capsys.readouterr().out.splitlines()
+def test_the_list_has_times_and_commands(run: Command) -> None:
+    lines = output(run("reproduce")).splitlines()
     assert "paper: 4.2 h: fogwatch reproduce table --seeds 5" in lines
     assert len(lines) == len(site_figures())
     root: Any = get_command(app)
@@ -82,9 +77,8 @@ def test_the_list_has_times_and_commands(capsys: pytest.CaptureFixture[str]) -> 
         (("page", "--out", "/dev/null/x"), "--out /dev/null/x: Not a directory; choose another folder"),
     ],
 )
-def test_bad_input_is_one_line(words: tuple[str, ...], says: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert reproduce(*words) == 2
-    assert says in capsys.readouterr().err
+def test_bad_input_is_one_line(words: tuple[str, ...], says: str, run: Command) -> None:
+    refuses(run("reproduce", *words), says)
 
 
 @pytest.mark.processes
@@ -123,22 +117,22 @@ def samples(clone: Path, *given: dict[str, object]) -> None:
     (clone / "docs" / "results" / "samples.json").write_text(json.dumps(content))
 
 
-def test_a_number_beyond_its_interval_is_named(clone: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_number_beyond_its_interval_is_named(clone: Path, run: Command) -> None:
     samples(clone, {"says": NO_LIMIT, "value": "stdout:mfow.0"}, {"says": NO_LIMIT, "value": "stdout:mfow.1"})
-    assert reproduce("check") == 1
-    changed, same, count = capsys.readouterr().out.splitlines()
+    said = run("reproduce", "check")
+    assert said.code == 1
+    changed, same, count = said.out.splitlines()
     assert changed.startswith("changed docs/results/radio.md: 50.4 (within 0.95), now 30.6: json.tool ")
     assert same.startswith("same    docs/results/radio.md: 50.4 (within 0.95), now 51.2: ")
     assert count == "1 of 2 numbers have changed"
 
 
-def test_without_an_interval_a_tenth_or_the_samples_own_counts(clone: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_without_an_interval_a_tenth_or_the_samples_own_counts(clone: Path, run: Command) -> None:
     slow = {"says": r"(\d+) s in the mean", "value": "stdout:share", "scale": 100}
     samples(clone, slow)
-    assert reproduce("check", "radio") == 0
-    assert "60 (within 6.5), now 55" in capsys.readouterr().out
+    assert "60 (within 6.5), now 55" in output(run("reproduce", "check", "radio"))
     samples(clone, {**slow, "within": 1})
-    assert reproduce("check", "radio") == 1
+    assert run("reproduce", "check", "radio").code == 1
 
 
 @pytest.mark.parametrize(
@@ -152,8 +146,9 @@ def test_without_an_interval_a_tenth_or_the_samples_own_counts(clone: Path, caps
     ],
 )
 def test_what_cannot_be_checked_is_one_line(
-    clone: Path, sample: dict[str, object], words: list[str], says: str, capsys: pytest.CaptureFixture[str]
+    clone: Path, sample: dict[str, object], words: list[str], says: str, run: Command
 ) -> None:
     samples(clone, sample)
-    assert reproduce("check", *words) == 2
-    assert says in capsys.readouterr().err
+    said = run("reproduce", "check", *words)
+    assert said.code == 2
+    assert says in said.err.splitlines()[-1]
