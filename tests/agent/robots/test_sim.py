@@ -184,10 +184,11 @@ def test_a_tick_that_is_over_is_not_decided_but_what_comes_later_is_heard() -> N
 
 def test_messages_for_another_process_are_counted_and_ignored() -> None:
     scene = Scene()
-    scene.tell(a(7, instance=78), a(8, incarnation=2), replace(b(9), instance=5), Stop(1, 78, 0, RUN, True, "go"), a(0))
+    scene.tell(a(7, instance=78), a(8, incarnation=2), replace(b(9), instance=5), Stop(1, 78, 0, RUN, True, "go"))
+    scene.tell(Stop(1, 77, 0, NO_RUN, True, ""), a(0))
     assert scene.sense().k == 0
-    assert scene.mailbox.refused["stranger"] == 4
-    assert scene.robot.refused == 4
+    assert scene.mailbox.refused["stranger"] == 5
+    assert scene.robot.refused == 5
     assert not scene.robot.farewell
 
 
