@@ -203,6 +203,18 @@ def test_it_leaves_when_told_to(orderly: bool) -> None:
     assert (scene.robot.farewell, scene.robot.orderly) == ("because", orderly)
 
 
+def test_it_begins_no_tick_and_answers_nothing_once_it_has_left() -> None:
+    scene = Scene()
+    scene.tick(0)
+    before = len(scene.sent)
+    scene.tell(a(1), Stop(1, 77, 1, RUN, orderly=True, reason=""), a(0), hello())
+    assert scene.robot.sense() is None
+    scene.tell(hello(), a(1), b(1), a(2, instance=78))
+    assert scene.robot.sense() is None
+    assert [type(message) for message in scene.sent[before:]] == [Farewell]
+    assert (scene.robot.orderly, scene.robot.refused) == (True, 0)
+
+
 def test_a_farewell_that_came_before_the_signal_counts() -> None:
     scene = Scene()
     scene.tick(0)

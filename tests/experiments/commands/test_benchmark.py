@@ -84,8 +84,10 @@ def test_the_policies_of_the_examples_can_be_run() -> None:
         (("--set", "terrain={}"), "--set terrain: the benchmark sets this field; use --terrains"),
         (("--set", "nonsense=1"), "nonsense"),
         (("--preset", "magic"), "--preset magic: no such preset; did you mean magec"),
+        (("--preset", "magec"), "--preset magec: needs --map cumberland.yaml and --graph cumberland.graph; get both"),
         (("--preset", "magec", "--teams", "3"), "--teams: --preset magec says what is run; leave it out"),
         (("--map", "plan.yaml"), "--map plan.yaml: goes with --preset; give --terrains FILE.graph+MAP.yaml instead"),
+        (("--workers", "0"), "workers = 0"),
         (("--workers", "1", "--cluster", "tcp://127.0.0.1:9"), "--workers and --cluster"),
     ],
 )

@@ -26,6 +26,8 @@ from experiments.sweeps.plan import Run, read_plan
 from experiments.sweeps.progress import SweepProgress
 from experiments.sweeps.results import RunResult
 from experiments.sweeps.stats import Estimate
+from fogwatch.cli.ending import guarded
+from patrol.errors import BadInput
 from tests.experiments.commands.conftest import Command, output, refuses
 
 ROBOTS, PATROL = {"count": 2, "model": "holonomic"}, {"policy": "potential-field"}
@@ -154,6 +156,26 @@ def test_bad_input_is_one_line_and_exit_code_2(
     assert said.out == ""
     out = tmp_path / "out" / "results.jsonl"
     assert not out.exists() or out.read_text() == ""
+
+
+def test_a_damaged_result_file_is_refused(tmp_path: Path, run: Command) -> None:
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "results.jsonl").write_text("{}\n")
+    refuses(
+        run("sweep", write(tmp_path, TWENTY_FOUR), "--out", "out"), "results.jsonl line 1: is damaged (it reads {})"
+    )
+
+
+def test_an_interruption_is_130_and_bad_input_2(capsys: pytest.CaptureFixture[str]) -> None:
+    def interrupted() -> None:
+        raise KeyboardInterrupt
+
+    def bad() -> None:
+        raise BadInput("no")
+
+    assert guarded(interrupted) == 130
+    assert guarded(bad) == 2
+    assert capsys.readouterr().err == "fogwatch: interrupted\nfogwatch: no\n"
 
 
 def test_the_progress_tells_what_is_left(tmp_path: Path) -> None:
