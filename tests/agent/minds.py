@@ -3,18 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from agent.belief.dilated import Posts
 from agent.build import fleet_setup
 from agent.chance import Chance
 from agent.policies.found import policy_of
+from agent.policies.potential_field import Field, Pull
 from agent.ports import GroundSetup, PolicySetup, RobotSetup
+from agent.routes.ground import Ground
+from agent.routes.path_window import CENTRE, Aside
 from patrol.exchange import Sensed
-from patrol.ground.fields import compute_fields
-from patrol.ground.terrain import Terrain
+from patrol.ground.fields import StaticFields, compute_fields
+from patrol.ground.terrain import BoolGrid, Terrain
 from patrol.pose import Pose
 from patrol.prepare import Prepared, sensor_footprint
-from patrol.scenario import Scenario
+from patrol.scenario import PotentialFieldOptions, Scenario
 
 STEP = 0.5
 
@@ -29,6 +36,32 @@ def prepared_on(scenario: Scenario, terrain: Terrain, starts: Sequence[Pose]) ->
 def at(k: int, pose: Pose, bumped: bool = False, contacts: tuple[tuple[float, float], ...] = ()) -> Sensed:
     """The senses of a robot with a true clock at tick k."""
     return Sensed(k, pose, bumped, contacts, k * STEP)
+
+
+def fields_of(free: BoolGrid) -> StaticFields:
+    """Fields of ground on which a body fits and patrols wherever it is free."""
+    return StaticFields(free, free, free, np.full(free.shape, -1, dtype=np.int32))
+
+
+def pull_on(
+    fields: StaticFields,
+    start: tuple[int, int],
+    seen: NDArray[np.int32],
+    *,
+    dilated: NDArray[np.int32] | None = None,
+    rivals: Sequence[tuple[int, int]] = (),
+    looked: NDArray[np.int32] | None = None,
+    ground: Ground | None = None,
+    mfow: int = 100,
+    aside: Aside = CENTRE,
+    key: int = 0,
+    **options: Any,
+) -> Pull:
+    """The pull at tick 100 on a robot at a framed point of ground with points of 0.5 m, by when each was last seen."""
+    field = Field(PotentialFieldOptions.model_validate(options), fields, Posts(fields.proxy), 0.5, {})
+    ground = ground or Ground(Terrain("field", fields.cspace, 0.5), fields.reach)
+    spread = seen if dilated is None else dilated
+    return field.pull(ground, *start, seen, lambda _: spread, 100, mfow, rivals, looked, aside, key)
 
 
 def setup_of(prepared: Prepared, number: int = 1) -> PolicySetup:

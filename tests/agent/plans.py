@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
 from agent.build import build_mind, shared_by
 from agent.mind import Mind
-from agent.ports import Decision, Intent
+from agent.policies.surround import Surround
+from agent.ports import Decision, Intent, Policy
 from agent.routes.ground import Spot
 from agent.view import View
 from patrol.ground.fields import compute_fields
@@ -55,18 +56,14 @@ def prepared_in(
     robots: Mapping[str, Any],
     *,
     speeds: Sequence[float] = (),
-    patrol: Mapping[str, Any] | None = None,
-    sensor: Mapping[str, Any] | None = None,
-    zones: Sequence[Mapping[str, Any]] = (),
+    **sections: Any,
 ) -> Prepared:
     """A scenario with robots, equal but for speeds, that begin at these places, and reach what they do from there."""
     roster: list[dict[str, Any]] = [{**robots, "start": [start.x, start.y, start.heading]} for start in starts]
     for robot, speed in zip(roster, speeds, strict=False):
         robot["speed"] = speed
     mapping = {"terrain": {"builtin": "open"}, "point": terrain.point, "robots": roster}
-    scenario = load_scenario(
-        {**mapping, "patrol": dict(patrol or {}), "sensor": dict(sensor or {}), "zones": list(zones)}
-    )
+    scenario = load_scenario({**mapping, **sections})
     fields = compute_fields(terrain, scenario.roster[0].radius, scenario.sensor.range, True, list(starts))
     return Prepared(scenario, terrain, tuple(starts), {robot.number: fields for robot in scenario.roster})
 
@@ -82,6 +79,9 @@ class Says:
         return self._intent
 
 
+P = TypeVar("P", bound=Policy)
+
+
 class Robots:
     """Robots that the world moves as their bodies command.
 
@@ -91,7 +91,7 @@ class Robots:
 
     def __init__(self, prepared: Prepared, *intents: Intent, at_poses: Sequence[Pose] = ()) -> None:
         roster = prepared.scenario.roster
-        self.terrain = prepared.terrain
+        self.prepared, self.terrain = prepared, prepared.terrain
         starts = at_poses or prepared.starts
         self.bodies = [Body(spec, start, halted(spec.model)) for spec, start in zip(roster, starts, strict=True)]
         shared = shared_by(prepared)
@@ -101,14 +101,18 @@ class Robots:
         self.k = 0
         self.is_lost: Callable[[int, int, int], bool] = lambda _k, _sender, _hearer: False
 
-    def tick(self) -> list[Decision]:
-        sensed = [at(self.k, body.pose, body.bumped) for body in self.bodies]
-        sent = [mind.frames(one) for mind, one in zip(self.minds, sensed, strict=True)]
+    def tick(self, up: Sequence[int] | None = None) -> list[Decision]:
+        """Let all robots decide and move, or those at some places in the roster; the others stand still and silent."""
+        here = range(len(self.minds)) if up is None else up
+        sensed = {i: at(self.k, self.bodies[i].pose, self.bodies[i].bumped) for i in here}
+        sent = {i: self.minds[i].frames(sensed[i]) for i in here}
         decisions = []
-        for i, mind in enumerate(self.minds):
-            heard = [j for j in range(len(sent)) if j != i and not self.is_lost(self.k, j, i)]
-            decisions.append(mind.step(sensed[i], [frame for j in heard for frame in sent[j]]))
-        for body, decision in zip(self.bodies, decisions, strict=True):
+        for i in here:
+            heard = [j for j in here if j != i and not self.is_lost(self.k, j, i)]
+            decisions.append(self.minds[i].step(sensed[i], [frame for j in heard for frame in sent[j]]))
+        for body in self.bodies:
+            body.command = halted(body.spec.model)
+        for body, decision in zip([self.bodies[i] for i in here], decisions, strict=True):
             assert type(decision.command) is type(halted(body.spec.model))
             assert decision.command.is_within(body.spec.limits)
             assert path_is_free(self.terrain, body.pose, decision.command, STEP, body.spec.radius), "into a wall"
@@ -124,6 +128,13 @@ class Robots:
                 return
             self.tick()
         assert there(), [body.pose for body in self.bodies]
+
+    def policy(self, kind: type[P], robot: int = 0) -> P:
+        """The policy of a robot, below that which surrounds intruders."""
+        surround = self.minds[robot].policy
+        assert isinstance(surround, Surround)
+        assert isinstance(surround.otherwise, kind)
+        return surround.otherwise
 
     def apart(self, spot: Spot, robot: int = 0) -> float:
         pose = self.bodies[robot].pose

@@ -3,22 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 import pytest
 
 from agent.answers import MAX_FAILURE, checked, policy_failure
-from agent.ports import (
-    Bearing,
-    Intent,
-    Place,
-    PolicyFailed,
-    State,
-    Stay,
-    Steer,
-)
+from agent.ports import Bearing, Intent, Place, PolicyFailed, State, Stay, Steer
 from patrol.messages.phases import MAX_STATE
 from patrol.pose import Drive, Velocity
 
@@ -36,18 +28,7 @@ VALID: list[Intent] = [
     Steer(Drive(-1.0, 0.2), state="reversing"),
 ]
 
-BAD: list[Any] = [
-    math.nan,
-    math.inf,
-    -math.inf,
-    "1",
-    None,
-    True,
-    1j,
-    (1.0,),
-    1e300,
-    10**400,
-]
+BAD: list[Any] = [math.nan, math.inf, -math.inf, "1", None, True, 1j, (1.0,), 2e9, 1e300, 10**400]
 
 
 @pytest.mark.parametrize("intent", VALID, ids=repr)
@@ -61,41 +42,30 @@ def test_what_is_no_intent_is_refused_by_its_type(other: object) -> None:
         checked(other)
 
 
-def with_number(field: str, value: Any) -> Intent:
-    """An intent with one number replaced, by the words that name it."""
-    spot: Any = (1.0, value)
-    made: dict[str, Intent] = {
-        "Bearing bearings": Bearing((0.5, value)),
-        "Bearing near": Bearing((), near=spot),
-        "Bearing bend": Bearing((), bend=spot),
-        "Place x": Place(value, 1.0),
-        "Place y": Place(1.0, value),
-        "Place bend": Place(1.0, 2.0, bend=spot),
-        "Place lean": Place(1.0, 2.0, lean=spot),
-        "Steer command": Steer(Velocity(1.0, value)),
-    }
-    return made[field]
+WITH: dict[str, list[Callable[[Any], Intent]]] = {
+    "Bearing bearings": [lambda value: Bearing((0.5, value))],
+    "Bearing near": [lambda value: Bearing((), near=(1.0, value))],
+    "Bearing bend": [lambda value: Bearing((), bend=(1.0, value))],
+    "Place x": [lambda value: Place(value, 1.0)],
+    "Place y": [lambda value: Place(1.0, value)],
+    "Place bend": [lambda value: Place(1.0, 2.0, bend=(1.0, value))],
+    "Place lean": [lambda value: Place(1.0, 2.0, lean=(value, 2.0)), lambda value: Place(1.0, 2.0, lean=(1.0, value))],
+    "Steer command": [
+        *(lambda value: Steer(Velocity(1.0, value)), lambda value: Steer(Velocity(value, 0.0))),
+        *(lambda value: Steer(Drive(value, 0.0)), lambda value: Steer(Drive(0.0, value))),
+    ],
+}
+"""Intents with one number replaced, by the words that name it."""
 
 
 @pytest.mark.parametrize("value", BAD, ids=repr)
-@pytest.mark.parametrize(
-    "field",
-    [
-        "Bearing bearings",
-        "Bearing near",
-        "Bearing bend",
-        "Place x",
-        "Place y",
-        "Place bend",
-        "Place lean",
-        "Steer command",
-    ],
-)
+@pytest.mark.parametrize("field", WITH)
 def test_a_number_that_is_none_or_not_finite_is_named(field: str, value: Any) -> None:
     kind, name = field.split()
-    with pytest.raises(PolicyFailed) as failed:
-        checked(with_number(field, value))
-    assert str(failed.value) == f"returned {kind} with {name} = {value!r}; give a number from -1e9 to 1e9"
+    for intent in WITH[field]:
+        with pytest.raises(PolicyFailed) as failed:
+            checked(intent(value))
+        assert str(failed.value) == f"returned {kind} with {name} = {value!r}; give a number from -1e9 to 1e9"
 
 
 def test_numbers_of_numpy_become_pythons() -> None:
@@ -117,23 +87,14 @@ def test_a_random_direction_is_a_number_too(value: Any) -> None:
         checked(Bearing((), wander=value))
 
 
-@pytest.mark.parametrize("value", [math.nan, math.inf, "1"])
-def test_both_numbers_of_a_command_count(value: Any) -> None:
-    for command in (Velocity(value, 0.0), Drive(value, 0.0), Drive(0.0, value)):
-        with pytest.raises(PolicyFailed, match="returned Steer with command = "):
-            checked(Steer(command))
-
-
-@pytest.mark.parametrize("command", [None, 1.0, (1.0, 2.0), "ahead"])
-def test_a_command_is_a_command(command: Any) -> None:
+@pytest.mark.parametrize("value", [None, 1.0, "ahead", {1.0}, (1.0, 2.0)], ids=repr)
+def test_a_command_is_a_command_and_bearings_are_a_tuple(value: Any) -> None:
     with pytest.raises(PolicyFailed, match="returned Steer with command = "):
-        checked(Steer(command))
-
-
-@pytest.mark.parametrize("bearings", [None, 0.5, "north", {1.0}], ids=repr)
-def test_bearings_are_a_tuple(bearings: Any) -> None:
-    with pytest.raises(PolicyFailed, match=r"returned an intent with bearings = .*, which is no tuple of numbers"):
-        checked(Bearing(bearings))
+        checked(Steer(value))
+    if type(value) is not tuple:
+        says = r"returned an intent with bearings = .*, which is no tuple of numbers"
+        with pytest.raises(PolicyFailed, match=says):
+            checked(Bearing(value))
 
 
 class Fickle(Sequence[float]):
@@ -170,16 +131,12 @@ def test_a_spot_is_a_pair(spot: Any) -> None:
 
 
 @pytest.mark.parametrize("state", ["", "x" * (MAX_STATE + 1), "two\nlines", "\x1b[2J", None, 7, b"patrolling"])
-@pytest.mark.parametrize("kind", [Bearing, Place, Stay, Steer])
-def test_a_state_is_one_short_printable_word(kind: type[Any], state: Any) -> None:
-    needed: dict[type[Any], tuple[Any, ...]] = {
-        Bearing: ((),),
-        Place: (1.0, 2.0),
-        Stay: (),
-        Steer: (Velocity(0.0, 0.0),),
-    }
+@pytest.mark.parametrize(
+    ("kind", "needed"), [(Bearing, ((),)), (Place, (1.0, 2.0)), (Stay, ()), (Steer, (Velocity(0.0, 0.0),))]
+)
+def test_a_state_is_one_short_printable_word(kind: type[Any], needed: tuple[Any, ...], state: Any) -> None:
     with pytest.raises(PolicyFailed, match=f"returned a state that is no printable word of at most {MAX_STATE}"):
-        checked(kind(*needed[kind], state=state))
+        checked(kind(*needed, state=state))
 
 
 def test_the_account_of_a_failure_is_one_short_printable_line() -> None:
@@ -187,19 +144,3 @@ def test_the_account_of_a_failure_is_one_short_printable_line() -> None:
     assert said == "its policy failed at tick 7: raised ValueError: two lines"
     assert len(policy_failure(7, PolicyFailed("x" * 5000))) == MAX_FAILURE
     assert policy_failure(7, PolicyFailed("clear \x1b[2J \ud800 the screen")).isprintable()
-
-
-@pytest.mark.parametrize(
-    "intent",
-    [
-        Bearing((0.0,), near=(1.0, math.nan)),
-        Bearing((0.0,), bend=(1.0, 2.0, 3.0)),  # type: ignore[arg-type]
-        Bearing((0.0,), wander=(1.0, 2.0)),  # type: ignore[arg-type]
-        Place(1.0, None),  # type: ignore[arg-type]
-        Place(1.0, 2e9),
-        Place(1.0, 2.0, lean=(True, 2.0)),
-    ],
-)
-def test_every_number_of_an_intent_is_looked_at(intent: Intent) -> None:
-    with pytest.raises(PolicyFailed):
-        checked(intent)

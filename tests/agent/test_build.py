@@ -18,11 +18,8 @@ from patrol.scenario import load_scenario
 from tests.agent.minds import setup_of
 
 SMALL = {"model": "holonomic", "radius": 0.3, "speed": 1.0}
-MIXED: dict[str, Any] = {
-    "terrain": {"builtin": "yards"},
-    "point": 0.5,
-    "robots": [{"model": "holonomic"}, SMALL, {**SMALL, "speed": 1.1}],
-}
+ROBOTS = [{"model": "holonomic"}, SMALL, {**SMALL, "speed": 1.1}]
+MIXED: dict[str, Any] = {"terrain": {"builtin": "yards"}, "point": 0.5, "robots": ROBOTS}
 
 
 @pytest.fixture(scope="module")
@@ -30,19 +27,12 @@ def mixed() -> Prepared:
     return prepare(load_scenario(MIXED))
 
 
-def test_a_team_has_one_psi_for_each_reach(mixed: Prepared) -> None:
-    found = psi_of(mixed.scenario, mixed.terrain)
-    assert list(found) == [3.0, 10.0]
-    for reach, psi in found.items():
-        assert np.array_equal(psi, psi_field(mixed.terrain, reach))
-
-
-def test_what_is_saved_is_what_is_loaded(mixed: Prepared, tmp_path: Path) -> None:
+def test_a_team_has_one_psi_for_each_reach_made_or_loaded(mixed: Prepared, tmp_path: Path) -> None:
     save_psi(mixed, tmp_path)
-    found = psi_of(mixed.scenario, mixed.terrain)
-    loaded = load_psi(mixed.scenario, tmp_path)
-    assert list(loaded) == list(found)
-    assert all(np.array_equal(loaded[reach], found[reach]) for reach in found)
+    for found in (psi_of(mixed.scenario, mixed.terrain), load_psi(mixed.scenario, tmp_path)):
+        assert list(found) == [3.0, 10.0]
+        for reach, psi in found.items():
+            assert np.array_equal(psi, psi_field(mixed.terrain, reach))
 
 
 def test_the_ground_is_loaded_from_files_that_all_processes_share(mixed: Prepared, tmp_path: Path) -> None:
@@ -76,9 +66,8 @@ def test_each_robot_looks_as_far_ahead_as_its_body_asks(mixed: Prepared, number:
     assert start
     psi = shared.psi[10.0 if number == 1 else 3.0]
     same, unrefined = (GoalFinder(lengths, ground, field) for field in (psi, None))
-    found, expected, plain = (
-        [finder.along(bearing, *start) for bearing in np.arange(0.0, 6.2, 0.1)] for finder in (goals, same, unrefined)
-    )
+    bearings = np.arange(0.0, 6.2, 0.1)
+    found, expected, plain = ([finder.along(b, *start) for b in bearings] for finder in (goals, same, unrefined))
     assert found == expected != plain
 
 
@@ -108,12 +97,8 @@ def test_attributes_of_1_0_are_found_in_the_parts_of_a_setup_with_a_warning(mixe
 
 
 def test_policies_get_a_scenario_without_what_robots_do_not_know() -> None:
-    given = {
-        "terrain": {"builtin": "open"},
-        "point": 2.0,
-        "faults": [{"kind": "loss", "rate": 0.5}],
-        "intruders": [{"place": [40, 40], "at": 10}],
-    }
+    facts = {"faults": [{"kind": "loss", "rate": 0.5}], "intruders": [{"place": [40, 40], "at": 10}]}
+    given = {"terrain": {"builtin": "open"}, "point": 2.0, **facts}
     prepared = prepare(load_scenario(given))
     known = known_to_robots(prepared)
     assert prepared.scenario.faults

@@ -18,9 +18,7 @@ def test_robots_with_the_same_secret_agree_and_each_draws_its_own(key: bytes | N
     assert here.draw(Purpose.PLAN, 4) == there.draw(Purpose.PLAN, 4)
     asked = list(product((1, 2), (1, 2), (Purpose.POLICY, Purpose.UNSTUCK), (10, 11), (0, 1)))
     draws = [here.of_robot(number, incarnation)(purpose, *more) for number, incarnation, purpose, *more in asked]
-    assert draws == [
-        there.of_robot(number, incarnation)(purpose, *more) for number, incarnation, purpose, *more in asked
-    ]
+    assert draws == [there.of_robot(number, birth)(purpose, *more) for number, birth, purpose, *more in asked]
     assert len(set(draws)) == len(asked)
     assert all(0.0 <= drawn < 1.0 for drawn in draws)
 

@@ -1,4 +1,4 @@
-"""What the fork server loads is all that its agents need: none loads kernels while others wait for its decision."""
+"""The fork server loads all that its agents need: none loads kernels while others wait for its decision."""
 
 from __future__ import annotations
 

@@ -2,116 +2,62 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 import pytest
 
-from agent.build import mind_maker, shared_by
+from agent.build import build_mind
 from agent.ports import Decision
-from patrol.ground.swept_path import advance, path_is_free
 from patrol.ground.terrain import Terrain
 from patrol.pose import MODELS, Pose
 from patrol.scenario import load_scenario
-from tests.agent.minds import STEP, at, prepared_on
+from tests.agent.minds import prepared_on
+from tests.agent.plans import Robots
 
 
-class Pair:
-    """Two robots in one room of 30 x 20 m; those that are down stand still and say nothing."""
+def pair_of(model: str) -> Robots:
+    """Two robots in one room of 30 x 20 m."""
+    terrain = Terrain("room", np.ones((40, 60), dtype=np.bool_), 0.5)
+    patrol = {"dilatation": 2.0, "separation": "claims", "commitment": "none", "manoeuvres": False}
+    patrol |= {"random_move": 0.1, "random_move_for": "holonomic"}
+    facts = {"terrain": {"builtin": "open"}, "point": 0.5, "robots": {"count": 2, "model": model}, "patrol": patrol}
+    radio = {"trail": 2, "forget_after": 5}
+    scenario = load_scenario({**facts, "radio": radio, "sensor": {"range": 4.0}})
+    return Robots(prepared_on(scenario, terrain, [Pose(6.0, 6.0, 0.3), Pose(20.0, 12.0, 2.0)]))
 
-    def __init__(self, model: str) -> None:
-        terrain = Terrain("room", np.ones((40, 60), dtype=np.bool_), 0.5)
-        robots = {"count": 2, "model": model}
-        radio = {"trail": 2, "forget_after": 5}
-        patrol = {"dilatation": 2.0, "separation": "claims", "commitment": "none", "manoeuvres": False}
-        patrol |= {"random_move": 0.1, "random_move_for": "holonomic"}
-        mapping = {"terrain": {"builtin": "open"}, "point": 0.5, "robots": robots, "radio": radio, "patrol": patrol}
-        scenario = load_scenario({**mapping, "sensor": {"range": 4.0}})
-        self.poses = [Pose(6.0, 6.0, 0.3), Pose(20.0, 12.0, 2.0)]
-        prepared = prepared_on(scenario, terrain, self.poses)
-        self.make = mind_maker(prepared, shared_by(prepared, groups=len(prepared.scenario.roster)))
-        self.minds = [self.make(number, 1) for number in (1, 2)]
-        self.terrain = terrain
-        self.bumped = [False, False]
-        self.k = 0
 
-    def run(self, ticks: int, *up: int) -> list[list[Decision]]:
-        """So many ticks with these robots (0, 1) up; their decisions."""
-        decisions = []
-        for k in range(self.k, self.k + ticks):
-            frames = {index: self.minds[index].frames(at(k, self.poses[index])) for index in up}
-            decided = []
-            for index in up:
-                heard = [frame for other, sent in frames.items() if other != index for frame in sent]
-                decided.append(self.minds[index].step(at(k, self.poses[index], self.bumped[index]), heard))
-            for index, decision in zip(up, decided, strict=True):
-                self.bumped[index] = not self._move(index, decision)
-            decisions.append(decided)
-        self.k += ticks
-        return decisions
-
-    def _move(self, index: int, decision: Decision) -> bool:
-        after = advance(self.poses[index], decision.command, STEP)
-        other = self.poses[1 - index]
-        free = path_is_free(self.terrain, self.poses[index], decision.command, STEP, 1.0)
-        free = free and math.dist((after.x, after.y), (other.x, other.y)) >= 2.0
-        if free:
-            self.poses[index] = after
-        return free
+def run(pair: Robots, ticks: int, *up: int) -> list[Decision]:
+    """Let so many ticks pass with these robots (0, 1) up; their last decisions."""
+    return [pair.tick(up) for _ in range(ticks)][-1]
 
 
 @pytest.mark.parametrize("model", MODELS)
 def test_a_resumed_mind_goes_on_with_what_it_knew(model: str) -> None:
-    pair = Pair(model)
-    pair.run(60, 0, 1)
+    pair = pair_of(model)
+    run(pair, 60, 0, 1)
     knew = pair.minds[1].belief.fog.last_seen.copy()
-    pair.run(40, 0)
+    run(pair, 40, 0)
     assert (pair.minds[1].belief.fog.last_seen == knew).all()
-    first = pair.run(1, 0, 1)[0]
+    first = run(pair, 1, 0, 1)
     assert pair.minds[1].belief.peers[1].tick == 100
     assert pair.minds[0].belief.peers[2].tick == 100
     assert first[1].mfow >= 40
-    later = pair.run(100, 0, 1)
-    assert [decided.rejected for decided in later[-1]] == [0, 0]
-    assert later[-1][1].mfow < 100
+    later = run(pair, 100, 0, 1)
+    assert [decided.rejected for decided in later] == [0, 0]
+    assert later[1].mfow < 100
 
 
 @pytest.mark.parametrize("model", MODELS)
 def test_a_restarted_mind_knows_nothing_and_catches_up(model: str) -> None:
-    pair = Pair(model)
-    pair.run(80, 0, 1)
-    pair.run(20, 0)
-    pair.minds[1] = pair.make(2, 2)
-    first = pair.run(1, 0, 1)[0]
+    pair = pair_of(model)
+    run(pair, 80, 0, 1)
+    run(pair, 20, 0)
+    pair.minds[1] = build_mind(pair.prepared, 2, 2)
+    first = run(pair, 1, 0, 1)
     belief = pair.minds[1].belief
     assert first[1].mfow == 100
     assert 0 < belief.fog.seen < belief.fog.points / 2
     assert belief.peers[1].tick == pair.minds[0].belief.peers[2].tick == 100
-    later = pair.run(150, 0, 1)
-    assert [decided.rejected for decided in later[-1]] == [0, 0]
+    later = run(pair, 150, 0, 1)
+    assert [decided.rejected for decided in later] == [0, 0]
     assert belief.fog.seen == belief.fog.points
-    assert later[-1][1].mfow < 80
-
-
-def test_a_silent_peer_is_an_obstacle_until_it_is_heard_again() -> None:
-    pair = Pair("holonomic")
-    pair.run(10, 0, 1)
-    last = pair.minds[0].belief.peers[2].pose
-
-    def is_closed() -> bool:
-        ground = pair.minds[0].look(at(pair.k, pair.poses[0])).ground
-        return ground.is_closed(*pair.terrain.point_at(last.x, last.y))
-
-    pair.run(9, 0)
-    assert not is_closed()
-    pair.run(6, 0)
-    assert is_closed()
-    pair.run(1, 0, 1)
-    assert not is_closed()
-
-
-def test_another_incarnation_draws_other_random_moves() -> None:
-    pair = Pair("holonomic")
-    twin = pair.make(1, 2)
-    bearings = [[mind.step(at(k, pair.poses[0]), []).direction for k in range(60)] for mind in (pair.minds[0], twin)]
-    assert bearings[0] != bearings[1]
+    assert later[1].mfow < 80

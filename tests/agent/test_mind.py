@@ -5,22 +5,23 @@ from __future__ import annotations
 import math
 from asyncio import CancelledError
 from dataclasses import replace
+from itertools import product
 from typing import Any
 
 import numpy as np
 import pytest
 
-from agent.build import build_mind, shared_by
+from agent.build import build_mind
 from agent.mind import Mind
 from agent.ports import Bearing, Decision, Intent, PolicyFailed, State, Stay, Steer
 from agent.view import View
-from patrol.ground.swept_path import advance, path_is_free
 from patrol.ground.terrain import Terrain
 from patrol.pose import MODELS, Drive, Pose, Velocity
 from patrol.prepare import prepare
 from patrol.radio.message import Position, decode, encode
 from patrol.scenario import Scenario, load_scenario
 from tests.agent.minds import at, prepared_on
+from tests.agent.plans import Robots
 from tests.ring import LOWER, ring, zone
 
 
@@ -41,80 +42,36 @@ def rooms() -> Terrain:
     return Terrain("rooms", passable, 0.5)
 
 
-def minds(scenario: Scenario, terrain: Terrain, starts: list[Pose]) -> list[Mind]:
-    prepared = prepared_on(scenario, terrain, starts)
-    shared = shared_by(prepared, groups=len(prepared.scenario.roster))
-    return [build_mind(prepared, number, shared=shared) for number in (1, 2)]
+HERE = Pose(6.0, 6.0, 0.0)
 
 
-def patrol(
-    scenario: Scenario, ticks: int, *, radio: bool = True
-) -> tuple[list[Mind], list[list[Decision]], list[Pose]]:
-    """Two robots in the rooms, moved as they command where walls allow it; the second hears nothing without radio."""
-    terrain = rooms()
-    poses = [Pose(6.0, 6.0, 0.3), Pose(40.0, 20.0, 2.0)]
-    robots = minds(scenario, terrain, poses)
-    decisions = []
-    bumped = [False, False]
-    for k in range(ticks):
-        frames = [mind.frames(at(k, pose))[0] for mind, pose in zip(robots, poses, strict=True)]
-        heard = [[frames[1]], [frames[0]] if radio else []]
-        decided = [
-            mind.step(at(k, pose, bump), ears)
-            for mind, pose, ears, bump in zip(robots, poses, heard, bumped, strict=True)
-        ]
-        decisions.append(decided)
-        for index, decision in enumerate(decided):
-            free = path_is_free(terrain, poses[index], decision.command, 0.5, 1.0)
-            bumped[index] = not free
-            if free:
-                poses[index] = advance(poses[index], decision.command, 0.5)
-    return robots, decisions, poses
+def mind_of(scenario: Scenario) -> Mind:
+    """The mind of the first robot, which starts in the first room."""
+    return build_mind(prepared_on(scenario, rooms(), [HERE]), 1)
 
 
-@pytest.mark.parametrize("model", MODELS)
-def test_two_robots_keep_seeing_everything(model: str) -> None:
-    robots, decisions, _ = patrol(scenario_of(model), 400)
-    fog = robots[0].belief.fog
-    assert fog.seen == fog.points
-    late = [decided[0].mfow * 0.5 for decided in decisions[200:]]
-    assert max(late) < 90.0
-    assert decisions[-1][0].rejected == 0
+def patrol(scenario: Scenario, ticks: int) -> list[list[Decision]]:
+    """The decisions of two robots in the rooms, each of which the robots' limits and the walls allow."""
+    robots = Robots(prepared_on(scenario, rooms(), [Pose(6.0, 6.0, 0.3), Pose(40.0, 20.0, 2.0)]))
+    return [robots.tick() for _ in range(ticks)]
 
 
 @pytest.mark.parametrize("model", MODELS)
 def test_the_same_inputs_give_the_same_decisions(model: str) -> None:
-    assert patrol(scenario_of(model), 60)[1:] == patrol(scenario_of(model), 60)[1:]
+    assert patrol(scenario_of(model), 60) == patrol(scenario_of(model), 60)
 
 
-@pytest.mark.parametrize("direction", ["mode", "vector"])
+@pytest.mark.parametrize("policy", ["mode", "vector", "stochastic", "committed"])
 @pytest.mark.parametrize("model", MODELS)
-def test_robots_never_command_themselves_into_a_wall(model: str, direction: str) -> None:
-    scenario = scenario_of(model, options={"direction": direction}, **PAPERS)
-    _, decisions, _ = patrol(scenario, 200)
-    assert all(d.figures for decided in decisions for d in decided)
-    drives_freely(decisions)
-
-
-@pytest.mark.parametrize("policy", ["stochastic", "committed"])
-@pytest.mark.parametrize("model", MODELS)
-def test_robots_with_a_target_never_command_themselves_into_a_wall(model: str, policy: str) -> None:
-    _, decisions, _ = patrol(scenario_of(model, policy=policy), 200)
-    assert all(d.figures for decided in decisions[1:] for d in decided)
-    drives_freely(decisions)
-
-
-def drives_freely(decisions: list[list[Decision]]) -> None:
-    """The first robot's commands, one after the other, touch no wall of the rooms."""
-    terrain = rooms()
-    pose = Pose(6.0, 6.0, 0.3)
-    for decided in decisions:
-        assert path_is_free(terrain, pose, decided[0].command, 0.5, 1.0)
-        pose = advance(pose, decided[0].command, 0.5)
+def test_robots_never_command_themselves_into_a_wall(model: str, policy: str) -> None:
+    by_force = policy in ("mode", "vector")
+    rules = {**PAPERS, "options": {"direction": policy}} if by_force else {"policy": policy}
+    decisions = patrol(scenario_of(model, **rules), 200)
+    assert all(d.figures for decided in decisions[0 if by_force else 1 :] for d in decided)
 
 
 def test_a_car_keeps_to_its_speed_and_turning_radius_and_reverses_only_when_stuck() -> None:
-    _, decisions, _ = patrol(scenario_of("car", **PAPERS), 300)
+    decisions = patrol(scenario_of("car", **PAPERS), 300)
     for decision in (d for decided in decisions for d in decided):
         assert isinstance(decision.command, Drive)
         assert abs(decision.command.curvature) <= 1 / 3.5
@@ -124,18 +81,18 @@ def test_a_car_keeps_to_its_speed_and_turning_radius_and_reverses_only_when_stuc
 
 
 def test_about_one_in_ten_holonomic_moves_is_random_and_none_without_chance() -> None:
-    _, decisions, _ = patrol(scenario_of("holonomic", **PAPERS), 300)
+    decisions = patrol(scenario_of("holonomic", **PAPERS), 300)
     random = [d for decided in decisions for d in decided if d.goal is None]
     assert 0.05 < len(random) / 600 < 0.16
-    _, decisions, _ = patrol(scenario_of("holonomic", options={"random_move": 0.0}, **PAPERS), 50)
-    assert all(d.goal is not None for decided in decisions for d in decided)
+    decisions = patrol(scenario_of("holonomic", options={"random_move": 0.0}, **PAPERS), 50)
     for decision in (d for decided in decisions for d in decided):
+        assert decision.goal is not None
         assert isinstance(decision.command, Velocity)
         assert math.hypot(decision.command.vx, decision.command.vy) <= 4.4 + 1e-9
 
 
 def test_frames_say_where_the_robot_is_and_nothing_else() -> None:
-    mind = minds(scenario_of("car"), rooms(), [Pose(6.0, 6.0, 0.0)])[0]
+    mind = mind_of(scenario_of("car"))
     frame = mind.frames(at(7, Pose(6.004, 6.126, -1.0)))[0]
     assert len(frame) <= 32
     position = decode(frame)
@@ -144,25 +101,8 @@ def test_frames_say_where_the_robot_is_and_nothing_else() -> None:
     assert position.trail == ()
 
 
-def test_trails_carry_the_last_positions() -> None:
-    scenario = load_scenario({"terrain": {"builtin": "open"}, "point": 0.5, "radio": {"trail": 2}})
-    mind = minds(scenario, rooms(), [Pose(6.0, 6.0, 0.0)])[0]
-    frames = [mind.frames(at(k, Pose(x, 6.0, 0.0)))[0] for k, x in enumerate((6.0, 7.0, 9.0, 9.5))]
-    assert decode(frames[-1]).past == ((9.0, 6.0), (7.0, 6.0))
-
-
-def test_a_robot_off_the_reachable_ground_holds() -> None:
-    terrain = rooms()
-    mind = minds(scenario_of("car"), terrain, [Pose(6.0, 6.0, 0.0)])[0]
-    decision = mind.step(at(0, Pose(24.9, 2.0, 0.0)), [])
-    assert decision.state is State.HOLDING
-    assert decision.command == Drive(0.0, 0.0)
-    assert decision.goal is None
-
-
 def test_a_bumped_car_backs_out() -> None:
-    terrain = rooms()
-    mind = minds(scenario_of("car", **PAPERS), terrain, [Pose(6.0, 6.0, 0.0)])[0]
+    mind = mind_of(scenario_of("car", **PAPERS))
     pose = Pose(12.0, 15.0, 0.0)
     assert mind.step(at(0, pose), []).state is State.PATROLLING
     decision = mind.step(at(1, pose, bumped=True), [])
@@ -171,71 +111,58 @@ def test_a_bumped_car_backs_out() -> None:
     assert decision.command.speed < 0.0
 
 
-def test_a_trail_holds_no_places_from_before_a_tick_that_was_skipped() -> None:
-    scenario = load_scenario({"terrain": {"builtin": "open"}, "point": 0.5, "radio": {"trail": 3}})
-    mind = minds(scenario, rooms(), [Pose(6.0, 6.0, 0.0)])[0]
-    pasts = [decode(mind.frames(at(k, Pose(6.0 + 0.1 * k, 6.0, 0.0)))[0]).past for k in (0, 1, 6, 7)]
-    assert pasts == [(), ((6.0, 6.0),), (), ((6.6, 6.0),)]
-
-
 @pytest.mark.parametrize(
     ("field", "policy"),
     [
-        ("sensor.range", "committed"),
-        ("patrol.refine_reach", "committed"),
-        ("sensor.range", "potential-field"),
-        ("patrol.refine_reach", "potential-field"),
+        *product(("sensor.range", "patrol.refine_reach"), ("committed", "potential-field")),
         ("patrol.options.dilatation", "potential-field"),
     ],
 )
 def test_a_reach_beyond_all_measure_is_as_good_as_the_terrains(field: str, policy: str) -> None:
     chosen = {"patrol.policy": policy, field: 1e6}
     scenario = load_scenario({"terrain": {"builtin": "open"}, "point": 1.0}, chosen)
-    mind = minds(scenario, rooms(), [Pose(6.0, 6.0, 0.0)])[0]
-    decisions = [mind.step(at(k, Pose(6.0, 6.0, 0.0)), []) for k in (0, 1)]
+    mind = mind_of(scenario)
+    decisions = [mind.step(at(k, HERE), []) for k in (0, 1)]
     assert all(decision.goal is not None for decision in decisions)
 
 
-def surrounding(own: Pose, contacts: tuple[tuple[float, float], ...] = (), frames: tuple[bytes, ...] = ()) -> Decision:
+def surrounding(contacts: tuple[tuple[float, float], ...] = (), frames: tuple[bytes, ...] = ()) -> Decision:
     """The decision of a robot at tick 3 in the rooms with another one at (20, 20)."""
-    mind = minds(scenario_of("holonomic"), rooms(), [Pose(6.0, 6.0, 0.0)])[0]
+    mind = mind_of(scenario_of("holonomic"))
     other = encode(Position.of(2, 3, 1.5, Pose(20.0, 20.0, 0.0)))
-    return mind.step(at(3, own, contacts=contacts), [other, *frames])
+    return mind.step(at(3, HERE, contacts=contacts), [other, *frames])
 
 
 def test_an_intruder_seen_or_heard_of_is_surrounded() -> None:
-    own = Pose(6.0, 6.0, 0.0)
-    seen = surrounding(own, contacts=((12.0, 14.0),))
-    heard = surrounding(own, frames=(encode(Position.of_contact(3, 1.5, 12.0, 14.0)),))
+    seen = surrounding(contacts=((12.0, 14.0),))
+    heard = surrounding(frames=(encode(Position.of_contact(3, 1.5, 12.0, 14.0)),))
     assert seen.state is heard.state is State.SURROUNDING
     assert seen.command == heard.command
     assert seen.figures == {}
-    assert surrounding(own).state is State.PATROLLING
+    assert surrounding().state is State.PATROLLING
 
 
 def test_hostile_contacts_change_nothing_but_the_count_of_what_was_rejected() -> None:
-    own = Pose(6.0, 6.0, 0.0)
     hostile = (
         encode(Position.of_contact(3, 1.5, -4.0, 14.0)),
         encode(Position.of_contact(900, 450.0, 12.0, 14.0)),
         encode(Position.of_contact(3, 1.5, 12.0, 14.0))[:-1],
         bytes(64),
     )
-    quiet, attacked = surrounding(own), surrounding(own, frames=hostile)
+    quiet, attacked = surrounding(), surrounding(frames=hostile)
     assert attacked.rejected == quiet.rejected + len(hostile)
     assert (attacked.command, attacked.state) == (quiet.command, State.PATROLLING)
 
 
 def test_contacts_are_frames_of_their_own_and_at_most_four() -> None:
-    mind = minds(scenario_of("car"), rooms(), [Pose(6.0, 6.0, 0.0)])[0]
-    pose = Pose(6.0, 6.0, 0.0)
-    frames = mind.frames(at(7, pose, contacts=tuple((10.0 + index, 20.0) for index in range(6))))
-    assert frames[0] == mind.frames(at(7, pose))[0]
+    mind = mind_of(scenario_of("car"))
+    frames = mind.frames(at(7, HERE, contacts=tuple((10.0 + index, 20.0) for index in range(6))))
+    assert frames[0] == mind.frames(at(7, HERE))[0]
     assert [decode(frame).robot for frame in frames] == [1, 0, 0, 0, 0]
     first = decode(frames[1])
     assert (first.sequence, first.time_ms, first.x_cm, first.y_cm) == (7, 3500, 1000, 2000)
     assert max(map(len, frames)) <= 32
-    assert [decode(frame).robot for frame in mind.frames(at(8, pose))] == [1]
+    assert [decode(frame).robot for frame in mind.frames(at(8, HERE))] == [1]
 
 
 class Says:
@@ -254,9 +181,9 @@ class Says:
 
 def asked(answer: Any) -> Decision:
     """The decision that a mind makes of a policy's answer."""
-    mind = minds(scenario_of("holonomic"), rooms(), [Pose(6.0, 6.0, 0.0)])[0]
+    mind = mind_of(scenario_of("holonomic"))
     mind.policy = Says(answer)
-    return mind.step(at(0, Pose(6.0, 6.0, 0.0)), [])
+    return mind.step(at(0, HERE), [])
 
 
 class Unspeakable(BaseException):
@@ -277,25 +204,23 @@ def test_whatever_a_policy_raises_is_its_failure(raised: BaseException) -> None:
     assert failed.value.__cause__ is raised
 
 
-def test_an_error_that_cannot_be_told_is_named() -> None:
-    with pytest.raises(PolicyFailed, match=r"^raised Unspeakable$"):
-        asked(Unspeakable())
-
-
-def test_a_policy_may_say_itself_that_it_has_failed() -> None:
-    with pytest.raises(PolicyFailed, match=r"^out of ideas$"):
-        asked(PolicyFailed("out of ideas"))
+@pytest.mark.parametrize(
+    ("answer", "says"),
+    [
+        (Unspeakable(), "raised Unspeakable$"),
+        (PolicyFailed("out of ideas"), "out of ideas$"),
+        *((answer, "returned ") for answer in (None, Bearing((math.nan,)), Stay(""))),
+    ],
+    ids=lambda value: value if isinstance(value, str) else type(value).__name__,
+)
+def test_a_policy_that_answers_nothing_useful_has_failed(answer: Any, says: str) -> None:
+    with pytest.raises(PolicyFailed, match=f"^{says}"):
+        asked(answer)
 
 
 def test_who_interrupts_a_policy_interrupts_the_mind() -> None:
     with pytest.raises(KeyboardInterrupt):
         asked(KeyboardInterrupt())
-
-
-@pytest.mark.parametrize("answer", [None, 0.5, Bearing((math.nan,)), Bearing(None), Stay("")])  # type: ignore[arg-type]
-def test_what_is_no_intent_is_a_failure_too(answer: Any) -> None:
-    with pytest.raises(PolicyFailed, match=r"^returned "):
-        asked(answer)
 
 
 def test_a_decision_carries_the_policys_word_and_figures() -> None:
@@ -305,25 +230,15 @@ def test_a_decision_carries_the_policys_word_and_figures() -> None:
 
 
 @pytest.mark.parametrize(
-    ("k", "zones", "limit"),
-    [
-        (0, None, 0.5),
-        (19, None, 0.5),
-        (20, None, 4.0),
-        (20, (0,), 0.5),
-        (0, (), 4.0),
-    ],
+    ("k", "zones", "limit"), [(0, None, 0.5), (19, None, 0.5), (20, None, 4.0), (20, (0,), 0.5), (0, (), 4.0)]
 )
-def test_a_robot_is_slow_where_a_zone_is_in_force_by_its_times_or_by_the_world(
-    k: int, zones: tuple[int, ...] | None, limit: float
-) -> None:
+def test_a_robot_is_slow_where_a_zone_is_in_force(k: int, zones: tuple[int, ...] | None, limit: float) -> None:
     ward = {"name": "ward", "polygon": [[2, 2], [10, 2], [10, 10], [2, 10]], "speed": 0.5, "times": [[0, 10]]}
     robots = {"count": 2, "model": "holonomic", "speed": 4.0}
     scenario = load_scenario({"terrain": {"builtin": "yards"}, "point": 0.5, "robots": robots, "zones": [ward]})
-    here = Pose(6.0, 6.0, 0.0)
-    mind = minds(scenario, rooms(), [here])[0]
+    mind = mind_of(scenario)
     mind.policy = Says(Steer(Velocity(9.0, 0.0)))
-    command = mind.step(replace(at(k, here), zones=zones), []).command
+    command = mind.step(replace(at(k, HERE), zones=zones), []).command
     assert command.speed_mps == pytest.approx(limit)
     outside = Pose(14.0, 14.0, 0.0)
     assert mind.step(replace(at(k + 1, outside), zones=zones), []).command.speed_mps == pytest.approx(4.0)

@@ -22,6 +22,7 @@ from patrol.pose import Pose, Velocity
 from patrol.radio.message import decode
 from patrol.scenario import load_scenario
 from tests.agent.minds import STEP, prepared_on
+from tests.present import present
 
 START = Pose(6.0, 6.0, 0.0)
 PATIENCE_S = 300.0
@@ -55,7 +56,7 @@ class Ears:
 
 
 class Eyes:
-    """Who looks on."""
+    """An observer."""
 
     def __init__(self) -> None:
         self.seen: list[tuple[int, Decision, float]] = []
@@ -115,11 +116,9 @@ def test_a_tick_that_is_too_late_to_decide_on_is_left_out() -> None:
 def test_a_policy_that_fails_stops_its_robot(capsys: pytest.CaptureFixture[str]) -> None:
     mind, robot = made(Ahead(raises=3))
     eyes = Eyes()
-    says = run_mind(mind, robot, Ears(), eyes)
-    assert says is not None
-    assert re.fullmatch(
-        rf"its policy failed at tick 3: raised RuntimeError: no idea \({Path(__file__).name}:\d+\)", says
-    )
+    says = present(run_mind(mind, robot, Ears(), eyes))
+    line = rf"its policy failed at tick 3: raised RuntimeError: no idea \({Path(__file__).name}:\d+\)"
+    assert re.fullmatch(line, says)
     assert robot.stopped == says
     assert [k for k, _, _ in eyes.seen] == [0, 1, 2]
     assert 'raise RuntimeError("no idea")' in capsys.readouterr().err, "where it was raised is for its author to see"

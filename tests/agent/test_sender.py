@@ -1,4 +1,4 @@
-"""When a robot sends, and what, where its fleet saves on its radio."""
+"""Times and contents of a robot's frames, where its fleet saves on its radio."""
 
 from __future__ import annotations
 
@@ -19,6 +19,7 @@ from patrol.radio.peers import Predictor
 FIELD = Terrain("field", np.ones((40, 200), dtype=np.bool_), 1.0)
 KEY = b"0123456789abcdef"
 PLENTY = Share(per_tick=1e6, most=1e6, overhead=0, frame=64)
+SCANT = Share(per_tick=100.0, most=400.0, overhead=0, frame=64)
 
 
 def adaptive(trail: int = 2, every: int = 1, share: Share | None = None, silence: int = 8) -> Sending:
@@ -26,14 +27,15 @@ def adaptive(trail: int = 2, every: int = 1, share: Share | None = None, silence
 
 
 def drive(sender: Sender, xs: Sequence[float], first: int = 0) -> dict[int, tuple[bytes, ...]]:
-    """What is sent along a way, by tick, without the ticks in which nothing is."""
+    """The frames along a way, by tick, without the ticks in which none is sent."""
     sent = {k: sender.frames(Sensed(k, Pose(x, 20.0, 0.0), clock_s=0.5 * k)) for k, x in enumerate(xs, start=first)}
     return {k: frames for k, frames in sent.items() if frames}
 
 
 def test_without_savings_a_robot_sends_in_every_tick_with_its_whole_trail() -> None:
-    sent = drive(Sender(1, Sending(2), None), [10.0 + k for k in range(5)])
-    assert [len(decode(frames[0]).trail) for frames in sent.values()] == [0, 1, 2, 2, 2]
+    xs = [10.0, 11.0, 13.0, 13.5, 14.0]
+    pasts = [decode(frames[0]).past for frames in drive(Sender(1, Sending(2), None), xs).values()]
+    assert pasts == [tuple((x, 20.0) for x in reversed(xs[max(0, k - 2) : k])) for k in range(5)]
 
 
 def test_a_robot_that_is_where_the_others_think_sends_when_it_has_been_silent_for_long_enough() -> None:
@@ -85,51 +87,42 @@ def test_a_trail_is_cut_to_the_longest_frame() -> None:
 
 def test_a_tick_that_was_skipped_empties_the_trail_and_not_the_budget() -> None:
     share = Share(per_tick=60.0, most=500.0, overhead=0, frame=64)
-    sender = Sender(1, Sending(4, 1, share), None)
-    drive(sender, [10.0, 12.0])
-    (frames,) = drive(sender, [30.0], first=50).values()
-    assert decode(frames[0]).trail == ()
+    for sending in (Sending(4, 1, share), Sending(4)):
+        sender = Sender(1, sending, None)
+        drive(sender, [10.0, 12.0])
+        first, second = drive(sender, [30.0, 31.0], first=50).values()
+        assert decode(first[0]).trail == ()
+        assert decode(second[0]).past == ((30.0, 20.0),)
+
+
+def seeing(sender: Sender, k: int, contacts: Sequence[tuple[float, float]]) -> tuple[bytes, ...]:
+    """The frames of a robot that stands and sees intruders."""
+    return sender.frames(Sensed(k, Pose(10.0, 20.0, 0.0), contacts=tuple(contacts), clock_s=0.5 * k))
 
 
 def test_what_is_new_about_intruders_is_sent_at_once_with_the_position_first() -> None:
-    sender = Sender(1, adaptive(), None)
-    places = [(), (), ((5.0, 6.0),), ((5.0, 6.0),), ((5.0, 6.0), (7.0, 8.0)), ()]
-    sent = [
-        sender.frames(Sensed(k, Pose(10.0, 20.0, 0.0), contacts=seen, clock_s=0.5 * k)) for k, seen in enumerate(places)
-    ]
-    assert [[decode(frame).robot for frame in frames] for frames in sent] == [
-        [1],
-        [],
-        [1, CONTACT],
-        [],
-        [1, CONTACT, CONTACT],
-        [1],
-    ]
+    sender, a, b = Sender(1, adaptive(), None), (5.0, 6.0), (7.0, 8.0)
+    sent = [seeing(sender, k, contacts) for k, contacts in enumerate([(), (), (a,), (a,), (a, b), ()])]
+    robots = [[decode(frame).robot for frame in frames] for frames in sent]
+    assert robots == [[1], [], [1, CONTACT], [], [1, CONTACT, CONTACT], [1]]
 
 
 def test_contacts_that_the_budget_does_not_hold_are_left_out() -> None:
-    share = Share(per_tick=100.0, most=400.0, overhead=0, frame=64)
-    sender = Sender(1, Sending(0, 1, share), None)
-    seen = tuple((float(n), 6.0) for n in range(4))
-    sent = [sender.frames(Sensed(k, Pose(10.0, 20.0, 0.0), contacts=seen, clock_s=0.5 * k)) for k in range(20)]
+    sender = Sender(1, Sending(0, 1, SCANT), None)
+    sent = [seeing(sender, k, [(float(n), 6.0) for n in range(4)]) for k in range(20)]
     robots = [[decode(frame).robot for frame in frames] for frames in sent if frames]
     assert all(numbers[0] == 1 for numbers in robots)
     assert len(robots) == 4
     assert all(1 < len(numbers) < 5 for numbers in robots), "the position waits until some of them fit, but not all"
 
 
-def reports(frames: Sequence[bytes]) -> list[float]:
-    return [decode(frame).pose.x for frame in frames if decode(frame).robot == CONTACT]
-
-
 @pytest.mark.parametrize("move", [0.0, 0.25], ids=["stand", "move"])
 def test_intruders_that_the_budget_cuts_are_reported_in_turn(move: float) -> None:
-    share = Share(per_tick=100.0, most=400.0, overhead=0, frame=64)
-    sender = Sender(1, adaptive(0, share=share, silence=50), None)
+    sender = Sender(1, adaptive(0, share=SCANT, silence=50), None)
     told: list[float] = []
     for k in range(40):
-        seen = tuple((10.0 * n + move * (k % 8), 6.0) for n in range(1, 5))
-        told += reports(sender.frames(Sensed(k, Pose(10.0, 20.0, 0.0), contacts=seen, clock_s=0.5 * k)))
+        frames = seeing(sender, k, [(10.0 * n + move * (k % 8), 6.0) for n in range(1, 5)])
+        told += [decode(frame).pose.x for frame in frames if decode(frame).robot == CONTACT]
     assert {int(x / 10.0) for x in told[:6]} == {1, 2, 3, 4}
     if move == 0.0:
         assert sorted(told) == [10.0, 20.0, 30.0, 40.0], "each once, while the others' prediction holds"

@@ -91,32 +91,22 @@ def test_grids_are_the_beliefs_own_and_go_with_it(name: str) -> None:
     assert np.array_equal(before, after) == (name == "patrolled")
 
 
-def test_what_is_not_patrolled_has_no_age() -> None:
+def test_age_is_the_time_since_a_point_was_seen_or_since_the_beginning() -> None:
     view = looked()
     patrolled = view.fog.patrolled
-    assert patrolled[:, :24].any()
     assert not patrolled[:, 26:].any(), "the other room is out of view"
     assert (view.age[~patrolled] == 0).all()
     assert view.age.dtype == np.int32
-
-
-def test_age_is_the_time_since_a_point_was_seen_or_since_the_beginning() -> None:
-    view = looked()
-    seen = view.fog.patrolled & (view.fog.last_seen >= 0)
+    seen, never = patrolled & (view.fog.last_seen >= 0), patrolled & (view.fog.last_seen < 0)
     assert (view.fog.last_seen[seen] == 7).all()
     assert (view.age[seen] == 0).all()
-    never = view.fog.patrolled & (view.fog.last_seen < 0)
     assert never.any()
     assert (view.age[never] == 7).all()
     assert (view.mfow, view.fog.mfow(7)) == (7, 7)
     assert (view.fog.age(9)[seen] == 2).all()
     assert view.fog.mfow(9) == 9
-
-
-def test_age_may_be_changed_by_whoever_asked() -> None:
-    view = looked()
     mine = view.age
-    mine[:] = 99
+    mine[:] = 99  # whoever asked may change it
     assert view.age.max() == 7
 
 

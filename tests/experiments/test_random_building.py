@@ -1,4 +1,4 @@
-"""Random buildings. Patrols of them: ``tests/experiments/test_building_patrols.py``."""
+"""Random buildings, and a few short patrols of them; the long check is ``tests/accept/test_building_patrols.py``."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 from typer.testing import CliRunner
 
@@ -18,6 +18,7 @@ from patrol.ground.cspace import cspace_of
 from patrol.maps.load import load_terrain, read_terrain
 from patrol.scenario import load_scenario
 from patrol.starts import starting_part
+from tests.building_patrols import patrol, random_scenario
 
 SEEDS = st.integers(0, 2**32 - 1)
 
@@ -80,3 +81,15 @@ def test_a_map_of_another_building_is_not_overwritten(tmp_path: Path) -> None:
     with pytest.raises(BadInput, match=r"random13\.pgm: exists already, with other content; choose another folder"):
         CliRunner().invoke(app, [*words, "--radius", "0.2"], catch_exceptions=False)
     assert {path: path.read_bytes() for path in tmp_path.iterdir()} == before
+
+
+@pytest.mark.parametrize("buildings", [2, pytest.param(10, marks=pytest.mark.accept)])
+def test_no_robot_is_trapped_in_a_building(buildings: int, tmp_path_factory: pytest.TempPathFactory) -> None:
+    @given(SEEDS)
+    @settings(max_examples=buildings, phases=(Phase.explicit, Phase.generate))
+    def patrols(seed: int) -> None:
+        findings = patrol(random_scenario(seed, tmp_path_factory.mktemp("building"), longest_s=300.0))
+        assert not findings.stuck, findings
+        assert findings.model == "car" or not findings.left_out, findings
+
+    patrols()

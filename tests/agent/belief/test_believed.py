@@ -13,23 +13,23 @@ from numpy.typing import NDArray
 from agent.belief.believed import Area, Belief, Beliefs
 from agent.belief.dilated import AGELESS, Posts
 from agent.kernels.dilate import dilate
-from patrol.ground.fields import StaticFields
 from patrol.ground.fog import Fog
 from patrol.ground.footprint import Footprint
 from patrol.ground.sensors import footprint_of
 from patrol.ground.terrain import Terrain
 from patrol.pose import Pose
 from patrol.radio.inbox import Inboxes, Rules
-from patrol.radio.message import Position, RejectReason, encode
+from patrol.radio.message import Position, encode
+from tests.agent.minds import STEP, fields_of
 
-STEP = 0.5
+OPEN = np.ones((40, 50), dtype=np.bool_)
 
 
 def belief_on(
     passable: NDArray[np.bool_], dilatation: int, sensor: float = 4.0, quality: float = 1.0, ahead: int = 0
 ) -> tuple[Belief, Footprint]:
     terrain = Terrain("t", passable, 0.5)
-    fields = StaticFields(passable, passable, passable, np.full(passable.shape, -1, dtype=np.int32))
+    fields = fields_of(passable)
     footprint = footprint_of(terrain, sensor, quality=quality)
     inboxes = Inboxes([1], Rules((1, 2, 3), terrain.bounds, 10.0, None, STEP, ahead))
     area = Area(fields.patrolled, fields.reach, Posts(fields.proxy), dilatation)
@@ -59,55 +59,27 @@ def test_the_dilated_fog_is_always_what_dilating_all_of_it_would_give(seed: int,
         assert np.array_equal(known, np.where(passable, whole, 0))
 
 
-def test_a_belief_that_hears_everything_equals_the_truth() -> None:
-    passable = np.ones((40, 50), dtype=np.bool_)
-    belief, footprint = belief_on(passable, 2)
-    truth = Fog(passable)
+@pytest.mark.parametrize("hears", [True, False])
+def test_a_robot_believes_what_it_and_those_that_it_hears_have_seen(hears: bool) -> None:
+    belief, footprint = belief_on(OPEN, 2)
+    truth = Fog(OPEN)
     for k in range(20):
         own, peer = Pose(2.0 + k * 0.5, 5.0, 0.0), Pose(20.0 - k * 0.5, 15.0, 0.0)
-        belief.hear(k, own, [frame(2, k, peer.x, peer.y)])
-        for pose in (own, peer):
+        belief.hear(k, own, [frame(2, k, peer.x, peer.y)] if hears else [])
+        for pose in (own, peer) if hears else (own,):
             truth.observe(footprint.visible(pose), k)
         assert np.array_equal(belief.fog.last_seen, truth.last_seen)
         assert belief.fog.mfow(k) == truth.mfow(k)
 
 
-def test_without_communication_a_robot_knows_only_what_it_saw_itself() -> None:
-    belief, footprint = belief_on(np.ones((40, 50), dtype=np.bool_), 0)
-    alone = Fog(np.ones((40, 50), dtype=np.bool_))
-    for k in range(5):
-        own = Pose(5.0 + k, 10.0, 0.0)
-        belief.hear(k, own, [])
-        alone.observe(footprint.visible(own), k)
-    assert np.array_equal(belief.fog.last_seen, alone.last_seen)
-
-
-def test_a_trail_fills_in_what_was_missed_and_nothing_twice() -> None:
-    belief, footprint = belief_on(np.ones((40, 50), dtype=np.bool_), 0)
-    expected = Fog(np.ones((40, 50), dtype=np.bool_))
-    own = Pose(1.0, 19.0, 0.0)
-    places = {0: (10.0, 5.0), 1: (12.0, 5.0), 2: (14.0, 5.0), 3: (16.0, 5.0)}
-    for k in range(4):
-        heard = []
-        if k in (0, 3):
-            trail = tuple((-200, 0) for _ in range(min(k, 2)))
-            heard = [frame(2, k, *places[k], trail=trail)]
-        belief.hear(k, own, heard)
-    for k in (0, 1, 2, 3):
-        expected.observe(footprint.visible(own), k)
-        expected.observe(footprint.visible(Pose(*places[k], 0.0)), k)
-    assert np.array_equal(belief.fog.last_seen, expected.last_seen)
-
-
 def test_garbage_changes_nothing_and_is_counted() -> None:
-    belief, _ = belief_on(np.ones((40, 50), dtype=np.bool_), 2)
-    other, _ = belief_on(np.ones((40, 50), dtype=np.bool_), 2)
+    belief, other = belief_on(OPEN, 2)[0], belief_on(OPEN, 2)[0]
     own = Pose(5.0, 5.0, 0.0)
     junk = [b"", b"\xc1", b"x" * 1000, frame(9, 0, 3.0, 3.0), frame(1, 0, 3.0, 3.0), frame(2, 0, 500.0, 3.0)]
     belief.hear(0, own, junk)
     other.hear(0, own, [])
     assert np.array_equal(belief.dilated, other.dilated)
-    assert belief.rejected == len(junk)
+    assert belief.rejected == sum(belief.refused.values()) == len(junk)
 
 
 @pytest.mark.parametrize("dilatation", [0, 2])
@@ -122,49 +94,26 @@ def test_what_is_no_ground_has_no_age_where_there_are_no_posts(dilatation: int) 
     assert (belief.dilated[passable] <= 3).all()
 
 
-def test_late_and_repeated_frames_count_at_their_own_tick_and_move_nobody() -> None:
-    open_ground = np.ones((40, 50), dtype=np.bool_)
-    belief, footprint = belief_on(open_ground, 2)
-    expected = Fog(open_ground)
-    own = Pose(1.0, 19.0, 0.0)
-    places = {k: (4.0 + 2.0 * k, 5.0) for k in range(6)}
-    arrivals = {0: [0], 1: [], 2: [2], 3: [1, 3, 3], 4: [], 5: [5, 0], 6: [4, 2]}
-    for k, numbers in arrivals.items():
-        belief.hear(k, own, [frame(2, number, *places[number]) for number in numbers])
-        expected.observe(footprint.visible(own), k)
-    for k in range(6):
-        expected.observe(footprint.visible(Pose(*places[k], 0.0)), k)
-    assert np.array_equal(belief.fog.last_seen, expected.last_seen)
-    peer = belief.peers[2]
-    assert (peer.sequence, peer.pose.x, peer.tick) == (5, places[5][0], 5)
-    assert belief.refused[RejectReason.OLD] == 3
-
-
 def test_a_look_counts_once_whether_a_frame_or_a_trail_tells_of_it() -> None:
     """With a quality of one half, two looks would leave a quarter of the age."""
-    open_ground = np.ones((40, 50), dtype=np.bool_)
-    own = Pose(1.0, 19.0, 0.0)
+    place, trail = (15.0, 5.0), ((0, 0), (0, 0))
 
     def heard(arrivals: dict[int, list[bytes]]) -> NDArray[np.int32]:
-        belief, _ = belief_on(open_ground, 0, quality=0.5)
+        belief, _ = belief_on(OPEN, 0, quality=0.5)
         for k in range(20):
-            belief.hear(k, own, arrivals.get(k, []))
+            belief.hear(k, Pose(1.0, 19.0, 0.0), arrivals.get(k, []))
         return belief.fog.last_seen
 
-    place = (15.0, 5.0)
-    trail = ((0, 0), (0, 0))
     once = heard({10: [frame(2, 10, *place)], 11: [frame(2, 11, *place)], 12: [frame(2, 12, *place)]})
     filled = heard({10: [frame(2, 10, *place)], 12: [frame(2, 12, *place, trail=trail), frame(2, 11, *place)]})
     assert np.array_equal(heard({10: [frame(2, 10, *place)], 11: [], 12: [frame(2, 12, *place, trail=trail)]}), filled)
-    assert np.array_equal(
-        once,
-        heard({k: [frame(2, k, *place, trail=trail[: k - 10]), frame(2, k, *place)] for k in (10, 11, 12)}),
-    )
+    told_twice = {k: [frame(2, k, *place, trail=trail[: k - 10]), frame(2, k, *place)] for k in (10, 11, 12)}
+    assert np.array_equal(once, heard(told_twice))
     assert once[10, 30] > 0
 
 
 def test_a_frame_from_the_future_dates_late_ones_into_no_past() -> None:
-    belief, _ = belief_on(np.ones((40, 50), dtype=np.bool_), 0, ahead=60)
+    belief, _ = belief_on(OPEN, 0, ahead=60)
     belief.hear(0, Pose(1.0, 19.0, 0.0), [frame(2, 60, 15.0, 5.0), frame(2, 3, 15.0, 5.0)])
     assert belief.fog.last_seen.min() == -1
     assert belief.rejected == 0
@@ -172,15 +121,11 @@ def test_a_frame_from_the_future_dates_late_ones_into_no_past() -> None:
 
 @settings(max_examples=30)
 @given(seed=st.integers(0, 10**6), loss=st.sampled_from([0.0, 0.3, 0.6]), late=st.booleans(), length=st.integers(0, 4))
-def test_trails_and_late_frames_together_give_what_each_heard_look_gives(
-    seed: int, loss: float, late: bool, length: int
-) -> None:
+def test_trails_and_late_frames_give_what_each_look_gives(seed: int, loss: float, late: bool, length: int) -> None:
     """Whatever is lost, late or told twice, the fog is that of the looks that were told of at all, each at its tick."""
     rng = np.random.default_rng(seed)
-    open_ground = np.ones((40, 50), dtype=np.bool_)
-    belief, footprint = belief_on(open_ground, 0)
-    expected = Fog(open_ground)
-    own = Pose(1.0, 19.0, 0.0)
+    belief, footprint = belief_on(OPEN, 0)
+    expected, own = Fog(OPEN), Pose(1.0, 19.0, 0.0)
     places = [(4.0 + 0.5 * k, 5.0 + 3.0 * (k % 2)) for k in range(30)]
     arrivals: dict[int, list[int]] = {}
     for k in range(30):
@@ -195,9 +140,8 @@ def test_trails_and_late_frames_together_give_what_each_heard_look_gives(
         frames = []
         for k in sorted(arrivals.get(tick, [])):
             past = [places[k - ago] for ago in range(min(length, k) + 1)]
-            trail = tuple(
-                (round(100 * (old[0] - new[0])), round(100 * (old[1] - new[1]))) for new, old in pairwise(past)
-            )
+            steps = [(old[0] - new[0], old[1] - new[1]) for new, old in pairwise(past)]
+            trail = tuple((round(100 * across), round(100 * up)) for across, up in steps)
             frames.append(frame(2, k, *places[k], trail=trail))
             if k > newest:
                 newest, heard_at = k, tick

@@ -20,14 +20,16 @@ from patrol.ground.swept_path import advance, path_is_free
 from patrol.ground.terrain import Terrain
 from patrol.pose import COMMANDS, MODELS, Command, Drive, Limits, Pose, Twist, Velocity, command_of
 from patrol.prepare import Prepared
+from patrol.radio.message import as_received
 from patrol.scenario import load_scenario
 from tests.agent.minds import STEP, at, prepared_on
+from tests.present import present
 
 RADIUS, SPEED, TURNING = 1.0, 4.4, 3.5
 LIMITS = Limits(SPEED, RADIUS, TURNING)
 FIRST = Pose(5.0, 5.0, 0.3)
 NEAR = {"holonomic": 0.01, "differential": 0.01, "car": 1.0}
-"""How near to a place each body comes, m."""
+"""Distance from a place to which each body comes, m."""
 IN_TIME = {"holonomic": 40, "differential": 45, "car": 80}
 """Ticks for the way round the wall, of about 50 m."""
 
@@ -53,12 +55,11 @@ class Says:
 @pytest.fixture(scope="module")
 def prepared() -> dict[str, Prepared]:
     """By model."""
-    found = {}
-    for model in MODELS:
-        robots = {"count": 2, "model": model}
-        mapping = {"terrain": {"builtin": "open"}, "point": 0.5, "robots": robots}
-        found[model] = prepared_on(load_scenario(mapping), walled(), [FIRST])
-    return found
+    mapping = {"terrain": {"builtin": "open"}, "point": 0.5}
+    return {
+        model: prepared_on(load_scenario({**mapping, "robots": {"count": 2, "model": model}}), walled(), [FIRST])
+        for model in MODELS
+    }
 
 
 class Drives:
@@ -119,21 +120,17 @@ def test_a_place_is_the_goal_and_the_bend_on_the_way_the_refined_one(model: str,
     assert decision.goal == (5.1, 25.2)
     assert decision.refined is not None
     assert decision.refined[0] > 21.0
-    assert decision.direction == pytest.approx(
-        math.atan2(decision.refined[1] - FIRST.y, decision.refined[0] - FIRST.x), abs=1e-9
-    )
+    bearing = math.atan2(decision.refined[1] - FIRST.y, decision.refined[0] - FIRST.x)
+    assert decision.direction == pytest.approx(bearing, abs=1e-9)
 
 
 @pytest.mark.parametrize("model", MODELS)
 @pytest.mark.parametrize(
     "spot", [(26.0, 3.0), (5.0, 15.25), (-70.0, 5.0), (5.0, 400.0), (1e9, -1e9)], ids=["chamber", "wall", *"wnx"]
 )
-def test_a_place_that_cannot_be_reached_stands_for_the_nearest_that_can(
-    model: str, spot: Spot, prepared: dict[str, Prepared]
-) -> None:
+def test_an_unreachable_place_stands_for_the_nearest(model: str, spot: Spot, prepared: dict[str, Prepared]) -> None:
     drives = Drives(prepared[model], Place(*spot))
-    goal = drives.tick().goal
-    assert goal is not None
+    goal = present(drives.tick().goal)
     reach = prepared[model].fields[1].reach
     row, col = drives.terrain.point_at(*goal)
     assert reach[row, col]
@@ -152,9 +149,7 @@ def test_a_place_where_the_robot_stands_keeps_it_there(model: str, prepared: dic
     assert (drives.pose.x, drives.pose.y) == (FIRST.x, FIRST.y)
 
 
-def test_a_holonomic_body_leans_where_that_leads_on_and_takes_the_bend_where_not(
-    prepared: dict[str, Prepared],
-) -> None:
+def test_a_holonomic_body_leans_where_that_leads_on_and_takes_the_bend_where_not(prepared: dict[str, Prepared]) -> None:
     near = Pose(20.0, 16.6, 0.0)
     aside, into_the_wall = (20.0, 20.0), (20.0, 10.0)
     lean = Drives(prepared["holonomic"], Place(26.0, 16.6, bend=(26.0, 16.6), lean=aside), near)
@@ -179,10 +174,13 @@ def test_a_holonomic_body_that_bumps_on_its_way_steps_aside_now_and_then(prepare
 
 
 @pytest.mark.parametrize("model", MODELS)
-def test_on_the_way_to_a_place_a_wander_goes_first_for_one_step(model: str, prepared: dict[str, Prepared]) -> None:
-    pose = Pose(5.0, 5.0, 1.2)
-    wander = Place(15.0, 5.0, bend=(15.0, 5.0), wander=1.2, state="straying")
-    drives = Drives(prepared[model], wander, pose)
+@pytest.mark.parametrize(
+    "wander",
+    [Place(15.0, 5.0, bend=(15.0, 5.0), wander=1.2, state="straying"), Bearing((0.0,), wander=1.2, state="straying")],
+    ids=["place", "bearing"],
+)
+def test_a_wander_goes_first_for_one_step(model: str, wander: Intent, prepared: dict[str, Prepared]) -> None:
+    drives = Drives(prepared[model], wander, Pose(5.0, 5.0, 1.2))
     decision = drives.tick()
     assert (decision.state, decision.direction, decision.goal) == ("straying", 1.2, None)
     assert math.atan2(drives.pose.y - 5.0, drives.pose.x - 5.0) == pytest.approx(1.2)
@@ -241,9 +239,7 @@ def test_a_holonomic_body_steered_into_a_wall_stops_at_it(prepared: dict[str, Pr
     [("car", Velocity(1.0, 0.0)), ("differential", Drive(1.0, 0.0)), ("holonomic", Twist(1.0, 0.0))],
     ids=MODELS,
 )
-def test_a_command_of_another_model_is_the_policys_failure(
-    model: str, command: Command, prepared: dict[str, Prepared]
-) -> None:
+def test_another_models_command_is_a_failure(model: str, command: Command, prepared: dict[str, Prepared]) -> None:
     drives = Drives(prepared[model], Steer(command))
     with pytest.raises(PolicyFailed, match=rf"returned Steer\({type(command).__name__}\) for a .*; give a"):
         drives.tick()
@@ -275,14 +271,6 @@ def test_of_bearings_the_first_that_leads_on_is_taken(model: str, prepared: dict
 def test_no_bearings_make_a_body_hold(model: str, prepared: dict[str, Prepared]) -> None:
     decision = Drives(prepared[model], Bearing(())).tick()
     assert (decision.command.numbers, decision.state) == ((0.0, 0.0), State.HOLDING)
-
-
-def test_a_wander_goes_before_all_bearings_for_one_step(prepared: dict[str, Prepared]) -> None:
-    for model in MODELS:
-        drives = Drives(prepared[model], Bearing((0.0,), wander=1.2), Pose(5.0, 5.0, 1.2))
-        decision = drives.tick()
-        assert decision.direction == 1.2
-        assert math.atan2(drives.pose.y - 5.0, drives.pose.x - 5.0) == pytest.approx(1.2)
 
 
 def test_a_holonomic_body_stops_at_a_place_in_sight(prepared: dict[str, Prepared]) -> None:
@@ -318,3 +306,59 @@ def test_who_starts_beside_the_ground_joins_it(model: str, prepared: dict[str, P
     assert not reach[terrain.point_at(pose.x, pose.y)]
     drives = Drives(prepared[model], Place(12.0, 8.0), pose)
     drives.until_near((12.0, 8.0), NEAR[model], IN_TIME[model])
+
+
+# --- parking exactly -------------------------------------------------------------------------------------------------
+
+
+BESIDE = [(12.25, 6.25), (9.75, 6.75), (6.25, 3.75), (10.25, 3.25)]
+"""Centres of points beside a car, where no single step leads."""
+
+
+@pytest.fixture(scope="module")
+def fine() -> Prepared:
+    """Points of 0.1 m, without walls."""
+    scenario = load_scenario({"terrain": {"builtin": "open"}, "point": 0.1, "robots": {"count": 1, "model": "car"}})
+    return prepared_on(scenario, Terrain("free", np.ones((125, 170), dtype=np.bool_), 0.1), [FIRST])
+
+
+def heard_on(drives: Drives) -> tuple[int, int]:
+    """The point on which others hear the robot."""
+    heard = as_received(drives.pose)
+    return drives.terrain.point_at(heard.x, heard.y)
+
+
+def ends_on(drives: Drives, point: tuple[int, int], ticks: int, stays: int) -> None:
+    for _ in range(ticks):
+        drives.tick()
+        if heard_on(drives) == point:
+            break
+    else:
+        pytest.fail(f"it is at {drives.pose}")
+    for _ in range(stays):
+        drives.tick()
+        assert heard_on(drives) == point
+
+
+@pytest.mark.parametrize("spot", BESIDE)
+def test_a_car_that_is_asked_to_ends_on_the_very_point_and_stays(spot: Spot, prepared: dict[str, Prepared]) -> None:
+    drives = Drives(prepared["car"], Place(*spot, exact=True), Pose(10.0, 5.0, 0.0))
+    ends_on(drives, drives.terrain.point_at(*spot), 80, 5)
+
+
+@settings(max_examples=15)
+@given(heading=st.floats(-3.1, 3.1), x=st.integers(35, 130), y=st.integers(35, 90))
+def test_it_ends_where_others_hear_it_on_a_small_point(heading: float, x: int, y: int, fine: Prepared) -> None:
+    """Others hear places rounded to centimetres, and what is seen from a place is computed from that."""
+    drives = Drives(fine, Place(0.1 * x + 0.05, 0.1 * y + 0.05, exact=True), Pose(10.0, 5.0, heading))
+    ends_on(drives, (y, x), 120, 1)
+
+
+def test_without_being_asked_it_stays_beside_some_of_them(prepared: dict[str, Prepared]) -> None:
+    beside = 0
+    for spot in BESIDE:
+        drives = Drives(prepared["car"], Place(*spot), Pose(10.0, 5.0, 0.0))
+        for _ in range(80):
+            drives.tick()
+        beside += drives.terrain.point_at(drives.pose.x, drives.pose.y) != drives.terrain.point_at(*spot)
+    assert beside > 0

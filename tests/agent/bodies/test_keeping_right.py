@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
@@ -102,19 +103,13 @@ def test_steps_that_are_cut_never_touch_whatever_robots_did_before() -> None:
         ends = []
         for own, other in ((0, 1), (1, 0)):
             right = KeepingRight(own + 1, radii, strides, ground, 0.5)
-            views = [
-                SimpleNamespace(
-                    tick=tick,
-                    pose=poses[own],
-                    reported=poses[own],
-                    peers={other + 1: SimpleNamespace(pose=poses[other], sequence=tick)},
-                )
-                for tick, poses in enumerate((before, here), 1)
-            ]
-            for view in views:
-                right.note(view)  # type: ignore[arg-type]
+            view: Any = None
+            for tick, poses in enumerate((before, here), 1):
+                heard = {other + 1: SimpleNamespace(pose=poses[other], sequence=tick)}
+                view = SimpleNamespace(tick=tick, pose=poses[own], reported=poses[own], peers=heard)
+                right.note(view)
             bearing = turns[2 + own]
-            part = right.room(Velocity(math.cos(bearing), math.sin(bearing)), views[-1])  # type: ignore[arg-type]
+            part = right.room(Velocity(math.cos(bearing), math.sin(bearing)), view)
             ends.append(moved(here[own], 0.5 * part, bearing))
         assert math.dist((ends[0].x, ends[0].y), (ends[1].x, ends[1].y)) >= 0.6, number
 

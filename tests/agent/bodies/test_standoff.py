@@ -24,11 +24,11 @@ from agent.chance import Chance
 from agent.ports import Bearing, Place
 from agent.routes.ground import Disc, Ground, Spot
 from patrol.ground.swept_path import advance
-from patrol.ground.terrain import Terrain
 from patrol.pose import MODELS, Pose
 from patrol.radio.peers import Peer
 from tests.agent.minds import STEP
 from tests.agent.plans import Robots, plan, prepared_in
+from tests.present import present
 from tests.swaps import TEAMS, random_passage, swap
 
 MOST_COLLISIONS = 25
@@ -118,20 +118,12 @@ def test_the_obstacle_never_covers_the_robot_itself() -> None:
 def test_the_nearest_is_whose_body_is_nearest_and_of_several_the_first(seed: int) -> None:
     dice = np.random.default_rng(seed)
     places = dice.integers(0, 4, (int(dice.integers(1, 40)), 2)).astype(np.float64) + seed / 3.0
-    others = {
-        int(number): Peer(0, Pose(float(x), float(y), 0.0), 0)
-        for number, (x, y) in zip(dice.permutation(len(places)) + 1, places, strict=True)
-    }
+    numbers = (dice.permutation(len(places)) + 1).tolist()
+    others = peers(**{f"r{number}": (x, y) for number, (x, y) in zip(numbers, places.tolist(), strict=True)})
     radii = {number: float(dice.choice([0.2, 0.3, 0.45])) for number in others}
     here = Pose(seed / 3.0 + 1.0, seed / 3.0 + 2.0, 0.0)
-    gaps = [
-        (math.hypot(others[number].pose.x - here.x, others[number].pose.y - here.y) - radii[number], number)
-        for number in sorted(others)
-    ]
+    gaps = [(math.hypot(at.pose.x - here.x, at.pose.y - here.y) - radii[n], n) for n, at in others.items()]
     assert nearest(here, others, radii) == min(gaps)
-
-
-def test_of_no_others_none_is_the_nearest() -> None:
     assert nearest(HERE, {}, {}) == (math.inf, 0)
 
 
@@ -168,8 +160,7 @@ def test_a_robot_that_keeps_bumping_backs_off_away_from_the_nearest(moves: Moves
     for k in range(OFTEN):
         assert alone.backs_off_to(k, others) is None
         alone.tick(k, others)
-    spot = alone.backs_off_to(OFTEN - 1, others)
-    assert spot is not None
+    spot = present(alone.backs_off_to(OFTEN - 1, others))
     assert spot[0] <= HERE.x
     assert math.dist(spot, (HERE.x, HERE.y)) <= BACKS_OFF_S
     assert alone.backs_off_to(OFTEN + round(BACKS_OFF_S / STEP), others) is None
@@ -209,25 +200,19 @@ def test_a_bump_ends_backing_off() -> None:
 @pytest.mark.parametrize("team", [team for team in TEAMS if "," not in team])
 def test_two_robots_swap_rooms_through_a_corridor_in_which_they_cannot_pass(team: str) -> None:
     seed = next(seed for seed in range(100) if random_passage(seed, team).width < 1.25)
-    result = swap(seed, team)
-    assert result is not None
+    result = present(swap(seed, team))
     assert result.passed, result
     # Robots that only push against each other collide many times before one is through by chance.
     assert result.collisions <= MOST_COLLISIONS, result
 
 
-def two_rooms(corridor: float) -> Terrain:
-    """Two rooms of 7 x 7 m, and a corridor between them in which two cars cannot pass."""
-    low, width = 3.5 - 0.5, 14.0 + corridor
-    rooms = (0.0, 0.0, 7.0, 7.0), (7.0, low, 7.0 + corridor, low + 1.0), (7.0 + corridor, 0.0, width, 7.0)
-    return plan((width, 7.0), *rooms)
-
-
 @pytest.mark.parametrize("corridor", [2.0, 6.0])
 def test_two_cars_that_meet_in_a_corridor_both_come_through(corridor: float) -> None:
+    """In it they cannot pass."""
     width, car = 14.0 + corridor, {"model": "car", "radius": 0.4, "turning_radius": 0.8, "speed": 1.0}
+    rooms = (0.0, 0.0, 7.0, 7.0), (7.0, 3.0, 7.0 + corridor, 4.0), (7.0 + corridor, 0.0, width, 7.0)
     starts = [Pose(5.5, 3.5, 0.0), Pose(width - 5.5, 3.5, math.pi)]
-    prepared = prepared_in(two_rooms(corridor), starts, car)
+    prepared = prepared_in(plan((width, 7.0), *rooms), starts, car)
     robots = Robots(prepared, Place(width - 2.0, 2.0), Place(2.0, 5.0))
     came = [False, False]
     for _ in range(600):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,11 +11,18 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from agent.bodies.car import ORIENTED, Unstuck
-from agent.bodies.steering import CarSteering, HolonomicSteering
+from agent.bodies.steering import CarSteering, Footing, HolonomicSteering
+from agent.build import build_mind
+from agent.ports import Place
+from agent.routes.ground import Ground
 from patrol.ground.swept_path import advance
 from patrol.ground.terrain import Terrain
-from patrol.pose import Drive, Pose, wrap
-from patrol.scenario import RobotSpec
+from patrol.pose import MODELS, Drive, Pose, wrap
+from patrol.prepare import Prepared, prepare
+from patrol.scenario import RobotSpec, load_scenario
+from tests.agent.minds import STEP, at
+from tests.agent.plans import Says
+from tests.present import present
 
 CAR = RobotSpec(1, "r1", "car", 4.4, 1.0, 3.5, None)
 HOLONOMIC = RobotSpec(1, "r1", "holonomic", 4.4, 1.0, 3.5, None)
@@ -89,9 +97,55 @@ def test_a_bump_while_backing_makes_it_drive_forward() -> None:
     unstuck = Unstuck(CarSteering(CAR, FIELD, 0.5), CAR.speed)
     unstuck.begin(math.pi)
     pose = Pose(30.0, 30.0, 0.0)
-    first = unstuck.step(pose, bumped=False)
-    assert first is not None
+    first = present(unstuck.step(pose, bumped=False))
     assert first.speed < 0.0
-    second = unstuck.step(pose, bumped=True)
-    assert second is not None
+    second = present(unstuck.step(pose, bumped=True))
     assert second.speed > 0.0
+
+
+# --- ground that a body fits on although no route leads there --------------------------------------------------------
+
+
+ROOM = Pose(3.1, 4.3, 0.0)
+SLIT = Pose(9.1, 4.3, 0.0)
+"""A step from the slit's end; the room is behind."""
+
+
+def slit() -> Terrain:
+    """A room of 7 x 7 m, and a slit of 0.6 x 2.4 m off its right wall, in which a body of 0.56 m fits as it is."""
+    passable = np.zeros((44, 54), dtype=np.bool_)
+    passable[5:40, 5:40] = True
+    passable[20:23, 40:52] = True
+    return Terrain("slit", passable, 0.2)
+
+
+def prepared_for(model: str) -> tuple[Prepared, Footing]:
+    robots: dict[str, Any] = {"count": 1, "model": model, "radius": 0.28, "speed": 1.0, "turning_radius": 0.8}
+    robots["starts"] = [[ROOM.x, ROOM.y]]
+    prepared = prepare(load_scenario({"terrain": {"builtin": "open"}, "point": 0.2, "robots": robots}), slit())
+    return prepared, Footing(prepared.terrain, Ground(prepared.terrain, prepared.fields[1].reach), 0.28)
+
+
+def test_the_footing_ends_where_no_route_leads() -> None:
+    _, there = prepared_for("holonomic")
+    assert there.holds(ROOM.x, ROOM.y)
+    assert not there.holds(SLIT.x, SLIT.y)
+    assert not there.may_end(ROOM, SLIT.x, SLIT.y)
+    assert there.may_end(SLIT, SLIT.x, SLIT.y)
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_no_random_step_leaves_the_ground(model: str) -> None:
+    prepared, there = prepared_for(model)
+    mouth = Pose(7.3, 4.3, 0.0)
+    assert there.holds(mouth.x, mouth.y)
+    while there.holds(mouth.x + 0.1, mouth.y):
+        mouth = Pose(mouth.x + 0.1, mouth.y, 0.0)
+    for share in range(-8, 9):
+        aside = Place(ROOM.x, ROOM.y, wander=0.02 * share)
+        mind = build_mind(prepared, 1)
+        mind.policy = Says(aside)
+        pose = mouth
+        for k in range(3):
+            pose = advance(pose, mind.step(at(k, pose), []).command, STEP)
+            assert there.holds(pose.x, pose.y), f"{aside} leads to {pose}"

@@ -52,7 +52,7 @@ def test_it_is_the_best_point_of_the_whole_terrain(
     high, wide = (size * terrain.point for size in shape)
     along = [0.75 + number for number in range(columns - 1)]
     starts = [Pose(x, y, 0.0) for x in (*along, wide - 0.75) for y in (0.75, high - 0.75)]
-    body = {"radius": 0.3, "speed": 1.5, "model": model, **({"turning_radius": 1.0} if model == "car" else {})}
+    body = {"radius": 0.3, "speed": 1.5, "model": model, "turning_radius": 1.0}
     patrol = {"policy": "agent.policies.commitment:Commitment", "options": {"separation": separation}}
     robots = Robots(prepared_in(terrain, starts, body, patrol=patrol, sensor={"range": 3.0}))
     real, searched = FreeChoice.best, []
@@ -99,9 +99,7 @@ def test_the_kernel_finds_what_plain_python_finds(seed: int) -> None:
         is_rivals = rival.length_to(stand_row, stand_col) < way
         return float(worth[age] / (way + near)) * (others if is_rivals else 1.0)
 
-    rows = [(row, col, row, col) for row in range(2, 10) for col in range(3, 12)] + [
-        tuple(row) for row in posts.tolist()
-    ]
+    rows = [(row, col, row, col) for row in range(2, 10) for col in range(3, 12)] + list(map(tuple, posts.tolist()))
     paths = own.length, own.row0, own.col0, limit, rival.length
     grids = patrolled, last_seen, looked, tick
     score, *place, length = best_of(posts, *paths, *grids, worth, near, others, left_out)
@@ -143,9 +141,8 @@ def test_an_age_counts_as_many_times_as_its_weight() -> None:
     patrol = {"policy": "agent.policies.commitment:Commitment", "options": {"separation": "claims"}}
     best = []
     for zones in ([], [zone], [zone | {"weight": 0.1}]):
-        robots = Robots(
-            prepared_in(terrain, [Pose(15.0, 5.0, 0.0)], body, patrol=patrol, sensor={"range": 3.0}, zones=zones)
-        )
+        more: dict[str, Any] = {"patrol": patrol, "sensor": {"range": 3.0}, "zones": zones}
+        robots = Robots(prepared_in(terrain, [Pose(15.0, 5.0, 0.0)], body, **more))
         for _ in range(3):
             robots.tick()
         mind: Any = robots.minds[0]

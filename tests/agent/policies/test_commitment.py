@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,17 +13,19 @@ import pytest
 
 from agent.build import build_mind
 from agent.policies.commitment import Commitment
-from agent.policies.pursuit import AT_HAND_S, LEFT_OUT_S, NO_NEARER_S, GivenUp, Pursuit, Target
-from agent.policies.surround import Surround
+from agent.policies.pursuit import AT_HAND_S, LEFT_OUT_S, LONGEST_S, MOST_PLACES, NO_NEARER_S, GivenUp, Target
+from agent.ports import Decision
 from patrol.ground.terrain import Terrain
 from patrol.pose import MODELS, Pose
 from patrol.prepare import Prepared
 from tests.agent.minds import STEP, at
 from tests.agent.plans import POINT, Robots, plan, prepared_in, two_rooms
+from tests.present import present
 
-BASE = {"radius": 0.3, "speed": 1.0}
+BASE = {"radius": 0.3, "speed": 1.0, "turning_radius": 1.0}
 CORNER = Pose(2.0, 2.0, 0.0)
 FREE = "agent.policies.commitment:Commitment"
+CLAIMS = {"policy": FREE, "options": {"separation": "claims"}}
 
 
 @pytest.fixture(autouse=True)
@@ -32,34 +34,14 @@ def _without_random_steps(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def alone(
-    terrain: Terrain,
-    start: Pose = CORNER,
-    model: str = "holonomic",
-    *,
-    sensor: Mapping[str, Any] | None = None,
+    terrain: Terrain, start: Pose = CORNER, model: str = "holonomic", *, sensor: Mapping[str, Any] | None = None
 ) -> Prepared:
-    robots = {**BASE, "model": model, **({"turning_radius": 1.0} if model == "car" else {})}
     sees = {"range": 3.0, **(sensor or {})}
-    return prepared_in(
-        terrain, [start], robots, patrol={"policy": FREE, "options": {"separation": "claims"}}, sensor=sees
-    )
-
-
-def policy_of(robots: Robots, robot: int = 0) -> Commitment:
-    """The policy of a robot."""
-    surround = robots.minds[robot].policy
-    assert isinstance(surround, Surround)
-    policy = surround.otherwise
-    assert isinstance(policy, Commitment)
-    return policy
-
-
-def pursuit_of(robots: Robots, robot: int = 0) -> Pursuit:
-    return policy_of(robots, robot).pursuit
+    return prepared_in(terrain, [start], {**BASE, "model": model}, patrol=CLAIMS, sensor=sees)
 
 
 def target_of(robots: Robots, robot: int = 0) -> Target | None:
-    return pursuit_of(robots, robot).target
+    return robots.policy(Commitment, robot).pursuit.target
 
 
 def seen_share(robots: Robots) -> float:
@@ -127,9 +109,9 @@ class Held(Robots):
 
     held_from = 10
 
-    def tick(self) -> Any:
+    def tick(self, up: Sequence[int] | None = None) -> list[Decision]:
         poses = [body.pose for body in self.bodies]
-        decisions = super().tick()
+        decisions = super().tick(up)
         if self.k > self.held_from:
             for body, pose in zip(self.bodies, poses, strict=True):
                 body.pose = pose
@@ -144,7 +126,7 @@ def test_who_comes_no_nearer_gives_up_and_leaves_the_place_out() -> None:
     waits = np.diff([robots.held_from, *(change.k for change in stuck)]) * STEP
     assert (waits >= AT_HAND_S).all()
     assert (waits <= AT_HAND_S + NO_NEARER_S + 2.5).all()
-    given_up = pursuit_of(robots).given_up.places
+    given_up = robots.policy(Commitment).pursuit.given_up.places
     assert {place[:2] for place in given_up} == {change.old.stand for change in stuck}
     spells = [(place[2] - change.k) * STEP for place, change in zip(given_up, stuck, strict=True)]
     assert spells == [LEFT_OUT_S] * len(stuck)
@@ -157,7 +139,7 @@ def test_what_was_given_up_is_tried_again_where_nothing_else_is_left() -> None:
     robots = Robots(alone(two_rooms()))
     for _ in range(3):
         robots.tick()
-    pursuit, target = pursuit_of(robots), target_of(robots)
+    pursuit, target = robots.policy(Commitment).pursuit, target_of(robots)
     assert target is not None
     pursuit.given_up = GivenUp(1000.0, POINT, STEP)
     pursuit.given_up.add(robots.k, target.point)
@@ -171,26 +153,21 @@ def test_a_target_to_which_no_way_leads_any_more_is_dropped_at_once() -> None:
     robots = Robots(alone(two_rooms(), Pose(6.0, 4.0, 0.0)))
     robots.tick()
     robots.tick()
-    mind = robots.minds[0]
-    far = pursuit_of(robots)
-    target = target_of(robots)
-    assert target is not None
+    assert target_of(robots) is not None
     # A wreck in the corridor: the target in the other room cannot be reached.
-    far.target = Target((40, 200), (40, 200), 10)
-    discs = [(11.0, 4.0, 1.5)]
-    mind.body.obstacles = lambda *_: discs  # type: ignore[method-assign]
+    robots.policy(Commitment).pursuit.target = Target((40, 200), (40, 200), 10)
+    robots.minds[0].body.obstacles = lambda *_: [(11.0, 4.0, 1.5)]  # type: ignore[method-assign]
     robots.tick()
-    now = target_of(robots)
-    assert now is not None
+    now = present(target_of(robots))
     assert now.point[1] * POINT < 11.0
 
 
 # --- claims ----------------------------------------------------------------------------------------------------------
 
 
-def pair(separation: str) -> Robots:
-    """One robot in each room."""
-    starts = [Pose(4.0, 4.0, 0.0), Pose(18.0, 4.0, 0.0)]
+def pair(separation: str = "claims", second_m: float = 18.0) -> Robots:
+    """Two robots, in the first room and in the second, or side by side."""
+    starts = [Pose(4.0, 4.0, 0.0), Pose(second_m, 4.0, 0.0)]
     patrol = {"policy": FREE, "options": {"separation": separation}}
     robots = {**BASE, "model": "holonomic"}
     return Robots(prepared_in(two_rooms(), starts, robots, patrol=patrol, sensor={"range": 3.0}))
@@ -200,10 +177,7 @@ def test_with_claims_two_robots_side_by_side_go_different_ways() -> None:
     """Without, they want the same places."""
     together = {}
     for separation in ("claims", "none"):
-        patrol = {"policy": FREE, "options": {"separation": separation}}
-        starts = [Pose(4.0, 4.0, 0.0), Pose(4.8, 4.0, 0.0)]
-        given = prepared_in(two_rooms(), starts, {**BASE, "model": "holonomic"}, patrol=patrol, sensor={"range": 3.0})
-        robots, near = Robots(given), 0
+        robots, near = pair(separation, second_m=4.8), 0
         for _ in range(200):
             robots.tick()
             first, second = target_of(robots, 0), target_of(robots, 1)
@@ -214,13 +188,12 @@ def test_with_claims_two_robots_side_by_side_go_different_ways() -> None:
 
 
 def test_a_robot_whose_own_ground_is_fresh_takes_anothers() -> None:
-    robots = pair("claims")
+    robots = pair()
     for mind in robots.minds:
         mind.belief.fog.last_seen[:, :110] = 10**6  # ages below 0: nothing there pulls
     robots.k = 5
     robots.tick()
-    target = target_of(robots, 0)
-    assert target is not None
+    target = present(target_of(robots, 0))
     assert target.point[1] >= 110
 
 
@@ -231,7 +204,7 @@ def test_a_small_room_is_patrolled_without_a_stop() -> None:
     late = [change for change in changed if change.k * STEP > 100.0]
     assert all(change.age < 0.5 * change.old.age for change in changed)
     assert len(late) >= 25
-    assert pursuit_of(robots).given_up.places == []
+    assert robots.policy(Commitment).pursuit.given_up.places == []
 
 
 # --- sensors and places ----------------------------------------------------------------------------------------
@@ -274,15 +247,45 @@ def test_who_is_off_the_ground_leaves_it_to_its_body() -> None:
 
 
 def test_minds_that_share_working_memory_decide_as_if_they_did_not() -> None:
-    together = pair("claims")
-    apart = pair("claims")
-    prepared = prepared_in(
-        two_rooms(),
-        [body.pose for body in apart.bodies],
-        {**BASE, "model": "holonomic"},
-        patrol={"policy": FREE, "options": {"separation": "claims"}},
-        sensor={"range": 3.0},
-    )
-    apart.minds = [build_mind(prepared, number) for number in (1, 2)]
+    together, apart = pair(), pair()
+    apart.minds = [build_mind(apart.prepared, number) for number in (1, 2)]
     for _ in range(60):
         assert together.tick() == apart.tick()
+
+
+# --- places that were given up ---------------------------------------------------------------------------------------
+
+
+def test_a_place_that_is_given_up_again_is_left_out_for_longer_and_others_are_not() -> None:
+    given_up = GivenUp(0.3, 0.1, STEP)
+    spells = []
+    for turn in range(2000):
+        given_up.add(turn, (5, 5))
+        spells.append((given_up.places[-1][2] - turn) * STEP)
+    assert spells[:7] == [20.0, 40.0, 80.0, 160.0, 320.0, 640.0, 960.0]
+    assert spells[-1] == LONGEST_S
+    given_up.add(2000, (5, 40))
+    assert [place[:2] for place in given_up.places] == [(5, 5), (5, 40)]
+    assert (given_up.places[-1][2] - 2000) * STEP == LEFT_OUT_S
+    for col in range(3 * MOST_PLACES):
+        given_up.add(2000, (0, 50 * col))
+    assert len(given_up.places) == MOST_PLACES
+
+
+def test_what_lies_around_a_place_is_left_out_with_it_and_forgiven_with_it() -> None:
+    given_up = GivenUp(0.3, 0.1, STEP)
+    given_up.add(10, (5, 5))
+    assert given_up.now(11).tolist() == [[5, 5, 36]]
+    assert given_up.now(10 + round(LEFT_OUT_S / STEP)).size == 0
+    given_up.forgive((5, 12))
+    assert given_up.places != []
+    given_up.forgive((5, 11))
+    assert given_up.places == []
+
+
+def test_a_place_is_forgotten_some_time_after_it_was_left_out() -> None:
+    given_up = GivenUp(0.3, 0.1, STEP)
+    given_up.add(0, (5, 5))
+    late = round((LEFT_OUT_S + LONGEST_S) / STEP)
+    given_up.add(late, (5, 5))
+    assert given_up.places == [(5, 5, late + round(LEFT_OUT_S / STEP), round(LEFT_OUT_S / STEP))]

@@ -1,33 +1,25 @@
-"""What keeps robots apart: claims, artificial obstacles, semaphores, repulsion; and the fuzzy sectors."""
+"""Rules that keep robots apart: claims, artificial obstacles, semaphores, repulsion; and the fuzzy sectors."""
 
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from agent.belief.dilated import Posts
 from agent.policies.forces import FuzzySectors, repel
-from agent.policies.potential_field import Field, share_table
-from agent.policies.separation import (
-    artificial_obstacles,
-    critical_areas,
-    numbered,
-    occupied_areas,
-)
+from agent.policies.potential_field import share_table
+from agent.policies.separation import artificial_obstacles, critical_areas, numbered, occupied_areas
 from agent.routes.ground import Area, Ground
-from agent.routes.path_window import FAR, PathWindow
-from agent.routes.straight import Straight
-from agent.routes.wave import Wave
 from patrol.ground.cspace import narrow_passages
-from patrol.ground.fields import StaticFields
 from patrol.ground.terrain import Terrain
 from patrol.pose import Pose
 from patrol.radio.peers import Peer
 from patrol.scenario import PotentialFieldOptions
+from tests.agent.minds import fields_of, pull_on
 
 HERE = Pose(10.0, 10.0, 0.0)
 
@@ -36,11 +28,7 @@ def peers(*places: tuple[float, float]) -> dict[int, Peer]:
     return {number: Peer(0, Pose(x, y, 0.0), 0) for number, (x, y) in enumerate(places, start=2)}
 
 
-def open_field(side: int = 81) -> tuple[Terrain, StaticFields]:
-    passable = np.ones((side, side), dtype=np.bool_)
-    return Terrain("t", passable, 0.5), StaticFields(
-        passable, passable, passable, np.full(passable.shape, -1, dtype=np.int32)
-    )
+FIELD = fields_of(np.ones((81, 81), dtype=np.bool_))
 
 
 def test_a_claim_leaves_half_of_a_force_halfway_and_nothing_at_the_rival() -> None:
@@ -53,50 +41,36 @@ def test_a_claim_leaves_half_of_a_force_halfway_and_nothing_at_the_rival() -> No
     assert 0.0 < table[-1] < 1e-17
 
 
-@pytest.mark.parametrize("kind", ["wave", "straight"])
-def test_lengths_from_several_starts_are_those_of_the_nearest(kind: str) -> None:
-    rng = np.random.default_rng(4)
-    passable = rng.random((40, 50)) < 0.9
-    starts = [(5, 6), (30, 40), (20, 20)]
-    for row, col in starts:
-        passable[row - 1, col - 1] = True
-    ground = Ground(Terrain("t", passable, 0.5), passable)
-    window: PathWindow = Wave(40, 50, 60) if kind == "wave" else Straight(40, 50, 60, passable)
-    together = window.lengths_from(ground, 20, 20, starts, 6000)
-    alone = [window.lengths_from(ground, 20, 20, [start], 6000) for start in starts]
-    assert np.array_equal(together, np.minimum.reduce(alone))
-    assert together.min() == 0
-    assert (window.lengths_from(ground, 20, 20, [], 6000) == FAR).all()
-
-
-@pytest.mark.parametrize("direction", ["mode", "vector"])
-def test_with_claims_a_point_pulls_the_robot_that_is_nearest_to_it(direction: str) -> None:
-    terrain, fields = open_field()
-    ground = Ground(terrain, fields.reach)
-    seen = np.full(terrain.shape, 100, dtype=np.int32)
+@pytest.mark.parametrize(
+    ("direction", "separation", "closed"),
+    [
+        ("mode", "claims", False),
+        ("vector", "claims", False),
+        ("mode", "claims", True),
+        ("mode", ["claims", "artificial-obstacles"], True),
+    ],
+)
+def test_a_claimed_point_pulls_the_nearest_robot(direction: str, separation: str | list[str], closed: bool) -> None:
+    """A rival's own disc, of an artificial obstacle or of giving way, is in everybody's way but its own."""
+    seen = np.full((81, 81), 100, dtype=np.int32)
     seen[40, 70] = 0
     seen[40, 2] = 40
-    rival = [(41, 66)]
-    chosen = {}
-    for separation in ("none", "claims"):
-        patrol = PotentialFieldOptions.model_validate({"direction": direction, "separation": separation})
-        field = Field(patrol, fields, Posts(fields.proxy), 0.5, {})
-        pull = field.pull(ground, 41, 41, seen, lambda _: seen, 100, 100, rival)
-        chosen[separation] = pull.sums[0] > 0 if direction == "vector" else int(np.argmax(pull.sums)) in (0, 1, 7)
-    assert chosen["none"]
-    assert not chosen["claims"]
+    ground = Ground(Terrain("field", FIELD.cspace, 0.5), FIELD.reach)
+    place = ground.terrain.centre(40, 65)
+    if closed:
+        ground.begin([(*place, 2.0)])
+        assert ground.join(*place) is None
+    rival = ground.static.join(*place)
+    assert rival == (41, 66)
+    for rules, rivals, chosen in (("none", [rival], True), (separation, [], True), (separation, [rival], False)):
+        options: dict[str, Any] = {"direction": direction, "separation": rules}
+        sums = pull_on(FIELD, (41, 41), seen, rivals=rivals, ground=ground, **options).sums
+        assert bool(sums[0] > 0 if direction == "vector" else int(np.argmax(sums)) in (0, 1, 7)) is chosen
 
 
 def test_without_rivals_claims_change_nothing() -> None:
-    terrain, fields = open_field()
-    ground = Ground(terrain, fields.reach)
-    seen = np.random.default_rng(3).integers(0, 100, terrain.shape).astype(np.int32)
-    sums = [
-        Field(PotentialFieldOptions.model_validate({"separation": separation}), fields, Posts(fields.proxy), 0.5, {})
-        .pull(ground, 30, 50, seen, lambda _: seen, 100, 100)
-        .sums
-        for separation in ("none", "claims")
-    ]
+    seen = np.random.default_rng(3).integers(0, 100, (81, 81)).astype(np.int32)
+    sums = [pull_on(FIELD, (30, 50), seen, separation=separation).sums for separation in ("none", "claims")]
     assert np.array_equal(sums[0], sums[1])
 
 
@@ -153,9 +127,8 @@ def test_critical_areas_may_be_given_as_polygons() -> None:
 
 @pytest.mark.parametrize("direction", ["mode", "vector"])
 def test_repulsion_pushes_away_from_a_peer_and_less_from_far(direction: str) -> None:
-    options = PotentialFieldOptions.model_validate(
-        {"direction": direction, "separation": "repulsion", "repulsion": 1.0}
-    )
+    rules = {"direction": direction, "separation": "repulsion", "repulsion": 1.0}
+    options = PotentialFieldOptions.model_validate(rules)
     results = []
     for distance in (3.0, 30.0):
         sums = np.array([0.0, 0.0, 10.0]) if direction == "vector" else np.full(8, 1.25)
@@ -182,23 +155,3 @@ def test_fuzzy_coefficients_equal_their_formula(seed: int, row: int, col: int) -
             sector = round(math.atan2(r - row, c - col) / (math.pi / 4)) % 8
             closest[sector] = min(closest[sector], 0.5 * math.hypot(r - row, c - col))
     assert coefficients == pytest.approx(np.minimum(1.0, closest / 5.5))
-
-
-@pytest.mark.parametrize("separation", ["claims", ["claims", "artificial-obstacles"]])
-def test_a_rival_claims_what_is_near_it_although_it_is_closed_to_others(separation: str | list[str]) -> None:
-    """Its own disc, of an artificial obstacle or of giving way, is in everybody's way but its own."""
-    terrain, fields = open_field()
-    ground = Ground(terrain, fields.reach)
-    seen = np.full(terrain.shape, 100, dtype=np.int32)
-    seen[40, 70] = 0
-    seen[40, 2] = 40
-    ground.begin([(terrain.centre(40, 65)[0], terrain.centre(40, 65)[1], 2.0)])
-    assert ground.join(*terrain.centre(40, 65)) is None
-    rival = ground.static.join(*terrain.centre(40, 65))
-    assert rival == (41, 66)
-    options = PotentialFieldOptions.model_validate({"separation": separation})
-    field = Field(options, fields, Posts(fields.proxy), 0.5, {})
-    alone = field.pull(ground, 41, 41, seen, lambda _: seen, 100, 100)
-    contested = field.pull(ground, 41, 41, seen, lambda _: seen, 100, 100, [rival])
-    assert int(np.argmax(alone.sums)) in (0, 1, 7)
-    assert int(np.argmax(contested.sums)) not in (0, 1, 7)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
@@ -19,8 +19,9 @@ from patrol.zones.ground import with_zones
 from patrol.zones.spec import ZoneSpec
 
 STRIDE = 0.5
-
 RANGE = 2.0
+APART = {1: (10.5, 0.5), 2: (20.5, 0.5), 3: (20.5, 10.5)}
+"""Robots at 10 m, 20 m and 60 m of the ring: from the first it is 10 m to the one ahead, 30 m to the one behind."""
 
 
 class Heard(NamedTuple):
@@ -41,7 +42,6 @@ class Spec:
 
 
 FIELD = Terrain("field", np.ones((20, 40), dtype=np.bool_), 1.0)
-
 GROUND = Ground(FIELD, FIELD.passable)
 
 
@@ -71,9 +71,8 @@ def round_through(*corners: tuple[int, int]) -> tuple[Round, Terrain]:
     places: list[int] = []
     for (col, row), (to_col, to_row) in zip(corners, [*corners[1:], corners[0]], strict=True):
         steps = max(abs(to_col - col), abs(to_row - row))
-        places += [
-            (row + (to_row - row) * step // steps) * 40 + col + (to_col - col) * step // steps for step in range(steps)
-        ]
+        up, across = to_row - row, to_col - col
+        places += [(row + up * step // steps) * 40 + col + across * step // steps for step in range(steps)]
     flat = np.array(places, dtype=np.int64)
     return Round(float(len(flat)), flat, np.arange(float(len(flat))), flat[:0], flat[:0], flat[:0]), FIELD
 
@@ -122,10 +121,16 @@ def waits(spacing: Spacing, seen: Seen) -> bool:
     return spacing.waits(seen)  # type: ignore[arg-type]
 
 
+def spacing_at(number: int, places: Mapping[int, tuple[float, float]], **how: Any) -> Spacing:
+    """The spacing of a robot that has heard all of them at their places for a while."""
+    spacing = spacing_on(RING, number, **how)
+    for tick in range(6):
+        note(spacing, at(tick, places, number))
+    return spacing
+
+
 @pytest.mark.parametrize(("first", "course", "expected"), [(0.5, 1.0, 15.0), (29.5, -1.0, 45.0)])
-def test_a_dead_end_is_told_from_the_way_back_by_where_a_robot_came_from(
-    first: float, course: float, expected: float
-) -> None:
+def test_a_dead_end_is_told_from_the_way_back_by_a_robots_course(first: float, course: float, expected: float) -> None:
     spacing = spacing_on(DEAD_END)
     for tick in range(30):
         note(spacing, at(tick, {1: (first + course * STRIDE * tick, 0.5)}))
@@ -162,32 +167,18 @@ def test_places_of_bodies_with_wheels_are_closer_where_the_tour_turns(model: str
 
 
 def test_who_is_nearer_to_the_one_ahead_waits_until_the_gaps_are_equal() -> None:
-    spacing = spacing_on(RING)
-    # 1 at 10 m, 2 at 20 m, 3 at 60 m: 10 m ahead, 30 m behind.
-    apart = {1: (10.5, 0.5), 2: (20.5, 0.5), 3: (20.5, 10.5)}
-    for tick in range(6):
-        note(spacing, at(tick, apart))
-    assert waits(spacing, at(6, apart))
-    assert not waits(spacing_at(2, apart), at(6, apart, 2))
+    assert waits(spacing_at(1, APART), at(6, APART))
+    assert not waits(spacing_at(2, APART), at(6, APART, 2))
     equal = {1: (10.5, 0.5), 2: (30.5, 6.5), 3: (7.5, 10.5)}
     assert not waits(spacing_at(1, equal), at(6, equal))
 
 
-def spacing_at(number: int, places: Mapping[int, tuple[float, float]]) -> Spacing:
-    """The spacing of a robot that has heard all of them at their places for a while."""
-    spacing = spacing_on(RING, number)
-    for tick in range(6):
-        note(spacing, at(tick, places, number))
-    return spacing
-
-
 def test_nobody_waits_while_robots_may_be_on_the_way_to_their_first_places() -> None:
-    apart = {1: (10.5, 0.5), 2: (20.5, 0.5), 3: (20.5, 10.5)}
     spacing = spacing_on(RING)
-    first_m = begin(spacing, at(0, apart))
+    first_m = begin(spacing, at(0, APART))
     place = spacing.tour[round(first_m * spacing.count / spacing.round.length_m), :2]
-    own_way = round(math.dist(place, apart[1]) / STRIDE)
-    waited = [tick for tick in range(1, 200) if waits(spacing, at(tick, apart))]
+    own_way = round(math.dist(place, APART[1]) / STRIDE)
+    waited = [tick for tick in range(1, 200) if waits(spacing, at(tick, APART))]
     assert own_way > 0
     assert min(waited) >= 2 * own_way
 
@@ -199,32 +190,26 @@ def test_two_at_the_same_place_do_not_both_wait() -> None:
 
 
 def test_nobody_waits_for_ever_for_one_that_does_not_come() -> None:
-    apart = {1: (10.5, 0.5), 2: (20.5, 0.5), 3: (20.5, 10.5)}
-    spacing = spacing_at(1, apart)
-    waited = [waits(spacing, at(tick, apart)) for tick in range(6, 400)]
+    spacing = spacing_at(1, APART)
+    waited = [waits(spacing, at(tick, APART)) for tick in range(6, 400)]
     assert any(waited)
     assert not all(waited)
 
 
 def test_who_has_bumped_drives_on() -> None:
-    apart = {1: (10.5, 0.5), 2: (20.5, 0.5), 3: (20.5, 10.5)}
-    spacing = spacing_at(1, apart)
-    seen = at(6, apart)
+    spacing = spacing_at(1, APART)
+    seen = at(6, APART)
     bumped = Seen(6, seen.reported, seen.peers, bumped=True)
     assert not waits(spacing, bumped)
-    assert not waits(spacing, at(8, apart))
+    assert not waits(spacing, at(8, APART))
 
 
 @pytest.mark.parametrize(
     ("range_m", "most_slack", "waited"), [(2.0, math.inf, True), (50.0, math.inf, False), (50.0, 0.15, True)]
 )
-def test_gaps_that_differ_by_less_than_half_a_sensor_range_are_left_alone(
-    range_m: float, most_slack: float, waited: bool
-) -> None:
+def test_gaps_that_differ_by_less_than_half_a_range_are_kept(range_m: float, most_slack: float, waited: bool) -> None:
     places = {1: (10.5, 0.5), 2: (20.5, 0.5), 3: (10.5, 10.5)}  # 10 m ahead of robot 1, 30 m behind
-    spacing = spacing_on(RING, robots=3, range_m=range_m, most_slack=most_slack)
-    for tick in range(6):
-        note(spacing, at(tick, places))
+    spacing = spacing_at(1, places, robots=3, range_m=range_m, most_slack=most_slack)
     assert waits(spacing, at(6, places)) is waited
 
 
@@ -240,9 +225,7 @@ def test_robots_in_other_parts_of_the_terrain_do_not_count() -> None:
 
 def test_a_robot_that_is_not_heard_for_a_while_is_expected_to_go_on() -> None:
     apart = {1: (10.5, 0.5), 2: (20.5, 0.5), 3: (10.5, 10.5)}
-    spacing = spacing_on(RING, robots=3)
-    for tick in range(6):
-        note(spacing, at(tick, apart))
+    spacing = spacing_at(1, apart, robots=3)
     assert waits(spacing, at(6, apart))
     # 20 ticks later the others are 10 m farther on.
     alone = {1: (10.5, 0.5)}

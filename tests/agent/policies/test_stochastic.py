@@ -11,14 +11,14 @@ import pytest
 
 from agent.chance import Chance
 from agent.policies.stochastic import STUCK_S, JointPlan, Stochastic
-from agent.policies.surround import Surround
 from patrol.ground.terrain import Terrain
 from patrol.pose import MODELS, Pose
 from patrol.prepare import Prepared
 from tests.agent.minds import STEP
 from tests.agent.plans import Robots, plan, prepared_in
+from tests.present import present
 
-BASE = {"radius": 0.3, "speed": 1.0}
+BASE = {"radius": 0.3, "speed": 1.0, "turning_radius": 0.6}
 STARTS = [Pose(2.0, 2.0, 0.0), Pose(20.0, 6.0, 3.0)]
 
 
@@ -36,24 +36,21 @@ def patrol(
     seed: int = 1,
     **sections: Any,
 ) -> Prepared:
-    robots = {**BASE, "model": model, **({"turning_radius": 0.6} if model == "car" else {})}
     section = {"policy": "stochastic", "options": dict(options or {})}
-    prepared = prepared_in(rooms(), starts, robots, patrol=section, **{"sensor": {"range": 4.0}, **sections})
+    sections = {"sensor": {"range": 4.0}, **sections, "patrol": section}
+    prepared = prepared_in(rooms(), starts, {**BASE, "model": model}, **sections)
     return replace(prepared, scenario=prepared.scenario.model_copy(update={"seed": seed}))
 
 
-def policy_of(robots: Robots, robot: int = 0) -> Stochastic:
-    surround = robots.minds[robot].policy
-    assert isinstance(surround, Surround)
-    policy = surround.otherwise
-    assert isinstance(policy, Stochastic)
-    return policy
-
-
 def plan_of(robots: Robots, robot: int = 0) -> JointPlan | None:
-    on_round = policy_of(robots, robot).on_round
+    on_round = robots.policy(Stochastic, robot).on_round
     assert on_round is None or isinstance(on_round, JointPlan)
     return on_round
+
+
+def choices_are_free(robots: Robots) -> bool:
+    plans = [plan_of(robots, number) for number in range(len(robots.minds))]
+    return all(plan_ is None or plan_.station is None for plan_ in plans)
 
 
 def stations(robots: Robots, ticks: int) -> list[int | None]:
@@ -61,8 +58,7 @@ def stations(robots: Robots, ticks: int) -> list[int | None]:
     visited: list[int | None] = []
     for _ in range(ticks):
         robots.tick()
-        plan_ = plan_of(robots)
-        assert plan_ is not None
+        plan_ = present(plan_of(robots))
         if not visited or visited[-1] != plan_.station:
             visited.append(plan_.station)
     return visited
@@ -119,8 +115,7 @@ def test_where_many_positions_are_lost_each_choice_is_free(share: float, free: b
     dice = np.random.default_rng(1)
     lossy.is_lost = lambda _k, _sender, _hearer: bool(dice.random() < share)
     assert mean_oldest(lossy) < 1.2 * mean_oldest(whole)
-    plans = [plan_of(lossy, number) for number in range(2)]
-    assert all(plan_ is None or plan_.station is None for plan_ in plans) == free
+    assert choices_are_free(lossy) == free
 
 
 def test_a_robot_that_stands_still_is_left_out_of_the_plan() -> None:
@@ -128,8 +123,7 @@ def test_a_robot_that_stands_still_is_left_out_of_the_plan() -> None:
     for tick in range(round(2 * STUCK_S / STEP)):
         robots.tick()
         robots.bodies[1].pose = STARTS[1]
-        plan_ = plan_of(robots)
-        assert plan_ is not None
+        plan_ = present(plan_of(robots))
         assert (2 in plan_.parts) == (tick * STEP <= STUCK_S), tick
 
 
@@ -149,9 +143,8 @@ def small(range_m: float, **settings: Any) -> Robots:
     """Four robots in two rooms of 12 m^2 for each."""
     rooms = plan((9.0, 6.0), (0.0, 0.0, 4.0, 6.0), (4.0, 2.0, 5.0, 4.0), (5.0, 0.0, 9.0, 6.0))
     starts = [Pose(1.0 + 2.0 * i, 3.0, 0.0) for i in range(4)]
-    return Robots(
-        prepared_in(rooms, starts, BASE, patrol={"policy": "stochastic"}, sensor={"range": range_m}, **settings)
-    )
+    settings |= {"patrol": {"policy": "stochastic"}, "sensor": {"range": range_m}}
+    return Robots(prepared_in(rooms, starts, {"radius": 0.3, "speed": 1.0}, **settings))
 
 
 def test_more_robots_than_stations_go_on() -> None:
@@ -161,8 +154,7 @@ def test_more_robots_than_stations_go_on() -> None:
     robots.tick()
     fewer = 0
     for _ in range(200):
-        shared = plan_of(robots)
-        assert shared is not None
+        shared = present(plan_of(robots))
         routes = [part.route for part in shared.parts.values()]
         stations = sum(map(len, routes))
         assert stations <= len(routes)
@@ -180,5 +172,4 @@ def test_where_robots_are_crowded_each_choice_is_free(range_m: float, crowded: b
     robots = small(range_m)
     for _ in range(100):
         robots.tick()
-    plans = [plan_of(robots, number) for number in range(4)]
-    assert all(plan_ is None or plan_.station is None for plan_ in plans) == crowded
+    assert choices_are_free(robots) == crowded

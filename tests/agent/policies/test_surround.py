@@ -26,6 +26,7 @@ from patrol.radio.message import Position
 from patrol.radio.peers import Peer
 from patrol.scenario import load_scenario
 from tests.agent.minds import prepared_on, setup_of
+from tests.present import present
 
 SPACING = 3.0
 
@@ -82,9 +83,6 @@ def test_the_assignment_is_the_best_there_is(rows: int, data: st.DataObject) -> 
     assert len(set(found)) == rows
     least = min(sum(costs[i][j] for i, j in enumerate(ways)) for ways in itertools.permutations(range(cols), rows))
     assert sum(costs[row][col] for row, col in enumerate(found)) == least
-
-
-def test_nobody_to_assign() -> None:
     assert assign([]) == []
 
 
@@ -109,7 +107,7 @@ def test_reports_of_one_intruder_are_one_and_of_several_are_several() -> None:
 
 
 class Otherwise:
-    """What robots do that surround nothing."""
+    """The policy of robots that surround nothing."""
 
     def decide(self, view: View) -> Intent:
         del view
@@ -122,13 +120,12 @@ def prepared_for(terrain: Terrain, robots: int) -> Prepared:
 
 
 def ways(places: dict[int, Pose], contacts: list[tuple[float, float]], wall: bool = False) -> dict[int, Way | None]:
-    """What each robot decides from the same positions."""
+    """The decision of each robot from the same positions."""
     prepared = prepared_for(field(wall), len(places))
     ground = Ground(prepared.terrain, prepared.fields[1].reach)
     found = {}
     for number, pose in places.items():
-        start = ground.join(pose.x, pose.y)
-        assert start is not None
+        start = present(ground.join(pose.x, pose.y))
         peers = {other: Peer(0, place, 0) for other, place in places.items() if other != number}
         surround = Surround(setup_of(prepared, number), Otherwise())
         found[number] = surround.way(pose, peers, contacts, Routes(ground), start)
@@ -149,8 +146,7 @@ def test_everyone_takes_a_place_of_its_own_around_the_intruder() -> None:
 
 def test_the_way_leads_round_walls() -> None:
     places = {1: Pose(30.0, 26.0, 0.0)}
-    way = ways(places, [(30.0, 18.0)], wall=True)[1]
-    assert way is not None
+    way = present(ways(places, [(30.0, 18.0)], wall=True)[1])
     assert way.place[1] < 22.0
     assert way.bend[0] < 11.0
 
@@ -158,28 +154,20 @@ def test_the_way_leads_round_walls() -> None:
 def test_who_is_on_its_place_stays_and_so_does_everybody_else() -> None:
     first = ways(CORNER, [(20.0, 20.0)])
     arrived = {number: Pose(*way.place, 0.0) for number, way in first.items() if way is not None}
-    again = ways(arrived, [(20.0, 20.0)])
-    assert {number: way and way.place for number, way in again.items()} == {
-        number: (pose.x, pose.y) for number, pose in arrived.items()
-    }
+    places = {number: way and way.place for number, way in ways(arrived, [(20.0, 20.0)]).items()}
+    assert places == {number: (pose.x, pose.y) for number, pose in arrived.items()}
 
 
 def test_of_several_intruders_each_robot_takes_the_nearest() -> None:
     found = ways({1: Pose(5.0, 10.0, 0.0), 2: Pose(35.0, 10.0, 0.0)}, [(8.0, 20.0), (32.0, 20.0)])
-    assert found[1] is not None
-    assert found[2] is not None
-    assert found[1].place[0] < 20.0 < found[2].place[0]
+    assert present(found[1]).place[0] < 20.0 < present(found[2]).place[0]
 
 
 def test_an_intruder_that_nobody_gets_near_attracts_nobody() -> None:
-    prepared = prepared_for(field(wall=True), 1)
-    reach = np.zeros(prepared.terrain.shape, dtype=np.bool_)
+    setup, reach = setup_of(prepared_for(field(wall=True), 1)), np.zeros((80, 80), dtype=np.bool_)
     reach[2:6, 2:6] = True
-    setup = setup_of(prepared)
-    ground = replace(setup.ground, fields=replace(setup.ground.fields, reach=reach))
-    setup = replace(setup, ground=ground)
-    routes = Routes(Ground(prepared.terrain, reach))
-    surround = Surround(setup, Otherwise())
+    setup = replace(setup, ground=replace(setup.ground, fields=replace(setup.ground.fields, reach=reach)))
+    routes, surround = Routes(Ground(setup.ground.terrain, reach)), Surround(setup, Otherwise())
     assert surround.way(Pose(2.0, 2.0, 0.0), {}, [(30.0, 30.0)], routes, (4, 4)) is None
 
 

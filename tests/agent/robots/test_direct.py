@@ -2,17 +2,22 @@ from __future__ import annotations
 
 import pytest
 
-from agent.robots.direct import ROOM, DirectRadio, Skew
+from agent.robots.direct import APART, REMEMBERED, ROOM, DirectRadio, Skew
 from patrol.messages.telemetry import Traffic
 from patrol.net.mailbox import FrameMailbox
 from patrol.pose import Pose
 from patrol.radio.message import Position, encode
 from patrol.reporting.vitals import DROPPED, Vitals
 from patrol.security.keys import FleetKeys
+from tests.present import present
 
 KEYS = FleetKeys("f")
 STEP_S = 0.5
 OTHERS = {KEYS.position("r1"): 1, KEYS.position("r3"): 3}
+
+
+def frame_of(number: int, k: int, key: bytes | None = None) -> bytes:
+    return encode(Position.of(number, k, k * STEP_S, Pose(1.0, 1.0, 0.0)), key)
 
 
 class Clock:
@@ -36,9 +41,8 @@ class Scene:
         self.sent: list[bytes] = []
         self.clock = Clock()
         self.mailbox = FrameMailbox(OTHERS, ROOM)
-        self.radio = DirectRadio(
-            self.mailbox, self.sent.append, OTHERS, self.clock, Skew({1: "r1", 3: "r3"}, STEP_S, key)
-        )
+        skew = Skew({1: "r1", 3: "r3"}, STEP_S, key)
+        self.radio = DirectRadio(self.mailbox, self.sent.append, OTHERS, self.clock, skew)
 
     def arrive(self, robot: str, *frames: bytes) -> None:
         for frame in frames:
@@ -70,8 +74,7 @@ def test_of_a_senders_many_frames_the_oldest_go() -> None:
     scene = Scene()
     scene.arrive("r1", *(b"%d" % number for number in range(ROOM + 3)))
     scene.arrive("r3", b"x")
-    heard = scene.radio.hear()
-    assert heard is not None
+    heard = present(scene.radio.hear())
     assert heard[0] == b"3"
     assert len(heard) == ROOM + 1
     traffic = scene.radio.traffic(1, final=False)
@@ -84,10 +87,6 @@ def test_frames_of_its_own_name_and_of_strangers_are_not_heard() -> None:
         scene.arrive(robot, b"?")
     assert scene.radio.hear() == []
     assert scene.radio.traffic(1, final=False).refused == 2
-
-
-def frame_of(number: int, k: int, key: bytes | None = None) -> bytes:
-    return encode(Position.of(number, k, k * STEP_S, Pose(1.0, 1.0, 0.0)), key)
 
 
 def test_what_the_network_has_held_up_for_long_is_not_heard() -> None:
@@ -125,8 +124,7 @@ def test_forged_frames_of_ticks_to_come_make_no_other_late(key: bytes | None, fo
         if k % 10 == 3:
             scene.arrive("r1", *(frame_of(1, 10**6 + again) for again in range(forged)))
         scene.arrive("r1", frame_of(1, k, key))
-        heard = scene.radio.hear()
-        assert heard is not None
+        heard = present(scene.radio.hear())
         assert heard[-1] == frame_of(1, k, key)
 
 
@@ -136,3 +134,43 @@ def test_a_robot_is_not_heard_under_another_s_key() -> None:
     scene.arrive("r1", frame_of(3, 0), frame_of(2, 0), contact, frame_of(1, 0))
     assert scene.radio.hear() == [contact, frame_of(1, 0)]
     assert scene.mailbox.refused == {"forged": 2}
+
+
+# --- how far apart robots count, and which positions are late --------------------------------------------------------
+
+
+def test_robots_that_count_alike_give_no_cause_for_a_word() -> None:
+    skew = Skew({2: "r2", 3: "r3"}, STEP_S)
+    for k in range(20):
+        skew.hear(k, [frame_of(2, k), frame_of(3, max(0, k - APART))])
+    assert skew.ticks == {"r2": 0, "r3": -APART}
+    assert skew.complaint() is None
+
+
+def test_robots_that_count_differently_are_named() -> None:
+    skew = Skew({2: "r2", 3: "r3", 4: "r4"}, STEP_S)
+    for k in range(10, 10 + REMEMBERED):
+        skew.hear(k, [frame_of(2, k + 5), frame_of(3, k - 3), frame_of(4, k)])
+    assert skew.ticks == {"r2": 5, "r3": -3, "r4": 0}
+    said = present(skew.complaint())
+    assert said.startswith("ticks differ: r2 is 5 ticks ahead, r3 is 3 ticks behind, so positions are refused")
+
+
+def test_a_few_frames_say_nothing_and_late_ones_do_not_count() -> None:
+    skew = Skew({2: "r2"}, STEP_S)
+    for k in range(10, 10 + REMEMBERED - 1):
+        skew.hear(k, [frame_of(2, k + 9)])
+    assert skew.ticks == {}
+    assert skew.complaint() is None
+    held_up = Skew({2: "r2"}, STEP_S)
+    for k in range(100, 100 + REMEMBERED):
+        held_up.hear(k, [frame_of(2, k if k % 3 else k - 50)])
+    assert held_up.ticks == {"r2": 0}
+
+
+def test_strangers_contacts_and_junk_say_nothing() -> None:
+    skew = Skew({2: "r2"}, STEP_S)
+    contact = encode(Position.of_contact(90, 45.0, 1.0, 2.0))
+    for k in range(2 * REMEMBERED):
+        skew.hear(k, [frame_of(7, k + 50), contact, b"junk", b""])
+    assert skew.ticks == {}

@@ -9,9 +9,11 @@ import numpy as np
 import pytest
 
 from agent.robots.fake import FakeRobot
+from patrol.exchange import Sensed
 from patrol.ground.terrain import Terrain
 from patrol.pose import Command, Drive, Pose, Twist, Velocity
 from patrol.scenario import RobotSpec
+from tests.present import present
 
 STEP = 0.5
 START = Pose(5.0, 5.0, 0.0)
@@ -38,6 +40,10 @@ def robot(model: str, *ticks: int | None) -> FakeRobot:
     return FakeRobot(Ticks(*ticks), spec, Terrain("t", passable, 0.5), START, STEP)
 
 
+def sensed_by(fake: FakeRobot) -> Sensed:
+    return present(fake.sense())
+
+
 @pytest.mark.parametrize(
     ("model", "command", "end"),
     [
@@ -48,37 +54,30 @@ def robot(model: str, *ticks: int | None) -> FakeRobot:
 )
 def test_it_obeys_for_one_step(model: str, command: Command, end: Pose) -> None:
     fake = robot(model, 0, 1, 2)
-    first = fake.sense()
-    assert first is not None
+    first = sensed_by(fake)
     assert (first.k, first.pose, first.bumped, first.clock_s) == (0, START, False, 0.0)
     fake.act(command)
-    second = fake.sense()
-    assert second is not None
+    second = sensed_by(fake)
     assert (second.k, second.bumped, second.clock_s) == (1, False, 0.5)
     assert (second.pose.x, second.pose.y) == pytest.approx((end.x, end.y))
-    third = fake.sense()
-    assert third is not None
+    third = sensed_by(fake)
     assert (third.pose.x, third.pose.y) == pytest.approx((end.x, end.y))
 
 
-def test_it_has_the_limits_of_its_body() -> None:
-    fake = robot("holonomic", 0, 1)
+@pytest.mark.parametrize(
+    ("model", "command", "end"),
+    [
+        ("holonomic", Velocity(0.0, -100.0), Pose(5.0, 5.0 - 2.2, -math.pi / 2)),
+        ("differential", Twist(0.0, 100.0), Pose(5.0, 5.0, 2.2)),  # 4.4 m/s at 1 m for half a second
+    ],
+)
+def test_it_has_its_bodys_limits_and_two_wheels_turn_it_on_the_spot(model: str, command: Command, end: Pose) -> None:
+    fake = robot(model, 0, 1)
     fake.sense()
-    fake.act(Velocity(0.0, -100.0))
-    sensed = fake.sense()
-    assert sensed is not None
-    assert sensed.pose.y == pytest.approx(5.0 - 2.2)
-
-
-def test_two_wheels_turn_it_on_the_spot() -> None:
-    fake = robot("differential", 0, 1)
-    fake.sense()
-    fake.act(Twist(0.0, 100.0))
-    sensed = fake.sense()
-    assert sensed is not None
+    fake.act(command)
+    sensed = sensed_by(fake)
     assert not sensed.bumped
-    assert (sensed.pose.x, sensed.pose.y) == (START.x, START.y)
-    assert sensed.pose.heading == pytest.approx(START.heading + 2.2)  # 4.4 m/s at 1 m for half a second
+    assert (sensed.pose.x, sensed.pose.y, sensed.pose.heading) == pytest.approx((end.x, end.y, end.heading))
 
 
 def test_a_wall_stops_it_and_it_knows() -> None:
@@ -87,8 +86,7 @@ def test_a_wall_stops_it_and_it_knows() -> None:
     seen = []
     for speed in (4.4, 4.4, 0.0):
         fake.act(Drive(speed, 0.0))
-        sensed = fake.sense()
-        assert sensed is not None
+        sensed = sensed_by(fake)
         seen.append((round(sensed.pose.x, 6), sensed.bumped))
     assert seen == [(7.2, False), (7.2, True), (7.2, False)]
 
@@ -97,12 +95,10 @@ def test_it_stands_while_ticks_are_missed_and_when_it_is_to_stop() -> None:
     fake = robot("holonomic", 0, 5, 6, None)
     fake.sense()
     fake.act(Velocity(2.0, 0.0))
-    late = fake.sense()
-    assert late is not None
+    late = sensed_by(fake)
     assert (late.k, late.pose) == (5, START)
     fake.act(Velocity(2.0, 0.0))
     fake.stop("out of ideas")
-    after = fake.sense()
-    assert after is not None
+    after = sensed_by(fake)
     assert (after.pose, fake.stopped) == (START, "out of ideas")
     assert fake.sense() is None

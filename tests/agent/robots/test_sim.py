@@ -3,11 +3,12 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import replace
+from typing import TYPE_CHECKING, cast
 
 import pytest
 
 from agent.ports import Decision, State
-from agent.robots.sim import SimRobot
+from agent.robots.sim import SimRobot, join
 from patrol.exchange import Reply, Sensed
 from patrol.messages.phases import (
     ANYONE,
@@ -28,10 +29,15 @@ from patrol.messages.phases import (
     encode,
 )
 from patrol.messages.session import SILENCE_S, Identity, RobotEnd, Send
-from patrol.net.mailbox import Mailbox, Presence
-from patrol.pose import Drive, Pose, Velocity
+from patrol.net.mailbox import Mailbox, Payload, Post, Presence
+from patrol.pose import Command, Drive, Pose, Velocity
 from patrol.process.lifeline import Ending
 from patrol.security.keys import WORLD, FleetKeys
+from tests.patrol.net.test_mailbox import Bytes
+from tests.present import present
+
+if TYPE_CHECKING:
+    from patrol.net.link import Link
 
 ME = Identity("r1", 1, 77, "a" * 64)
 RUN = 5
@@ -63,21 +69,14 @@ class Scene:
         self.payloads: list[bytes] = []
         self.sent: list[ToWorld] = []
         self.answer: Callable[[ToWorld], None] = lambda _message: None
-        """What the world does when it is sent a message."""
+        """The world's reaction to a message."""
         self.times: list[float] = []
         self.waited: list[float] = []
         self.ending = Ending()
         self.mailbox = Clocked((KEYS.tick("r1"), KEYS.alive(WORLD)), decode_to_robot, 1000)
         self.session = RobotEnd(ME, patience_s, blind_s, self.mailbox.time)
-        self.robot = SimRobot(
-            self.mailbox,
-            self.post,
-            self.session,
-            self.ending,
-            model=model,
-            waiting=self.waited.append,
-            now=lambda: self.mailbox.time,
-        )
+        ports = (self.mailbox, self.post, self.session, self.ending)
+        self.robot = SimRobot(*ports, model=model, waiting=self.waited.append, now=lambda: self.mailbox.time)
         if greeted:
             assert self.session.arrived(hello(), self.mailbox.time) == (Send(HelloReply(1, 77, 0, RUN, ME.scenario)),)
 
@@ -97,13 +96,15 @@ class Scene:
     def tick(self, k: int, frames: tuple[bytes, ...] = ()) -> list[bytes] | None:
         """One whole tick in lockstep; what was heard."""
         self.tell(a(k), b(k, frames))
-        sensed = self.robot.sense()
-        assert sensed is not None
+        sensed = self.sense()
         self.robot.send((b"frame %d" % k,))
         heard = self.robot.hear()
         self.robot.report(sensed, DECISION, 1.5)
         self.robot.act(DECISION.command)
         return heard
+
+    def sense(self) -> Sensed:
+        return present(self.robot.sense())
 
     def end_after(self, seconds: float) -> None:
         """Ask the robot to leave so much later."""
@@ -128,8 +129,7 @@ def hello(run: int = RUN) -> Hello:
 def test_it_answers_a_hello_with_who_it_is() -> None:
     scene = Scene(greeted=False)
     scene.tell(hello(), a(0))
-    sensed = scene.robot.sense()
-    assert sensed is not None
+    sensed = scene.sense()
     assert (sensed.k, sensed.pose, sensed.bumped) == (0, POSE, False)
     assert scene.sent == [HelloReply(1, 77, 0, 5, "a" * 64)]
 
@@ -148,9 +148,7 @@ def test_a_repeat_is_answered_from_the_last_answer_and_decides_nothing() -> None
     scene.tick(0)
     answers = scene.last(2)
     scene.tell(a(0), b(0), a(1))
-    sensed = scene.robot.sense()
-    assert sensed is not None
-    assert sensed.k == 1
+    assert scene.sense().k == 1
     assert scene.last(2) == answers
     scene.robot.send((b"frame",))
     scene.tell(a(1), a(1), b(1))
@@ -161,8 +159,7 @@ def test_a_repeat_is_answered_from_the_last_answer_and_decides_nothing() -> None
 def test_who_comes_late_goes_on_with_the_newest_tick_and_all_that_was_heard() -> None:
     scene = Scene()
     scene.tell(a(0), b(0, (b"0",)), a(1), b(1, (b"1",)), a(2))
-    sensed = scene.robot.sense()
-    assert sensed is not None
+    sensed = scene.sense()
     assert sensed.k == 2
     scene.robot.send((b"frame",))
     scene.tell(b(2, (b"2",)))
@@ -175,11 +172,11 @@ def test_who_comes_late_goes_on_with_the_newest_tick_and_all_that_was_heard() ->
 def test_a_tick_that_is_over_is_not_decided_but_what_comes_later_is_heard() -> None:
     scene = Scene()
     scene.tell(a(0))
-    assert scene.robot.sense() is not None
+    scene.sense()
     scene.robot.send((b"frame",))
     scene.tell(a(1))
     assert scene.robot.hear() is None
-    assert scene.robot.sense() is not None
+    scene.sense()
     scene.robot.send((b"frame",))
     scene.tell(b(0, (b"0",)), b(1, (b"1",)))
     assert scene.robot.hear() == [b"0", b"1"]
@@ -187,12 +184,11 @@ def test_a_tick_that_is_over_is_not_decided_but_what_comes_later_is_heard() -> N
 
 def test_messages_for_another_process_are_counted_and_ignored() -> None:
     scene = Scene()
-    scene.tell(a(7, instance=78), a(8, incarnation=2), replace(b(9), instance=5), Stop(1, 78, 0, RUN, True, "go"), a(0))
-    sensed = scene.robot.sense()
-    assert sensed is not None
-    assert sensed.k == 0
-    assert scene.mailbox.refused["stranger"] == 4
-    assert scene.robot.refused == 4
+    scene.tell(a(7, instance=78), a(8, incarnation=2), replace(b(9), instance=5), Stop(1, 78, 0, RUN, True, "go"))
+    scene.tell(Stop(1, 77, 0, NO_RUN, True, ""), a(0))
+    assert scene.sense().k == 0
+    assert scene.mailbox.refused["stranger"] == 5
+    assert scene.robot.refused == 5
     assert not scene.robot.farewell
 
 
@@ -200,7 +196,7 @@ def test_messages_for_another_process_are_counted_and_ignored() -> None:
 def test_it_leaves_when_told_to(orderly: bool) -> None:
     scene = Scene()
     scene.tell(a(0))
-    assert scene.robot.sense() is not None
+    scene.sense()
     scene.tell(Stop(1, 77, 0, RUN, orderly, "because"))
     assert scene.robot.hear() is None
     assert scene.robot.sense() is None
@@ -226,9 +222,6 @@ def test_a_farewell_that_came_before_the_signal_counts() -> None:
     scene.ending.ask("told to by SIGTERM")
     assert scene.robot.sense() is None
     assert (scene.robot.farewell, scene.robot.orderly) == ("the run is over", True)
-
-
-def test_it_leaves_when_its_process_should() -> None:
     scene = Scene()
     scene.ending.ask("told to by SIGTERM")
     assert scene.robot.sense() is None
@@ -271,15 +264,6 @@ def test_without_a_world_it_says_that_it_waits_and_gives_up() -> None:
     assert set(scene.sent) == {HelloReply(1, 77, 0, NO_RUN, "a" * 64)}
 
 
-def test_a_world_that_does_not_greet_is_asked_to() -> None:
-    scene = Scene(greeted=False, patience_s=1.0)
-    scene.world(present=True)
-    scene.mailbox.put(KEYS.tick("r1"), a(0, instance=5))
-    scene.answer = lambda _message: scene.ending.ask("enough")
-    assert scene.robot.sense() is None
-    assert scene.sent == [HelloReply(1, 77, 0, NO_RUN, "a" * 64)]
-
-
 def test_a_world_that_falls_silent_is_asked_whether_we_still_belong() -> None:
     scene = Scene(patience_s=1.0)
     scene.world(present=True)
@@ -309,16 +293,18 @@ def test_a_lost_world_may_come_back_for_a_while() -> None:
 STILL = ReplyB(1, 77, 3, RUN, Reply(Velocity(0.0, 0.0), "holding", None, 1.5, 2))
 
 
-def test_it_stops_when_no_pose_comes_any_more() -> None:
-    scene = Scene(patience_s=10.0, blind_s=2.0)
+@pytest.mark.parametrize(("model", "command"), [("holonomic", Velocity(0.0, 0.0)), ("car", Drive(0.0, 0.0))])
+def test_it_stops_when_no_pose_comes_any_more(model: str, command: Command) -> None:
+    scene = Scene(patience_s=10.0, blind_s=2.0, model=model)
     scene.world(present=True)
     scene.tick(3)
     began = scene.mailbox.time
     scene.tell(b(4))  # what others say is no pose
     scene.end_after(5.0)
     assert scene.robot.sense() is None
-    assert scene.sent.count(STILL) == 1
-    assert scene.times[scene.sent.index(STILL)] - began == pytest.approx(2.0, abs=0.5)
+    still = replace(STILL, reply=replace(STILL.reply, command=command))
+    assert scene.sent.count(still) == 1
+    assert scene.times[scene.sent.index(still)] - began == pytest.approx(2.0, abs=0.5)
 
 
 def test_it_drives_on_in_lockstep_and_has_nothing_to_stop_before_it_has_driven() -> None:
@@ -345,7 +331,7 @@ def test_a_mind_that_cannot_go_on_says_at_which_tick_and_why() -> None:
     scene.robot.stop("too early")
     scene.tick(4)
     scene.tell(a(5))
-    assert scene.robot.sense() is not None
+    scene.sense()
     scene.robot.stop("its policy failed")
     assert scene.sent[0] == Failed(1, 77, 0, RUN, "too early")
     assert scene.last(1) == [Failed(1, 77, 5, RUN, "its policy failed")]
@@ -355,7 +341,7 @@ def test_a_command_that_nobody_reports_on_is_sent_all_the_same() -> None:
     scene = Scene()
     scene.tick(3)
     scene.tell(a(4), b(4))
-    assert scene.robot.sense() is not None
+    scene.sense()
     scene.robot.send((b"frame",))
     assert scene.robot.hear() == []
     scene.robot.act(Velocity(0.5, 0.0))
@@ -376,3 +362,55 @@ def test_it_is_a_clock_for_radios() -> None:
     assert scene.robot.tick() == 6
     assert scene.robot.tick() is None
     assert not scene.robot.decide()
+
+
+# --- messages that a simulated robot refuses -------------------------------------------------------------------------
+
+
+class Wire:
+    """A link on which only the test speaks to the robot."""
+
+    def __init__(self) -> None:
+        self.deliver: dict[str, Callable[[str, Payload], None]] = {}
+
+    def post(self, _key: str) -> Post:
+        return lambda _payload: None
+
+    def subscribe(self, key: str, mailbox: Mailbox[ToRobot | Presence]) -> None:
+        self.deliver[key] = mailbox.deliver
+
+    def watch(self, key: str, mailbox: Mailbox[ToRobot | Presence]) -> None:
+        self.deliver[key] = mailbox.deliver
+
+    def live(self, key: str) -> None:
+        pass
+
+
+@pytest.mark.parametrize(("in_force", "refused"), [((0, 1), 0), ((0, 2), 1)])
+def test_a_zone_that_the_scenario_does_not_have_is_refused(in_force: tuple[int, ...], refused: int) -> None:
+    wire = Wire()
+    robot = join(cast("Link", wire), KEYS, ME, 1, 2, Ending(), 60.0, lambda _waited: None)
+    phase = replace(a(0), sensed=replace(a(0).sensed, zones=in_force))
+    wire.deliver[KEYS.tick("r1")](KEYS.tick("r1"), Bytes(encode(phase)))
+    assert robot.refused == refused
+
+
+def test_a_forged_greeting_does_not_keep_a_robot_from_its_own_world() -> None:
+    """Whoever greets it is answered, and the first who begins a tick has it."""
+    scene = Scene(greeted=False)
+    scene.tell(hello(6), hello(RUN), hello(7))
+    assert scene.tick(0, (b"x",)) == [b"x"]
+    assert [message.run for message in scene.sent[:3]] == [6, RUN, 7]
+    assert scene.mailbox.refused == {}
+    scene.world(present=True)
+    scene.tell(hello(6), replace(a(1), run=6))
+    assert scene.tick(1, (b"x",)) == [b"x"]
+    assert scene.mailbox.refused == {"stranger": 2}
+
+
+def test_greetings_without_end_take_a_bounded_memory() -> None:
+    scene = Scene(greeted=False)
+    for run in range(100, 200):
+        scene.tell(hello(run))
+    scene.tell(hello(RUN))
+    assert scene.tick(0, (b"x",)) == [b"x"]

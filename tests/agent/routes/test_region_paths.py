@@ -23,6 +23,7 @@ from patrol.ground.terrain import Terrain
 from patrol.prepare import Prepared, prepare
 from patrol.regions.split import RegionSplit, split_regions
 from patrol.scenario import Scenario, load_scenario
+from tests.present import present
 
 Bools = NDArray[np.bool_]
 Place = tuple[int, int]
@@ -38,11 +39,8 @@ class Reference:
 
     def from_place(self, start: Place) -> dict[int, float]:
         """Length of the shortest way from a place to each connection that can be reached."""
-        heap = [
-            (math.dist(start, place), number)
-            for number, (place, parts) in enumerate(self.links)
-            if self.parts[start] in parts
-        ]
+        links = enumerate(self.links)
+        heap = [(math.dist(start, place), n) for n, (place, parts) in links if self.parts[start] in parts]
         heapq.heapify(heap)
         found: dict[int, float] = {}
         while heap:
@@ -61,23 +59,28 @@ class Reference:
         if self.parts[start] == self.parts[target]:
             return math.dist(start, target)
         part = self.parts[target]
-        lengths = [
-            away + math.dist(self.links[number][0], target)
-            for number, away in ways.items()
-            if part in self.links[number][1]
-        ]
+        ends = [(away, *self.links[number]) for number, away in ways.items()]
+        lengths = [away + math.dist(place, target) for away, place, parts in ends if part in parts]
         return min(lengths, default=math.inf)
 
 
-def random_ground(seed: int, height: int = 40, width: int = 46) -> tuple[Terrain, Bools]:
-    """A terrain of random boxes, and a body that fits on most of it."""
+def any_place(mask: Bools, seed: int) -> Place:
+    places = np.argwhere(mask)
+    row, col = places[seed % len(places)]
+    return int(row), int(col)
+
+
+def random_ground(seed: int) -> tuple[Terrain, Bools, RegionSplit, Place]:
+    """A terrain of random boxes, where on most of it a body fits, the regions of that, and a start."""
+    height, width = 40, 46
     rng = np.random.default_rng(seed)
     free = np.ones((height, width), dtype=np.bool_)
     for _ in range(rng.integers(0, 12)):
         row, col = rng.integers(0, height), rng.integers(0, width)
         free[row : row + rng.integers(1, 16), col : col + rng.integers(1, 16)] = False
     free[0, 0] = True
-    return Terrain("made", free, 1.0), free & (rng.random(free.shape) > 0.02)
+    terrain, body = Terrain("made", free, 1.0), free & (rng.random(free.shape) > 0.02)
+    return terrain, body, split_regions(terrain, body), any_place(body, seed)
 
 
 def paths_from(terrain: Terrain, body: Bools, split: RegionSplit, start: Place, span: int, *limits: int) -> Regions:
@@ -86,12 +89,6 @@ def paths_from(terrain: Terrain, body: Bools, split: RegionSplit, start: Place, 
     for limit in limits:
         paths.extend(limit)
     return paths
-
-
-def any_place(mask: Bools, seed: int) -> Place:
-    places = np.argwhere(mask)
-    row, col = places[seed % len(places)]
-    return int(row), int(col)
 
 
 def settled(paths: Regions) -> dict[Place, tuple[int, Place]]:
@@ -107,9 +104,7 @@ def settled(paths: Regions) -> dict[Place, tuple[int, Place]]:
 @settings(max_examples=40)
 @given(seed=st.integers(0, 2**32 - 1))
 def test_lengths_are_those_of_the_formula(seed: int) -> None:
-    terrain, body = random_ground(seed)
-    split = split_regions(terrain, body)
-    start = any_place(body, seed)
+    terrain, body, split, start = random_ground(seed)
     reference = Reference(split)
     ways = reference.from_place(start)
     found = settled(paths_from(terrain, body, split, start, 400, 40_000))
@@ -126,9 +121,7 @@ def test_lengths_are_those_of_the_formula(seed: int) -> None:
 @settings(max_examples=30)
 @given(seed=st.integers(0, 2**32 - 1))
 def test_bends_are_the_first_connections_of_shortest_paths(seed: int) -> None:
-    terrain, body = random_ground(seed)
-    split = split_regions(terrain, body)
-    start = any_place(body, seed)
+    terrain, body, split, start = random_ground(seed)
     reference = Reference(split)
     places = {place for place, _ in reference.links}
     for target, (length, bend) in settled(paths_from(terrain, body, split, start, 400, 40_000)).items():
@@ -148,9 +141,7 @@ def test_bends_are_the_first_connections_of_shortest_paths(seed: int) -> None:
 @settings(max_examples=30)
 @given(seed=st.integers(0, 2**32 - 1), first=st.integers(0, 4000), last=st.integers(0, 4000))
 def test_a_limit_settles_just_the_shorter_paths(seed: int, first: int, last: int) -> None:
-    terrain, body = random_ground(seed)
-    split = split_regions(terrain, body)
-    start = any_place(body, seed)
+    terrain, body, split, start = random_ground(seed)
     everything = settled(paths_from(terrain, body, split, start, 400, 40_000))
     limit = max(first, last)
     near = settled(paths_from(terrain, body, split, start, -(-limit // 100), first, limit))
@@ -158,8 +149,7 @@ def test_a_limit_settles_just_the_shorter_paths(seed: int, first: int, last: int
 
 
 def test_who_stands_on_a_connection_is_in_both_regions() -> None:
-    terrain, body = random_ground(3)
-    split = split_regions(terrain, body)
+    terrain, body, split, _ = random_ground(3)
     assert len(split.connections) > 3
     for link in split.connections:
         start = divmod(link.points[0], terrain.width)
@@ -174,8 +164,7 @@ def test_who_stands_on_a_connection_is_in_both_regions() -> None:
 @settings(max_examples=20)
 @given(seed=st.integers(0, 2**32 - 1), count=st.integers(1, 4))
 def test_lengths_from_several_starts_are_the_least_of_each(seed: int, count: int) -> None:
-    terrain, body = random_ground(seed)
-    split = split_regions(terrain, body)
+    terrain, body, split, _ = random_ground(seed)
     starts = [any_place(body, seed + 7919 * number) for number in range(count)]
     ground = Ground(terrain, body)
     paths = Regions(terrain.height, terrain.width, 400, split)
@@ -189,10 +178,8 @@ def test_lengths_from_several_starts_are_the_least_of_each(seed: int, count: int
 
 
 def test_a_start_in_no_region_has_no_paths() -> None:
-    terrain, body = random_ground(5)
-    split = split_regions(terrain, body)
-    other = ~body & terrain.free
-    start = any_place(other, 0)
+    terrain, body, split, _ = random_ground(5)
+    start = any_place(~body & terrain.free, 0)
     assert settled(paths_from(terrain, terrain.free, split, start, 400, 40_000)) == {}
 
 
@@ -200,19 +187,9 @@ def test_a_start_in_no_region_has_no_paths() -> None:
 
 
 def scenario(terrain: str, model: str, ticks: int, seed: int = 7, **options: object) -> Scenario:
-    return load_scenario(
-        {
-            "terrain": {"builtin": terrain},
-            "point": 0.5,
-            "seed": seed,
-            "robots": {"count": 3, "model": model},
-            "duration": 0.5 * ticks,
-            "patrol": {
-                "policy": "potential-field",
-                "options": {"paths": "regions", **options},
-            },
-        }
-    )
+    facts = {"terrain": {"builtin": terrain}, "point": 0.5, "seed": seed, "duration": 0.5 * ticks}
+    patrol = {"policy": "potential-field", "options": {"paths": "regions", **options}}
+    return load_scenario({**facts, "robots": {"count": 3, "model": model}, "patrol": patrol})
 
 
 QUICK = ("yards", "car", "mode"), ("clutter", "holonomic", "vector")
@@ -257,5 +234,4 @@ def test_a_saved_split_gives_the_same_trace(tmp_path: Path) -> None:
     prepared.save(tmp_path)
     ends = [run_in_process(each).journal.end for each in (prepared, Prepared.load(wanted, tmp_path))]
     assert ends[0] is not None
-    assert ends[1] is not None
-    assert ends[0].trace_hash == ends[1].trace_hash
+    assert ends[0].trace_hash == present(ends[1]).trace_hash

@@ -64,18 +64,8 @@ def centre(row: int, col: int) -> tuple[float, float]:
 
 
 @settings(max_examples=80)
-@given(seed=seeds)
-def test_lengths_are_those_of_the_shortest_ways(seed: int) -> None:
-    is_open, (row, col) = grid_of(seed)
-    _, routes = routes_of(is_open)
-    found = routes.lengths(centre(row, col))
-    assert found.shape == is_open.shape
-    assert found == pytest.approx(dijkstra(is_open, row, col) * POINT / 100.0, rel=1e-12)
-
-
-@settings(max_examples=40)
 @given(seed=seeds, within=st.floats(0.0, 8.0))
-def test_within_leaves_out_what_is_farther_and_nothing_else(seed: int, within: float) -> None:
+def test_lengths_are_those_of_the_shortest_ways_and_within_leaves_out_what_is_farther(seed: int, within: float) -> None:
     is_open, (row, col) = grid_of(seed)
     _, routes = routes_of(is_open)
     hundredths = dijkstra(is_open, row, col)
@@ -138,8 +128,7 @@ def test_lengths_belong_to_whoever_asked() -> None:
 def test_a_way_bends_where_the_waves_path_does(seed: int) -> None:
     is_open, (row, col) = grid_of(seed)
     ground, routes = routes_of(is_open)
-    height, width = is_open.shape
-    wave = Wave(height, width, max(height, width))
+    wave = Wave(is_open.shape[0], is_open.shape[1], max(is_open.shape))
     wave.begin(ground, row + 1, col + 1)
     wave.extend(LONGEST)
     settled = np.argwhere(wave.state & STATUS == SETTLED)

@@ -9,6 +9,7 @@ import pytest
 
 from agent.kernels.wave import SETTLED, STATUS
 from agent.routes.ground import Ground
+from agent.routes.path_window import FAR
 from agent.routes.straight import Straight
 from patrol.ground.terrain import Terrain
 
@@ -44,3 +45,17 @@ def test_a_span_beyond_the_terrain_takes_no_more_memory() -> None:
         window.begin(ground, row + 1, col + 1)
         window.extend(10**6)
         assert np.array_equal(window.length[1:-1, 1:-1], np.rint(100.0 * np.hypot(rows - row, cols - col)))
+
+
+def test_lengths_from_several_starts_are_those_of_the_nearest() -> None:
+    rng = np.random.default_rng(4)
+    passable = rng.random((40, 50)) < 0.9
+    starts = [(5, 6), (30, 40), (20, 20)]
+    for row, col in starts:
+        passable[row - 1, col - 1] = True
+    ground, window = Ground(Terrain("t", passable, 0.5), passable), Straight(40, 50, 60, passable)
+    together = window.lengths_from(ground, 20, 20, starts, 6000)
+    alone = [window.lengths_from(ground, 20, 20, [start], 6000) for start in starts]
+    assert np.array_equal(together, np.minimum.reduce(alone))
+    assert together.min() == 0
+    assert (window.lengths_from(ground, 20, 20, [], 6000) == FAR).all()

@@ -43,9 +43,7 @@ def visits_of(ground: Ground) -> Visits:
         ((4.0,), 3.5, True),
     ],
 )
-def test_a_step_leads_back_to_where_a_robot_came_in_and_its_diameter_farther(
-    xs: tuple[float, ...], to_x: float, allowed: bool
-) -> None:
+def test_a_step_leads_back_to_the_entry_and_a_little_farther(xs: tuple[float, ...], to_x: float, allowed: bool) -> None:
     visits = visits_of(ground_of())
     for x in xs:
         visits.note(x, 2.25)

@@ -11,6 +11,7 @@ from patrol.ground.fields import compute_fields
 from patrol.kernels.clearance import label_parts
 from patrol.pose import Pose
 from tests.agent.plans import plan
+from tests.present import present
 
 RADIUS = 0.3
 TERRAIN = plan((6.0, 8.2), (0.0, 0.0, 6.0, 4.0), (0.0, 4.2, 6.0, 8.2), (2.4, 4.0, 3.6, 4.2))
@@ -43,11 +44,9 @@ def test_the_nearest_place_is_beside_the_door_and_keeps_clear_of_one_that_stands
     rows, cols = np.mgrid[: TERRAIN.height, : TERRAIN.width]
     ways = (np.hypot(rows - 3.0 / POINT, cols - 3.0 / POINT) * POINT).astype(np.float32)
     among = REACH & (rows * POINT < 4.0) & (ways > 0.5)
-    first = WAITING.nearest(ways, among, ())
-    assert first is not None
+    first = present(WAITING.nearest(ways, among, ()))
     assert WAITING.lets_others_pass(first, ())
-    second = WAITING.nearest(ways, among, [first])
-    assert second is not None
+    second = present(WAITING.nearest(ways, among, [first]))
     assert np.hypot(first[0] - second[0], first[1] - second[1]) > KEEP_RADII * RADIUS
 
 

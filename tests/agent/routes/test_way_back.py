@@ -19,6 +19,7 @@ from patrol.ground.swept_path import free_fraction
 from patrol.ground.terrain import Terrain
 from patrol.pose import MODELS, Pose
 from tests.agent.plans import Robots, plan, prepared_in
+from tests.present import present
 
 RADIUS = 0.3
 
@@ -42,8 +43,7 @@ def test_on_the_reachable_points_and_beside_them_none_is_needed() -> None:
 
 def test_lengths_grow_into_the_pocket_up_to_a_limit() -> None:
     back = way_back(pocket(8.0))
-    paths = back.paths(5.0, 2.3)
-    assert paths is not None
+    paths = present(back.paths(5.0, 2.3))
     assert paths.length_to(20, 20) == 0
     inside = [paths.length_to(23, col) for col in range(42, 80)]
     assert all(there - here == 100 for here, there in itertools.pairwise(inside))
@@ -59,8 +59,7 @@ def test_from_no_ground_at_all_no_way_leads_back(place: tuple[float, float]) -> 
 
 def test_the_spot_is_reached_in_a_straight_line_and_is_nearer() -> None:
     back, terrain = way_back(pocket(4.0)), pocket(4.0)
-    spot = back.spot(7.0, 2.3)
-    assert spot is not None
+    spot = present(back.spot(7.0, 2.3))
     assert free_fraction(terrain, Pose(7.0, 2.3, 0.0), Pose(*spot, 0.0), RADIUS) >= 1.0
     assert spot[0] < 4.0
 
@@ -72,8 +71,7 @@ def test_where_no_centre_of_a_point_is_free_the_way_that_it_came_is_taken() -> N
     middle = 2.3
     for x in (3.5, 4.5, 5.5):
         back.note(x, middle)
-    spot = back.spot(5.5, middle)
-    assert spot is not None
+    spot = present(back.spot(5.5, middle))
     assert spot[0] < 5.0
 
 

@@ -59,9 +59,8 @@ def test_a_condition_is_its_faults(name: str, faults: list[dict[str, object]]) -
 
 def test_robots_die_within_a_shorter_run() -> None:
     assert [fault["at"] for fault in faults_of("deaths", 600.0)] == [100.0, 366.667]
-    (run,) = plan_of(
-        matrix(policies=(NamedSettings("committed", {}),), teams=(4,), conditions=("deaths",), seeds=(1,))
-    ).runs
+    one = matrix(policies=(NamedSettings("committed", {}),), teams=(4,), conditions=("deaths",), seeds=(1,))
+    (run,) = plan_of(one).runs
     timeline = Timeline(run.scenario)
     assert run.scenario.ticks == 1200
     assert [bool(timeline.acts(k)) for k in (199, 200, 734)] == [False, True, True]
@@ -77,13 +76,8 @@ def test_what_is_no_condition_is_refused(name: str) -> None:
 
 def test_cells_are_all_combinations_that_have_enough_robots() -> None:
     cells = matrix().cells
-    assert {(cell.team, cell.condition) for cell in cells} == {
-        (2, "none"),
-        (2, "loss-50"),
-        (4, "none"),
-        (4, "loss-50"),
-        (4, "deaths"),
-    }
+    tried = {(cell.team, cell.condition) for cell in cells}
+    assert tried == {(2, "none"), (2, "loss-50"), (4, "none"), (4, "loss-50"), (4, "deaths")}
     assert len(cells) == 10
     assert [least_team(name) for name in ("none", "spoof", "loss-90+deaths")] == [1, 2, 3]
     plan = plan_of(matrix())
@@ -101,23 +95,14 @@ def test_cells_are_all_combinations_that_have_enough_robots() -> None:
 def test_policies_may_have_options_and_be_classes() -> None:
     found = read_policies("committed, sebs:g2=50:edge_min=2,./mine.py:Mine:near=4")
     assert [policy.name for policy in found] == ["committed", "sebs:g2=50:edge_min=2", "./mine.py:Mine:near=4"]
-    assert found[1].settings == {
-        "patrol.policy": "sebs",
-        "patrol.options.g2": "50",
-        "patrol.options.edge_min": "2",
-    }
+    assert found[1].settings == {"patrol.policy": "sebs", "patrol.options.g2": "50", "patrol.options.edge_min": "2"}
     assert found[2].settings == {"patrol.policy": "./mine.py:Mine", "patrol.options.near": "4"}
 
 
 def test_terrains_are_built_in_or_maps_and_may_have_a_graph() -> None:
     found = read_terrains("open,maps/plan.yaml,a/here.graph+a/here.yaml,b/here.yaml,few.graph+yards")
-    assert [terrain.name for terrain in found] == [
-        "open",
-        "plan",
-        "a/here.graph+a/here.yaml",
-        "b/here.yaml",
-        "few.graph+yards",
-    ]
+    names = [terrain.name for terrain in found]
+    assert names == ["open", "plan", "a/here.graph+a/here.yaml", "b/here.yaml", "few.graph+yards"]
     assert found[1].settings == {"terrain.map": "maps/plan.yaml"}
     assert found[2].settings == {"terrain.map": "a/here.yaml", "terrain.graph": "a/here.graph"}
     assert found[4].settings == {"terrain.builtin": "yards", "terrain.graph": "few.graph"}
@@ -127,11 +112,7 @@ def test_terrains_are_built_in_or_maps_and_may_have_a_graph() -> None:
     ("read", "text", "says"),
     [
         (read_policies, "sebs,sebs", "--policies: sebs occurs 2 times; name it once"),
-        (
-            read_policies,
-            "sebs,",
-            "--policies 'sebs,': expected names with commas between, such as stochastic,even-tour",
-        ),
+        (read_policies, "sebs,", "'sebs,': expected names with commas between, such as stochastic,even-tour"),
         (read_policies, "sebs:=3", "--policies sebs:=3: =3: expected OPTION=VALUE"),
         (read_policies, "sebs:", "--policies sebs:: expected NAME or NAME:OPTION=VALUE"),
         (read_policies, "g2=3", "--policies g2=3: expected NAME or NAME:OPTION=VALUE"),

@@ -1,36 +1,28 @@
-"""A tiny benchmark in this process: it goes on where it stopped, and its tables hold the numbers of its runs."""
+"""A tiny benchmark in this process: its tables hold the numbers of its runs."""
 
 from __future__ import annotations
 
 import csv
 import io
+from itertools import product
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from experiments.benchmark import markdown
+from experiments.benchmark import results as tables
 from experiments.benchmark.conditions import faults_of
 from experiments.benchmark.matrix import Matrix, plan_of, read_policies, read_terrains
 from experiments.benchmark.page import drawings
 from experiments.benchmark.page import page as html_page
 from experiments.benchmark.presets import PRESETS, beside_published, preset_matrix
-from experiments.benchmark.results import (
-    INTRUDED,
-    LATE,
-    MEASURES,
-    OVER_TOUR,
-    SEEN,
-    BenchmarkResults,
-    cell_rows,
-    policy_table,
-    results_of,
-    run_rows,
-)
 from experiments.sweeps.cases import cases_table
 from experiments.sweeps.runner import SweepOutcome, run_sweep
 from experiments.sweeps.stats import estimate
 from patrol.errors import BadInput
-from tests.experiments.sweeps.test_sweep_runs import Here, Watching
+from tests.experiments.sweeps.test_sweep_runs import Here
+from tests.present import present
 
 TINY = Matrix(
     policies=read_policies("committed,sebs:g2=50"),
@@ -45,55 +37,43 @@ TINY = Matrix(
 
 @pytest.fixture(scope="module")
 def outcome(tmp_path_factory: pytest.TempPathFactory) -> SweepOutcome:
-    """The tiny benchmark, interrupted after three runs and started again."""
-    folder = tmp_path_factory.mktemp("benchmark")
-    with pytest.raises(KeyboardInterrupt):
-        run_sweep(plan_of(TINY), folder, workers=Here(), observer=Watching(3))
-    return run_sweep(plan_of(TINY), folder, workers=Here())
+    return run_sweep(plan_of(TINY), tmp_path_factory.mktemp("benchmark"), workers=Here())
 
 
 @pytest.fixture(scope="module")
-def results(outcome: SweepOutcome) -> BenchmarkResults:
-    return results_of(TINY, outcome)
-
-
-def test_an_interrupted_benchmark_goes_on_where_it_stopped(outcome: SweepOutcome) -> None:
-    assert outcome.made == 5
+def results(outcome: SweepOutcome) -> tables.BenchmarkResults:
     assert not outcome.failed
-    assert len(outcome.results) == 8
+    return tables.results_of(TINY, outcome)
 
 
-def test_there_is_a_line_for_each_run_and_one_for_each_cell(outcome: SweepOutcome, results: BenchmarkResults) -> None:
-    runs = list(csv.DictReader(io.StringIO(run_rows(results).csv())))
-    assert [(run["policy"], run["condition"], run["seed"]) for run in runs] == [
-        (policy, condition, seed)
-        for condition in ("none", "silence")
-        for policy in ("committed", "sebs:g2=50")
-        for seed in "12"
-    ]
+def test_there_is_a_line_for_each_run_and_one_for_each_cell(
+    outcome: SweepOutcome, results: tables.BenchmarkResults
+) -> None:
+    runs = list(csv.DictReader(io.StringIO(tables.run_rows(results).csv())))
+    made = [(run["condition"], run["policy"], run["seed"]) for run in runs]
+    assert made == list(product(("none", "silence"), ("committed", "sebs:g2=50"), "12"))
     by_trace = {result.trace_hash: result for result in outcome.results.values()}
     for run in runs:
         metrics = by_trace[run["trace_hash"]].metrics
-        assert float(run[LATE]) == metrics[LATE]
-        assert float(run[OVER_TOUR]) == pytest.approx(float(run[LATE]) / float(run["best_tour_s"]))
+        assert float(run[tables.LATE]) == metrics[tables.LATE]
+        assert float(run[tables.OVER_TOUR]) == pytest.approx(float(run[tables.LATE]) / float(run["best_tour_s"]))
         assert float(run["intruder_random_25s_percent"]) == metrics["intruder_random_25s_percent"]
-    cells = list(csv.DictReader(io.StringIO(cases_table(cell_rows(results)).csv())))
+    cells = list(csv.DictReader(io.StringIO(cases_table(tables.cell_rows(results)).csv())))
     assert len(cells) == 4
-    expected = estimate([float(run[LATE]) for run in runs[:2]])
-    assert float(cells[0][LATE]) == pytest.approx(expected.mean)
-    assert float(cells[0][f"{LATE}_low"]) == pytest.approx(expected.low)
+    expected = estimate([float(run[tables.LATE]) for run in runs[:2]])
+    assert float(cells[0][tables.LATE]) == pytest.approx(expected.mean)
+    assert float(cells[0][f"{tables.LATE}_low"]) == pytest.approx(expected.low)
     assert cells[0]["command"] == runs[0]["command"]
     assert cells[2]["command"].count("silence") == 1
 
 
-def test_the_tables_show_what_was_seen_where_not_all_was(results: BenchmarkResults) -> None:
+def test_the_tables_show_what_was_seen_where_not_all_was(results: tables.BenchmarkResults) -> None:
     (_, _, cells), _ = results.groups
-    table = policy_table(cells)
-    heads, rows = table.heads, table.rows
-    assert heads == ["policy", "open", "mean fog (s)", "collisions", "attacks of 75 s (%)"]
+    table = tables.policy_table(cells)
+    rows = table.rows
+    assert table.heads == ["policy", "open", "mean fog (s)", "collisions", "attacks of 75 s (%)"]
     assert [row[0] for row in rows] == ["best tour found", "committed", "sebs:g2=50"]
-    share = cells[0].mean(SEEN)
-    assert share is not None
+    share = present(cells[0].mean(tables.SEEN))
     assert share < 1.0, "30 s are too short"
     assert rows[1][1] == f"({100 * share:.2f} % seen)"
     fog = cells[0].row.metrics["fog_mean_s"]
@@ -105,19 +85,17 @@ def test_the_tables_show_what_was_seen_where_not_all_was(results: BenchmarkResul
     assert f"| `committed` | {rows[1][1]} | {rows[1][2]} | " in text
 
 
-def test_attacks_longer_than_the_run_are_none(results: BenchmarkResults) -> None:
-    assert all(result.mean(INTRUDED) is None for result in results.cells)
+def test_attacks_longer_than_the_run_are_none(results: tables.BenchmarkResults) -> None:
+    assert all(result.mean(tables.INTRUDED) is None for result in results.cells)
     assert all(0.0 <= (result.mean("intruder_random_25s_percent") or 0.0) <= 100.0 for result in results.cells)
     drawn = [drawing.name for drawing in drawings(TINY, results)]
-    assert drawn[:2] == ["attacks", f"dots-{LATE}"], "no figure shows attacks of 75 s"
-    assert f"dots-{INTRUDED}" not in drawn
+    assert drawn[:2] == ["attacks", f"dots-{tables.LATE}"], "no figure shows attacks of 75 s"
+    assert f"dots-{tables.INTRUDED}" not in drawn
 
 
+WAYS = [[f"{n} {way} 10" for n, way in ((v - 1, "W"), (v + 1, "E")) if 0 <= n < 40] for v in range(40)]
 GRAPH = "40 688 499 0.075 0 0\n" + "\n".join(
-    f"{vertex} {20 + 10 * vertex} 100 {1 if vertex in (0, 39) else 2}"
-    + (f" {vertex - 1} W 10" if vertex else "")
-    + (f" {vertex + 1} E 10" if vertex < 39 else "")
-    for vertex in range(40)
+    f"{vertex} {20 + 10 * vertex} 100 {len(ways)} {' '.join(ways)}" for vertex, ways in enumerate(WAYS)
 )
 """A graph with as many vertices as that of cumberland."""
 
@@ -138,8 +116,7 @@ def test_presets_set_the_published_conditions(files: tuple[Path, Path]) -> None:
     assert settings["robots.speed"] == 0.52
     assert settings["terrain.graph"] == {"file": str(files[1]), "visit": 0.25}
     assert settings["radio.forget_after"] == "30"
-    faults = settings["faults"]
-    assert isinstance(faults, list)
+    faults: Any = settings["faults"]
     assert [(fault["kind"], fault.get("at")) for fault in faults] == [("loss", None), ("kill", 300.0), ("kill", 1100.0)]
     settings = preset_matrix("m2bench", read_policies("sebs"), (1,), *files, {}).cells[0].settings
     assert (settings["duration"], settings["robots.count"], settings["robots.speed"]) == (500.0, 6, 1.0)
@@ -166,10 +143,10 @@ def test_a_preset_says_where_its_files_come_from(files: tuple[Path, Path], tmp_p
         preset_matrix("magec", policies, (1,), *files, {})
 
 
-def test_published_numbers_stand_beside_ours(results: BenchmarkResults) -> None:
+def test_published_numbers_stand_beside_ours(results: tables.BenchmarkResults) -> None:
     table = beside_published(PRESETS["m2bench"], results.cells)
-    heads, rows = table.heads, table.rows
-    assert heads[:5] == ["theirs", "condition", "ours", "WI (s) theirs", "WI (s) ours"]
+    rows = table.rows
+    assert table.heads[:5] == ["theirs", "condition", "ours", "WI (s) theirs", "WI (s) ours"]
     by_system = {row[0]: row for row in rows}
     assert by_system["SEBS"][2:5] == ["sebs", "199.4", "-"], "sebs:g2=50 is another policy"
     assert ["-", "silence", "sebs:g2=50"] in [row[:3] for row in rows]
@@ -181,4 +158,4 @@ def test_published_numbers_stand_beside_ours(results: BenchmarkResults) -> None:
     shown = html_page(TINY, results, [], command="fogwatch benchmark", preset=PRESETS["m2bench"])
     assert "terrain.patrolled: vertices" in shown
     assert "`" not in shown
-    assert MEASURES[0].metric == LATE
+    assert tables.MEASURES[0].metric == tables.LATE

@@ -8,24 +8,18 @@ from pathlib import Path
 import pytest
 
 from experiments.faults.cost import VARIANTS
-from fogwatch.cli.app import app
-from fogwatch.cli.ending import guarded
+from tests.experiments.commands.conftest import Command, output, refuses
 
+FAULTS = ("reproduce", "faults")
 SMALL = ("--terrain", "open", "--point", "2", "--robots", "2", "--duration", "20", "--seeds", "2", "--workers", "1")
 
 
-def reproduce(*words: str) -> int:
-    return guarded(lambda: app(["reproduce", "faults", *words], standalone_mode=False))
-
-
 @pytest.mark.processes
-def test_the_page_tells_everything_and_a_second_start_makes_no_run(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_page_tells_everything_and_a_second_start_makes_no_run(tmp_path: Path, run: Command) -> None:
     out = tmp_path / "faults"
-    words = (*SMALL, "--only", "loss: 50 % lost,silence: total silence", "--out", str(out))
-    assert reproduce(*words) == 0
-    assert "12 runs made in " in capsys.readouterr().out
+    words = (*FAULTS, *SMALL, "--only", "loss: 50 % lost,silence: total silence", "--out", str(out))
+    said = output(run(*words))
+    assert "12 runs made in " in said
     page = (out / "faults.md").read_text(encoding="utf-8")
     for variant in VARIANTS:
         assert f"| total silence | {variant} | " in page
@@ -40,31 +34,21 @@ def test_the_page_tells_everything_and_a_second_start_makes_no_run(
     for name in ("loss.png", "loss.svg", "costs.png", "costs.svg"):
         assert f"![{name}]({name})" in page or name.endswith(".svg")
         assert (out / name).stat().st_size > 1000
-    assert reproduce(*words) == 0
-    assert "0 runs made in " in capsys.readouterr().out
+    assert "0 runs made in " in run(*words).out
 
 
 @pytest.mark.parametrize(
     ("words", "says"),
     [
-        (("--only", "silense"), "--only silense: no such group or condition; did you mean silence"),
         (("--set", "point=1"), "--set point: the experiment sets this field"),
         (("--set", "patrol.policy=committed"), "--set patrol.policy: the experiment sets this field"),
-        (
-            ("--set", "patrol.options.separation=none"),
-            "--set patrol.options.separation: the experiment sets this field",
-        ),
+        (("--set", "patrol.options.separation=none"), "--set patrol.options.separation: the experiment sets this"),
         (("--seeds", "0"), "seeds = 0"),
         (("--terrain", "yard"), "yards"),
         (("--robots", "0"), "robots"),
         (("--duration", "-5"), "duration"),
     ],
 )
-def test_what_makes_no_sense_is_refused_in_one_line(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], words: tuple[str, ...], says: str
-) -> None:
-    assert reproduce(*words, "--out", str(tmp_path / "faults")) == 2
-    err = capsys.readouterr().err
-    assert says in err
-    assert len(err.splitlines()) == 1
+def test_nonsense_is_refused_in_one_line(tmp_path: Path, run: Command, words: tuple[str, ...], says: str) -> None:
+    refuses(run(*FAULTS, *words, "--out", "faults"), says)
     assert not (tmp_path / "faults").exists()

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -18,13 +17,12 @@ from experiments.intruders.report_section import MovingIntruder
 from monitor.replay.replay import Replay
 from monitor.replay.run import open_run
 from patrol.errors import BadInput
+from tests.experiments.commands.conftest import Command, output, refuses
 
+GRAPH = {"vertices": [[10, 10], [30, 10], [60, 60]], "edges": [[0, 1, 20], [1, 2, 60]]}
 SCENARIO = {
     "name": "watched",
-    "terrain": {
-        "builtin": "open",
-        "graph": {"vertices": [[10, 10], [30, 10], [60, 60]], "edges": [[0, 1, 20], [1, 2, 60]]},
-    },
+    "terrain": {"builtin": "open", "graph": GRAPH},
     "point": 1.0,
     "duration": 60,
     "robots": {"count": 2, "model": "holonomic", "starts": [[10, 10], [50, 44]]},
@@ -37,15 +35,11 @@ def ran(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return fogwatch.run(SCENARIO, out=tmp_path_factory.mktemp("run") / "watched", picture=False).folder
 
 
-def test_it_prints_the_shares_of_each_intruder(
-    ran: Path, command: Callable[..., int], capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert command("intruder", ran, "--attacks", "2,10") == 0
-    said = capsys.readouterr().out
+def test_it_prints_the_shares_of_each_intruder(ran: Path, run: Command) -> None:
+    said = output(run("intruder", ran, "--attacks", "2,10"))
     assert "points of the ground" in said
     assert "3 vertices of the graph" in said
-    assert command("intruder", ran, "--attacks", "2,10", "--json") == 0
-    games = json.loads(capsys.readouterr().out)
+    games = json.loads(output(run("intruder", ran, "--attacks", "2,10", "--json")))
     assert [share["attack_s"] for share in games["ground"]] == [2.0, 10.0]
     assert games["vertices"] == 3
     # Longer attacks succeed less often.
@@ -66,16 +60,12 @@ def test_points_are_seen_when_they_are_in_view(ran: Path) -> None:
     assert found.random == pytest.approx(expected)
 
 
-def test_the_learned_intruder_plays_where_it_is_asked_to(
-    ran: Path, command: Callable[..., int], capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_learned_intruder_plays_where_it_is_asked_to(ran: Path, run: Command) -> None:
     options = ("--attacks", "2,25", "--learned", "--horizon", "30,60", "--trials", "2")
-    assert command("intruder", ran, *options) == 0
-    shown = capsys.readouterr().out
+    shown = output(run("intruder", ran, *options))
     assert "learned" in shown
     assert "2 trials" in shown
-    assert command("intruder", ran, *options, "--json") == 0
-    games = json.loads(capsys.readouterr().out)
+    games = json.loads(output(run("intruder", ran, *options, "--json")))
     for outcomes in (games["learned_ground"], games["learned_nodes"]):
         assert [(each["horizon_s"], each["attack_s"]) for each in outcomes] == [(30, 2), (30, 25), (60, 2), (60, 25)]
         assert outcomes[1]["success"] is None
@@ -96,18 +86,13 @@ def watched(tmp_path_factory: pytest.TempPathFactory) -> Path:
 MOVING = ("--within", "20", "--stay", "5", "--speed", "4", "--attempts", "20")
 
 
-def test_the_moving_intruder_gets_a_table_of_its_own(
-    watched: Path, command: Callable[..., int], capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert command("intruder", watched, *MOVING, "--depth", "15") == 0
-    shown = capsys.readouterr().out
+def test_the_moving_intruder_gets_a_table_of_its_own(watched: Path, run: Command) -> None:
+    shown = output(run("intruder", watched, *MOVING, "--depth", "15"))
     assert "a moving intruder gets in, 20 attempts" in shown
     assert "gain of watching" in shown
     assert "targets at least 15 m inside, points of 2 m" in shown
-    assert (
-        command("intruder", watched, *MOVING, "--again", "--entries", "0,0 99,0 99,9", "--zone", "vault", "--json") == 0
-    )
-    moving = json.loads(capsys.readouterr().out)["moving"]
+    where = ("--again", "--entries", "0,0 99,0 99,9", "--zone", "vault", "--json")
+    moving = json.loads(output(run("intruder", watched, *MOVING, *where)))["moving"]
     assert set(moving["once"]) == {"future", "similar", "each", "picture", "blind"}
     assert set(moving["again"]) == {"similar", "each"}
     shares = [*moving["once"].values(), *moving["again"].values()]
@@ -121,11 +106,8 @@ def test_the_moving_intruder_gets_a_table_of_its_own(
         fogwatch.load(watched).infiltration(depth=3.0)
 
 
-def test_an_intruder_with_the_code_simulates_the_run(
-    watched: Path, command: Callable[..., int], capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert command("intruder", watched, *MOVING[:-1], "2", "--code") == 0
-    shown = capsys.readouterr().out
+def test_an_intruder_with_the_code_simulates_the_run(watched: Path, run: Command) -> None:
+    shown = output(run("intruder", watched, *MOVING[:-1], "2", "--code"))
     assert "has the scenario and the code" in shown
     settings: dict[str, Any] = {"within_s": 20.0, "stay_s": 5.0, "speed": 4.0, "attempts": 2}
     played = fogwatch.load(watched).infiltration(code=True, **settings)
@@ -152,18 +134,7 @@ def test_a_report_shows_an_attempt_that_succeeds_and_one_that_does_not(watched: 
         (["--within", "5"], "--stay 10: does not fit into 5 s"),
         (["--entries", "0,0 9,9"], "--entries 0,0 9,9: expected edge, doors, or three corners or more"),
         (["--zone", "hall"], "zone hall: there is no such zone; this scenario has none"),
-    ],
-)
-def test_moving_intruders_that_cannot_be_are_one_line(
-    ran: Path, command: Callable[..., int], capsys: pytest.CaptureFixture[str], options: list[str], message: str
-) -> None:
-    assert command("intruder", ran, *options) == (2 if options else 0)
-    assert message in capsys.readouterr().err
-
-
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
+        *((["--attacks", attacks], "expected seconds above 0") for attacks in ("", "x", "5,-1", "nan", "1e9")),
         (["--horizon", "30"], "--horizon 30: only the learned intruder has it; add --learned"),
         (["--trials", "5"], "--trials 5: only the learned intruder has it; add --learned"),
         (["--learned", "--horizon", "30,-1"], "--horizon 30,-1: expected seconds above 0"),
@@ -171,36 +142,22 @@ def test_moving_intruders_that_cannot_be_are_one_line(
         (["--learned", "--horizon", "30,90"], "horizon of 90 s: the run has only 60 s; choose a shorter horizon"),
     ],
 )
-def test_options_of_the_learned_intruder_that_cannot_be_are_one_line(
-    ran: Path, command: Callable[..., int], capsys: pytest.CaptureFixture[str], options: list[str], message: str
-) -> None:
-    assert command("intruder", ran, *options) == 2
-    assert message in capsys.readouterr().err
+def test_intruders_that_cannot_be_are_one_line(ran: Path, run: Command, options: list[str], message: str) -> None:
+    said = run("intruder", ran, *options)
+    assert said.code == (2 if options else 0)
+    assert message in said.err
 
 
-def test_without_a_graph_the_vertices_are_those_made_from_the_ground(
-    tmp_path: Path, command: Callable[..., int], capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_without_a_graph_the_vertices_are_those_made_from_the_ground(tmp_path: Path, run: Command) -> None:
     scenario = {**SCENARIO, "terrain": {"builtin": "open"}, "duration": 10}
     folder = fogwatch.run(scenario, out=tmp_path / "no-graph", picture=False).folder
-    assert command("intruder", folder, "--json") == 0
-    assert json.loads(capsys.readouterr().out)["vertices"] == open_run(folder).prepared.graph.size > 3
+    assert json.loads(output(run("intruder", folder, "--json")))["vertices"] == open_run(folder).prepared.graph.size > 3
 
 
-@pytest.mark.parametrize("attacks", ["", "x", "5,-1", "nan", "1e9"])
-def test_durations_that_cannot_be_are_one_line(
-    ran: Path, command: Callable[..., int], capsys: pytest.CaptureFixture[str], attacks: str
-) -> None:
-    assert command("intruder", ran, "--attacks", attacks) == 2
-    assert "expected seconds above 0" in capsys.readouterr().err
-
-
-def test_the_tables_of_patrolling_sim_are_written(
-    ran: Path, command: Callable[..., int], capsys: pytest.CaptureFixture[str], tmp_path: Path
-) -> None:
+def test_the_tables_of_patrolling_sim_are_written(ran: Path, run: Command, tmp_path: Path) -> None:
     """Robot 1 begins on vertex 0; the tables agree with the summary."""
-    assert command("report", ran, "--out", tmp_path / "report.html", "--csv", tmp_path / "tables") == 0
-    assert "idleness.csv, timeresults.csv, info.csv" in capsys.readouterr().out
+    shown = output(run("report", ran, "--out", tmp_path / "report.html", "--csv", tmp_path / "tables"))
+    assert "idleness.csv, timeresults.csv, info.csv" in shown
     nodes = json.loads((ran / "summary.json").read_text(encoding="utf-8"))["nodes"]
     visits, times, info = (
         [line.split(";") for line in (tmp_path / "tables" / f"{name}.csv").read_text(encoding="utf-8").splitlines()]
@@ -221,9 +178,8 @@ def test_the_tables_of_patrolling_sim_are_written(
     assert info[0][19] == str(len(visits) - 1)
 
 
-def test_tables_need_a_graph(command: Callable[..., int], capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+def test_tables_need_a_graph(run: Command, tmp_path: Path) -> None:
     scenario = {"terrain": {"builtin": "open"}, "point": 1.0, "duration": 1}
     folder = fogwatch.run(scenario, out=tmp_path / "run", picture=False).folder
-    assert command("report", folder, "--csv", tmp_path / "tables") == 2
-    assert "has no terrain.graph" in capsys.readouterr().err
+    refuses(run("report", folder, "--csv", tmp_path / "tables"), "has no terrain.graph")
     assert not (tmp_path / "tables").exists()

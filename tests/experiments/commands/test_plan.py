@@ -1,17 +1,19 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 from PIL import Image
 
 from patrol.measures.best_tour import best_tour
 from patrol.prepare import prepare
 from patrol.process.lifeline import Ending
 from patrol.scenario import load_scenario
+from tests.experiments.commands.conftest import Command, output, refuses
+from tests.ring import write_cells
 
 BODY = ["--model", "holonomic", "--radius", "0.3", "--speed", "1", "--point", "0.5", "--sensor-range", "4"]
 
@@ -26,21 +28,20 @@ def signals_are_left_alone(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.fixture
 def rooms(tmp_path: Path) -> str:
     """A map of two rooms of 10 x 10 m with a door 2 m wide."""
-    free = np.full((22, 43), 254, dtype=np.uint8)
-    free[[0, -1]] = free[:, [0, 21, -1]] = 0
-    free[9:13, 21] = 254
-    Image.fromarray(free).save(tmp_path / "rooms.png")
-    says = "image: rooms.png\nresolution: 0.5\norigin: [0, 0, 0]\nnegate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.2\n"
-    (tmp_path / "rooms.yaml").write_text(says)
-    return str(tmp_path / "rooms.yaml")
+    return str(write_cells(tmp_path, "rooms", walls()))
 
 
-def test_a_quick_plan_has_tours_and_pictures_and_simulates_nothing(
-    rooms: str, fogwatch: Callable[..., int], capsys: pytest.CaptureFixture[str], tmp_path: Path
-) -> None:
-    assert fogwatch("plan", rooms, "--robots", "1-3", "--quick", *BODY) == 0
+def walls(door: bool = True) -> NDArray[np.bool_]:
+    occupied = np.zeros((22, 43), dtype=np.bool_)
+    occupied[[0, -1]] = occupied[:, [0, 21, -1]] = True
+    occupied[9:13, 21] = not door
+    return occupied
+
+
+def test_a_quick_plan_has_tours_and_pictures_and_simulates_nothing(rooms: str, run: Command, tmp_path: Path) -> None:
+    shown = run("plan", rooms, "--robots", "1-3", "--quick", *BODY)
+    assert shown.code == 0
     folder = tmp_path / "runs" / "plan-rooms"
-    shown = capsys.readouterr()
     assert "files: runs/plan-rooms" in shown.out
     assert "3 robots: tours ..." in shown.err
     drawn = {"curve.png", "curve.svg", "tour.png", "territories.png"}
@@ -61,24 +62,19 @@ def test_a_quick_plan_has_tours_and_pictures_and_simulates_nothing(
         assert size["simulated"] is None
 
 
-def test_a_plan_says_for_how_much_of_the_time_robots_with_a_battery_patrol(
-    rooms: str, fogwatch: Callable[..., int], capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_plan_says_for_how_much_of_the_time_robots_with_a_battery_patrol(rooms: str, run: Command) -> None:
     docks = ["--set", "docks=[{place: [2, 2]}]"]
     battery = ["--set", "robots.battery={capacity: 30, idle: 10, drive: 30, charge: 130}"]
     for given, said in ((battery, False), ([*docks, *battery], True)):
-        assert fogwatch("plan", rooms, "--robots", "3", "--quick", *BODY, *given, "--out", f"plan-{said}") == 0
+        shown = output(run("plan", rooms, "--robots", "3", "--quick", *BODY, *given, "--out", f"plan-{said}"))
         # 120 W to charge, 40 W on patrol.
         line = "batteries: on patrol for 75 % of the time; of 3 robots, 2 at a time"
-        assert (line in capsys.readouterr().out) is said
+        assert (line in shown) is said
 
 
-def test_a_plan_names_the_number_of_robots_and_its_scenarios_repeat_the_runs(
-    rooms: str, fogwatch: Callable[..., int], capsys: pytest.CaptureFixture[str], tmp_path: Path
-) -> None:
+def test_a_plan_names_a_number_and_its_scenarios_repeat_the_runs(rooms: str, run: Command, tmp_path: Path) -> None:
     out = tmp_path / "plan"
-    assert fogwatch("plan", rooms, "--age", "40", "--duration", "120", "--seeds", "2", *BODY, "--out", str(out)) == 0
-    shown = capsys.readouterr().out
+    shown = output(run("plan", rooms, "--age", "40", "--duration", "120", "--seeds", "2", *BODY, "--out", str(out)))
     facts = json.loads((out / "plan.json").read_text())
     chosen = next(size for size in facts["sizes"] if size["robots"] == facts["robots"])
     assert chosen["simulated"]["keeps"] is True
@@ -94,15 +90,14 @@ def test_a_plan_names_the_number_of_robots_and_its_scenarios_repeat_the_runs(
         again = tmp_path / f"again{file}"
         scenario = str(out / f"robots-{facts['robots']}{file}.yaml")
         options = ["--in-process", "--quiet", "--no-picture", "--no-recording", "--no-report"]
-        assert fogwatch("run", scenario, *options, "--out", str(again)) == 0
+        output(run("run", scenario, *options, "--out", again))
         assert json.loads((again / "summary.json").read_text())["trace_hash"] == chosen[key]["trace_hash"]
 
 
-def test_an_age_that_no_number_keeps_is_told_with_a_remedy(
-    rooms: str, fogwatch: Callable[..., int], capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert fogwatch("plan", rooms, "--age", "1", "--robots", "1-2", "--quick", *BODY) == 1
-    assert "answer: none of these numbers of robots keeps 1 s" in capsys.readouterr().out
+def test_an_age_that_no_number_keeps_is_told_with_a_remedy(rooms: str, run: Command) -> None:
+    said = run("plan", rooms, "--age", "1", "--robots", "1-2", "--quick", *BODY)
+    assert said.code == 1
+    assert "answer: none of these numbers of robots keeps 1 s" in said.out
 
 
 @pytest.mark.parametrize(
@@ -116,40 +111,31 @@ def test_an_age_that_no_number_keeps_is_told_with_a_remedy(
         (["--age", "9", "--out", "taken"], "--out taken: is not an empty folder"),
     ],
 )
-def test_what_cannot_be_planned_is_refused(
-    words: list[str], message: str, fogwatch: Callable[..., int], capsys: pytest.CaptureFixture[str], tmp_path: Path
-) -> None:
+def test_what_cannot_be_planned_is_refused(words: list[str], message: str, run: Command, tmp_path: Path) -> None:
     (tmp_path / "taken").write_text("a file")
-    assert fogwatch("plan", "yards", *words) == 2
-    assert message in capsys.readouterr().err
+    refuses(run("plan", "yards", *words), message)
 
 
-def test_an_interrupted_plan_leaves_nothing(
-    rooms: str, fogwatch: Callable[..., int], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
+def test_an_interrupted_plan_is_gone(rooms: str, run: Command, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     def interrupt(*_: object, **__: object) -> None:
         raise KeyboardInterrupt
 
     monkeypatch.setattr("experiments.plan.plan.run_in_process", interrupt)
-    assert fogwatch("plan", rooms, "--robots", "1", *BODY) == 130
+    assert run("plan", rooms, "--robots", "1", *BODY).code == 130
     assert not (tmp_path / "runs").exists()
 
 
-def test_ground_without_a_way_to_it_is_named_in_plan_and_scenario_check(
-    rooms: str, fogwatch: Callable[..., int], capsys: pytest.CaptureFixture[str], tmp_path: Path
-) -> None:
-    with Image.open(tmp_path / "rooms.png") as image:
-        free = np.asarray(image).copy()
-    free[:, 21] = 0
-    Image.fromarray(free).save(tmp_path / "rooms.png")
+def test_ground_without_a_way_to_it_is_named_in_plan_and_check(rooms: str, run: Command, tmp_path: Path) -> None:
+    write_cells(tmp_path, "rooms", walls(door=False))
     words = "left out: 100 m² of free ground, which no robot sees; it is around (15.75, 5.25), walled off"
-    assert fogwatch("plan", rooms, "--robots", "1", "--quick", *BODY) == 0
-    shown = capsys.readouterr()
+    shown = run("plan", rooms, "--robots", "1", "--quick", *BODY)
+    assert shown.code == 0
     assert words in " ".join(shown.out.split())
     before, _, _ = shown.err.partition("1 robot: tours ...")  # before anything is computed
     assert f"warning: {words}" in before
     assert shown.err.count("warning: left out") == 1
     (size,) = json.loads((tmp_path / "runs" / "plan-rooms" / "plan.json").read_text())["sizes"]
     assert size["left_out"]["area_m2"] == 100.0
-    assert fogwatch("scenario", "check", rooms, "--set", "robots.radius=0.3", "--set", "robots.model=holonomic") == 0
-    assert "warning: left out: 100 m² of free ground" in capsys.readouterr().out
+    assert "warning: left out: 100 m² of free ground" in output(
+        run("scenario", "check", rooms, "--set", "robots.radius=0.3", "--set", "robots.model=holonomic")
+    )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 import shlex
 import subprocess
@@ -14,20 +15,17 @@ import pytest
 from PIL import Image
 from typer.main import get_command
 
+from experiments.commands import reproduce as studies
 from experiments.commands.reproduce import site_figures
 from fogwatch.cli.app import app
-from fogwatch.cli.ending import guarded
+from tests.experiments.commands.conftest import Command, output, refuses
 
 DOCS = Path(__file__).parents[3] / "docs"
 PICTURE = re.compile(r"(?:!\[[^\]]*\]\(|\bsrc=\"|\bsrcset=\")([^)\"\s]+\.(?:png|svg|webp|gif))")
 
 MADE_BY = re.compile(r"Made by `([^`]*)`|^    (fogwatch [^#\n]*?) *(?:#.*)?$", re.MULTILINE)
 AS_MEASURED = " --set patrol.random_move_for=holonomic"
-"""What a page of faults says must be added today."""
-
-
-def reproduce(*words: str) -> int:
-    return guarded(lambda: app(["reproduce", *words], standalone_mode=False))
+"""An addition that a page of faults says is needed today."""
 
 
 def pictures_of_documents() -> set[Path]:
@@ -63,9 +61,8 @@ def test_the_commands_are_those_that_the_pages_name() -> None:
         assert whole in recorded
 
 
-def test_the_list_has_times_and_commands(capsys: pytest.CaptureFixture[str]) -> None:
-    assert reproduce() == 0
-    lines = capsys.readouterr().out.splitlines()
+def test_the_list_has_times_and_commands(run: Command) -> None:
+    lines = output(run("reproduce")).splitlines()
     assert "paper: 4.2 h: fogwatch reproduce table --seeds 5" in lines
     assert len(lines) == len(site_figures())
     root: Any = get_command(app)
@@ -80,9 +77,8 @@ def test_the_list_has_times_and_commands(capsys: pytest.CaptureFixture[str]) -> 
         (("page", "--out", "/dev/null/x"), "--out /dev/null/x: Not a directory; choose another folder"),
     ],
 )
-def test_bad_input_is_one_line(words: tuple[str, ...], says: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert reproduce(*words) == 2
-    assert says in capsys.readouterr().err
+def test_bad_input_is_one_line(words: tuple[str, ...], says: str, run: Command) -> None:
+    refuses(run("reproduce", *words), says)
 
 
 @pytest.mark.processes
@@ -97,3 +93,62 @@ def test_the_pictures_of_the_rules_come_out_the_same(tmp_path: Path) -> None:
         with Image.open(path) as old, Image.open(tmp_path / "new" / name) as new:
             differs = np.abs(np.asarray(old.convert("RGB"), dtype=np.int16) - np.asarray(new.convert("RGB"), np.int16))
         assert differs.mean() < 1.0, f"{name} differs by more than fonts and smoothing"
+
+
+# --- documented numbers are measured again, and those that have changed are named ------------------------------------
+
+
+PAGE = "| no limit | 50.4 ± 0.9 |\n| slow |\n60 s in\n the mean |\n"
+NO_LIMIT = r"no limit \| ([\d.]+) ± ([\d.]+)"
+
+
+@pytest.fixture(name="clone")
+def make_clone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    (tmp_path / "docs" / "results").mkdir(parents=True)
+    (tmp_path / "docs" / "results" / "radio.md").write_text(PAGE)
+    (tmp_path / "measured.json").write_text(json.dumps({"mfow": [30.6, 51.2], "share": 0.55}))
+    monkeypatch.setattr(studies, "CLONE", tmp_path)
+    return tmp_path
+
+
+def samples(clone: Path, *given: dict[str, object]) -> None:
+    common = {"commands": ["json.tool {clone}/measured.json"]}
+    content = {"pages": {"radio": [{**common, **sample} for sample in given]}, "unsampled": {"speed": "times"}}
+    (clone / "docs" / "results" / "samples.json").write_text(json.dumps(content))
+
+
+def test_a_number_beyond_its_interval_is_named(clone: Path, run: Command) -> None:
+    samples(clone, {"says": NO_LIMIT, "value": "stdout:mfow.0"}, {"says": NO_LIMIT, "value": "stdout:mfow.1"})
+    said = run("reproduce", "check")
+    assert said.code == 1
+    changed, same, count = said.out.splitlines()
+    assert changed.startswith("changed docs/results/radio.md: 50.4 (within 0.95), now 30.6: json.tool ")
+    assert same.startswith("same    docs/results/radio.md: 50.4 (within 0.95), now 51.2: ")
+    assert count == "1 of 2 numbers have changed"
+
+
+def test_without_an_interval_a_tenth_or_the_samples_own_counts(clone: Path, run: Command) -> None:
+    slow = {"says": r"(\d+) s in the mean", "value": "stdout:share", "scale": 100}
+    samples(clone, slow)
+    assert "60 (within 6.5), now 55" in output(run("reproduce", "check", "radio"))
+    samples(clone, {**slow, "within": 1})
+    assert run("reproduce", "check", "radio").code == 1
+
+
+@pytest.mark.parametrize(
+    ("sample", "words", "says"),
+    [
+        ({"says": "no such ([0-9]+)", "value": "stdout:share"}, [], "docs/results/radio.md: has no text like no such"),
+        ({"says": NO_LIMIT, "value": "stdout:nothing"}, [], "radio: stdout:nothing: no number there"),
+        ({"says": NO_LIMIT, "value": "x:y", "commands": ["json.tool nowhere"]}, [], "json.tool nowhere: exit code"),
+        ({"says": NO_LIMIT, "value": "stdout:share"}, ["speed"], "speed: has no sample: times"),
+        ({"says": NO_LIMIT, "value": "stdout:share"}, ["radios"], "radios: no such page; did you mean radio?"),
+    ],
+)
+def test_what_cannot_be_checked_is_one_line(
+    clone: Path, sample: dict[str, object], words: list[str], says: str, run: Command
+) -> None:
+    samples(clone, sample)
+    said = run("reproduce", "check", *words)
+    assert said.code == 2
+    assert says in said.err.splitlines()[-1]

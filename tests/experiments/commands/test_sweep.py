@@ -12,6 +12,7 @@ import sys
 from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -25,25 +26,14 @@ from experiments.sweeps.plan import Run, read_plan
 from experiments.sweeps.progress import SweepProgress
 from experiments.sweeps.results import RunResult
 from experiments.sweeps.stats import Estimate
-from fogwatch.cli.app import main
 from fogwatch.cli.ending import guarded
 from patrol.errors import BadInput
+from tests.experiments.commands.conftest import Command, output, refuses
 
-TWENTY_FOUR: dict[str, Any] = {
-    "base": {
-        "terrain": {"builtin": "yards"},
-        "point": 1,
-        "duration": 20,
-        "robots": {"count": 2, "model": "holonomic"},
-        "patrol": {"policy": "potential-field"},
-    },
-    "grid": {
-        "patrol.options.direction": ["mode", "vector"],
-        "robots.count": [1, 2, 3],
-        "patrol.options.dilatation": [0, 3],
-    },
-    "seeds": 2,
-}
+ROBOTS, PATROL = {"count": 2, "model": "holonomic"}, {"policy": "potential-field"}
+BASE = {"terrain": {"builtin": "yards"}, "point": 1, "duration": 20, "robots": ROBOTS, "patrol": PATROL}
+OPTIONS = {"robots.count": [1, 2, 3], "patrol.options.dilatation": [0, 3]}
+TWENTY_FOUR = {"base": BASE, "grid": {"patrol.options.direction": ["mode", "vector"], **OPTIONS}, "seeds": 2}
 
 
 def write(folder: Path, says: dict[str, Any]) -> Path:
@@ -84,27 +74,11 @@ def numbers(found: list[dict[str, Any]]) -> dict[str, Any]:
     return {one["key"]: (one["case"], one["seed"], one["outcome"], one["metrics"], one["trace_hash"]) for one in found}
 
 
-def run(capsys: pytest.CaptureFixture[str], *words: str) -> tuple[int, str, str]:
-    """A command in this process: exit code, output, errors."""
-    sys.argv = ["fogwatch", *words]
-    code = main()
-    said = capsys.readouterr()
-    return code, said.out, said.err
-
-
-@pytest.fixture(autouse=True)
-def own_arguments(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(sys, "argv", sys.argv)
-    monkeypatch.setenv("COLUMNS", "200")
-
-
 @pytest.mark.processes
-def test_a_sweep_killed_on_its_way_makes_only_the_runs_that_are_missing(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_sweep_killed_on_its_way_makes_only_the_runs_that_are_missing(tmp_path: Path, run: Command) -> None:
     def lasting(*durations: int) -> dict[str, Any]:
-        directions, *others = TWENTY_FOUR["grid"].items()
-        return {**TWENTY_FOUR, "grid": dict([directions, ("duration", list(durations)), *others])}
+        grid = {"patrol.options.direction": ["mode", "vector"], "duration": list(durations), **OPTIONS}
+        return {**TWENTY_FOUR, "grid": grid}
 
     file = write(tmp_path, lasting(20, 1_000_000))  # after twelve runs come some that last until the signal is there
     with started(file, tmp_path / "killed") as process:
@@ -113,28 +87,16 @@ def test_a_sweep_killed_on_its_way_makes_only_the_runs_that_are_missing(
     file = write(tmp_path, lasting(20))
     before = results(tmp_path / "killed")
     assert 4 <= len(before) <= 12
-    code, said, _ = run(capsys, "sweep", str(file), "--out", str(tmp_path / "killed"), "--workers", "1")
-    assert code == 0
+    said = output(run("sweep", file, "--out", tmp_path / "killed", "--workers", "1"))
     assert f"{24 - len(before)} runs to make, {len(before)} done already" in said
     after = results(tmp_path / "killed")
     assert after[: len(before)] == before
     assert set(Counter(one["key"] for one in after).values()) == {1}
     assert len(after) == 24
-    assert Counter(json.dumps(one["settings"]) for one in after) == {
-        json.dumps(
-            {
-                "patrol.options.direction": direction,
-                "duration": 20,
-                "robots.count": count,
-                "patrol.options.dilatation": dilatation,
-            }
-        ): 2
-        for direction in ("mode", "vector")
-        for count in (1, 2, 3)
-        for dilatation in (0, 3)
-    }
-    code, _, _ = run(capsys, "sweep", str(file), "--out", str(tmp_path / "whole"), "--workers", "2")
-    assert code == 0
+    grid = lasting(20)["grid"]
+    cases = [json.dumps(dict(zip(grid, values, strict=True))) for values in product(*grid.values())]
+    assert Counter(json.dumps(one["settings"]) for one in after) == dict.fromkeys(cases, 2)
+    output(run("sweep", file, "--out", tmp_path / "whole", "--workers", "2"))
     assert numbers(after) == numbers(results(tmp_path / "whole"))
     for name in ("summary.csv", "summary.json"):
         assert (tmp_path / "killed" / name).read_text() == (tmp_path / "whole" / name).read_text()
@@ -148,9 +110,7 @@ def test_a_sweep_killed_on_its_way_makes_only_the_runs_that_are_missing(
 
 
 @pytest.mark.processes
-def test_ctrl_c_ends_the_workers_and_leaves_a_folder_to_go_on_with(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_ctrl_c_ends_the_workers_and_leaves_a_folder_to_go_on_with(tmp_path: Path, run: Command) -> None:
     endless = {**TWENTY_FOUR, "grid": {"duration": [20, 1_000_000]}, "seeds": 1}
     file = write(tmp_path, endless)
     with started(file, tmp_path / "out") as process:
@@ -163,61 +123,59 @@ def test_ctrl_c_ends_the_workers_and_leaves_a_folder_to_go_on_with(
     assert len(results(tmp_path / "out")) == 1
     # Nobody holds the folder any more, and what was done is done.
     file = write(tmp_path, {**endless, "grid": {"duration": [20]}})
-    code, again, _ = run(capsys, "sweep", str(file), "--out", str(tmp_path / "out"))
-    assert code == 0
+    again = output(run("sweep", file, "--out", tmp_path / "out"))
     assert "1 runs, 0 made now" in again
 
 
 @pytest.mark.processes
-def test_failed_runs_are_reported_and_the_others_kept(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_failed_runs_are_reported_and_the_others_kept(tmp_path: Path, run: Command) -> None:
     cases = [{"name": "good"}, {"name": "crash", "set": {"robots.starts": [[10, 10], [10.5, 10]]}}]
-    base = {**TWENTY_FOUR["base"], "terrain": {"builtin": "open"}, "duration": 10}
+    base = {**BASE, "terrain": {"builtin": "open"}, "duration": 10}
     file = write(tmp_path, {"base": base, "cases": cases, "seeds": 2})
-    code, said, _ = run(capsys, "sweep", str(file), "--out", str(tmp_path / "out"), "--workers", "1")
+    code, said, _ = run("sweep", file, "--out", tmp_path / "out", "--workers", "1")
     assert code == 1
     assert "failed runs" in said
-    assert [(one["case"], one["outcome"]) for one in results(tmp_path / "out")] == [
-        ("good", "ok"),
-        ("good", "ok"),
-        ("crash", "failed"),
-        ("crash", "failed"),
-    ]
+    outcomes = [(one["case"], one["outcome"]) for one in results(tmp_path / "out")]
+    assert outcomes == [("good", "ok")] * 2 + [("crash", "failed")] * 2
 
 
 @pytest.mark.parametrize(
     ("says", "words", "problem"),
     [
-        (
-            {"grid": {"patrol.dilation": [1]}},
-            [],
-            "override patrol.dilation: unknown key; did you mean",
-        ),
-        ({}, ["--workers", "0"], "workers = 0: expected 1 or more"),
+        ({"grid": {"patrol.dilation": [1]}}, [], "override patrol.dilation: unknown key; did you mean"),
         ({}, ["--workers", "1", "--cluster", "tcp://127.0.0.1:9"], "--workers and --cluster"),
         ({}, ["--cluster", "nowhere"], "cluster = nowhere: cannot be reached"),
-        ({}, ["--seeds", "0"], "seeds = 0: expected"),
         ({}, ["--seeds", "many"], "--seeds many: expected a whole number"),
     ],
 )
 def test_bad_input_is_one_line_and_exit_code_2(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], says: dict[str, Any], words: list[str], problem: str
+    tmp_path: Path, run: Command, says: dict[str, Any], words: list[str], problem: str
 ) -> None:
-    file = write(tmp_path, {**TWENTY_FOUR, **says})
-    code, said, complained = run(capsys, "sweep", str(file), "--out", str(tmp_path / "out"), *words)
-    assert (code, said) == (2, "")
-    assert problem in complained
-    assert complained.count("\n") == 1
+    said = run("sweep", write(tmp_path, {**TWENTY_FOUR, **says}), "--out", "out", *words)
+    refuses(said, problem)
+    assert said.out == ""
     out = tmp_path / "out" / "results.jsonl"
     assert not out.exists() or out.read_text() == ""
 
 
-def test_a_damaged_result_file_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_damaged_result_file_is_refused(tmp_path: Path, run: Command) -> None:
     (tmp_path / "out").mkdir()
     (tmp_path / "out" / "results.jsonl").write_text("{}\n")
-    file = write(tmp_path, TWENTY_FOUR)
-    code, _, complained = run(capsys, "sweep", str(file), "--out", str(tmp_path / "out"))
-    assert code == 2
-    assert "results.jsonl line 1: is damaged (it reads {})" in complained
+    refuses(
+        run("sweep", write(tmp_path, TWENTY_FOUR), "--out", "out"), "results.jsonl line 1: is damaged (it reads {})"
+    )
+
+
+def test_an_interruption_is_130_and_bad_input_2(capsys: pytest.CaptureFixture[str]) -> None:
+    def interrupted() -> None:
+        raise KeyboardInterrupt
+
+    def bad() -> None:
+        raise BadInput("no")
+
+    assert guarded(interrupted) == 130
+    assert guarded(bad) == 2
+    assert capsys.readouterr().err == "fogwatch: interrupted\nfogwatch: no\n"
 
 
 def test_the_progress_tells_what_is_left(tmp_path: Path) -> None:
@@ -234,18 +192,6 @@ def test_the_progress_tells_what_is_left(tmp_path: Path) -> None:
         "two seed 2 failed: too bad",
     ]
     assert (progress.done, progress.total) == (2, 3)
-
-
-def test_an_interruption_is_130_and_bad_input_2(capsys: pytest.CaptureFixture[str]) -> None:
-    def interrupted() -> None:
-        raise KeyboardInterrupt
-
-    def bad() -> None:
-        raise BadInput("no")
-
-    assert guarded(interrupted) == 130
-    assert guarded(bad) == 2
-    assert capsys.readouterr().err == "fogwatch: interrupted\nfogwatch: no\n"
 
 
 # --- the table of the cases ------------------------------------------------------------------------------------------
@@ -282,9 +228,8 @@ def test_at_any_width_cases_can_be_told_apart_and_no_number_is_cut(width: int, a
 
 def test_narrow_tables_have_numbers_for_names_that_do_not_fit() -> None:
     lines = [line.rstrip() for line in table_of(LONG, 80, LONG[0])]
-    assert lines[1:5] == [
-        f"case {number}: {name.removeprefix(f'{COMMON} ')}" for number, name in enumerate(LONG, start=1)
-    ]
+    names = [name.removeprefix(f"{COMMON} ") for name in LONG]
+    assert lines[1:5] == [f"case {number}: {name}" for number, name in enumerate(names, start=1)]
     assert lines[6].split()[:3] == ["case", "runs", "MFoW"]
     assert [line.split()[0] for line in lines[7::2]] == ["1", "2", "3", "4"]
     assert [line.split()[-1] for line in lines[9::2]] == ["1", "1", "1"]

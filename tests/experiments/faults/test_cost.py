@@ -6,44 +6,33 @@ from pathlib import Path
 
 import pytest
 
-from experiments.faults.cost import (
-    GROUPS,
-    VARIANTS,
-    FaultSetup,
-    as_json,
-    case_name,
-    chosen,
-    comparisons,
-    conditions,
-    findings,
-    plan_of,
-)
+from experiments.faults import cost
 from experiments.faults.cost_page import page
-from experiments.sweeps.results import RunResult
-from experiments.sweeps.runner import SweepOutcome
 from patrol.errors import BadInput
+from tests.experiments.outcomes import outcome_of
+from tests.present import present
 
 
 @pytest.fixture
-def setup(tmp_path: Path) -> FaultSetup:
+def setup(tmp_path: Path) -> cost.FaultSetup:
     key = tmp_path / "fleet.key"
     key.write_text("0123456789abcdef0123456789abcdef")
-    return FaultSetup("yards", 1.0, 3000.0, 5, (1, 2), key)
+    return cost.FaultSetup("yards", 1.0, 3000.0, 5, (1, 2), key)
 
 
-def test_every_condition_is_a_scenario_of_its_own(setup: FaultSetup) -> None:
-    tried = conditions(setup)
-    assert {condition.group for condition in tried} == set(GROUPS)
-    plan = plan_of(setup, tried)
-    assert len(plan.runs) == len(tried) * len(VARIANTS) * 2
+def test_every_condition_is_a_scenario_of_its_own(setup: cost.FaultSetup) -> None:
+    tried = cost.conditions(setup)
+    assert {condition.group for condition in tried} == set(cost.GROUPS)
+    plan = cost.plan_of(setup, tried)
+    assert len(plan.runs) == len(tried) * len(cost.VARIANTS) * 2
     assert len({run.key for run in plan.runs}) == len(plan.runs)
     for run in plan.runs:
         assert run.scenario.ticks == 6000
         assert len(run.scenario.roster) == (4 if "one robot fewer" in run.case else 5)
 
 
-def test_all_deaths_come_and_go_within_the_run(setup: FaultSetup) -> None:
-    (in_turn,) = [condition for condition in conditions(setup) if condition.name.startswith("each killed")]
+def test_all_deaths_come_and_go_within_the_run(setup: cost.FaultSetup) -> None:
+    (in_turn,) = [condition for condition in cost.conditions(setup) if condition.name.startswith("each killed")]
     acts = [(fault["kind"], fault["who"], fault["at"]) for fault in in_turn.faults]
     assert [act[:2] for act in acts] == [(kind, f"r{number}") for number in range(1, 6) for kind in ("kill", "restart")]
     times = [at for *_, at in acts]
@@ -52,63 +41,57 @@ def test_all_deaths_come_and_go_within_the_run(setup: FaultSetup) -> None:
     assert times[-1] < 3000.0
 
 
-def test_groups_can_be_chosen(setup: FaultSetup) -> None:
-    assert {condition.group for condition in chosen(setup, ["silence"])} == {"quiet", "silence"}
-    assert chosen(setup, []) == conditions(setup)
-    names = [condition.name for condition in chosen(setup, ["loss: 50 % lost", "silence"])]
+def test_groups_can_be_chosen(setup: cost.FaultSetup) -> None:
+    assert {condition.group for condition in cost.chosen(setup, ["silence"])} == {"quiet", "silence"}
+    assert cost.chosen(setup, []) == cost.conditions(setup)
+    names = [condition.name for condition in cost.chosen(setup, ["loss: 50 % lost", "silence"])]
     assert names == ["no faults", "50 % lost", "total silence", "silence for a third"]
     with pytest.raises(BadInput, match="--only sylence: no such group or condition; did you mean silence"):
-        chosen(setup, ["sylence"])
+        cost.chosen(setup, ["sylence"])
 
 
-def test_small_fleets_have_fewer_conditions(setup: FaultSetup) -> None:
-    one = FaultSetup("yards", 1.0, 3000.0, 1, (1,), setup.key)
-    assert not [condition for condition in conditions(one) if condition.group == "fleet"]
-    assert plan_of(one, conditions(one)).runs
+def test_small_fleets_have_fewer_conditions(setup: cost.FaultSetup) -> None:
+    one = cost.FaultSetup("yards", 1.0, 3000.0, 1, (1,), setup.key)
+    assert not [condition for condition in cost.conditions(one) if condition.group == "fleet"]
+    assert cost.plan_of(one, cost.conditions(one)).runs
 
 
-def test_costs_are_ratios_to_the_same_seed_without_faults(setup: FaultSetup) -> None:
-    tried = chosen(setup, ["silence"])
-    plan = plan_of(setup, tried)
-    results = {}
-    for run in plan.runs:
-        mfow = 100.0 * run.seed * (1.5 if "total silence" in run.case else 1.0)
-        metrics = {"mfow_mean_s": mfow, "messages_sent": 200.0, "messages_delivered": 50.0}
-        results[run.key] = RunResult(run.key, run.case, run.seed, "ok", None, metrics, None, 2.0, "1")
-    found = findings(SweepOutcome(plan, results, len(results), 1.0), tried)
-    by_name = {case_name(one.condition, one.variant): one for one in found}
+def test_costs_are_ratios_to_the_same_seed_without_faults(setup: cost.FaultSetup) -> None:
+    tried = cost.chosen(setup, ["silence"])
+
+    def metrics(case: str, seed: int) -> dict[str, float]:
+        mfow = 100.0 * seed * (1.5 if "total silence" in case else 1.0)
+        return {"mfow_mean_s": mfow, "messages_sent": 200.0, "messages_delivered": 50.0}
+
+    found = cost.findings(outcome_of(cost.plan_of(setup, tried), metrics), tried)
+    by_name = {cost.case_name(one.condition, one.variant): one for one in found}
     silent = by_name["silence: total silence, with claims"]
     assert silent.cost is not None
     assert silent.cost.mean == pytest.approx(1.5)
     assert silent.cost.half == pytest.approx(0.0)
-    assert silent.mfow is not None
-    assert silent.mfow.mean == pytest.approx(225.0)
-    assert silent.delivered is not None
-    assert silent.delivered.mean == 0.25
+    assert present(silent.mfow).mean == pytest.approx(225.0)
+    assert present(silent.delivered).mean == 0.25
     assert silent.belief is None
-    text = page(
-        setup, found, [], command="fogwatch reproduce faults", computing_s=600.0, failed=2, pictures=["loss.png"]
-    )
+    command = "fogwatch reproduce faults"
+    text = page(setup, found, [], command=command, computing_s=600.0, failed=2, pictures=["loss.png"])
     assert "`fogwatch reproduce faults`: 10 min of computing" in text
     assert "| total silence | with claims | 225.0 ± " in text
     assert "| 1.500 ± 0.000 | - | 25.0 % |" in text
     assert "**2 runs failed" in text
     assert "![loss.png](loss.png)" in text
-    says = as_json(setup, found, [])
-    assert {one["variant"] for one in says["findings"]} == set(VARIANTS)
+    says = cost.as_json(setup, found, [])
+    assert {one["variant"] for one in says["findings"]} == set(cost.VARIANTS)
 
 
-def test_runs_are_compared_seed_by_seed(setup: FaultSetup) -> None:
+def test_runs_are_compared_seed_by_seed(setup: cost.FaultSetup) -> None:
     names = ["loss: 50 % lost", "loss with trail: 50 % lost", "death: one killed", "fleet: one robot fewer"]
-    tried = chosen(setup, names)
-    plan = plan_of(setup, tried)
-    results = {}
-    for run in plan.runs:
-        mfow = 100.0 * run.seed * (0.7 if "with claims" in run.case else 1.0) * (0.9 if "trail" in run.case else 1.0)
-        late = 80.0 * run.seed * (1.1 if "killed" in run.case else 1.0)
-        metrics = {"mfow_mean_s": mfow, "mfow_late_mean_s": late}
-        results[run.key] = RunResult(run.key, run.case, run.seed, "ok", None, metrics, None, 2.0, "1")
-    compared = comparisons(SweepOutcome(plan, results, len(results), 1.0), tried)
+    tried = cost.chosen(setup, names)
+
+    def metrics(case: str, seed: int) -> dict[str, float]:
+        mfow = 100.0 * seed * (0.7 if "with claims" in case else 1.0) * (0.9 if "trail" in case else 1.0)
+        return {"mfow_mean_s": mfow, "mfow_late_mean_s": 80.0 * seed * (1.1 if "killed" in case else 1.0)}
+
+    compared = cost.comparisons(outcome_of(cost.plan_of(setup, tried), metrics), tried)
     ratios = {(one.group, one.what, one.variant): round(one.ratio.mean, 6) for one in compared}
     assert ratios["claims", "loss: 50 % lost", "with claims"] == 0.7
     assert ratios["trail", "loss: 50 % lost", "final algorithm"] == 0.9
@@ -118,4 +101,4 @@ def test_runs_are_compared_seed_by_seed(setup: FaultSetup) -> None:
     assert {what for group, what, _ in ratios if group == "trail"} == {"loss: 50 % lost"}
     text = page(setup, [], compared, command="fogwatch reproduce faults", computing_s=1.0, failed=0, pictures=[])
     assert "| loss: 50 % lost | with claims | 0.700 ± 0.000 |" in text
-    assert len(as_json(setup, [], compared)["comparisons"]) == len(compared)
+    assert len(cost.as_json(setup, [], compared)["comparisons"]) == len(compared)

@@ -11,6 +11,7 @@ from experiments.intruders.learned import Learned, Trials, Watched, first_attack
 from experiments.intruders.network import WINDOW
 from experiments.intruders.standing import Seen
 from patrol.errors import BadInput
+from tests.present import present
 
 
 def blind(seen: Seen, step: float = 1.0) -> Watched:
@@ -42,8 +43,7 @@ def test_of_a_patrol_without_memory_it_gets_what_anybody_gets(chance: float) -> 
     seen = np.random.default_rng(1).random((6000, 6)) < chance
     (found,) = learned_games(blind(seen), [30.0], Trials((100.0,), 60))
     possible = (1.0 - chance) ** 30
-    assert found.success is not None
-    assert found.success <= possible + 3.0 * np.sqrt(possible * (1.0 - possible) / 60)
+    assert present(found.success) <= possible + 3.0 * np.sqrt(possible * (1.0 - possible) / 60)
 
 
 def test_a_place_that_nobody_comes_to_is_attacked_with_success() -> None:
@@ -54,9 +54,8 @@ def test_a_place_that_nobody_comes_to_is_attacked_with_success() -> None:
 
 def test_a_trial_without_an_attack_is_a_failure() -> None:
     """Places that are always seen: after some training no output says that an attack would succeed."""
-    assert learned_games(blind(np.ones((500, 3), dtype=np.bool_)), [5.0], Trials((500.0,), 3)) == [
-        Learned(500.0, 5.0, 0.0, 0.0)
-    ]
+    seen = np.ones((500, 3), dtype=np.bool_)
+    assert learned_games(blind(seen), [5.0], Trials((500.0,), 3)) == [Learned(500.0, 5.0, 0.0, 0.0)]
 
 
 def test_an_attack_is_over_within_the_horizon_and_the_run() -> None:
@@ -69,8 +68,7 @@ def test_an_attack_is_over_within_the_horizon_and_the_run() -> None:
     seen[119] = True
     (seen_last,) = learned_games(blind(seen), [59.0], trials)
     assert (seen_last.success, seen_last.attacked) == (0.0, unseen.attacked)
-    assert unseen.attacked is not None
-    assert unseen.attacked > 0.0
+    assert present(unseen.attacked) > 0.0
 
 
 def test_two_ticks_a_second_are_played_every_second_tick() -> None:
@@ -114,7 +112,6 @@ def test_it_attacks_at_the_first_chance_for_which_it_is_armed(outputs: list[floa
         if outputs[second] >= 0.5 and armed and times[second]:
             expected = second
             break
-    found = first_attack(
-        np.array([outputs], dtype=np.float32), np.array(times), in_time - np.arange(seconds, dtype=np.float64)
-    )
+    remaining = in_time - np.arange(seconds, dtype=np.float64)
+    found = first_attack(np.array([outputs], dtype=np.float32), np.array(times), remaining)
     assert found.tolist() == [expected]

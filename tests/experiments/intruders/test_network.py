@@ -26,9 +26,8 @@ NETWORKS, WINDOWS, PLACES = 2, 3, 4
 def example() -> tuple[list[Floats], Floats, NDArray[np.bool_], Floats]:
     """Weights (no bias is 0, where the penalty has a corner), windows, labels and the weights of positive ones."""
     dice = np.random.default_rng(5)
-    weights: list[Floats] = [
-        weight + 0.1 + 0.1 * dice.random(weight.shape) for weight in drawn_weights(range(NETWORKS), PLACES)
-    ]
+    drawn = drawn_weights(range(NETWORKS), PLACES)
+    weights: list[Floats] = [weight + 0.1 + 0.1 * dice.random(weight.shape) for weight in drawn]
     windows = dice.normal(size=(NETWORKS, 3, WINDOW, WINDOWS, PLACES))
     return weights, windows, dice.random((NETWORKS, WINDOWS, PLACES)) < 0.4, np.array([1.0, 3.5])
 

@@ -47,6 +47,9 @@ def test_its_targets_are_in_a_zone() -> None:
         game(Infiltrator(within_s=15.0, zone="valt"), zones=[zone])
 
 
+TERRAIN = {"map": str(OFFICE), "graph": {"vertices": [[2, 6.8], [4, 6.8]], "edges": [[0, 1, 2]]}}
+
+
 @pytest.mark.parametrize(
     ("scenario", "message"),
     [
@@ -55,16 +58,7 @@ def test_its_targets_are_in_a_zone() -> None:
             {"robots": {"count": 1, "spare": 200, "model": "holonomic", "radius": 0.1}},
             "has 201 robots, and at most 200 can be watched",
         ),
-        (
-            {
-                "terrain": {
-                    "map": str(OFFICE),
-                    "graph": {"vertices": [[2, 6.8], [4, 6.8]], "edges": [[0, 1, 2]]},
-                    "patrolled": "vertices",
-                }
-            },
-            "only the vertices of a graph are patrolled",
-        ),
+        ({"terrain": {**TERRAIN, "patrolled": "vertices"}}, "only the vertices of a graph are patrolled"),
     ],
 )
 def test_where_it_cannot_be_played_one_line_says_why(scenario: dict[str, Any], message: str) -> None:
@@ -73,7 +67,6 @@ def test_where_it_cannot_be_played_one_line_says_why(scenario: dict[str, Any], m
 
 
 def test_entries_that_are_not_on_the_ground_are_none() -> None:
-    with pytest.raises(
-        BadInput, match="finds no entry: there is no patrolled ground in the polygon; choose other entries"
-    ):
+    says = "finds no entry: there is no patrolled ground in the polygon; choose other entries"
+    with pytest.raises(BadInput, match=says):
         game(Infiltrator(within_s=15.0, entries=[(900.0, 900.0), (901.0, 900.0), (901.0, 901.0)]))

@@ -25,14 +25,8 @@ INTRUDER = Infiltrator(speed=4.0, within_s=20.0, stay_s=5.0, attempts=4)
 def prepared(tmp_path_factory: pytest.TempPathFactory) -> Prepared:
     key = tmp_path_factory.mktemp("fleet") / "fleet.key"
     key.write_text("a key that is the same in each test run", encoding="ascii")
-    scenario = {
-        "terrain": {"builtin": "open"},
-        "point": 2.0,
-        "duration": 410,
-        "robots": {"count": 3, "model": "holonomic"},
-        "radio": {"key": str(key)},
-    }
-    return prepare(load_scenario(scenario))
+    facts = {"terrain": {"builtin": "open"}, "point": 2.0, "duration": 410, "radio": {"key": str(key)}}
+    return prepare(load_scenario({**facts, "robots": {"count": 3, "model": "holonomic"}}))
 
 
 @pytest.fixture(scope="module")

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Callable
-from dataclasses import replace
 from typing import Any, get_args
 
 import pytest
@@ -13,12 +12,22 @@ import pytest
 from experiments.paper.calibrate import best_radius, calibration_plan, crossing, fit_as_json, fit_radii, radius_setups
 from experiments.paper.orderings import HELD, NOT_HELD, UNDECIDED, judge_orderings
 from experiments.paper.printed import PaperTable, Side, paper
-from experiments.paper.tables import PaperSetup, as_json, as_table, compare, fit_of, plan_of, to_mean_fog_text
+from experiments.paper.tables import (
+    PaperSetup,
+    TableComparison,
+    as_json,
+    as_table,
+    compare,
+    fit_of,
+    plan_of,
+    to_mean_fog_text,
+)
 from experiments.sweeps.plan import Plan
-from experiments.sweeps.results import RunResult
 from experiments.sweeps.runner import SweepOutcome
 from patrol.errors import BadInput
 from patrol.scenario import PotentialFieldOptions
+from tests.experiments.outcomes import outcome_of
+from tests.present import present
 
 SETUP = PaperSetup(1.0, 12.0, (1, 2))
 TABLES = list(paper().tables.values())
@@ -28,18 +37,16 @@ def runnable(table: PaperTable) -> PaperTable:
     """The rows whose kind of paths this version has."""
     kinds = get_args(PotentialFieldOptions.model_fields["paths"].annotation)
     settings = {row.name: {**table.settings, **row.settings} for row in table.rows}
-    return table.part(
-        [name for name, sets in settings.items() if sets.get("patrol.options.paths", "wave") in kinds], []
-    )
+    return table.part([name for name, own in settings.items() if own.get("patrol.options.paths", "wave") in kinds], [])
 
 
-def outcome_of(plan: Plan, value: Callable[[str, int], float], metric: str = "mfow_mean_s") -> SweepOutcome:
+def mfow_of(plan: Plan, value: Callable[[str, int], float], metric: str = "mfow_mean_s") -> SweepOutcome:
     """As if every run had come to a value that depends on its case and seed."""
-    results = {}
-    for run in plan.runs:
-        metrics = {metric: value(run.case, run.seed)}
-        results[run.key] = RunResult(run.key, run.case, run.seed, "ok", None, metrics, None, 2.0, "1")
-    return SweepOutcome(plan, results, len(results), 1.0)
+    return outcome_of(plan, lambda case, seed: {metric: value(case, seed)})
+
+
+def beside_ours(table: PaperTable, value: Callable[[str, int], float], metric: str = "mfow_mean_s") -> TableComparison:
+    return compare(table, SETUP, mfow_of(plan_of([table], {"": SETUP}), value, metric))
 
 
 def printed(table: PaperTable) -> dict[str, float]:
@@ -109,14 +116,9 @@ def test_orderings_name_cells_that_are_there() -> None:
 def test_ours_stand_beside_the_papers() -> None:
     table = paper().table(3).part(["f3", "f4"], ["g4", "g5"])
     wanted = printed(table)
-    outcome = outcome_of(plan_of([table], {"": SETUP}), lambda case, seed: wanted[case] * (0.9 if seed == 1 else 1.3))
-    beside = compare(table, SETUP, outcome)
-    assert [(cell.row, cell.column, cell.paper) for cell in beside.cells] == [
-        ("f3", "g4", 90.0),
-        ("f3", "g5", 125.8),
-        ("f4", "g4", 92.9),
-        ("f4", "g5", 116.5),
-    ]
+    beside = beside_ours(table, lambda case, seed: wanted[case] * (0.9 if seed == 1 else 1.3))
+    cells = [(cell.row, cell.column, cell.paper) for cell in beside.cells]
+    assert cells == [("f3", "g4", 90.0), ("f3", "g5", 125.8), ("f4", "g4", 92.9), ("f4", "g5", 116.5)]
     says = json.loads(json.dumps(as_json(beside), allow_nan=False))
     assert (says["table"], says["point"], says["sensor_range"], says["run_computing_s"]) == (3, 1.0, 12.0, 16.0)
     first = says["cells"][0]
@@ -130,8 +132,7 @@ def test_ours_stand_beside_the_papers() -> None:
     lines = as_table(beside).rows
     assert len(lines) == 4
     assert lines[0][:4] == ["f3", "g4", "s", 90.0]
-    found = fit_of([beside])
-    assert found is not None
+    found = present(fit_of([beside]))
     assert found.cells == 4
     assert found.median_ratio == pytest.approx(1.1)
 
@@ -139,7 +140,7 @@ def test_ours_stand_beside_the_papers() -> None:
 @pytest.mark.parametrize(("factor", "far"), [(1.0, False), (1.49, False), (1.51, True), (0.68, False), (0.66, True)])
 def test_cells_far_off_are_marked(factor: float, far: bool) -> None:
     table = paper().table(3).part(["f3"], ["g4"])
-    (cell,) = compare(table, SETUP, outcome_of(plan_of([table], {"": SETUP}), lambda *_: 90.0 * factor)).cells
+    (cell,) = beside_ours(table, lambda *_: 90.0 * factor).cells
     assert cell.far_off is far
 
 
@@ -155,11 +156,8 @@ def test_cells_without_runs_are_empty() -> None:
 def test_a_table_says_how_mean_mfow_stands_to_mean_fog() -> None:
     table = paper().table(3).part(["f3", "f4"], ["g4"])
     plan = plan_of([table], {"": SETUP})
-    outcome = outcome_of(plan, lambda *_: 90.0)
-    fog = outcome_of(plan, lambda case, _: 40.0 if " f3 " in case else 30.0, "fog_mean_s")
-    metrics = {key: {**result.metrics, **fog.results[key].metrics} for key, result in outcome.results.items()}
-    results = {key: replace(result, metrics=metrics[key]) for key, result in outcome.results.items()}
-    outcome = SweepOutcome(plan, results, len(results), 1.0)
+    fog_s = {True: 40.0, False: 30.0}
+    outcome = outcome_of(plan, lambda case, _: {"mfow_mean_s": 90.0, "fog_mean_s": fog_s[" f3 " in case]})
     beside = compare(table, SETUP, outcome)
     assert [cell.to_mean_fog for cell in beside.cells] == [2.25, 3.0]
     assert to_mean_fog_text(beside) == "MFoW : mean fog 2.2 to 3.0, median 2.6"
@@ -169,10 +167,12 @@ def test_a_table_says_how_mean_mfow_stands_to_mean_fog() -> None:
 
 def test_dead_ends_are_further_rows() -> None:
     table = runnable(paper().table(7))
-    beside = compare(table, SETUP, outcome_of(plan_of([table], {"": SETUP}), lambda *_: 6.1, "dead_end_percent"))
-    cell = beside.cell("5 cars, dead ends", "0")
-    assert cell is not None
+    cell = present(beside_ours(table, lambda *_: 6.1, "dead_end_percent").cell("5 cars, dead ends", "0"))
     assert (cell.paper, cell.unit, cell.ratio) == (6.1, "%", 1.0)
+
+
+def table_2(range_m: float, more: dict[str, Any]) -> Plan:
+    return plan_of([paper().table(2)], {"": PaperSetup(0.5, range_m, (1,), more)})
 
 
 @pytest.mark.parametrize(
@@ -181,11 +181,8 @@ def test_dead_ends_are_further_rows() -> None:
         (lambda: paper().table(1), "table 1: no such table; choose from 2 to 8"),
         (lambda: paper().table(2).part(["f6"], []), "--rows = f6: table 2 has no such row"),
         (lambda: paper().table(2).part([], ["g0"]), "--columns = g0: table 2 has no such column"),
-        (lambda: plan_of([paper().table(2)], {"": PaperSetup(0.5, -1.0, (1,))}), "override sensor.range = -1"),
-        (
-            lambda: plan_of([paper().table(2)], {"": PaperSetup(0.5, 9.0, (1,), {"patrol.fog": 1})}),
-            "patrol.fog: unknown key",
-        ),
+        (lambda: table_2(-1.0, {}), "override sensor.range = -1"),
+        (lambda: table_2(9.0, {"patrol.fog": 1}), "patrol.fog: unknown key"),
         (lambda: radius_setups(0.5, [10, 10], (1,), {}), "--ranges: expected different numbers"),
         (lambda: radius_setups(0.5, [math.nan], (1,), {}), "--ranges: expected different numbers"),
     ],
@@ -206,14 +203,13 @@ def calibration(bias: Callable[[float], float]) -> tuple[dict[str, PaperSetup], 
         paper_s, setup = wanted[case]
         return paper_s * bias(setup.sensor_range)
 
-    return setups, outcome_of(calibration_plan(setups), value)
+    return setups, mfow_of(calibration_plan(setups), value)
 
 
 def test_calibration_finds_the_radius_with_the_median_ratio_nearest_to_1() -> None:
     setups, outcome = calibration(lambda radius: math.exp(0.1 * (12.4 - radius)))
     fits = fit_radii(setups, outcome)
-    best = best_radius(fits)
-    assert best is not None
+    best = present(best_radius(fits))
     assert best.radius == 12.0
     assert [one.near.cells for one in fits] == [41, 41, 41]
     assert [one.whole.cells for one in fits] == [50, 50, 50]
@@ -231,10 +227,9 @@ def test_a_ratio_that_never_passes_1_has_no_crossing() -> None:
 def test_tables_2_and_3_are_fitted_together() -> None:
     tables = [paper().table(2), paper().table(3)]
     wanted = printed(tables[0]) | printed(tables[1])
-    outcome = outcome_of(plan_of(tables, {"": SETUP}), lambda case, _: wanted[case] * 1.05)
+    outcome = mfow_of(plan_of(tables, {"": SETUP}), lambda case, _: wanted[case] * 1.05)
     beside = [compare(table, SETUP, outcome) for table in tables]
-    says = fit_as_json(beside)
-    assert says is not None
+    says = present(fit_as_json(beside))
     assert says["near"]["median_ratio"] == pytest.approx(1.05)
     assert says["all"]["cells"] == 50
     assert fit_as_json(beside[:1]) is None
@@ -248,8 +243,7 @@ def test_orderings_are_judged_cell_by_cell_and_seed_by_seed(ratio: float, verdic
         own = 100.0 * int(case[-1]) * (1.0 + 0.5 * seed)
         return own * ratio * (1.0 + 0.01 * (-1) ** (seed + int(case[-1]))) if "mode" in case else own
 
-    beside = compare(table, SETUP, outcome_of(plan_of([table], {"": SETUP}), value))
-    (judged,) = judge_orderings(paper().orderings, [beside])
+    (judged,) = judge_orderings(paper().orderings, [beside_ours(table, value)])
     assert judged.verdict == verdict
     assert judged.ratio is not None
     assert judged.ratio.count == 10
@@ -259,8 +253,8 @@ def test_orderings_are_judged_cell_by_cell_and_seed_by_seed(ratio: float, verdic
 def test_an_ordering_of_columns_is_judged_seed_by_seed() -> None:
     table = paper().table(7)
     depth = dict(zip("01234567", (240, 250, 220, 200, 170, 170, 180, 190), strict=True))
-    outcome = outcome_of(plan_of([table], {"": SETUP}), lambda case, seed: depth[case[-1]] * (1.0 + 0.1 * seed))
-    (judged,) = judge_orderings(paper().orderings, [compare(table, SETUP, outcome)])
+    beside = beside_ours(table, lambda case, seed: depth[case[-1]] * (1.0 + 0.1 * seed))
+    (judged,) = judge_orderings(paper().orderings, [beside])
     assert judged.ratio is not None
     assert judged.ratio.count == 2
     others = math.exp(math.fsum(math.log(depth[name]) for name in "012367") / 6.0)

@@ -12,8 +12,7 @@ from experiments.paper.orderings import judge_orderings
 from experiments.paper.printed import Remark, paper
 from experiments.paper.tables import PaperSetup, TableComparison, compare, plan_of
 from experiments.paper.tables_page import UNEXPLAINED, page
-from experiments.sweeps.results import RunResult
-from experiments.sweeps.runner import SweepOutcome
+from tests.experiments.outcomes import outcome_of
 
 SETUP = PaperSetup(0.5, 12.0, (1, 2), {"sensor.angle": 180})
 
@@ -27,21 +26,7 @@ def comparison_of(number: int, factors: dict[tuple[str, str], float]) -> TableCo
         for row, values in zip(table.rows, table.measures[0].values, strict=True)
         for column, value in zip(table.columns, values, strict=True)
     }
-    results = {
-        run.key: RunResult(
-            run.key,
-            run.case,
-            run.seed,
-            "ok",
-            None,
-            {"mfow_mean_s": ours[run.case] * (1 + 0.01 * run.seed)},
-            None,
-            30.0,
-            "",
-        )
-        for run in plan.runs
-    }
-    return compare(table, SETUP, SweepOutcome(plan, results, len(results), 1.0))
+    return compare(table, SETUP, outcome_of(plan, lambda case, seed: {"mfow_mean_s": ours[case] * (1 + 0.01 * seed)}))
 
 
 def page_of(comparison: TableComparison, **pictures: str) -> str:

@@ -14,6 +14,7 @@ from patrol.measures.best_tour import best_tour
 from patrol.pose import Pose
 from patrol.prepare import Prepared, sensor_footprint
 from patrol.scenario import load_scenario
+from tests.present import present
 
 SPEED = 1.0
 
@@ -39,9 +40,7 @@ def rooms(robots: int, door: bool = True) -> Prepared:
 
 
 def divided(prepared: Prepared) -> tuple[Territory, ...]:
-    territories = Divider().divide(prepared)
-    assert territories is not None
-    return territories
+    return present(Divider().divide(prepared))
 
 
 def test_vertices_in_a_line_are_shared_out_evenly() -> None:
@@ -76,8 +75,7 @@ def test_no_point_gets_older_than_the_longest_tour_takes(robots: int) -> None:
 
 def test_two_rooms_are_best_shared_by_two_robots() -> None:
     prepared = rooms(2)
-    common = best_tour(prepared).length_m
-    assert common is not None
+    common = present(best_tour(prepared).length_m)
     left, right = divided(prepared)
     assert longest_m((left, right)) < 0.6 * common
     columns = sorted(float(np.nonzero(territory.ground)[1].mean()) for territory in (left, right))

@@ -1,12 +1,12 @@
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from PIL import Image
 
 from experiments.plan import plan as module
 from experiments.plan.answer import answer_lines
@@ -15,6 +15,8 @@ from fogwatch.inprocess import run_in_process
 from patrol.errors import BadInput
 from patrol.journal import TickRecord
 from patrol.scenario import Scenario, load_scenario
+from tests.present import present
+from tests.ring import write_cells
 
 
 def silent(what: str, done: float) -> None:
@@ -26,15 +28,14 @@ def silent(what: str, done: float) -> None:
 @pytest.fixture(scope="module")
 def rooms(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A map of three rooms of 10 x 10 m in a row, with doors 2 m wide."""
-    free = np.full((22, 64), 254, dtype=np.uint8)
-    free[[0, -1]] = free[:, [0, -1]] = 0
-    free[:, 21] = free[:, 42] = 0
-    free[9:13, [21, 42]] = 254
-    folder = tmp_path_factory.mktemp("rooms")
-    Image.fromarray(free).save(folder / "rooms.png")
-    says = "image: rooms.png\nresolution: 0.5\norigin: [0, 0, 0]\nnegate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.2\n"
-    (folder / "rooms.yaml").write_text(says)
-    return folder / "rooms.yaml"
+    occupied = np.zeros((22, 64), dtype=np.bool_)
+    occupied[[0, -1]] = occupied[:, [0, 21, 42, -1]] = True
+    occupied[9:13, [21, 42]] = False
+    return write_cells(tmp_path_factory.mktemp("rooms"), "rooms", occupied)
+
+
+DOOR = {"name": "door", "polygon": [[21, 4], [21.5, 4], [21.5, 7], [21, 7]], "closed": [[100, 2000]]}
+EAST = {"name": "east", "polygon": [[21, 0], [33, 0], [33, 11], [21, 11]]}
 
 
 def ground(rooms: Path, **settings: Any) -> Scenario:
@@ -51,7 +52,7 @@ def test_it_knows_of_keep_outs_and_one_way_zones(rooms: Path) -> None:
     """No robot may enter the third room, or may only leave it."""
     tours = []
     for more in ({}, {"keep_out": True}):
-        zones = [{"name": "east", "polygon": [[21, 0], [33, 0], [33, 11], [21, 11]], **more}] if more else []
+        zones = [{**EAST, **more}] if more else []
         plan = make_plan(ground(rooms, zones=zones), None, range(2, 3), silent, quick=True)
         tours.append(plan.sizes[0].age_s or 0.0)
     assert 0.0 < tours[1] < 0.8 * tours[0]
@@ -94,28 +95,33 @@ def test_a_simulated_age_is_that_of_the_run_of_its_scenario(rooms: Path) -> None
         assert facts[kind]["trace_hash"] == outcome.summary.trace_hash
         assert facts[kind]["max_s"] == late.max()
         assert facts[kind]["mean_s"] == pytest.approx(late.mean())
-    peak = plan.size(2).one_dead
-    assert peak is not None
-    assert peak.peak_s is not None
-    assert peak.peak_s >= peak.max_s
+    peak = present(plan.size(2).one_dead)
+    assert present(peak.peak_s) >= peak.max_s
     assert peak.scenario.faults[0].kind == "kill"
 
 
-@pytest.mark.parametrize(("needed", "by_tours"), [(3, 4), (4, 4), (6, 4)])
-def test_the_search_goes_down_or_up_from_what_tours_keep(
-    needed: int, by_tours: int, rooms: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    runs: list[int] = []
+def pretend(
+    monkeypatch: pytest.MonkeyPatch, keeps: Callable[[Scenario], bool], by_tours: int | None = None
+) -> list[Scenario]:
+    """Have runs keep an age of 20 s or not without running them; the scenarios that are run."""
+    runs: list[Scenario] = []
 
     def run(_: Any, scenario: Scenario, how: str) -> AgeKept:
-        number = len(scenario.roster)
-        runs.append(number)
-        age = 10.0 if number >= needed else 99.0
+        runs.append(scenario)
+        age = 10.0 if keeps(scenario) else 99.0
         return AgeKept(scenario, 0.0, age, age, None, "valid", (), how)
 
     monkeypatch.setattr(module._Planner, "_run_scenario", run)
-    monkeypatch.setattr(module._Planner, "_first_by_tours", lambda *_: by_tours)
+    if by_tours is not None:
+        monkeypatch.setattr(module._Planner, "_first_by_tours", lambda *_: by_tours)
+    return runs
+
+
+@pytest.mark.parametrize(("needed", "by_tours"), [(3, 4), (4, 4), (6, 4)])
+def test_the_search_begins_at_tours(needed: int, by_tours: int, rooms: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    scenarios = pretend(monkeypatch, lambda scenario: len(scenario.roster) >= needed, by_tours)
     plan = planned(rooms, 20.0)
+    runs = [len(scenario.roster) for scenario in scenarios]
     assert plan.chosen == needed
     assert {needed, needed - 1} <= set(runs)
     assert len([number for number in runs if number != needed]) == len({*runs} - {needed})
@@ -123,15 +129,8 @@ def test_the_search_goes_down_or_up_from_what_tours_keep(
 
 def test_a_number_has_to_keep_the_age_with_every_seed(rooms: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Three robots keep it with two seeds of three."""
-
-    def run(_: Any, scenario: Scenario, how: str) -> AgeKept:
-        robots = len(scenario.roster)
-        keeps = robots > 3 or (robots == 3 and scenario.seed < ground(rooms).seed + 2)
-        age = 10.0 if keeps else 99.0
-        return AgeKept(scenario, 0.0, age, age, None, "valid", (), how)
-
-    monkeypatch.setattr(module._Planner, "_run_scenario", run)
-    monkeypatch.setattr(module._Planner, "_first_by_tours", lambda *_: 2)
+    last = ground(rooms).seed + 2
+    pretend(monkeypatch, lambda run: len(run.roster) > 3 or (len(run.roster) == 3 and run.seed < last), 2)
     plan = planned(rooms, 20.0, seeds=3)
     assert plan.chosen == 4
     lines = list(answer_lines(plan))
@@ -141,12 +140,10 @@ def test_a_number_has_to_keep_the_age_with_every_seed(rooms: Path, monkeypatch: 
 
 def test_where_doors_close_only_open_ground_counts(rooms: Path) -> None:
     """The east room is closed from 100 s on. A run that ends before is one with open doors."""
-    door = {"name": "door", "polygon": [[21, 4], [21.5, 4], [21.5, 7], [21, 7]], "closed": [[100, 2000]]}
-    east = {"name": "east", "polygon": [[21, 0], [33, 0], [33, 11], [21, 11]], "age": 80}
-    scenario = ground(rooms, closures=[door], zones=[east], patrol={"policy": "committed"})  # nobody is shut in
+    committed = {"policy": "committed"}  # nobody is shut in
+    scenario = ground(rooms, closures=[DOOR], zones=[{**EAST, "age": 80}], patrol=committed)
     plan = make_plan(scenario, 90.0, range(2, 3), silent, duration_s=400.0, seeds=1)
-    kept = plan.size(2).simulated
-    assert kept is not None
+    kept = present(plan.size(2).simulated)
     assert kept.all_max_s is not None
     assert kept.max_s < 90.0
     assert kept.zones_s["east"] <= kept.max_s
@@ -154,31 +151,20 @@ def test_where_doors_close_only_open_ground_counts(rooms: Path) -> None:
     assert plan.chosen == 2
     assert [line for line in answer_lines(plan) if line.startswith("closures: ") and line.endswith("because of door")]
     before = make_plan(scenario, None, range(2, 3), silent, duration_s=60.0, seeds=1)
-    short = before.size(2).simulated
-    assert short is not None
+    short = present(before.size(2).simulated)
     assert short.all_max_s == short.max_s
     (line,) = (line for line in answer_lines(before) if line.startswith("clos"))
-    assert line == (
-        "closure door: begins at 100 s, after the run's end, so it was not tried; --duration 200 would try it"
-    )
+    said = "closure door: begins at 100 s, after the run's end, so it was not tried; --duration 200 would try it"
+    assert line == said
 
 
 def test_nothing_ever_closed_is_run_with_the_same_seeds(rooms: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """With nothing closed it fails with the third seed only, so what closes is not the reason."""
-    opened: list[int] = []
-
-    def run(_: Any, scenario: Scenario, how: str) -> AgeKept:
-        if not scenario.closures:
-            opened.append(scenario.seed)
-        age = 99.0 if scenario.closures or scenario.seed == first + 2 else 10.0
-        return AgeKept(scenario, 0.0, age, age, None, "valid", (), how)
-
-    monkeypatch.setattr(module._Planner, "_run_scenario", run)
-    door = {"name": "door", "polygon": [[21, 4], [21.5, 4], [21.5, 7], [21, 7]], "closed": [[100, 2000]]}
-    scenario = ground(rooms, closures=[door])
+    scenario = ground(rooms, closures=[DOOR])
     first = scenario.seed
+    runs = pretend(monkeypatch, lambda run: not run.closures and run.seed != first + 2)
     plan = make_plan(scenario, 20.0, range(2, 3), silent, duration_s=400.0, seeds=3)
-    assert opened == [first, first + 1, first + 2]
+    assert [run.seed for run in runs if not run.closures] == [first, first + 1, first + 2]
     assert not [line for line in answer_lines(plan) if "what closes is the reason" in line]
 
 
@@ -207,8 +193,7 @@ def test_runs_are_long_enough_for_their_tours_and_the_wanted_age(rooms: Path) ->
     def duration(wanted_s: float | None) -> float:
         return module._Planner(ground(rooms), wanted_s, silent, None, True, 1).duration_s(1)
 
-    age_s = planned(rooms, None, range(1, 2), quick=True).sizes[0].age_s
-    assert age_s is not None
+    age_s = present(planned(rooms, None, range(1, 2), quick=True).sizes[0].age_s)
     assert 600.0 < 12.0 * age_s <= duration(None) < 12.0 * age_s + 60.0
     assert duration(6000.0) == 12000.0
 

@@ -15,44 +15,34 @@ from patrol.pose import Pose
 from patrol.radio.peers import Peer
 from patrol.scenario import load_scenario
 from patrol.scenario.policies import BUILT_IN
+from patrol.summary.model import Summary
+from tests.present import present
 
 RIVALS = sorted(set(POLICIES.built_in) - {*BUILT_IN, "learned"})
 
 
-def scenario(policy: str, model: str = "holonomic", **more: Any) -> Any:
-    return load_scenario(
-        {
-            "terrain": {"builtin": "yards"},
-            "point": 1.0,
-            "duration": 240,
-            "robots": {"count": 3, "model": model},
-            "patrol": {"policy": policy},
-            **more,
-        }
-    )
+def patrolled(policy: str, model: str = "holonomic", **more: Any) -> Summary:
+    """The summary of a patrol of three robots."""
+    facts = {"terrain": {"builtin": "yards"}, "point": 1.0, "duration": 240, "robots": {"count": 3, "model": model}}
+    outcome = run_in_process(load_scenario({**facts, "patrol": {"policy": policy}, **more}))
+    assert outcome.verdict.valid, outcome.verdict.failed
+    return outcome.summary
 
 
 @pytest.mark.parametrize("policy", RIVALS)
 def test_every_rival_patrols(policy: str) -> None:
-    outcome = run_in_process(scenario(policy))
-    assert outcome.verdict.valid, outcome.verdict.failed
-    assert outcome.summary.seen_share > (0.5 if policy in ("random", "dtag") else 0.8)
+    assert patrolled(policy).seen_share > (0.5 if policy in ("random", "dtag") else 0.8)
 
 
 @pytest.mark.parametrize("model", ["car", "differential"])
 def test_other_bodies_patrol_as_well(model: str) -> None:
-    outcome = run_in_process(scenario("partition", model))
-    assert outcome.verdict.valid, outcome.verdict.failed
-    assert outcome.summary.seen_share > 0.8
+    assert patrolled("partition", model).seen_share > 0.8
 
 
 @pytest.mark.parametrize("policy", ["even-tour", "partition", "ahpa"])
 def test_the_others_take_over_what_a_dead_robot_saw(policy: str) -> None:
-    death = [{"kind": "kill", "at": 90, "who": "r2"}]
-    outcome = run_in_process(scenario(policy, duration=700, faults=death))
-    assert outcome.verdict.valid, outcome.verdict.failed
-    assert outcome.summary.mfow_end_s is not None
-    assert outcome.summary.mfow_end_s < 300.0, "what was the dead robot's is seen again"
+    end_s = present(patrolled(policy, duration=700, faults=[{"kind": "kill", "at": 90, "who": "r2"}]).mfow_end_s)
+    assert end_s < 300.0, "what was the dead robot's is seen again"
 
 
 class View:

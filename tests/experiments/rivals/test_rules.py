@@ -36,38 +36,19 @@ SPEED = 1.0
 
 def policy(name: str, **options: Any) -> Any:
     """A rival on a graph of its own; 1 m/s, three robots."""
-    scenario = load_scenario(
-        {
-            "terrain": {
-                "builtin": "open",
-                "graph": {"vertices": [list(place) for place in PLACES], "edges": [list(edge) for edge in EDGES]},
-            },
-            "point": 1.0,
-            "robots": {"count": 3, "model": "holonomic", "speed": SPEED},
-            "patrol": {"policy": name, **({"options": options} if options else {})},
-        }
-    )
-    found = find(NamedClass(POLICIES, name, None, options))
-    return found(setup_of(prepare(scenario)))
+    graph = {"vertices": [list(place) for place in PLACES], "edges": [list(edge) for edge in EDGES]}
+    facts = {"terrain": {"builtin": "open", "graph": graph}, "point": 1.0}
+    robots = {"count": 3, "model": "holonomic", "speed": SPEED}
+    scenario = load_scenario({**facts, "robots": robots, "patrol": {"policy": name, "options": options}})
+    return find(NamedClass(POLICIES, name, None, options))(setup_of(prepare(scenario)))
 
 
 def known(*others: Other, draw: float = 0.0) -> Known:
     """The knowledge of the robot; other robots are numbered from 2 on."""
-    return Known(
-        graph_of(PLACES, EDGES, PIXEL),
-        0.4,
-        0.5,
-        1,
-        3,
-        at=1,
-        place=PLACES[1],
-        now_s=100.0,
-        visited_s=np.array(VISITED_S),
-        own_s=np.array((30.0, 100.0, 40.0, 20.0)),
-        found_s=np.zeros(4),
-        others=dict(enumerate(others, 2)),
-        draw=lambda _: draw,
-    )
+    own_s, here = np.array((30.0, 100.0, 40.0, 20.0)), {"at": 1, "place": PLACES[1], "now_s": 100.0}
+    visits: dict[str, Any] = {**here, "visited_s": np.array(VISITED_S), "own_s": own_s, "found_s": np.zeros(4)}
+    heard = dict(enumerate(others, 2))
+    return Known(graph_of(PLACES, EDGES, PIXEL), 0.4, 0.5, 1, 3, others=heard, draw=lambda _: draw, **visits)
 
 
 def going_to(vertex: int, at: int = 0, place: tuple[float, float] = (12.0, 5.0)) -> Other:

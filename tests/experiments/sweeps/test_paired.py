@@ -31,10 +31,8 @@ def test_without_spread_there_is_no_p() -> None:
 
 
 def test_only_seeds_that_both_cases_have_are_paired() -> None:
-    rows = [
-        row("old", None, {1: 90.0, 2: 99.0, 3: 97.0, 5: 1.0}),
-        row("new", "old", {1: 81.0, 2: 95.0, 3: 88.0, 4: 9.0}),
-    ]
+    old, new = {1: 90.0, 2: 99.0, 3: 97.0, 5: 1.0}, {1: 81.0, 2: 95.0, 3: 88.0, 4: 9.0}
+    rows = [row("old", None, old), row("new", "old", new)]
     (test,) = paired_tests(rows)
     assert (test.case, test.against, test.pairs) == ("new", "old", 3)
     assert test.difference.mean == pytest.approx(-22.0 / 3.0)

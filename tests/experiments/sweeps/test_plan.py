@@ -12,13 +12,8 @@ from experiments.sweeps.plan import Plan, read_plan
 from patrol.errors import BadInput
 from patrol.scenario import as_mapping
 
-BASE = {
-    "terrain": {"builtin": "open"},
-    "point": 1,
-    "duration": 20,
-    "robots": {"count": 2, "model": "holonomic"},
-    "patrol": {"policy": "potential-field"},
-}
+ROBOTS, PATROL = {"count": 2, "model": "holonomic"}, {"policy": "potential-field"}
+BASE = {"terrain": {"builtin": "open"}, "point": 1, "duration": 20, "robots": ROBOTS, "patrol": PATROL}
 
 
 def plan(folder: Path, told: int | None = None, **says: Any) -> Plan:
@@ -42,21 +37,13 @@ def test_a_grid_is_every_combination_with_every_seed(tmp_path: Path) -> None:
 
 
 def test_cases_go_over_the_grid(tmp_path: Path) -> None:
-    cases = [
-        {"name": "far", "set": {"sensor.range": 20}},
-        {"name": "near", "set": {"sensor.range": 5, "patrol.options.fow": "f2"}},
-    ]
+    near = {"name": "near", "set": {"sensor.range": 5, "patrol.options.fow": "f2"}}
+    cases = [{"name": "far", "set": {"sensor.range": 20}}, near]
     found = plan(tmp_path, cases=cases, grid={"patrol.options.direction": ["mode", "vector"]}, seeds=[4, 9])
-    assert names(found) == [
-        "far direction=mode",
-        "far direction=vector",
-        "near direction=mode",
-        "near direction=vector",
-    ]
+    assert names(found) == [f"{name} direction={by}" for name in ("far", "near") for by in ("mode", "vector")]
     assert found.seeds == (4, 9)
-    assert [as_mapping(run.scenario)["patrol"]["options"]["fow"] for run in found.runs_of("near direction=vector")] == [
-        "f2"
-    ] * 2
+    runs = found.runs_of("near direction=vector")
+    assert [as_mapping(run.scenario)["patrol"]["options"]["fow"] for run in runs] == ["f2"] * 2
 
 
 def test_fields_that_end_alike_keep_their_whole_names(tmp_path: Path) -> None:
@@ -71,9 +58,8 @@ def test_cases_are_compared_with_the_ones_that_differ_in_one_thing(tmp_path: Pat
     grid = {"patrol.options.dilatation": [0, 2, 5], "robots.count": [1, 2]}
     found = plan(tmp_path, grid=grid, against={"patrol.options.dilatation": 0})
     partners = {case.name: other.name if (other := found.partner(case)) else None for case in found.cases}
-    assert partners == {
-        f"dilatation={d} count={n}": f"dilatation=0 count={n}" if d else None for d in (0, 2, 5) for n in (1, 2)
-    }
+    pairs = [(d, n) for d in (0, 2, 5) for n in (1, 2)]
+    assert partners == {f"dilatation={d} count={n}": f"dilatation=0 count={n}" if d else None for d, n in pairs}
 
 
 def test_the_base_as_it_is_is_compared_by_what_it_means(tmp_path: Path) -> None:
@@ -111,13 +97,6 @@ def test_a_case_without_a_partner_is_named(tmp_path: Path) -> None:
     assert (found.partners, found.unpaired) == ({"wide": "plain"}, ("far",))
 
 
-def test_an_against_that_cannot_be_names_its_field(tmp_path: Path) -> None:
-    with pytest.raises(
-        BadInput, match=r"override patrol\.dilation: unknown key; did you mean patrol.options.dilatation"
-    ):
-        plan(tmp_path, cases=[{"name": "a"}], against={"patrol.dilation": 0})
-
-
 def test_a_base_that_is_not_there_is_named_with_its_line(tmp_path: Path) -> None:
     with pytest.raises(BadInput, match=r"trial.yaml: line \d: base = nowhere.yaml: no such file"):
         plan(tmp_path, base="nowhere.yaml")
@@ -150,6 +129,9 @@ def test_the_key_is_what_a_run_means(tmp_path: Path) -> None:
     assert not keys & other_keys
 
 
+FOW, POINT_2 = {"patrol.options.fow": "f1"}, {"name": "a", "set": {"point": 2}}
+
+
 @pytest.mark.parametrize(
     ("says", "problem"),
     [
@@ -165,23 +147,21 @@ def test_the_key_is_what_a_run_means(tmp_path: Path) -> None:
         ({"cases": [{"set": {}}]}, 'cases.0 = {"set": {}}: expected'),
         ({"cases": [{"name": "a", "sets": {}}]}, "cases.0: sets: unknown key; did you mean set?"),
         ({"cases": [{"name": "a", "set": [1]}]}, "cases.0.set = [1]: expected"),
-        ({"cases": [{"name": "a", "set": {"point": 2}}], "grid": {"point": [1]}}, "point: is set by case a and by"),
+        ({"cases": [POINT_2], "grid": {"point": [1]}}, "point: is set by case a and by"),
         ({"seeds": 0}, "seeds = 0: expected a whole number from 1"),
         ({"seeds": "many"}, 'seeds = "many": expected a count'),
         ({"seeds": [1, 1]}, "seeds: 1 occurs twice"),
         ({"seeds": [-1]}, "seeds = [-1]: expected a count"),
         ({"seeds": True}, "seeds = true: expected a count"),
-        (
-            {"against": {"patrol.options.fow": "f1"}},
-            'trial.yaml: against = {"patrol.options.fow": "f1"}: no two cases differ only in that',
-        ),
+        ({"against": FOW}, 'trial.yaml: against = {"patrol.options.fow": "f1"}: no two cases differ only in that'),
         (
             {"grid": {"faults": [{"label": "quiet", "value": []}]}, "against": {"faults": "quite"}},
             'trial.yaml: against = {"faults": "quite"}: no case has this faults; did you mean quiet?',
         ),
+        ({"cases": [POINT_2], "against": {"point": 9}}, "no case has this point; known are 2"),
         (
-            {"cases": [{"name": "a", "set": {"point": 2}}], "against": {"point": 9}},
-            "no case has this point; known are 2",
+            {"cases": [{"name": "a"}], "against": {"patrol.dilation": 0}},
+            "override patrol.dilation: unknown key; did you mean patrol.options.dilatation",
         ),
         (
             {"grid": {"patrol.policy": [{"lable": "own", "value": "partition"}]}},
@@ -189,34 +169,26 @@ def test_the_key_is_what_a_run_means(tmp_path: Path) -> None:
         ),
         ({"against": ["f1"]}, 'against = ["f1"]: expected {FIELD: VALUE'),
         ({"cases": [{"name": "one"}], "against": {"case": "onee"}}, "no such case; did you mean one?"),
-        (
-            {"cases": [{"name": "a"}], "against": {"case": "a", "point": 1}},
-            "give either case: NAME or fields, not both",
-        ),
+        ({"cases": [POINT_2], "against": {"case": "a", "point": 1}}, "give either case: NAME or fields, not both"),
         ({"grid": {"faults": [{"label": "none"}]}}, 'grid.faults.0 = {"label": "none"}: expected {label: NAME, value:'),
         ({"sedes": 3}, "sedes: unknown key; did you mean seeds?"),
         ({"name": 3}, "name = 3: expected text"),
         ({"base": 3}, "base = 3: expected a scenario's keys"),
-        ({"base": "absent.yaml"}, "absent.yaml: no such file"),
         ({"base": {**BASE, "duraton": 3}}, "duraton: unknown key; did you mean duration"),
-        ({"base": {**BASE, "terrain": {"map": "absent.yaml"}}}, "absent.yaml: no such file"),
     ],
 )
 def test_what_is_wrong_is_said_before_anything_runs(tmp_path: Path, says: dict[str, Any], problem: str) -> None:
     with pytest.raises(BadInput) as caught:
         plan(tmp_path, **says)
     assert problem in str(caught.value)
-    assert "trial.yaml" in str(caught.value) or ".yaml: no such file" in str(caught.value)
+    assert "trial.yaml" in str(caught.value)
 
 
 @pytest.mark.parametrize(("text", "problem"), [("", "no sweep"), ("[1]", "no sweep"), ("base: {", "correct the YAML")])
-def test_a_file_that_is_no_sweep(tmp_path: Path, text: str, problem: str) -> None:
+def test_a_file_that_is_no_sweep_and_a_count_of_no_seeds_are_refused(tmp_path: Path, text: str, problem: str) -> None:
     (tmp_path / "odd.yaml").write_text(text)
     with pytest.raises(BadInput, match=problem):
         read_plan(tmp_path / "odd.yaml")
-
-
-def test_the_count_of_seeds_on_the_command_line_is_checked(tmp_path: Path) -> None:
     with pytest.raises(BadInput, match=r"^seeds = 0: expected"):
         plan(tmp_path, told=0)
 

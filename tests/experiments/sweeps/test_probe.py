@@ -17,13 +17,8 @@ from fogwatch.inprocess import Outcome, run_in_process
 from patrol.prepare import Prepared
 from patrol.scenario import Scenario, as_mapping
 
-BASE: dict[str, Any] = {
-    "terrain": {"builtin": "open"},
-    "point": 1,
-    "step": 0.5,
-    "duration": 400,
-    "robots": {"count": 2, "model": "holonomic"},
-}
+ROBOTS = {"count": 2, "model": "holonomic"}
+BASE = {"terrain": {"builtin": "open"}, "point": 1, "step": 0.5, "duration": 400, "robots": ROBOTS}
 LOADING_S, TICK_S = 1000.0, 0.25
 
 

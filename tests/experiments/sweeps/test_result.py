@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 import pytest
@@ -15,12 +16,7 @@ from agent.ports import Intent
 from agent.view import View
 from patrol.errors import BadInput
 
-BASE = {
-    "terrain": {"builtin": "open"},
-    "point": 1.0,
-    "duration": 15,
-    "robots": {"count": 2, "model": "holonomic"},
-}
+BASE = {"terrain": {"builtin": "open"}, "point": 1.0, "duration": 15, "robots": {"count": 2, "model": "holonomic"}}
 GRID = {"robots.count": range(1, 3), "radio.trail": [0, 4]}
 pytestmark = pytest.mark.processes
 
@@ -38,12 +34,8 @@ def test_the_table_has_a_row_a_run(swept: fogwatch.SweepResult) -> None:
     assert table["radio.trail"].tolist() == [0, 0, 4, 4] * 2
     assert set(table.outcome) == {"ok"}
     for row in table.itertuples():
-        run = fogwatch.run(
-            BASE,
-            overrides={"seed": row.seed, "robots.count": row[2], "radio.trail": row[3]},
-            out=swept.folder / f"run-{row.Index}",
-            picture=False,
-        )
+        settings = {"seed": row.seed, "robots.count": row[2], "radio.trail": row[3]}
+        run = fogwatch.run(BASE, overrides=settings, out=swept.folder / f"run-{row.Index}", picture=False)
         assert row.trace_hash == run.trace_hash
         assert row.mfow_mean_s == run.summary["mfow_mean_s"]
         assert row.messages_sent == run.summary["messages"]["sent"]
@@ -71,18 +63,17 @@ def test_comparisons_and_figures_are_those_of_the_command(swept: fogwatch.SweepR
 
 def test_a_second_call_repeats_nothing(swept: fogwatch.SweepResult) -> None:
     told: list[tuple[int, int]] = []
-    again = fogwatch.sweep(
-        BASE, grid=GRID, seeds=[1, 2], out=swept.folder, workers=1, progress=lambda *shown: told.append(shown)
-    )
+    how: dict[str, Any] = {"out": swept.folder, "progress": lambda *shown: told.append(shown)}
+    again = fogwatch.sweep(BASE, grid=GRID, seeds=[1, 2], workers=1, **how)
     assert again.outcome.made == 0
     assert again.table.column("trace_hash").equals(swept.table.column("trace_hash"))
-    more = fogwatch.sweep(BASE, seeds=[1, 3], out=swept.folder, progress=lambda *shown: told.append(shown))
+    more = fogwatch.sweep(BASE, seeds=[1, 3], **how)
     assert more.outcome.made == 1  # the base with seed 1 is one of the cases above
     assert told == [(1, 2), (2, 2)]
     assert more.table.column("case").to_pylist() == ["base", "base"]
 
 
-def test_a_sweep_file_gives_what_the_command_gives(
+def test_a_file_gives_the_commands_tables(
     tmp_path: Path, command: Callable[..., int], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     content = {"base": BASE, "cases": [{"name": "two", "set": {"radio.trail": 2}}], "seeds": 1}
@@ -114,20 +105,19 @@ class Mine:
 
 
 def test_bad_input_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    with pytest.raises(BadInput, match="nowhere: no such sweep, scenario or map file, and no built-in terrain"):
-        fogwatch.sweep("nowhere")
     (tmp_path / "list.yaml").write_text("[1, 2]", encoding="utf-8")
-    with pytest.raises(BadInput, match=r"list\.yaml: expected keys and values"):
-        fogwatch.sweep(tmp_path / "list.yaml")
-    with pytest.raises(BadInput, match=r"grid\.point = 1: expected a list of values"):
-        fogwatch.sweep("open", grid={"point": 1}, out=tmp_path)  # type: ignore[dict-item]
-    with pytest.raises(BadInput, match="give only one of the two"):
-        fogwatch.sweep("open", workers=2, cluster="tcp://here:1")
-    with pytest.raises(BadInput, match=r"seeds = 1\.5: expected a count such as 3"):
-        fogwatch.sweep("open", seeds=1.5, out=tmp_path)  # type: ignore[arg-type]
-    with pytest.raises(BadInput, match=r'^workers = "a": expected 1 or more'):
-        fogwatch.sweep("open", workers="a", out=tmp_path)  # type: ignore[arg-type]
     monkeypatch.setattr(Mine, "__module__", "__main__")
     monkeypatch.setattr("__main__.Mine", Mine, raising=False)
-    with pytest.raises(BadInput, match="policy = Mine: was defined here, where other processes cannot import it"):
-        fogwatch.sweep("open", cases={"mine": {"patrol.policy": Mine}}, out=tmp_path)
+    mine = {"mine": {"patrol.policy": Mine}}
+    wrong: list[tuple[str | Path, dict[str, Any], str]] = [
+        ("nowhere", {}, "nowhere: no such sweep, scenario or map file, and no built-in terrain"),
+        (tmp_path / "list.yaml", {}, r"list\.yaml: expected keys and values"),
+        ("open", {"grid": {"point": 1}}, r"grid\.point = 1: expected a list of values"),
+        ("open", {"workers": 2, "cluster": "tcp://here:1"}, "give only one of the two"),
+        ("open", {"seeds": 1.5}, r"seeds = 1\.5: expected a count such as 3"),
+        ("open", {"workers": "a"}, r'^workers = "a": expected 1 or more'),
+        ("open", {"cases": mine}, "policy = Mine: was defined here, where other processes cannot import it"),
+    ]
+    for base, how, says in wrong:
+        with pytest.raises(BadInput, match=says):
+            fogwatch.sweep(base, out=tmp_path / "out", **how)

@@ -11,6 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from experiments.sweeps.stats import estimate, fit
+from tests.present import present
 
 NUMBERS = st.lists(st.floats(min_value=-1e6, max_value=1e6), min_size=2, max_size=30)
 
@@ -34,21 +35,14 @@ def test_the_interval_is_students(values: list[float], confidence: float) -> Non
 def test_an_interval_excludes_zero_when_the_t_test_rejects() -> None:
     values = [0.3, 0.1, 0.5, 0.2, 0.4]
     found = estimate(values)
-    assert found.low is not None
-    assert found.low > 0.0
+    assert present(found.low) > 0.0
     assert scipy.stats.ttest_1samp(values, 0.0).pvalue < 0.05
 
 
 def test_one_value_has_no_interval_and_none_no_mean() -> None:
     alone = estimate([3.0])
-    assert (alone.mean, alone.low, alone.high, alone.half, alone.interval, alone.count) == (
-        3.0,
-        None,
-        None,
-        None,
-        None,
-        1,
-    )
+    assert (alone.mean, alone.count) == (3.0, 1)
+    assert [alone.low, alone.high, alone.half, alone.interval] == [None] * 4
     with pytest.raises(ValueError, match="at least one value"):
         estimate([])
 

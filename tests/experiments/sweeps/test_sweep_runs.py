@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import gc
 import json
+import selectors
+import signal
 import subprocess
+import sys
 import threading
 import time
 import weakref
@@ -28,15 +31,11 @@ from experiments.sweeps.workers import ClusterWorkers, LocalWorkers
 from fogwatch.inprocess import Outcome, run_in_process
 from patrol.errors import BadInput
 from patrol.scenario import Scenario, load_scenario
+from tests.present import present
 from worldsim.world import World
 
-BASE: Mapping[str, Any] = {
-    "terrain": {"builtin": "open"},
-    "point": 1,
-    "duration": 30,
-    "robots": {"count": 2, "model": "holonomic"},
-    "patrol": {"policy": "potential-field"},
-}
+ROBOTS, PATROL = {"count": 2, "model": "holonomic"}, {"policy": "potential-field"}
+BASE = {"terrain": {"builtin": "open"}, "point": 1, "duration": 30, "robots": ROBOTS, "patrol": PATROL}
 
 
 def plan(cases: Mapping[str, Mapping[str, object]], seeds: Sequence[int] = (1, 2), **more: Any) -> Plan:
@@ -44,11 +43,9 @@ def plan(cases: Mapping[str, Mapping[str, object]], seeds: Sequence[int] = (1, 2
     return make_plan("trial", base, [Case(name, settings) for name, settings in cases.items()], seeds)
 
 
-SIX = {
-    f"{name} {count}": {"patrol.options.direction": name, "robots.count": count}
-    for name in ("mode",)
-    for count in (1, 2, 3)
-}
+SIX = {f"mode {count}": {"patrol.options.direction": "mode", "robots.count": count} for count in (1, 2, 3)}
+TASK = {"key": "k", "case": "c", "seed": 1, "scenario": BASE}
+OVERLAP: dict[str, object] = {"robots.starts": [[3, 3], [3.5, 3]]}
 
 
 class Here:
@@ -156,9 +153,8 @@ def test_a_sweep_can_grow_and_cases_share_what_means_the_same(tmp_path: Path) ->
 
 
 def test_other_runs_in_the_folder_do_not_count_as_this_plan_s(tmp_path: Path) -> None:
-    workers = Here()
-    other = run_sweep(plan({"other": {"robots.count": 1}}), tmp_path, workers=workers)
-    outcome = run_sweep(plan({"a": {}, "same": {"robots.count": 2}}), tmp_path, workers=workers)
+    other = run_sweep(plan({"other": {"robots.count": 1}}), tmp_path, workers=Here())
+    outcome = run_sweep(plan({"a": {}, "same": {"robots.count": 2}}), tmp_path, workers=Here())
     assert len(outcome.results) == 4
     own = {key: result for key, result in outcome.results.items() if key not in other.results}
     assert len(own) == 2  # which both cases share
@@ -167,7 +163,7 @@ def test_other_runs_in_the_folder_do_not_count_as_this_plan_s(tmp_path: Path) ->
 
 
 def test_a_run_that_fails_costs_no_other_and_is_tried_again(tmp_path: Path) -> None:
-    cases: dict[str, dict[str, object]] = {"good": {}, "bad": {"robots.starts": [[3, 3], [3.5, 3]]}}
+    cases: dict[str, dict[str, object]] = {"good": {}, "bad": OVERLAP}
     outcome = run_sweep(plan(cases), tmp_path, workers=Here())
     assert [(run.case, run.seed) for run in outcome.failed] == [("bad", 1), ("bad", 2)]
     assert all(run.error and "overlap" in run.error for run in outcome.failed)
@@ -183,7 +179,7 @@ def test_whatever_a_run_raises_is_its_error(monkeypatch: pytest.MonkeyPatch) -> 
         raise RuntimeError("no\nidea")
 
     monkeypatch.setattr("fogwatch.inprocess.run_in_process", broken)
-    found = run_task({"key": "k", "case": "c", "seed": 1, "scenario": BASE})
+    found = run_task(TASK)
     assert (found["outcome"], found["error"], found["metrics"]) == ("failed", "RuntimeError: no idea", {})
 
 
@@ -208,7 +204,7 @@ def test_a_run_is_not_charged_with_what_another_thread_computes(monkeypatch: pyt
 
     monkeypatch.setattr("experiments.sweeps.worker.run_scenario", run)
     monkeypatch.setattr(gc, "collect", lambda: 0)
-    tasks = [{"key": "k", "case": "c", "seed": 1, "scenario": {**BASE, "seed": seed}} for seed in (1, 2)]
+    tasks = [{**TASK, "scenario": {**BASE, "seed": seed}} for seed in (1, 2)]
     with ThreadPoolExecutor(2) as threads:
         idle, busy = threads.map(run_task, tasks)
     assert (idle["outcome"], busy["outcome"]) == ("ok", "ok")
@@ -230,7 +226,7 @@ def test_a_run_leaves_nothing_behind_in_its_worker(monkeypatch: pytest.MonkeyPat
     monkeypatch.setattr("fogwatch.inprocess.run_in_process", noting)
     gc.disable()
     try:
-        assert run_task({"key": "k", "case": "c", "seed": 1, "scenario": BASE})["outcome"] == "ok"
+        assert run_task(TASK)["outcome"] == "ok"
         assert minds
         assert all(mind() is None for mind in minds)
     finally:
@@ -268,11 +264,8 @@ def test_workers_are_one_or_more(size: int) -> None:
 
 
 def test_the_tables_hold_means_intervals_and_failures(tmp_path: Path) -> None:
-    cases: dict[str, dict[str, object]] = {
-        "a": {"sensor.range": 10, "robots.starts": "random"},
-        "bad": {"robots.starts": [[3, 3], [3.5, 3]]},
-    }
-    outcome = run_sweep(plan(cases, seeds=(1, 2, 3)), tmp_path, workers=Here())
+    cases = plan({"a": {"sensor.range": 10, "robots.starts": "random"}, "bad": OVERLAP}, seeds=(1, 2, 3))
+    outcome = run_sweep(cases, tmp_path, workers=Here())
     as_csv, as_json = write_tables(outcome, tmp_path)
     says = json.loads(as_json.read_text())
     row, bad = says["cases"]
@@ -284,9 +277,8 @@ def test_the_tables_hold_means_intervals_and_failures(tmp_path: Path) -> None:
     assert (bad["runs"], bad["failed"], len(says["failed"])) == (0, 3, 3)
     assert (row["warned"], bad["warned"]) == (0, 0)
     header, first, second = as_csv.read_text().splitlines()
-    assert header.startswith(
-        "case,sensor.range,robots.starts,runs,failed,warned,mfow_mean_s,mfow_mean_s_low,mfow_mean_s_high,"
-    )
+    columns = "case,sensor.range,robots.starts,runs,failed,warned,mfow_mean_s,mfow_mean_s_low,mfow_mean_s_high,"
+    assert header.startswith(columns)
     assert first.startswith("a,10,random,3,0,0,")
     assert second.startswith('bad,,"[[3, 3], [3.5, 3]]",0,3,0,,')
 
@@ -308,3 +300,27 @@ def test_a_change_is_that_of_the_means_with_the_interval_of_the_differences(tmp_
     header, first, second = (line.split(",") for line in as_csv.read_text().splitlines())
     assert len(header) == len(first) == len(second)
     assert dict(zip(header, second, strict=True))["fog_mean_s_change_percent"] == str(change.mean)
+
+
+@pytest.mark.processes
+def test_a_signal_that_does_not_wake_the_wait_ends_it() -> None:
+    """So it is with Ctrl-C that comes just before the wait begins; here another thread takes the signal."""
+    waiting = present(threading.main_thread().ident)
+    over = threading.Event()
+
+    def interrupt() -> None:
+        while sys._current_frames()[waiting].f_code.co_filename != selectors.__file__:
+            if over.wait(0.01):
+                return
+        signal.pthread_kill(threading.get_ident(), signal.SIGINT)
+
+    thread = threading.Thread(target=interrupt, daemon=True)
+    thread.start()
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        with pytest.raises(KeyboardInterrupt), LocalWorkers(1) as workers:
+            next(workers.work([{**TASK, "scenario": {**BASE, "duration": 1_000_000}}]))
+    finally:
+        over.set()
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+        thread.join()

@@ -11,10 +11,11 @@ from numpy.typing import NDArray
 from agent.kernels.surroundings import count_free, fill_features, fill_heard, fill_window, sum_ages
 
 SHAPE = 19, 27
+Grids = tuple[NDArray[np.int32], NDArray[np.bool_], NDArray[np.bool_]]
 
 
 @pytest.fixture(name="ground")
-def ground_of(rng: np.random.Generator) -> tuple[NDArray[np.int32], NDArray[np.bool_], NDArray[np.bool_]]:
+def ground_of(rng: np.random.Generator) -> Grids:
     seen = rng.integers(-1, 90, SHAPE).astype(np.int32)
     return seen, rng.random(SHAPE) < 0.7, rng.random(SHAPE) < 0.8
 
@@ -32,9 +33,7 @@ PLACES = [(9, 13), (0, 0), (18, 26), (-3, 5), (7, 40)]
 
 
 @pytest.mark.parametrize(("row", "col"), PLACES)
-def test_ages_are_summed_by_the_sector_in_which_their_point_lies(
-    ground: tuple[NDArray[np.int32], NDArray[np.bool_], NDArray[np.bool_]], row: int, col: int
-) -> None:
+def test_ages_are_summed_by_the_sector_in_which_their_point_lies(ground: Grids, row: int, col: int) -> None:
     seen, patrolled, _ = ground
     tick, half = 100, 4
     expected = np.zeros((8, 4), dtype=np.int64)
@@ -49,9 +48,7 @@ def test_ages_are_summed_by_the_sector_in_which_their_point_lies(
 
 
 @pytest.mark.parametrize(("row", "col"), PLACES)
-def test_the_window_is_cut_out_of_the_ground_and_zero_beyond_it(
-    ground: tuple[NDArray[np.int32], NDArray[np.bool_], NDArray[np.bool_]], row: int, col: int
-) -> None:
+def test_the_window_is_cut_out_of_the_ground_and_zero_beyond_it(ground: Grids, row: int, col: int) -> None:
     seen, patrolled, is_open = ground
     window = np.full((2, 7, 7), np.nan, dtype=np.float32)
     fill_window(seen, patrolled, is_open, row, col, 100, 50, window)

@@ -13,22 +13,21 @@ from agent.bodies.base import GoalFinder
 from agent.bodies.car import Unstuck
 from agent.bodies.steering import CarSteering
 from agent.build import build_mind
-from agent.policies.potential_field import Field, Pull
+from agent.policies.potential_field import Pull
 from agent.ports import Bearing, Decision, Intent, Place, Policy, State, Stay
 from agent.psi import psi_field
 from agent.routes.ground import Ground
-from agent.routes.path_window import CENTRE, Aside
+from agent.routes.path_window import CENTRE
 from agent.view import View
 from fogwatch.inprocess import run_in_process
 from fogwatch.run_options import preset_settings
-from patrol.ground.fields import StaticFields
 from patrol.ground.fog import Fog
 from patrol.ground.swept_path import advance
 from patrol.ground.terrain import BoolGrid, Terrain
 from patrol.pose import Pose
-from patrol.scenario import BodyLengths, PotentialFieldOptions, RobotSpec, load_scenario, open_scenario
+from patrol.scenario import BodyLengths, RobotSpec, load_scenario, open_scenario
 from patrol.scenario.policies import PaperRule
-from tests.agent.minds import at, prepared_on
+from tests.agent.minds import at, fields_of, prepared_on, pull_on
 
 CAR = RobotSpec(1, "r1", "car", 4.4, 1.0, 3.5, None)
 
@@ -36,26 +35,12 @@ CAR = RobotSpec(1, "r1", "car", 4.4, 1.0, 3.5, None)
 # --- the direction of a force -----------------------------------------------------------------------------------------
 
 
-def pull_of(*places: tuple[int, int], fresh: int = 100, aside: Aside = CENTRE, key: int = 0, **options: Any) -> Pull:
-    """The forces on a robot in the middle of an open field of 20 x 20 m where some points (row, col) are stale.
-
-    Args:
-        places: The stale points.
-        fresh: The tick at which all others were last seen; after tick 100 they have no age.
-        aside: Rows and columns from the point's centre to the robot, in points.
-        key: Of the draws.
-        options: Of the policy.
-    """
-    passable = np.ones((41, 41), dtype=np.bool_)
-    proxy = np.full(passable.shape, -1, dtype=np.int32)
-    fields = StaticFields(passable, passable, passable, proxy)
-    seen = np.full(passable.shape, fresh, dtype=np.int32)
+def pull_of(*places: tuple[int, int], **options: Any) -> Pull:
+    """The forces on a robot in the middle of an open field of 20 x 20 m where some points (row, col) are stale."""
+    seen = np.full((41, 41), 100, dtype=np.int32)
     for place in places:
         seen[place] = 0
-    policy = PotentialFieldOptions.model_validate({"direction": "vector", **options})
-    field = Field(policy, fields, Posts(proxy), 0.5, {})
-    ground = Ground(Terrain("field", passable, 0.5), passable)
-    return field.pull(ground, 21, 21, seen, lambda _: seen, 100, 100, aside=aside, key=key)
+    return pull_on(fields_of(np.ones((41, 41), dtype=np.bool_)), (21, 21), seen, **{"direction": "vector", **options})
 
 
 def direction(pull: Pull) -> float:
@@ -86,10 +71,8 @@ def test_drawn_ties_favour_no_direction() -> None:
     """On a field of equal points half of them lie nearer to a diagonal than to a row or column."""
     options: dict[str, Any] = {"letter": "first-step", "direction": "mode", "fow": "f1", "distance": "g1"}
     everywhere = [(row, col) for row in range(41) for col in range(41)]
-    shares = {
-        ties: pull_of(*everywhere, ties=ties, key=key, **options).sums
-        for ties, key in (("diagonal", 0), ("straight", 0), ("drawn", 5))
-    }
+    keys = {"diagonal": 0, "straight": 0, "drawn": 5}
+    shares = {ties: pull_of(*everywhere, ties=ties, key=key, **options).sums for ties, key in keys.items()}
     diagonal = {ties: sums[1::2].sum() / sums.sum() for ties, sums in shares.items()}
     assert diagonal["diagonal"] > 0.85
     assert diagonal["straight"] < 0.15
@@ -166,8 +149,7 @@ def test_the_strongest_direction_is_the_only_one_that_is_tried() -> None:
     """Straight paths pull into the wall, which is closer than half a step."""
     straight: dict[str, Any] = {"options": {"paths": "straight", "dilatation": 0}, "avoidance": "none"}
     pose = Pose(13.75, 5.25, 0.0)
-    ours, _ = decided(False, pose, ticks=40, **straight)
-    printed, stuck = decided("one-direction", pose, ticks=40, **straight)
+    (ours, _), (printed, stuck) = (decided(letter, pose, ticks=40, **straight) for letter in (False, "one-direction"))
     assert isinstance(ours, Bearing)
     assert isinstance(printed, Bearing)
     assert len(ours.bearings) > 1
@@ -223,16 +205,16 @@ def test_refinement_considers_the_whole_square() -> None:
 
 @pytest.mark.parametrize("reach", [1, 3, 16])
 def test_staleness_fills_a_square_through_walls(reach: int) -> None:
-    ground = hall()
+    ground, proxy = hall(), np.full((40, 60), -1, dtype=np.int32)
     fog = Fog(ground)
-    proxy = np.full(ground.shape, -1, dtype=np.int32)
     fog.last_seen[ground] = 9
     fog.last_seen[10, 28] = 2  # left of the wall
-    dilated = {square: Dilated(fog, ground, Posts(proxy), reach, square=square) for square in (False, True)}
-    seen = {square: each.within((0, 39, 0, 59), 10) for square, each in dilated.items()}
-    for square, each in dilated.items():
-        each.changed([(0, 39, 0, 59)])
-        seen[square] = each.within((0, 39, 0, 59), 10)
+    seen = {}
+    for square in (False, True):
+        dilated = Dilated(fog, ground, Posts(proxy), reach, square=square)
+        dilated.within((0, 39, 0, 59), 10)
+        dilated.changed([(0, 39, 0, 59)])
+        seen[square] = dilated.within((0, 39, 0, 59), 10)
     rows, cols = np.indices(ground.shape)
     window = (abs(rows - 10) <= reach) & (abs(cols - 28) <= reach)
     expected = np.where(ground, np.where(window, 2, 9), AGELESS)
@@ -256,21 +238,13 @@ def test_getting_unstuck_as_printed_takes_the_same_steps_each_time() -> None:
 
 
 def test_cars_get_unstuck_as_printed_where_ties_are_drawn() -> None:
-    """Where all paths begin diagonally that can, they drive to and fro before the same wall."""
+    """If all paths begin diagonally that can, they drive to and fro before the same wall."""
 
     def dead_end_share(ties: str) -> float:
-        settings = {
-            **preset_settings("letter"),
-            "point": 1.0,
-            "duration": 300,
-            "seed": 2,
-            "robots.count": 3,
-            "robots.model": "car",
-            "patrol.avoidance": "none",
-            "patrol.options.dilatation": 0,
-            "patrol.options.ties": ties,
-        }
-        robots = run_in_process(open_scenario("clutter", settings), verify_fog=False).summary.robots.values()
+        size = {"point": 1.0, "duration": 300, "seed": 2, "robots.count": 3, "robots.model": "car"}
+        rules = {"patrol.avoidance": "none", "patrol.options.dilatation": 0, "patrol.options.ties": ties}
+        scenario = open_scenario("clutter", {**preset_settings("letter"), **size, **rules})
+        robots = run_in_process(scenario, verify_fog=False).summary.robots.values()
         return sum(robot.dead_end_share or 0.0 for robot in robots) / len(robots)
 
     assert dead_end_share("drawn") < 0.5 * dead_end_share("diagonal")

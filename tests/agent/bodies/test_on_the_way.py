@@ -1,0 +1,86 @@
+"""Bodies on the way to a place: round closed ground, through a slanting slit, across a hall."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from agent.ports import Place
+from agent.routes.ground import Disc
+from patrol.ground.terrain import Terrain
+from patrol.pose import MODELS, Pose
+from tests.agent.minds import STEP
+from tests.agent.plans import POINT, Robots, plan, prepared_in
+
+HALL = plan((14.0, 8.0), (0.0, 0.0, 14.0, 8.0))
+
+
+def robots_in_hall(model: str, start: Pose, place: Place, speed: float = 1.0) -> Robots:
+    body = {"model": model, "radius": 0.3, "speed": speed, "turning_radius": 0.6}
+    return Robots(prepared_in(HALL, [start], body), place)
+
+
+@pytest.mark.parametrize("model", MODELS)
+@pytest.mark.parametrize("closes_at", [0.0, 2.4, 2.9, 3.4])
+def test_what_closes_ahead_is_gone_round(model: str, closes_at: float) -> None:
+    robots, disc = robots_in_hall(model, Pose(2.0, 4.05, 0.0), Place(12.0, 4.0)), (5.0, 4.0, 1.0)
+    closed: list[Disc] = []
+    robots.minds[0].body.obstacles = lambda *_: closed  # type: ignore[method-assign]
+    for _ in range(60):
+        robots.tick()
+        if robots.bodies[0].pose.x > closes_at:
+            closed = [disc]
+        assert robots.apart(disc[:2]) >= disc[2] - 0.05
+        if robots.apart((12.0, 4.0)) < 0.5:
+            return
+    pytest.fail(f"it is at {robots.bodies[0].pose}")
+
+
+@pytest.mark.parametrize("low", [4.6, 4.9, 5.2])
+def test_a_fast_holonomic_robot_cuts_across_nothing_closed(low: float) -> None:
+    robots, disc = robots_in_hall("holonomic", Pose(2.0, low, 0.0), Place(12.0, 8.0 - low), 2.0), (7.0, 4.0, 1.5)
+    robots.minds[0].body.obstacles = lambda *_: [disc]  # type: ignore[method-assign]
+    for _ in range(30):
+        robots.tick()
+        assert robots.apart(disc[:2]) >= disc[2] - 0.05
+    assert robots.apart((12.0, 8.0 - low)) < 0.1
+
+
+# --- a slanting slit, where the way over the centres of points bends at each of them, and a hall ---------------------
+
+
+SPEED = 1.0
+SLANT = 0.6
+"""Direction of the slit, rad."""
+
+
+def slit(width: float) -> Terrain:
+    """A slit of 12 m that joins two rooms, in the middle of 16 x 12 m."""
+    rows, cols = np.mgrid[0:120, 0:160]
+    x, y = (cols + 0.5) * POINT - 8.0, (rows + 0.5) * POINT - 6.0
+    along, across = x * math.cos(SLANT) + y * math.sin(SLANT), y * math.cos(SLANT) - x * math.sin(SLANT)
+    return Terrain("slit", (np.abs(along) > 6.0) | (np.abs(across) < 0.5 * width), POINT)
+
+
+@pytest.mark.parametrize("model", ["holonomic", "differential", "car"])
+@pytest.mark.parametrize("width", [0.88, 0.9, 1.0])
+def test_it_drives_through_a_slit_without_a_stop_at_each_bend(model: str, width: float) -> None:
+    across, up = 6.6 * math.cos(SLANT), 6.6 * math.sin(SLANT)
+    start, end = (8.0 - across, 6.0 - up), (8.0 + across, 6.0 + up)
+    body = {"model": model, "radius": 0.3, "speed": SPEED, "turning_radius": 0.6}
+    robots = Robots(prepared_in(slit(width), [Pose(*start, SLANT)], body), Place(*end))
+    robots.until_near(end, 0.15, round(1.1 * math.dist(start, end) / (SPEED * STEP)))
+    assert robots.bodies[0].collisions == 0
+
+
+@pytest.mark.parametrize("askew", [0.37, -0.5, 1.3])
+def test_a_differential_robot_drives_straight_across_a_hall(askew: float) -> None:
+    start, end, speed = (1.0, 2.0), (15.0, 9.0), 0.35
+    bearing = math.atan2(end[1] - start[1], end[0] - start[0])
+    hall = Terrain("hall", np.ones((120, 160), dtype=np.bool_), POINT)
+    body = {"model": "differential", "radius": 0.3, "speed": speed}
+    robots = Robots(prepared_in(hall, [Pose(*start, bearing + askew)], body), Place(*end))
+    needs_s = math.dist(start, end) / speed + abs(askew) * 0.3 / speed
+    robots.until_near(end, 0.15, round(1.03 * needs_s / STEP))
