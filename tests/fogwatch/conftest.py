@@ -11,7 +11,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import pytest
 
@@ -19,7 +19,6 @@ from tests.fleets import trace_of
 
 PATIENCE_S = 800.0
 """How long anything may take, s, on a machine with much else to do: less than pytest's own limit."""
-
 
 WITHOUT = ("--no-page", "--no-picture", "--no-recording", "--no-report")
 """What no run has unless a test asks for it: most of a short run's time goes into these."""
@@ -119,6 +118,50 @@ class Run:
         """What the run left."""
         summary: dict[str, Any] = json.loads((self.folder / "summary.json").read_text(encoding="utf-8"))
         return summary
+
+
+class Said(NamedTuple):
+    """The exit code of a command, and what it has printed."""
+
+    code: int
+    out: str
+    err: str
+
+
+Shell = Callable[..., Said]
+Refused = Callable[..., str]
+
+
+@pytest.fixture
+def shell(fogwatch: Callable[..., int], capsys: pytest.CaptureFixture[str]) -> Shell:
+    """The command in this process, with what it prints."""
+
+    def run(*words: str | Path) -> Said:
+        code = fogwatch(*words)
+        return Said(code, *capsys.readouterr())
+
+    return run
+
+
+@pytest.fixture
+def refused(shell: Shell) -> Refused:
+    """The command where it is bad input: the one line that is all it says."""
+
+    def run(*words: str | Path) -> str:
+        said = shell(*words)
+        assert (said.code, said.out, said.err.count("\n")) == (2, "", 1), said
+        return said.err
+
+    return run
+
+
+def cut_off(run: Path, folder: Path, share: float = 2 / 3) -> Path:
+    """Copy a run as if it had been killed after a share of its journal."""
+    folder.mkdir()
+    (folder / "scenario.yaml").write_bytes((run / "scenario.yaml").read_bytes())
+    whole = (run / "journal").read_bytes()
+    (folder / "journal").write_bytes(whole[: int(share * len(whole))])
+    return folder
 
 
 @pytest.fixture

@@ -5,14 +5,15 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
-from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 import pytest
 
 import fogwatch
-from tests.fogwatch.commands.test_recording_commands import SMALL, half
+from tests.fogwatch.commands.test_recording_commands import SMALL
+from tests.fogwatch.conftest import Refused, Shell, cut_off
 
 NAMES = ("ticks", "robots", "links", "events", "visits", "ground")
 
@@ -23,51 +24,41 @@ def ran(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return fogwatch.run(SMALL, out=tmp_path_factory.mktemp("run") / "small", picture=False).folder
 
 
-@pytest.mark.parametrize("kind", ["parquet", "csv"])
-def test_it_writes_a_file_a_table(
-    ran: Path, command: Callable[..., int], capsys: pytest.CaptureFixture[str], tmp_path: Path, kind: str
-) -> None:
-    assert command("export", ran, "--format", kind, "--out", "some/tables") == 0
-    assert capsys.readouterr().out == f"tables: some/tables: {', '.join(f'{name}.{kind}' for name in NAMES)}\n"
-    assert {file.name for file in (tmp_path / "some/tables").iterdir()} == {f"{name}.{kind}" for name in NAMES}
-    read = pd.read_parquet if kind == "parquet" else pd.read_csv
+@pytest.mark.parametrize(("kind", "read"), [("parquet", pd.read_parquet), ("csv", pd.read_csv)])
+def test_it_writes_a_file_a_table(ran: Path, shell: Shell, tmp_path: Path, kind: str, read: Any) -> None:
+    files = [f"{name}.{kind}" for name in NAMES]
+    said = f"tables: some/tables: {', '.join(files)}\n"
+    assert shell("export", ran, "--format", kind, "--out", "some/tables")[:2] == (0, said)
+    assert sorted(file.name for file in (tmp_path / "some/tables").iterdir()) == sorted(files)
     ticks = read(tmp_path / "some" / "tables" / f"ticks.{kind}")
     assert ticks.mfow_s.tolist() == fogwatch.load(ran).mfow_s.tolist()
 
 
-def test_a_run_without_an_end_is_exported_as_far_as_it_goes(
-    ran: Path, command: Callable[..., int], capsys: pytest.CaptureFixture[str], tmp_path: Path
-) -> None:
-    folder = half(ran, tmp_path / "half")
-    assert command("export", folder) == 0
-    assert "was cut off" in capsys.readouterr().err
+def test_a_run_without_an_end_is_exported_as_far_as_it_goes(ran: Path, shell: Shell, tmp_path: Path) -> None:
+    folder = cut_off(ran, tmp_path / "half")
+    said = shell("export", folder)
+    assert said.code == 0
+    assert "was cut off" in said.err
     ticks = pd.read_parquet(folder / "tables" / "ticks.parquet")
     whole = fogwatch.load(ran).ticks.to_pandas()
     assert 0 < len(ticks) < len(whole)
     pd.testing.assert_frame_equal(ticks, whole[: len(ticks)])
 
 
-def test_bad_arguments_are_named(
-    ran: Path, command: Callable[..., int], capsys: pytest.CaptureFixture[str], tmp_path: Path
-) -> None:
+def test_bad_arguments_are_named(ran: Path, refused: Refused, tmp_path: Path) -> None:
     (tmp_path / "file").write_text("", encoding="utf-8")
-    for arguments, words in (
-        ((ran, "--format", "xlsx"), "--format xlsx: known are parquet, csv"),
-        ((ran, "--out", "file"), "--out file: is a file; name a folder"),
-        (("nothing",), "nothing: no such folder; name the folder of a run"),
-    ):
-        assert command("export", *arguments) == 2
-        assert words in capsys.readouterr().err
+    assert "--format xlsx: known are parquet, csv" in refused("export", ran, "--format", "xlsx")
+    assert "--out file: is a file; name a folder" in refused("export", ran, "--out", "file")
+    assert "nothing: no such folder; name the folder of a run" in refused("export", "nothing")
 
 
-def test_tables_do_not_follow_a_link_out_of_the_folder(
-    ran: Path, command: Callable[..., int], capsys: pytest.CaptureFixture[str], tmp_path: Path
-) -> None:
-    folder = half(ran, tmp_path / "half")
+def test_tables_do_not_follow_a_link_out_of_the_folder(ran: Path, shell: Shell, tmp_path: Path) -> None:
+    folder = cut_off(ran, tmp_path / "half")
     (tmp_path / "elsewhere").mkdir()
     (folder / "tables").symlink_to(tmp_path / "elsewhere")
-    assert command("export", folder) == 2
-    assert "is a link that leads out of the run's folder; name a folder with --out" in capsys.readouterr().err
+    said = shell("export", folder)
+    assert said.code == 2
+    assert "is a link that leads out of the run's folder; name a folder with --out" in said.err
     assert not list((tmp_path / "elsewhere").iterdir())
 
 

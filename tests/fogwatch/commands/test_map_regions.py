@@ -18,17 +18,14 @@ def output(*arguments: str) -> str:
     return result.output
 
 
-def test_tells_how_many_regions_and_connections_there_are() -> None:
+def test_tells_how_many_regions_there_are_and_into_which_the_body_fits() -> None:
     told = output("yards", "--point", "0.5")
     assert "yards: 100 x 88 m, points of 0.5 m; body radius 1 m" in told
     assert "regions: 5 convex regions found in " in told
     assert "\nconnections: 4\n" in told
     assert "m² around (50.00, 44.00), connected to 1, 3\n" in told
+    assert "the body fits into 5\n" in told
     assert "\x1b" not in told
-
-
-def test_a_body_too_wide_for_a_mouth_is_told() -> None:
-    assert "the body fits into 5\n" in output("yards", "--point", "0.5")
     told = output("yards", "--point", "0.5", "--radius", "17")
     assert "the body fits into 2\n" in told
     assert "connections: 0" in told
@@ -71,18 +68,22 @@ def test_bad_input_is_one_line(arguments: tuple[str, ...], problem: str) -> None
     assert "\n" not in str(caught.value)
 
 
-def test_a_scenarios_gap_is_told(tmp_path: Path) -> None:
-    (tmp_path / "gap.yaml").write_text(
-        "terrain: {builtin: open}\npoint: 0.5\n"
-        "patrol: {policy: potential-field, regions: [[[0, 0], [100, 0], [100, 80], [0, 80]]]}"
-    )
-    with pytest.raises(BadInput, match=r"patrol.options.regions: 800.00 m2 of free ground lie in no region"):
-        output(str(tmp_path / "gap.yaml"))
-
-
-def test_a_zone_off_the_ground_is_said_of_the_scenarios_file(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("more", "problem"),
+    [
+        (
+            "patrol: {policy: potential-field, regions: [[[0, 0], [100, 0], [100, 80], [0, 80]]]}",
+            r"patrol.options.regions: 800.00 m2 of free ground lie in no region",
+        ),
+        (
+            "zones: [{name: vault, polygon: [[900, 1], [901, 1], [901, 2]], weight: 2}]",
+            r"^SITE: zones\.0: vault lies outside of open",
+        ),
+    ],
+    ids=["gap", "zone"],
+)
+def test_what_does_not_fit_the_ground_is_said_of_the_scenarios_file(more: str, problem: str, tmp_path: Path) -> None:
     site = tmp_path / "site.yaml"
-    vault = "{name: vault, polygon: [[900, 1], [901, 1], [901, 2]], weight: 2}"
-    site.write_text(f"terrain: {{builtin: yards}}\nzones: [{vault}]\n")
-    with pytest.raises(BadInput, match=rf"^{site}: zones\.0: vault lies outside of yards"):
-        output(str(site), "--point", "0.5")
+    site.write_text(f"terrain: {{builtin: open}}\npoint: 0.5\n{more}\n")
+    with pytest.raises(BadInput, match=problem.replace("SITE", str(site))):
+        output(str(site))
