@@ -13,6 +13,7 @@ import numpy as np
 
 import fogwatch
 from patrol.messages.feed import Ground, SoFar, so_far_bytes
+from patrol.messages.telemetry import Metrics
 from patrol.scenario import load_scenario
 from worldsim.run_record import RunRecord
 
@@ -62,8 +63,10 @@ class Processes:
 
 def one_and_many(scenario: Mapping[str, Any], folder: Path) -> tuple[fogwatch.Run, fogwatch.Run]:
     """Run a scenario in one process and as processes: both valid, with one trace. Folders: ``one`` and ``many``."""
+    told: list[Metrics] = []
     one = fogwatch.run(scenario, out=folder / "one", picture=False)
-    many = fogwatch.run(scenario, out=folder / "many", in_process=False, picture=False)
+    many = fogwatch.run(scenario, out=folder / "many", in_process=False, picture=False, progress=told.append)
+    assert told
     assert one.verdict.valid, one.verdict.failed
     assert many.verdict.valid, many.verdict.failed
     assert many.trace_hash == one.trace_hash

@@ -13,20 +13,14 @@ from pathlib import Path
 
 import pytest
 
+from tests.fleets import COARSE
 from tests.routers import free_endpoint
 
 pytestmark = pytest.mark.processes
 
 PATIENCE_S = 300.0
 WATCHDOG_S = 1.0
-SCENARIO = {
-    "name": "watched",
-    "terrain": {"builtin": "open"},
-    "point": 1.0,
-    "duration": 5000,
-    "pace": "realtime",
-    "robots": {"count": 1, "model": "holonomic"},
-}
+SCENARIO = {**COARSE, "duration": 5000, "pace": "realtime", "robots": {"count": 1, "model": "holonomic"}}
 
 
 class Service:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import pytest
+
 from docs.site.docstrings import with_examples
 
 
@@ -11,11 +13,13 @@ def test_an_indented_paragraph_after_text_is_an_example() -> None:
     ]
 
 
-def test_sections_stay() -> None:
-    lines = ["Text.", "", "Args:", "    name: The name.", "", "        Its second paragraph.", "    other: More."]
-    assert with_examples(lines) == lines
-
-
-def test_what_is_marked_already_stays() -> None:
-    lines = ["Text::", "", "    code"]
+@pytest.mark.parametrize(
+    "lines",
+    [
+        ["Text.", "", "Args:", "    name: The name.", "", "        Its second paragraph.", "    other: More."],
+        ["Text::", "", "    code"],
+    ],
+    ids=["sections", "what is marked already"],
+)
+def test_others_stay(lines: list[str]) -> None:
     assert with_examples(lines) == lines

@@ -15,6 +15,8 @@ from typing import Any, NamedTuple
 
 import pytest
 
+import fogwatch
+from patrol.journal import RobotTick, TickRecord, read_journal
 from tests.fleets import trace_of
 
 PATIENCE_S = 800.0
@@ -113,6 +115,33 @@ class Run:
         summary = self.summary()
         assert summary["verdict"]["valid"], summary["verdict"]
         assert summary["trace_hash"] == trace_of(self.file, summary["ticks"], self.folder.parent)
+
+    def assert_replayed(self) -> None:
+        """Assert that the run is valid, and that its timeline as a scenario leaves its trace."""
+        summary = self.summary()
+        assert summary["verdict"]["valid"], summary["verdict"]
+        length = {"duration": summary["ticks"] * 0.5}
+        again = fogwatch.run(
+            self.folder / "timeline.yaml", out=self.folder.parent / "again", overrides=length, picture=False
+        )
+        assert again.verdict.valid, again.verdict.failed
+        assert again.trace_hash == summary["trace_hash"]
+
+    def failed(self) -> dict[str, str]:
+        """The details of the checks that failed, by name."""
+        return {check["name"]: check["detail"] for check in self.summary()["verdict"]["checks"] if not check["ok"]}
+
+    def statuses(self) -> dict[str, str]:
+        """What robots were in the end, by name."""
+        return {name: facts["status"] for name, facts in self.summary()["robots"].items()}
+
+    def records(self, first: int = 0) -> list[TickRecord]:
+        """The ticks so far, from the first on."""
+        return list(read_journal(self.folder / "journal").ticks)[first:]
+
+    def rows(self, number: int, first: int = 0) -> list[RobotTick]:
+        """A robot's part of them."""
+        return [record.robots[number - 1] for record in self.records(first)]
 
     def summary(self) -> dict[str, Any]:
         """What the run left."""

@@ -27,7 +27,7 @@ from worldsim.run_record import COMPLETED, INTERRUPTED
 
 Judging = Callable[[Path], tuple[int, Any]]
 
-SMALL = {**COARSE, "name": "small", "duration": 10, "robots": {"count": 2, "model": "holonomic"}}
+SMALL = {**COARSE, "name": "small", "duration": 10, "seed": 1, "robots": {"count": 2, "model": "holonomic"}}
 SMALL["faults"] = [{"kind": "loss", "rate": 0.3}]
 
 

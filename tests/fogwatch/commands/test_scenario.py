@@ -74,8 +74,8 @@ def test_check_says_who_does_not_come_back(faults: str, told: str) -> None:
     ("setting", "problem"),
     [
         ("radio.key=/none/key", r"radio\.key: cannot read"),
-        ("robots={count: 1, starts: [[-20, 20]]}", ""),
-        ("robots.radius=60", ""),
+        ("robots={count: 1, starts: [[-20, 20]]}", r"robots: start \(-20, 20\) of r1: not on open"),
+        ("robots.radius=60", r"robots\.radius = 60: a body this wide fits nowhere on open"),
     ],
 )
 def test_check_finds_what_the_file_alone_does_not_show(setting: str, problem: str) -> None:

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import os
 import signal
-import socket
 import subprocess
 import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
@@ -23,7 +22,7 @@ from monitor.replay.run import open_run
 from patrol.errors import BadInput
 from patrol.journal.records import Status
 from patrol.messages.telemetry import Telemetry, pack_view
-from patrol.net.link import Link, open_link, open_router
+from patrol.net.link import Link, open_link
 from patrol.pose import Pose
 from patrol.prepare import prepare
 from patrol.process.lifeline import Ending
@@ -137,24 +136,13 @@ def _viewer(folder: Path, ready: Path) -> subprocess.Popen[bytes]:
     return subprocess.Popen([sys.executable, "-P", "-c", code, str(folder), str(ready)])
 
 
-@pytest.fixture
-def router() -> Any:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        locator = f"tcp/127.0.0.1:{probe.getsockname()[1]}"
-    link = open_router(locator)
-    yield locator
-    link.close()
-
-
-def test_robots_without_a_world_are_heard(router: str) -> None:
+def test_robots_without_a_world_are_heard(endpoint: str) -> None:
     keys = fleet_keys("real-1")
     scenario = load_scenario({**COARSE, "robots": [{"name": "anna"}, {"name": "bert"}], "step": 0.1})
     later = [0.0]
-    source = PositionsSource(
-        keys, prepare(scenario), open_link(router, 20.0), open_link(router, 20.0), lambda: time.monotonic() + later[0]
-    )
-    robot: Link = open_link(router, 20.0)
+    links = open_link(endpoint, 20.0), open_link(endpoint, 20.0)
+    source = PositionsSource(keys, prepare(scenario), *links, lambda: time.monotonic() + later[0])
+    robot: Link = open_link(endpoint, 20.0)
     robot.live(keys.alive("anna"))
     said = Telemetry(3, "patrolling", (1.0, 2.0), (3.0, 4.0), None, 9, 1.5, 2)
     tell, position = robot.publisher(keys.telemetry("anna")), robot.broadcast(keys.position("anna"))
@@ -185,10 +173,10 @@ def test_robots_without_a_world_are_heard(router: str) -> None:
     source.close()
 
 
-def test_a_fleet_that_is_not_there_is_said_so(router: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_fleet_that_is_not_there_is_said_so(endpoint: str, monkeypatch: pytest.MonkeyPatch) -> None:
     reach_patiently(monkeypatch)
     with pytest.raises(BadInput, match="no world of this fleet"):
-        open_fleet(Ending(), router=router, fleet="nobody-1", wait_s=0.3)
+        open_fleet(Ending(), router=endpoint, fleet="nobody-1", wait_s=0.3)
     with pytest.raises(BadInput, match="no fleet named"):
         open_fleet(Ending())
 

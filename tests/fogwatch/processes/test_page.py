@@ -9,20 +9,15 @@ import pytest
 
 from patrol.journal import Journal, Status, read_journal
 from tests.browser import Look, browser_or_skip
+from tests.fleets import COARSE
 
 if TYPE_CHECKING:
     from tests.fogwatch.conftest import Run
 
 pytestmark = [pytest.mark.processes, *browser_or_skip()]
 
-FLEET: dict[str, Any] = {
-    "name": "watched",
-    "terrain": {"builtin": "open"},
-    "point": 0.5,
-    "duration": 20000,
-    "pace": 2.0,
-    "robots": {"count": 3, "model": "holonomic"},
-}
+ROBOTS = {"count": 3, "model": "holonomic"}
+FLEET: dict[str, Any] = {**COARSE, "point": 0.5, "duration": 20000, "pace": 2.0, "robots": ROBOTS}
 
 
 def address_of(run: Run) -> str:

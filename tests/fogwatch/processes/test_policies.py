@@ -6,7 +6,6 @@ import json
 import re
 import shutil
 import time
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +16,8 @@ from agent.learned.network import read_network
 from fogwatch.learn import action_of, flattened, parallel_env
 from patrol.journal import Status, read_journal
 from tests.agent.learned.test_network import as_onnx, layers
-from tests.fleets import one_and_many
+from tests.fleets import COARSE, one_and_many
+from tests.fogwatch.conftest import WITHOUT, Refused, Shell
 
 HERE = Path(__file__).parent
 EXAMPLE = HERE.parents[2] / "examples" / "my_policy.py"
@@ -31,13 +31,8 @@ WORDS = {
 
 
 def scenario(policy: str, **patrol: Any) -> dict[str, Any]:
-    return {
-        "terrain": {"builtin": "open"},
-        "point": 1.0,
-        "duration": 40,
-        "robots": {"count": 3, "model": "holonomic"},
-        "patrol": {"policy": policy, **patrol},
-    }
+    robots = {"count": 3, "model": "holonomic"}
+    return {**COARSE, "duration": 40, "robots": robots, "patrol": {"policy": policy, **patrol}}
 
 
 @pytest.mark.processes
@@ -63,11 +58,7 @@ def await_ends(pids: list[int]) -> None:
     "name", ["Raising", "Sleeping", *(pytest.param(name, marks=pytest.mark.accept) for name in ("Nonsense", "Leaving"))]
 )
 def test_a_policy_that_fails_stops_its_robot_alone(
-    name: str,
-    fogwatch: Callable[..., int],
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
-    monkeypatch: pytest.MonkeyPatch,
+    name: str, shell: Shell, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     path, pids = tmp_path / "scenario.yaml", tmp_path / "pids"
     pids.mkdir()
@@ -76,9 +67,8 @@ def test_a_policy_that_fails_stops_its_robot_alone(
     traces = []
     for way in ("--in-process", "--no-page"):
         out = tmp_path / way.strip("-")
-        code = fogwatch("run", str(path), way, "--no-picture", "--no-report", "--no-recording", "--out", str(out))
-        shown = capsys.readouterr()
-        assert code == 1, shown.err
+        shown = shell("run", path, way, *WITHOUT[1:], "--out", out)
+        assert shown.code == 1, shown.err
         ticks = list(read_journal(out / "journal").ticks)
         assert len(ticks) == 80
         assert [robot.status for robot in ticks[FAILS_AT].robots] == [Status.ALIVE] * 3
@@ -99,35 +89,34 @@ def test_a_policy_that_fails_stops_its_robot_alone(
 
 
 @pytest.mark.parametrize(
-    ("policy", "says"),
+    ("policy", "more", "says"),
     [
-        ("./nowhere.py:Policy", "cannot be read"),
-        (f"{EXAMPLE}:Missing", "has no Missing"),
-        ("no-such-policy", "no such policy"),
-        ("no_such_package.module:Policy", "No module named"),
+        ("./nowhere.py:Policy", (), "cannot be read"),
+        (f"{EXAMPLE}:Missing", (), "has no Missing"),
+        ("no-such-policy", (), "no such policy"),
+        ("no_such_package.module:Policy", (), "No module named"),
+        (f"{EXAMPLE}:GreedyTarget", ("--set", "patrol.options.near=-3"), "patrol.options.near = -3"),
     ],
 )
 def test_a_policy_that_cannot_be_had_is_one_line_and_no_run(
-    policy: str, says: str, fogwatch: Callable[..., int], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    policy: str, more: tuple[str, ...], says: str, refused: Refused, tmp_path: Path
 ) -> None:
-    code = fogwatch("run", "open", "--set", f"patrol.policy={policy}", "--out", str(tmp_path / "out"))
-    lines = capsys.readouterr().err.strip().splitlines()
-    assert code == 2
-    assert len(lines) == 1
-    assert "patrol.policy" in lines[0]
-    assert says in lines[0]
+    said = refused("run", "open", "--set", f"patrol.policy={policy}", *more, "--out", tmp_path / "out")
+    assert ("patrol.policy" in said) == (not more)
+    assert says in said
     assert not (tmp_path / "out").exists()
 
 
 @pytest.mark.processes
 @pytest.mark.parametrize("way", ["--in-process", "--no-page"])
 def test_a_policy_that_cannot_be_made_is_bad_input_in_one_process_and_in_many(
-    way: str, fogwatch: Callable[..., int], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    way: str, shell: Shell, tmp_path: Path
 ) -> None:
     path = tmp_path / "scenario.yaml"
     path.write_text(json.dumps(scenario(f"{HERE / 'policies_that_fail.py'}:Unmade")), encoding="utf-8")
-    assert fogwatch("run", str(path), way, "--out", str(tmp_path / "out")) == 2
-    last = capsys.readouterr().err.splitlines()[-1]
+    shown = shell("run", path, way, "--out", tmp_path / "out")
+    last = shown.err.splitlines()[-1]
+    assert shown.code == 2
     where = r"policies_that_fail\.py:\d+"
     raised = rf"policy .*:Unmade: cannot be made for r[123]: ZeroDivisionError: no idea \({where}\)"
     said = re.fullmatch(rf"fogwatch: {raised}; the traceback is in (.*)", last)
@@ -139,41 +128,27 @@ def test_a_policy_that_cannot_be_made_is_bad_input_in_one_process_and_in_many(
     assert re.fullmatch(rf"r[123]: {raised}", kept[-1])
 
 
-def test_options_are_checked_before_anything_runs(
-    fogwatch: Callable[..., int], tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    chosen = ("--set", f"patrol.policy={EXAMPLE}:GreedyTarget", "--set", "patrol.options.near=-3")
-    assert fogwatch("run", "open", *chosen, "--out", str(tmp_path / "out")) == 2
-    assert "patrol.options.near = -3" in capsys.readouterr().err
-    assert not (tmp_path / "out").exists()
-
-
-def test_whoever_looks_at_a_run_never_imports_its_policy(
-    fogwatch: Callable[..., int], tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_whoever_looks_at_a_run_never_imports_its_policy(shell: Shell, tmp_path: Path) -> None:
     source = tmp_path / "mine.py"
     source.write_bytes(EXAMPLE.read_bytes())
     out = tmp_path / "run"
     chosen = ("--set", f"patrol.policy={source}:GreedyTarget", "--set", "point=1", "--set", "duration=20")
-    assert (
-        fogwatch(
-            "run", "open", *chosen, "--in-process", "--no-picture", "--no-report", "--no-recording", "--out", str(out)
-        )
-        == 0
-    )
+    assert shell("run", "open", *chosen, "--in-process", *WITHOUT[1:], "--out", out).code == 0
     (out / "policy" / "mine.py").write_text("raise RuntimeError('imported')", encoding="utf-8")
     source.unlink()
     other = tmp_path / "other"
     shutil.copytree(out, other)
-    for command in (["report", str(out)], ["record", str(out)], ["compare", str(out), str(other)]):
-        assert fogwatch(*command) == 0, capsys.readouterr().err
-    assert fogwatch("run", str(out / "scenario.yaml"), "--in-process", "--out", str(tmp_path / "again")) == 2
-    assert "is not the file that this scenario was resolved with" in capsys.readouterr().err
+    for command in (["report", out], ["record", out], ["compare", out, other]):
+        shown = shell(*command)
+        assert shown.code == 0, shown.err
+    shown = shell("run", out / "scenario.yaml", "--in-process", "--out", tmp_path / "again")
+    assert shown.code == 2
+    assert "is not the file that this scenario was resolved with" in shown.err
 
 
 LEARNED: dict[str, Any] = {
+    **COARSE,
     "terrain": {"builtin": "yards"},
-    "point": 1.0,
     "duration": 40,
     "seed": 3,
     "robots": {"count": 3, "model": "holonomic"},
@@ -204,15 +179,12 @@ def test_a_trained_policy_decides_in_processes_as_in_its_environment(suffix: str
 
 
 @pytest.mark.processes
-def test_a_network_for_other_inputs_ends_the_run_before_it_begins(
-    fogwatch: Callable[..., int], tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_network_for_other_inputs_ends_the_run_before_it_begins(shell: Shell, tmp_path: Path) -> None:
     layers(3, 9).save(tmp_path / "trained.npz")
     settings = ["patrol.policy=learned", f"patrol.options.weights={tmp_path / 'trained.npz'}", "duration=5", "point=1"]
     sets = [word for setting in settings for word in ("--set", setting)]
-    code = fogwatch("run", "open", "--robots", "1", "--no-page", "--out", str(tmp_path / "run"), *sets)
-    shown = capsys.readouterr()
-    assert code == 2
+    shown = shell("run", "open", "--robots", "1", "--no-page", "--out", tmp_path / "run", *sets)
+    assert shown.code == 2
     assert "takes 3 values and gives 9, and this scenario has" in shown.err.splitlines()[-1]
     assert "Traceback" not in shown.err
     assert not (tmp_path / "run").exists()

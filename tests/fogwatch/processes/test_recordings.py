@@ -19,21 +19,16 @@ from monitor.recording.mcap_file import inspect_recording
 from patrol.errors import BadInput
 from patrol.journal import read_journal
 from patrol.security.access import FILE
+from tests.fleets import COARSE
 
 if TYPE_CHECKING:
     from tests.fogwatch.conftest import Run
 
 pytestmark = pytest.mark.processes
 
-DIRECT: dict[str, Any] = {
-    "name": "recorded",
-    "terrain": {"builtin": "open"},
-    "point": 0.5,
-    "duration": 20_000,
-    "pace": 4.0,
-    "robots": [{"name": "anna", "model": "holonomic"}, {"name": "b-2", "model": "holonomic"}],
-    "radio": {"via": "direct"},
-}
+ROBOTS = [{"name": "anna", "model": "holonomic"}, {"name": "b-2", "model": "holonomic"}]
+DIRECT: dict[str, Any] = {**COARSE, "point": 0.5, "duration": 20_000, "pace": 4.0, "robots": ROBOTS}
+DIRECT["radio"] = {"via": "direct"}
 PATIENCE_S = 300.0
 ENOUGH = 8
 """Messages of a robot's pose that a recording is to have: those of some seconds, as every half second has one."""

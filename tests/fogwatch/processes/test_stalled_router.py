@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
 import pytest
@@ -33,27 +33,27 @@ def stall(run: Run) -> None:
     run.until(lambda: "the router answers again" in log.read_text(encoding="utf-8"))
 
 
-def test_in_lockstep_nothing_changes(start: Callable[..., Run]) -> None:
-    run = start({**OPEN, "duration": 100_000})
+def silences(run: Run) -> Mapping[str, Any]:
+    """The notes of a run that has gone on after its router's silence."""
     stall(run)
     run.pass_ticks(20)
     run.interrupt()
-    run.assert_undisturbed()
     end = read_journal(run.folder / "journal").end
     assert end is not None
     assert end.notes["router_silent_s"] > 10.0
+    return end.notes
+
+
+def test_in_lockstep_nothing_changes(start: Callable[..., Run]) -> None:
+    run = start({**OPEN, "duration": 100_000})
+    silences(run)
+    run.assert_undisturbed()
 
 
 def test_at_a_pace_robots_miss_their_deadlines_and_none_is_lost(start: Callable[..., Run]) -> None:
     run = start({**OPEN, "duration": 100_000, "pace": 4})
-    stall(run)
-    run.pass_ticks(20)
-    run.interrupt()
-    summary = run.summary()
-    assert {robot["status"] for robot in summary["robots"].values()} == {"alive"}
-    end = read_journal(run.folder / "journal").end
-    assert end is not None
-    assert end.notes["router_silent_s"] > 10.0
-    assert all(missed > 10 for missed in end.notes["late_commands"].values())
-    assert len(end.notes["late_commands"]) == 3
-    assert summary["verdict"]["warnings"][0].startswith("the router did not answer for ")
+    late = silences(run)["late_commands"]
+    assert set(run.statuses().values()) == {"alive"}
+    assert len(late) == 3
+    assert all(missed > 10 for missed in late.values())
+    assert run.summary()["verdict"]["warnings"][0].startswith("the router did not answer for ")

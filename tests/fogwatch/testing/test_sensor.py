@@ -32,8 +32,7 @@ class Whole(Disc):
         self.setup = setup
 
     def visible(self, pose: Pose) -> Any:
-        view = super().visible(pose)
-        return self.changed(view, pose)
+        return self.changed(super().visible(pose), pose)
 
     def changed(self, view: View, pose: Pose) -> Any:
         del pose
