@@ -24,7 +24,7 @@ ROLES = {"router": "fogwatch.router", "world": "worldsim", "agent": "agent", "pa
 
 
 def stage(role: str) -> dict[str, list[str]]:
-    """What a role's image starts, by instruction."""
+    """The words that a role's image starts with, by instruction."""
     (text,) = re.findall(rf"^FROM base AS {role}\n((?:[A-Z].*\n)*)", CONTAINERFILE, re.MULTILINE)
     return {word: json.loads(rest) for word, rest in (line.split(" ", 1) for line in text.splitlines())}
 
@@ -44,7 +44,7 @@ def options_of(service: str) -> Namespace:
 
 
 def mounts(service: str) -> dict[str, str]:
-    """What a service has mounted, by the place in its container."""
+    """The sources of a service's mounts, by the place in its container."""
     return {where.split(":")[1]: where.split(":")[0] for where in SERVICES[service]["volumes"]}
 
 

@@ -46,7 +46,7 @@ DISPLAYS = {"rviz_default_plugins/Map": GRID, "rviz_default_plugins/Path": PATH}
 
 
 class Topics(NamedTuple):
-    """What there is to be shown: types by topic, and the topics that late subscribers also get."""
+    """All that can be shown: types by topic, and the topics that late subscribers also get."""
 
     types: dict[str, str]
     latched: set[str]

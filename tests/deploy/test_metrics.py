@@ -41,7 +41,7 @@ GROUPED = re.compile(r"\b(?:by|on) \(([^)]*)\)")
 
 
 def problems(expression: str) -> list[str]:
-    """What an expression names that there is not."""
+    """The names in an expression that nothing has."""
     found = []
     grouped = {label.strip() for labels in GROUPED.findall(expression) for label in labels.split(",")} - {""}
     expression = GROUPED.sub("", expression)

@@ -22,7 +22,7 @@ ALL = {**FEW, "namespace": "robot1", "map": "/my maps/map.yaml", "options": "--r
 
 
 class Given:
-    """What an argument was given; the context of this launch holds them by name."""
+    """The value of an argument; the context of this launch holds them by name."""
 
     def __init__(self, name: str) -> None:
         self._name = name
@@ -48,7 +48,7 @@ def fake_launch() -> dict[str, types.ModuleType]:
 
 @pytest.fixture
 def described(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
-    """What the launch file describes."""
+    """The entities of the launch file."""
     for name, module in fake_launch().items():
         monkeypatch.setitem(sys.modules, name, module)
     entities = runpy.run_path(str(LAUNCH))["generate_launch_description"]()

@@ -35,7 +35,7 @@ class Service:
             self.process = subprocess.Popen(command, env={**os.environ, **given}, stdout=log, stderr=log)
 
     def next_word(self, within_s: float = PATIENCE_S) -> bytes | None:
-        """What it says next, None when it says nothing in time."""
+        """Its next word, None when it says nothing in time."""
         self.socket.settimeout(within_s)
         try:
             return self.socket.recv(4096)

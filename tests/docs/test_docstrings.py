@@ -1,4 +1,4 @@
-"""How the site reads docstrings."""
+"""Docstrings as the site reads them."""
 
 from __future__ import annotations
 

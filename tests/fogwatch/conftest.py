@@ -132,7 +132,7 @@ class Run:
         return {check["name"]: check["detail"] for check in self.summary()["verdict"]["checks"] if not check["ok"]}
 
     def statuses(self) -> dict[str, str]:
-        """What robots were in the end, by name."""
+        """The robots' statuses in the end, by name."""
         return {name: facts["status"] for name, facts in self.summary()["robots"].items()}
 
     def records(self, first: int = 0) -> list[TickRecord]:
@@ -144,7 +144,6 @@ class Run:
         return [record.robots[number - 1] for record in self.records(first)]
 
     def summary(self) -> dict[str, Any]:
-        """What the run left."""
         summary: dict[str, Any] = json.loads((self.folder / "summary.json").read_text(encoding="utf-8"))
         return summary
 

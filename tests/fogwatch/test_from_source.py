@@ -1,4 +1,4 @@
-"""What is wrong with a fleet, by what a page would show of it."""
+"""The faults of a fleet that can be told from what a page would show of it."""
 
 from __future__ import annotations
 

@@ -41,7 +41,7 @@ def made(template: Path, shell: Shell) -> Path:  # noqa: ARG001 - the command's 
 
 
 def checked(fleet: str | Path, shell: Shell, code: int = 0) -> Mapping[str, str]:
-    """What ``fleet check`` says, by member."""
+    """The words of ``fleet check``, by member."""
     said = shell("fleet", "check", fleet)
     assert said.code == code, said
     return dict(line.split(": ", 1) for line in said.out.splitlines())

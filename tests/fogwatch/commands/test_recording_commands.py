@@ -1,14 +1,19 @@
 from __future__ import annotations
 
+import errno
 import fcntl
 import io
 import os
 import re
+import subprocess
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 from urllib.parse import unquote
 
+import pandas as pd
 import pytest
 from rich.console import Console
 
@@ -187,3 +192,104 @@ def test_what_cannot_be_written_is_no_reason_to_doubt_the_run(ran: Path, tmp_pat
     display = PlainDisplay(Console(file=text, width=80))
     derive(read_journal(ran / "journal"), prepare(load_scenario(SMALL)), Summary(), *files, display)
     assert "cannot be written" in text.getvalue()
+
+
+NAMES = ("ticks", "robots", "links", "events", "visits", "ground")
+
+
+@pytest.mark.parametrize(("kind", "read"), [("parquet", pd.read_parquet), ("csv", pd.read_csv)])
+def test_it_writes_a_file_a_table(ran: Path, shell: Shell, tmp_path: Path, kind: str, read: Any) -> None:
+    files = [f"{name}.{kind}" for name in NAMES]
+    said = f"tables: some/tables: {', '.join(files)}\n"
+    assert shell("export", ran, "--format", kind, "--out", "some/tables")[:2] == (0, said)
+    assert sorted(file.name for file in (tmp_path / "some/tables").iterdir()) == sorted(files)
+    ticks = read(tmp_path / "some" / "tables" / f"ticks.{kind}")
+    assert ticks.mfow_s.tolist() == fogwatch.load(ran).mfow_s.tolist()
+
+
+def test_a_run_without_an_end_is_exported_as_far_as_it_goes(ran: Path, shell: Shell, tmp_path: Path) -> None:
+    folder = cut_off(ran, tmp_path / "half")
+    said = shell("export", folder)
+    assert said.code == 0
+    assert "was cut off" in said.err
+    ticks = pd.read_parquet(folder / "tables" / "ticks.parquet")
+    whole = fogwatch.load(ran).ticks.to_pandas()
+    assert 0 < len(ticks) < len(whole)
+    pd.testing.assert_frame_equal(ticks, whole[: len(ticks)])
+
+
+def test_bad_arguments_of_an_export_are_named(ran: Path, refused: Refused, tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("", encoding="utf-8")
+    assert "--format xlsx: known are parquet, csv" in refused("export", ran, "--format", "xlsx")
+    assert "--out file: is a file; name a folder" in refused("export", ran, "--out", "file")
+    assert "nothing: no such folder; name the folder of a run" in refused("export", "nothing")
+
+
+def test_tables_do_not_follow_a_link_out_of_the_folder(ran: Path, shell: Shell, tmp_path: Path) -> None:
+    folder = cut_off(ran, tmp_path / "half")
+    (tmp_path / "elsewhere").mkdir()
+    (folder / "tables").symlink_to(tmp_path / "elsewhere")
+    said = shell("export", folder)
+    assert said.code == 2
+    assert "is a link that leads out of the run's folder; name a folder with --out" in said.err
+    assert not list((tmp_path / "elsewhere").iterdir())
+
+
+INTERRUPTED = """
+import os, signal, sys
+from monitor.tables import files
+from fogwatch.cli.app import main
+
+write = files.write_tables
+
+def interrupted(run, folder, kind, **options):
+    def share(done):
+        if done > 0.4:
+            os.kill(os.getpid(), signal.{name})
+        options["share"](done)
+    return write(run, folder, kind, share=share)
+
+files.write_tables = interrupted
+sys.argv = ["fogwatch", "export", *sys.argv[1:]]
+sys.exit(main())
+"""
+
+
+@pytest.mark.processes
+@pytest.mark.parametrize("name", ["SIGINT", "SIGTERM"])
+def test_a_signal_leaves_no_half_file(ran: Path, tmp_path: Path, name: str) -> None:
+    program = INTERRUPTED.replace("{name}", name)
+    command = [sys.executable, "-c", program, str(ran), "--out", str(tmp_path / "tables")]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, env={**os.environ, "COLUMNS": "200"})
+    assert done.returncode == 130, done.stderr
+    assert "Traceback" not in done.stderr
+    assert not list((tmp_path / "tables").iterdir())
+
+
+def full_disk(*_: object) -> None:
+    raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+
+def test_a_replay_as_a_folder_needs_a_new_one_and_serves_nothing(
+    ran: Path, shell: Shell, refused: Refused, tmp_path: Path
+) -> None:
+    assert "30 frames" in shell("replay", ran, "--static", "page").out
+    files = ["icon.svg", "index.html", "page.css", "palette.css", "plotly.min.js", "run.js"]
+    assert sorted(file.name for file in (tmp_path / "page").iterdir()) == files
+    before = (tmp_path / "page" / "run.js").read_bytes()
+    assert "page: exists already; name a new or an empty folder" in shell("replay", ran, "--static", "page").err
+    assert (tmp_path / "page" / "run.js").read_bytes() == before
+    assert "30 and 30 frames" in shell("replay", ran, ran, "--static", "pair").out
+    assert sorted(file.name for file in (tmp_path / "pair" / "second").iterdir()) == files
+    assert "replay: 3 runs were named; name one, or two" in refused("replay", ran, ran, ran)
+    refused("replay", ran, ran, tmp_path, "--static", "other")
+    assert f"{tmp_path}: holds no file journal" in refused("replay", ran, tmp_path)
+    assert "--static other: serves nothing; leave out" in refused("replay", ran, "--static", "other", "--browser")
+    assert "--token" in refused("replay", ran, "--static", "other", "--token", "t" * 32)
+    assert not (tmp_path / "other").exists()
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Path, "rename", full_disk)
+        shown = shell("replay", ran, "--static", "other")
+    assert shown.code == 2
+    assert "other: cannot be written (No space left on device); choose another folder" in shown.err
+    assert list((tmp_path / "other").iterdir()) == []

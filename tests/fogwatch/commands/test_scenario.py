@@ -20,7 +20,7 @@ def output(*arguments: str) -> str:
 
 
 def checked(*settings: str) -> str:
-    """What is said of a coarse scenario with some settings."""
+    """The check of a coarse scenario with some settings."""
     return output("check", "open", "--set", "point=0.5", *(word for one in settings for word in ("--set", one)))
 
 

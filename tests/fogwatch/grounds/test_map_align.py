@@ -1,4 +1,4 @@
-"""Where one map lies on another, by walls and by landmarks."""
+"""The place of one map on another, by walls and by landmarks."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def drawn(
 
 
 def off(ground: Terrain, found: Pose, true: Pose) -> float:
-    """How far apart two transforms put the corners of a ground at most, m."""
+    """The greatest distance between the corners of a ground by two transforms, m."""
     xmin, ymin, xmax, ymax = ground.bounds
     on_a = [composed(inverted(true), Pose(x, y, 0.0)) for x in (xmin, xmax) for y in (ymin, ymax)]
     pairs = [(composed(found, place), composed(true, place)) for place in on_a]

@@ -19,7 +19,7 @@ VAULT: dict[str, Any] = {"name": "vault", "polygon": [[0, 0], [40, 0], [40, 30],
 
 
 def check(ground: str | Path, radius: float, folder: Path, *zones: dict[str, Any]) -> str:
-    """What the check for four robots says of a ground with zones."""
+    """The check of a ground with zones, for four robots."""
     file = folder / "zones.yaml"
     file.write_text(yaml.safe_dump(list(zones)), encoding="utf-8")
     words = ["check", ground, "--radius", radius, "--point", "0.5", "--zones", file, "--robots", "4"]

@@ -61,7 +61,7 @@ class Office:
         return child
 
     def starts_by_itself(self, name: str) -> bool:
-        """Whether the launcher starts an agent without the server."""
+        """Return True if the launcher starts an agent without the server."""
         return isinstance(self.make(name).process, subprocess.Popen)
 
     @property
@@ -239,7 +239,7 @@ def test_a_server_that_loads_dies_with_its_launcher(died_before: bool, tmp_path:
 
 
 def runs(pid: int) -> bool:
-    """Whether a process lives; a dead one may wait for whoever takes in orphans."""
+    """Return True if a process lives; a dead one may wait for whoever takes in orphans."""
     try:
         return fact(pid, "State")[0] != "Z"
     except OSError:

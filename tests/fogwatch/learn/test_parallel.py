@@ -176,7 +176,7 @@ def test_a_reward_of_ones_own_takes_the_records_of_two_ticks() -> None:
 
 
 def test_robots_see_what_they_believe_and_not_the_truth() -> None:
-    """Where no position is heard, a robot believes that nobody but itself has seen anything."""
+    """A robot that hears no position believes that nobody but itself has seen anything."""
     deaf = parallel_env({**FLEET, "faults": [{"kind": "loss", "rate": 1.0}]}, inputs=["fog", "heard"], window=101)
     heard = parallel_env(FLEET, inputs=["fog", "heard"], window=101)
     seen = []

@@ -37,7 +37,7 @@ SMALL: dict[str, Any] = {
 
 
 def private_folder(run: Path) -> Path:
-    """Where the secrets of a run are."""
+    """The folder with the secrets of a run."""
     name: str = json.loads((run / FILE).read_text(encoding="utf-8"))["private"]
     return next(root / name for root in private_roots() if (root / name).is_dir())
 

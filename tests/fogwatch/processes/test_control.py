@@ -11,11 +11,11 @@ from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+from urllib.request import urlopen
 
 import pytest
 
 import fogwatch
-from monitor.process import READY
 from patrol.journal import Event, Status, read_journal
 from patrol.net.link import Link, open_link
 from patrol.scenario.controls import OPERATOR, Answer
@@ -24,6 +24,7 @@ from patrol.security.control_auth import ASK, ControlClient, Unanswered
 from patrol.security.keys import fleet_keys
 from tests.fleets import COARSE
 from tests.fogwatch.processes.test_features import SITE
+from tests.fogwatch.processes.test_page import address_of
 
 if TYPE_CHECKING:
     from tests.fogwatch.conftest import Run, Shell
@@ -91,24 +92,36 @@ def operate(start: Callable[..., Run]) -> Any:
         one.link.close()
 
 
-def test_a_page_that_dies_takes_nothing_with_it(operate: Callable[..., Operating]) -> None:
-    """It is killed while the fleet drives and it shows that; held before, for a page takes its time to come."""
+def test_a_page_that_dies_takes_nothing_with_it_and_is_served_again_at_its_address(
+    operate: Callable[..., Operating],
+) -> None:
+    """It is killed while the fleet drives; held before and after, for a page takes its time to come."""
+    pytest.importorskip("starlette")
     at = operate({**COARSE, "duration": 100_000, "robots": 3 * [{}]}, "--page")
-    log = at.run.folder / "logs" / "page.log"
-    at.run.until(lambda: log.exists() and READY in log.read_text(encoding="utf-8"))
-    held = at.step(8)
-    page = at.run.children()["monitor"]
-    assert at.ask(do="go").done
-    at.run.until(lambda: at.run.ticks() > held)
-    os.kill(page, signal.SIGKILL)
-    at.run.until(lambda: at.run.children().get("monitor", page) != page)
-    at.run.pass_ticks(20)
-    at.run.interrupt()
-    assert "the page was killed by SIGKILL" in at.run.errors
-    assert not at.run.children()
-    summary = at.run.summary()
-    assert summary["exit_codes"] == dict.fromkeys(["the router", "the world", "r1", "r2", "r3"], 0)
-    at.run.assert_undisturbed()
+    run, address = at.run, address_of(at.run)
+    at.step(8)
+    for _ in range(2):
+        with urlopen(address) as page:
+            assert page.status == 200
+        assert at.ask(do="go").done
+        run.pass_ticks(1)
+        os.kill(run.children()["monitor"], signal.SIGKILL)
+        run.pass_ticks(20)
+        assert at.ask(do="pause").done
+        assert run.process.stderr is not None
+        line = next(line for line in run.process.stderr if line.startswith("the page"))
+        assert line.startswith("the page was killed by SIGKILL; starting it again (")
+        run.until(lambda: serves(address))
+    run.interrupt()
+    assert not run.children()
+    assert run.summary()["exit_codes"] == dict.fromkeys(["the router", "the world", "r1", "r2", "r3"], 0)
+    run.assert_undisturbed()
+
+
+def serves(address: str) -> bool:
+    with suppress(OSError), urlopen(address) as page:
+        return bool(page.status == 200)
+    return False
 
 
 def test_what_an_operator_does_is_seen_and_replayed_to_the_same_trace(

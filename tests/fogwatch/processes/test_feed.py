@@ -7,7 +7,8 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -105,8 +106,7 @@ def test_a_stopped_viewer_costs_no_tick(start: Callable[..., Run], tmp_path: Pat
     operator = attached(run)
     assert operator.control({"do": "pause"}).done  # until the viewer is there, however long that takes
     ready = tmp_path / "ready"
-    viewer = _viewer(run.folder, ready)
-    try:
+    with viewing(run.folder, ready, "source.wait(10.0)") as viewer:
         run.until(ready.exists)
         viewer.send_signal(signal.SIGSTOP)
         assert operator.control({"do": "go"}).done
@@ -118,22 +118,24 @@ def test_a_stopped_viewer_costs_no_tick(start: Callable[..., Run], tmp_path: Pat
             run.pass_ticks(100)
         run.interrupt()
         assert run.summary()["verdict"]["valid"]
-    finally:
-        viewer.kill()
-        viewer.wait()
 
 
-def _viewer(folder: Path, ready: Path) -> subprocess.Popen[bytes]:
+@contextmanager
+def viewing(folder: Path, ready: Path, looks: str) -> Iterator[subprocess.Popen[bytes]]:
+    """A viewer that looks at a source again and again, and makes a file after each time."""
     code = (
         "import sys, pathlib\n"
         "from monitor.live.attach import open_fleet\n"
         "from patrol.process.lifeline import Ending\n"
         "source = open_fleet(Ending(), access=pathlib.Path(sys.argv[1]))\n"
-        "source.wait(10.0)\n"
-        "pathlib.Path(sys.argv[2]).touch()\n"
-        "while True: source.wait(1.0)\n"
+        f"while True:\n    {looks}\n    pathlib.Path(sys.argv[2]).touch()\n"
     )
-    return subprocess.Popen([sys.executable, "-P", "-c", code, str(folder), str(ready)])
+    viewer = subprocess.Popen([sys.executable, "-P", "-c", code, str(folder), str(ready)])
+    try:
+        yield viewer
+    finally:
+        viewer.kill()
+        viewer.wait()
 
 
 def test_robots_without_a_world_are_heard(endpoint: str) -> None:

@@ -1,4 +1,4 @@
-"""How processes are followed from outside: logs as JSON lines, health lines, and metrics that anybody may ask for.
+"""Processes are followed from outside: logs as JSON lines, health lines, and metrics that anybody may ask for.
 
 Router, world, two agents and a page, started one by one.
 """
@@ -61,7 +61,7 @@ class Site(Processes):
         return [json.loads(line) for line in self.said(name, stream).splitlines(keepends=True) if line.endswith("\n")]
 
     def metrics_at(self, name: str) -> tuple[str, int]:
-        """Where a process has said that its metrics are, as soon as it has."""
+        """The address of a process's metrics, as soon as it has said it."""
         found: list[tuple[str, int]] = []
 
         def told() -> bool:

@@ -21,7 +21,7 @@ FLEET: dict[str, Any] = {**COARSE, "point": 0.5, "duration": 20000, "pace": 2.0,
 
 
 def address_of(run: Run) -> str:
-    """What the launcher prints of its page."""
+    """The address of the page that the launcher prints."""
     assert run.process.stderr is not None
     for line in run.process.stderr:
         if line.startswith("page: "):

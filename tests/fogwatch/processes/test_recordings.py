@@ -50,7 +50,7 @@ class Recording:
         self._topics: Topics = {}
 
     def so_far(self) -> Topics:
-        """What the file holds by now; it is cut off wherever its writer is."""
+        """The messages by now; the file is cut off wherever its writer is."""
         size = self.out.stat().st_size if self.out.exists() else 0
         if size != self._read:
             copy = self.out.with_suffix(".so-far")
@@ -82,7 +82,7 @@ def decoded(path: Path) -> Topics:
 
 
 def both_heard(topics: Topics) -> bool:
-    """Whether both robots have shown themselves and were alive at once, and some grid has a point just seen.
+    """Return True if both robots have shown themselves and were alive at once, and some grid has a point just seen.
 
     What was heard before a tick began counts for the tick before: half a second of a scale of ten.
     """
