@@ -61,6 +61,14 @@ class Processes:
             process.wait(self._patience_s)
 
 
+def python(*words: str | Path, check: bool = False, **how: Any) -> subprocess.CompletedProcess[str]:
+    """Run Python to its end, and keep what it prints."""
+    options = {"capture_output": True, "text": True, "timeout": 800.0, **how}
+    done: subprocess.CompletedProcess[str]
+    done = subprocess.run([sys.executable, "-P", *map(str, words)], check=check, **options)
+    return done
+
+
 def one_and_many(scenario: Mapping[str, Any], folder: Path) -> tuple[fogwatch.Run, fogwatch.Run]:
     """Run a scenario in one process and as processes: both valid, with one trace. Folders: ``one`` and ``many``."""
     told: list[Metrics] = []

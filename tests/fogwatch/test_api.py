@@ -1,7 +1,5 @@
 from __future__ import annotations
 
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +13,7 @@ from patrol.journal import read_journal
 from patrol.messages.telemetry import Metrics
 from patrol.scenario import Scenario, load_scenario
 from patrol.scenario.load import keep_scenario
-from tests.fleets import COARSE
+from tests.fleets import COARSE, python
 
 ROBOTS = {"count": 2, "model": "holonomic"}
 SMALL = {**COARSE, "name": "small", "point": 0.5, "duration": 20, "robots": ROBOTS}
@@ -82,7 +80,7 @@ def test_the_public_names_are_listed_before_they_are_loaded() -> None:
 
 def test_the_package_loads_nothing_until_a_run_is_wanted() -> None:
     program = "import sys, fogwatch\nassert 'numpy' not in sys.modules\nfogwatch.run\nassert 'numpy' in sys.modules"
-    subprocess.run([sys.executable, "-P", "-c", program], check=True)
+    python("-c", program, check=True)
     with pytest.raises(AttributeError):
         _ = fogwatch.walk
 
@@ -104,9 +102,7 @@ except KeyboardInterrupt:
 
 
 def test_a_run_that_is_interrupted_before_its_first_tick_loads_no_judge(tmp_path: Path) -> None:
-    command = [sys.executable, "-c", INTERRUPTED, str(tmp_path / "run")]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=300, check=True)
-    assert done.stdout == "set()\n"
+    assert python("-c", INTERRUPTED, tmp_path / "run", check=True).stdout == "set()\n"
 
 
 def test_a_run_that_is_interrupted_while_its_folder_is_made_leaves_nothing(

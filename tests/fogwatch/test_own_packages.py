@@ -12,6 +12,7 @@ import patrol
 from fogwatch.notebook.policy import policy_name
 from fogwatch.own_packages import NAMES
 from patrol.starting import environment
+from tests.fleets import python
 
 HOME = Path(patrol.__file__).parents[1]
 
@@ -82,8 +83,7 @@ def test_a_process_finds_both_our_package_and_the_users_module_beside_its_namesa
     for name in ("agent.py", "mine.py"):
         (tmp_path / name).touch()
     monkeypatch.setenv("PYTHONPATH", str(tmp_path))
-    command = [sys.executable, "-P", "-c", "import agent.ports, mine; print(mine.__file__)"]
-    process = subprocess.run(command, env=environment.own_environment(), capture_output=True, text=True, check=False)
+    process = python("-c", "import agent.ports, mine; print(mine.__file__)", env=environment.own_environment())
     assert process.stdout == f"{tmp_path / 'mine.py'}\n", process.stderr
 
 

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import subprocess
-import sys
 from pathlib import Path
 
 import pytest
+
+from tests.fleets import python
 
 NAMES = ("plan", "intruder", "sweep", "benchmark", "reproduce")
 ROOT = Path(__file__).parents[2]
@@ -32,8 +33,7 @@ def without_studies(folder: Path, *words: str, program: str = COMMAND) -> subpro
     core.mkdir()
     for package in CORE:
         (core / package).symlink_to(ROOT / package)
-    command = [sys.executable, "-P", "-c", program, str(core), str(ROOT), *words]
-    return subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+    return python("-c", program, core, ROOT, *words, cwd=folder)
 
 
 def test_a_run_needs_no_study_and_its_report_says_what_it_lacks(tmp_path: Path) -> None:

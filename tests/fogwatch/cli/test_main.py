@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
 
 import pytest
+
+from tests.fleets import python
 
 pytestmark = pytest.mark.processes
 
@@ -31,7 +31,7 @@ print(json.dumps([code, sorted(sys.modules)]))
 def loaded(module: str, *words: str) -> tuple[int, set[str], str]:
     """The exit code of a command in a fresh interpreter, the modules that it has loaded, and what it has said."""
     program = PROGRAM.format(module=module, words=list(words))
-    done = subprocess.run([sys.executable, "-P", "-c", program], capture_output=True, text=True, check=True)
+    done = python("-c", program, check=True)
     said, _, last = done.stdout.rstrip().rpartition("\n")
     code, names = json.loads(last)
     return code, set(names), said + done.stderr
@@ -67,7 +67,7 @@ def test_it_is_the_same_command_as_among_all_others() -> None:
 
 def test_it_heeds_ctrl_c_before_anything_slow_is_loaded() -> None:
     program = "import sys; sys.modules['typing'] = None; import fogwatch.cli.main; print(*sys.modules)"
-    done = subprocess.run([sys.executable, "-P", "-c", program], capture_output=True, text=True, check=True)
+    done = python("-c", program, check=True)
     assert not {"pathlib", "rich", "typer"} & set(done.stdout.split())
 
 

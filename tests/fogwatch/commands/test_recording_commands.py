@@ -5,8 +5,6 @@ import fcntl
 import io
 import os
 import re
-import subprocess
-import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -25,7 +23,7 @@ from patrol.prepare import prepare
 from patrol.process.lifeline import InterruptedBySignal
 from patrol.scenario import load_scenario
 from patrol.summary.model import Summary
-from tests.fleets import COARSE
+from tests.fleets import COARSE, python
 from tests.fogwatch.conftest import Refused, Shell, cut_off
 
 SMALL = {**COARSE, "name": "small", "duration": 15, "robots": {"count": 2, "model": "holonomic"}}
@@ -259,8 +257,8 @@ sys.exit(main())
 @pytest.mark.parametrize("name", ["SIGINT", "SIGTERM"])
 def test_a_signal_leaves_no_half_file(ran: Path, tmp_path: Path, name: str) -> None:
     program = INTERRUPTED.replace("{name}", name)
-    command = [sys.executable, "-c", program, str(ran), "--out", str(tmp_path / "tables")]
-    done = subprocess.run(command, capture_output=True, text=True, check=False, env={**os.environ, "COLUMNS": "200"})
+    wide = {**os.environ, "COLUMNS": "200"}
+    done = python("-c", program, ran, "--out", tmp_path / "tables", env=wide)
     assert done.returncode == 130, done.stderr
     assert "Traceback" not in done.stderr
     assert not list((tmp_path / "tables").iterdir())

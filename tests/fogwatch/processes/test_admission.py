@@ -20,7 +20,7 @@ from patrol.security.access import FILE, credentials_at, private_roots, read_acc
 from patrol.security.credentials import read_credentials
 from patrol.security.keys import WORLD, fleet_keys
 from patrol.security.roles import VIEWER
-from tests.fleets import COARSE, Processes
+from tests.fleets import COARSE, Processes, python
 from tests.routers import PATIENCE_S, free_endpoint, needs_openssl
 
 if TYPE_CHECKING:
@@ -83,8 +83,7 @@ def test_a_running_fleet_shows_no_secret_and_lets_no_stranger_in(start: Callable
     viewer = open_link(access.router, PATIENCE_S, credentials=credentials_at(run.folder, "test", VIEWER))
     assert any(viewer.sees(fleet_keys(access.fleet).alive(WORLD)) for _ in range(1000))
     viewer.close()
-    command = [sys.executable, "-P", "-m", "fogwatch", "control", str(run.folder), "pause"]
-    paused = subprocess.run(command, capture_output=True, text=True, check=False, timeout=PATIENCE_S)
+    paused = python("-m", "fogwatch", "control", run.folder, "pause")
     assert paused.returncode == 0, paused.stderr
     assert "paused before tick" in paused.stdout
     run.interrupt()
@@ -106,8 +105,7 @@ class Site(Processes):
         self.port = free_endpoint().rpartition(":")[2]
 
     def command(self, *arguments: str) -> subprocess.CompletedProcess[str]:
-        command = [sys.executable, "-P", "-m", "fogwatch", *arguments]
-        return subprocess.run(command, capture_output=True, text=True, check=False, timeout=PATIENCE_S)
+        return python("-m", "fogwatch", *arguments)
 
     def start_world(self, credentials: Path, out: Path) -> None:
         where = ("--scenario", str(self.scenario), "--out", str(out))
@@ -200,8 +198,7 @@ def test_a_robot_that_was_revoked_does_not_take_part(site: Site, tmp_path: Path)
     ],
 )
 def test_a_router_that_would_be_open_to_others_does_not_start(arguments: list[str], says: str) -> None:
-    command = [sys.executable, "-P", "-m", "fogwatch.router", *arguments]
-    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=PATIENCE_S)
+    done = python("-m", "fogwatch.router", *arguments)
     assert (done.returncode, done.stderr.count("\n")) == (2, 1)
     assert says in done.stderr
 

@@ -1,4 +1,4 @@
-"""Policies of one's own in fleets of processes: the same trace as in one process, and failures of one robot alone."""
+"""Code of one's own in fleets of processes: the trace is that of one process, and failures are one line."""
 
 from __future__ import annotations
 
@@ -14,13 +14,20 @@ import pytest
 import fogwatch
 from agent.learned.network import read_network
 from fogwatch.learn import action_of, flattened, parallel_env
+from monitor.replay.replay import play
+from monitor.replay.run import open_run
+from patrol.errors import BadInput
 from patrol.journal import Status, read_journal
 from tests.agent.learned.test_network import as_onnx, layers
 from tests.fleets import COARSE, one_and_many
 from tests.fogwatch.conftest import WITHOUT, Refused, Shell
+from tests.patrol.sensors import records
 
 HERE = Path(__file__).parent
-EXAMPLE = HERE.parents[2] / "examples" / "my_policy.py"
+EXAMPLES = HERE.parents[2] / "examples"
+EXAMPLE, RADIO, ELLIPSE = (EXAMPLES / f"{name}.py" for name in ("my_policy", "my_radio", "elliptic_sensor"))
+__all__ = ["records"]
+
 FAILS_AT = 20
 WORDS = {
     "Raising": "raised ZeroDivisionError: no idea",
@@ -89,21 +96,26 @@ def test_a_policy_that_fails_stops_its_robot_alone(
 
 
 @pytest.mark.parametrize(
-    ("policy", "more", "says"),
+    ("setting", "more", "says"),
     [
-        ("./nowhere.py:Policy", (), "cannot be read"),
-        (f"{EXAMPLE}:Missing", (), "has no Missing"),
-        ("no-such-policy", (), "no such policy"),
-        ("no_such_package.module:Policy", (), "No module named"),
-        (f"{EXAMPLE}:GreedyTarget", ("--set", "patrol.options.near=-3"), "patrol.options.near = -3"),
+        ("patrol.policy=./nowhere.py:Policy", (), "cannot be read"),
+        (f"patrol.policy={EXAMPLE}:Missing", (), "has no Missing"),
+        ("patrol.policy=no-such-policy", (), "no such policy"),
+        ("patrol.policy=no_such_package.module:Policy", (), "No module named"),
+        (f"patrol.policy={EXAMPLE}:GreedyTarget", ("--set", "patrol.options.near=-3"), "patrol.options.near = -3"),
+        ("radio.model=./nowhere.py:Model", (), "cannot be read"),
+        (f"radio.model={RADIO}:Missing", (), "has no Missing"),
+        ("radio.model=no-such", (), "no such model"),
     ],
 )
-def test_a_policy_that_cannot_be_had_is_one_line_and_no_run(
-    policy: str, more: tuple[str, ...], says: str, refused: Refused, tmp_path: Path
+def test_code_that_cannot_be_had_is_one_line_and_no_run(
+    setting: str, more: tuple[str, ...], says: str, refused: Refused, tmp_path: Path
 ) -> None:
-    said = refused("run", "open", "--set", f"patrol.policy={policy}", *more, "--out", tmp_path / "out")
-    assert ("patrol.policy" in said) == (not more)
-    assert says in said
+    for command in (("run", "yards", "--out", tmp_path / "out"), ("scenario", "check", "yards")):
+        if not more or command[0] == "run":
+            said = refused(*command, "--set", setting, *more)
+            assert more or setting.partition("=")[0] in said
+            assert says in said
     assert not (tmp_path / "out").exists()
 
 
@@ -188,3 +200,125 @@ def test_a_network_for_other_inputs_ends_the_run_before_it_begins(shell: Shell, 
     assert "takes 3 values and gives 9, and this scenario has" in shown.err.splitlines()[-1]
     assert "Traceback" not in shown.err
     assert not (tmp_path / "run").exists()
+
+
+def write_scenario(folder: Path, **radio: Any) -> Path:
+    faults = [{"kind": "loss", "rate": 0.1, "at": 10, "for": 10}]
+    given = {"terrain": {"builtin": "yards"}, "point": 1.0, "duration": 40, "radio": radio, "faults": faults}
+    path = folder / "scenario.yaml"
+    path.write_text(json.dumps({**given, "robots": {"count": 4, "model": "holonomic"}}), encoding="utf-8")
+    return path
+
+
+@pytest.mark.processes
+@pytest.mark.parametrize(
+    ("radio", "cause"),
+    [
+        ({"model": "path-loss", "options": {"redraw": 5, "airtime": 0.02}}, "path-loss"),
+        ({"model": f"{RADIO}:Halving", "options": {"reach": 20}}, "model"),
+    ],
+    ids=["path-loss", "own"],
+)
+def test_a_model_gives_the_same_trace_in_one_process_and_in_many(
+    radio: dict[str, Any], cause: str, shell: Shell, tmp_path: Path
+) -> None:
+    path = write_scenario(tmp_path, **radio)
+    summaries = []
+    for way in (("--in-process", "--no-report"), ("--no-page",)):
+        out = tmp_path / way[0].strip("-")
+        assert shell("run", path, *way, "--no-picture", "--no-recording", "--out", out).code == 0
+        summaries.append(json.loads((out / "summary.json").read_text(encoding="utf-8")))
+    assert f"<td>{cause}</td>" in (tmp_path / "no-page" / "report.html").read_text(encoding="utf-8")
+    one, many = summaries
+    assert one["trace_hash"] == many["trace_hash"]
+    lost = many["messages"]["dropped_by_cause"][cause]
+    assert lost > 100
+    assert sum(link["dropped"].get(cause, 0) for to in many["links"].values() for link in to.values()) == lost
+    assert many["messages"]["dropped_by_cause"] == one["messages"]["dropped_by_cause"]
+    checks = {check["name"]: check["detail"] for check in many["verdict"]["checks"]}
+    assert ("path loss" in checks) == (cause == "path-loss")
+    # A stranger's folder: judging it again runs nothing that is in it.
+    for file in (tmp_path / "no-page").glob("model/*.py"):
+        file.write_text("raise SystemExit('ran')", encoding="utf-8")
+    judged = shell("judge", tmp_path / "no-page")
+    assert judged.code == 0
+    assert "summary     agrees with the journal in every" in judged.out
+
+
+@pytest.mark.processes
+@pytest.mark.parametrize("way", ["--in-process", "--no-page"])
+def test_a_model_that_fails_in_a_run_ends_it_with_what_it_raised(way: str, shell: Shell, tmp_path: Path) -> None:
+    (tmp_path / "mine.py").write_text(
+        "import numpy as np\n\n\nclass Late:\n    def __init__(self, setup):\n        pass\n\n"
+        "    def lost(self, air):\n        return air.on_the_way & False if air.k < 20 else 1 / 0\n",
+        encoding="utf-8",
+    )
+    path = write_scenario(tmp_path, model="./mine.py:Late")
+    shown = shell("run", path, way, *WITHOUT[1:], "--out", tmp_path / "out")
+    log = tmp_path / "out" / "logs" / "world.log"
+    told = shown.err + (log.read_text(encoding="utf-8") if log.exists() else "")
+    assert shown.code != 0
+    assert "mine.py:Late: raises ZeroDivisionError: division by zero; correct it" in told
+    assert "Traceback" not in told
+
+
+def test_a_check_names_a_model_that_it_does_not_run(shell: Shell) -> None:
+    own = shell("scenario", "check", "yards", "--set", f"radio.model={RADIO}:Halving")
+    assert own.code == 0
+    assert "my_radio.py:Halving, not run: a run checks its options" in own.out
+    ours = shell("scenario", "check", "yards", "--set", "radio.model=path-loss")
+    assert ours.code == 0
+    assert "radio model" not in ours.out
+
+
+def with_sensor(kind: str, **sensor: Any) -> dict[str, Any]:
+    robots = {"count": 3, "model": "holonomic"}
+    given = {"terrain": {"builtin": "yards"}, "point": 1.0, "duration": 40, "robots": robots}
+    return {**given, "sensor": {"kind": kind, **sensor}}
+
+
+@pytest.mark.processes
+def test_an_ellipse_gives_the_same_trace_in_one_process_and_in_many(
+    records: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    mapping = with_sensor(f"{ELLIPSE}:Ellipse", options={"across": 3})
+    _, many = one_and_many(mapping, tmp_path)
+    disc = fogwatch.run(with_sensor("disc"), out=tmp_path / "disc", picture=False)
+    assert many.trace_hash != disc.trace_hash
+    again = fogwatch.run(tmp_path / "many" / "scenario.yaml", out=tmp_path / "again", picture=False)
+    assert again.trace_hash == many.trace_hash
+    run = open_run(tmp_path / "many")
+    assert play(run, ()) is None  # the fog as replayed has the MFoW of the journal in every tick
+
+    monkeypatch.setattr("patrol.own_sensor._allowed", set())
+    next(records.iterdir()).unlink()
+    with pytest.raises(BadInput, match="this user has not run a scenario with it here"):
+        play(open_run(tmp_path / "many"), ())
+
+
+@pytest.mark.processes
+def test_a_sensor_that_fails_ends_the_run_with_one_line(shell: Shell, tmp_path: Path) -> None:
+    source = ELLIPSE.read_text(encoding="utf-8")
+    looks = "        view = self._in_sight.visible(pose)\n"
+    assert looks in source
+    failing = tmp_path / "failing.py"
+    failing.write_text(source.replace(looks, f"        1 / (pose.x > 40.0)\n{looks}"), encoding="utf-8")
+    path = tmp_path / "scenario.yaml"
+    robots = {"count": 1, "model": "holonomic", "starts": [[60, 40]]}
+    mapping = {**with_sensor(f"{failing}:Ellipse"), "terrain": {"builtin": "open"}, "robots": robots, "duration": 200}
+    path.write_text(json.dumps(mapping), encoding="utf-8")
+    says = "raised ZeroDivisionError: division by zero (failing.py:"
+
+    one = shell("run", path, "--in-process", *WITHOUT, "--out", tmp_path / "one")
+    assert one.code == 2
+    assert says in one.err.splitlines()[-1]
+    assert "Traceback" not in one.err
+
+    assert shell("run", path, *WITHOUT, "--out", tmp_path / "many").code == 1
+    summary = json.loads((tmp_path / "many" / "summary.json").read_text(encoding="utf-8"))
+    failed = [check["detail"] for check in summary["verdict"]["checks"] if not check["ok"]]
+    assert any(says in detail for detail in failed), failed
+    logs = {file.name: file.read_text(encoding="utf-8") for file in (tmp_path / "many" / "logs").glob("*.log")}
+    assert says in logs["world.log"]
+    assert says in logs["robot-r1.log"]
+    assert not any("Traceback" in log for log in logs.values())
