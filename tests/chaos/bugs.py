@@ -66,30 +66,20 @@ BUGS: dict[str, Bug] = {}
 LOSSY = {"duration": 600.0, "faults": [{"kind": "loss", "rate": 0.5}]}
 LONG_BURSTS = {"duration": 600.0, "faults": [{"kind": "loss", "rate": 0.5, "mean_burst": 10}]}
 DRIFTING = {"duration": 600.0, "faults": [{"kind": "drift", "who": "all", "growth": [0.05, 0.02]}]}
-UNEVEN = {
-    "duration": 600.0,
-    "faults": [{"kind": "motion", "who": "all", "jitter": {"size": 0.5}, "slip": {"rate": 0.4}}],
-}
-CALM = {
+SHAKEN = {"kind": "motion", "who": "all", "jitter": {"size": 0.5}, "slip": {"rate": 0.4}}
+UNEVEN = {"duration": 600.0, "faults": [SHAKEN]}
+CALM: dict[str, Any] = {
     "terrain": {"builtin": "open"},
     "point": 2.0,
     "step": 1.0,
     "duration": 400.0,
-    "nemesis": None,
-    "faults": [],
-    "patrol.policy": "committed",
-    "robots.speed": 5.0,
-    "robots.battery": None,
     "sensor.range": 25.0,
 }
+CALM |= {"nemesis": None, "faults": [], "patrol.policy": "committed", "robots.speed": 5.0, "robots.battery": None}
 HOLONOMIC = {**CALM, "duration": 100.0, "robots.model": "holonomic"}
 SHORT_PAUSE = {**CALM, "faults": [{"kind": "pause", "who": "one", "at": 5.0, "for": 5.0}]}
-ONE_WAY = {
-    **CALM,
-    "duration": 60.0,
-    "closures": [],
-    "zones": [{"name": "aisle", "polygon": [[10, 10], [90, 10], [90, 78], [10, 78]], "one_way": 0}],
-}
+AISLE = {"name": "aisle", "polygon": [[10, 10], [90, 10], [90, 78], [10, 78]], "one_way": 0}
+ONE_WAY = {**CALM, "duration": 60.0, "closures": [], "zones": [AISLE]}
 """What some checks need in order to judge: runs that are long enough for shares, or for a patrol to come round, and
 ground on which a robot can go far against a zone."""
 

@@ -28,19 +28,20 @@ if TYPE_CHECKING:
 
 pytestmark = pytest.mark.processes
 
-EVERYTHING: list[dict[str, Any]] = [
-    {"kind": "kill", "who": "anna", "at": 3},
-    {"kind": "restart", "who": "anna", "at": 7},
+
+def acts(*planned: tuple[str, str, float]) -> list[dict[str, Any]]:
+    """Faults of kinds that act on a robot at a time."""
+    return [{"kind": kind, "who": who, "at": at} for kind, who, at in planned]
+
+
+EVERYTHING = [
+    *acts(("kill", "anna", 3), ("restart", "anna", 7), ("restart", "bert", 9), ("join", "dora", 6)),
+    *acts(
+        ("restart", "dora", 10), ("leave", "emil", 8), ("kill", "emil", 9), ("pause", "carl", 14), ("join", "fern", 11)
+    ),
     {"kind": "kill", "who": "bert", "at": 4, "wreck": "removed"},
-    {"kind": "restart", "who": "bert", "at": 9},
     {"kind": "pause", "who": "carl", "at": 5, "for": 6},
-    {"kind": "join", "who": "dora", "at": 6},
-    {"kind": "restart", "who": "dora", "at": 10},
-    {"kind": "leave", "who": "emil", "at": 8},
-    {"kind": "kill", "who": "emil", "at": 9},
     {"kind": "loss", "rate": 0.3, "at": 2, "for": 10},
-    {"kind": "pause", "who": "carl", "at": 14},
-    {"kind": "join", "who": "fern", "at": 11},
 ]
 NAMES = ["anna", "bert", "carl", "dora", "emil"]
 SPARES = ["fern", "gil"]
@@ -162,7 +163,7 @@ def test_a_run_can_be_interrupted_while_a_robot_is_started(start: Callable[..., 
 
 
 def test_nothing_outlives_a_killed_launcher_not_even_a_paused_process(start: Callable[..., Run]) -> None:
-    faults = [{"kind": "pause", "who": "r1", "at": 3}, {"kind": "restart", "who": "r2", "at": 4}]
+    faults = acts(("pause", "r1", 3), ("restart", "r2", 4))
     run = start({**COARSE, "duration": 100_000, "robots": 2 * [{}], "faults": faults})
     run.until(lambda: run.ticks() > 20)
     run.process.kill()
@@ -188,13 +189,8 @@ def test_without_the_fork_server_a_run_goes_on_and_robots_are_still_started(star
 
 
 def test_at_a_pace_robots_come_when_their_processes_are_there(start: Callable[..., Run]) -> None:
-    faults = [
-        {"kind": "kill", "who": "r1", "at": 2},
-        {"kind": "restart", "who": "r1", "at": 4},
-        {"kind": "join", "who": "r2", "at": 4},
-        {"kind": "pause", "who": "r3", "at": 2, "for": 6},
-        {"kind": "leave", "who": "r4", "at": 6},
-    ]
+    faults = acts(("kill", "r1", 2), ("restart", "r1", 4), ("join", "r2", 4), ("leave", "r4", 6))
+    faults.append({"kind": "pause", "who": "r3", "at": 2, "for": 6})
     run = start({**COARSE, "duration": 100_000, "pace": 5, "robots": 4 * [{}], "faults": faults})
     run.until(lambda: run.ticks() > 16)
     for number in (1, 2, 3):  # the last of them to come back does so before tick 16
