@@ -37,14 +37,12 @@ def started(role: str, command: list[str] | None = None) -> tuple[str, Namespace
 
 
 def options_of(service: str) -> Namespace:
-    """The options of a service's process."""
     module, options = started(SERVICES[service]["build"]["target"], SERVICES[service].get("command"))
     assert module == ROLES[SERVICES[service]["build"]["target"]]
     return options
 
 
 def mounts(service: str) -> dict[str, str]:
-    """The sources of a service's mounts, by the place in its container."""
     return {where.split(":")[1]: where.split(":")[0] for where in SERVICES[service]["volumes"]}
 
 

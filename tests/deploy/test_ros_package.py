@@ -48,7 +48,6 @@ def fake_launch() -> dict[str, types.ModuleType]:
 
 @pytest.fixture
 def described(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
-    """The entities of the launch file."""
     for name, module in fake_launch().items():
         monkeypatch.setitem(sys.modules, name, module)
     entities = runpy.run_path(str(LAUNCH))["generate_launch_description"]()
@@ -57,7 +56,6 @@ def described(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
 
 
 def command_of(described: list[Any], given: dict[str, str]) -> list[str]:
-    """The command line that launch runs."""
     *declared, (kind, _, named) = described
     assert kind == "function"
     defaults = {words[0]: said["default_value"] for _, words, said in declared if "default_value" in said}

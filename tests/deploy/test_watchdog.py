@@ -43,7 +43,6 @@ class Service:
             return None
 
     def forget(self) -> None:
-        """Pass over what it has said until now."""
         self.socket.setblocking(False)
         while True:
             try:

@@ -37,7 +37,6 @@ def look(chromium: Any, page: Path) -> Iterator[Look]:
 
 
 def give(look: Look, **values: object) -> None:
-    """Move sliders and choose functions."""
     for name, value in values.items():
         look.evaluate(
             f"""() => {{ const input = document.querySelector('[name={name}]'); input.value = '{value}';

@@ -79,7 +79,6 @@ class Run:
         return sum(int(row[4].partition(":")[2], 16) for row in rows if f"socket:[{row[9]}]" in held)
 
     def ticks(self) -> int:
-        """Ticks done so far."""
         try:
             return (self.folder / "ticks.csv").read_text(encoding="ascii").count("\n") - 1
         except OSError:
@@ -101,7 +100,6 @@ class Run:
         return self.process.returncode
 
     def pass_ticks(self, ticks: int) -> None:
-        """Wait until so many more ticks are over."""
         before = self.ticks()
         self.until(lambda: self.ticks() >= before + ticks)
 

@@ -307,13 +307,3 @@ def test_a_robot_whose_policy_has_failed_can_be_started_again(tmp_path: Path) ->
     outcome = run_in_process(load_scenario({**faulty, "faults": [restart]}))
     assert outcome.summary.robots["r2"].status == "alive"
     assert [check.name for check in outcome.verdict.failed] == ["nobody lost"]
-
-
-def test_a_policy_of_ones_own_repeats_its_trace() -> None:
-    example = Path(__file__).parents[2] / "examples" / "my_policy.py"
-    patrol = {"policy": f"{example}:GreedyTarget", "options": {"near": 8}}
-    for robots in (CARS, DISCS):
-        runs = [run_in_process(scenario(robots=robots, patrol=patrol), threads=threads) for threads in (1, 3)]
-        papers = run_in_process(scenario(robots=robots, patrol={"policy": "potential-field"}))
-        assert trace(runs[0]) == trace(runs[1]) != trace(papers)
-        assert runs[0].summary.seen_share > 0.3

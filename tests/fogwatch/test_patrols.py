@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 
 from patrol.scenario import load_scenario
 from patrol.scenario.patrols import PATROLS, PREDICTABLE, describe_patrol, patrol_settings
 from patrol.scenario.policies import BUILT_IN
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from tests.fogwatch.conftest import Refused, Shell
+from tests.fogwatch.conftest import Refused, Shell
 
 YARDS = {"terrain": {"builtin": "yards"}}
 

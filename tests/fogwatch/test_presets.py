@@ -1,6 +1,6 @@
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 
@@ -10,11 +10,7 @@ from fogwatch.presets import PRESETS, preset_settings
 from patrol.errors import BadInput
 from patrol.scenario import open_scenario, scenario_hash
 from patrol.scenario.policies import TO_THE_LETTER
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from tests.fogwatch.conftest import Refused, Shell
+from tests.fogwatch.conftest import Refused, Shell
 
 
 def test_without_a_preset_nothing_is_set() -> None:

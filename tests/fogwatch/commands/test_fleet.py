@@ -29,7 +29,6 @@ pytestmark = needs_openssl
 
 @pytest.fixture(scope="module")
 def template(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A fleet, made once."""
     folder = tmp_path_factory.mktemp("fleets") / "yards-1"
     make_fleet(folder, "yards-1", ["r1", "r2"], ["192.0.2.10", "hub.example"], 7447, 30)
     return folder

@@ -55,7 +55,6 @@ def judged(shell: Shell) -> Judging:
 
 
 def edit_summary(folder: Path, change: Callable[[dict[str, Any]], None]) -> None:
-    """Change the run's summary.json."""
     file = folder / "summary.json"
     summary = json.loads(file.read_text(encoding="utf-8"))
     change(summary)
@@ -82,12 +81,10 @@ def edit_journal(
 
 
 def fields_of(said: Any) -> set[str]:
-    """The fields in which summary and journal differ."""
     return {difference["field"] for difference in said["differences"]}
 
 
 def failed_of(said: Any) -> set[str]:
-    """The checks that failed."""
     return {check["name"] for check in said["verdict"]["checks"] if not check["ok"]}
 
 

@@ -148,8 +148,6 @@ def test_the_old_name_of_the_class_goes_with_a_warning() -> None:
 
 
 class Eastwards:
-    """A policy of this file."""
-
     def __init__(self, setup: PolicySetup) -> None:
         self._east = setup.ground.terrain.width * setup.ground.terrain.point
 

@@ -9,7 +9,7 @@ import subprocess
 import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
 
@@ -21,10 +21,8 @@ from patrol.security.credentials import read_credentials
 from patrol.security.keys import WORLD, fleet_keys
 from patrol.security.roles import VIEWER
 from tests.fleets import COARSE, Processes, python
+from tests.fogwatch.conftest import Run
 from tests.routers import PATIENCE_S, free_endpoint, needs_openssl
-
-if TYPE_CHECKING:
-    from tests.fogwatch.conftest import Run
 
 pytestmark = pytest.mark.processes
 
@@ -37,13 +35,11 @@ SMALL: dict[str, Any] = {
 
 
 def private_folder(run: Path) -> Path:
-    """The folder with the secrets of a run."""
     name: str = json.loads((run / FILE).read_text(encoding="utf-8"))["private"]
     return next(root / name for root in private_roots() if (root / name).is_dir())
 
 
 def secrets_in(folder: Path) -> set[str]:
-    """All passwords and tokens of a run."""
     found = set()
     for file in folder.glob("*.json"):
         one = read_credentials(file, "test")

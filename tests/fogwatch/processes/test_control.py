@@ -10,7 +10,7 @@ import time
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 from urllib.request import urlopen
 
 import pytest
@@ -23,18 +23,14 @@ from patrol.security.access import FILE, read_access
 from patrol.security.control_auth import ASK, ControlClient, Unanswered
 from patrol.security.keys import fleet_keys
 from tests.fleets import COARSE
+from tests.fogwatch.conftest import Run, Shell
 from tests.fogwatch.processes.test_features import SITE
 from tests.fogwatch.processes.test_page import address_of
-
-if TYPE_CHECKING:
-    from tests.fogwatch.conftest import Run, Shell
 
 pytestmark = pytest.mark.processes
 
 
 class Operating:
-    """Somebody who controls a run."""
-
     def __init__(self, run: Run) -> None:
         self.run = run
         run.until((run.folder / FILE).exists)
@@ -272,7 +268,6 @@ def commands(run: Run, first: int) -> list[int]:
 
 
 def command_lines() -> list[str]:
-    """Of all processes."""
     found = []
     for entry in Path("/proc").glob("[0-9]*/cmdline"):
         with suppress(OSError):

@@ -7,7 +7,7 @@ import signal
 from collections.abc import Callable
 from contextlib import closing
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
 
@@ -20,11 +20,9 @@ from monitor.replay.run import open_run
 from patrol.journal import RobotTick, Status, read_journal
 from patrol.starting.forking import can_fork
 from tests.fleets import COARSE, one_and_many
+from tests.fogwatch.conftest import Run
 from tests.fogwatch.processes.test_feed import attached
 from worldsim.faults import LOOKED_AT, STOPPED
-
-if TYPE_CHECKING:
-    from tests.fogwatch.conftest import Run
 
 pytestmark = pytest.mark.processes
 
@@ -54,7 +52,6 @@ def each(run: Run, first: int, what: Callable[[RobotTick], bool]) -> bool:
 
 
 def restart(run: Run, robot: str) -> None:
-    """Have an operator start a robot's process anew."""
     with closing(attached(run)) as operator:
         assert operator.control({"do": "fault", "fault": {"kind": "restart", "who": robot}}).done
 

@@ -10,7 +10,6 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
@@ -32,10 +31,8 @@ from patrol.radio.message import Position, encode
 from patrol.scenario import load_scenario
 from patrol.security.keys import fleet_keys
 from tests.fleets import COARSE
+from tests.fogwatch.conftest import Run
 from tests.routers import reach_patiently
-
-if TYPE_CHECKING:
-    from tests.fogwatch.conftest import Run
 
 PATIENCE = 600
 """Waits of a tenth of a second."""
@@ -101,7 +98,6 @@ def until_gone(source: Source) -> bool:
 
 @pytest.mark.processes
 def test_a_stopped_viewer_costs_no_tick(start: Callable[..., Run], tmp_path: Path) -> None:
-    """A viewer's process is stopped, and the ticks go on."""
     run = start({**COARSE, "duration": 100_000, "robots": 2 * [{}]})
     operator = attached(run)
     assert operator.control({"do": "pause"}).done  # until the viewer is there, however long that takes

@@ -6,7 +6,7 @@ import os
 import signal
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
 
@@ -17,9 +17,7 @@ from patrol.messages.phases import PhaseA, encode
 from patrol.pose import Pose
 from patrol.radio.fleet_key import new_key
 from tests.fleets import COARSE
-
-if TYPE_CHECKING:
-    from tests.fogwatch.conftest import Run
+from tests.fogwatch.conftest import Run
 
 pytestmark = pytest.mark.processes
 

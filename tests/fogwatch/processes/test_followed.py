@@ -57,7 +57,6 @@ class Site(Processes):
         return (self.folder / f"{name}.{stream}").read_text(encoding="utf-8")
 
     def lines(self, name: str, stream: str = "err") -> list[dict[str, Any]]:
-        """The whole lines of a log so far, each a JSON object."""
         return [json.loads(line) for line in self.said(name, stream).splitlines(keepends=True) if line.endswith("\n")]
 
     def metrics_at(self, name: str) -> tuple[str, int]:

@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
 
 from patrol.journal import Journal, Status, read_journal
 from tests.browser import Look, browser_or_skip
 from tests.fleets import COARSE
-
-if TYPE_CHECKING:
-    from tests.fogwatch.conftest import Run
+from tests.fogwatch.conftest import Run
 
 pytestmark = [pytest.mark.processes, *browser_or_skip()]
 

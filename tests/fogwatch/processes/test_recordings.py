@@ -9,7 +9,7 @@ from collections import defaultdict
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
 from mcap.reader import make_reader
@@ -20,9 +20,7 @@ from patrol.errors import BadInput
 from patrol.journal import read_journal
 from patrol.security.access import FILE
 from tests.fleets import COARSE
-
-if TYPE_CHECKING:
-    from tests.fogwatch.conftest import Run
+from tests.fogwatch.conftest import Run
 
 pytestmark = pytest.mark.processes
 
@@ -62,7 +60,6 @@ class Recording:
         return self._topics
 
     def poses(self, robot: str) -> int:
-        """Poses of a robot in the file by now."""
         return len(self.so_far().get(f"/{robot}/pose", ()))
 
     def end(self, number: signal.Signals) -> int:

@@ -7,15 +7,13 @@ import resource
 import shutil
 import signal
 from collections.abc import Callable, Iterator, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
 
 from patrol.journal import read_journal
 from tests.fleets import COARSE
-
-if TYPE_CHECKING:
-    from tests.fogwatch.conftest import Run
+from tests.fogwatch.conftest import Run
 
 pytestmark = pytest.mark.processes
 

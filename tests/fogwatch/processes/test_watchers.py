@@ -5,15 +5,13 @@ from __future__ import annotations
 import signal
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
 
 from tests.fleets import COARSE
+from tests.fogwatch.conftest import Run
 from tests.fogwatch.processes.test_feed import attached, until, viewing
-
-if TYPE_CHECKING:
-    from tests.fogwatch.conftest import Run
 
 pytestmark = pytest.mark.processes
 

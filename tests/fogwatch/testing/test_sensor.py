@@ -40,8 +40,6 @@ class Whole(Disc):
 
 
 class Quarter(Sector):
-    """A sector with options."""
-
     class Options(BaseModel):
         angle: float = 90.0
 
