@@ -71,6 +71,7 @@ def test_one_line_says_how_far_and_how_fast() -> None:
         "tick 120/600 (60 s); MFoW 20.0 s, mean 12.5 s; seen 75.0 %; 1/2 robots (1 lost); 40.0 ticks/s, "
         "20.0 x real time; 12 s to go"
     )
+    assert "; MFoW 20.0 s at (26.3, 9.7), mean 12.5 s; " in headline(replace(METRICS, stalest=(26.31, 9.667)))
 
 
 @pytest.mark.parametrize(("seconds", "words"), [(0.4, "0 s"), (75, "1 min 15 s"), (3700, "1 h 01 min")])
@@ -231,6 +232,11 @@ class _Failing(SilentDisplay):
         raise ZeroDivisionError(f"tick {metrics.k}")
 
 
+class _Mute(_Failing):
+    def say(self, line: str) -> None:
+        raise OSError(28, line)
+
+
 def test_a_display_that_fails_is_reported_once_and_never_to_the_run() -> None:
     failing = _Failing()
     display = GuardedDisplay(failing)
@@ -240,18 +246,11 @@ def test_a_display_that_fails_is_reported_once_and_never_to_the_run() -> None:
     assert failing.said == ["the display failed (ZeroDivisionError: tick 120); the run goes on", "on it goes"]
     display.close()
     assert failing.said[2:] == ["3 lines or tables could not be shown"]
-
-
-def test_a_display_that_cannot_even_say_so_is_no_harm() -> None:
-    class Mute(_Failing):
-        def say(self, line: str) -> None:
-            raise OSError(28, line)
-
-    display = GuardedDisplay(Mute())
-    display.metrics(METRICS)
-    display.say("?")
-    display.close()
-    assert display.failures >= 2
+    mute = GuardedDisplay(_Mute())
+    mute.metrics(METRICS)
+    mute.say("?")
+    mute.close()
+    assert mute.failures >= 2, "it cannot even say so"
 
 
 def test_names_and_rates_that_make_no_sense_are_shown_all_the_same() -> None:
@@ -285,15 +284,20 @@ def test_the_report_says_what_matters(tmp_path: Path) -> None:
         assert words in shown
 
 
-@pytest.mark.parametrize("short", [{"seen_share": 0.995}, {"simulated_s": 100.0}])
-def test_a_run_too_short_to_settle_is_not_held_against_the_bound(short: dict[str, float]) -> None:
-    assert measures(summary(**short))[2] == "bounds      best tour found 48.0 s; lower bound 40.0 s"
-
-
-def test_a_lower_bound_of_0_is_shown_with_its_reason() -> None:
-    shown = measures(summary(bound_s=0.0, best_tour_s=None))[2]
-    why = "discs of the sensor's range around the robots have a larger area than the ground"
-    assert shown == f"bounds      lower bound 0: {why}"
+@pytest.mark.parametrize(
+    ("changed", "told"),
+    [
+        ({"seen_share": 0.995}, "best tour found 48.0 s; lower bound 40.0 s"),
+        ({"simulated_s": 100.0}, "best tour found 48.0 s; lower bound 40.0 s"),
+        (
+            {"bound_s": 0.0, "best_tour_s": None},
+            "lower bound 0: discs of the sensor's range around the robots have a larger area than the ground",
+        ),
+    ],
+    ids=["not all seen", "too short", "bound of 0"],
+)
+def test_a_run_is_held_against_bounds_only_where_it_has_settled(changed: dict[str, Any], told: str) -> None:
+    assert measures(summary(**changed))[2] == f"bounds      {told}"
 
 
 def test_a_summary_of_an_older_version_says_what_it_has() -> None:
@@ -322,10 +326,6 @@ def test_a_robot_without_progress_is_told_as_a_sentence() -> None:
         "tick 1368: r2 trapped within 3.2 m of (26.3, 9.7) since 504 s; nobody has seen",
         "tick 1500: r2 no longer trapped after 246 s within 3.2 m of (26.3, 9.7)",
     ]
-
-
-def test_the_headline_says_where_the_stalest_place_is() -> None:
-    assert "; MFoW 20.0 s at (26.3, 9.7), mean 12.5 s; " in headline(replace(METRICS, stalest=(26.31, 9.667)))
 
 
 def test_the_report_of_a_run_without_ticks() -> None:
