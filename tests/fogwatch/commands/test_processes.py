@@ -67,7 +67,7 @@ def ward(where: str, rule: str) -> str:
 INSIDE, OUTSIDE = "[[1, 1], [3, 1], [3, 3]]", "[[91, 1], [93, 1], [93, 3]]"
 OFF = ward(OUTSIDE, "weight: 2")
 STARTS = "is the robot's Zenoh router running?"
-BY_NAV2 = ("--drive", "nav2")
+BY_NAV2 = ("--drive", "nav2", "--name", "robot")
 
 
 @pytest.mark.parametrize(

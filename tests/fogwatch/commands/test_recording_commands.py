@@ -118,6 +118,7 @@ def test_report_and_compare(ran: Path, shell: Shell, tmp_path: Path) -> None:
         (["monitor", "RUN", "--fleet", "x"], "name a run's folder, or --router"),
         (["record", "RUN", "--scenario", "x.yaml"], "leave the folder out"),
         (["compare", "RUN"], "one run cannot be compared"),
+        (["compare", "RUN", "nowhere"], "no such folder"),
         (["record", "RUN", "--out", "none/a.mcap"], "cannot be written"),
         (["record", "RUN", "--out", "."], "is a folder; name a file, such as recording.mcap"),
         (["record", "RUN", "--out", "/"], "is a folder; name a file"),
