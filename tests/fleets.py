@@ -13,6 +13,7 @@ import numpy as np
 
 import fogwatch
 from patrol.messages.feed import Ground, SoFar, so_far_bytes
+from patrol.messages.telemetry import Metrics
 from patrol.scenario import load_scenario
 from worldsim.run_record import RunRecord
 
@@ -60,10 +61,20 @@ class Processes:
             process.wait(self._patience_s)
 
 
+def python(*words: str | Path, check: bool = False, **how: Any) -> subprocess.CompletedProcess[str]:
+    """Run Python to its end, and keep what it prints."""
+    options = {"capture_output": True, "text": True, "timeout": 800.0, **how}
+    done: subprocess.CompletedProcess[str]
+    done = subprocess.run([sys.executable, "-P", *map(str, words)], check=check, **options)
+    return done
+
+
 def one_and_many(scenario: Mapping[str, Any], folder: Path) -> tuple[fogwatch.Run, fogwatch.Run]:
     """Run a scenario in one process and as processes: both valid, with one trace. Folders: ``one`` and ``many``."""
+    told: list[Metrics] = []
     one = fogwatch.run(scenario, out=folder / "one", picture=False)
-    many = fogwatch.run(scenario, out=folder / "many", in_process=False, picture=False)
+    many = fogwatch.run(scenario, out=folder / "many", in_process=False, picture=False, progress=told.append)
+    assert told
     assert one.verdict.valid, one.verdict.failed
     assert many.verdict.valid, many.verdict.failed
     assert many.trace_hash == one.trace_hash

@@ -14,13 +14,9 @@ from bench.decisions import Patrol
 from bench.fleets import fleet_time, square_scenario
 from fogwatch.inprocess import Outcome, run_in_process
 from patrol.scenario import load_scenario
+from tests.fleets import COARSE
 
-SMALL: dict[str, Any] = {
-    "terrain": {"builtin": "open"},
-    "point": 1.0,
-    "duration": 15.0,
-    "robots": {"count": 3, "model": "holonomic"},
-}
+SMALL: dict[str, Any] = {**COARSE, "duration": 15.0, "robots": {"count": 3, "model": "holonomic"}}
 
 
 def test_the_kilometre_is_a_scenario_like_any_other(tmp_path: Path) -> None:

@@ -47,7 +47,5 @@ def test_a_map_is_read_as_it_was_written(tmp_path: Path) -> None:
     passable = square(side=150)
     passable[0, 0] = False  # rows and columns would else look alike
     path = write_map(passable, 1.0, tmp_path / "ground.yaml")
-    scenario = load_scenario(
-        {"terrain": {"map": str(path)}, "point": 1.0, "robots": {"count": 1, "model": "holonomic"}}
-    )
-    assert np.array_equal(prepare(scenario).terrain.passable, passable)
+    given = {"terrain": {"map": str(path)}, "point": 1.0, "robots": {"count": 1, "model": "holonomic"}}
+    assert np.array_equal(prepare(load_scenario(given)).terrain.passable, passable)

@@ -1,4 +1,4 @@
-"""What is measured of a router: all members hear all others, round by round."""
+"""The measurement of a router: all members hear all others, round by round."""
 
 from __future__ import annotations
 

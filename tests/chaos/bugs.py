@@ -67,47 +67,37 @@ BUGS: dict[str, Bug] = {}
 LOSSY = {"duration": 600.0, "faults": [{"kind": "loss", "rate": 0.5}]}
 LONG_BURSTS = {"duration": 600.0, "faults": [{"kind": "loss", "rate": 0.5, "mean_burst": 10}]}
 DRIFTING = {"duration": 600.0, "faults": [{"kind": "drift", "who": "all", "growth": [0.05, 0.02]}]}
-UNEVEN = {
-    "duration": 600.0,
-    "faults": [{"kind": "motion", "who": "all", "jitter": {"size": 0.5}, "slip": {"rate": 0.4}}],
-}
-CALM = {
+SHAKEN = {"kind": "motion", "who": "all", "jitter": {"size": 0.5}, "slip": {"rate": 0.4}}
+UNEVEN = {"duration": 600.0, "faults": [SHAKEN]}
+CALM: dict[str, Any] = {
     "terrain": {"builtin": "open"},
     "point": 2.0,
     "step": 1.0,
     "duration": 400.0,
-    "nemesis": None,
-    "faults": [],
-    "patrol.policy": "committed",
-    "robots.speed": 5.0,
-    "robots.battery": None,
     "sensor.range": 25.0,
 }
+CALM |= {"nemesis": None, "faults": [], "patrol.policy": "committed", "robots.speed": 5.0, "robots.battery": None}
 HOLONOMIC = {**CALM, "duration": 100.0, "robots.model": "holonomic"}
 SHORT_PAUSE = {**CALM, "faults": [{"kind": "pause", "who": "one", "at": 5.0, "for": 5.0}]}
-ONE_WAY = {
-    **CALM,
-    "duration": 60.0,
-    "closures": [],
-    "zones": [{"name": "aisle", "polygon": [[10, 10], [90, 10], [90, 78], [10, 78]], "one_way": 0}],
-}
+AISLE = {"name": "aisle", "polygon": [[10, 10], [90, 10], [90, 78], [10, 78]], "one_way": 0}
+ONE_WAY = {**CALM, "duration": 60.0, "closures": [], "zones": [AISLE]}
 """What some checks need in order to judge: runs that are long enough for shares, or for a patrol to come round, and
 ground on which a robot can go far against a zone."""
 
 
 def _bug(
-    what: str,
-    check: str,
-    *plants: Plant,
-    kind: str = "",
-    needs: str = "",
-    settings: Mapping[str, Any] = MappingProxyType({}),
-) -> None:
-    def plant(patch: pytest.MonkeyPatch) -> None:
-        for each in plants:
-            each(patch)
+    what: str, check: str, *, kind: str = "", needs: str = "", settings: Mapping[str, Any] = MappingProxyType({})
+) -> Callable[..., None]:
+    """Take in a bug, once it is given its plants."""
 
-    BUGS[what] = Bug(check, plant, kind, needs or kind, settings)
+    def planted_by(*plants: Plant) -> None:
+        def plant(patch: pytest.MonkeyPatch) -> None:
+            for each in plants:
+                each(patch)
+
+        BUGS[what] = Bug(check, plant, kind, needs or kind, settings)
+
+    return planted_by
 
 
 def put(owner: Any, name: str, make: Callable[[Any], Any]) -> Plant:
@@ -199,122 +189,76 @@ def _untold(owner: Any, method: str, *kinds: str) -> Plant:
 
 
 _dropped = put(InProcessFleet, "kill", lambda _: lambda *_: None)
-_bug("a killed robot goes on", "statuses", alter_stood_down(Status.DEAD, status=Status.ALIVE), _dropped, kind="kill")
-_bug(
-    "the event of a kill names no fault",
-    "events",
-    put(World, "stand_down", lambda real: lambda of, number, status, _, **how: real(of, number, status, "", **how)),
-    kind="kill",
+_bug("a killed robot goes on", "statuses", kind="kill")(alter_stood_down(Status.DEAD, status=Status.ALIVE), _dropped)
+_bug("the event of a kill names no fault", "events", kind="kill")(
+    put(World, "stand_down", lambda real: lambda of, number, status, _, **how: real(of, number, status, "", **how))
 )
-_bug("an act that makes no sense is skipped unseen", "events", _untold(Acts, "due", SKIPPED))
-_bug("a wreck that is to stay is removed", "moves", alter_stood_down(Status.DEAD, away=True), kind="kill")
-_bug(
-    "a restarted robot never comes",
-    "statuses",
-    put(InProcessFleet, "arrived", lambda _: lambda *_: False),
-    kind="restart",
+_bug("an act that makes no sense is skipped unseen", "events")(_untold(Acts, "due", SKIPPED))
+_bug("a wreck that is to stay is removed", "moves", kind="kill")(alter_stood_down(Status.DEAD, away=True))
+_bug("a restarted robot never comes", "statuses", kind="restart")(
+    put(InProcessFleet, "arrived", lambda _: lambda *_: False)
 )
-_bug(
-    "a restarted robot keeps what it has heard",
-    "refused frames",
+_bug("a restarted robot keeps what it has heard", "refused frames", kind="restart")(
     put(InProcessFleet, "kill", lambda _: lambda *_: None),
     put(
         InProcessFleet, "start", lambda real: lambda of, number, n: None if number in of.minds else real(of, number, n)
     ),
-    kind="restart",
 )
-_bug("a paused robot drives on", "statuses", alter_stood_down(Status.PAUSED, status=Status.ALIVE), kind="pause")
-_bug("a resumed robot stays paused", "statuses", put(World, "wake", _resumes), kind="resume")
-_bug("a robot joins beside its start", "moves", put(World, "wake", _joins), kind="join")
-_bug(
-    "a robot that has left is still in the way",
-    "moves",
-    put(Body, "present", lambda _: property(lambda _: True)),
-    kind="leave",
+_bug("a paused robot drives on", "statuses", kind="pause")(alter_stood_down(Status.PAUSED, status=Status.ALIVE))
+_bug("a resumed robot stays paused", "statuses", kind="resume")(put(World, "wake", _resumes))
+_bug("a robot joins beside its start", "moves", kind="join")(put(World, "wake", _joins))
+_bug("a robot that has left is still in the way", "moves", kind="leave")(
+    put(Body, "present", lambda _: property(lambda _: True))
 )
-_bug(
-    "a loss drops half as much",
-    "losses",
-    put(rules, "below", lambda real: lambda *of: real(*of[:3], 0.5 * of[3])),
-    kind="loss",
-    settings=LOSSY,
+_bug("a loss drops half as much", "losses", kind="loss", settings=LOSSY)(
+    put(rules, "below", lambda real: lambda *of: real(*of[:3], 0.5 * of[3]))
 )
-_bug(
-    "a burst lasts half as long",
-    "losses",
-    put(rules, "chain_of", lambda real: lambda rate, mean: real(rate, max(0.5 * mean, 1.0))),
-    kind="loss",
-    settings=LONG_BURSTS,
+_bug("a burst lasts half as long", "losses", kind="loss", settings=LONG_BURSTS)(
+    put(rules, "chain_of", lambda real: lambda rate, mean: real(rate, max(0.5 * mean, 1.0)))
 )
-_bug("a delay is half as long", "on time", put(rules, "waited", lambda real: lambda *of: 0.5 * real(*of)), kind="delay")
+_bug("a delay is half as long", "on time", kind="delay")(put(rules, "waited", lambda real: lambda *of: 0.5 * real(*of)))
 _copies = rules.RadioRules, "copies"
-_bug("a duplicate makes no copy", "delays and copies", put(*_copies, lambda _: lambda *_: []), kind="duplicate")
-_bug("a duplicate makes two copies", "on time", put(*_copies, lambda real: lambda *of: 2 * real(*of)), kind="duplicate")
-_bug(
-    "a frame that is held back is held for two steps more",
-    "on time",
+_bug("a duplicate makes no copy", "delays and copies", kind="duplicate")(put(*_copies, lambda _: lambda *_: []))
+_bug("a duplicate makes two copies", "on time", kind="duplicate")(put(*_copies, lambda real: lambda *of: 2 * real(*of)))
+_bug("a frame that is held back is held for two steps more", "on time", kind="reorder")(
     put(
         rules.RadioRules, "delays", lambda real: lambda of, *link: [(n, s + 2.0 * of._step) for n, s in real(of, *link)]
-    ),
-    kind="reorder",
+    )
 )
-_bug(
-    "a one-way partition cuts both ways",
-    "nothing crossed",
-    put(rules, "_mark_cuts", lambda real: lambda entry, fault, *of: real(entry, altered(direction="both")(fault), *of)),
-    kind="partition",
+_bug("a one-way partition cuts both ways", "nothing crossed", kind="partition")(
+    put(rules, "_mark_cuts", lambda real: lambda entry, fault, *of: real(entry, altered(direction="both")(fault), *of))
 )
-_bug(
-    "a silence does not stop what robots hear",
-    "nothing crossed",
-    put(rules.RadioRules, "_mark_hits", _hears),
-    kind="silence",
+_bug("a silence does not stop what robots hear", "nothing crossed", kind="silence")(
+    put(rules.RadioRules, "_mark_hits", _hears)
 )
-_bug(
-    "a reach is a tenth longer",
-    "reach",
+_bug("a reach is a tenth longer", "reach", kind="range")(
     put(
         rules.RadioRules,
         "_is_out_of_reach",
         lambda real: lambda of, fault, *link: real(of, altered(reach=1.1 * fault.reach)(fault), *link),
-    ),
-    kind="range",
+    )
 )
-_bug("a radio reaches through walls", "reach", put(rules, "walls_on_line", lambda _: lambda *_: 0), kind="range")
-_bug(
-    "a bandwidth is twice as wide",
-    "bandwidth",
-    put(rules.Bucket, "__init__", lambda real: lambda of, rate, *more: real(of, 2.0 * rate, *more)),
-    kind="bandwidth",
+_bug("a radio reaches through walls", "reach", kind="range")(put(rules, "walls_on_line", lambda _: lambda *_: 0))
+_bug("a bandwidth is twice as wide", "bandwidth", kind="bandwidth")(
+    put(rules.Bucket, "__init__", lambda real: lambda of, rate, *more: real(of, 2.0 * rate, *more))
 )
-_bug(
-    "a forged place is a metre off",
-    "forgeries",
-    put(forging, "Pose", lambda real: lambda x, *of: real(x - 1.0, *of)),
-    kind="spoof",
+_bug("a forged place is a metre off", "forgeries", kind="spoof")(
+    put(forging, "Pose", lambda real: lambda x, *of: real(x - 1.0, *of))
 )
-_bug(
-    "a drift does not grow",
-    "senses",
+_bug("a drift does not grow", "senses", kind="drift", settings=DRIFTING)(
     put(
         Senses,
         "_pose_error",
         lambda real: lambda of, e, fault, *at: real(of, e, altered(growth=(0.0, 0.0))(fault), *at),
-    ),
-    kind="drift",
-    settings=DRIFTING,
+    )
 )
-_bug("a clock does not gain", "senses", put(Senses, "clock", _clock), kind="clock")
-_bug(
-    "jitter is half as large",
-    "motion",
-    alter_draws(noise._JITTER, lambda share: 0.25 + 0.5 * share),
-    kind="motion",
-    settings=UNEVEN,
+_bug("a clock does not gain", "senses", kind="clock")(put(Senses, "clock", _clock))
+_bug("jitter is half as large", "motion", kind="motion", settings=UNEVEN)(
+    alter_draws(noise._JITTER, lambda share: 0.25 + 0.5 * share)
 )
-_bug("a body slips half as often", "motion", alter_draws(noise._SLIP, math.sqrt), kind="motion", settings=UNEVEN)
-_bug("a closure that is to be closed stays as it is", "closures", _held(True), kind="close")
-_bug("a closure that is to be open stays as it is", "closures", _held(False), kind="open")
+_bug("a body slips half as often", "motion", kind="motion", settings=UNEVEN)(alter_draws(noise._SLIP, math.sqrt))
+_bug("a closure that is to be closed stays as it is", "closures", kind="close")(_held(True))
+_bug("a closure that is to be open stays as it is", "closures", kind="open")(_held(False))
 
 
 # --- what else checks look at ----------------------------------------------------------------------------------------
@@ -440,157 +384,89 @@ def _free(real: Any, ground_of: Callable[[Any], Any]) -> Any:
 
 _path_is_free = motion, "path_is_free"
 _blind = alter_decisions(_drives_blindly)
-_bug("the run ends a tick early", "complete", alter_new(World, _ends_early))
-_bug("the trace leaves out a tick", "trace", put(record, "TraceHash", _trace))
-_bug("a mind fails", "nobody lost", alter_decisions(_fails))
-_bug(
-    "a robot that is down decides",
-    "the down are silent",
-    alter_rows(lambda row, _: row.status is not Status.ALIVE, state="patrolling"),
+_bug("the run ends a tick early", "complete")(alter_new(World, _ends_early))
+_bug("the trace leaves out a tick", "trace")(put(record, "TraceHash", _trace))
+_bug("a mind fails", "nobody lost")(alter_decisions(_fails))
+_bug("a robot that is down decides", "the down are silent")(
+    alter_rows(lambda row, _: row.status is not Status.ALIVE, state="patrolling")
 )
-_bug("a robot leaves the terrain", "robots there", alter_rows(lambda row, k: row.number == 1 and k == 5, x=-1000.0))
-_bug(
-    "a delivery is not recorded",
-    "links add up",
-    alter_recorded(lambda of: replace(of, deliveries=list(of.deliveries)[1:])),
+_bug("a robot leaves the terrain", "robots there")(alter_rows(lambda row, k: row.number == 1 and k == 5, x=-1000.0))
+_bug("a delivery is not recorded", "links add up")(
+    alter_recorded(lambda of: replace(of, deliveries=list(of.deliveries)[1:]))
 )
-_bug("faults last a tick longer", "fault times", put(timeline, "ticks_of", lambda real: lambda *of: real(*of) + 1))
-_bug("bodies pass through each other", "bodies apart", put(motion, "_cancel_meeting", lambda _: lambda *_: None))
-_bug("bodies pass through walls", "bodies apart", put(*_path_is_free, lambda _: lambda *_: True))
-_bug(
-    "bodies get a little farther",
-    "moves",
-    put(motion, "advance", lambda real: lambda at, of, step: real(at, of, 1.001 * step)),
+_bug("faults last a tick longer", "fault times")(put(timeline, "ticks_of", lambda real: lambda *of: real(*of) + 1))
+_bug("bodies pass through each other", "bodies apart")(put(motion, "_cancel_meeting", lambda _: lambda *_: None))
+_bug("bodies pass through walls", "bodies apart")(put(*_path_is_free, lambda _: lambda *_: True))
+_bug("bodies get a little farther", "moves")(
+    put(motion, "advance", lambda real: lambda at, of, step: real(at, of, 1.001 * step))
 )
-_bug(
-    "a robot exceeds its top speed",
-    "moves",
-    put(world, "within_limits", lambda _: lambda _, command: noise._change_command(command, 1.5, 1.0, 0.0, 1.0)),
+_bug("a robot exceeds its top speed", "moves")(
+    put(world, "within_limits", lambda _: lambda _, command: noise._change_command(command, 1.5, 1.0, 0.0, 1.0))
 )
-_bug("moves are uneven without a fault", "moves", put(noise.MotionNoise, "driven", _driven))
-_bug("the fog counts a tick less", "fog", put(Fog, "mfow", lambda real: lambda *of: real(*of) - 1))
-_bug(
-    "robots drive with an empty battery",
-    "batteries",
-    put(Batteries, "is_empty", lambda _: lambda *_: False),
-    needs="feature batteries",
+_bug("moves are uneven without a fault", "moves")(put(noise.MotionNoise, "driven", _driven))
+_bug("the fog counts a tick less", "fog")(put(Fog, "mfow", lambda real: lambda *of: real(*of) - 1))
+_bug("robots drive with an empty battery", "batteries", needs="feature batteries")(
+    put(Batteries, "is_empty", lambda _: lambda *_: False)
 )
-_bug(
-    "bodies pass through keep-outs",
-    "keep-outs",
-    _blind,
-    put(*_path_is_free, lambda real: _free(real, lambda t: Terrain(t.name, t.passable, t.point, t.origin))),
-    needs="feature zone: keep-out",
+_bug("bodies pass through keep-outs", "keep-outs", needs="feature zone: keep-out")(
+    _blind, put(*_path_is_free, lambda real: _free(real, lambda t: Terrain(t.name, t.passable, t.point, t.origin)))
 )
-_bug(
-    "slow zones slow nothing",
-    "slow zones",
-    _blind,
-    put(world, "slowed", lambda _: lambda command, _: command),
-    needs="feature zone: slow",
+_bug("slow zones slow nothing", "slow zones", needs="feature zone: slow")(
+    _blind, put(world, "slowed", lambda _: lambda command, _: command)
 )
-_bug("minds drive blindly", "one-way zones", _blind, settings=ONE_WAY)
-_bug(
-    "zones begin and end unseen",
-    "zone times",
-    _untold(World, "close_and_open", IN_FORCE, OUT_OF_FORCE),
-    needs="feature zone: times",
+_bug("minds drive blindly", "one-way zones", settings=ONE_WAY)(_blind)
+_bug("zones begin and end unseen", "zone times", needs="feature zone: times")(
+    _untold(World, "close_and_open", IN_FORCE, OUT_OF_FORCE)
 )
-_bug(
-    "bodies pass through what is closed",
-    "closures",
-    _blind,
-    put(*_path_is_free, lambda real: _free(real, lambda t: getattr(t, "base", t))),
-    needs="feature closures by times",
+_bug("bodies pass through what is closed", "closures", needs="feature closures by times")(
+    _blind, put(*_path_is_free, lambda real: _free(real, lambda t: getattr(t, "base", t)))
 )
-_bug(
-    "closures wait for robots unseen",
-    "closures",
-    _untold(World, "close_and_open", WAITING),
-    needs="feature closures by times",
+_bug("closures wait for robots unseen", "closures", needs="feature closures by times")(
+    _untold(World, "close_and_open", WAITING)
 )
-_bug(
-    "closures close on robots",
-    "bodies apart",
-    put(Closures, "_overlaps_body", lambda _: lambda *_: False),
-    needs="feature closures by rates",
+_bug("closures close on robots", "bodies apart", needs="feature closures by rates")(
+    put(Closures, "_overlaps_body", lambda _: lambda *_: False)
 )
-_bug("robots send places a centimetre off", "frames", _sent(x_cm=1))
-_bug("robots send their clock a millisecond late", "frames", _sent(time_ms=1))
-_bug(
-    "robots report no intruder",
-    "frames",
-    put(sender.Sender, "frames", lambda real: lambda *of: real(*of)[:1]),
-    needs="feature intruders",
+_bug("robots send places a centimetre off", "frames")(_sent(x_cm=1))
+_bug("robots send their clock a millisecond late", "frames")(_sent(time_ms=1))
+_bug("robots report no intruder", "frames", needs="feature intruders")(
+    put(sender.Sender, "frames", lambda real: lambda *of: real(*of)[:1])
 )
-_bug(
-    "adaptive robots stay silent for too long",
-    "frames",
-    alter_new(sender.Sender, _stays_silent),
-    needs="feature adaptive sending",
+_bug("adaptive robots stay silent for too long", "frames", needs="feature adaptive sending")(
+    alter_new(sender.Sender, _stays_silent)
 )
-_bug(
-    "the world's draws are not repeated",
-    "radio",
-    put(world, "ether_of", lambda real: lambda of, *more, **named: real(altered(seed=of.seed + 1)(of), *more, **named)),
-    needs="loss",
+_bug("the world's draws are not repeated", "radio", needs="loss")(
+    put(world, "ether_of", lambda real: lambda of, *more, **named: real(altered(seed=of.seed + 1)(of), *more, **named))
 )
-_bug(
-    "a drop names a fault that was not there",
-    "drops",
-    put(rules, "cause", lambda _: lambda entry: f"loss:{entry.id}x"),
-    needs="loss",
+_bug("a drop names a fault that was not there", "drops", needs="loss")(
+    put(rules, "cause", lambda _: lambda entry: f"loss:{entry.id}x")
 )
-_bug(
-    "strangers know the key",
-    "forged frames",
-    put(inbox, "decode", lambda real: lambda frame, _: real(frame, None)),
-    needs="spoof",
+_bug("strangers know the key", "forged frames", needs="spoof")(
+    put(inbox, "decode", lambda real: lambda frame, _: real(frame, None))
 )
-_bug(
-    "a forged frame comes twice",
-    "forgeries",
-    put(forging.Forger, "forge", lambda real: lambda *of: 2 * real(*of)),
-    needs="spoof",
+_bug("a forged frame comes twice", "forgeries", needs="spoof")(
+    put(forging.Forger, "forge", lambda real: lambda *of: 2 * real(*of))
 )
-_bug(
-    "walls do not weaken the radio",
-    "path loss",
-    put(path_loss, "walls_between", lambda _: lambda *of: np.zeros((len(of[4]),) * 2)),
-    needs="feature path loss",
+_bug("walls do not weaken the radio", "path loss", needs="feature path loss")(
+    put(path_loss, "walls_between", lambda _: lambda *of: np.zeros((len(of[4]),) * 2))
 )
-_bug(
-    "a frame meets twice the noise",
-    "path loss",
-    put(path_loss.PathLoss, "_noise_levels", lambda real: lambda *of: real(*of) + 3.0),
-    needs="feature path loss",
+_bug("a frame meets twice the noise", "path loss", needs="feature path loss")(
+    put(path_loss.PathLoss, "_noise_levels", lambda real: lambda *of: real(*of) + 3.0)
 )
-_bug(
-    "robots send more than their share",
-    "budget",
-    put(Allowance, "suffices", lambda _: lambda *_: True),
-    put(Allowance, "take", lambda _: lambda *_: True),
-    needs="feature radio budget",
+_bug("robots send more than their share", "budget", needs="feature radio budget")(
+    put(Allowance, "suffices", lambda _: lambda *_: True), put(Allowance, "take", lambda _: lambda *_: True)
 )
-_bug(
-    "late frames come a tick early",
-    "on time",
-    put(ether, "arrival", lambda real: lambda k, *of: max(real(k, *of) - 1, k)),
-    needs="delay",
+_bug("late frames come a tick early", "on time", needs="delay")(
+    put(ether, "arrival", lambda real: lambda k, *of: max(real(k, *of) - 1, k))
 )
-_bug(
-    "one robot sees nothing",
-    "fog",
-    put(Truth, "observe", lambda real: lambda of, k, poses: real(of, k, [pose for pose in poses if pose[0] != 1])),
+_bug("one robot sees nothing", "fog")(
+    put(Truth, "observe", lambda real: lambda of, k, poses: real(of, k, [pose for pose in poses if pose[0] != 1]))
 )
-_bug(
-    "a robot counts a refused frame too many",
-    "refused frames",
-    alter_rows(lambda row, k: row.rejected is not None and k > 10, rejected=1000),
-    needs="feature key",
+_bug("a robot counts a refused frame too many", "refused frames", needs="feature key")(
+    alter_rows(lambda row, k: row.rejected is not None and k > 10, rejected=1000)
 )
-_bug("inboxes accept a frame again and again", "refused frames", put(inbox, "hear", _accepts_again), needs="duplicate")
-_bug("minds count what others decide", TRACES_DIFFER, alter_decisions(_hesitates))
-_bug("minds drive east, whatever is there", "bumps", alter_decisions(_drives_east), settings=HOLONOMIC)
-_bug("minds stop deciding", "progress", _stops(0), settings=CALM)
-_bug("minds stop deciding after a fault", "recovery", _stops(20), settings=SHORT_PAUSE)
+_bug("inboxes accept a frame again and again", "refused frames", needs="duplicate")(put(inbox, "hear", _accepts_again))
+_bug("minds count what others decide", TRACES_DIFFER)(alter_decisions(_hesitates))
+_bug("minds drive east, whatever is there", "bumps", settings=HOLONOMIC)(alter_decisions(_drives_east))
+_bug("minds stop deciding", "progress", settings=CALM)(_stops(0))
+_bug("minds stop deciding after a fault", "recovery", settings=SHORT_PAUSE)(_stops(20))

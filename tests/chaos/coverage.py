@@ -25,24 +25,9 @@ from worldsim.world import World
 
 ZONES = ("keep-out", "weight", "weights that change", "age", "slow", "one-way", "times")
 FEATURES = (
-    "adaptive sending",
-    "batteries",
-    "direct radio",
-    "docks",
-    "radio budget",
-    "closures by rates",
-    "closures by times",
-    "graph",
-    "vertices",
-    "intruders",
-    "key",
-    "several bodies",
-    "narrow view",
-    "view through walls",
-    "poor quality",
-    "path loss",
-    "spares",
-    "trail",
+    *("adaptive sending", "batteries", "direct radio", "docks", "radio budget"),
+    *("closures by rates", "closures by times", "graph", "vertices", "intruders", "key", "several bodies"),
+    *("narrow view", "view through walls", "poor quality", "path loss", "spares", "trail"),
     *(f"zone: {rule}" for rule in ZONES),
 )
 STATES = {

@@ -1,4 +1,4 @@
-"""What the command lines in deploy/ say, as the programs that they start read them."""
+"""The command lines in deploy/, as the programs that they start read them."""
 
 from __future__ import annotations
 

@@ -112,15 +112,20 @@ def test_the_first_vector_is_right_byte_by_byte() -> None:
     assert bytes.fromhex(frame) == b"\x97\1\1\7" + b"".join(b"\xcd" + n.to_bytes(2) for n in (3500, 600, 613, 5283))
 
 
-def test_the_layout_in_c_and_the_table_are_those_of_the_declaration() -> None:
-    checked = laid_out(SOURCES.parents[1], "--check")
-    assert (checked.returncode, checked.stdout) == (0, "")
+def python(root: Path, *words: str) -> subprocess.CompletedProcess[str]:
+    """Run Python with the packages of a clone."""
+    environment = {**os.environ, "PYTHONPATH": str(root)}
+    command = [sys.executable, *words]
+    return subprocess.run(command, capture_output=True, text=True, check=False, cwd=root, env=environment)
 
 
 def laid_out(root: Path, *words: str) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, str(root / "deploy" / "c" / "layout.py"), *words]
-    environment = {**os.environ, "PYTHONPATH": str(root)}
-    return subprocess.run(command, capture_output=True, text=True, check=False, cwd=root, env=environment)
+    return python(root, str(root / "deploy" / "c" / "layout.py"), *words)
+
+
+def test_the_layout_in_c_and_the_table_are_those_of_the_declaration() -> None:
+    checked = laid_out(SOURCES.parents[1], "--check")
+    assert (checked.returncode, checked.stdout) == (0, "")
 
 
 BATTERY = '    battery: Annotated[int, WireField(-5, 300, "%", "charge")] = 0\n'
@@ -151,10 +156,9 @@ def test_a_field_that_is_declared_is_in_both_and_in_the_table(tmp_path: Path) ->
     assert "| `battery` | -5 to 300 | % | charge |" in (tmp_path / "docs" / "radio.md").read_text(encoding="utf-8")
     built = subprocess.run(["make", "-C", tmp_path / "deploy" / "c", "check"], capture_output=True, check=False)
     assert built.returncode == 0, built.stderr
-    asked = [sys.executable, "-c", ASKS]
-    environment = {**os.environ, "PYTHONPATH": str(tmp_path)}
-    python = subprocess.run(asked, capture_output=True, text=True, check=True, cwd=tmp_path, env=environment)
-    frame = python.stdout.strip()
+    asked = python(tmp_path, "-c", ASKS)
+    frame = asked.stdout.strip()
+    assert asked.returncode == 0, asked.stderr
     radio = tmp_path / "deploy" / "c" / "radio-checked"
     line = "1 7 3500 600 613 5283 250 3 -4"
     assert through(radio, ["frames"], f"{line}\n".encode()).decode().strip() == frame
@@ -255,7 +259,7 @@ def test_lines_of_hex_of_any_length_are_read_within_their_bounds(digits: int, tm
 @needs_cc
 def test_what_is_no_position_and_what_is_no_key_is_said(radio: Path, tmp_path: Path) -> None:
     wrong = (
-        b"1 7 3500 600 613\n70000 7 0 0 0 0\n1 7 0 0 0 6284\n1 7 0 0 0 0 5\n1 7 0 0 0 0 1 1 1 1 1 1 1 1 1 1\nhello\n\n"
+        b"1 7 3500 600 613\n70000 7 0 0 0 0\n1 7 0 0 0 6284\n1 7 0 0 0 0 5\n1 7 0 0 0 0" + 10 * b" 1" + b"\nhello\n\n"
     )
     done = subprocess.run([radio, "frames"], input=wrong, capture_output=True, check=True)
     assert done.stdout == b""

@@ -24,7 +24,7 @@ ROLES = {"router": "fogwatch.router", "world": "worldsim", "agent": "agent", "pa
 
 
 def stage(role: str) -> dict[str, list[str]]:
-    """What a role's image starts, by instruction."""
+    """The words that a role's image starts with, by instruction."""
     (text,) = re.findall(rf"^FROM base AS {role}\n((?:[A-Z].*\n)*)", CONTAINERFILE, re.MULTILINE)
     return {word: json.loads(rest) for word, rest in (line.split(" ", 1) for line in text.splitlines())}
 
@@ -37,14 +37,12 @@ def started(role: str, command: list[str] | None = None) -> tuple[str, Namespace
 
 
 def options_of(service: str) -> Namespace:
-    """The options of a service's process."""
     module, options = started(SERVICES[service]["build"]["target"], SERVICES[service].get("command"))
     assert module == ROLES[SERVICES[service]["build"]["target"]]
     return options
 
 
 def mounts(service: str) -> dict[str, str]:
-    """What a service has mounted, by the place in its container."""
     return {where.split(":")[1]: where.split(":")[0] for where in SERVICES[service]["volumes"]}
 
 
@@ -60,17 +58,14 @@ def test_a_router_starts_only_where_it_is_asked_for_and_nothing_depends_on_it() 
     assert not [name for name, service in SERVICES.items() if "depends_on" in service]
 
 
-def test_one_image_has_all_commands() -> None:
+def test_one_image_has_all_commands_and_there_is_a_service_for_each_process_of_a_fleet() -> None:
     assert [*stage("fogwatch")["ENTRYPOINT"], *stage("fogwatch")["CMD"]][-3:] == ["-m", "fogwatch", "--help"]
-
-
-def test_there_is_a_service_for_each_process_of_a_fleet() -> None:
     roles = {name: service["build"]["target"] for name, service in SERVICES.items()}
     assert roles == {"router": "router", "world": "world", "page": "page", **dict.fromkeys(ROBOTS, "agent")}
 
 
 @pytest.mark.parametrize("name", SERVICES)
-def test_a_service_has_its_own_credentials_and_no_other_s(name: str) -> None:
+def test_a_service_has_its_own_credentials_alone_and_can_do_no_more_than_it_must(name: str) -> None:
     options = options_of(name)
     folder = options.fleet if name == "router" else options.credentials
     assert [where for where in mounts(name) if where.startswith("/fleet")] == [str(folder)]
@@ -79,10 +74,6 @@ def test_a_service_has_its_own_credentials_and_no_other_s(name: str) -> None:
     assert member.name == {"page": "viewer"}.get(name, name)
     if name != "router":
         assert member_role(member.name).name == member.name
-
-
-@pytest.mark.parametrize("name", SERVICES)
-def test_a_service_can_do_no_more_than_it_must(name: str) -> None:
     service = SERVICES[name]
     assert service["read_only"] is True
     assert service["cap_drop"] == ["ALL"]
@@ -102,16 +93,12 @@ def test_all_run_the_same_scenario_which_names_the_robots() -> None:
 
 def test_the_container_file_copies_what_exists_and_runs_as_nobody_in_particular() -> None:
     lines = CONTAINERFILE.splitlines()
-    copied = [
-        word for line in lines if line.startswith("COPY ") and "--from" not in line for word in line.split()[1:-1]
-    ]
-    assert {"requirements-run.lock", "pyproject.toml", "patrol", "agent", "worldsim", "monitor", "fogwatch"} <= set(
-        copied
-    )
+    copies = [line.split()[1:-1] for line in lines if line.startswith("COPY ") and "--from" not in line]
+    copied = {word for words in copies for word in words}
+    assert {"requirements-run.lock", "pyproject.toml", "patrol", "agent", "worldsim", "monitor", "fogwatch"} <= copied
     assert not [name for name in copied if not (ROOT / name).exists()]
     assert len({line.split()[1] for line in lines if line.startswith("FROM ")} - {"base"}) == 1
-    users = [line.split()[1] for line in lines if line.startswith("USER ")]
-    assert users == ["10001"]
+    assert [line.split()[1] for line in lines if line.startswith("USER ")] == ["10001"]
     (locked,) = [line for line in lines if "--requirement requirements-run.lock" in line]
     assert "--require-hashes" in locked
     installed = [line for line in lines if "pip install" in line]

@@ -46,7 +46,7 @@ DISPLAYS = {"rviz_default_plugins/Map": GRID, "rviz_default_plugins/Path": PATH}
 
 
 class Topics(NamedTuple):
-    """What there is to be shown: types by topic, and the topics that late subscribers also get."""
+    """All that can be shown: types by topic, and the topics that late subscribers also get."""
 
     types: dict[str, str]
     latched: set[str]
@@ -54,7 +54,6 @@ class Topics(NamedTuple):
 
 @pytest.fixture(scope="module")
 def recorded(tmp_path_factory: pytest.TempPathFactory) -> Topics:
-    """A recording of a run."""
     folder = tmp_path_factory.mktemp("run")
     run = run_of(folder, {**QUIET, "duration": 5}).open()
     recorder = Recorder(run, folder / "out.mcap")
@@ -69,7 +68,6 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> Topics:
 
 @pytest.fixture(scope="module")
 def published() -> Topics:
-    """A ROS 2 robot's agent."""
     hub, settings = Hub(), DriveSettings()
     link, terrain = hub.link("fogwatch", "robot1"), Terrain("t", np.ones((4, 6), dtype=np.bool_), 0.5)
     show_map(link, settings, terrain, 1)

@@ -20,6 +20,7 @@ from patrol.reporting.vitals import Figure, Kind
 
 FOLDER = Path(__file__).resolve().parents[2] / "deploy" / "metrics"
 DASHBOARD: dict[str, Any] = json.loads((FOLDER / "dashboard.json").read_text(encoding="utf-8"))
+PANELS: list[dict[str, Any]] = DASHBOARD["panels"]
 RULES: dict[str, Any] = yaml.safe_load((FOLDER / "alerts.yaml").read_text(encoding="utf-8"))
 FIGURES = {figure.name: figure for figure in vars(vitals).values() if isinstance(figure, Figure)}
 
@@ -32,7 +33,6 @@ VALUES: dict[tuple[str, str], set[str]] = {
     ("fogwatch_frames_refused_total", "reason"): {str(reason) for reason in RejectReason},
 }
 """What labels can be, where that is declared."""
-PANELS = {"row", "stat", "timeseries", "state-timeline"}
 
 SELECTED = re.compile(r"\b(fogwatch_\w+|process_\w+|up)\b(?:\{([^}]*)\})?")
 MATCHER = re.compile(r'(\w+)(?:=~|!~|!=|=)"([^"]*)"')
@@ -41,7 +41,7 @@ GROUPED = re.compile(r"\b(?:by|on) \(([^)]*)\)")
 
 
 def problems(expression: str) -> list[str]:
-    """What an expression names that there is not."""
+    """The names in an expression that nothing has."""
     found = []
     grouped = {label.strip() for labels in GROUPED.findall(expression) for label in labels.split(",")} - {""}
     expression = GROUPED.sub("", expression)
@@ -64,14 +64,9 @@ def problems(expression: str) -> list[str]:
     return found + [f"no metric here has the label {label}" for label in grouped - known]
 
 
-def panels() -> list[dict[str, Any]]:
-    made: list[dict[str, Any]] = DASHBOARD["panels"]
-    return made
-
-
 def shown() -> Iterator[tuple[str, str, str]]:
     """Each expression of the dashboard, with its panel and its legend."""
-    for panel in panels():
+    for panel in PANELS:
         for target in panel.get("targets", ()):
             yield panel["title"], target["expr"], target["legendFormat"]
 
@@ -94,8 +89,9 @@ def test_what_there_is_not_is_found(expression: str, problem: str) -> None:
     assert problems(expression) == [problem]
 
 
-def test_the_dashboard_names_what_there_is() -> None:
-    assert {title: problems(expression) for title, expression, _ in shown() if problems(expression)} == {}
+def test_the_dashboard_and_the_rules_name_what_there_is() -> None:
+    named = [*(one[:2] for one in shown()), *((rule["alert"], rule["expr"]) for rule in rules())]
+    assert {name: problems(expression) for name, expression in named if problems(expression)} == {}
 
 
 def test_the_dashboard_shows_every_metric_but_the_newest_tick() -> None:
@@ -112,9 +108,9 @@ def test_legends_name_labels_that_the_result_has() -> None:
 def test_grafana_can_lay_out_the_dashboard() -> None:
     assert isinstance(DASHBOARD["schemaVersion"], int)
     assert {"uid", "title", "time", "templating"} <= set(DASHBOARD)
-    assert {panel["type"] for panel in panels()} == PANELS
-    assert max(Counter(panel["id"] for panel in panels()).values()) == 1
-    places = [panel["gridPos"] for panel in panels()]
+    assert {panel["type"] for panel in PANELS} == {"row", "stat", "timeseries", "state-timeline"}
+    assert max(Counter(panel["id"] for panel in PANELS).values()) == 1
+    places = [panel["gridPos"] for panel in PANELS]
     assert all(place["x"] >= 0 and place["x"] + place["w"] <= 24 for place in places)
     for one, other in combinations(places, 2):
         apart = any(
@@ -127,7 +123,7 @@ def test_grafana_can_lay_out_the_dashboard() -> None:
 
 def test_panels_ask_the_chosen_data_source_for_the_chosen_processes() -> None:
     names = {variable["name"] for variable in DASHBOARD["templating"]["list"]}
-    for panel in panels():
+    for panel in PANELS:
         if panel["type"] == "row":
             continue
         targets = panel["targets"]
@@ -142,18 +138,12 @@ def test_rules_have_the_form_that_prometheus_loads() -> None:
     assert set(RULES) == {"groups"}
     assert all(set(group) == {"name", "rules"} for group in RULES["groups"])
     for rule in rules():
-        assert (
-            {"alert", "expr", "labels", "annotations"} <= set(rule) <= {"alert", "expr", "for", "labels", "annotations"}
-        )
+        assert set(rule) | {"for"} == {"alert", "expr", "for", "labels", "annotations"}
         assert re.fullmatch(r"[A-Z]\w*", rule["alert"])
         assert re.fullmatch(r"\d+[smh]", rule.get("for", "0s"))
         assert set(rule["labels"]) == {"severity"}
         assert set(rule["annotations"]) == {"summary", "description"}
     assert max(Counter(rule["alert"] for rule in rules()).values()) == 1
-
-
-def test_rules_name_what_there_is() -> None:
-    assert {rule["alert"]: problems(rule["expr"]) for rule in rules() if problems(rule["expr"])} == {}
 
 
 def test_alerts_say_what_the_result_knows() -> None:
@@ -172,6 +162,5 @@ def test_prometheus_reads_the_rules_under_the_job_that_they_name() -> None:
     config = yaml.safe_load((FOLDER / "prometheus.yaml").read_text(encoding="utf-8"))
     assert config["rule_files"] == ["alerts.yaml"]
     (job,) = config["scrape_configs"]
-    assert {value for rule in rules() for label, value in MATCHER.findall(rule["expr"]) if label == "job"} == {
-        job["job_name"]
-    }
+    jobs = {value for rule in rules() for label, value in MATCHER.findall(rule["expr"]) if label == "job"}
+    assert jobs == {job["job_name"]}

@@ -22,7 +22,7 @@ ALL = {**FEW, "namespace": "robot1", "map": "/my maps/map.yaml", "options": "--r
 
 
 class Given:
-    """What an argument was given; the context of this launch holds them by name."""
+    """The value of an argument; the context of this launch holds them by name."""
 
     def __init__(self, name: str) -> None:
         self._name = name
@@ -48,7 +48,6 @@ def fake_launch() -> dict[str, types.ModuleType]:
 
 @pytest.fixture
 def described(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
-    """What the launch file describes."""
     for name, module in fake_launch().items():
         monkeypatch.setitem(sys.modules, name, module)
     entities = runpy.run_path(str(LAUNCH))["generate_launch_description"]()
@@ -57,7 +56,6 @@ def described(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
 
 
 def command_of(described: list[Any], given: dict[str, str]) -> list[str]:
-    """The command line that launch runs."""
     *declared, (kind, _, named) = described
     assert kind == "function"
     defaults = {words[0]: said["default_value"] for _, words, said in declared if "default_value" in said}
@@ -67,18 +65,15 @@ def command_of(described: list[Any], given: dict[str, str]) -> list[str]:
     return command
 
 
-def test_the_manifest_is_that_of_an_ament_package() -> None:
+def test_the_manifest_is_that_of_an_ament_package_with_the_licence_of_the_project() -> None:
     root = ET.parse(PACKAGE / "package.xml").getroot()
     assert (root.tag, root.get("format")) == ("package", "3")
     said = {child.tag: (child.text or "").strip() for child in root}
     assert said["name"] == PACKAGE.name
     assert root.findtext("export/build_type") == "ament_python"
-    assert all(said[name] for name in ("version", "description", "maintainer", "license"))
-
-
-def test_the_manifest_has_the_licence_of_the_project() -> None:
+    assert all(said[name] for name in ("version", "description", "maintainer"))
     project = tomllib.loads((DEPLOY.parent / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    assert ET.parse(PACKAGE / "package.xml").getroot().findtext("license") == project["license"]
+    assert said["license"] == project["license"]
 
 
 def test_setup_installs_files_that_exist() -> None:
@@ -90,7 +85,7 @@ def test_setup_installs_files_that_exist() -> None:
     assert all((PACKAGE / name).is_file() for name in installed)
 
 
-def test_the_launch_file_starts_an_agent_with_what_it_is_given(described: list[Any]) -> None:
+def test_the_launch_file_starts_an_agent_which_can_read_what_it_is_given(described: list[Any]) -> None:
     *declared, _ = described
     assert {words[0] for _, words, _ in declared} == set(ALL)
     assert all(named["description"] for _, _, named in declared)
@@ -98,9 +93,6 @@ def test_the_launch_file_starts_an_agent_with_what_it_is_given(described: list[A
     assert command_of(described, FEW) == start
     more = ["--namespace", "robot1", "--map", "/my maps/map.yaml", "--radius", "0.2", "--set", "robots.speed=1"]
     assert command_of(described, ALL) == [*start, *more]
-
-
-def test_the_agent_can_read_these_command_lines(described: list[Any]) -> None:
     options = pytest.importorskip("ros2.robot.options", reason="no driver for ROS 2 robots is here")
     few, full = (options.options_of(command_of(described, given)[2:]) for given in (FEW, ALL))
     assert (few.connect, few.namespace, few.map) == (FEW["connect"], "", None)

@@ -15,19 +15,13 @@ import pytest
 from agent.ports import State
 from deploy.testbed import DOWN, HALF, KILLED, UP, Event, as_asked, report, went_on
 from patrol.journal import Status, TickRecord, read_journal
+from tests.fleets import COARSE
 
 TESTBED = Path(__file__).parents[2] / "deploy" / "testbed.py"
 IMPOSSIBLE = 4
-SCENARIO: dict[str, Any] = {
-    "name": "bed",
-    "terrain": {"builtin": "open"},
-    "point": 0.5,
-    "duration": 40.0,
-    "pace": 2.0,
-    "watchdog": 1.0,
-    "robots": {"count": 3, "model": "holonomic", "speed": 2.0},
-    "radio": {"via": "direct"},
-}
+TEAM = {"count": 3, "model": "holonomic", "speed": 2.0}
+SCENARIO: dict[str, Any] = {**COARSE, "point": 0.5, "duration": 40.0, "pace": 2.0, "watchdog": 1.0, "robots": TEAM}
+SCENARIO["radio"] = {"via": "direct"}
 TICKS = 80
 ROBOTS = ("r1", "r2", "r3")
 STARTING = 0.2
@@ -114,6 +108,8 @@ EVENT_S = 1000.0
 Reports = Sequence[tuple[float, str, Mapping[str, int]]]
 BEFORE: Reports = [(EVENT_S - 0.1, "r1", {"r2": 5, "r3": 5}), (EVENT_S - 0.1, "r3", {"r1": 5, "r2": 5})]
 """r2 dies next."""
+R1, R3 = ("r1", {"r3": 6}), ("r3", {"r1": 6})
+"""Reports that the one has heard the other once more."""
 
 
 def left_behind(folder: Path, reports: Reports | None, *events: tuple[str, str]) -> Path:
@@ -137,22 +133,17 @@ def left_behind(folder: Path, reports: Reports | None, *events: tuple[str, str])
         (BEFORE[:1], False, "r2 killed: 0 of 2 pairs"),
         (
             # What is reported at once may have been heard before the death.
-            [
-                *BEFORE,
-                (EVENT_S + 0.1, "r1", {"r3": 6}),
-                (EVENT_S + 0.5, "r1", {"r3": 6}),
-                (EVENT_S + 0.5, "r3", {"r1": 6}),
-            ],
+            [*BEFORE, *((EVENT_S + s, name, heard) for s, name, heard in ((0.1, *R1), (0.5, *R1), (0.5, *R3)))],
             False,
             "r2 killed: 1 of 2 pairs of those left heard each other within 2 s, the last, r1 r3, never",
         ),
         (
-            [*BEFORE, (EVENT_S + 0.4, "r1", {"r3": 6}), (EVENT_S + 2.1, "r3", {"r1": 6})],
+            [*BEFORE, (EVENT_S + 0.4, *R1), (EVENT_S + 2.1, *R3)],
             False,
             "r2 killed: 1 of 2 pairs of those left heard each other within 2 s, the last, r3 r1, after 2.1 s",
         ),
         (
-            [*BEFORE, (EVENT_S + 0.4, "r1", {"r3": 6}), (EVENT_S + 1.9, "r3", {"r1": 6})],
+            [*BEFORE, (EVENT_S + 0.4, *R1), (EVENT_S + 1.9, *R3)],
             True,
             "r2 killed: 2 of 2 pairs of those left heard each other within 2 s, the last, r3 r1, after 1.9 s",
         ),

@@ -89,12 +89,8 @@ def test_a_member_of_a_fleet_with_a_router_needs_no_mesh(name: str, tmp_path: Pa
 
 
 @pytest.mark.parametrize("name", UNITS)
-def test_no_unit_requires_another(name: str) -> None:
+def test_a_unit_is_restarted_watched_and_hardened_and_requires_no_other(name: str) -> None:
     assert "fogwatch-" not in UNITS[name].read_text(encoding="utf-8")
-
-
-@pytest.mark.parametrize("name", UNITS)
-def test_a_unit_is_restarted_watched_and_hardened(name: str) -> None:
     says = dict(service(name))
     assert says["Type"] == "notify"
     assert says["Restart"] == ("on-abnormal" if name == "fogwatch-world" else "always")
@@ -112,8 +108,7 @@ def test_systemd_understands_a_unit(name: str, tmp_path: Path) -> None:
     text = UNITS[name].read_text(encoding="utf-8").replace("/opt/fogwatch/venv/bin/python", "/bin/true")
     unit = tmp_path / UNITS[name].name
     unit.write_text(text, encoding="utf-8")
-    done = subprocess.run(
-        ["systemd-analyze", "verify", "--man=no", str(unit)], capture_output=True, text=True, check=False
-    )
+    command = ["systemd-analyze", "verify", "--man=no", str(unit)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
     said = [line for line in done.stderr.splitlines() if "fogwatch" in line]
     assert (done.returncode, said) == (0, [])

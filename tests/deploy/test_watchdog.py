@@ -13,20 +13,14 @@ from pathlib import Path
 
 import pytest
 
+from tests.fleets import COARSE
 from tests.routers import free_endpoint
 
 pytestmark = pytest.mark.processes
 
 PATIENCE_S = 300.0
 WATCHDOG_S = 1.0
-SCENARIO = {
-    "name": "watched",
-    "terrain": {"builtin": "open"},
-    "point": 1.0,
-    "duration": 5000,
-    "pace": "realtime",
-    "robots": {"count": 1, "model": "holonomic"},
-}
+SCENARIO = {**COARSE, "duration": 5000, "pace": "realtime", "robots": {"count": 1, "model": "holonomic"}}
 
 
 class Service:
@@ -41,7 +35,7 @@ class Service:
             self.process = subprocess.Popen(command, env={**os.environ, **given}, stdout=log, stderr=log)
 
     def next_word(self, within_s: float = PATIENCE_S) -> bytes | None:
-        """What it says next, None when it says nothing in time."""
+        """Its next word, None when it says nothing in time."""
         self.socket.settimeout(within_s)
         try:
             return self.socket.recv(4096)
@@ -49,7 +43,6 @@ class Service:
             return None
 
     def forget(self) -> None:
-        """Pass over what it has said until now."""
         self.socket.setblocking(False)
         while True:
             try:

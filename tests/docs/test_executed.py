@@ -103,7 +103,6 @@ GRAPH = "3  30 16  1  0 0  0  4 12  1  1 S 10  1  14 7  2  0 N 10  2 S 8  2  7 3
 
 
 def executed(line: str) -> bool:
-    """Return whether a command is executed by itself."""
     return not line.startswith((*NOT_EXECUTED, *ON_A_FLEET))
 
 

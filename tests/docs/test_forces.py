@@ -37,7 +37,6 @@ def look(chromium: Any, page: Path) -> Iterator[Look]:
 
 
 def give(look: Look, **values: object) -> None:
-    """Move sliders and choose functions."""
     for name, value in values.items():
         look.evaluate(
             f"""() => {{ const input = document.querySelector('[name={name}]'); input.value = '{value}';
@@ -74,9 +73,8 @@ def test_the_command_sets_what_has_an_effect(look: Look) -> None:
 
     assert command() == "fogwatch run yards --preset paper"
     give(look, fow="f1", alpha=3, beta=3, length=3)
-    assert command() == (
-        "fogwatch run yards --preset paper --set patrol.options.fow=f1 --set patrol.options.beta=32000"
-    )
+    more = "--set patrol.options.fow=f1 --set patrol.options.beta=32000"
+    assert command() == f"fogwatch run yards --preset paper {more}"
     assert look.evaluate("document.querySelector('[name=alpha]').disabled")
     for end in (-3, 3):
         give(look, fow="f5", distance="g5", alpha=end, beta=end, length=end)

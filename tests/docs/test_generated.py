@@ -11,6 +11,7 @@ import pytest
 from typer.main import get_command
 
 from docs.site.commands import commands
+from docs.site.docstrings import with_examples
 from docs.site.fields import fields
 from docs.site.generated import PARTS, with_generated
 from fogwatch.cli.app import app
@@ -63,3 +64,21 @@ def test_a_part_stands_in_place_of_its_line() -> None:
     assert with_generated("Text.\n\n<!-- generated: fields -->\n\nMore.\n") == f"Text.\n\n{FIELDS()}\n\nMore.\n"
     with pytest.raises(KeyError):
         with_generated("<!-- generated: nothing -->")
+
+
+def test_an_indented_paragraph_after_text_is_an_example() -> None:
+    assert with_examples(["Text.", "", "    code", "    more", "", "Text."]) == [
+        *("Text.", "", "::", "", "    code", "    more", "", "Text."),
+    ]
+
+
+@pytest.mark.parametrize(
+    "lines",
+    [
+        ["Text.", "", "Args:", "    name: The name.", "", "        Its second paragraph.", "    other: More."],
+        ["Text::", "", "    code"],
+    ],
+    ids=["sections", "what is marked already"],
+)
+def test_others_stay(lines: list[str]) -> None:
+    assert with_examples(lines) == lines

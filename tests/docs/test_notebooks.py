@@ -61,13 +61,8 @@ def test_there_are_four() -> None:
 def test_the_site_shows_what_every_cell_gives(notebook: Path) -> None:
     """The build ends with an error where a cell raises one."""
     page = (SITE / notebook.with_suffix(".html").name).read_text(encoding="utf-8")
-    sources, outputs = (
-        [
-            html.unescape(TAG.sub("", block))
-            for block in re.findall(rf'<div class="cell_{part} .*?{END}', page, re.DOTALL)
-        ]
-        for part in ("input", "output")
-    )
+    parts = (re.findall(rf'<div class="cell_{part} .*?{END}', page, re.DOTALL) for part in ("input", "output"))
+    sources, outputs = ([html.unescape(TAG.sub("", block)) for block in part] for part in parts)
     assert [source.strip() for source in sources] == [cell.strip() for cell in cells(notebook)]
     assert len(outputs) >= 4
     for word in ("Error", "invalid", "DeprecationWarning"):

@@ -78,13 +78,11 @@ class Driven:
         self.noted.append(poses["robot1"])
 
     def drive(self, time_s: float, twist: Twist) -> None:
-        """Command the robot every 0.1 s."""
         for _ in range(round(time_s / 0.1)):
             self.hub.deliver("/robot1/cmd_vel", TwistStamped(0, "base_link", twist))
             self.wait(0.1)
 
     def wait(self, time_s: float) -> None:
-        """Let time pass without a command."""
         for _ in range(round(time_s / STEP_S)):
             self.simulation.step(self.simulation.time_s)
 

@@ -26,9 +26,7 @@ def fleet(tmp_path: Path) -> Iterator[Hand]:
     scenario = yaml.safe_load((EXAMPLES / "own-robot.yaml").read_text(encoding="utf-8"))
     hand.write({**scenario, "point": 1.0, "duration": 60, "pace": 4})
     yield hand
-    for process in hand.processes.values():
-        process.kill()
-        process.wait()
+    hand.end()
 
 
 def start_guest(hand: Hand, *arguments: str) -> None:

@@ -2,27 +2,21 @@
 
 from __future__ import annotations
 
-import importlib.util
 import math
-import sys
 from pathlib import Path
 from types import ModuleType
 
 import numpy as np
 import pytest
 
+from tests.examples.test_mujoco import load_module
+
 EXAMPLE = Path(__file__).parents[2] / "examples" / "train_policy.py"
 
 
 @pytest.fixture(name="example", scope="module")
 def load_example() -> ModuleType:
-    spec = importlib.util.spec_from_file_location("train_policy", EXAMPLE)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    sys.modules["train_policy"] = module
-    spec.loader.exec_module(module)
-    return module
+    return load_module("train_policy", EXAMPLE)
 
 
 def test_each_direction_pulls_by_its_features_alike(example: ModuleType) -> None:

@@ -11,15 +11,16 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import pytest
 
+import fogwatch
+from patrol.journal import RobotTick, TickRecord, read_journal
 from tests.fleets import trace_of
 
 PATIENCE_S = 800.0
 """How long anything may take, s, on a machine with much else to do: less than pytest's own limit."""
-
 
 WITHOUT = ("--no-page", "--no-picture", "--no-recording", "--no-report")
 """What no run has unless a test asks for it: most of a short run's time goes into these."""
@@ -78,7 +79,6 @@ class Run:
         return sum(int(row[4].partition(":")[2], 16) for row in rows if f"socket:[{row[9]}]" in held)
 
     def ticks(self) -> int:
-        """Ticks done so far."""
         try:
             return (self.folder / "ticks.csv").read_text(encoding="ascii").count("\n") - 1
         except OSError:
@@ -100,7 +100,6 @@ class Run:
         return self.process.returncode
 
     def pass_ticks(self, ticks: int) -> None:
-        """Wait until so many more ticks are over."""
         before = self.ticks()
         self.until(lambda: self.ticks() >= before + ticks)
 
@@ -115,10 +114,80 @@ class Run:
         assert summary["verdict"]["valid"], summary["verdict"]
         assert summary["trace_hash"] == trace_of(self.file, summary["ticks"], self.folder.parent)
 
+    def assert_replayed(self) -> None:
+        """Assert that the run is valid, and that its timeline as a scenario leaves its trace."""
+        summary = self.summary()
+        assert summary["verdict"]["valid"], summary["verdict"]
+        length = {"duration": summary["ticks"] * 0.5}
+        again = fogwatch.run(
+            self.folder / "timeline.yaml", out=self.folder.parent / "again", overrides=length, picture=False
+        )
+        assert again.verdict.valid, again.verdict.failed
+        assert again.trace_hash == summary["trace_hash"]
+
+    def failed(self) -> dict[str, str]:
+        """The details of the checks that failed, by name."""
+        return {check["name"]: check["detail"] for check in self.summary()["verdict"]["checks"] if not check["ok"]}
+
+    def statuses(self) -> dict[str, str]:
+        """The robots' statuses in the end, by name."""
+        return {name: facts["status"] for name, facts in self.summary()["robots"].items()}
+
+    def records(self, first: int = 0) -> list[TickRecord]:
+        """The ticks so far, from the first on."""
+        return list(read_journal(self.folder / "journal").ticks)[first:]
+
+    def rows(self, number: int, first: int = 0) -> list[RobotTick]:
+        """A robot's part of them."""
+        return [record.robots[number - 1] for record in self.records(first)]
+
     def summary(self) -> dict[str, Any]:
-        """What the run left."""
         summary: dict[str, Any] = json.loads((self.folder / "summary.json").read_text(encoding="utf-8"))
         return summary
+
+
+class Said(NamedTuple):
+    """The exit code of a command, and what it has printed."""
+
+    code: int
+    out: str
+    err: str
+
+
+Shell = Callable[..., Said]
+Refused = Callable[..., str]
+
+
+@pytest.fixture
+def shell(fogwatch: Callable[..., int], capsys: pytest.CaptureFixture[str]) -> Shell:
+    """The command in this process, with what it prints."""
+
+    def run(*words: str | Path) -> Said:
+        code = fogwatch(*words)
+        return Said(code, *capsys.readouterr())
+
+    return run
+
+
+@pytest.fixture
+def refused(shell: Shell) -> Refused:
+    """The command where it is bad input: the one line that is all it says."""
+
+    def run(*words: str | Path) -> str:
+        said = shell(*words)
+        assert (said.code, said.out, said.err.count("\n")) == (2, "", 1), said
+        return said.err
+
+    return run
+
+
+def cut_off(run: Path, folder: Path, share: float = 2 / 3) -> Path:
+    """Copy a run as if it had been killed after a share of its journal."""
+    folder.mkdir()
+    (folder / "scenario.yaml").write_bytes((run / "scenario.yaml").read_bytes())
+    whole = (run / "journal").read_bytes()
+    (folder / "journal").write_bytes(whole[: int(share * len(whole))])
+    return folder
 
 
 @pytest.fixture

@@ -1,7 +1,5 @@
 from __future__ import annotations
 
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -15,18 +13,15 @@ from patrol.journal import read_journal
 from patrol.messages.telemetry import Metrics
 from patrol.scenario import Scenario, load_scenario
 from patrol.scenario.load import keep_scenario
+from tests.fleets import COARSE, python
 
-SMALL = {
-    "name": "small",
-    "terrain": {"builtin": "open"},
-    "point": 0.5,
-    "duration": 20,
-    "robots": {"count": 2, "model": "holonomic"},
-}
+ROBOTS = {"count": 2, "model": "holonomic"}
+SMALL = {**COARSE, "name": "small", "point": 0.5, "duration": 20, "robots": ROBOTS}
 
 
-def test_a_result_says_what_came_of_it(tmp_path: Path) -> None:
-    result = fogwatch.run(SMALL, out=tmp_path / "run")
+def test_a_result_says_what_came_of_it_and_progress_is_told(tmp_path: Path) -> None:
+    told: list[Metrics] = []
+    result = fogwatch.run(SMALL, out=tmp_path / "run", progress=told.append)
     assert result.folder == tmp_path / "run"
     assert (result.folder / "fog.png").exists()
     assert result.mfow_s.shape == (40,)
@@ -36,27 +31,21 @@ def test_a_result_says_what_came_of_it(tmp_path: Path) -> None:
     assert result.trace_hash == result.summary["trace_hash"]
     for words in ("small", "MFoW mean", "20 s simulated", "verdict valid", str(result.folder)):
         assert words in repr(result)
+    assert told[-1].k == told[-1].ticks == 40
+    assert np.all(np.diff([metrics.k for metrics in told]) > 0)
 
 
-def test_every_way_of_naming_a_scenario_is_the_same(tmp_path: Path) -> None:
+def test_every_way_of_naming_a_scenario_is_the_same_and_the_seed_makes_the_difference(tmp_path: Path) -> None:
+    def trace(way: Any, **overrides: Any) -> str:
+        out = tmp_path / f"run-{len(list(tmp_path.iterdir()))}"
+        run = fogwatch.run(way, out=out, overrides=overrides, picture=False)
+        assert not (out / "fog.png").exists()
+        return run.trace_hash
+
     file = tmp_path / "small.yaml"
     file.write_text(str(SMALL), encoding="utf-8")  # YAML reads what Python prints
-    ways: list[Any] = [SMALL, load_scenario(SMALL), file, str(file)]
-    hashes = {
-        fogwatch.run(way, out=tmp_path / f"run-{number}", picture=False).trace_hash for number, way in enumerate(ways)
-    }
-    assert len(hashes) == 1
-    overrides = {"point": 0.5, "duration": 20, "robots": SMALL["robots"]}
-    assert {fogwatch.run("open", out=tmp_path / "named", overrides=overrides, picture=False).trace_hash} == hashes
-
-
-def test_seeds_make_the_difference(tmp_path: Path) -> None:
-    runs = [
-        fogwatch.run(SMALL, out=tmp_path / f"{n}", overrides={"seed": seed}, picture=False)
-        for n, seed in enumerate((1, 2, 1))
-    ]
-    first, second, third = (run.trace_hash for run in runs)
-    assert first == third != second
+    traces = {trace(way) for way in (SMALL, load_scenario(SMALL), file, str(file))}
+    assert traces == {trace("open", point=0.5, duration=20, robots=ROBOTS)} != {trace(SMALL, seed=2)}
 
 
 def test_recovery_is_judged_where_that_is_wanted(tmp_path: Path) -> None:
@@ -67,14 +56,6 @@ def test_recovery_is_judged_where_that_is_wanted(tmp_path: Path) -> None:
         (check,) = [check for check in result.verdict.checks if check.name == "recovery"]
         assert check.judged is recovery
         assert result.verdict.valid
-
-
-def test_progress_is_told(tmp_path: Path) -> None:
-    told: list[Metrics] = []
-    result = fogwatch.run(SMALL, out=tmp_path / "run", progress=told.append, picture=False)
-    assert not (result.folder / "fog.png").exists()
-    assert told[-1].k == told[-1].ticks == 40
-    assert np.all(np.diff([metrics.k for metrics in told]) > 0)
 
 
 def test_bad_input_leaves_nothing(tmp_path: Path) -> None:
@@ -93,26 +74,15 @@ def test_what_has_run_is_never_thrown_away(tmp_path: Path, monkeypatch: pytest.M
     assert sum(1 for _ in read_journal(tmp_path / "run" / "journal").ticks) == 40
 
 
-@pytest.mark.processes
 def test_the_public_names_are_listed_before_they_are_loaded() -> None:
     assert {*fogwatch.__all__} <= {*dir(fogwatch)}
 
 
 def test_the_package_loads_nothing_until_a_run_is_wanted() -> None:
     program = "import sys, fogwatch\nassert 'numpy' not in sys.modules\nfogwatch.run\nassert 'numpy' in sys.modules"
-    subprocess.run([sys.executable, "-P", "-c", program], check=True)
+    python("-c", program, check=True)
     with pytest.raises(AttributeError):
         _ = fogwatch.walk
-
-
-@pytest.mark.processes
-def test_a_fleet_of_processes_from_python(tmp_path: Path) -> None:
-    told: list[Metrics] = []
-    one = fogwatch.run(SMALL, out=tmp_path / "one", picture=False)
-    many = fogwatch.run(SMALL, out=tmp_path / "many", in_process=False, progress=told.append, picture=False)
-    assert many.trace_hash == one.trace_hash
-    assert many.verdict.valid
-    assert told
 
 
 INTERRUPTED = """
@@ -132,9 +102,7 @@ except KeyboardInterrupt:
 
 
 def test_a_run_that_is_interrupted_before_its_first_tick_loads_no_judge(tmp_path: Path) -> None:
-    command = [sys.executable, "-c", INTERRUPTED, str(tmp_path / "run")]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=300, check=True)
-    assert done.stdout == "set()\n"
+    assert python("-c", INTERRUPTED, tmp_path / "run", check=True).stdout == "set()\n"
 
 
 def test_a_run_that_is_interrupted_while_its_folder_is_made_leaves_nothing(

@@ -1,4 +1,4 @@
-"""What is wrong with a fleet, by what a page would show of it."""
+"""The faults of a fleet that can be told from what a page would show of it."""
 
 from __future__ import annotations
 
@@ -15,19 +15,10 @@ from patrol.pose import Pose
 from patrol.process.lifeline import Ending
 
 GROUND = np.ones((2, 2), bool)
+ROBOTS = RobotShape(1, "anna", "car", 1.0, 10.0, 360.0), RobotShape(2, "bert", "car", 1.0, 10.0, 360.0, spare=True)
+SCENARIO = {"radio": {"forget_after": 10.0}}
 STATIC = Static(
-    name="yards-1",
-    scenario={"radio": {"forget_after": 10.0}},
-    passable=GROUND,
-    patrolled=GROUND,
-    point=1.0,
-    origin=(0.0, 0.0),
-    robots=(RobotShape(1, "anna", "car", 1.0, 10.0, 360.0), RobotShape(2, "bert", "car", 1.0, 10.0, 360.0, spare=True)),
-    step=0.5,
-    ticks=100,
-    bound_s=None,
-    live=True,
-    layers=("truth", "heard"),
+    "yards-1", SCENARIO, GROUND, GROUND, 1.0, (0.0, 0.0), ROBOTS, 0.5, 100, None, live=True, layers=("truth", "heard")
 )
 WELL = RobotState(1, Status.ALIVE, "patrolling", Pose(3.0, 4.0, 0.0), heard_s=0.5)
 SPARE = RobotState(2, Status.ABSENT)

@@ -71,13 +71,8 @@ def test_a_robot_that_sends_is_well_until_it_is_silent_and_until_it_has_gone() -
     status = fleet.look()
     (robot,) = status.robots
     assert status.well
-    assert (robot.status, robot.doing, robot.tick, robot.heard_s, robot.place) == (
-        "alive",
-        "patrolling",
-        7,
-        0.0,
-        (2.0, 3.0),
-    )
+    said = (robot.status, robot.doing, robot.tick, robot.heard_s, robot.place)
+    assert said == ("alive", "patrolling", 7, 0.0, (2.0, 3.0))
     assert fleet.look(2.9).well
     assert [robot.wrong for robot in fleet.look(0.2).robots] == ["no position for 3 s"]
     fleet.air.there.clear()

@@ -12,6 +12,7 @@ import patrol
 from fogwatch.notebook.arguments import policy_name
 from fogwatch.own_packages import NAMES
 from patrol.starting import environment
+from tests.fleets import python
 
 HOME = Path(patrol.__file__).parents[1]
 
@@ -19,9 +20,8 @@ HOME = Path(patrol.__file__).parents[1]
 def run_script(folder: Path, text: str) -> subprocess.CompletedProcess[str]:
     script = folder / "script.py"
     script.write_text(text)
-    return subprocess.run(
-        [sys.executable, "-W", "error", str(script)], cwd=folder, capture_output=True, text=True, check=False
-    )
+    command = [sys.executable, "-W", "error", str(script)]
+    return subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
 
 
 @pytest.mark.processes
@@ -33,34 +33,27 @@ def test_a_users_module_gives_way_until_it_is_imported(tmp_path: Path, name: str
     module = name.partition("/")[0].removesuffix(".py")
     ours = run_script(tmp_path, f"import fogwatch, {module}\nfrom agent.ports import Place\nprint({module}.__file__)")
     assert ours.stdout == f"{HOME / module / '__init__.py'}\n", ours.stderr
-    assert ours.stderr == (
-        f"fogwatch: {file}: fogwatch has a package of the name {module}, which hides this file; rename it\n"
-    )
+    has = f"{file}: fogwatch has a package of the name {module}"
+    assert ours.stderr == f"fogwatch: {has}, which hides this file; rename it\n"
     theirs = run_script(tmp_path, f"import {module}, fogwatch")
-    assert theirs.stderr.splitlines()[-1] == (
-        f"ImportError: {file}: fogwatch has a package of the name {module}; rename it"
-    )
+    assert theirs.stderr.splitlines()[-1] == f"ImportError: {has}; rename it"
 
 
 @pytest.mark.processes
 def test_a_namespace_folder_that_is_already_imported_is_named(tmp_path: Path) -> None:
     (tmp_path / "agent").mkdir()
     ours = repr(str(HOME))  # while it is on the path, its agent goes before a folder without __init__.py
-    theirs = run_script(
-        tmp_path, f"import sys\nsys.path.remove({ours})\nimport agent\nsys.path.append({ours})\nimport fogwatch"
-    )
-    assert theirs.stderr.splitlines()[-1] == (
-        f"ImportError: {tmp_path / 'agent'}: fogwatch has a package of the name agent; rename it"
-    )
+    program = f"import sys\nsys.path.remove({ours})\nimport agent\nsys.path.append({ours})\nimport fogwatch"
+    said = run_script(tmp_path, program).stderr.splitlines()[-1]
+    assert said == f"ImportError: {tmp_path / 'agent'}: fogwatch has a package of the name agent; rename it"
 
 
 @pytest.mark.processes
 def test_our_own_packages_by_way_of_a_symbolic_link_are_ours(tmp_path: Path) -> None:
     (tmp_path / "link").symlink_to(HOME)
     linked = "sys.path.insert(0, 'link')"
-    both = run_script(
-        tmp_path, f"import sys\n{linked}\nimport agent\nsys.path.pop(0)\nimport fogwatch\n{linked}\nimport monitor"
-    )
+    program = f"import sys\n{linked}\nimport agent\nsys.path.pop(0)\nimport fogwatch\n{linked}\nimport monitor"
+    both = run_script(tmp_path, program)
     assert (both.returncode, both.stderr) == (0, "")
 
 
@@ -90,8 +83,7 @@ def test_a_process_finds_both_our_package_and_the_users_module_beside_its_namesa
     for name in ("agent.py", "mine.py"):
         (tmp_path / name).touch()
     monkeypatch.setenv("PYTHONPATH", str(tmp_path))
-    command = [sys.executable, "-P", "-c", "import agent.ports, mine; print(mine.__file__)"]
-    process = subprocess.run(command, env=environment.own_environment(), capture_output=True, text=True, check=False)
+    process = python("-c", "import agent.ports, mine; print(mine.__file__)", env=environment.own_environment())
     assert process.stdout == f"{tmp_path / 'mine.py'}\n", process.stderr
 
 

@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 
-from patrol.errors import BadInput
 from patrol.scenario import load_scenario
 from patrol.scenario.patrols import PATROLS, PREDICTABLE, describe_patrol, patrol_settings
 from patrol.scenario.policies import BUILT_IN
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-    from pathlib import Path
+from tests.fogwatch.conftest import Refused, Shell
 
 YARDS = {"terrain": {"builtin": "yards"}}
 
@@ -40,22 +36,15 @@ def test_the_tour_alone_is_predictable_and_rivals_keep_their_names() -> None:
         (["--patrol", "paper", "--preset", "letter"], "patrol paper: patrol.policy is set as well, by a preset"),
     ],
 )
-def test_a_name_that_means_nothing_or_two_things_is_refused(
-    words: list[str], problem: str, fogwatch: Callable[..., int], capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_name_that_means_nothing_or_two_things_is_refused(words: list[str], problem: str, refused: Refused) -> None:
     for command in (["run"], ["scenario", "show"]):
-        assert fogwatch(*command, "yards", *words) == 2
-        assert problem in capsys.readouterr().err
+        assert problem in refused(*command, "yards", *words)
 
 
-def test_a_run_names_its_patrol_at_the_start_and_the_end(
-    fogwatch: Callable[..., int], capsys: pytest.CaptureFixture[str], tmp_path: Path
-) -> None:
+def test_a_run_names_its_patrol_at_the_start_and_the_end(shell: Shell, tmp_path: Path) -> None:
     short = ["--robots", "2", "--duration", "2", "--point", "1", "--in-process", "--no-picture", "--no-recording"]
-    assert fogwatch("run", "yards", *short, "--patrol", "tour", "--out", str(tmp_path / "run")) == 0
-    shown = capsys.readouterr()
+    shown = shell("run", "yards", *short, "--patrol", "tour", "--out", tmp_path / "run")
+    assert shown.code == 0
     assert f"patrol: tour, {PREDICTABLE}" in shown.err
     assert f"patrol      tour, {PREDICTABLE}" in shown.out
     assert f"patrol: tour, {PREDICTABLE}" in (tmp_path / "run" / "report.html").read_text()
-    with pytest.raises(BadInput, match="patrol tuor: no such patrol"):
-        patrol_settings("tuor", {})

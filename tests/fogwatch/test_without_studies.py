@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import subprocess
-import sys
 from pathlib import Path
 
 import pytest
+
+from tests.fleets import python
 
 NAMES = ("plan", "intruder", "sweep", "benchmark", "reproduce")
 ROOT = Path(__file__).parents[2]
@@ -15,6 +16,8 @@ WITHOUT = """
 import sys
 sys.path = [sys.argv.pop(1), *(folder for folder in sys.path if folder != sys.argv[1])]
 del sys.argv[1]
+"""
+COMMAND = f"""{WITHOUT}
 from fogwatch.cli.main import main
 sys.exit(main())
 """
@@ -22,16 +25,17 @@ sys.exit(main())
 EXTRA = "pip install 'fogwatch[experiments]'"
 
 
-def without_studies(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
+pytestmark = pytest.mark.processes
+
+
+def without_studies(folder: Path, *words: str, program: str = COMMAND) -> subprocess.CompletedProcess[str]:
     core = folder / "core"
     core.mkdir()
     for package in CORE:
         (core / package).symlink_to(ROOT / package)
-    command = [sys.executable, "-P", "-c", WITHOUT, str(core), str(ROOT), *words]
-    return subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+    return python("-c", program, core, ROOT, *words, cwd=folder)
 
 
-@pytest.mark.processes
 def test_a_run_needs_no_study_and_its_report_says_what_it_lacks(tmp_path: Path) -> None:
     words = "run open --robots 2 --point 1 --duration 60 --in-process --no-picture --no-recording --out run"
     done = without_studies(tmp_path, *words.split())
@@ -39,7 +43,6 @@ def test_a_run_needs_no_study_and_its_report_says_what_it_lacks(tmp_path: Path) 
     assert "fogwatch[experiments]" in (tmp_path / "run" / "report.html").read_text(encoding="utf-8")
 
 
-@pytest.mark.processes
 @pytest.mark.parametrize(
     "words",
     [
@@ -58,20 +61,13 @@ def test_what_needs_a_study_names_the_extra_that_brings_it(tmp_path: Path, words
     assert "fogwatch fogwatch" not in done.stderr
 
 
-@pytest.mark.processes
 def test_the_help_lists_them_all_the_same(tmp_path: Path) -> None:
     done = without_studies(tmp_path, "--help")
     assert done.returncode == 0, done.stderr
     assert all(name in done.stdout for name in NAMES)
 
 
-@pytest.mark.processes
 def test_python_names_the_extra_too(tmp_path: Path) -> None:
-    (tmp_path / "core").mkdir()
-    for package in CORE:
-        (tmp_path / "core" / package).symlink_to(ROOT / package)
-    code = f"import sys; sys.path = [{str(tmp_path / 'core')!r}, *(f for f in sys.path if f != {str(ROOT)!r})]\n"
-    code += "import fogwatch; fogwatch.sweep"
-    result = subprocess.run([sys.executable, "-P", "-c", code], capture_output=True, text=True, check=False)
-    assert result.returncode == 1
-    assert EXTRA in result.stderr
+    done = without_studies(tmp_path, program=f"{WITHOUT}import fogwatch; fogwatch.sweep")
+    assert done.returncode == 1
+    assert EXTRA in done.stderr

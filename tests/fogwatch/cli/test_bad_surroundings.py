@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -18,18 +19,15 @@ RUN = ("run", "open", "--set", "point=2", "--duration", "2", "--robots", "2", "-
 QUICK = (*RUN, "--no-recording", "--no-report", "--out", "run")
 
 
+def started(line: str, *arguments: str, folder: Path, **environment: str) -> subprocess.CompletedProcess[str]:
+    """Run a module, ``"$@"`` in a line for the shell."""
+    command = ["sh", "-c", line, "sh", sys.executable, "-P", "-m", *arguments]
+    how: dict[str, Any] = {"cwd": folder, "env": {**os.environ, **environment}, "timeout": PATIENCE_S}
+    return subprocess.run(command, capture_output=True, text=True, check=False, **how)
+
+
 def shell(line: str, *arguments: str, folder: Path, **environment: str) -> subprocess.CompletedProcess[str]:
-    """Run the command, ``"$@"`` in a line for the shell."""
-    command = ["sh", "-c", line, "sh", sys.executable, "-P", "-m", "fogwatch", *arguments]
-    return subprocess.run(
-        command,
-        cwd=folder,
-        env={**os.environ, **environment},
-        capture_output=True,
-        text=True,
-        timeout=PATIENCE_S,
-        check=False,
-    )
+    return started(line, "fogwatch", *arguments, folder=folder, **environment)
 
 
 @pytest.mark.parametrize(
@@ -67,9 +65,8 @@ def test_a_terminal_of_no_width_is_written_to_all_the_same(columns: str, tmp_pat
 def test_an_output_without_room_is_one_line(words: list[str], tmp_path: Path) -> None:
     done = shell('"$@" >/dev/full', *words, folder=tmp_path)
     assert done.returncode == 2
-    assert done.stderr == (
-        "fogwatch: the output, or a file: No space left on device; free some space, or write elsewhere\n"
-    )
+    said = "fogwatch: the output, or a file: No space left on device; free some space, or write elsewhere\n"
+    assert done.stderr == said
 
 
 def test_a_current_folder_that_is_gone_is_one_line(tmp_path: Path) -> None:
@@ -100,14 +97,7 @@ def test_few_files_are_refused_with_the_number_that_is_needed(tmp_path: Path) ->
         "fogwatch: a fleet of 2 robots as processes needs 44 open files, and the limit is 24; raise it: ulimit -n 44\n"
     )
     assert not (tmp_path / "run").exists()
-    router = [sys.executable, "-P", "-m", "fogwatch.router"]
-    done = subprocess.run(
-        ["sh", "-c", 'ulimit -n 24; exec "$@"', "sh", *router],
-        capture_output=True,
-        text=True,
-        timeout=PATIENCE_S,
-        check=False,
-    )
+    done = started('ulimit -n 24; exec "$@"', "fogwatch.router", folder=tmp_path)
     assert (done.returncode, done.stdout) == (2, "")
     assert done.stderr == "this process needs 40 open files, and the limit is 24; raise it: ulimit -n 40\n"
 
@@ -158,13 +148,8 @@ sys.exit(main())
 )
 def test_ctrl_c_while_it_loads_is_one_line(module: str, words: list[str], tmp_path: Path) -> None:
     program = STALLED.format(module=module, words=words)
-    process = subprocess.Popen(
-        [sys.executable, "-P", "-c", program],
-        cwd=tmp_path,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
+    how: dict[str, Any] = {"cwd": tmp_path, "stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    process = subprocess.Popen([sys.executable, "-P", "-c", program], **how)
     assert process.stdout is not None
     assert process.stdout.readline() == "loading\n"
     process.send_signal(signal.SIGINT)

@@ -31,11 +31,8 @@ def test_one_long_value_does_not_part_the_columns() -> None:
     text = io.StringIO()
     value = '[{"kind": "silence", "id": "f1", "at": 120.0}]'
     rows = [("mean MFoW", "13.4 s", "20.5 s")]
-    print_side_by_side(
-        Console(file=text, width=80),
-        ["quiet", "silent"],
-        [("", rows), ("settings that differ", [("faults", "[]", value)])],
-    )
+    parts = [("", rows), ("settings that differ", [("faults", "[]", value)])]
+    print_side_by_side(Console(file=text, width=80), ["quiet", "silent"], parts)
     shown = text.getvalue()
     assert [line.split() for line in shown.splitlines() if "MFoW" in line] == [
         ["mean", "MFoW", "13.4", "s", "20.5", "s"]

@@ -1,4 +1,4 @@
-"""What the shell offers for a command line that is not finished."""
+"""Completion of a command line by the shell."""
 
 from __future__ import annotations
 

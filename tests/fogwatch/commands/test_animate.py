@@ -2,7 +2,6 @@ from __future__ import annotations
 
 import re
 import sys
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -17,11 +16,11 @@ from monitor.replay.replay import Replay
 from monitor.replay.run import Run, open_run
 from patrol.ground.fog import NEVER
 from patrol.palette import NEVER_SEEN, ROBOTS, rgb
+from tests.fleets import COARSE
+from tests.fogwatch.conftest import Refused, Shell, cut_off
 
 DOORS = {
-    "name": "doors",
-    "terrain": {"builtin": "open"},
-    "point": 1.0,
+    **COARSE,
     "duration": 20,
     "robots": {"count": 2, "model": "holonomic"},
     "closures": [{"name": "gate", "polygon": [[60, 60], [70, 60], [70, 70], [60, 70]], "closed": [[5, 10]]}],
@@ -59,12 +58,9 @@ def shown_ages(run: Run, k: int, pixels: np.ndarray, palette: np.ndarray, oldest
     return compared
 
 
-def test_a_gif_lasts_as_long_as_asked_and_shows_the_fog_of_its_ticks(
-    ran: Path, command: Callable[..., int], capsys: pytest.CaptureFixture[str], tmp_path: Path
-) -> None:
+def test_a_gif_lasts_as_long_as_asked_and_shows_the_fog_of_its_ticks(ran: Path, shell: Shell, tmp_path: Path) -> None:
     arguments = ("--out", "a.gif", "--speed", "2", "--fps", "3", "--width", "401", "--from", "2", "--to", "18")
-    assert command("animate", ran, *arguments) == 0
-    assert "25 frames, 2 to 18 s at 2 times real time" in capsys.readouterr().out
+    assert "25 frames, 2 to 18 s at 2 times real time" in shell("animate", ran, *arguments).out
     assert [file.name for file in tmp_path.iterdir()] == ["a.gif"]
     frames = frames_of(tmp_path / "a.gif")
     assert len(frames) == 25
@@ -109,14 +105,15 @@ def test_a_closed_door_is_filled_while_it_is_closed_and_a_death_shows(ran: Path)
     assert filled[0] < 0.1
     assert filled[1] > 0.5
     assert filled[2] < 0.1
-    x, y = run.poses[-1, 1, :2]
-    at = (film.size[1] - STRIP - round(y * 4), round(x * 4))
-    dead = film.palette[film.frame(39)[at[0] - 3 : at[0] + 4, at[1] - 3 : at[1] + 4]]
-    assert (dead.max(axis=2) < 60).any(), "a dead robot is dark"
-    x, y = run.poses[20, 1, :2]
-    at = (film.size[1] - STRIP - round(y * 4), round(x * 4))
-    alive = film.palette[film.frame(20)[at[0] - 3 : at[0] + 4, at[1] - 3 : at[1] + 4]].reshape(-1, 3).tolist()
-    assert list(rgb(ROBOTS[1])) in alive
+
+    def drawn(k: int) -> np.ndarray:
+        """The pixels around r2."""
+        x, y = run.poses[k, 1, :2]
+        row, column = film.size[1] - STRIP - round(y * 4), round(x * 4)
+        return np.asarray(film.palette[film.frame(k)[row - 3 : row + 4, column - 3 : column + 4]])
+
+    assert (drawn(39).max(axis=2) < 60).any(), "a dead robot is dark"
+    assert list(rgb(ROBOTS[1])) in drawn(20).reshape(-1, 3).tolist()
 
 
 @pytest.mark.parametrize(
@@ -135,23 +132,13 @@ def test_a_closed_door_is_filled_while_it_is_closed_and_a_death_shows(ran: Path)
     ids=str,
 )
 def test_bad_input_is_told_in_one_line(
-    ran: Path,
-    command: Callable[..., int],
-    capsys: pytest.CaptureFixture[str],
-    tmp_path: Path,
-    arguments: tuple[str, ...],
-    words: str,
+    ran: Path, refused: Refused, tmp_path: Path, arguments: tuple[str, ...], words: str
 ) -> None:
-    assert command("animate", ran, *arguments) == 2
-    said = capsys.readouterr().err
-    assert words in said
-    assert said.strip().count("\n") == 0
+    assert words in refused("animate", ran, *arguments)
     assert not list(tmp_path.iterdir())
 
 
-def test_ctrl_c_leaves_no_file(
-    ran: Path, command: Callable[..., int], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
+def test_ctrl_c_leaves_no_file(ran: Path, shell: Shell, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     draw, drawn = FilmFrames.frame, []
 
     def interrupted(film: FilmFrames, k: int) -> np.ndarray:
@@ -161,21 +148,15 @@ def test_ctrl_c_leaves_no_file(
         return draw(film, k)
 
     monkeypatch.setattr(FilmFrames, "frame", interrupted)
-    assert command("animate", ran, "--out", "a.gif") == 130
+    assert shell("animate", ran, "--out", "a.gif").code == 130
     assert len(drawn) == 3
     assert not list(tmp_path.iterdir())
 
 
-def test_a_run_that_was_cut_off_is_shown_as_far_as_it_got(
-    ran: Path, command: Callable[..., int], capsys: pytest.CaptureFixture[str], tmp_path: Path
-) -> None:
-    half = tmp_path / "half"
-    half.mkdir()
-    (half / "scenario.yaml").write_bytes((ran / "scenario.yaml").read_bytes())
-    whole = (ran / "journal").read_bytes()
-    (half / "journal").write_bytes(whole[: len(whole) // 2])
-    assert command("animate", half, "--out", "a.gif", "--speed", "10", "--fps", "5") == 0
-    said = capsys.readouterr()
+def test_a_run_that_was_cut_off_is_shown_as_far_as_it_got(ran: Path, shell: Shell, tmp_path: Path) -> None:
+    half = cut_off(ran, tmp_path / "half", 0.5)
+    said = shell("animate", half, "--out", "a.gif", "--speed", "10", "--fps", "5")
+    assert said.code == 0
     assert "was cut off" in said.err
     shown = re.search(r"(\d+) frames, 0 to ([\d.]+) s", said.out)
     assert shown is not None
@@ -195,27 +176,21 @@ open(sys.argv[-1], "w").write(f"{{wide}} {{high}} {{len(read) / (wide * high * 3
 
 @pytest.mark.parametrize("fails", [False, True], ids=["works", "fails"])
 def test_an_mp4_is_the_same_frames_piped_to_ffmpeg(
-    ran: Path,
-    command: Callable[..., int],
-    capsys: pytest.CaptureFixture[str],
-    monkeypatch: pytest.MonkeyPatch,
-    tmp_path: Path,
-    fails: bool,
+    ran: Path, shell: Shell, refused: Refused, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, fails: bool
 ) -> None:
     folder = tmp_path / "bin"
     folder.mkdir()
     monkeypatch.setenv("PATH", str(folder))
-    assert command("animate", ran, "--out", "a.mp4") == 2
-    assert "MP4 needs the program ffmpeg, which is not on PATH; install it" in capsys.readouterr().err
+    assert "MP4 needs the program ffmpeg, which is not on PATH; install it" in refused("animate", ran, "--out", "a.mp4")
     (folder / "ffmpeg").write_text(FFMPEG.format(python=sys.executable, fails=fails), encoding="utf-8")
     (folder / "ffmpeg").chmod(0o755)
-    code = command("animate", ran, "--out", "a.mp4", "--speed", "10", "--fps", "2", "--width", "321")
+    said = shell("animate", ran, "--out", "a.mp4", "--speed", "10", "--fps", "2", "--width", "321")
     if fails:
-        assert code == 2
-        assert "ffmpeg cannot write it (nothing written)" in capsys.readouterr().err
+        assert said.code == 2
+        assert "ffmpeg cannot write it (nothing written)" in said.err
         assert [file.name for file in tmp_path.iterdir()] == ["bin"]
     else:
-        assert code == 0
+        assert said.code == 0
         assert (tmp_path / "a.mp4").read_text() == "320 334 5.0"
 
 

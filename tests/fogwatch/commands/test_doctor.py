@@ -3,7 +3,7 @@ from __future__ import annotations
 import json
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from importlib import metadata
 
@@ -18,9 +18,8 @@ from ros2.wire.link import open_ros2
 from ros2.wire.mailbox import RosMailbox
 from ros2.wire.messages import OccupancyGrid, Odometry, TFMessage, Transform, Twist, TwistStamped
 from ros2.wire.names import LATCHED, NodeName
+from tests.fogwatch.conftest import Refused, Shell
 from tests.routers import PATIENCE_S, free_endpoint, routed
-
-Fogwatch = Callable[..., int]
 
 
 @contextmanager
@@ -55,45 +54,44 @@ def robot(where: str, form: Format) -> Iterator[None]:
 
 
 @pytest.mark.parametrize("form", [RmwZenoh(), RmwZenoh(5, hashed=False), Bridge()], ids=str)
-def test_a_robot_on_a_router(form: Format, fogwatch: Fogwatch, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_robot_on_a_router(form: Format, shell: Shell) -> None:
     with routed() as where, robot(where, form):
         options = ["--connect", where, "--namespace", "robot1", "--domain", str(form.domain), "--seconds", "2"]
         needed = ("a patrol could start", "/robot1/odom", "odom -> base_link", "/map: a latched map of")
         end = time.monotonic() + PATIENCE_S
-        shown, code = "", None
+        shown, code = "", -1
         while not all(words in shown for words in needed):  # on a slow machine two seconds may be too short
             assert time.monotonic() < end, shown
-            code = fogwatch("doctor", *options)
-            shown = capsys.readouterr().out
+            code, shown, _ = shell("doctor", *options)
         assert code == 0
         assert "missing" not in shown
         assert "/robot1/cmd_vel: the robot obeys geometry_msgs/msg/TwistStamped" in shown
-        assert fogwatch("doctor", *options, "--topic", "odom=nothing", "--json") == 1
-        said = json.loads(capsys.readouterr().out)
-        assert said["fit"] is False
+        told = shell("doctor", *options, "--topic", "odom=nothing", "--json")
+        said = json.loads(told.out)
+        assert (told.code, said["fit"]) == (1, False)
         assert any("no odometry comes on /robot1/nothing" in one["says"] for one in said["findings"])
 
 
-def test_an_empty_router(fogwatch: Fogwatch, capsys: pytest.CaptureFixture[str]) -> None:
+def test_an_empty_router(shell: Shell) -> None:
     with routed() as where:
-        assert fogwatch("doctor", "--connect", where, "--seconds", "0.1") == 1
-    shown = capsys.readouterr().out
-    assert "missing  nothing of ROS 2 is on this router" in shown
-    assert "ok       the router does not answer about itself" in shown
+        said = shell("doctor", "--connect", where, "--seconds", "0.1")
+    assert said.code == 1
+    assert "missing  nothing of ROS 2 is on this router" in said.out
+    assert "ok       the router does not answer about itself" in said.out
 
 
-def test_a_router_that_says_who_it_is(fogwatch: Fogwatch, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_router_that_says_who_it_is(shell: Shell) -> None:
     """As rmw_zenohd does."""
     where = free_endpoint()
     settings = {**router_settings(where), "adminspace/enabled": True}
     router = Link(open_session(settings, where, PATIENCE_S, lambda _waited: None, lambda: False))
     options = ["doctor", "--connect", where, "--namespace", "robot1", "--seconds", "0.1"]
-    assert fogwatch(*options) == 1
+    said = shell(*options)
     version = f"the router has Zenoh v{metadata.version('eclipse-zenoh')}"
-    assert f"warning  {version}, and no other process is connected to it" in capsys.readouterr().out
+    assert said.code == 1
+    assert f"warning  {version}, and no other process is connected to it" in said.out
     with robot(where, RmwZenoh()):
-        fogwatch(*options)
-    assert f"ok       {version}; connected: 2 more" in capsys.readouterr().out
+        assert f"ok       {version}; connected: 2 more" in shell(*options).out
     assert router.close(PATIENCE_S)
 
 
@@ -110,14 +108,11 @@ def test_a_router_that_says_who_it_is(fogwatch: Fogwatch, capsys: pytest.Capture
         (["--connect", "tcp/a:1", "--credentials", "none"], "--credentials"),
     ],
 )
-def test_bad_options_are_said_in_one_line(
-    options: list[str], words: str, fogwatch: Fogwatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert fogwatch("doctor", *options) == 2
-    (line,) = capsys.readouterr().err.splitlines()
-    assert words in line
+def test_bad_options_are_said_in_one_line(options: list[str], words: str, refused: Refused) -> None:
+    assert words in refused("doctor", *options)
 
 
-def test_a_router_that_is_not_there(fogwatch: Fogwatch, capsys: pytest.CaptureFixture[str]) -> None:
-    assert fogwatch("doctor", "--connect", free_endpoint(), "--wait", "0.3") == 2
-    assert "no router answers at" in capsys.readouterr().err
+def test_a_router_that_is_not_there(shell: Shell) -> None:
+    said = shell("doctor", "--connect", free_endpoint(), "--wait", "0.3")
+    assert said.code == 2
+    assert "no router answers at" in said.err

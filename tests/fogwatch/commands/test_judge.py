@@ -21,19 +21,14 @@ from hypothesis import strategies as st
 import fogwatch
 from patrol.journal import End, JournalWriter, Record, TickRecord, read_journal, trace_hash
 from patrol.journal.file import MAGIC
+from tests.fleets import COARSE
+from tests.fogwatch.conftest import Refused, Shell
 from worldsim.run_record import COMPLETED, INTERRUPTED
 
 Judging = Callable[[Path], tuple[int, Any]]
 
-SMALL = {
-    "name": "small",
-    "terrain": {"builtin": "open"},
-    "point": 1.0,
-    "duration": 10,
-    "seed": 1,
-    "robots": {"count": 2, "model": "holonomic"},
-    "faults": [{"kind": "loss", "rate": 0.3}],
-}
+SMALL = {**COARSE, "name": "small", "duration": 10, "seed": 1, "robots": {"count": 2, "model": "holonomic"}}
+SMALL["faults"] = [{"kind": "loss", "rate": 0.3}]
 
 
 @pytest.fixture(scope="module")
@@ -49,18 +44,17 @@ def folder(ran: Path, tmp_path: Path) -> Path:
 
 
 @pytest.fixture
-def judged(command: Callable[..., int], capsys: pytest.CaptureFixture[str]) -> Judging:
+def judged(shell: Shell) -> Judging:
     """Judges a run; the exit code, and what is printed as JSON."""
 
     def call(folder: Path) -> tuple[int, Any]:
-        code = command("judge", folder, "--json")
-        return code, json.loads(capsys.readouterr().out)
+        said = shell("judge", folder, "--json")
+        return said.code, json.loads(said.out)
 
     return call
 
 
 def edit_summary(folder: Path, change: Callable[[dict[str, Any]], None]) -> None:
-    """Change the run's summary.json."""
     file = folder / "summary.json"
     summary = json.loads(file.read_text(encoding="utf-8"))
     change(summary)
@@ -87,31 +81,23 @@ def edit_journal(
 
 
 def fields_of(said: Any) -> set[str]:
-    """The fields in which summary and journal differ."""
     return {difference["field"] for difference in said["differences"]}
 
 
 def failed_of(said: Any) -> set[str]:
-    """The checks that failed."""
     return {check["name"] for check in said["verdict"]["checks"] if not check["ok"]}
 
 
-def test_an_unchanged_run_gets_its_verdict_again(
-    ran: Path,
-    judged: Judging,
-    command: Callable[..., int],
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_an_unchanged_run_gets_its_verdict_again(ran: Path, judged: Judging, shell: Shell) -> None:
     before = {file: file.read_bytes() for file in ran.rglob("*") if file.is_file()}
     code, said = judged(ran)
     stated = json.loads((ran / "summary.json").read_text(encoding="utf-8"))
     assert code == 0
     assert said["verdict"] == stated["verdict"]
     assert said["trace_hash"] == stated["trace_hash"]
-    assert said["summary_agrees"] is True
-    assert said["scenario_agrees"] is True
-    assert command("judge", ran) == 0
-    printed = capsys.readouterr().out
+    assert said["summary_agrees"] is said["scenario_agrees"] is True
+    code, printed, _ = shell("judge", ran)
+    assert code == 0
     assert "verdict     valid" in printed
     assert stated["trace_hash"] in printed
     assert "agrees with the journal in every field" in printed
@@ -119,25 +105,32 @@ def test_an_unchanged_run_gets_its_verdict_again(
     assert before == {file: file.read_bytes() for file in ran.rglob("*") if file.is_file()}
 
 
-def test_exit_codes_of_processes_that_no_summary_states_are_unknown(
-    folder: Path, command: Callable[..., int], capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_exit_codes_of_processes_that_no_summary_states_are_unknown(folder: Path, shell: Shell) -> None:
     edit_journal(folder, notes={"wall_s": 1.0, "refused": {}})
-    command("judge", folder)
-    assert "exit codes  none are known: how processes ended was not judged" in capsys.readouterr().out
+    assert "exit codes  none are known: how processes ended was not judged" in shell("judge", folder).out
 
 
-def test_a_verdict_that_was_changed_in_the_summary(folder: Path, judged: Judging) -> None:
+def test_values_that_were_changed_in_the_summary(folder: Path, judged: Judging) -> None:
     edit_summary(folder, lambda summary: summary["verdict"].update(outcome="invalid", valid=False))
+    edit_summary(folder, lambda summary: summary.update(mfow_mean_s=summary["mfow_mean_s"] - 1e-6))
     code, said = judged(folder)
+    assert (code, said["verdict"]["outcome"]) == (1, "valid")
+    (mfow,) = [one for one in said["differences"] if one["field"] == "mfow_mean_s"]
+    assert mfow["found"] == said["mfow_mean_s"] > mfow["stated"]
+    assert fields_of(said) == {"verdict.outcome", "verdict.valid", "mfow_mean_s"}
+
+
+def test_another_trace_hash_in_the_summary(folder: Path, judged: Judging, shell: Shell) -> None:
+    edit_summary(folder, lambda summary: summary.update(trace_hash="0" * 64))
+    code, said = judged(folder)
+    assert (code, fields_of(said)) == (1, {"trace_hash"})
+    assert said["trace_hash"] == read_journal(folder / "journal").end.trace_hash  # type: ignore[union-attr]
+    code, printed, _ = shell("judge", folder)
     assert code == 1
-    assert said["verdict"]["outcome"] == "valid"
-    assert fields_of(said) == {"verdict.outcome", "verdict.valid"}
+    assert "disagrees with the journal in 1 field\n" in printed
 
 
-def test_a_recovery_that_failed_is_not_repeated(
-    folder: Path, judged: Judging, command: Callable[..., int], capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_recovery_that_failed_is_not_repeated(folder: Path, judged: Judging, shell: Shell) -> None:
     def failed(summary: dict[str, Any]) -> None:
         verdict = summary["verdict"]
         verdict.update(outcome="invalid", valid=False)
@@ -147,54 +140,27 @@ def test_a_recovery_that_failed_is_not_repeated(
     edit_summary(folder, failed)
     code, said = judged(folder)
     assert (code, said["differences"], said["not_repeated"]) == (0, [], ["recovery"])
-    assert command("judge", folder) == 0
-    assert "not repeated: recovery" in capsys.readouterr().out
-
-
-def test_a_lower_mfow_in_the_summary(folder: Path, judged: Judging) -> None:
-    edit_summary(folder, lambda summary: summary.update(mfow_mean_s=summary["mfow_mean_s"] - 1e-6))
-    code, said = judged(folder)
-    assert code == 1
-    assert fields_of(said) == {"mfow_mean_s"}
-    (difference,) = said["differences"]
-    assert difference["found"] == said["mfow_mean_s"] > difference["stated"]
-
-
-def test_another_trace_hash_in_the_summary(
-    folder: Path,
-    judged: Judging,
-    command: Callable[..., int],
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    edit_summary(folder, lambda summary: summary.update(trace_hash="0" * 64))
-    code, said = judged(folder)
-    assert code == 1
-    assert fields_of(said) == {"trace_hash"}
-    assert said["trace_hash"] == read_journal(folder / "journal").end.trace_hash  # type: ignore[union-attr]
-    assert command("judge", folder) == 1
-    assert "disagrees with the journal in 1 field\n" in capsys.readouterr().out
+    code, printed, _ = shell("judge", folder)
+    assert code == 0
+    assert "not repeated: recovery" in printed
 
 
 def test_a_tick_less_in_the_journal(folder: Path, judged: Judging) -> None:
     edit_journal(folder, lambda ticks: [*ticks[:7], *ticks[8:]])
     code, said = judged(folder)
-    assert code == 1
-    assert said["verdict"]["outcome"] == "invalid"
+    assert (code, said["verdict"]["outcome"]) == (1, "invalid")
     assert "complete" in failed_of(said)
     assert {"ticks", "trace_hash", "verdict.outcome"} <= fields_of(said)
 
 
-def test_an_end_that_came_early_is_named(
-    folder: Path, judged: Judging, command: Callable[..., int], capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_an_end_that_came_early_is_named(folder: Path, judged: Judging, shell: Shell) -> None:
     """A journal that was cut like this is as good as that of a run which was interrupted there."""
     (folder / "summary.json").unlink()
     edit_journal(folder, lambda ticks: ticks[:8], reason=INTERRUPTED)
     code, said = judged(folder)
     assert (code, said["verdict"]["outcome"], said["ended"]) == (0, "valid", "interrupted")
     assert (said["simulated_s"], said["duration_s"]) == (4.0, 10.0)
-    command("judge", folder)
-    assert "ended       early, after 4 s of 10 s: interrupted\n" in capsys.readouterr().out
+    assert "ended       early, after 4 s of 10 s: interrupted\n" in shell("judge", folder).out
 
 
 def test_another_pose_in_the_journal(folder: Path, judged: Judging) -> None:
@@ -227,11 +193,11 @@ def test_another_scenario(folder: Path, judged: Judging, old: str, new: str, fai
     assert bool(failed) == bool(failed_of(said))
 
 
-def test_a_run_that_was_cut_off_is_unknown(folder: Path, command: Callable[..., int]) -> None:
+def test_a_run_that_was_cut_off_is_unknown(folder: Path, shell: Shell) -> None:
     file = folder / "journal"
     file.write_bytes(file.read_bytes()[:-200])
     (folder / "summary.json").unlink()
-    assert command("judge", folder) == 3
+    assert shell("judge", folder).code == 3
 
 
 @pytest.mark.parametrize(
@@ -255,12 +221,11 @@ def test_a_run_that_was_cut_off_is_unknown(folder: Path, command: Callable[..., 
         ),
     ],
 )
-def test_notes_of_another_kind_are_bad_input(
-    folder: Path, command: Callable[..., int], capsys: pytest.CaptureFixture[str], notes: Any, field: str
-) -> None:
+def test_notes_of_another_kind_are_bad_input(folder: Path, shell: Shell, notes: Any, field: str) -> None:
     edit_journal(folder, notes=notes)
-    assert command("judge", folder) == 2
-    assert f"({field}: Input should be" in capsys.readouterr().err
+    said = shell("judge", folder)
+    assert said.code == 2
+    assert f"({field}: Input should be" in said.err
 
 
 def test_notes_about_robots_of_no_roster_are_left_out(folder: Path, judged: Judging) -> None:
@@ -286,9 +251,7 @@ def leaves(value: Any, path: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:
 
 @settings(max_examples=40, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(data=st.data())
-def test_a_journal_with_one_strange_value_is_judged_or_refused(
-    ran: Path, command: Callable[..., int], capsys: pytest.CaptureFixture[str], data: st.DataObject
-) -> None:
+def test_a_journal_with_one_strange_value_is_judged_or_refused(ran: Path, shell: Shell, data: st.DataObject) -> None:
     """Its checksums are right."""
     whole = (ran / "journal").read_bytes()
     payloads, at = [], len(MAGIC)
@@ -308,17 +271,13 @@ def test_a_journal_with_one_strange_value_is_judged_or_refused(
         folder = Path(shutil.copytree(ran, Path(place) / "run"))
         framed = [struct.pack("<II", len(packed), zlib.crc32(packed)) + packed for packed in payloads]
         (folder / "journal").write_bytes(MAGIC + b"".join(framed))
-        code = command("judge", folder)
-        said = capsys.readouterr()
+        said = shell("judge", folder)
         assert "Traceback" not in said.err
-        assert code in (0, 1, 2) or (code == 3 and "unknown" in said.out), said
+        assert said.code in (0, 1, 2) or (said.code == 3 and "unknown" in said.out), said
 
 
-def test_what_is_no_run_is_bad_input(
-    tmp_path: Path, command: Callable[..., int], capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert command("judge", tmp_path / "none") == 2
-    assert "no such folder" in capsys.readouterr().err
+def test_what_is_no_run_is_bad_input(refused: Refused) -> None:
+    assert "no such folder" in refused("judge", "none")
 
 
 def test_nothing_of_the_folder_is_executed(folder: Path, judged: Judging) -> None:
@@ -335,20 +294,17 @@ def test_nothing_of_the_folder_is_executed(folder: Path, judged: Judging) -> Non
     assert not mark.exists()
 
 
-def test_report_and_compare_say_where_a_summary_disagrees(
-    ran: Path, folder: Path, command: Callable[..., int], capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_report_and_compare_say_where_a_summary_disagrees(ran: Path, folder: Path, shell: Shell) -> None:
     edit_summary(folder, lambda summary: summary.update(mfow_mean_s=1.0, trace_hash="0" * 64))
-    assert command("report", folder) == 0
-    told = capsys.readouterr().err
-    assert "mfow_mean_s = 1.0" in told
-    assert "trace_hash" in told
-    assert "fogwatch judge" in told
+    said = shell("report", folder)
+    assert said.code == 0
+    for words in ("mfow_mean_s = 1.0", "trace_hash", "fogwatch judge"):
+        assert words in said.err
     assert "states mfow_mean_s = 1.0" in (folder / "report.html").read_text(encoding="utf-8")
-    assert command("compare", ran, folder) == 0
-    printed = capsys.readouterr()
-    assert "mfow_mean_s = 1.0" in printed.err
-    assert read_journal(ran / "journal").end.trace_hash[:16] in printed.out  # type: ignore[union-attr]
+    said = shell("compare", ran, folder)
+    assert said.code == 0
+    assert "mfow_mean_s = 1.0" in said.err
+    assert read_journal(ran / "journal").end.trace_hash[:16] in said.out  # type: ignore[union-attr]
 
 
 @pytest.mark.parametrize(
@@ -366,20 +322,12 @@ def test_report_and_compare_say_where_a_summary_disagrees(
 )
 @pytest.mark.parametrize("asked", ["report", "judge", "compare"])
 def test_a_summary_with_impossible_values_is_bad_input(
-    ran: Path,
-    folder: Path,
-    command: Callable[..., int],
-    capsys: pytest.CaptureFixture[str],
-    asked: str,
-    old: str,
-    new: str,
-    wrong: str,
+    ran: Path, folder: Path, refused: Refused, asked: str, old: str, new: str, wrong: str
 ) -> None:
     file = folder / "summary.json"
     text = file.read_text(encoding="utf-8")
     assert old in text
     file.write_text(text.replace(old, new, 1), encoding="utf-8")
-    assert command(asked, folder, *([ran] if asked == "compare" else [])) == 2
-    (line,) = capsys.readouterr().err.splitlines()
+    line = refused(asked, folder, *([ran] if asked == "compare" else []))
     assert "summary.json" in line
     assert wrong in line

@@ -1,11 +1,11 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 from PIL import Image
 from rich.console import Console
 from typer.testing import CliRunner
@@ -15,6 +15,7 @@ from fogwatch.commands.map import app
 from fogwatch.pictures.maps import PERHAPS_UNKNOWN
 from patrol.errors import BadInput
 from patrol.palette import rgb
+from tests.fogwatch.conftest import Shell
 
 
 def output(*arguments: str) -> str:
@@ -67,25 +68,21 @@ def test_a_start_decides_which_part_is_patrolled(flat: Path) -> None:
     assert both not in (left, right)
 
 
-def test_unknown_ground_that_is_read_as_free_is_named_and_drawn(
-    flat: Path, capsys: pytest.CaptureFixture[str], fogwatch: Callable[..., int]
-) -> None:
+def test_unknown_ground_that_is_read_as_free_is_named_and_drawn(flat: Path, shell: Shell) -> None:
     with Image.open(flat.with_suffix(".png")) as image:
         cells = np.asarray(image).copy()
     cells[42:56, 6:60] = 205
     Image.fromarray(cells).save(flat.with_suffix(".png"))
     picture = flat.with_name("flat-check.png")
-    assert fogwatch("map", "check", str(flat), "--radius", "0.35", "--picture", str(picture)) == 0
-    shown = capsys.readouterr()
+    shown = shell("map", "check", flat, "--radius", "0.35", "--picture", picture)
+    assert shown.code == 0
+    assert f"picture: {picture}" in shown.out
     assert "warning: flat.yaml: free_thresh = 0.2 reads grey 205 as free: 7.6 m² of" in shown.err
     with Image.open(picture) as drawn:
+        assert drawn.format == "PNG"
+        assert min(drawn.size) > 300
         colours = {colour for _, colour in drawn.convert("RGB").getcolors(1 << 24) or []}
     assert rgb(PERHAPS_UNKNOWN) in colours
-
-
-def test_an_image_in_place_of_its_yaml_file_is_named(flat: Path) -> None:
-    with pytest.raises(BadInput, match=r"flat\.png: is an image; give the map's YAML file"):
-        output("check", str(flat.with_suffix(".png")))
 
 
 def test_a_terminal_gets_tables(flat: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -103,34 +100,188 @@ def test_builtins_are_called_reconstructions() -> None:
     assert "sealed off: nothing" in told
 
 
-def test_draws_a_picture(flat: Path, tmp_path: Path) -> None:
-    told = output("check", str(flat), "--radius", "0.35", "--picture", str(tmp_path / "flat-check.png"))
-    assert f"picture: {tmp_path / 'flat-check.png'}" in told
-    with Image.open(tmp_path / "flat-check.png") as picture:
+@pytest.mark.parametrize(
+    ("arguments", "problem"),
+    [
+        ("yrads", "did you mean yards"),
+        ("yards --radius 0", "--radius = 0"),
+        ("yards --radius nan", "--radius = nan"),
+        ("yards --point -1", "--point = -1"),
+        ("yards --point 1e-9", "more than"),
+        ("yards --range inf", "--range = inf"),
+        ("yards --radius 1e300 --point 0.5", "fits nowhere"),
+        ("yards --start 12", "--start = 12"),
+        ("yards --start a,b", "--start = a,b"),
+        ("yards --start 1,2,3,4", "--start = 1,2,3,4"),
+        ("yards --point 0.5 --start -900,5", "does not fit at"),
+        ("open --point 0.5 --picture /none/such/folder.png", "cannot be written"),
+        ("flat.png", "flat.png: is an image; give the map's YAML file"),
+    ],
+)
+def test_bad_input_is_one_line(arguments: str, problem: str, flat: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(flat.parent)
+    with pytest.raises(BadInput) as caught:
+        output("check", *arguments.split())
+    assert problem in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def transform_in(told: str) -> tuple[float, ...]:
+    return tuple(float(part) for part in told.splitlines()[-1].removeprefix("--transform=").split(","))
+
+
+def align(*arguments: str) -> str:
+    return output("align", *arguments)
+
+
+@pytest.fixture
+def maps(tmp_path: Path) -> tuple[str, str]:
+    """A robot's map and ours, of an L-shaped room; the robot's lies at (4, -1) on ours."""
+    cells = np.full((80, 100), 205, dtype=np.uint8)
+    cells[10:70, 10:90] = 0
+    cells[12:68, 12:40] = 254
+    cells[50:68, 12:88] = 254
+    cells[30:36, 20:28] = cells[14:24, 30:36] = cells[40:46, 14:17] = cells[54:58, 70:72] = 0
+    Image.fromarray(cells).save(tmp_path / "room.png")
+    for name, origin in (("own", [-4, 1, 0]), ("ours", [0, 0, 0])):
+        (tmp_path / f"{name}.yaml").write_text(
+            f"image: room.png\nresolution: 0.1\norigin: {origin}\nnegate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.2"
+        )
+    return str(tmp_path / "own.yaml"), str(tmp_path / "ours.yaml")
+
+
+def test_the_last_line_is_the_option_of_the_agent(maps: tuple[str, str], tmp_path: Path) -> None:
+    told = align(*maps, "--picture", str(tmp_path / "overlay.png"))
+    assert transform_in(told) == pytest.approx((4.0, -1.0, 0.0), abs=0.05)
+    assert "walls that agree: 100%; at the next best place" in told
+    assert f"picture: {tmp_path / 'overlay.png'}" in told
+    with Image.open(tmp_path / "overlay.png") as picture:
         assert picture.format == "PNG"
         assert min(picture.size) > 300
+
+
+def test_landmarks_that_agree_are_taken(maps: tuple[str, str]) -> None:
+    told = align(*maps, "--landmark", "-2.8,6.8=1.2,5.8", "--landmark", "4.8,6.8=8.8,5.8", "--landmark", "0,2=4,1.1")
+    assert "landmark 1, -2.8,6.8=1.2,5.8: off by 0.0" in told
+    assert "walls that agree: " in told
+    assert transform_in(told) == pytest.approx((4.0, -1.0, 0.0), abs=0.1)
+
+
+def test_landmarks_where_few_walls_agree_are_warned_about(maps: tuple[str, str]) -> None:
+    told = align(*maps, "--landmark", "0,2=0,0", "--landmark", "5,2=0,5")
+    assert "few walls agree at these landmarks" in told
+
+
+@pytest.mark.parametrize(
+    ("more", "words"),
+    [
+        (["--landmark", "1,2"], "--landmark 1,2: expected AX,AY=BX,BY in m, for example 0.4,1.2=12.5,3"),
+        (["--landmark", "1,2=3,x"], "--landmark 1,2=3,x: expected AX,AY=BX,BY in m"),
+        (["--landmark", "1,2=3,inf"], "--landmark 1,2=3,inf: expected AX,AY=BX,BY in m"),
+        (["--landmark", "1,2=3,4"], "--landmark: one says nothing of the turn; give two or more"),
+        (["--landmark", "0,2=1,1", "--landmark", "5,2=8,1"], "off by 1.00 m, and --tolerance is 0.3 m; correct the"),
+        (["--landmark", "0,2=1,1", "--landmark", "1,2=2,1"], "--landmark: all lie within 1.00 m on A; give some at"),
+        (["--landmark", "1e308,2=1,1", "--landmark", "5,2=6,1"], "--landmark: (1e+308, 2) is not on own, which spans"),
+        (["--point", "0"], "--point = 0: expected a finite number above 0, in m"),
+        (["--tolerance", "99"], "--tolerance = 99: allows anything; give at most 10, in m"),
+        (["--picture", "/none/such/folder.png"], "cannot be written"),
+    ],
+)
+def test_bad_input_for_align_is_one_line(more: list[str], words: str, maps: tuple[str, str]) -> None:
+    with pytest.raises(BadInput) as caught:
+        align(*maps, *more)
+    assert words in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_symmetric_terrain_is_refused_and_still_drawn(tmp_path: Path) -> None:
+    with pytest.raises(BadInput, match="the maps lie on each other in 2 ways or more"):
+        align("yards", "yards", "--point", "0.5", "--picture", str(tmp_path / "overlay.png"))
+    assert (tmp_path / "overlay.png").exists()
+
+
+def test_a_map_that_is_not_there_is_refused() -> None:
+    with pytest.raises(BadInput, match=r"nowhere\.yaml: no such map file"):
+        align("nowhere.yaml", "yards")
+
+
+def test_a_picture_is_not_drawn_over_a_map(maps: tuple[str, str], tmp_path: Path) -> None:
+    before = (tmp_path / "room.png").read_bytes()
+    with pytest.raises(BadInput, match=r"room\.png: is a file of the map own"):
+        align(*maps, "--picture", str(tmp_path / "room.png"))
+    assert (tmp_path / "room.png").read_bytes() == before
+
+
+def regions(*arguments: str) -> str:
+    return output("regions", *arguments)
+
+
+def test_tells_how_many_regions_there_are_and_into_which_the_body_fits() -> None:
+    told = regions("yards", "--point", "0.5")
+    assert "yards: 100 x 88 m, points of 0.5 m; body radius 1 m" in told
+    assert "regions: 5 convex regions found in " in told
+    assert "\nconnections: 4\n" in told
+    assert "m² around (50.00, 44.00), connected to 1, 3\n" in told
+    assert "the body fits into 5\n" in told
+    assert "\x1b" not in told
+    told = regions("yards", "--point", "0.5", "--radius", "17")
+    assert "the body fits into 2\n" in told
+    assert "connections: 0" in told
+
+
+def test_polygons_can_be_taken_over_into_a_scenario(tmp_path: Path) -> None:
+    regions("clutter", "--point", "0.5", "--polygons", str(tmp_path / "regions.yaml"))
+    section = yaml.safe_load((tmp_path / "regions.yaml").read_text())
+    scenario = {"terrain": {"builtin": "clutter"}, "point": 0.5, "robots": {"radius": 0.7}, **section}
+    (tmp_path / "mine.yaml").write_text(yaml.safe_dump(scenario))
+    told = regions(str(tmp_path / "mine.yaml"))
+    assert f"regions: {len(section['patrol']['options']['regions'])} convex regions given in " in told
+    assert "points of 0.5 m; body radius 0.7 m" in told
+
+
+def test_the_picture_shows_regions_in_colours(tmp_path: Path) -> None:
+    assert "picture: " in regions("yards", "--point", "0.5", "--picture", str(tmp_path / "yards.png"))
+    with Image.open(tmp_path / "yards.png") as image:
+        pixels = np.asarray(image.convert("RGB")).reshape(-1, 3)
+    assert len(pixels) > 500_000
+    colours, counts = np.unique(pixels, axis=0, return_counts=True)
+    large = colours[counts > 0.02 * len(pixels)]
+    assert len([colour for colour in large.tolist() if len(set(colour)) == 3]) >= 5
 
 
 @pytest.mark.parametrize(
     ("arguments", "problem"),
     [
-        (["yrads"], "did you mean yards"),
-        (["yards", "--radius", "0"], "--radius = 0"),
-        (["yards", "--radius", "nan"], "--radius = nan"),
-        (["yards", "--point", "-1"], "--point = -1"),
-        (["yards", "--point", "1e-9"], "more than"),
-        (["yards", "--range", "inf"], "--range = inf"),
-        (["yards", "--radius", "1e300", "--point", "0.5"], "fits nowhere"),
-        (["yards", "--start", "12"], "--start = 12"),
-        (["yards", "--start", "a,b"], "--start = a,b"),
-        (["yards", "--start", "1,2,3,4"], "--start = 1,2,3,4"),
-        (["yards", "--point", "0.5", "--start", "-900,5"], "does not fit at"),
-        (["open", "--point", "0.5", "--picture", "/none/such/folder.png"], "cannot be written"),
+        (("moon",), "moon: no such scenario or map file"),
+        (("yards", "--point", "0"), "--point = 0: expected a finite number above 0"),
+        (("yards", "--radius", "nan"), "--radius = nan: expected a finite number above 0"),
+        (("yards", "--point", "1", "--picture", "no/such/folder.png"), "no/such/folder.png: cannot be written"),
+        (("yards", "--point", "1", "--polygons", "no/such/folder.yaml"), "no/such/folder.yaml: cannot be written"),
     ],
-    ids=str,
 )
-def test_bad_input_is_one_line(arguments: list[str], problem: str) -> None:
+def test_bad_input_for_regions_is_one_line(arguments: tuple[str, ...], problem: str) -> None:
     with pytest.raises(BadInput) as caught:
-        output("check", *arguments)
-    assert problem in str(caught.value)
+        regions(*arguments)
+    assert str(caught.value).startswith(problem)
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("more", "problem"),
+    [
+        (
+            "patrol: {policy: potential-field, regions: [[[0, 0], [100, 0], [100, 80], [0, 80]]]}",
+            r"patrol.options.regions: 800.00 m2 of free ground lie in no region",
+        ),
+        (
+            "zones: [{name: vault, polygon: [[900, 1], [901, 1], [901, 2]], weight: 2}]",
+            r"^SITE: zones\.0: vault lies outside of open",
+        ),
+    ],
+    ids=["gap", "zone"],
+)
+def test_what_does_not_fit_the_ground_is_said_of_the_scenarios_file(more: str, problem: str, tmp_path: Path) -> None:
+    site = tmp_path / "site.yaml"
+    site.write_text(f"terrain: {{builtin: open}}\npoint: 0.5\n{more}\n")
+    with pytest.raises(BadInput, match=problem.replace("SITE", str(site))):
+        regions(str(site))

@@ -1,12 +1,10 @@
 from __future__ import annotations
 
-import subprocess
-import sys
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
+from tests.fogwatch.conftest import Refused, Shell
 from tests.ros2_bench import write_plan
 
 CONNECT = ["--connect", "tcp/127.0.0.1:9", "--wait", "0.2"]
@@ -23,11 +21,10 @@ CONNECT = ["--connect", "tcp/127.0.0.1:9", "--wait", "0.2"]
         (["robot-sim", "--help"], "--drift-heading RAD/M"),
     ],
 )
-def test_the_help_of_a_process_is_its_own(
-    words: list[str], shown: str, fogwatch: Callable[..., int], capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert fogwatch(*words) == 0
-    assert shown in capsys.readouterr().out
+def test_the_help_of_a_process_is_its_own(words: list[str], shown: str, shell: Shell) -> None:
+    code, out, _ = shell(*words)
+    assert code == 0
+    assert shown in out
 
 
 @pytest.mark.parametrize(
@@ -35,10 +32,7 @@ def test_the_help_of_a_process_is_its_own(
     [
         (["agent", "--robot", "ros2", "--connect", "10.0.0.1"], "robot: --connect '10.0.0.1': not a router's address"),
         (["agent", "--robot", "ros2", *CONNECT], "is the robot's Zenoh router running?"),
-        (
-            ["agent", "--robot", "ros2"],
-            "--connect: the robot's Zenoh router is missing; give it as tcp/HOST:7447",
-        ),
+        (["agent", "--robot", "ros2"], "--connect: the robot's Zenoh router is missing; give it as tcp/HOST:7447"),
         (["agent", "--robot", "r1", "--fleet", "f"], "fogwatch agent: --scenario FILE is missing: the scenario, the"),
         (["robot-sim"], "--connect LOCATOR is missing: the Zenoh router of the robots, tcp/HOST:7447; --robots NAME"),
         (["robot-sim", "--robots", "a", *CONNECT], "robot-sim: --map, --scenario: give one of the two"),
@@ -55,81 +49,51 @@ def test_the_help_of_a_process_is_its_own(
             ["agent", "--robot", "ros2", *CONNECT, "--start", "-1,2,0"],
             "begins with a minus needs a =, as in --start=-1",
         ),
+        (["robot-sim", "--robots", "a", "--map", "PLAN", *CONNECT, "--nonsense"], "unrecognized arguments: --nonsense"),
+        (["agent", "--robot", "ros2", *CONNECT, "--nonsense"], "unrecognized arguments: --nonsense"),
         (["robot-sim", "--robots", "a", "--map", "PLAN", "--noise", "-1", *CONNECT], "--noise -1: out of range"),
         (["robot-sim", "--robots", "a", "--map", "nowhere.yaml", *CONNECT], "nowhere.yaml"),
     ],
 )
-def test_what_cannot_be_used_is_one_line(
-    words: list[str], said: str, fogwatch: Callable[..., int], tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_what_cannot_be_used_is_one_line(words: list[str], said: str, refused: Refused, tmp_path: Path) -> None:
     plan = str(write_plan(tmp_path))
-    assert fogwatch(*(plan if word == "PLAN" else word for word in words)) == 2
-    shown = capsys.readouterr().err.strip()
-    assert said in shown
-    assert "\n" not in shown
+    assert said in refused(*(plan if word == "PLAN" else word for word in words))
+
+
+def ward(where: str, rule: str) -> str:
+    return f"zones: [{{name: ward, polygon: {where}, {rule}}}]"
+
+
+INSIDE, OUTSIDE = "[[1, 1], [3, 1], [3, 3]]", "[[91, 1], [93, 1], [93, 3]]"
+OFF = ward(OUTSIDE, "weight: 2")
+STARTS = "is the robot's Zenoh router running?"
+BY_NAV2 = ("--drive", "nav2", "--name", "robot")
 
 
 @pytest.mark.parametrize(
-    ("zone", "said"),
+    ("more", "words", "says"),
     [
-        ("speed: 0.3", "zones.0.speed = 0.3: Nav2 drives to goals at its own speed; give it the mask for its speed"),
-        ("weight: 3", "is the robot's Zenoh router running?"),
-    ],
-)
-def test_a_robot_that_is_driven_by_nav2_takes_no_slow_zones(
-    zone: str, said: str, fogwatch: Callable[..., int], tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    site = tmp_path / "site.yaml"
-    zones = f"[{{name: ward, polygon: [[1, 1], [3, 1], [3, 3]], {zone}}}]"
-    site.write_text(f"terrain: {{map: {write_plan(tmp_path)}}}\nrobots: [{{name: a}}]\nzones: {zones}\n")
-    drive = ["--drive", "nav2", "--scenario", str(site), "--name", "a"]
-    assert fogwatch("agent", "--robot", "ros2", *drive, *CONNECT) == 2
-    assert said in capsys.readouterr().err
-
-
-OFF = "zones: [{name: ward, polygon: [[91, 1], [93, 1], [93, 3]], weight: 2}]"
-
-
-@pytest.mark.parametrize(
-    ("more", "words", "said"),
-    [
-        (OFF, [], "{site}: zones.0: ward lies outside of plan, which spans x 0 to 8 m and y 0 to 6 m; move or drop it"),
-        (OFF, ["--set", "zones=[]"], "is the robot's Zenoh router running?"),
-        ("", ["--set", OFF.replace(": ", "=", 1)], "robot: zones.0: ward lies outside of plan"),
         (
-            "closures: [{name: door, polygon: [[1, 1], [2, 1], [2, 2]], closed: [[9, 20]]}]",
-            [],
+            ward(INSIDE, "speed: 0.3"),
+            BY_NAV2,
+            "zones.0.speed = 0.3: Nav2 drives to goals at its own speed; give it the mask for its speed",
+        ),
+        (ward(INSIDE, "weight: 3"), BY_NAV2, STARTS),
+        (OFF, (), "{site}: zones.0: ward lies outside of plan, which spans x 0 to 8 m and y 0 to 6 m; move or drop it"),
+        (OFF, ("--set", "zones=[]"), STARTS),
+        ("", ("--set", OFF.replace(": ", "=", 1)), "robot: zones.0: ward lies outside of plan"),
+        (
+            f"closures: [{{name: door, polygon: {INSIDE}, closed: [[9, 20]]}}]",
+            (),
             "{site}: closures: a ROS 2 robot reports nothing blocked here; drop them",
         ),
     ],
 )
 def test_what_a_ros2_robot_cannot_patrol_is_said_of_the_scenarios_file(
-    more: str,
-    words: list[str],
-    said: str,
-    fogwatch: Callable[..., int],
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
+    more: str, words: tuple[str, ...], says: str, shell: Shell, tmp_path: Path
 ) -> None:
     site = tmp_path / "site.yaml"
     site.write_text(f"terrain: {{map: {write_plan(tmp_path)}}}\nrobots: [{{name: robot}}]\n{more}\n")
-    assert fogwatch("agent", "--robot", "ros2", "--scenario", str(site), *words, *CONNECT) == 2
-    assert said.format(site=site) in capsys.readouterr().err
-
-
-@pytest.mark.processes
-@pytest.mark.parametrize("words", [["--robot", "ros2", "--help"], ["--help"]])
-def test_the_help_of_an_agent_loads_no_heavy_library(words: list[str]) -> None:
-    program = (
-        "import sys\nfrom agent.process import main\n"
-        f"try:\n    main({words!r})\nexcept SystemExit:\n    pass\n"
-        "heavy = {'numpy', 'numba', 'zenoh', 'pydantic', 'rosbags', 'PIL', 'worldsim', 'monitor'} & set(sys.modules)\n"
-        "assert not heavy, heavy"
-    )
-    done = subprocess.run([sys.executable, "-P", "-c", program], capture_output=True, text=True, check=False)
-    assert done.returncode == 0, done.stderr
-
-
-def test_an_option_that_there_is_not_is_bad_input(fogwatch: Callable[..., int]) -> None:
-    assert fogwatch("robot-sim", "--nonsense") == 2
-    assert fogwatch("agent", "--robot", "ros2", "--nonsense") == 2
+    said = shell("agent", "--robot", "ros2", "--scenario", site, *words, *CONNECT)
+    assert said.code == 2
+    assert says.format(site=site) in said.err

@@ -1,15 +1,17 @@
 from __future__ import annotations
 
+import errno
 import fcntl
 import io
 import os
 import re
-import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 from urllib.parse import unquote
 
+import pandas as pd
 import pytest
 from rich.console import Console
 
@@ -21,29 +23,16 @@ from patrol.prepare import prepare
 from patrol.process.lifeline import InterruptedBySignal
 from patrol.scenario import load_scenario
 from patrol.summary.model import Summary
+from tests.fleets import COARSE, python
+from tests.fogwatch.conftest import Refused, Shell, cut_off
 
-SMALL = {
-    "name": "small",
-    "terrain": {"builtin": "open"},
-    "point": 1.0,
-    "duration": 15,
-    "robots": {"count": 2, "model": "holonomic"},
-}
+SMALL = {**COARSE, "name": "small", "duration": 15, "robots": {"count": 2, "model": "holonomic"}}
 
 
 @pytest.fixture(scope="module")
 def ran(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A run with a recording and a report; nobody changes it."""
     return fogwatch.run(SMALL, out=tmp_path_factory.mktemp("run") / "small", recording=True, report=True).folder
-
-
-def half(ran: Path, folder: Path) -> Path:
-    """A run that was cut off in the middle, a moment ago."""
-    folder.mkdir()
-    (folder / "scenario.yaml").write_bytes((ran / "scenario.yaml").read_bytes())
-    whole = (ran / "journal").read_bytes()
-    (folder / "journal").write_bytes(whole[: 2 * len(whole) // 3])
-    return folder
 
 
 @contextmanager
@@ -62,52 +51,48 @@ def test_a_run_leaves_a_recording_and_a_report(ran: Path) -> None:
     assert not list(ran.glob("*.part"))
 
 
-def test_a_recording_is_written_checked_and_repaired(
-    ran: Path, command: Callable[..., int], capsys: pytest.CaptureFixture[str], tmp_path: Path
-) -> None:
-    assert command("record", ran, "--out", "a.mcap") == 0
-    assert "15 s, a whole grid every 10 s" in capsys.readouterr().out
+def test_a_recording_is_written_checked_and_repaired(ran: Path, shell: Shell, tmp_path: Path) -> None:
+    assert "15 s, a whole grid every 10 s" in shell("record", ran, "--out", "a.mcap").out
     assert (tmp_path / "a.mcap").read_bytes() == (ran / "recording.mcap").read_bytes()
-    assert command("record", "--check", "a.mcap") == 0
-    said = capsys.readouterr().out
-    assert "small: 0 to 14.5 s" in said
-    assert "complete, checksums right" in said
+    said = shell("record", "--check", "a.mcap")
+    assert said.code == 0
+    assert "small: 0 to 14.5 s" in said.out
+    assert "complete, checksums right" in said.out
     (tmp_path / "b.mcap").write_bytes((tmp_path / "a.mcap").read_bytes()[:-200])
-    assert command("record", "--check", "b.mcap") == 1
-    assert "cut off" in capsys.readouterr().out
-    assert command("record", "--check", "b.mcap", "--repair", "c.mcap") == 0
-    assert command("record", "--check", "c.mcap") == 0
+    said = shell("record", "--check", "b.mcap")
+    assert said.code == 1
+    assert "cut off" in said.out
+    assert shell("record", "--check", "b.mcap", "--repair", "c.mcap").code == 0
+    assert shell("record", "--check", "c.mcap").code == 0
 
 
-def test_what_can_be_shown_of_a_run_without_an_end(
-    ran: Path, command: Callable[..., int], capsys: pytest.CaptureFixture[str], tmp_path: Path
-) -> None:
+def test_what_can_be_shown_of_a_run_without_an_end(ran: Path, shell: Shell, tmp_path: Path) -> None:
     """It goes on while its journal's writer lives, also where that was paused long ago, and no moment longer."""
-    folder = half(ran, tmp_path / "half")
+    folder = cut_off(ran, tmp_path / "half")
     os.utime(folder / "journal", (1.0e9, 1.0e9))
     with written(folder):
-        assert command("record", folder) == 0
-        assert "is still going" in capsys.readouterr().err
-        assert command("report", folder) == 0
+        said = shell("record", folder)
+        assert said.code == 0
+        assert "is still going" in said.err
+        assert shell("report", folder).code == 0
         assert "The run is still going" in (folder / "report.html").read_text(encoding="utf-8")
-    assert command("record", folder) == 0
-    assert "was cut off" in capsys.readouterr().err
+    said = shell("record", folder)
+    assert said.code == 0
+    assert "was cut off" in said.err
     assert (folder / "recording.mcap").exists()
 
 
-def test_report_and_compare(
-    ran: Path, command: Callable[..., int], capsys: pytest.CaptureFixture[str], tmp_path: Path
-) -> None:
-    folder = half(ran, tmp_path / "half")
-    assert command("report", folder, "--figures", "figures") == 0
-    shown = capsys.readouterr()
+def test_report_and_compare(ran: Path, shell: Shell, tmp_path: Path) -> None:
+    folder = cut_off(ran, tmp_path / "half")
+    shown = shell("report", folder, "--figures", "figures")
+    assert shown.code == 0
     assert "was cut off" in shown.err
     assert "figures: figures: mfow, states" in shown.out
     assert (folder / "report.html").exists()
     names = {path.stem for path in (tmp_path / "figures").iterdir()}
     assert {"mfow", "fog-mean", "fog-worst", "gaps", "paths", "links", "decisions", "troubles"} <= names
-    assert command("compare", ran, folder, "--out", "both.html") == 0
-    shown = capsys.readouterr()
+    shown = shell("compare", ran, folder, "--out", "both.html")
+    assert shown.code == 0
     for line in ("small", "half", "mean MFoW", "not judged", "comparison: both.html"):
         assert line in shown.out
     assert "<svg" in (tmp_path / "both.html").read_text(encoding="utf-8")
@@ -116,7 +101,6 @@ def test_report_and_compare(
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["report", "nowhere"], "no such folder"),
         (["report", "."], "holds no file journal"),
         (["record", "."], "holds no file journal"),
         (["report", "RUN/recording.mcap"], "fogwatch record --check"),
@@ -140,7 +124,6 @@ def test_report_and_compare(
         (["record", "RUN", "--out", "/"], "is a folder; name a file"),
         (["record", "--router", "tcp/127.0.0.1:1", "--fleet", "x", "--out", "."], "is a folder; name a file"),
         (["report", "RUN", "--out", "."], "is a folder; name a file, such as report.html"),
-        (["report", "RUN", "--out", "RUN"], "is a folder; name a file"),
         (["report", "RUN", "--out", "none/a.html"], "cannot be written"),
         (["compare", "RUN", "RUN", "--out", ".."], "is a folder; name a file, such as ../compare.html"),
         (["monitor", "typo"], "monitor typo: no such folder"),
@@ -148,47 +131,35 @@ def test_report_and_compare(
         (["monitor", "RUN/journal"], "no such folder"),
     ],
 )
-def test_bad_input_is_one_line(
-    ran: Path, command: Callable[..., int], capsys: pytest.CaptureFixture[str], arguments: list[str], words: str
-) -> None:
+def test_bad_input_is_one_line(ran: Path, refused: Refused, arguments: list[str], words: str) -> None:
     before = set(ran.parent.iterdir())
-    assert command(*(part.replace("RUN", str(ran)) for part in arguments)) == 2
-    shown = capsys.readouterr().err
-    assert words.replace("RUN", str(ran)) in shown
+    said = refused(*(part.replace("RUN", str(ran)) for part in arguments))
+    assert words.replace("RUN", str(ran)) in said
     assert set(ran.parent.iterdir()) == before
-    assert shown.count("\n") == 1
 
 
-@pytest.mark.parametrize("what", ["report", "record", "replay"])
-def test_a_folder_is_looked_at_before_anything_is_compiled(
-    command: Callable[..., int], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], what: str
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        *((f"{command} nowhere", "no such folder") for command in ("report", "record", "replay")),
+        *((f"{command} --out .", "is a folder") for command in ("report RUN", "record RUN", "compare RUN RUN")),
+    ],
+)
+def test_folders_are_looked_at_before_anything_is_compiled(
+    ran: Path, refused: Refused, monkeypatch: pytest.MonkeyPatch, arguments: str, words: str
 ) -> None:
     def never(*_: object) -> None:
         raise AssertionError
 
     monkeypatch.setattr("fogwatch.cli.open_run.warm", never)
     monkeypatch.setattr("patrol.starting.warmup.warm", never)
-    assert command(what, "nowhere") == 2
-    assert "no such folder" in capsys.readouterr().err
+    assert words in refused(*(part.replace("RUN", str(ran)) for part in arguments.split()))
 
 
-@pytest.mark.parametrize("arguments", [["report", "RUN"], ["record", "RUN"], ["compare", "RUN", "RUN"]])
-def test_where_to_write_is_looked_at_before_anything_is_compiled(
-    ran: Path, command: Callable[..., int], monkeypatch: pytest.MonkeyPatch, arguments: list[str]
-) -> None:
-    def never(*_: object) -> None:
-        raise AssertionError
-
-    monkeypatch.setattr("fogwatch.cli.open_run.warm", never)
-    assert command(*(part.replace("RUN", str(ran)) for part in arguments), "--out", ".") == 2
-
-
-def test_the_files_of_a_report_are_found_from_where_it_lies(
-    ran: Path, command: Callable[..., int], tmp_path: Path
-) -> None:
+def test_the_files_of_a_report_are_found_from_where_it_lies(ran: Path, shell: Shell, tmp_path: Path) -> None:
     place = tmp_path / "a b" / "deep"
     place.mkdir(parents=True)
-    assert command("report", ran, "--out", place / "elsewhere.html") == 0
+    assert shell("report", ran, "--out", place / "elsewhere.html").code == 0
     page = (place / "elsewhere.html").read_text(encoding="utf-8")
     files = re.findall(r'<a href="([^"#]+)"', page)
     assert len(files) >= 4
@@ -222,12 +193,102 @@ def test_what_cannot_be_written_is_no_reason_to_doubt_the_run(ran: Path, tmp_pat
     assert "cannot be written" in text.getvalue()
 
 
-@pytest.mark.processes
-def test_the_command_starts_without_what_only_reports_need() -> None:
-    import subprocess
+NAMES = ("ticks", "robots", "links", "events", "visits", "ground")
 
-    heavy = ["matplotlib", "mcap", "rosbags", "pyarrow", "PIL", "numba"]
-    heavy += [f"monitor.{part}" for part in ("replay", "report", "live", "recording", "page")]
-    program = f"import sys, fogwatch.cli.app; print([name for name in {heavy!r} if name in sys.modules])"
-    done = subprocess.run([sys.executable, "-P", "-c", program], capture_output=True, text=True, check=True)
-    assert done.stdout.strip() == "[]"
+
+@pytest.mark.parametrize(("kind", "read"), [("parquet", pd.read_parquet), ("csv", pd.read_csv)])
+def test_it_writes_a_file_a_table(ran: Path, shell: Shell, tmp_path: Path, kind: str, read: Any) -> None:
+    files = [f"{name}.{kind}" for name in NAMES]
+    said = f"tables: some/tables: {', '.join(files)}\n"
+    assert shell("export", ran, "--format", kind, "--out", "some/tables")[:2] == (0, said)
+    assert sorted(file.name for file in (tmp_path / "some/tables").iterdir()) == sorted(files)
+    ticks = read(tmp_path / "some" / "tables" / f"ticks.{kind}")
+    assert ticks.mfow_s.tolist() == fogwatch.load(ran).mfow_s.tolist()
+
+
+def test_a_run_without_an_end_is_exported_as_far_as_it_goes(ran: Path, shell: Shell, tmp_path: Path) -> None:
+    folder = cut_off(ran, tmp_path / "half")
+    said = shell("export", folder)
+    assert said.code == 0
+    assert "was cut off" in said.err
+    ticks = pd.read_parquet(folder / "tables" / "ticks.parquet")
+    whole = fogwatch.load(ran).ticks.to_pandas()
+    assert 0 < len(ticks) < len(whole)
+    pd.testing.assert_frame_equal(ticks, whole[: len(ticks)])
+
+
+def test_bad_arguments_of_an_export_are_named(ran: Path, refused: Refused, tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("", encoding="utf-8")
+    assert "--format xlsx: known are parquet, csv" in refused("export", ran, "--format", "xlsx")
+    assert "--out file: is a file; name a folder" in refused("export", ran, "--out", "file")
+    assert "nothing: no such folder; name the folder of a run" in refused("export", "nothing")
+
+
+def test_tables_do_not_follow_a_link_out_of_the_folder(ran: Path, shell: Shell, tmp_path: Path) -> None:
+    folder = cut_off(ran, tmp_path / "half")
+    (tmp_path / "elsewhere").mkdir()
+    (folder / "tables").symlink_to(tmp_path / "elsewhere")
+    said = shell("export", folder)
+    assert said.code == 2
+    assert "is a link that leads out of the run's folder; name a folder with --out" in said.err
+    assert not list((tmp_path / "elsewhere").iterdir())
+
+
+INTERRUPTED = """
+import os, signal, sys
+from monitor.tables import arrow as files
+from fogwatch.cli.app import main
+
+write = files.write_tables
+
+def interrupted(run, folder, kind, **options):
+    def share(done):
+        if done > 0.4:
+            os.kill(os.getpid(), signal.{name})
+        options["share"](done)
+    return write(run, folder, kind, share=share)
+
+files.write_tables = interrupted
+sys.argv = ["fogwatch", "export", *sys.argv[1:]]
+sys.exit(main())
+"""
+
+
+@pytest.mark.processes
+@pytest.mark.parametrize("name", ["SIGINT", "SIGTERM"])
+def test_a_signal_leaves_no_half_file(ran: Path, tmp_path: Path, name: str) -> None:
+    program = INTERRUPTED.replace("{name}", name)
+    wide = {**os.environ, "COLUMNS": "200"}
+    done = python("-c", program, ran, "--out", tmp_path / "tables", env=wide)
+    assert done.returncode == 130, done.stderr
+    assert "Traceback" not in done.stderr
+    assert not list((tmp_path / "tables").iterdir())
+
+
+def full_disk(*_: object) -> None:
+    raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+
+def test_a_replay_as_a_folder_needs_a_new_one_and_serves_nothing(
+    ran: Path, shell: Shell, refused: Refused, tmp_path: Path
+) -> None:
+    assert "30 frames" in shell("replay", ran, "--static", "page").out
+    files = ["icon.svg", "index.html", "page.css", "palette.css", "plotly.min.js", "run.js"]
+    assert sorted(file.name for file in (tmp_path / "page").iterdir()) == files
+    before = (tmp_path / "page" / "run.js").read_bytes()
+    assert "page: exists already; name a new or an empty folder" in shell("replay", ran, "--static", "page").err
+    assert (tmp_path / "page" / "run.js").read_bytes() == before
+    assert "30 and 30 frames" in shell("replay", ran, ran, "--static", "pair").out
+    assert sorted(file.name for file in (tmp_path / "pair" / "second").iterdir()) == files
+    assert "replay: 3 runs were named; name one, or two" in refused("replay", ran, ran, ran)
+    refused("replay", ran, ran, tmp_path, "--static", "other")
+    assert f"{tmp_path}: holds no file journal" in refused("replay", ran, tmp_path)
+    assert "--static other: serves nothing; leave out" in refused("replay", ran, "--static", "other", "--browser")
+    assert "--token" in refused("replay", ran, "--static", "other", "--token", "t" * 32)
+    assert not (tmp_path / "other").exists()
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Path, "rename", full_disk)
+        shown = shell("replay", ran, "--static", "other")
+    assert shown.code == 2
+    assert "other: cannot be written (No space left on device); choose another folder" in shown.err
+    assert list((tmp_path / "other").iterdir()) == []

@@ -19,74 +19,68 @@ def output(*arguments: str) -> str:
     return result.output
 
 
+def checked(*settings: str) -> str:
+    """The check of a coarse scenario with some settings."""
+    return output("check", "open", "--set", "point=0.5", *(word for one in settings for word in ("--set", one)))
+
+
 def test_show_prints_a_scenario_file(tmp_path: Path) -> None:
     shown = tmp_path / "shown.yaml"
-    shown.write_text(
-        output("show", "yards", "--set", "patrol.contact_memory=0", "--set", "robots.count=3"), encoding="utf-8"
-    )
+    text = output("show", "yards", "--set", "patrol.contact_memory=0", "--set", "robots.count=3")
+    shown.write_text(text, encoding="utf-8")
     scenario = load_scenario(shown)
     assert (scenario.patrol.contact_memory, len(scenario.roster)) == (0.0, 3)
-    assert output("show", str(shown)) == shown.read_text(encoding="utf-8")
+    assert output("show", str(shown)) == text
 
 
 def test_check_says_what_would_run() -> None:
-    settings = ["--set", "point=0.5", "--set", "robots={count: 2, starts: [[20, 20]]}"]
-    told = output("check", "open", *settings)
+    told = checked("robots={count: 2, starts: [[20, 20]]}")
     scenario = open_scenario("open", {"point": "0.5", "robots": "{count: 2, starts: [[20, 20]]}"})
     assert told.startswith("open: can run\n")
     assert scenario_hash(scenario) in told
     for fact in ("2 robots, 1 of them at a given start", "8800 m²", "10000 ticks of 0.5 s"):
         assert fact in told
+    one = checked("robots.count=1", "duration=0.5")
+    assert "  1 robot, placed at random\n" in one
+    assert " 0.5 s in 1 tick of 0.5 s\n" in one
 
 
 def test_check_tells_the_faults_as_they_are_resolved() -> None:
-    faults = (
-        "faults=[{kind: kill, at: 60, who: r2}, {kind: loss, at: 10, for: 5.2, rate: 0.5}, {kind: range, reach: 9}]"
-    )
-    told = output("check", "open", "--set", "point=0.5", "--set", faults).splitlines()
-    assert [line.rstrip() for line in told[5:9]] == [
+    faults = "{kind: kill, at: 60, who: r2}, {kind: loss, at: 10, for: 5.2, rate: 0.5}, {kind: range, reach: 9}"
+    assert [line.rstrip() for line in checked(f"faults=[{faults}]").splitlines()[5:9]] == [
         "  3 faults, until the end; r2 stays dead",
         "    f1         kill       60 s             r2",
         "    f2         loss       10 to 15 s       all to all, rate 0.5",
         "    f3         range      0 to end         all, reach 9",
     ]
-    healed = output("check", "open", "--set", "point=0.5", "--set", "faults=[{kind: pause, who: r1, at: 9, for: 1}]")
-    assert "  1 fault, healed at 10 s\n" in healed
 
 
 @pytest.mark.parametrize(
     ("faults", "told"),
     [
+        ("{kind: pause, who: r1, at: 9, for: 1}", "1 fault, healed at 10 s\n"),
         ("{kind: kill, at: 5, who: all}", "1 fault, over at 5 s, but all stay dead"),
-        (
-            "{kind: kill, at: 5, who: r2}, {kind: pause, who: [r1, r3]}",
-            "2 faults, over at 5 s, but r2 stays dead, r1",
-        ),
+        ("{kind: kill, at: 5, who: r2}, {kind: pause, who: [r1, r3]}", "2 faults, over at 5 s, but r2 stays dead, r1"),
         ("{kind: leave, at: 5, who: r2}, {kind: loss, rate: 0.5}", "2 faults, until the end; r2 stays away"),
         ("{kind: kill, at: 5, who: all}, {kind: restart, at: 9, who: all}", "2 faults, healed at 9 s"),
         ("{kind: join, at: 5, who: r1}, {kind: pause, at: 6, for: 2, who: r1}", "2 faults, healed at 8 s"),
     ],
 )
 def test_check_says_who_does_not_come_back(faults: str, told: str) -> None:
-    assert f"\n  {told}" in output("check", "open", "--set", "point=0.5", "--set", f"faults=[{faults}]")
+    assert f"\n  {told}" in checked(f"faults=[{faults}]")
 
 
-def test_check_reads_the_key(tmp_path: Path) -> None:
-    with pytest.raises(BadInput, match=r"radio\.key: cannot read"):
-        output("check", "open", "--set", "point=0.5", "--set", f"radio.key={tmp_path / 'none'}")
-
-
-def test_check_counts_one_robot() -> None:
-    one = output("check", "open", "--set", "point=0.5", "--set", "robots.count=1", "--set", "duration=0.5")
-    assert "  1 robot, placed at random\n" in one
-    assert " 0.5 s in 1 tick of 0.5 s\n" in one
-
-
-def test_check_finds_what_the_file_alone_does_not_show() -> None:
-    with pytest.raises(BadInput):
-        output("check", "open", "--set", "point=0.5", "--set", "robots={count: 1, starts: [[-20, 20]]}")
-    with pytest.raises(BadInput):
-        output("check", "open", "--set", "point=0.5", "--set", "robots.radius=60")
+@pytest.mark.parametrize(
+    ("setting", "problem"),
+    [
+        ("radio.key=/none/key", r"radio\.key: cannot read"),
+        ("robots={count: 1, starts: [[-20, 20]]}", r"robots: start \(-20, 20\) of r1: not on open"),
+        ("robots.radius=60", r"robots\.radius = 60: a body this wide fits nowhere on open"),
+    ],
+)
+def test_check_finds_what_the_file_alone_does_not_show(setting: str, problem: str) -> None:
+    with pytest.raises(BadInput, match=problem):
+        checked(setting)
 
 
 @pytest.mark.parametrize("command", ["show", "check"])
@@ -106,6 +100,7 @@ def test_schema_goes_to_the_terminal_or_a_file(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
 def test_every_example_can_run(path: Path) -> None:
+    assert len(EXAMPLES) >= 3
     scenario = load_scenario(path)
     assert scenario.name == path.stem
     # Coarse points on built-in terrains: what is checked is the file, not the terrain. Doors of a map need fine ones.
@@ -113,15 +108,9 @@ def test_every_example_can_run(path: Path) -> None:
     assert output("check", str(path), *coarse).startswith(f"{path}: can run\n")
 
 
-def test_there_are_examples() -> None:
-    assert len(EXAMPLES) >= 3
-
-
 def test_check_does_not_run_the_policy(tmp_path: Path) -> None:
     guard = tmp_path / "guard.py"
-    guard.write_text(
-        "open(__file__ + '.ran', 'w').close()\nclass Guard:\n    def decide(self, view): ...\n", encoding="utf-8"
-    )
+    guard.write_text("open(__file__ + '.ran', 'w').close()\nclass Guard:\n    def decide(self, view): ...\n")
     told = output("check", "open", "--set", "point=2", "--set", f"patrol.policy={guard}:Guard")
     assert f"  patrol: policy {guard}:Guard, not run: a run checks its options" in told.splitlines()
     assert list(tmp_path.iterdir()) == [guard]

@@ -19,6 +19,7 @@ from patrol.process.lifeline import Ending
 from patrol.radio.message import Position, encode
 from patrol.security.credentials import Credentials
 from patrol.security.keys import FleetKeys, fleet_keys
+from tests.fogwatch.conftest import Refused, Shell
 from tests.routers import (
     PATIENCE_S,
     await_seen,
@@ -30,7 +31,6 @@ from tests.routers import (
     write_access,
 )
 
-Fogwatch = Callable[..., int]
 FRAME = encode(Position.of(1, 1, 0.0, Pose(2.0, 3.0, 0.0)))
 
 
@@ -56,39 +56,39 @@ def robot(router: str, keys: FleetKeys, credentials: Credentials | None = None) 
         assert link.close(PATIENCE_S)
 
 
-def test_a_robot_without_a_world(fogwatch: Fogwatch, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_robot_without_a_world(shell: Shell) -> None:
     with routed() as where, robot(where, fleet_keys("real-1")):
-        assert fogwatch("status", "--router", where, "--fleet", "real-1", "--seconds", "2", "--json") == 0
-    status = json.loads(capsys.readouterr().out)
+        said = shell("status", "--router", where, "--fleet", "real-1", "--seconds", "2", "--json")
+    status = json.loads(said.out)
+    assert said.code == 0
     assert status["well"]
     assert status["world"] is None
     assert [(one["name"], one["place"]) for one in status["robots"]] == [("r1", [2.0, 3.0])]
 
 
 @needs_openssl
-def test_a_viewer_of_a_closed_fleet(tmp_path: Path, fogwatch: Fogwatch, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_viewer_of_a_closed_fleet(tmp_path: Path, shell: Shell) -> None:
     fleet = make_local_fleet(tmp_path / "f", ["r1"])
-    with (
-        guarded_by_certificates(fleet) as guarded,
-        robot(guarded.router, guarded.keys, guarded.credentials["robot-r1"]),
-    ):
-        assert fogwatch("status", "--credentials", tmp_path / "f" / "viewer", "--seconds", "2") == 0
-        shown = capsys.readouterr().out
-        assert "r1     alive" in shown
-        assert shown.endswith("all well\n")
+    with guarded_by_certificates(fleet) as of, robot(of.router, of.keys, of.credentials["robot-r1"]):
+        said = shell("status", "--credentials", tmp_path / "f" / "viewer", "--seconds", "2")
+    assert said.code == 0
+    assert "r1     alive" in said.out
+    assert said.out.endswith("all well\n")
 
 
-def test_nothing_of_the_fleet_is_there(fogwatch: Fogwatch, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+def test_nothing_of_the_fleet_is_there(shell: Shell, tmp_path: Path) -> None:
+    def refused(*words: str | Path) -> str:
+        said = shell("status", *words)
+        assert said.code == 2
+        return said.err
+
     with routed() as where:
-        assert fogwatch("status", "--router", where, "--fleet", "real-1") == 2
-        assert f"nothing of this fleet is at {where}; check both" in capsys.readouterr().err
-        assert fogwatch("status", "--router", where, "--fleet", "real-1", "--radio", "serial/dev/ttyUSB0") == 2
-        assert "give their --scenario FILE as well" in capsys.readouterr().err
+        fleet = ("--router", where, "--fleet", "real-1")
+        assert f"nothing of this fleet is at {where}; check both" in refused(*fleet)
+        assert "give their --scenario FILE as well" in refused(*fleet, "--radio", "serial/dev/ttyUSB0")
         write_access(tmp_path, where)
-        assert fogwatch("status", tmp_path) == 2
-        assert f"nothing of this fleet is at {where}" in capsys.readouterr().err
-    assert fogwatch("status", "--router", free_endpoint(), "--fleet", "real-1", "--wait", "0.1") == 2
-    assert "no router answers" in capsys.readouterr().err
+        assert f"nothing of this fleet is at {where}" in refused(tmp_path)
+    assert "no router answers" in refused("--router", free_endpoint(), "--fleet", "real-1", "--wait", "0.1")
 
 
 class Looks:
@@ -134,8 +134,5 @@ def test_an_interrupted_look_says_nothing(look: Callable[..., int], capsys: pyte
         (("--router", "tcp/127.0.0.1:1", "--fleet", "f", "--scenario", "none.yaml"), "none.yaml"),
     ],
 )
-def test_bad_arguments(
-    words: tuple[str, ...], why: str, fogwatch: Fogwatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert fogwatch("status", *words) == 2
-    assert why in capsys.readouterr().err
+def test_bad_arguments(words: tuple[str, ...], why: str, refused: Refused) -> None:
+    assert why in refused("status", *words)

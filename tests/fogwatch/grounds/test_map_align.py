@@ -1,4 +1,4 @@
-"""Where one map lies on another, by walls and by landmarks."""
+"""The place of one map on another, by walls and by landmarks."""
 
 from __future__ import annotations
 
@@ -7,15 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from fogwatch.grounds.map_align import (
-    Alignment,
-    agreement,
-    align_maps,
-    fit_landmarks,
-    only_alignment,
-    spelled,
-    wall_map,
-)
+from fogwatch.grounds import map_align
+from fogwatch.grounds.map_align import Alignment, align_maps, fit_landmarks, only_alignment, wall_map
 from patrol.errors import BadInput
 from patrol.ground.terrain import Terrain
 from patrol.maps.builtins import builtin_terrain
@@ -54,7 +47,7 @@ def drawn(
 
 
 def off(ground: Terrain, found: Pose, true: Pose) -> float:
-    """How far apart two transforms put the corners of a ground at most, m."""
+    """The greatest distance between the corners of a ground by two transforms, m."""
     xmin, ymin, xmax, ymax = ground.bounds
     on_a = [composed(inverted(true), Pose(x, y, 0.0)) for x in (xmin, xmax) for y in (ymin, ymax)]
     pairs = [(composed(found, place), composed(true, place)) for place in on_a]
@@ -108,8 +101,8 @@ def test_the_best_place_must_be_good_and_lead() -> None:
 
 def test_walls_agree_where_maps_lie_right_and_hardly_elsewhere() -> None:
     walls = wall_map(builtin_terrain("clutter", POINT))
-    assert agreement(walls, walls, Pose(0.0, 0.0, 0.0)) == 1.0
-    assert agreement(walls, walls, Pose(3.0, 0.0, 0.0)) < 0.5
+    assert map_align.agreement(walls, walls, Pose(0.0, 0.0, 0.0)) == 1.0
+    assert map_align.agreement(walls, walls, Pose(3.0, 0.0, 0.0)) < 0.5
 
 
 def test_landmarks_give_the_transform_and_how_far_each_is_off() -> None:
@@ -119,7 +112,7 @@ def test_landmarks_give_the_transform_and_how_far_each_is_off() -> None:
     pose, off_m = fit_landmarks(list(zip(on_a, on_b, strict=True)))
     assert (pose.x, pose.y, pose.heading) == pytest.approx((10.0, 5.0, math.pi / 2))
     assert off_m == pytest.approx([0.0, 0.0, 0.0], abs=1e-9)
-    assert spelled(pose) == "10,5,1.5708"
+    assert map_align.spelled(pose) == "10,5,1.5708"
     on_b[2] = on_b[2][0], on_b[2][1] + 1.2
     _, off_m = fit_landmarks(list(zip(on_a, on_b, strict=True)))
     assert max(off_m) == off_m[2] > 0.3

@@ -18,16 +18,18 @@ WALL = {"name": "tape", "polygon": [[0, 43], [100, 43], [100, 45], [0, 45]], "ke
 VAULT: dict[str, Any] = {"name": "vault", "polygon": [[0, 0], [40, 0], [40, 30], [0, 30]]}
 
 
-def lines(folder: Path, *zones: dict[str, Any], robots: int = 4) -> list[str]:
-    (folder / "zones.yaml").write_text(yaml.safe_dump(list(zones)), encoding="utf-8")
-    arguments = ["check", "yards", "--radius", "0.4", "--point", "0.5", "--zones", str(folder / "zones.yaml")]
-    result = CliRunner().invoke(app, [*arguments, "--robots", str(robots)], catch_exceptions=False)
+def check(ground: str | Path, radius: float, folder: Path, *zones: dict[str, Any]) -> str:
+    """The check of a ground with zones, for four robots."""
+    file = folder / "zones.yaml"
+    file.write_text(yaml.safe_dump(list(zones)), encoding="utf-8")
+    words = ["check", ground, "--radius", radius, "--point", "0.5", "--zones", file, "--robots", "4"]
+    result = CliRunner().invoke(app, [*map(str, words)], catch_exceptions=False)
     assert result.exit_code == 0
-    return result.output.splitlines()
+    return result.output
 
 
 def test_what_a_keep_out_shuts_off(tmp_path: Path) -> None:
-    told = lines(tmp_path, WALL)
+    told = check("yards", 0.4, tmp_path, WALL).splitlines()
     (tape,) = (line for line in told if line.startswith("  tape: keep-out, "))
     assert float(tape.split()[2]) > 50.0
     (behind,) = (line for line in told if line.startswith("  beside and behind keep-outs: "))
@@ -45,25 +47,21 @@ def test_what_a_keep_out_shuts_off(tmp_path: Path) -> None:
     ],
 )
 def test_which_wishes_can_be_kept(tmp_path: Path, age: float, told: str) -> None:
-    (vault,) = (line for line in lines(tmp_path, VAULT | {"age": age}) if line.startswith("  vault: weight "))
+    said = check("yards", 0.4, tmp_path, VAULT | {"age": age}).splitlines()
+    (vault,) = (line for line in said if line.startswith("  vault: weight "))
     assert told in vault
     assert " m² to patrol" in vault
 
 
 def test_a_file_without_zones_is_refused(tmp_path: Path) -> None:
-    (tmp_path / "zones.yaml").write_text("name: vault", encoding="utf-8")
+    file = tmp_path / "zones.yaml"
+    file.write_text("name: vault", encoding="utf-8")
     with pytest.raises(BadInput, match=r"--zones .*zones\.yaml: holds no list of zones"):
-        CliRunner().invoke(
-            app, ["check", "yards", "--point", "1", "--zones", str(tmp_path / "zones.yaml")], catch_exceptions=False
-        )
+        CliRunner().invoke(app, ["check", "yards", "--point", "1", "--zones", str(file)], catch_exceptions=False)
 
 
 def check_ring(folder: Path, *zones: dict[str, Any]) -> str:
-    (folder / "zones.yaml").write_text(yaml.safe_dump(list(zones)), encoding="utf-8")
-    arguments = ["check", str(write_ring(folder)), "--radius", "0.3", "--point", "0.5"]
-    result = CliRunner().invoke(app, [*arguments, "--zones", str(folder / "zones.yaml")], catch_exceptions=False)
-    assert result.exit_code == 0
-    return result.output
+    return check(write_ring(folder), 0.3, folder, *zones)
 
 
 def test_a_one_way_zone_and_its_direction(tmp_path: Path) -> None:

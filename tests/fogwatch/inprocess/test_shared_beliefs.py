@@ -126,11 +126,8 @@ def test_as_long_as_all_arrives_there_is_one_belief_and_those_that_missed_someth
 @pytest.mark.parametrize("kind", ["none", "short loss", "pause"])
 def test_minds_that_decide_at_once_in_several_threads_share_beliefs_too(kind: str) -> None:
     given = scenario(FAULTS[kind], patrol={"commitment": "none"})
-    ends = [
-        end_of(run_in_process(given, threads=threads, share=share).journal)
-        for threads, share in ((3, True), (1, False))
-    ]
-    assert ends[0] == ends[1]
+    together, alone = run_in_process(given, threads=3), run_in_process(given, share=False)
+    assert end_of(together.journal) == end_of(alone.journal)
 
 
 def test_bodies_of_different_sizes_have_beliefs_of_their_own() -> None:

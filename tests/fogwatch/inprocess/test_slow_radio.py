@@ -15,12 +15,8 @@ from patrol.journal import TickRecord
 from patrol.scenario import Scenario, load_scenario
 from worldsim.world import World
 
-SAVINGS: dict[str, Any] = {
-    "trail": 4,
-    "trail_every": 3,
-    "budget": {"bits_per_s": 900, "overhead": 8},
-    "adaptive": {"error": 2, "silence": 4},
-}
+SAVINGS: dict[str, Any] = {"trail": 4, "trail_every": 3, "budget": {"bits_per_s": 900, "overhead": 8}}
+SAVINGS["adaptive"] = {"error": 2, "silence": 4}
 FAULTS: list[dict[str, Any]] = [
     {"kind": "loss", "rate": 0.3},
     {"kind": "duplicate", "rate": 0.2},
@@ -129,10 +125,8 @@ def test_a_budget_that_never_bites_changes_only_the_first_tick() -> None:
 def test_closures_that_only_one_robot_knows_change_no_prediction() -> None:
     """A sender must foresee what the others make of its last frame, and they may not have seen the closed door."""
     corners = [(x, y) for x in (8, 26, 46, 66, 86) for y in (20, 45, 70)]
-    closures = [
-        {"name": f"c{x}-{y}", "polygon": [[x, y], [x + 8, y], [x + 8, y + 8], [x, y + 8]], "closed": [[0, 1000]]}
-        for x, y in corners
-    ]
+    boxes = [[[x, y], [x + 8, y], [x + 8, y + 8], [x, y + 8]] for x, y in corners]
+    closures = [{"name": f"c{n}", "polygon": box, "closed": [[0, 1000]]} for n, box in enumerate(boxes)]
     robots = {"count": 3, "speed": 3.0}
     chosen = scenario({"trail": 2, "adaptive": {"error": 2.0}}, closures=closures, robots=robots, seed=1)
     outcome = run_in_process(chosen)

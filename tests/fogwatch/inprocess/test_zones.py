@@ -15,11 +15,12 @@ from patrol.scenario import load_scenario
 EXAMPLES = Path(__file__).resolve().parents[3] / "examples"
 
 VAULT = {"name": "vault", "polygon": [[0, 0], [40, 0], [40, 30], [0, 30]], "weight": 10}
+ROBOTS: dict[str, Any] = {"count": 4, "model": "holonomic", "radius": 0.4, "speed": 4.0}
 STAIRS = {"name": "stairs", "polygon": [[44, 30], [56, 30], [56, 50], [44, 50]], "keep_out": True}
 
 
 def ran(*zones: dict[str, Any], faults: tuple[dict[str, Any], ...] = (), duration: float = 200.0) -> Outcome:
-    robots = {"count": 6, "model": "holonomic", "radius": 0.4, "speed": 4.0}
+    robots = {**ROBOTS, "count": 6}
     given = {"terrain": {"builtin": "yards"}, "point": 0.5, "duration": duration, "robots": robots}
     return run_in_process(prepare(load_scenario(given | {"zones": list(zones), "faults": list(faults)})), keep=False)
 
@@ -61,11 +62,7 @@ def test_a_wanted_age_is_kept_and_no_better_than_wanted(corner: list[float], age
     [
         ({"kind": "loss", "rate": 0.9},),
         ({"kind": "silence", "who": "all"},),
-        (
-            {"kind": "loss", "rate": 0.5},
-            {"kind": "kill", "who": ["r1"], "at": 60},
-            {"kind": "kill", "who": ["r4"], "at": 90},
-        ),
+        ({"kind": "loss", "rate": 0.5}, *({"kind": "kill", "who": f"r{k}", "at": 50 + 10 * k} for k in (1, 4))),
     ],
     ids=["loss", "silence", "deaths"],
 )
@@ -82,15 +79,9 @@ def test_nobody_enters_a_keep_out_and_nobody_is_trapped_under_faults(faults: tup
 def test_few_grounds_are_kept_and_the_trace_is_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
     """The vault's weight comes back after others, and one robot is paused meanwhile."""
     turns = [[5.0 * n, weight] for n, weight in enumerate((2, 3, 4, 5, 2, 6, 7), start=1)]
-    robots = {"count": 4, "model": "holonomic", "radius": 0.4, "speed": 4.0}
-    given = {
-        "terrain": {"builtin": "open"},
-        "point": 2.0,
-        "duration": 60,
-        "robots": robots,
-        "zones": [VAULT | {"weight": 0.5, "weights": turns}],
-        "faults": [{"kind": "pause", "who": "r2", "at": 7, "for": 19}],
-    }
+    given = {"terrain": {"builtin": "open"}, "point": 2.0, "duration": 60, "robots": ROBOTS}
+    given |= {"zones": [VAULT | {"weight": 0.5, "weights": turns}]}
+    given |= {"faults": [{"kind": "pause", "who": "r2", "at": 7, "for": 19}]}
     hashes, kept = [], []
     for most in (32, 1):
         monkeypatch.setattr("patrol.measures.zoned.MOST_PREPARED", most)
@@ -108,13 +99,9 @@ def test_few_grounds_are_kept_and_the_trace_is_the_same(monkeypatch: pytest.Monk
 def test_spare_robots_change_nothing_until_they_join() -> None:
     battery = {"capacity": 6.0, "idle": 10.0, "drive": 30.0, "charge": 130.0}
     robot = {"model": "holonomic", "radius": 0.4, "speed": 2.0, "battery": battery}
-    given = {
-        "terrain": {"builtin": "yards"},
-        "point": 1.0,
-        "duration": 200.0,
-        "zones": [{**VAULT, "polygon": [[2, 2], [34, 2], [34, 22], [2, 22]]}],
-        "docks": [{"place": [10.5, 10.5]}, {"place": [12.5, 80.5]}],
-    }
+    zone = {**VAULT, "polygon": [[2, 2], [34, 2], [34, 22], [2, 22]]}
+    docks = [{"place": [10.5, 10.5]}, {"place": [12.5, 80.5]}]
+    given = {"terrain": {"builtin": "yards"}, "point": 1.0, "duration": 200.0, "zones": [zone], "docks": docks}
     fleets = [[robot] * 4, [robot] * 4 + [{**robot, "spare": True}] * 2]
     few, more = (run_in_process(prepare(load_scenario({**given, "robots": fleet})), keep=False) for fleet in fleets)
     assert few.summary.mfow_mean_s == more.summary.mfow_mean_s
@@ -136,8 +123,7 @@ def test_robots_look_after_a_vault_while_it_weighs() -> None:
 @pytest.mark.parametrize("policy", ["stochastic", "committed", "potential-field", "greedy"])
 def test_bodies_are_slow_in_slow_zones_with_every_policy(policy: str) -> None:
     ward = {"name": "ward", "polygon": [[40, 0], [60, 0], [60, 88], [40, 88]], "speed": 1.0, "times": [[20, 200]]}
-    robots = {"count": 4, "model": "holonomic", "radius": 0.4, "speed": 4.0}
-    given = {"terrain": {"builtin": "yards"}, "point": 1.0, "duration": 60.0, "robots": robots, "zones": [ward]}
+    given = {"terrain": {"builtin": "yards"}, "point": 1.0, "duration": 60.0, "robots": ROBOTS, "zones": [ward]}
     outcome = run_in_process(prepare(load_scenario(given | {"patrol": {"policy": policy}})), keep=False)
     assert outcome.verdict.valid, outcome.verdict.failed
     (kept,) = (check for check in outcome.verdict.checks if check.name == "slow zones")

@@ -39,9 +39,8 @@ def test_a_router_reports_that_it_listens_and_the_next_one_that_the_port_is_busy
     first = router(children, where, tmp_path)
     assert first.await_start(PATIENCE_S) == StartReport(where)
     second = children.spawn("second", "fogwatch.router", ["--listen", where], tmp_path / "second", reports_start=True)
-    assert second.await_start(PATIENCE_S) == StartReport(
-        "", StartFailure.PORT_BUSY, f"{where}: the port is busy; choose another"
-    )
+    busy = StartReport("", StartFailure.PORT_BUSY, f"{where}: the port is busy; choose another")
+    assert second.await_start(PATIENCE_S) == busy
     assert second.process.wait() == 2
 
 

@@ -60,12 +60,17 @@ class Office:
         return child
 
     def starts_by_itself(self, name: str) -> bool:
-        """Whether the launcher starts an agent without the server."""
+        """Return True if the launcher starts an agent without the server."""
         return isinstance(self.make(name).process, subprocess.Popen)
 
     @property
+    def child(self) -> Any:
+        """The server's process."""
+        return self.children.by_name[FORK_SERVER].process
+
+    @property
     def server_pid(self) -> int:
-        return self.children.by_name[FORK_SERVER].process.pid
+        return int(self.child.pid)
 
     def end(self) -> None:
         self.server.close()
@@ -238,7 +243,7 @@ def test_a_server_that_loads_dies_with_its_launcher(died_before: bool, tmp_path:
 
 
 def runs(pid: int) -> bool:
-    """Whether a process lives; a dead one may wait for whoever takes in orphans."""
+    """Return True if a process lives; a dead one may wait for whoever takes in orphans."""
     try:
         return fact(pid, "State")[0] != "Z"
     except OSError:
@@ -256,11 +261,10 @@ def test_the_end_of_the_server_is_nobody_elses_end(office: Office) -> None:
 
 def test_a_server_that_stands_still_is_given_up(office: Office) -> None:
     office.made("r1")
-    server = office.children.by_name[FORK_SERVER]
     office.server.answer_s = 0.2
-    server.process.send_signal(signal.SIGSTOP)
+    office.child.send_signal(signal.SIGSTOP)
     assert office.starts_by_itself("r2")
-    assert server.process.wait() == -signal.SIGKILL, "it makes no process later on that nobody knows of"
+    assert office.child.wait() == -signal.SIGKILL, "it makes no process later on that nobody knows of"
     assert office.starts_by_itself("r3")
 
 
@@ -272,10 +276,10 @@ def test_the_time_to_load_counts_from_the_first_wait(office: Office, monkeypatch
 
 def test_a_server_that_does_not_load_in_time_is_given_up(office: Office, monkeypatch: pytest.MonkeyPatch) -> None:
     clock = iter([0.0, READY_S])
-    office.children.by_name[FORK_SERVER].process.send_signal(signal.SIGSTOP)
+    office.child.send_signal(signal.SIGSTOP)
     monkeypatch.setattr("patrol.starting.readiness.time", SimpleNamespace(monotonic=lambda: next(clock)))
     office.server.await_start(lambda: False)
-    assert office.children.by_name[FORK_SERVER].process.wait() == -signal.SIGKILL
+    assert office.child.wait() == -signal.SIGKILL
     monkeypatch.undo()
     assert office.starts_by_itself("r1")
 
@@ -293,7 +297,7 @@ def test_what_the_server_makes_ends_where_it_is_no_child_of_the_launcher(
     try:
         by_itself = office.make("r2").process
         assert isinstance(by_itself, subprocess.Popen)
-        assert office.children.by_name[FORK_SERVER].process.wait() == -signal.SIGKILL
+        assert office.child.wait() == -signal.SIGKILL
         until(lambda: marked(mark) == {first, by_itself.pid})
     finally:
         office.end()
@@ -301,9 +305,7 @@ def test_what_the_server_makes_ends_where_it_is_no_child_of_the_launcher(
 
 def test_whoever_asks_takes_in_no_orphans_afterwards(lasting: Office) -> None:
     lasting.made("r1")
-    orphans = (
-        "import os\nif os.fork() == 0:\n    print(os.getpid(), flush=True)\n    import time\n    time.sleep(3600)\n"
-    )
+    orphans = "import os, time\nif os.fork() == 0:\n    print(os.getpid(), flush=True)\n    time.sleep(3600)\n"
     with subprocess.Popen([sys.executable, "-c", orphans], stdout=subprocess.PIPE, text=True) as parent:
         assert parent.stdout is not None
         pid = int(parent.stdout.readline())
@@ -332,7 +334,7 @@ def test_a_process_that_somebody_else_has_waited_for_has_ended() -> None:
 
 def test_closing_it_does_not_wait_for_one_that_stands_still(office: Office, monkeypatch: pytest.MonkeyPatch) -> None:
     office.made("r1")
-    server = office.children.by_name[FORK_SERVER].process
+    server = office.child
     server.send_signal(signal.SIGSTOP)
     office.server.answer_s = None
     asking = threading.Event()
@@ -376,7 +378,7 @@ def test_a_server_that_cannot_load_is_given_up(tmp_path: Path, monkeypatch: pyte
     monkeypatch.setenv("NUMBA_CACHE_DIR", "/dev/null/none")
     office = Office(tmp_path)
     assert office.starts_by_itself("r1")
-    assert office.children.by_name[FORK_SERVER].process.wait() != 0
+    assert office.child.wait() != 0
     office.end()
 
 

@@ -1,4 +1,4 @@
-"""How the launcher starts agents, from the fork server or by themselves, and that it waits for nothing when stopped."""
+"""The launcher starts agents from the fork server or by themselves, and waits for nothing when stopped."""
 
 from __future__ import annotations
 

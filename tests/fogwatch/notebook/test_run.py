@@ -21,35 +21,21 @@ from matplotlib.figure import Figure
 import fogwatch
 from agent.ports import Intent, Place, PolicySetup
 from agent.view import View
+from monitor.replay.run import open_run
 from monitor.report.analysis import analyse
 from monitor.report.document import drawings
 from patrol.errors import BadInput
 from patrol.journal import read_journal
+from tests.fleets import COARSE
+from tests.fogwatch.conftest import cut_off
 
-SMALL = {
-    "name": "small",
-    "terrain": {"builtin": "open"},
-    "point": 1.0,
-    "duration": 15,
-    "robots": {"count": 2, "model": "holonomic"},
-    "faults": [{"kind": "loss", "rate": 0.5, "at": 2, "for": 5}],
-}
+SMALL = {**COARSE, "name": "small", "duration": 15, "robots": {"count": 2, "model": "holonomic"}}
+SMALL["faults"] = [{"kind": "loss", "rate": 0.5, "at": 2, "for": 5}]
 
 
 @pytest.fixture(scope="module")
 def ran(tmp_path_factory: pytest.TempPathFactory) -> fogwatch.Run:
     return fogwatch.run(SMALL, out=tmp_path_factory.mktemp("run") / "small")
-
-
-@pytest.fixture
-def cut_off(ran: fogwatch.Run, tmp_path: Path) -> Path:
-    """The same run, killed after two thirds."""
-    folder = tmp_path / "cut"
-    folder.mkdir()
-    (folder / "scenario.yaml").write_bytes((ran.folder / "scenario.yaml").read_bytes())
-    whole = (ran.folder / "journal").read_bytes()
-    (folder / "journal").write_bytes(whole[: 2 * len(whole) // 3])
-    return folder
 
 
 def test_a_loaded_run_is_the_one_that_was_made(ran: fogwatch.Run) -> None:
@@ -71,8 +57,9 @@ def test_a_loaded_run_is_the_one_that_was_made(ran: fogwatch.Run) -> None:
     assert loaded.ground.num_rows * 1.0 == loaded.summary["patrolled_area_m2"]
 
 
-def test_a_run_that_was_killed_gives_what_its_journal_has(ran: fogwatch.Run, cut_off: Path) -> None:
-    killed = fogwatch.load(cut_off)
+def test_a_run_that_was_killed_gives_what_its_journal_has(ran: fogwatch.Run, tmp_path: Path) -> None:
+    folder = cut_off(ran.folder, tmp_path / "cut")
+    killed = fogwatch.load(folder)
     assert killed.state == "cut off"
     assert killed.verdict.outcome == "unknown"
     assert not killed.verdict.checks
@@ -87,9 +74,9 @@ def test_a_run_that_was_killed_gives_what_its_journal_has(ran: fogwatch.Run, cut
     assert killed.summary["mfow_mean_s"] == pytest.approx(killed.mfow_s.mean(), rel=1e-12)
     assert "verdict unknown" in repr(killed)
     assert "not judged" in killed._repr_html_()
-    with (cut_off / "journal").open("rb") as journal:
+    with (folder / "journal").open("rb") as journal:
         fcntl.flock(journal, fcntl.LOCK_EX)  # as its writer does
-        assert fogwatch.load(cut_off).state == "still going"
+        assert fogwatch.load(folder).state == "still going"
 
 
 @given(time_s=st.floats(0.0, 20.0))
@@ -120,8 +107,6 @@ def test_a_time_before_the_run_is_refused(ran: fogwatch.Run, time_s: float) -> N
 
 
 def test_figures_are_those_of_the_report(ran: fogwatch.Run) -> None:
-    from monitor.replay.run import open_run
-
     assert ran.figure_names == [drawing.name for drawing in drawings(analyse(open_run(ran.folder)))]
     figure = ran.figure("mfow")
     assert isinstance(figure, Figure)
@@ -163,8 +148,6 @@ def test_the_old_name_of_the_class_goes_with_a_warning() -> None:
 
 
 class Eastwards:
-    """A policy of this file."""
-
     def __init__(self, setup: PolicySetup) -> None:
         self._east = setup.ground.terrain.width * setup.ground.terrain.point
 
@@ -203,9 +186,8 @@ except BadInput as error:
 
 @pytest.mark.processes
 def test_a_policy_of_the_main_program_runs_in_its_process_only(tmp_path: Path) -> None:
-    done = subprocess.run(
-        [sys.executable, "-c", NOTEBOOK, str(tmp_path / "run")], capture_output=True, text=True, check=True
-    )
+    command = [sys.executable, "-c", NOTEBOOK, str(tmp_path / "run")]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
     first, second = done.stdout.splitlines()
     assert first == "valid 0.0 __main__:Still"
     assert second.startswith("policy = Still: was defined here, where other processes cannot import it; run with")

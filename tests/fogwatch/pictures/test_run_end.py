@@ -19,13 +19,8 @@ from patrol.journal import read_journal
 from patrol.prepare import Prepared, prepare
 from patrol.scenario import dump_scenario, load_scenario
 
-SCENARIO: dict[str, Any] = {
-    "name": "short",
-    "terrain": {"builtin": "yards"},
-    "point": 1.0,
-    "duration": 30,
-    "robots": {"count": 2, "model": "holonomic"},
-}
+ROBOTS = {"count": 2, "model": "holonomic"}
+SCENARIO: dict[str, Any] = {"terrain": {"builtin": "yards"}, "point": 1.0, "duration": 30, "robots": ROBOTS}
 
 
 def run(folder: Path, **changes: Any) -> Prepared:
@@ -54,15 +49,6 @@ def test_the_replayed_fog_is_the_worlds(tmp_path: Path, sensor: dict[str, Any]) 
     assert final.fog.mean(last.k) == pytest.approx(last.fog_mean)
     assert final.fog.seen == last.seen
     assert [len(track) for track in final.tracks.values()] == [60, 60]
-
-
-def test_robots_that_come_and_go_are_drawn(tmp_path: Path) -> None:
-    faults = [{"kind": "leave", "who": "r1", "at": 5}, {"kind": "join", "who": "r2", "at": 10}]
-    prepared = run(tmp_path, faults=faults)
-    final = replay(read_journal(tmp_path / "journal"), prepared)
-    assert [int(np.isfinite(track[:, 0]).sum()) for track in final.tracks.values()] == [10, 40]
-    run_picture(tmp_path, tmp_path / "fog.png", prepared)
-    assert min(size_of(tmp_path / "fog.png")) > 100
 
 
 def test_a_run_is_drawn_from_its_folder(tmp_path: Path) -> None:
@@ -123,7 +109,9 @@ def test_legend_colour_bar_and_scale_bar_never_overlap(shape: tuple[int, int], l
     assert boxes[1].height > 150  # an inch
 
 
-def test_a_spare_robot_that_never_joined_is_left_out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_robots_that_come_and_go_are_drawn_and_a_spare_one_that_never_joined_is_left_out(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     named: list[str] = []
 
     def noted(*drawn: Any) -> None:
@@ -131,10 +119,12 @@ def test_a_spare_robot_that_never_joined_is_left_out(tmp_path: Path, monkeypatch
         key_column(*drawn)
 
     monkeypatch.setattr("monitor.figures.ground.key_column", noted)
-    prepared = run(
-        tmp_path, robots={"count": 2, "spare": 2, "model": "holonomic"}, faults=[{"kind": "join", "who": "r3", "at": 9}]
-    )
+    faults = [{"kind": "leave", "who": "r1", "at": 5}, {"kind": "join", "who": "r3", "at": 10}]
+    prepared = run(tmp_path, robots={**ROBOTS, "spare": 2}, faults=faults)
+    final = replay(read_journal(tmp_path / "journal"), prepared)
+    assert [int(np.isfinite(track[:, 0]).sum()) for track in final.tracks.values()] == [10, 60, 40, 0]
     run_picture(tmp_path, tmp_path / "fog.png", prepared)
+    assert min(size_of(tmp_path / "fog.png")) > 100
     assert [name for name in named if name.startswith("r")] == ["r1", "r2", "r3"]
 
 

@@ -9,7 +9,7 @@ import subprocess
 import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
 
@@ -20,11 +20,9 @@ from patrol.security.access import FILE, credentials_at, private_roots, read_acc
 from patrol.security.credentials import read_credentials
 from patrol.security.keys import WORLD, fleet_keys
 from patrol.security.roles import VIEWER
-from tests.fleets import COARSE, Processes
+from tests.fleets import COARSE, Processes, python
+from tests.fogwatch.conftest import Run
 from tests.routers import PATIENCE_S, free_endpoint, needs_openssl
-
-if TYPE_CHECKING:
-    from tests.fogwatch.conftest import Run
 
 pytestmark = pytest.mark.processes
 
@@ -37,18 +35,21 @@ SMALL: dict[str, Any] = {
 
 
 def private_folder(run: Path) -> Path:
-    """Where the secrets of a run are."""
     name: str = json.loads((run / FILE).read_text(encoding="utf-8"))["private"]
     return next(root / name for root in private_roots() if (root / name).is_dir())
 
 
 def secrets_in(folder: Path) -> set[str]:
-    """All passwords and tokens of a run."""
     found = set()
     for file in folder.glob("*.json"):
         one = read_credentials(file, "test")
         found |= {one.password, one.token}
     return {secret for secret in found if secret}
+
+
+def text_in(folder: Path) -> str:
+    """All that the files of a folder hold."""
+    return "".join(path.read_bytes().decode(errors="replace") for path in folder.rglob("*") if path.is_file())
 
 
 def what_others_see(pids: list[int]) -> str:
@@ -66,7 +67,7 @@ def test_a_running_fleet_shows_no_secret_and_lets_no_stranger_in(start: Callable
     children = run.children()
     assert len(children) == 5
     shown = what_others_see([run.process.pid, *children.values()])
-    held = "".join(path.read_bytes().decode(errors="replace") for path in run.folder.rglob("*") if path.is_file())
+    held = text_in(run.folder)
     assert str(folder) in shown, "what is searched is what the processes were started with"
     assert FILE in {path.name for path in run.folder.iterdir()}
     for secret in secrets:
@@ -78,24 +79,15 @@ def test_a_running_fleet_shows_no_secret_and_lets_no_stranger_in(start: Callable
     viewer = open_link(access.router, PATIENCE_S, credentials=credentials_at(run.folder, "test", VIEWER))
     assert any(viewer.sees(fleet_keys(access.fleet).alive(WORLD)) for _ in range(1000))
     viewer.close()
-    command = [sys.executable, "-P", "-m", "fogwatch", "control", str(run.folder), "pause"]
-    paused = subprocess.run(command, capture_output=True, text=True, check=False, timeout=PATIENCE_S)
+    paused = python("-m", "fogwatch", "control", run.folder, "pause")
     assert paused.returncode == 0, paused.stderr
     assert "paused before tick" in paused.stdout
     run.interrupt()
     assert run.summary()["verdict"]["outcome"] == "valid"
     assert not folder.exists()
-    left = "".join(path.read_bytes().decode(errors="replace") for path in run.folder.rglob("*") if path.is_file())
+    left = text_in(run.folder)
     for secret in secrets:
         assert secret not in f"{left}{run.output}{run.errors}"
-
-
-def test_a_robot_that_joins_later_has_a_role_too(start: Callable[..., Run]) -> None:
-    faults = [{"kind": "join", "who": "r3", "at": 5}, {"kind": "restart", "who": "r1", "at": 8}]
-    robots = [{}, {}, {"spare": True}]
-    run = start({**COARSE, "duration": 20, "robots": robots, "faults": faults})
-    assert run.end() == 0, run.errors
-    assert run.summary()["verdict"]["valid"], run.summary()["verdict"]
 
 
 class Site(Processes):
@@ -109,8 +101,11 @@ class Site(Processes):
         self.port = free_endpoint().rpartition(":")[2]
 
     def command(self, *arguments: str) -> subprocess.CompletedProcess[str]:
-        command = [sys.executable, "-P", "-m", "fogwatch", *arguments]
-        return subprocess.run(command, capture_output=True, text=True, check=False, timeout=PATIENCE_S)
+        return python("-m", "fogwatch", *arguments)
+
+    def start_world(self, credentials: Path, out: Path) -> None:
+        where = ("--scenario", str(self.scenario), "--out", str(out))
+        self.start("world", "worldsim", "--credentials", str(credentials), *where)
 
     def start_agent(self, name: str, credentials: Path) -> None:
         self.start(name, "agent", "--credentials", str(credentials), "--scenario", str(self.scenario), "--wait", "60")
@@ -129,15 +124,13 @@ def test_the_recipe_for_several_machines(site: Site, tmp_path: Path) -> None:
     site.scenario.write_text(json.dumps({**SMALL, "duration": 100_000, "pace": 10}), encoding="utf-8")
     made = site.command("fleet", "init", str(site.fleet), "--robots", "anna,bert", "--port", site.port)
     assert made.returncode == 0, made.stderr
-    machines = {
-        name: tmp_path / f"machine-{name}" for name in ("router", "world", "anna", "bert", "viewer", "operator")
-    }
+    names = ("router", "world", "anna", "bert", "viewer", "operator")
+    machines = {name: tmp_path / f"machine-{name}" for name in names}
     for name, machine in machines.items():
         (site.fleet / name).rename(machine)
     site.start("router", "fogwatch.router", "--fleet", str(machines["router"]))
     out = tmp_path / "run"
-    world = ["--credentials", str(machines["world"]), "--scenario", str(site.scenario), "--out", str(out)]
-    site.start("world", "worldsim", *world)
+    site.start_world(machines["world"], out)
     for robot in ("anna", "bert"):
         site.start_agent(robot, machines[robot])
     site.until(lambda: (out / "ticks.csv").exists() and (out / "ticks.csv").read_text(encoding="ascii").count("\n") > 5)
@@ -147,10 +140,8 @@ def test_the_recipe_for_several_machines(site: Site, tmp_path: Path) -> None:
     assert refused.returncode == 2
     why = "a viewer's credentials give no right to control the fleet; name an operator's"
     assert refused.stderr == f"fogwatch: control: {machines['viewer']}: {why}\n"
-    page, onlooker = (
-        open_fleet(Ending(), access=machines["operator"]),
-        open_fleet(Ending(), credentials=machines["viewer"]),
-    )
+    page = open_fleet(Ending(), access=machines["operator"])
+    onlooker = open_fleet(Ending(), credentials=machines["viewer"])
     assert page is not None
     assert onlooker is not None
     assert page.control({"do": "step", "ticks": 3}).done
@@ -168,8 +159,7 @@ def test_the_recipe_for_several_machines(site: Site, tmp_path: Path) -> None:
     assert json.loads((out / "summary.json").read_text(encoding="utf-8"))["verdict"]["outcome"] == "valid"
     token = json.loads((machines["operator"] / "member.json").read_text(encoding="utf-8"))["token"]
     assert token == json.loads((machines["world"] / "member.json").read_text(encoding="utf-8"))["token"]
-    left = "".join(path.read_bytes().decode(errors="replace") for path in out.rglob("*") if path.is_file())
-    assert token not in "".join([left, *(site.said(name) for name in site.processes)])
+    assert token not in "".join([text_in(out), *(site.said(name) for name in site.processes)])
 
 
 @needs_openssl
@@ -181,15 +171,7 @@ def test_a_robot_that_was_revoked_does_not_take_part(site: Site, tmp_path: Path)
     assert "restart the router" in revoked.stdout
     assert site.command("fleet", "add", str(site.fleet), "bert").returncode == 0
     site.start("router", "fogwatch.router", "--fleet", str(site.fleet))
-    world = [
-        "--credentials",
-        str(site.fleet / "world"),
-        "--scenario",
-        str(site.scenario),
-        "--out",
-        str(tmp_path / "run"),
-    ]
-    site.start("world", "worldsim", *world)
+    site.start_world(site.fleet / "world", tmp_path / "run")
     site.start_agent("anna", site.fleet / "anna")
     site.start_agent("thief", stolen)
     site.until(lambda: "waiting for bert" in site.said("world"))
@@ -202,20 +184,18 @@ def test_a_robot_that_was_revoked_does_not_take_part(site: Site, tmp_path: Path)
 
 
 @pytest.mark.parametrize(
-    ("arguments", "code", "says"),
+    ("arguments", "says"),
     [
-        (["--listen", "tcp/0.0.0.0:1"], 2, "other machines could connect, and nobody would be asked who they are"),
-        (["--listen", "tcp/[::]:1"], 2, "(or --open, to let everybody do everything)"),
-        (["--listen", "tcp/localhost.example:1"], 2, "give --fleet FOLDER"),
-        (["--fleet", "none"], 2, "--fleet: none/router/router.json cannot be read"),
-        (["--fleet", "none", "--open"], 2, "--open: means that there is no --fleet"),
+        (["--listen", "tcp/0.0.0.0:1"], "other machines could connect, and nobody would be asked who they are"),
+        (["--listen", "tcp/[::]:1"], "(or --open, to let everybody do everything)"),
+        (["--listen", "tcp/localhost.example:1"], "give --fleet FOLDER"),
+        (["--fleet", "none"], "--fleet: none/router/router.json cannot be read"),
+        (["--fleet", "none", "--open"], "--open: means that there is no --fleet"),
     ],
 )
-def test_a_router_that_would_be_open_to_others_does_not_start(arguments: list[str], code: int, says: str) -> None:
-    command = [sys.executable, "-P", "-m", "fogwatch.router", *arguments]
-    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=PATIENCE_S)
-    assert done.returncode == code
-    assert done.stderr.count("\n") == 1
+def test_a_router_that_would_be_open_to_others_does_not_start(arguments: list[str], says: str) -> None:
+    done = python("-m", "fogwatch.router", *arguments)
+    assert (done.returncode, done.stderr.count("\n")) == (2, 1)
     assert says in done.stderr
 
 

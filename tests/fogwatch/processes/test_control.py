@@ -8,30 +8,29 @@ import signal
 import stat
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
+from urllib.request import urlopen
 
 import pytest
 
 import fogwatch
-from monitor.process import READY
-from patrol.journal import Status, read_journal
+from patrol.journal import Event, Status, read_journal
 from patrol.net.link import Link, open_link
 from patrol.scenario.controls import OPERATOR, Answer
 from patrol.security.access import FILE, read_access
 from patrol.security.control_auth import ASK, ControlClient, Unanswered
 from patrol.security.keys import fleet_keys
 from tests.fleets import COARSE
-
-if TYPE_CHECKING:
-    from tests.fogwatch.conftest import Run
+from tests.fogwatch.conftest import Run, Shell
+from tests.fogwatch.processes.test_features import SITE
+from tests.fogwatch.processes.test_page import address_of
 
 pytestmark = pytest.mark.processes
 
 
 class Operating:
-    """Somebody who controls a run."""
-
     def __init__(self, run: Run) -> None:
         self.run = run
         run.until((run.folder / FILE).exists)
@@ -63,6 +62,15 @@ class Operating:
         self.run.until(lambda: self.run.ticks() == held)
         return held
 
+    def go_on(self, ticks: int) -> None:
+        """Let the run go on for so many ticks, and interrupt it."""
+        assert self.ask(do="go").done
+        self.run.pass_ticks(ticks)
+        self.run.interrupt()
+
+    def events(self) -> list[Event]:
+        return list(read_journal(self.run.folder / "journal").events)
+
     def fault(self, **fault: Any) -> Answer:
         return self.ask(do="fault", fault=fault)
 
@@ -80,32 +88,40 @@ def operate(start: Callable[..., Run]) -> Any:
         one.link.close()
 
 
-def test_a_page_that_dies_takes_nothing_with_it(operate: Callable[..., Operating]) -> None:
-    """It is killed while the fleet drives and it shows that; held before, for a page takes its time to come."""
+def test_a_page_that_dies_takes_nothing_with_it_and_is_served_again_at_its_address(
+    operate: Callable[..., Operating],
+) -> None:
+    """It is killed while the fleet drives; held before and after, for a page takes its time to come."""
+    pytest.importorskip("starlette")
     at = operate({**COARSE, "duration": 100_000, "robots": 3 * [{}]}, "--page")
-    log = at.run.folder / "logs" / "page.log"
-    at.run.until(lambda: log.exists() and READY in log.read_text(encoding="utf-8"))
-    held = at.step(8)
-    page = at.run.children()["monitor"]
-    assert at.ask(do="go").done
-    at.run.until(lambda: at.run.ticks() > held)
-    os.kill(page, signal.SIGKILL)
-    at.run.until(lambda: at.run.children().get("monitor", page) != page)
-    at.run.pass_ticks(20)
-    at.run.interrupt()
-    assert "the page was killed by SIGKILL" in at.run.errors
-    assert not at.run.children()
-    summary = at.run.summary()
-    assert summary["exit_codes"] == dict.fromkeys(["the router", "the world", "r1", "r2", "r3"], 0)
-    at.run.assert_undisturbed()
+    run, address = at.run, address_of(at.run)
+    at.step(8)
+    for _ in range(2):
+        with urlopen(address) as page:
+            assert page.status == 200
+        assert at.ask(do="go").done
+        run.pass_ticks(1)
+        os.kill(run.children()["monitor"], signal.SIGKILL)
+        run.pass_ticks(20)
+        assert at.ask(do="pause").done
+        assert run.process.stderr is not None
+        line = next(line for line in run.process.stderr if line.startswith("the page"))
+        assert line.startswith("the page was killed by SIGKILL; starting it again (")
+        run.until(lambda: serves(address))
+    run.interrupt()
+    assert not run.children()
+    assert run.summary()["exit_codes"] == dict.fromkeys(["the router", "the world", "r1", "r2", "r3"], 0)
+    run.assert_undisturbed()
+
+
+def serves(address: str) -> bool:
+    with suppress(OSError), urlopen(address) as page:
+        return bool(page.status == 200)
+    return False
 
 
 def test_what_an_operator_does_is_seen_and_replayed_to_the_same_trace(
-    operate: Callable[..., Operating],
-    command: Callable[..., int],
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
-    monkeypatch: pytest.MonkeyPatch,
+    operate: Callable[..., Operating], shell: Shell, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("os.nice", lambda _: 0)  # it would hold for all tests after this one
     scenario = {
@@ -122,26 +138,19 @@ def test_what_an_operator_does_is_seen_and_replayed_to_the_same_trace(
     assert at.ask(do="intruder", place=[30, 30]).done
     assert at.run.ticks() == held  # nothing of it happens before the next tick
     assert at.step(7) == held + 7
-    assert command("status", at.run.folder, "--seconds", "0.1", "--json") == 1
-    robots = json.loads(capsys.readouterr().out)["robots"]
-    assert [robot["wrong"] for robot in robots] == ["", "its process was killed", "", ""]
+    said = shell("status", at.run.folder, "--seconds", "0.1", "--json")
+    wrong = [robot["wrong"] for robot in json.loads(said.out)["robots"]]
+    assert (said.code, wrong) == (1, ["", "its process was killed", "", ""])
     assert at.fault(kind="spoof", by="r1", payload={"replay": 5.0}, **{"as": "r3", "for": 4}).done
     assert at.fault(kind="restart", who="r2", at=2).done
     assert at.fault(kind="pause", who="r3", id="nap").done
     assert at.step(5) == held + 12
     assert at.ask(do="heal", id="nap").done
-    assert at.ask(do="go").done
-    at.run.pass_ticks(20)
-    at.run.interrupt()
-    assert at.run.summary()["verdict"]["valid"], at.run.summary()["verdict"]
-    length = {"duration": at.run.summary()["ticks"] * 0.5}
-    again = fogwatch.run(at.run.folder / "timeline.yaml", out=tmp_path / "again", overrides=length, picture=False)
-    assert again.verdict.valid
-    assert again.trace_hash == at.run.summary()["trace_hash"]
-    journal = read_journal(at.run.folder / "journal")
-    done = [json.loads(event.detail)["do"] for event in journal.events if event.kind == OPERATOR]
+    at.go_on(20)
+    at.run.assert_replayed()
+    done = [json.loads(event.detail)["do"] for event in at.events() if event.kind == OPERATOR]
     assert done[-12:] == ["step", *3 * ["fault"], "intruder", "step", *3 * ["fault"], "step", "heal", "go"]
-    ticks = list(journal.ticks)
+    ticks = at.run.records()
     assert ticks[held - 1].robots[1].status is Status.ALIVE
     assert ticks[held].robots[1].status is Status.DEAD
     assert [tick.robots[2].status for tick in ticks[held + 7 : held + 13]] == 5 * [Status.PAUSED] + [Status.ALIVE]
@@ -156,39 +165,45 @@ DOORS = [
 ROBOTS = {"count": 2, "model": "holonomic", "radius": 0.4, "speed": 2.0, "starts": [[10, 10], [90, 70]]}
 
 
-def test_closures_closed_and_opened_from_a_shell_do_so_again(
-    operate: Callable[..., Operating],
-    command: Callable[..., int],
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
+def test_closures_closed_and_opened_from_a_shell_do_so_again(operate: Callable[..., Operating], shell: Shell) -> None:
     at = operate({**COARSE, "duration": 100_000, "robots": ROBOTS, "closures": DOORS})
     held = at.step(8)
 
-    def shell(*words: str) -> tuple[int, str]:
-        code = command("control", at.run.folder, *words)
-        return code, "".join(capsys.readouterr())
+    def control(*words: str) -> tuple[int, str]:
+        said = shell("control", at.run.folder, *words)
+        return said.code, said.out + said.err
 
-    assert shell("open", "gate") == (0, f"op1 open gate from tick {held} on; heal op1 takes it back\n")
-    assert shell("close", "crate") == (0, f"op2 close crate from tick {held} on; heal op2 takes it back\n")
-    code, text = shell("close", "grate")
-    assert (code, text) == (1, "control: fault.closure: there is no closure grate; did you mean gate?\n")
+    assert control("open", "gate") == (0, f"op1 open gate from tick {held} on; heal op1 takes it back\n")
+    assert control("close", "crate") == (0, f"op2 close crate from tick {held} on; heal op2 takes it back\n")
+    refused = "control: fault.closure: there is no closure grate; did you mean gate?\n"
+    assert control("close", "grate") == (1, refused)
     at.step(12)
-    assert shell("close", "gate")[0] == 0
-    assert shell("heal", "op2")[0] == 0
+    assert control("close", "gate")[0] == 0
+    assert control("heal", "op2")[0] == 0
     at.step(30)
-    assert at.ask(do="go").done
-    at.run.pass_ticks(10)
-    at.run.interrupt()
-    summary = at.run.summary()
-    assert summary["verdict"]["valid"], summary["verdict"]
-    events = read_journal(at.run.folder / "journal").events
-    told = [(event.k - held, event.kind) for event in events if event.detail in ("gate", "crate") and event.k >= held]
+    at.go_on(10)
+    events = [event for event in at.events() if event.detail in ("gate", "crate") and event.k >= held]
+    told = [(event.k - held, event.kind) for event in events]
     assert told == [(0, "opened"), (0, "closed"), (12, "closed"), (12, "opened")]
-    length = {"duration": summary["ticks"] * 0.5}
-    again = fogwatch.run(at.run.folder / "timeline.yaml", out=tmp_path / "again", overrides=length, picture=False)
-    assert again.verdict.valid
-    assert again.trace_hash == summary["trace_hash"]
+    at.run.assert_replayed()
+
+
+def test_zones_that_an_operator_switches_leave_the_same_trace(
+    operate: Callable[..., Operating], tmp_path: Path
+) -> None:
+    at = operate({**SITE, "duration": 100_000})
+    held = at.step(30)
+    assert at.ask(do="zone", name="ward", on=True).text == f"ward is in force from tick {held} on"
+    assert at.ask(do="zone", name="vault", weight=0.2).text == f"vault counts 0.2 times from tick {held} on"
+    held = at.step(10)
+    assert at.ask(do="zone", name="vault", on=False).text == f"vault is out of force from tick {held} on"
+    refused = at.ask(do="zone", name="vault", on=False)
+    assert (refused.done, refused.text) == (False, "control: name = vault: is not in force, and will not be")
+    at.go_on(30)
+    at.run.assert_replayed()
+    length = {"duration": at.run.summary()["ticks"] * 0.5}
+    untouched = fogwatch.run({**SITE, **length}, out=tmp_path / "untouched", picture=False)
+    assert untouched.trace_hash != at.run.summary()["trace_hash"]
 
 
 @pytest.mark.parametrize("radio", [{}, {"via": "direct"}], ids=["ether", "direct"])
@@ -200,12 +215,9 @@ def test_closures_are_closed_by_hand_in_fleets_that_keep_to_the_clock(
     assert at.fault(kind="close", closure="crate").done
     at.step(4)
     assert at.ask(do="heal", id="op1").done
-    assert at.ask(do="go").done
-    at.run.pass_ticks(10)
-    at.run.interrupt()
+    at.go_on(10)
     assert at.run.summary()["verdict"]["valid"], at.run.summary()["verdict"]
-    events = read_journal(at.run.folder / "journal").events
-    told = [(event.k - held, event.kind) for event in events if event.detail == "crate" and event.k >= held]
+    told = [(event.k - held, event.kind) for event in at.events() if event.detail == "crate" and event.k >= held]
     assert told == [(0, "closed"), (4, "opened")]
 
 
@@ -227,16 +239,12 @@ def test_nothing_is_obeyed_without_the_token_or_that_cannot_be(operate: Callable
     for why, answer in refused.items():
         assert not answer.done, why
         assert why in answer.text or why == "rename one", answer.text
-    for junk in (
-        b"[" * 9000,
-        b"",
-        bytes(200),
-        b'{"token": "' + at.access.token.encode() + b'", "control": {"do": "go"}}',
-    ):
+    stolen = b'{"token": "' + at.access.token.encode() + b'", "control": {"do": "go"}}'
+    for junk in (b"[" * 9000, b"", bytes(200), stolen):
         assert at.link.ask(at.keys.control(ASK), junk, 60.0) is None
     at.step(5)
-    events = [event for event in read_journal(at.run.folder / "journal").events if event.kind == OPERATOR]
-    assert {json.loads(event.detail)["do"] for event in events} == {"pause", "step"}
+    done = {json.loads(event.detail)["do"] for event in at.events() if event.kind == OPERATOR}
+    assert done == {"pause", "step"}
     at.run.interrupt()
     assert not file.exists()
     assert not (at.run.folder / "timeline.yaml").exists()
@@ -256,18 +264,14 @@ def test_a_paced_run_is_paused_hurried_and_ended_while_paused(operate: Callable[
 
 def commands(run: Run, first: int) -> list[int]:
     """In how many ticks so far from the first on each robot's command came."""
-    ticks = list(read_journal(run.folder / "journal").ticks)[first:]
-    return [sum(tick.robots[place].decision_ms is not None for tick in ticks) for place in range(2)]
+    return [sum(row.decision_ms is not None for row in run.rows(number, first)) for number in (1, 2)]
 
 
 def command_lines() -> list[str]:
-    """Of all processes."""
     found = []
     for entry in Path("/proc").glob("[0-9]*/cmdline"):
-        try:
+        with suppress(OSError):
             found.append(entry.read_bytes().decode(errors="replace"))
-        except OSError:
-            continue
     return found
 
 

@@ -6,61 +6,52 @@ import os
 import signal
 from collections.abc import Callable
 from contextlib import closing
-from itertools import islice
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
 
 import fogwatch
 from fogwatch.launch import child_control
-from patrol.journal import RobotTick, Status, TickRecord, read_journal
+from monitor.recording.mcap_file import inspect_recording
+from monitor.replay.player import Player
+from monitor.replay.replay import play
+from monitor.replay.run import open_run
+from patrol.journal import RobotTick, Status, read_journal
 from patrol.starting.forking import can_fork
 from tests.fleets import COARSE, one_and_many
+from tests.fogwatch.conftest import Run
 from tests.fogwatch.processes.test_feed import attached
 from worldsim.faults import LOOKED_AT, STOPPED
 
-if TYPE_CHECKING:
-    from tests.fogwatch.conftest import Run
-
 pytestmark = pytest.mark.processes
 
-EVERYTHING: list[dict[str, Any]] = [
-    {"kind": "kill", "who": "anna", "at": 3},
-    {"kind": "restart", "who": "anna", "at": 7},
+
+def acts(*planned: tuple[str, str, float]) -> list[dict[str, Any]]:
+    """Faults of kinds that act on a robot at a time."""
+    return [{"kind": kind, "who": who, "at": at} for kind, who, at in planned]
+
+
+EVERYTHING = [
+    *acts(("kill", "anna", 3), ("restart", "anna", 7), ("restart", "bert", 9), ("join", "dora", 6)),
+    *acts(
+        ("restart", "dora", 10), ("leave", "emil", 8), ("kill", "emil", 9), ("pause", "carl", 14), ("join", "fern", 11)
+    ),
     {"kind": "kill", "who": "bert", "at": 4, "wreck": "removed"},
-    {"kind": "restart", "who": "bert", "at": 9},
     {"kind": "pause", "who": "carl", "at": 5, "for": 6},
-    {"kind": "join", "who": "dora", "at": 6},
-    {"kind": "restart", "who": "dora", "at": 10},
-    {"kind": "leave", "who": "emil", "at": 8},
-    {"kind": "kill", "who": "emil", "at": 9},
     {"kind": "loss", "rate": 0.3, "at": 2, "for": 10},
-    {"kind": "pause", "who": "carl", "at": 14},
-    {"kind": "join", "who": "fern", "at": 11},
 ]
 NAMES = ["anna", "bert", "carl", "dora", "emil"]
 SPARES = ["fern", "gil"]
 
 
-def ticks(run: Run, first: int = 0) -> list[TickRecord]:
-    """The ticks so far, from the first on."""
-    return list(islice(read_journal(run.folder / "journal").ticks, first, None))
-
-
-def rows(run: Run, number: int, first: int = 0) -> list[RobotTick]:
-    """A robot's part of the ticks so far, from the first on."""
-    return [tick.robots[number - 1] for tick in ticks(run, first)]
-
-
 def each(run: Run, first: int, what: Callable[[RobotTick], bool]) -> bool:
     """Return True if it was so of each robot in some tick, from the first on."""
-    columns = list(zip(*(tick.robots for tick in ticks(run, first)), strict=True))
+    columns = list(zip(*(tick.robots for tick in run.records(first)), strict=True))
     return bool(columns) and all(any(map(what, column)) for column in columns)
 
 
 def restart(run: Run, robot: str) -> None:
-    """Have an operator start a robot's process anew."""
     with closing(attached(run)) as operator:
         assert operator.control({"do": "fault", "fault": {"kind": "restart", "who": robot}}).done
 
@@ -84,16 +75,8 @@ def test_every_process_fault_leaves_the_same_trace(model: str, tmp_path: Path) -
     codes = {"the router": 0, "the world": 0, "anna": -9, "anna (2)": 0, "bert": -9, "bert (2)": 0}
     codes |= {"carl": 0, "dora": -9, "dora (2)": 0, "emil": 0, "fern": 0}
     assert many.summary["exit_codes"] == codes
-    status = {name: facts["status"] for name, facts in many.summary["robots"].items()}
-    assert status == {
-        "anna": "alive",
-        "bert": "alive",
-        "carl": "paused",
-        "dora": "alive",
-        "emil": "left",
-        "fern": "alive",
-        "gil": "absent",
-    }
+    statuses = [facts["status"] for facts in many.summary["robots"].values()]
+    assert statuses == ["alive", "alive", "paused", "alive", "left", "alive", "absent"]
     header, *lines = (many.folder / "ticks.csv").read_text(encoding="ascii").splitlines()
     last = dict(zip(header.split(","), lines[-1].split(","), strict=True))
     assert [last[name] for name in ("living", "paused", "dead", "lost", "away")] == ["4", "1", "0", "0", "2"]
@@ -103,9 +86,8 @@ def test_a_launcher_that_stops_nobody_is_found_out(tmp_path: Path, monkeypatch: 
     """The world speaks to nobody who is paused, so that nothing else shows whether a process was stopped."""
     monkeypatch.setattr(child_control, "pause", lambda _child: None)
     faults = [{"kind": "pause", "who": "r2", "at": 2, "for": 2}]
-    run = fogwatch.run(
-        {**COARSE, "duration": 6, "robots": 2 * [{}], "faults": faults}, out=tmp_path, in_process=False, picture=False
-    )
+    scenario = {**COARSE, "duration": 6, "robots": 2 * [{}], "faults": faults}
+    run = fogwatch.run(scenario, out=tmp_path, in_process=False, picture=False)
     assert [check.name for check in run.verdict.failed] == ["the paused stand still"]
     assert "r2 was paused at tick 4, but its process has the state " in run.verdict.failed[0].detail
 
@@ -116,37 +98,50 @@ def test_a_planned_death_is_told_as_planned(start: Callable[..., Run]) -> None:
     assert "tick 6: r2 dead: f1 kill" in run.errors
     assert "was killed by" not in run.errors
     assert run.summary()["ticks"] == 20
-    assert {facts["status"] for facts in run.summary()["robots"].values()} == {"dead"}
+    assert set(run.statuses().values()) == {"dead"}
 
 
-def test_another_death_beside_a_planned_one_is_not(start: Callable[..., Run]) -> None:
+def test_another_death_beside_a_planned_one_is_named_and_the_others_go_on(start: Callable[..., Run]) -> None:
     run = start({**COARSE, "duration": 100_000, "robots": 3 * [{}], "faults": [{"kind": "kill", "who": "r1", "at": 3}]})
     run.until(lambda: run.ticks() > 20)
     os.kill(run.children()["r2"], signal.SIGKILL)
     assert run.process.stderr is not None
     assert any("r2 was killed by SIGKILL" in line for line in run.process.stderr)
-    run.until(lambda: rows(run, 2)[-1].status is Status.LOST)
+    run.until(lambda: run.rows(2)[-1].status is Status.LOST)
     restart(run, "r2")
-    run.until(lambda: rows(run, 2)[-1].status is Status.ALIVE)
+    run.until(lambda: run.rows(2)[-1].status is Status.ALIVE)
     run.interrupt()
-    summary = run.summary()
-    assert [check["name"] for check in summary["verdict"]["checks"] if not check["ok"]] == ["nobody lost"]
-    assert {name: facts["status"] for name, facts in summary["robots"].items()} == {
-        "r1": "dead",
-        "r2": "alive",
-        "r3": "alive",
-    }
+    assert list(run.failed()) == ["nobody lost"]
+    assert "r2" in run.failed()["nobody lost"]
+    assert run.statuses() == {"r1": "dead", "r2": "alive", "r3": "alive"}
+    assert run.rows(2)[0].status is Status.ALIVE
+    assert run.summary()["robots"]["r3"]["decisions"] == run.summary()["ticks"]
 
 
-@pytest.mark.parametrize("pace", ["lockstep", 10])
-def test_an_interrupted_run_lets_the_paused_go(pace: str | float, start: Callable[..., Run]) -> None:
+@pytest.mark.parametrize(
+    ("pace", "number"),
+    [
+        ("lockstep", signal.SIGINT),
+        (10, signal.SIGINT),
+        pytest.param("lockstep", signal.SIGTERM, marks=pytest.mark.accept),
+    ],
+)
+def test_an_interrupted_run_lets_the_paused_go_ends_everything_and_can_be_read(
+    pace: str | float, number: signal.Signals, start: Callable[..., Run]
+) -> None:
     faults = [{"kind": "pause", "who": ["r1", "r2"], "at": 3}]
     run = start({**COARSE, "duration": 100_000, "pace": pace, "robots": 3 * [{}], "faults": faults})
     run.until(lambda: run.ticks() > 20)
-    run.interrupt()
+    assert len(run.children()) == 5
+    run.process.send_signal(number)
+    assert run.end() == 130, run.errors
     assert not run.children()
-    assert run.summary()["ended"] == "interrupted"
-    assert run.summary()["exit_codes"] == dict.fromkeys(["the router", "the world", "r1", "r2", "r3"], 0)
+    summary = run.summary()
+    assert (summary["ended"], summary["ticks"] > 20) == ("interrupted", True)
+    assert summary["exit_codes"] == dict.fromkeys(["the router", "the world", "r1", "r2", "r3"], 0)
+    journal = read_journal(run.folder / "journal")
+    assert journal.end is not None
+    assert not journal.truncated
 
 
 def test_a_run_can_be_interrupted_while_a_robot_is_started(start: Callable[..., Run]) -> None:
@@ -159,19 +154,20 @@ def test_a_run_can_be_interrupted_while_a_robot_is_started(start: Callable[..., 
         run.process.send_signal(signal.SIGINT)  # at once, while it loads
     assert run.end() == 130, run.errors
     assert not run.children()
-    summary = run.summary()
-    assert summary["ended"] == "interrupted"
-    assert summary["exit_codes"]["r1"] == -9
-    assert [check for check in summary["verdict"]["checks"] if not check["ok"]] == []
+    assert run.summary()["ended"] == "interrupted"
+    assert run.summary()["exit_codes"]["r1"] == -9
+    assert run.failed() == {}
 
 
-def test_a_killed_launcher_leaves_no_paused_process_behind(start: Callable[..., Run]) -> None:
-    faults = [{"kind": "pause", "who": "r1", "at": 3}, {"kind": "restart", "who": "r2", "at": 4}]
+def test_nothing_outlives_a_killed_launcher_not_even_a_paused_process(start: Callable[..., Run]) -> None:
+    faults = acts(("pause", "r1", 3), ("restart", "r2", 4))
     run = start({**COARSE, "duration": 100_000, "robots": 2 * [{}], "faults": faults})
     run.until(lambda: run.ticks() > 20)
     run.process.kill()
     run.process.wait()
     run.until(lambda: not run.children())
+    assert not (run.folder / "static").exists()
+    assert len(run.records()) > 20
 
 
 @pytest.mark.skipif(not can_fork(), reason="this system has no fork server")
@@ -190,26 +186,16 @@ def test_without_the_fork_server_a_run_goes_on_and_robots_are_still_started(star
 
 
 def test_at_a_pace_robots_come_when_their_processes_are_there(start: Callable[..., Run]) -> None:
-    faults = [
-        {"kind": "kill", "who": "r1", "at": 2},
-        {"kind": "restart", "who": "r1", "at": 4},
-        {"kind": "join", "who": "r2", "at": 4},
-        {"kind": "pause", "who": "r3", "at": 2, "for": 6},
-        {"kind": "leave", "who": "r4", "at": 6},
-    ]
+    faults = acts(("kill", "r1", 2), ("restart", "r1", 4), ("join", "r2", 4), ("leave", "r4", 6))
+    faults.append({"kind": "pause", "who": "r3", "at": 2, "for": 6})
     run = start({**COARSE, "duration": 100_000, "pace": 5, "robots": 4 * [{}], "faults": faults})
     run.until(lambda: run.ticks() > 16)
     for number in (1, 2, 3):  # the last of them to come back does so before tick 16
-        run.until(lambda: any(row.decision_ms is not None for row in rows(run, number, 16)))  # noqa: B023 - asked at once
+        run.until(lambda: any(row.decision_ms is not None for row in run.rows(number, 16)))  # noqa: B023 - asked at once
     run.interrupt()
     summary = run.summary()
     assert summary["verdict"]["valid"], summary["verdict"]
-    assert {name: facts["status"] for name, facts in summary["robots"].items()} == {
-        "r1": "alive",
-        "r2": "alive",
-        "r3": "alive",
-        "r4": "left",
-    }
+    assert run.statuses() == {"r1": "alive", "r2": "alive", "r3": "alive", "r4": "left"}
     assert summary["exit_codes"]["r1"] == -9
     assert set(summary["exit_codes"].values()) == {0, -9}
 
@@ -228,17 +214,17 @@ def test_the_router_and_agents_die_in_turn_at_a_pace(start: Callable[..., Run]) 
     run.until(lambda: run.children().get("fogwatch.router", last) != last)
     os.kill(run.children()["fogwatch.router"], signal.SIGKILL)
     run.until(lambda: each(run, stopped, _drives))
-    assert {row.status for tick in ticks(run) for row in tick.robots} == {Status.ALIVE}
+    assert {row.status for tick in run.records() for row in tick.robots} == {Status.ALIVE}
     for dead in ("r1", "r2"):
         os.kill(run.children()[dead], signal.SIGKILL)
-        run.until(lambda: rows(run, int(dead[1]))[-1].status is Status.LOST)  # noqa: B023 - asked at once
+        run.until(lambda: run.rows(int(dead[1]))[-1].status is Status.LOST)  # noqa: B023 - asked at once
     at = run.ticks()
-    run.until(lambda: any(_drives(row) for row in rows(run, 3, at)))
+    run.until(lambda: any(_drives(row) for row in run.rows(3, at)))
     os.kill(run.children()["r3"], signal.SIGKILL)
     assert run.end() == 1, run.errors  # nobody is left to wait for
     assert not run.children()
     assert run.errors.count("router was killed by SIGKILL") == 2
-    failed = {check["name"]: check["detail"] for check in run.summary()["verdict"]["checks"] if not check["ok"]}
+    failed = run.failed()
     assert set(failed) == {"complete", "nobody lost"}
     assert failed["complete"].endswith("nobody is living any more")
     assert all(name in failed["nobody lost"] for name in ("r1", "r2", "r3"))
@@ -253,9 +239,10 @@ def _drives(row: RobotTick) -> bool:
 
 
 @pytest.mark.parametrize("pace", ["lockstep", pytest.param(10, marks=pytest.mark.accept)])
-def test_a_dead_world_ends_the_run_whatever_is_under_way(pace: str | float, start: Callable[..., Run]) -> None:
+def test_a_dead_world_ends_the_run_unjudged_whatever_is_under_way(pace: str | float, start: Callable[..., Run]) -> None:
     faults = [{"kind": "pause", "who": "r1", "at": 3}, {"kind": "kill", "who": "r2", "at": 4}]
-    run = start({**COARSE, "duration": 100_000, "pace": pace, "robots": 3 * [{}], "faults": faults})
+    scenario = {**COARSE, "duration": 100_000, "pace": pace, "robots": 3 * [{}], "faults": faults}
+    run = start(scenario, "--recording", "--report")
     run.until(lambda: run.ticks() > 20)
     os.kill(run.children()["worldsim"], signal.SIGKILL)
     assert run.end() == 3, run.errors
@@ -266,3 +253,17 @@ def test_a_dead_world_ends_the_run_whatever_is_under_way(pace: str | float, star
     assert summary["robots"]["r2"]["status"] == "dead"
     assert summary["exit_codes"]["the world"] == -9
     assert "the world was killed by SIGKILL" in run.errors
+    killed = open_run(run.folder)
+    assert (killed.ended, killed.ticks > 20) == (None, True)
+    assert play(killed, []) is None, "its fog is the one that was measured, tick by tick"
+    player = Player(killed)
+    for k in (killed.ticks - 1, 3, killed.ticks // 2):
+        assert player.control({"do": "seek", "k": k}).done
+        state = player.wait(60.0)
+        assert state is not None
+        assert (state.k, state.mfow_s) == (k, killed.mfow[k] * killed.step)
+    recorded = inspect_recording(run.folder / "recording.mcap")
+    assert not recorded.why_cut
+    assert recorded.facts["ended"] == "cut off"
+    assert recorded.messages["/mfow"] == recorded.messages["/r1/pose"] == killed.ticks
+    assert "The run was cut off" in (run.folder / "report.html").read_text(encoding="utf-8")

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import os
 import signal
-import socket
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
@@ -23,7 +22,7 @@ from monitor.replay.run import open_run
 from patrol.errors import BadInput
 from patrol.journal.records import Status
 from patrol.messages.telemetry import Telemetry, pack_view
-from patrol.net.link import Link, open_link, open_router
+from patrol.net.link import Link, open_link
 from patrol.pose import Pose
 from patrol.prepare import prepare
 from patrol.process.lifeline import Ending
@@ -32,10 +31,8 @@ from patrol.scenario import load_scenario
 from patrol.security.keys import fleet_keys
 from patrol.security.private_files import new_key
 from tests.fleets import COARSE
+from tests.fogwatch.conftest import Run
 from tests.routers import reach_patiently
-
-if TYPE_CHECKING:
-    from tests.fogwatch.conftest import Run
 
 PATIENCE = 600
 """Waits of a tenth of a second."""
@@ -101,13 +98,11 @@ def until_gone(source: Source) -> bool:
 
 @pytest.mark.processes
 def test_a_stopped_viewer_costs_no_tick(start: Callable[..., Run], tmp_path: Path) -> None:
-    """A viewer's process is stopped, and the ticks go on."""
     run = start({**COARSE, "duration": 100_000, "robots": 2 * [{}]})
     operator = attached(run)
     assert operator.control({"do": "pause"}).done  # until the viewer is there, however long that takes
     ready = tmp_path / "ready"
-    viewer = _viewer(run.folder, ready)
-    try:
+    with viewing(run.folder, ready, "source.wait(10.0)") as viewer:
         run.until(ready.exists)
         viewer.send_signal(signal.SIGSTOP)
         assert operator.control({"do": "go"}).done
@@ -119,42 +114,33 @@ def test_a_stopped_viewer_costs_no_tick(start: Callable[..., Run], tmp_path: Pat
             run.pass_ticks(100)
         run.interrupt()
         assert run.summary()["verdict"]["valid"]
-    finally:
-        viewer.kill()
-        viewer.wait()
 
 
-def _viewer(folder: Path, ready: Path) -> subprocess.Popen[bytes]:
+@contextmanager
+def viewing(folder: Path, ready: Path, looks: str) -> Iterator[subprocess.Popen[bytes]]:
+    """A viewer that looks at a source again and again, and makes a file after each time."""
     code = (
         "import sys, pathlib\n"
         "from monitor.live.attach import open_fleet\n"
         "from patrol.process.lifeline import Ending\n"
         "source = open_fleet(Ending(), access=pathlib.Path(sys.argv[1]))\n"
-        "source.wait(10.0)\n"
-        "pathlib.Path(sys.argv[2]).touch()\n"
-        "while True: source.wait(1.0)\n"
+        f"while True:\n    {looks}\n    pathlib.Path(sys.argv[2]).touch()\n"
     )
-    return subprocess.Popen([sys.executable, "-P", "-c", code, str(folder), str(ready)])
+    viewer = subprocess.Popen([sys.executable, "-P", "-c", code, str(folder), str(ready)])
+    try:
+        yield viewer
+    finally:
+        viewer.kill()
+        viewer.wait()
 
 
-@pytest.fixture
-def router() -> Any:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        locator = f"tcp/127.0.0.1:{probe.getsockname()[1]}"
-    link = open_router(locator)
-    yield locator
-    link.close()
-
-
-def test_robots_without_a_world_are_heard(router: str) -> None:
+def test_robots_without_a_world_are_heard(endpoint: str) -> None:
     keys = fleet_keys("real-1")
     scenario = load_scenario({**COARSE, "robots": [{"name": "anna"}, {"name": "bert"}], "step": 0.1})
     later = [0.0]
-    source = PositionsSource(
-        keys, prepare(scenario), open_link(router, 20.0), open_link(router, 20.0), lambda: time.monotonic() + later[0]
-    )
-    robot: Link = open_link(router, 20.0)
+    links = open_link(endpoint, 20.0), open_link(endpoint, 20.0)
+    source = PositionsSource(keys, prepare(scenario), *links, lambda: time.monotonic() + later[0])
+    robot: Link = open_link(endpoint, 20.0)
     robot.live(keys.alive("anna"))
     said = Telemetry(3, "patrolling", (1.0, 2.0), (3.0, 4.0), None, 9, 1.5, 2)
     tell, position = robot.publisher(keys.telemetry("anna")), robot.broadcast(keys.position("anna"))
@@ -185,10 +171,10 @@ def test_robots_without_a_world_are_heard(router: str) -> None:
     source.close()
 
 
-def test_a_fleet_that_is_not_there_is_said_so(router: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_fleet_that_is_not_there_is_said_so(endpoint: str, monkeypatch: pytest.MonkeyPatch) -> None:
     reach_patiently(monkeypatch)
     with pytest.raises(BadInput, match="no world of this fleet"):
-        open_fleet(Ending(), router=router, fleet="nobody-1", wait_s=0.3)
+        open_fleet(Ending(), router=endpoint, fleet="nobody-1", wait_s=0.3)
     with pytest.raises(BadInput, match="no fleet named"):
         open_fleet(Ending())
 

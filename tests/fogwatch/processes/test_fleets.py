@@ -6,41 +6,27 @@ import os
 import signal
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
 
 import fogwatch
-from monitor.recording.mcap_file import inspect_recording
-from monitor.replay.player import Player
-from monitor.replay.replay import play
-from monitor.replay.run import open_run
 from patrol.exchange import Sensed
-from patrol.journal import Status, TickRecord, read_journal
+from patrol.journal import Status
 from patrol.messages.phases import PhaseA, encode
 from patrol.pose import Pose
 from patrol.security.private_files import new_key
-
-if TYPE_CHECKING:
-    from tests.fogwatch.conftest import Run
+from tests.fleets import COARSE
+from tests.fogwatch.conftest import Run
 
 pytestmark = pytest.mark.processes
 
-COARSE = {"point": 0.5}
-OPEN: dict[str, Any] = {
-    "name": "small",
-    "terrain": {"builtin": "open"},
-    "duration": 100_000,
-    "robots": {"count": 2, "model": "holonomic"},
-    **COARSE,
-}
-
+OPEN: dict[str, Any] = {**COARSE, "point": 0.5, "duration": 100_000, "robots": {"count": 2, "model": "holonomic"}}
 
 MADE_MAP = "P2\n24 20\n255\n" + "\n".join(
     " ".join("0" if x in (0, 23) or y in (0, 19) or (x == 12 and 4 < y < 15) else "254" for x in range(24))
     for y in range(20)
 )
-
 
 MODELS_ON_TERRAINS = [
     (model, terrain)
@@ -128,47 +114,6 @@ def test_a_router_that_dies_is_started_again_and_nothing_changes(start: Callable
     run.assert_undisturbed()
 
 
-def test_a_killed_agent_is_named_and_the_others_go_on(start: Callable[..., Run]) -> None:
-    run = start(OPEN)
-    run.until(lambda: run.ticks() > 20)
-    os.kill(run.children()["r2"], signal.SIGKILL)
-    run.until(lambda: last(run).robots[1].status is Status.LOST)
-    run.pass_ticks(20)
-    run.interrupt()
-    summary = run.summary()
-    assert not summary["verdict"]["valid"]
-    failed = [check for check in summary["verdict"]["checks"] if not check["ok"]]
-    assert [check["name"] for check in failed] == ["nobody lost"]
-    assert "r2" in failed[0]["detail"]
-    assert summary["robots"]["r2"]["status"] == "lost"
-    assert summary["robots"]["r1"]["decisions"] == summary["ticks"]
-    assert next(iter(read_journal(run.folder / "journal").ticks)).robots[1].status is Status.ALIVE
-    assert last(run).robots[1].status is Status.LOST
-
-
-def last(run: Run) -> TickRecord:
-    """The last tick so far."""
-    return list(read_journal(run.folder / "journal").ticks)[-1]
-
-
-@pytest.mark.parametrize("number", [signal.SIGINT, pytest.param(signal.SIGTERM, marks=pytest.mark.accept)])
-def test_an_interrupted_run_ends_everything_and_can_be_read(number: signal.Signals, start: Callable[..., Run]) -> None:
-    run = start(OPEN)
-    run.until(lambda: run.ticks() > 20)
-    children = run.children()
-    assert len(children) == 4
-    run.process.send_signal(number)
-    assert run.end() == 130, run.errors
-    assert not run.children()
-    summary = run.summary()
-    assert summary["ended"] == "interrupted"
-    assert summary["ticks"] > 20
-    assert summary["exit_codes"] == dict.fromkeys(["the router", "the world", "r1", "r2"], 0)
-    journal = read_journal(run.folder / "journal")
-    assert journal.end is not None
-    assert not journal.truncated
-
-
 def test_a_robot_may_have_any_name(start: Callable[..., Run]) -> None:
     run = start({**OPEN, "duration": 2, "robots": [{"name": "world"}, {"name": "router"}]})
     assert run.end() == 0, run.errors
@@ -225,41 +170,6 @@ def test_a_second_signal_ends_at_once(start: Callable[..., Run]) -> None:
     assert not run.children()
 
 
-def test_nothing_outlives_a_killed_launcher(start: Callable[..., Run]) -> None:
-    run = start(OPEN)
-    run.until(lambda: run.ticks() > 20)
-    os.kill(run.children()["r2"], signal.SIGSTOP)
-    run.process.kill()
-    run.process.wait()
-    run.until(lambda: not run.children())
-    assert not (run.folder / "static").exists()
-    assert sum(1 for _ in read_journal(run.folder / "journal").ticks) > 20
-
-
-def test_a_dead_world_ends_the_run_unjudged(start: Callable[..., Run]) -> None:
-    run = start(OPEN, "--recording", "--report")
-    run.until(lambda: run.ticks() > 20)
-    os.kill(run.children()["worldsim"], signal.SIGKILL)
-    assert run.end() == 3, run.errors
-    assert not run.children()
-    assert run.summary()["verdict"]["outcome"] == "unknown"
-    killed = open_run(run.folder)
-    assert killed.ended is None
-    assert killed.ticks > 20
-    assert play(killed, []) is None, "its fog is the one that was measured, tick by tick"
-    player = Player(killed)
-    for k in (killed.ticks - 1, 3, killed.ticks // 2):
-        assert player.control({"do": "seek", "k": k}).done
-        state = player.wait(60.0)
-        assert state is not None
-        assert (state.k, state.mfow_s) == (k, killed.mfow[k] * killed.step)
-    recorded = inspect_recording(run.folder / "recording.mcap")
-    assert not recorded.why_cut
-    assert recorded.facts["ended"] == "cut off"
-    assert recorded.messages["/mfow"] == recorded.messages["/r1/pose"] == killed.ticks
-    assert "The run was cut off" in (run.folder / "report.html").read_text(encoding="utf-8")
-
-
 @pytest.mark.kind("paced")
 def test_a_paced_run_waits_for_nobody_and_counts(start: Callable[..., Run]) -> None:
     run = start({**OPEN, "pace": 20, "watchdog": 1.0})
@@ -275,7 +185,7 @@ def test_a_paced_run_waits_for_nobody_and_counts(start: Callable[..., Run]) -> N
     summary = run.summary()
     assert summary["realtime_factor"] < 20 * 1.1, "it does not wait for the next tick"
     assert summary["deadlines"]["late_commands"]["r1"] >= 49
-    rows = [tick.robots[0] for tick in read_journal(run.folder / "journal").ticks]
+    rows = run.rows(1)
     assert any((row.c0, row.c1) == (0.0, 0.0) for row in rows[stopped:going]), "the watchdog did not stop it"
     assert all(row.status is Status.ALIVE for row in rows)
 
@@ -301,5 +211,4 @@ def test_at_a_pace_a_paused_agent_silences_nobody_else(start: Callable[..., Run]
 
 def decisions(run: Run, number: int, first: int) -> list[bool]:
     """Of each tick so far from the first on, whether the robot decided in it."""
-    ticks = list(read_journal(run.folder / "journal").ticks)
-    return [tick.robots[number - 1].decision_ms is not None for tick in ticks[first:]]
+    return [row.decision_ms is not None for row in run.rows(number, first)]

@@ -1,4 +1,4 @@
-"""How processes are followed from outside: logs as JSON lines, health lines, and metrics that anybody may ask for.
+"""Processes are followed from outside: logs as JSON lines, health lines, and metrics that anybody may ask for.
 
 Router, world, two agents and a page, started one by one.
 """
@@ -11,7 +11,6 @@ import re
 import socket
 import subprocess
 import sys
-import time
 import urllib.request
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, suppress
@@ -20,42 +19,36 @@ from typing import Any
 
 import pytest
 
-from tests.fleets import trace_of
+from tests.fleets import COARSE, Processes, trace_of
 from tests.routers import free_endpoint
 
 pytestmark = pytest.mark.processes
 
 PATIENCE_S = 300.0
-SCENARIO: dict[str, Any] = {
-    "name": "followed",
-    "terrain": {"builtin": "open"},
-    "point": 0.5,
-    "duration": 100_000,
-    "robots": [{"name": "anna", "model": "holonomic"}, {"name": "bert", "model": "car"}],
-}
+ROBOTS = [{"name": "anna", "model": "holonomic"}, {"name": "bert", "model": "car"}]
+SCENARIO: dict[str, Any] = {**COARSE, "point": 0.5, "duration": 100_000, "robots": ROBOTS}
 JSON = ("--log-format", "json", "--health", "0.3", "--metrics", "127.0.0.1:0")
 MODULES = {"router": "fogwatch.router", "world": "worldsim", "anna": "agent", "bert": "agent", "monitor": "monitor"}
 
 
-class Site:
+class Site(Processes):
     """The processes of one fleet, and what each has written: on its standard error, and on its standard output."""
 
     def __init__(self, folder: Path) -> None:
-        self.folder = folder
+        super().__init__(folder, PATIENCE_S)
         self.router = free_endpoint()
         self.scenario = folder / "scenario.yaml"
-        self.processes: dict[str, subprocess.Popen[bytes]] = {}
 
     def start_all(self, scenario: dict[str, Any], *how: str) -> None:
         self.scenario.write_text(json.dumps(scenario), encoding="utf-8")
         fleet = ("--router", self.router, "--fleet", "followed-1")
-        self.start("router", "--listen", self.router, *how)
-        self.start("world", *fleet, "--scenario", str(self.scenario), "--out", str(self.folder / "run"), *how)
+        self.begin("router", "--listen", self.router, *how)
+        self.begin("world", *fleet, "--scenario", str(self.scenario), "--out", str(self.folder / "run"), *how)
         for robot in ("anna", "bert"):
-            self.start(robot, *fleet, "--scenario", str(self.scenario), "--robot", robot, *how)
-        self.start("monitor", *fleet, *how)
+            self.begin(robot, *fleet, "--scenario", str(self.scenario), "--robot", robot, *how)
+        self.begin("monitor", *fleet, *how)
 
-    def start(self, name: str, *arguments: str) -> None:
+    def begin(self, name: str, *arguments: str) -> None:
         command = [sys.executable, "-P", "-m", MODULES[name], *arguments]
         with (self.folder / f"{name}.err").open("ab") as err, (self.folder / f"{name}.out").open("ab") as out:
             self.processes[name] = subprocess.Popen(command, stdout=out, stderr=err)
@@ -64,11 +57,10 @@ class Site:
         return (self.folder / f"{name}.{stream}").read_text(encoding="utf-8")
 
     def lines(self, name: str, stream: str = "err") -> list[dict[str, Any]]:
-        """The whole lines of a log so far, each a JSON object."""
         return [json.loads(line) for line in self.said(name, stream).splitlines(keepends=True) if line.endswith("\n")]
 
     def metrics_at(self, name: str) -> tuple[str, int]:
-        """Where a process has said that its metrics are, as soon as it has."""
+        """The address of a process's metrics, as soon as it has said it."""
         found: list[tuple[str, int]] = []
 
         def told() -> bool:
@@ -91,20 +83,6 @@ class Site:
                 assert f'process="{name}"' in labels
                 numbers[figure] = numbers.get(figure, 0.0) + float(number)
         return numbers
-
-    def until(self, what: Callable[[], bool]) -> None:
-        end = time.monotonic() + PATIENCE_S
-        while not what():
-            assert time.monotonic() < end, {name: self.said(name) for name in self.processes}
-            time.sleep(0.02)
-
-    def code(self, name: str) -> int:
-        return self.processes[name].wait(PATIENCE_S)
-
-    def end(self) -> None:
-        for process in self.processes.values():
-            process.kill()
-            process.wait(PATIENCE_S)
 
 
 @pytest.fixture
@@ -167,7 +145,7 @@ def test_bad_input_is_one_line_in_each_format(site: Site) -> None:
         for name in MODULES:
             (line,) = site.said(name).splitlines()
             assert f"--metrics 127.0.0.1:{port}: cannot listen there (Address already in use); choose another" in line
-    site.start("anna", "--scenario", str(site.folder / "none.yaml"), "--log-format", "json")
+    site.begin("anna", "--scenario", str(site.folder / "none.yaml"), "--log-format", "json")
     assert site.code("anna") == 2
     line = json.loads(site.said("anna").splitlines()[-1])
     assert (line["level"], line["process"]) == ("error", "agent")

@@ -3,30 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
 
 from patrol.journal import Journal, Status, read_journal
 from tests.browser import Look, browser_or_skip
-
-if TYPE_CHECKING:
-    from tests.fogwatch.conftest import Run
+from tests.fleets import COARSE
+from tests.fogwatch.conftest import Run
 
 pytestmark = [pytest.mark.processes, *browser_or_skip()]
 
-FLEET: dict[str, Any] = {
-    "name": "watched",
-    "terrain": {"builtin": "open"},
-    "point": 0.5,
-    "duration": 20000,
-    "pace": 2.0,
-    "robots": {"count": 3, "model": "holonomic"},
-}
+ROBOTS = {"count": 3, "model": "holonomic"}
+FLEET: dict[str, Any] = {**COARSE, "point": 0.5, "duration": 20000, "pace": 2.0, "robots": ROBOTS}
 
 
 def address_of(run: Run) -> str:
-    """What the launcher prints of its page."""
+    """The address of the page that the launcher prints."""
     assert run.process.stderr is not None
     for line in run.process.stderr:
         if line.startswith("page: "):

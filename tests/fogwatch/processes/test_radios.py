@@ -41,15 +41,8 @@ FAULTS: list[dict[str, Any]] = [
     {"kind": "motion", "who": "all", "speed": 0.1, "veer": 0.05, "jitter": {"size": 0.2, "every": 4}, "at": 5.0},
     {"kind": "motion", "who": "half", "turning": 0.3, "slip": {"rate": 0.2, "every": 1.0}, "at": 10.0, "for": 9.0},
 ]
-SCENARIO: dict[str, Any] = {
-    "terrain": {"builtin": "yards"},
-    "point": 1.0,
-    "duration": 25,
-    "robots": {"count": 3, "model": "car"},
-    "intruders": [{"place": [30.0, 44.0]}],
-}
-
-
+SCENARIO: dict[str, Any] = {"terrain": {"builtin": "yards"}, "point": 1.0, "duration": 25}
+SCENARIO |= {"robots": {"count": 3, "model": "car"}, "intruders": [{"place": [30.0, 44.0]}]}
 SAVINGS: dict[str, Any] = {"trail_every": 2, "budget": {"bits_per_s": 700, "overhead": 4}, "adaptive": {"error": 1.5}}
 
 

@@ -9,7 +9,7 @@ from collections import defaultdict
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
 from mcap.reader import make_reader
@@ -19,21 +19,14 @@ from monitor.recording.mcap_file import inspect_recording
 from patrol.errors import BadInput
 from patrol.journal import read_journal
 from patrol.security.access import FILE
-
-if TYPE_CHECKING:
-    from tests.fogwatch.conftest import Run
+from tests.fleets import COARSE
+from tests.fogwatch.conftest import Run
 
 pytestmark = pytest.mark.processes
 
-DIRECT: dict[str, Any] = {
-    "name": "recorded",
-    "terrain": {"builtin": "open"},
-    "point": 0.5,
-    "duration": 20_000,
-    "pace": 4.0,
-    "robots": [{"name": "anna", "model": "holonomic"}, {"name": "b-2", "model": "holonomic"}],
-    "radio": {"via": "direct"},
-}
+ROBOTS = [{"name": "anna", "model": "holonomic"}, {"name": "b-2", "model": "holonomic"}]
+DIRECT: dict[str, Any] = {**COARSE, "point": 0.5, "duration": 20_000, "pace": 4.0, "robots": ROBOTS}
+DIRECT["radio"] = {"via": "direct"}
 PATIENCE_S = 300.0
 ENOUGH = 8
 """Messages of a robot's pose that a recording is to have: those of some seconds, as every half second has one."""
@@ -55,7 +48,7 @@ class Recording:
         self._topics: Topics = {}
 
     def so_far(self) -> Topics:
-        """What the file holds by now; it is cut off wherever its writer is."""
+        """The messages by now; the file is cut off wherever its writer is."""
         size = self.out.stat().st_size if self.out.exists() else 0
         if size != self._read:
             copy = self.out.with_suffix(".so-far")
@@ -67,7 +60,6 @@ class Recording:
         return self._topics
 
     def poses(self, robot: str) -> int:
-        """Poses of a robot in the file by now."""
         return len(self.so_far().get(f"/{robot}/pose", ()))
 
     def end(self, number: signal.Signals) -> int:
@@ -87,7 +79,7 @@ def decoded(path: Path) -> Topics:
 
 
 def both_heard(topics: Topics) -> bool:
-    """Whether both robots have shown themselves and were alive at once, and some grid has a point just seen.
+    """Return True if both robots have shown themselves and were alive at once, and some grid has a point just seen.
 
     What was heard before a tick began counts for the tick before: half a second of a scale of ten.
     """

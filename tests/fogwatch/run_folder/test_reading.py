@@ -15,13 +15,9 @@ from fogwatch.cli.open_run import open_folder
 from monitor.replay import run as replay
 from monitor.replay.run import Run, open_run
 from patrol.journal import JournalWriter, read_journal
+from tests.fleets import COARSE
 
-SMALL = {
-    "terrain": {"builtin": "open"},
-    "point": 1.0,
-    "duration": 5,
-    "robots": {"count": 1, "model": "holonomic"},
-}
+SMALL = {**COARSE, "duration": 5, "robots": {"count": 1, "model": "holonomic"}}
 
 
 @pytest.fixture

@@ -53,12 +53,9 @@ def test_a_map_is_copied_so_that_the_folder_can_be_moved(tmp_path: Path) -> None
 def test_a_folder_that_is_not_empty_is_refused(tmp_path: Path) -> None:
     (tmp_path / "file").touch()
     scenario = load_scenario({"terrain": {"builtin": "open"}})
-    with pytest.raises(BadInput, match="is not empty"):
-        create(scenario, tmp_path, NOW)
-    with pytest.raises(BadInput, match="cannot be written"):
-        create(scenario, tmp_path / "file", NOW)
-    with pytest.raises(BadInput, match="cannot be written"):
-        create(scenario, tmp_path / "file" / "below", NOW)
+    for out, problem in (("", "is not empty"), ("file", "cannot be written"), ("file/below", "cannot be written")):
+        with pytest.raises(BadInput, match=rf"--out {tmp_path / out}: {problem}"):
+            create(scenario, tmp_path / out, NOW)
 
 
 def test_runs_that_begin_at_once_have_folders_of_their_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

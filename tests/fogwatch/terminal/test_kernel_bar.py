@@ -8,7 +8,7 @@ from fogwatch.terminal.live_table import kernel_bar
 from patrol.starting.compiling import Compiled
 
 
-def test_a_terminal_gets_a_bar_with_the_time_to_go_that_is_removed_in_the_end() -> None:
+def test_a_terminal_gets_a_bar_of_one_row_with_the_time_to_go_that_is_removed_in_the_end() -> None:
     file = StringIO()
     show = kernel_bar(Console(file=file, force_terminal=True, width=100))
     assert show is not None
@@ -17,15 +17,11 @@ def test_a_terminal_gets_a_bar_with_the_time_to_go_that_is_removed_in_the_end() 
     assert "\n" not in file.getvalue()
     show(Compiled(80, 80, 0.0))
     assert file.getvalue().endswith("\r\x1b[2K")
-
-
-def test_in_a_narrow_terminal_the_bar_is_one_row() -> None:
-    file = StringIO()
-    show = kernel_bar(Console(file=file, force_terminal=True, color_system=None, width=40))
+    narrow = StringIO()
+    show = kernel_bar(Console(file=narrow, force_terminal=True, color_system=None, width=40))
     assert show is not None
     show(Compiled(90, 119, 125.0))
-    row = file.getvalue().rpartition("\x1b[2K")[2]
-    assert row == "━" * 22 + " " * 8 + " compilin"
+    assert narrow.getvalue().rpartition("\x1b[2K")[2] == "━" * 22 + " " * 8 + " compilin"
 
 
 def test_a_terminal_without_utf_8_gets_a_bar_of_ascii() -> None:

@@ -25,66 +25,45 @@ from patrol.summary.model import Summary
 
 ROBOTS = (RobotView("anna", 1, "patrolling", 1.0, 2.0, 0.0), RobotView("bert", 4, "", 3.0, 4.0, 0.0))
 METRICS = Metrics(120, 600, 60.0, 20.0, 12.5, 30.0, 0.75, 40.0, ROBOTS)
-SUMMARY: dict[str, Any] = {
-    "name": "five",
-    "simulated_s": 300.0,
-    "ticks": 600,
-    "ended": "completed",
-    "wall_s": 100.0,
-    "realtime_factor": 3.0,
-    "mfow_mean_s": 60.0,
-    "mfow_max_s": 90.0,
-    "fog_mean_s": 20.0,
-    "bound_s": 40.0,
-    "best_tour_s": 48.0,
-    "stalest": {
-        "worst": {"x": 1.5, "y": 2.0, "age_s": 90.0, "at_s": 250.0, "seen": True, "nearest": "anna", "nearest_m": 7.1},
-        "end": {"x": 3.0, "y": 4.0, "age_s": 50.0, "at_s": 300.0, "seen": True, "nearest": None, "nearest_m": None},
-    },
-    "seen_share": 1.0,
-    "patrolled_area_m2": 8800.0,
-    "messages": {
-        "frames": 5,
-        "sent": 10,
-        "delivered": 8,
-        "dropped": 1,
-        "in_flight": 1,
-        "rejected": 0,
-        "bytes_per_robot_s": 56.0,
-    },
-    "robots": {
-        "anna": {
-            "status": "alive",
-            "distance_m": 100.0,
-            "dead_end_share": 0.05,
-            "collisions": 2,
-            "decisions": 600,
-            "decision_ms_p50": 12.0,
-            "decision_ms_p99": 20.0,
-        },
-        "bert": {
-            "status": "lost",
-            "distance_m": 10.0,
-            "dead_end_share": 0.0,
-            "collisions": 0,
-            "decisions": 0,
-            "decision_ms_p50": None,
-            "decision_ms_p99": None,
-        },
-    },
-    "deadlines": {
-        "late_frames": {"anna": 1},
-        "too_late": {"anna": 1},
-        "late_commands": {"anna": 2, "bert": 3},
-        "slipped_s": 0.0,
-    },
-    "trace_hash": "0123456789abcdef" * 4,
-    "verdict": {
-        "outcome": "invalid",
-        "valid": False,
-        "checks": [{"name": "nobody lost", "ok": False, "detail": "bert", "judged": True}],
-    },
+WORST = {"x": 1.5, "y": 2.0, "age_s": 90.0, "at_s": 250.0, "seen": True, "nearest": "anna", "nearest_m": 7.1}
+AT_END = {"x": 3.0, "y": 4.0, "age_s": 50.0, "at_s": 300.0, "seen": True, "nearest": None, "nearest_m": None}
+ANNA = {"status": "alive", "distance_m": 100.0, "dead_end_share": 0.05, "collisions": 2, "decisions": 600}
+BERT = {"status": "lost", "distance_m": 10.0, "dead_end_share": 0.0, "collisions": 0, "decisions": 0}
+LATE = {"late_frames": {"anna": 1}, "too_late": {"anna": 1}, "late_commands": {"anna": 2, "bert": 3}, "slipped_s": 0.0}
+MESSAGES = {"frames": 5, "sent": 10, "delivered": 8, "dropped": 1, "in_flight": 1, "rejected": 0}
+NOBODY_LOST = {"name": "nobody lost", "ok": False, "detail": "bert", "judged": True}
+SUMMARY: dict[str, Any] = {"name": "five", "simulated_s": 300.0, "ticks": 600, "ended": "completed", "wall_s": 100.0}
+SUMMARY |= {"realtime_factor": 3.0, "mfow_mean_s": 60.0, "mfow_max_s": 90.0, "fog_mean_s": 20.0, "bound_s": 40.0}
+SUMMARY |= {"best_tour_s": 48.0, "seen_share": 1.0, "patrolled_area_m2": 8800.0, "deadlines": LATE}
+SUMMARY |= {"stalest": {"worst": WORST, "end": AT_END}, "messages": {**MESSAGES, "bytes_per_robot_s": 56.0}}
+SUMMARY["robots"] = {
+    "anna": {**ANNA, "decision_ms_p50": 12.0, "decision_ms_p99": 20.0},
+    "bert": {**BERT, "decision_ms_p50": None, "decision_ms_p99": None},
 }
+SUMMARY["trace_hash"] = "0123456789abcdef" * 4
+SUMMARY["verdict"] = {"outcome": "invalid", "valid": False, "checks": [NOBODY_LOST]}
+
+
+def summary(**changed: Any) -> Summary:
+    return Summary.model_validate({**SUMMARY, **changed})
+
+
+def printed(of: Summary, folder: Path, width: int = 80) -> str:
+    text = io.StringIO()
+    print_summary(Console(file=text, width=width), of, folder)
+    return text.getvalue()
+
+
+class Terminal(LiveTable):
+    """A live table, and what it has written."""
+
+    def __init__(self) -> None:
+        self.text = io.StringIO()
+        super().__init__(Console(file=self.text, force_terminal=True, width=120, color_system=None))
+
+    def shown(self) -> str:
+        self.close()
+        return self.text.getvalue()
 
 
 def test_one_line_says_how_far_and_how_fast() -> None:
@@ -92,6 +71,7 @@ def test_one_line_says_how_far_and_how_fast() -> None:
         "tick 120/600 (60 s); MFoW 20.0 s, mean 12.5 s; seen 75.0 %; 1/2 robots (1 lost); 40.0 ticks/s, "
         "20.0 x real time; 12 s to go"
     )
+    assert "; MFoW 20.0 s at (26.3, 9.7), mean 12.5 s; " in headline(replace(METRICS, stalest=(26.31, 9.667)))
 
 
 @pytest.mark.parametrize(("seconds", "words"), [(0.4, "0 s"), (75, "1 min 15 s"), (3700, "1 h 01 min")])
@@ -128,49 +108,40 @@ def test_plain_lines_say_how_far_the_steps_of_the_end_are(monkeypatch: pytest.Mo
 
 
 def test_a_terminal_gets_a_bar_for_each_step_of_the_end() -> None:
-    text = io.StringIO()
-    table = LiveTable(Console(file=text, force_terminal=True, width=120, color_system=None))
+    table = Terminal()
     table.metrics(METRICS)
     table.progress("writing a", 0.5)
     table.progress("writing b")
-    table.close()
-    assert "writing a" in text.getvalue()
-    assert "writing b" in text.getvalue()
-    done = io.StringIO()
-    table = LiveTable(Console(file=done, force_terminal=True, width=120, color_system=None))
+    shown = table.shown()
+    assert "writing a" in shown
+    assert "writing b" in shown
+    table = Terminal()
     table.progress("writing a", 1.0)
-    table.close()
-    assert "writing a" not in done.getvalue()
+    assert "writing a" not in table.shown()
 
 
 def test_a_terminal_gets_a_table_of_the_robots() -> None:
-    text = io.StringIO()
-    table = LiveTable(Console(file=text, force_terminal=True, width=120, color_system=None))
+    table = Terminal()
     table.close()
     table.metrics(METRICS)
     table.say("[news]")
     table.close()
-    table.close()
-    shown = text.getvalue()
+    shown = table.shown()
     for words in ("anna", "patrolling", "bert", "lost", "[news]", "tick 120/600"):
         assert words in shown
 
 
 def test_a_large_fleet_is_cut() -> None:
-    text = io.StringIO()
-    table = LiveTable(Console(file=text, force_terminal=True, width=120))
+    table = Terminal()
     many = tuple(RobotView(f"r{number}", 1, "holding", 0.0, 0.0, 0.0) for number in range(1, 101))
     table.metrics(Metrics(1, 2, 0.5, 0.0, 0.0, 0.0, 0.1, 0.0, many))
-    table.close()
-    assert re.search(r"^ *and 80 more robots *$", text.getvalue(), flags=re.MULTILINE)
+    assert re.search(r"^ *and 80 more robots *$", table.shown(), flags=re.MULTILINE)
 
 
 def test_the_line_after_a_long_table_widens_no_column(tmp_path: Path) -> None:
     """At 80 columns a row of this length would break the heads of all columns."""
-    text = io.StringIO()
     fleet = {f"r{number}": SUMMARY["robots"]["anna"] for number in range(1, 61)}
-    print_summary(Console(file=text, width=80), Summary.model_validate({**SUMMARY, "robots": fleet}), tmp_path)
-    lines = text.getvalue().splitlines()
+    lines = printed(summary(robots=fleet), tmp_path).splitlines()
     head = next(number for number, line in enumerate(lines) if line.startswith("robot"))
     heads = "robot status driven m dead ends % collisions decisions p50 ms p99 ms"
     assert " ".join(lines[head].split()) == heads
@@ -180,25 +151,18 @@ def test_the_line_after_a_long_table_widens_no_column(tmp_path: Path) -> None:
 
 
 def test_robots_that_never_came_are_not_listed(tmp_path: Path) -> None:
-    text = io.StringIO()
     absent = {**SUMMARY["robots"]["bert"], "status": "absent"}
-    print_summary(
-        Console(file=text, width=80),
-        Summary.model_validate({**SUMMARY, "robots": {**SUMMARY["robots"], "zoe": absent}}),
-        tmp_path,
-    )
-    assert "absent" not in text.getvalue()
+    assert "absent" not in printed(summary(robots={**SUMMARY["robots"], "zoe": absent}), tmp_path)
     views = (*METRICS.robots, RobotView("zoe", Status.ABSENT, "", 0.0, 0.0, 0.0))
-    table = LiveTable(Console(file=text, force_terminal=True, width=120))
+    table = Terminal()
     table.metrics(replace(METRICS, robots=views))
-    table.close()
-    assert "zoe" not in text.getvalue()
+    assert "zoe" not in table.shown()
     assert "1/2 robots (1 lost)" in headline(replace(METRICS, robots=views))
 
 
 def test_who_sends_with_nobody_to_hear_it_sends_all_the_same() -> None:
     alone = {**SUMMARY["messages"], "frames": 600, "sent": 0, "delivered": 0, "dropped": 0, "in_flight": 0}
-    lines = measures(Summary.model_validate({**SUMMARY, "messages": alone}))
+    lines = measures(summary(messages=alone))
     assert "messages    600 sent, 56 bytes per robot per second; no other robot was there to receive them" in lines
     assert not [line for line in lines if line.startswith("received")]
 
@@ -218,11 +182,7 @@ def test_who_sends_with_nobody_to_hear_it_sends_all_the_same() -> None:
 def test_the_summary_says_what_became_of_the_intruders(first: float | None, around: float, words: str) -> None:
     one = {"at_s": 20.0, "first_reported_s": first, "surrounded_s": around, "most_robots": 5}
     other = {"at_s": 0.0, "first_reported_s": None, "surrounded_s": 0.0, "most_robots": 0}
-    (line,) = [
-        line
-        for line in measures(Summary.model_validate({**SUMMARY, "intruders": [one, other]}))
-        if line.startswith("intruders")
-    ]
+    (line,) = [line for line in measures(summary(intruders=[one, other])) if line.startswith("intruders")]
     assert line == f"intruders   {words}"
 
 
@@ -231,7 +191,7 @@ def test_the_summary_says_how_old_the_ground_of_each_zone_got() -> None:
     vault = {"weight": 10.0, "wanted_s": 12.0, "kept_share": 0.9, **ages}
     weighted = {"mfow_weighted_mean_s": 133.5, "mfow_weighted_max_s": 345.0, "best_weighted_s": 127.0}
     zones = {"vault": vault, "elsewhere": {"weight": 1.0, **ages}}
-    told = measures(Summary.model_validate({**SUMMARY, **weighted, "zones": zones}))
+    told = measures(summary(**weighted, zones=zones))
     (place,) = (number for number, line in enumerate(told) if line.startswith("weighted"))
     said = "mean age 2.6 s, stalest point 11.4 s in the mean, 34.5 s at most"
     assert told[place + 1 : place + 3] == [
@@ -248,8 +208,7 @@ def test_robots_that_took_no_part_do_not_count_in_the_time_on_patrol() -> None:
         "r2": {"decisions": 100, "battery": joined_late},
         "r3": {"battery": battery | {"patrol_share": None}},
     }
-    lines = measures(Summary.model_validate({**SUMMARY, "robots": robots}))
-    (line,) = (line for line in lines if line.startswith("batteries"))
+    (line,) = (line for line in measures(summary(robots=robots)) if line.startswith("batteries"))
     assert line.endswith("78 % of the time on patrol")  # (900 * 0.75 + 100 * 1) / 1000
 
 
@@ -273,6 +232,11 @@ class _Failing(RunDisplay):
         raise ZeroDivisionError(f"tick {metrics.k}")
 
 
+class _Mute(_Failing):
+    def say(self, line: str) -> None:
+        raise OSError(28, line)
+
+
 def test_a_display_that_fails_is_reported_once_and_never_to_the_run() -> None:
     failing = _Failing()
     display = GuardedDisplay(failing)
@@ -282,38 +246,27 @@ def test_a_display_that_fails_is_reported_once_and_never_to_the_run() -> None:
     assert failing.said == ["the display failed (ZeroDivisionError: tick 120); the run goes on", "on it goes"]
     display.close()
     assert failing.said[2:] == ["3 lines or tables could not be shown"]
-
-
-def test_a_display_that_cannot_even_say_so_is_no_harm() -> None:
-    class Mute(_Failing):
-        def say(self, line: str) -> None:
-            raise OSError(28, line)
-
-    display = GuardedDisplay(Mute())
-    display.metrics(METRICS)
-    display.say("?")
-    display.close()
-    assert display.failures >= 2
+    mute = GuardedDisplay(_Mute())
+    mute.metrics(METRICS)
+    mute.say("?")
+    mute.close()
+    assert mute.failures >= 2, "it cannot even say so"
 
 
 def test_names_and_rates_that_make_no_sense_are_shown_all_the_same() -> None:
-    text = io.StringIO()
     odd = replace(METRICS, ticks_per_s=1e-300, robots=(RobotView("[/red]", 1, "[/b]", 1.0, 2.0, 0.0),))
-    table = LiveTable(Console(file=text, force_terminal=True, width=120, color_system=None))
+    table = Terminal()
     table.metrics(odd)
-    table.close()
-    assert "[/red]" in text.getvalue()
+    assert "[/red]" in table.shown()
     assert "to go" not in headline(odd)
     assert "to go" in headline(METRICS)
     assert "to go" not in headline(replace(METRICS, k=1)), "the first tick says little about the others"
 
 
 def test_the_report_says_what_matters(tmp_path: Path) -> None:
-    text = io.StringIO()
     for name in ("summary.json", "fog.png"):
         (tmp_path / name).touch()
-    print_summary(Console(file=text, width=100), Summary.model_validate(SUMMARY), tmp_path)
-    shown = text.getvalue()
+    shown = printed(summary(), tmp_path, 100)
     for words in (
         "five: 300 s in 600 ticks; 1 min 40 s of wall time, 3.0 x real time",
         "MFoW        mean 60.0 s, maximum 90.0 s",
@@ -331,18 +284,20 @@ def test_the_report_says_what_matters(tmp_path: Path) -> None:
         assert words in shown
 
 
-@pytest.mark.parametrize("short", [{"seen_share": 0.995}, {"simulated_s": 100.0}])
-def test_a_run_too_short_to_settle_is_not_held_against_the_bound(short: dict[str, float]) -> None:
-    assert (
-        measures(Summary.model_validate({**SUMMARY, **short}))[2]
-        == "bounds      best tour found 48.0 s; lower bound 40.0 s"
-    )
-
-
-def test_a_lower_bound_of_0_is_shown_with_its_reason() -> None:
-    shown = measures(Summary.model_validate({**SUMMARY, "bound_s": 0.0, "best_tour_s": None}))[2]
-    why = "discs of the sensor's range around the robots have a larger area than the ground"
-    assert shown == f"bounds      lower bound 0: {why}"
+@pytest.mark.parametrize(
+    ("changed", "told"),
+    [
+        ({"seen_share": 0.995}, "best tour found 48.0 s; lower bound 40.0 s"),
+        ({"simulated_s": 100.0}, "best tour found 48.0 s; lower bound 40.0 s"),
+        (
+            {"bound_s": 0.0, "best_tour_s": None},
+            "lower bound 0: discs of the sensor's range around the robots have a larger area than the ground",
+        ),
+    ],
+    ids=["not all seen", "too short", "bound of 0"],
+)
+def test_a_run_is_held_against_bounds_only_where_it_has_settled(changed: dict[str, Any], told: str) -> None:
+    assert measures(summary(**changed))[2] == f"bounds      {told}"
 
 
 def test_a_summary_of_an_older_version_says_what_it_has() -> None:
@@ -354,11 +309,9 @@ def test_a_summary_of_an_older_version_says_what_it_has() -> None:
 
 
 def test_a_valid_run_with_warnings_says_so_at_once(tmp_path: Path) -> None:
-    text = io.StringIO()
     warnings = [f"r{n} was trapped" for n in range(30)]
     verdict = {"outcome": "valid", "valid": True, "warnings": warnings, "checks": []}
-    print_summary(Console(file=text, width=100), Summary.model_validate({**SUMMARY, "verdict": verdict}), tmp_path)
-    lines = text.getvalue().splitlines()
+    lines = printed(summary(verdict=verdict), tmp_path, 100).splitlines()
     at = lines.index("verdict     valid, with warnings: 0 checks passed")
     assert lines[at + 1] == "  warning: r0 was trapped"
     assert lines[at + 20 : at + 22] == ["  warning: r19 was trapped", "  10 more warnings are in summary.json"]
@@ -375,10 +328,6 @@ def test_a_robot_without_progress_is_told_as_a_sentence() -> None:
     ]
 
 
-def test_the_headline_says_where_the_stalest_place_is() -> None:
-    assert "; MFoW 20.0 s at (26.3, 9.7), mean 12.5 s; " in headline(replace(METRICS, stalest=(26.31, 9.667)))
-
-
 def test_the_report_of_a_run_without_ticks() -> None:
-    empty = {**SUMMARY, "ticks": 0, "simulated_s": 0.0, "wall_s": None, "ended": None, "mfow_mean_s": None}
-    assert measures(Summary.model_validate(empty)) == ["five: 0 s in 0 ticks, cut off"]
+    empty = summary(ticks=0, simulated_s=0.0, wall_s=None, ended=None, mfow_mean_s=None)
+    assert measures(empty) == ["five: 0 s in 0 ticks, cut off"]

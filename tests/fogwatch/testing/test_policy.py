@@ -230,8 +230,7 @@ def test_the_users_own_body_and_map_are_in_every_random_scenario(tmp_path: Path)
             return super().decide(view)
 
     ground = {"terrain": {"map": str(building.write(tmp_path))}, "point": 0.25}
-    report = check_policy(
-        Probe, models=ONE, settings={**ground, "robots.radius": 0.3, "robots.speed": 1.0}, seeds=[1, 2]
-    )
+    settings = {**ground, "robots.radius": 0.3, "robots.speed": 1.0}
+    report = check_policy(Probe, models=ONE, settings=settings, seeds=[1, 2])
     assert report.seeds == (1, 2)
     assert met == {(0.3, building.free.shape)}

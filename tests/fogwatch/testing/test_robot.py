@@ -19,8 +19,6 @@ MODELS = ("holonomic", "differential", "car")
 
 
 class Fake(FakeRobot):
-    """The shipped fake, made from a site."""
-
     def __init__(self, site: Site) -> None:
         super().__init__(site.clock, site.spec, site.terrain, site.start, site.step)
         self.clock = site.clock

@@ -32,8 +32,7 @@ class Whole(Disc):
         self.setup = setup
 
     def visible(self, pose: Pose) -> Any:
-        view = super().visible(pose)
-        return self.changed(view, pose)
+        return self.changed(super().visible(pose), pose)
 
     def changed(self, view: View, pose: Pose) -> Any:
         del pose
@@ -41,8 +40,6 @@ class Whole(Disc):
 
 
 class Quarter(Sector):
-    """A sector with options."""
-
     class Options(BaseModel):
         angle: float = 90.0
 

@@ -22,7 +22,7 @@ ROOMS = """
     #b.......2#
     ###########
 """
-SQUARE = [[0, 0], [1, 0], [1, 1], [0, 1]]
+CLOSURES = [{"name": "d", "polygon": [[0, 0], [1, 0], [1, 1]]}]
 ROOT = Path(__file__).parents[3]
 
 
@@ -88,11 +88,7 @@ def test_built_in_policies_decide_too(policy: str) -> None:
         ("1.2", {"heard": {"1": 3}}, "heard: 1: is no other robot of the drawing"),
         ("1..", {"side": 0.0}, "side = 0.0: expected the side of a character"),
         ("1..", {"settings": {"robots.sped": 1}}, "robots.sped: unknown key"),
-        (
-            "1..",
-            {"settings": {"closures": [{"name": "d", "polygon": [[0, 0], [1, 0], [1, 1]]}]}},
-            "settings: closures: .*; draw what is closed as walls",
-        ),
+        ("1..", {"settings": {"closures": CLOSURES}}, "settings: closures: .*; draw what is closed as walls"),
         ("1..", {"settings": {"patrol.policy": "random"}}, "settings: patrol.policy: .*; give policy"),
         ("1..", {"settings": {"robots": {"count": 5}}}, "settings: robots: .*; draw the robots"),
         ("1..", {"settings": {"terrain.map": "a.yaml"}}, "settings: terrain.map: .*; draw it"),

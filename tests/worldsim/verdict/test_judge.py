@@ -359,6 +359,6 @@ def test_at_a_pace_nobody_waits_for_a_frame(lab: Lab) -> None:
 
 @pytest.mark.parametrize("free", [False, True])
 def test_a_world_that_cancels_moves_at_will_fails(lab: Lab, monkeypatch: pytest.MonkeyPatch, free: bool) -> None:
-    monkeypatch.setattr("worldsim.robots.motion.path_is_free", lambda *_: free)
+    monkeypatch.setattr("worldsim.robots.bodies.path_is_free", lambda *_: free)
     found = failures(lab.driven(ticks=TICKS))
     assert ("drives through a wall" if free else "neither a wall nor another body was in its way") in found["moves"]
