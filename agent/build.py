@@ -159,11 +159,7 @@ def group_of(number: int, groups: int) -> int:
 
 
 def build_mind(
-    prepared: Prepared,
-    number: int,
-    incarnation: int = 1,
-    shared: Shared | None = None,
-    kind: PolicyKind | None = None,
+    prepared: Prepared, number: int, incarnation: int = 1, shared: Shared | None = None, kind: PolicyKind | None = None
 ) -> Mind:
     """Put the mind of one robot together; robots and their incarnations are numbered from 1.
 

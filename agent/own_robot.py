@@ -140,11 +140,7 @@ class Ticks:
 
 
 def patrol_with(
-    process: ProcessContext,
-    make: Callable[[Site], Robot],
-    scenario: Scenario,
-    name: str,
-    ticks: Ticks,
+    process: ProcessContext, make: Callable[[Site], Robot], scenario: Scenario, name: str, ticks: Ticks
 ) -> int:
     """Let a robot patrol with a fleet until it is asked to leave; a robot that is `Telemetry` too sees all decisions.
 
@@ -252,14 +248,7 @@ class _Driver:
     incarnation: int
     process: ProcessContext
 
-    def run(
-        self,
-        make: Callable[[Site], Robot],
-        link: Link,
-        air: Air,
-        keys: FleetKeys,
-        ticks: Ticks,
-    ) -> str | None:
+    def run(self, make: Callable[[Site], Robot], link: Link, air: Air, keys: FleetKeys, ticks: Ticks) -> str | None:
         """Patrol until it is time to leave, then stop the robot; return how the policy has failed, or None."""
         from agent.mind_loop import Both, TelemetrySender, TickFigures, run_mind
         from agent.policies.found import policy_of

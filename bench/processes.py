@@ -50,12 +50,7 @@ PROGRAMS = {
 def main() -> None:
     """Measure all fleets."""
     bench = Bench(
-        "processes",
-        processes=3,
-        values=1,
-        warmups=0,
-        loops=1,
-        options={"duration": DURATION_S, "tick": MEMORY_TICK},
+        "processes", processes=3, values=1, warmups=0, loops=1, options={"duration": DURATION_S, "tick": MEMORY_TICK}
     )
     duration_s, tick = bench.option("duration"), bench.option("tick")
     for fleet, arguments in FLEETS.items():

@@ -304,12 +304,7 @@ def _shut_door(terrain: Terrain, radius: float, part: BoolGrid) -> Door | None:
 
 
 def _place_robot(
-    terrain: Terrain,
-    spec: RobotSpec,
-    seed: int,
-    places: NDArray[np.int64],
-    placed: _Placed,
-    all_closed: Terrain | None,
+    terrain: Terrain, spec: RobotSpec, seed: int, places: NDArray[np.int64], placed: _Placed, all_closed: Terrain | None
 ) -> Pose | None:
     """Draw a random start clear of closures and of the bodies placed so far, or None when no place is left."""
     heading = wrap(TAU * draw(seed, Purpose.START, spec.number, 0))

@@ -210,10 +210,7 @@ def random_passage(seed: int, team: str, widths: tuple[int, int] = NARROW) -> Pa
     across_1, up_1, across_2, up_2 = sides[0], max(sides[1], width), sides[2], max(sides[3], width)
     low_1, low_2 = (-round(between(0.0, up - width)) for up in (up_1, up_2))
     bottom = min(low_1, low_2) - BORDER
-    shape = (
-        max(low_1 + up_1, low_2 + up_2) - bottom + BORDER,
-        across_1 + length + across_2 + 2 * BORDER,
-    )
+    shape = (max(low_1 + up_1, low_2 + up_2) - bottom + BORDER, across_1 + length + across_2 + 2 * BORDER)
     free = np.zeros(shape, dtype=np.bool_)
     boxes: list[Box] = []
     for left, low, across, up in (
@@ -301,10 +298,7 @@ def table(swaps: Sequence[Swap]) -> str:
     Args:
         swaps: In any order.
     """
-    lines = [
-        "| bodies | corridor | passed | time, median | 95 % | collisions |",
-        "|---|---|---|---|---|---|",
-    ]
+    lines = ["| bodies | corridor | passed | time, median | 95 % | collisions |", "|---|---|---|---|---|---|"]
     bounds = [*pairwise(CLASSES), (CLASSES[0], CLASSES[-1])]
     for team in TEAMS:
         for low, high in bounds:

@@ -19,16 +19,7 @@ from patrol.journal.records import standing_after
 from patrol.messages.feed import FOG, TICKS
 from patrol.messages.phases import MAX_REPLY, ToWorld, decode_to_world
 from patrol.messages.session import MESH_RETURN_S, RETURN_S, WorldRun
-from patrol.messages.telemetry import (
-    EVENTS,
-    MAX_TEXT,
-    METRICS,
-    NOT_RECORDED,
-    TRAPPED,
-    Notice,
-    pack_view,
-    read_traffic,
-)
+from patrol.messages.telemetry import EVENTS, MAX_TEXT, METRICS, NOT_RECORDED, TRAPPED, Notice, pack_view, read_traffic
 from patrol.net.link import Link
 from patrol.net.mailbox import Air, Mailbox, Presence, Question
 from patrol.radio.message import MAX_FRAME

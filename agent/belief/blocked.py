@@ -52,12 +52,7 @@ class Blocked:
     """
 
     def __init__(
-        self,
-        footprint: ChangingFootprint,
-        fields: StaticFields,
-        radius: float,
-        memory: int,
-        posts: Posts | None = None,
+        self, footprint: ChangingFootprint, fields: StaticFields, radius: float, memory: int, posts: Posts | None = None
     ) -> None:
         """Begin with nothing blocked.
 

@@ -121,11 +121,7 @@ def _largest_along(value, other, first, end, by, reach):
     return not swapped
 
 
-@njit(
-    types.void(TICKS, MASK, MASK, TICKS, int64, int64, int64, int64, int64, int64, FLAT),
-    cache=True,
-    nogil=True,
-)
+@njit(types.void(TICKS, MASK, MASK, TICKS, int64, int64, int64, int64, int64, int64, FLAT), cache=True, nogil=True)
 def dilate(last_seen, source, passable, dilated, first_row, last_row, first_col, last_col, reach, tick, scratch):
     """Recompute ``dilated`` over a box: the oldest last-seen tick within each passable point's window.
 

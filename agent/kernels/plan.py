@@ -175,11 +175,7 @@ def _improve(routes, counts, pinned, leads, apart, ages, near, moves, state):
     return total
 
 
-@njit(
-    types.void(ROUTES, COUNTS, PINNED, *INPUTS, int64, uint64),
-    cache=True,
-    nogil=True,
-)
+@njit(types.void(ROUTES, COUNTS, PINNED, *INPUTS, int64, uint64), cache=True, nogil=True)
 def improve(routes, counts, pinned, leads, apart, ages, near, moves, seed):
     """Improve a plan.
 
@@ -203,22 +199,7 @@ def improve(routes, counts, pinned, leads, apart, ages, near, moves, seed):
     cache=True,
     nogil=True,
 )
-def compare(
-    routes,
-    counts,
-    pinned,
-    robot,
-    choices,
-    leads,
-    apart,
-    ages,
-    near,
-    moves,
-    seed,
-    plans,
-    plan_counts,
-    costs,
-):
+def compare(routes, counts, pinned, robot, choices, leads, apart, ages, near, moves, seed, plans, plan_counts, costs):
     """Find for each of some stations the plan in which one robot visits it first.
 
     Args:

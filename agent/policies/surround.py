@@ -224,12 +224,7 @@ class Surround:
         return Bearing((math.atan2(y, x),), state=State.SURROUNDING)
 
     def way(
-        self,
-        pose: Pose,
-        peers: Mapping[int, Peer],
-        contacts: Sequence[Spot],
-        routes: Routes,
-        start: tuple[int, int],
+        self, pose: Pose, peers: Mapping[int, Peer], contacts: Sequence[Spot], routes: Routes, start: tuple[int, int]
     ) -> Way | None:
         """Return the way to the robot's own place around the nearest intruder; None where none is left for it.
 

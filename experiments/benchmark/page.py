@@ -84,12 +84,7 @@ def _is_measured(metric: str, results: Sequence[CellResult]) -> bool:
 
 
 def page(
-    matrix: Matrix,
-    results: BenchmarkResults,
-    figures: Sequence[Drawing],
-    *,
-    command: str,
-    preset: Preset | None = None,
+    matrix: Matrix, results: BenchmarkResults, figures: Sequence[Drawing], *, command: str, preset: Preset | None = None
 ) -> str:
     """Return benchmark.html.
 

@@ -163,10 +163,7 @@ PRESETS: Mapping[str, Preset] = {
         point_m=0.25,
         sees_visits=False,
         starts=(24, 34, 30, 0, 9, 13),
-        measures=(
-            ShownMetric("nodes_idleness_late_s", "plateau (s)"),
-            ShownMetric("nodes_idleness_end_s", "end (s)"),
-        ),
+        measures=(ShownMetric("nodes_idleness_late_s", "plateau (s)"), ShownMetric("nodes_idleness_end_s", "end (s)")),
         published=(
             *(
                 Published(system, policy, condition, (values, "-"))

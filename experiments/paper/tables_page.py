@@ -9,15 +9,7 @@ from collections.abc import Iterator, Mapping, Sequence
 
 from experiments.paper.orderings import Judged
 from experiments.paper.printed import paper
-from experiments.paper.tables import (
-    FAR_OFF,
-    Cell,
-    PaperSetup,
-    TableComparison,
-    fit_texts,
-    fits_of,
-    to_mean_fog_text,
-)
+from experiments.paper.tables import FAR_OFF, Cell, PaperSetup, TableComparison, fit_texts, fits_of, to_mean_fog_text
 from experiments.sweeps.stats import Estimate, with_interval
 from monitor.tables.table import Table
 from patrol.errors import quoted

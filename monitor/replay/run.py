@@ -196,11 +196,7 @@ def prepared_in(folder: Path, journal: Journal) -> Prepared:
 
 
 def read_run(
-    folder: Path,
-    journal: Journal,
-    prepared: Prepared,
-    summary: Summary | None = None,
-    key: bytes | None = None,
+    folder: Path, journal: Journal, prepared: Prepared, summary: Summary | None = None, key: bytes | None = None
 ) -> Run:
     """Read a journal's ticks into arrays."""
     came = {event.robot for event in journal.events if event.kind in CAME}

@@ -19,14 +19,7 @@ from monitor.replay.belief_errors import SAMPLES
 from monitor.replay.run import Run
 from monitor.replay.run_files import RECORDING, REPORT, SCENARIO, check_out
 from monitor.report import charts, html, map_charts
-from monitor.report.analysis import (
-    Analysis,
-    disagreement,
-    measures,
-    outcome_of,
-    state_of,
-    warnings_of,
-)
+from monitor.report.analysis import Analysis, disagreement, measures, outcome_of, state_of, warnings_of
 from monitor.report.radio_section import links_section
 from patrol.errors import BadInput
 from patrol.files.whole_file import write_whole, writing

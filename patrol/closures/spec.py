@@ -72,9 +72,7 @@ class ClosureSpec(Section):
 
 
 Closures = Annotated[
-    tuple[ClosureSpec, ...],
-    Field(json_schema_extra={"maxItems": MOST_CLOSURES}),
-    at_most(MOST_CLOSURES, "closures"),
+    tuple[ClosureSpec, ...], Field(json_schema_extra={"maxItems": MOST_CLOSURES}), at_most(MOST_CLOSURES, "closures")
 ]
 
 

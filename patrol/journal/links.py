@@ -214,11 +214,7 @@ def joined(first: Links, second: Links | Drops) -> Links:
     """Join the links of both, one after the other."""
     if not len(second):
         return first
-    pairs = (
-        (first.source, second.source),
-        (first.destination, second.destination),
-        (first.sequence, second.sequence),
-    )
+    pairs = ((first.source, second.source), (first.destination, second.destination), (first.sequence, second.sequence))
     return Links(*(np.concatenate(pair) for pair in pairs))
 
 

@@ -29,11 +29,7 @@ def _is_frontier(reach, row, col):
     return False
 
 
-@njit(
-    int64(GRID, GRID, int64, int64, int64, int64, int64, WEDGES, WEDGES, INDEX, INDEX),
-    cache=True,
-    nogil=True,
-)
+@njit(int64(GRID, GRID, int64, int64, int64, int64, int64, WEDGES, WEDGES, INDEX, INDEX), cache=True, nogil=True)
 def _cast_quadrant(passable, reach, row, col, quadrant, limit, outward, now, after, proxy, square):
     """Cast one quadrant from (row, col).
 

@@ -114,11 +114,7 @@ def partners(corners, before, after, concave, reach, v, longest, slack, margin, 
             found[index] = 1
 
 
-@njit(
-    types.void(PLACES, INDICES, INDICES, INDICES, PLACES, PLACES, int64, WAYS),
-    cache=True,
-    nogil=True,
-)
+@njit(types.void(PLACES, INDICES, INDICES, INDICES, PLACES, PLACES, int64, WAYS), cache=True, nogil=True)
 def shorten(corners, before, after, concave, begin, end, first, ways):
     """Keep for each concave corner the shortest way within its cone to any of some straight lines.
 
@@ -243,11 +239,7 @@ def trace(mask, passed, corners, ends):
     return loops
 
 
-@njit(
-    int64(REALS, REALS, int64, BANNED, float64, float64, SUMS, LINE, LINKS, LINKS),
-    cache=True,
-    nogil=True,
-)
+@njit(int64(REALS, REALS, int64, BANNED, float64, float64, SUMS, LINE, LINKS, LINKS), cache=True, nogil=True)
 def fewest_corners(xs, ys, first, banned, fill, shave, sums, cost, link, chosen):
     """Replace a closed loop by the polygon with the fewest corners, of several the one nearest to the loop.
 

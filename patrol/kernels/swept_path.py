@@ -27,12 +27,7 @@ _PATH = types.Array(types.float64, 2, "C")
 _F = types.float64
 
 
-@njit(
-    "UniTuple(float64, 3)(float64, float64, float64, float64, float64)",
-    cache=True,
-    nogil=True,
-    error_model="numpy",
-)
+@njit("UniTuple(float64, 3)(float64, float64, float64, float64, float64)", cache=True, nogil=True, error_model="numpy")
 def arc_end(x, y, heading, distance, turn):
     """Pose after driving along an arc.
 

@@ -17,16 +17,7 @@ from numpy.typing import NDArray
 from patrol.ground.cspace import parts_of
 from patrol.ground.shapes import touched_points
 from patrol.ground.terrain import BoolGrid, Terrain
-from patrol.maps.cells import (
-    BLOCK,
-    LEVELS,
-    Levels,
-    MapImage,
-    free_levels,
-    occupancy_of,
-    occupied_levels,
-    read_image,
-)
+from patrol.maps.cells import BLOCK, LEVELS, Levels, MapImage, free_levels, occupancy_of, occupied_levels, read_image
 from patrol.maps.map_file import MapFile, read_map_file
 
 DARK = 0.15

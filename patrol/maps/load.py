@@ -17,13 +17,7 @@ from patrol.errors import BadInput, NotPrepared, printable
 from patrol.ground.shapes import cover, touched_points
 from patrol.ground.terrain import MAX_POINTS, BoolGrid, Terrain, whole_points
 from patrol.maps.builtins import builtin_terrain
-from patrol.maps.cells import (
-    MapImage,
-    free_levels,
-    image_size,
-    read_image,
-    single_unknown_cells,
-)
+from patrol.maps.cells import MapImage, free_levels, image_size, read_image, single_unknown_cells
 from patrol.maps.doubts import settings_text, wrong_settings
 from patrol.maps.map_file import MapFile, read_map_file
 

@@ -170,10 +170,7 @@ class Link:
     def publisher(self, key: str) -> Post:
         """Make a publisher for observers: drops a message where a queue is full, so that it never holds up a tick."""
         publisher = self._session.declare_publisher(
-            key,
-            congestion_control=zenoh.CongestionControl.DROP,
-            priority=zenoh.Priority.DATA_LOW,
-            encoding=MSGPACK,
+            key, congestion_control=zenoh.CongestionControl.DROP, priority=zenoh.Priority.DATA_LOW, encoding=MSGPACK
         )
         self._declared.append(publisher)
         return publisher.put

@@ -267,10 +267,7 @@ def connect(terrain: Terrain, labels: Ints, body: BoolGrid) -> tuple[Ints, tuple
 def _border_points(parts: Ints) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Flat indices of the neighbouring points that lie in two parts, that of the lower part first."""
     index = np.arange(parts.size, dtype=np.int64).reshape(parts.shape)
-    sides = [
-        (parts[:, :-1], parts[:, 1:], index[:, :-1], index[:, 1:]),
-        (parts[:-1], parts[1:], index[:-1], index[1:]),
-    ]
+    sides = [(parts[:, :-1], parts[:, 1:], index[:, :-1], index[:, 1:]), (parts[:-1], parts[1:], index[:-1], index[1:])]
     ends = []
     for region, neighbour, at_one, at_two in sides:
         apart = (region >= 0) & (neighbour >= 0) & (region != neighbour)

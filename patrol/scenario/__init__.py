@@ -25,14 +25,7 @@ from patrol.scenario.policies import (
     StochasticOptions,
 )
 from patrol.scenario.radio_spec import RadioSpec
-from patrol.scenario.sections import (
-    IntruderSpec,
-    RobotEntry,
-    RobotGroup,
-    RobotSpec,
-    SensorSpec,
-    TerrainSpec,
-)
+from patrol.scenario.sections import IntruderSpec, RobotEntry, RobotGroup, RobotSpec, SensorSpec, TerrainSpec
 from patrol.values import BUILTINS, MAX_ROBOTS
 from patrol.zones.spec import ZoneSpec
 

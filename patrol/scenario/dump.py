@@ -90,12 +90,7 @@ def _flow_text(value: Any) -> str:
 
 def _dump_value(value: Any, *, allow_unicode: bool) -> str:
     text = yaml.dump(
-        value,
-        Dumper=_Dumper,
-        default_flow_style=True,
-        sort_keys=False,
-        width=2**31,
-        allow_unicode=allow_unicode,
+        value, Dumper=_Dumper, default_flow_style=True, sort_keys=False, width=2**31, allow_unicode=allow_unicode
     )
     return text.removesuffix("...\n").strip()
 

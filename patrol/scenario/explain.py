@@ -64,11 +64,7 @@ LineOf = Callable[[Sequence[int | str]], int | None]
 
 
 def one_line(
-    error: ValidationError,
-    source: str,
-    overridden: Collection[str],
-    line_of: LineOf,
-    aliases: Mapping[str, str],
+    error: ValidationError, source: str, overridden: Collection[str], line_of: LineOf, aliases: Mapping[str, str]
 ) -> str:
     """Write the first problem as ``source: line 3: field = value: problem``, and count the others.
 
@@ -99,11 +95,7 @@ def naming(source: object, overridden: Collection[str] = ()) -> Iterator[None]:
 
 
 def _describe_problem(
-    problem: ErrorDetails,
-    source: str,
-    overridden: Collection[str],
-    line_of: LineOf,
-    aliases: Mapping[str, str],
+    problem: ErrorDetails, source: str, overridden: Collection[str], line_of: LineOf, aliases: Mapping[str, str]
 ) -> str:
     context = problem.get("ctx", {})
     location = _locate_problem(problem)

@@ -26,23 +26,9 @@ from patrol.journal.records import MAX_TICKS
 from patrol.radio.allowance import Share
 from patrol.radio.message import MAX_TIME_MS, ms_to_s, s_to_ms
 from patrol.scenario.lengths import BodyLengths, check_refinement, resolve_lengths
-from patrol.scenario.policies import (
-    PaperPatrol,
-    Patrol,
-    StochasticPatrol,
-    check_letter,
-    check_random_steps,
-)
+from patrol.scenario.policies import PaperPatrol, Patrol, StochasticPatrol, check_letter, check_random_steps
 from patrol.scenario.radio_spec import IdealRadio, Radio, check_radio_spec
-from patrol.scenario.sections import (
-    IntruderSpec,
-    RobotGroup,
-    Robots,
-    RobotSpec,
-    SensorSpec,
-    TerrainSpec,
-    roster_of,
-)
+from patrol.scenario.sections import IntruderSpec, RobotGroup, Robots, RobotSpec, SensorSpec, TerrainSpec, roster_of
 from patrol.values import AUTO, BUILTINS, Name, Pace, Positive, Section, Seed, wrong
 from patrol.zones.checks import check_zones
 from patrol.zones.spec import Zones, zones_in_file

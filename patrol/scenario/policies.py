@@ -98,11 +98,7 @@ PAPER_RULES: tuple[PaperRule, ...] = get_args(PaperRule)
 LETTER = f"true (all) | false (none) | {' | '.join(PAPER_RULES)}, or a list"
 Letter = Annotated[
     Annotated[Flag | PaperRule, expecting(LETTER), Tag("=single")]
-    | Annotated[
-        tuple[Annotated[PaperRule, expecting(LETTER)], ...],
-        at_least(1, "rules"),
-        Tag("=list"),
-    ],
+    | Annotated[tuple[Annotated[PaperRule, expecting(LETTER)], ...], at_least(1, "rules"), Tag("=list")],
     by_shape(LETTER),
 ]
 
@@ -251,8 +247,7 @@ class PotentialFieldOptions(PatrolOptions):
         0.1, description="probability of a random step in a tick, so that patrols stay unpredictable"
     )
     random_move_for: Literal["holonomic", "all"] = Field(
-        "holonomic",
-        description="holonomic | all (as printed: each robot), the bodies that make random steps",
+        "holonomic", description="holonomic | all (as printed: each robot), the bodies that make random steps"
     )
     claim_width: Positive = Field(0.3, description="m, width s of the claims")
     repulsion: NotNegative = Field(0.5, description="repulsion of a robot nearby, as a share of all attraction")

@@ -104,8 +104,7 @@ class RadioSpec(ClassSection):
     SORT = "model"
 
     via: Literal["ether", "direct"] = Field(
-        "ether",
-        description="ether (the world carries frames) | direct (robots hear each other; not in lockstep)",
+        "ether", description="ether (the world carries frames) | direct (robots hear each other; not in lockstep)"
     )
     model: RadioModelText = Field(IDEAL, description=RADIO_MODEL)
     model_sha256: Digest | None = Field(None, description="of the model's file; filled in when this file is loaded")

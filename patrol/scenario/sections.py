@@ -201,14 +201,11 @@ class RobotEntry(Body):
 
 
 RobotList = Annotated[
-    tuple[RobotEntry, ...],
-    Field(max_length=MAX_ROBOTS, json_schema_extra={"minItems": 1}),
-    at_least(1, "robots"),
+    tuple[RobotEntry, ...], Field(max_length=MAX_ROBOTS, json_schema_extra={"minItems": 1}), at_least(1, "robots")
 ]
 _GROUP_OR_LIST = "a group of equal robots, {count: 5, model: car, ...}, or a list with one entry per robot"
 Robots = Annotated[
-    Annotated[RobotGroup, Tag("=mapping")] | Annotated[RobotList, Tag("=list")],
-    by_shape(_GROUP_OR_LIST),
+    Annotated[RobotGroup, Tag("=mapping")] | Annotated[RobotList, Tag("=list")], by_shape(_GROUP_OR_LIST)
 ]
 
 

@@ -66,10 +66,7 @@ class Credentials:
     def session(self) -> dict[str, object]:
         """Give the settings for Zenoh's configuration of a member's session, by key."""
         if self.folder is None:
-            return {
-                "transport/auth/usrpwd/user": self.role.user,
-                "transport/auth/usrpwd/password": self.password,
-            }
+            return {"transport/auth/usrpwd/user": self.role.user, "transport/auth/usrpwd/password": self.password}
         if self.mesh is None:
             return _certificate_settings(self.folder, listens=False)
         return {**_certificate_settings(self.folder, listens=True), **self.mesh.session(self.listens_at)}

@@ -244,8 +244,7 @@ class NodeFigures(_Part):
         float, Metric("greatest idleness of a vertex, mean over ticks", better="lower", sweep="once")
     ] = 0.0
     worst_s: Annotated[
-        float,
-        Metric("greatest idleness of a vertex (WI)", "s", "worst idleness", better="lower", sweep="once"),
+        float, Metric("greatest idleness of a vertex (WI)", "s", "worst idleness", better="lower", sweep="once")
     ] = 0.0
     worst_late_s: Annotated[float, Metric("the same over the second half", better="lower", sweep="once")] = 0.0
     worst_end_s: Annotated[
@@ -309,10 +308,7 @@ class Summary(_Part):
     """The summary of a run. Times are simulated seconds unless the meaning says wall."""
 
     name: Annotated[str, Metric("name of the scenario")] = ""
-    policy: Annotated[
-        str,
-        Metric("`patrol.policy`; `potential-field` is the paper's, `committed` the tour"),
-    ] = ""
+    policy: Annotated[str, Metric("`patrol.policy`; `potential-field` is the paper's, `committed` the tour")] = ""
     scenario_hash: Annotated[str, Metric("hash of the scenario; equal hashes are equal scenarios")] = ""
     trace_hash: Annotated[
         str | None, Metric("hash of all that happened; equal hashes are equal runs; null for a run that was cut off")

@@ -10,12 +10,7 @@ from itertools import count, islice
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import zenoh
-from zenoh.ext import (
-    CacheConfig,
-    HistoryConfig,
-    declare_advanced_publisher,
-    declare_advanced_subscriber,
-)
+from zenoh.ext import CacheConfig, HistoryConfig, declare_advanced_publisher, declare_advanced_subscriber
 
 from patrol.errors import Malformed, printable
 from patrol.net.link import CLOSE_S, close_session, open_session

@@ -68,7 +68,7 @@ def test_a_part_stands_in_place_of_its_line() -> None:
 
 def test_an_indented_paragraph_after_text_is_an_example() -> None:
     assert with_examples(["Text.", "", "    code", "    more", "", "Text."]) == [
-        *("Text.", "", "::", "", "    code", "    more", "", "Text."),
+        *("Text.", "", "::", "", "    code", "    more", "", "Text.")
     ]
 
 

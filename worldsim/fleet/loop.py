@@ -112,11 +112,7 @@ def begin_tick(world: World, fleet: Fleet) -> BegunTick:
 
 
 def end_tick(
-    world: World,
-    fleet: Fleet,
-    begun: BegunTick,
-    sink: Callable[[TickRecord], None],
-    events: Callable[[Event], None],
+    world: World, fleet: Fleet, begun: BegunTick, sink: Callable[[TickRecord], None], events: Callable[[Event], None]
 ) -> None:
     """End a tick: robots decide and move."""
     k = world.tick

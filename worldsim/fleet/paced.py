@@ -54,11 +54,7 @@ class PacedFleet:
     """
 
     def __init__(
-        self,
-        sessions: Sessions,
-        step_s: float,
-        listener: Listener | None = None,
-        router: RouterWatch | None = None,
+        self, sessions: Sessions, step_s: float, listener: Listener | None = None, router: RouterWatch | None = None
     ) -> None:
         """Drive the robots that have sessions; `step_s` is the wall time of a tick.
 

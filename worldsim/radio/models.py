@@ -127,11 +127,7 @@ class RadioModel(Protocol):
 
 
 RADIO_MODELS = ClassSort(
-    noun="model",
-    field="radio.model",
-    group="fogwatch.radio_models",
-    built_in=MODELS,
-    call="lost(air)",
+    noun="model", field="radio.model", group="fogwatch.radio_models", built_in=MODELS, call="lost(air)"
 )
 
 

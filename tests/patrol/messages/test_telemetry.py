@@ -7,15 +7,7 @@ import pytest
 
 from patrol.errors import Malformed
 from patrol.journal import Event, RobotTick, Status, TickRecord
-from patrol.messages.telemetry import (
-    SHOW_S,
-    Metrics,
-    Notice,
-    RobotView,
-    Watcher,
-    pack_view,
-    read_traffic,
-)
+from patrol.messages.telemetry import SHOW_S, Metrics, Notice, RobotView, Watcher, pack_view, read_traffic
 from patrol.wire import read
 
 METRICS = Metrics(3, 10, 1.5, 2.0, 1.0, 2.5, 0.5, 40.0, (RobotView("r1", 1, "patrolling", 1.0, 2.0, 0.5),))

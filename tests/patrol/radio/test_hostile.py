@@ -83,9 +83,7 @@ phases = st.one_of(
     st.builds(Hello, *head[:3], ticks),
     st.builds(ReplyA, *head, st.lists(frames, max_size=MAX_FRAMES).map(tuple)),
     st.builds(
-        ReplyB,
-        *head,
-        st.builds(Reply, st.just(Drive(1.0, 0.1)), st.just("patrolling"), goals, st.just(1.0), ticks),
+        ReplyB, *head, st.builds(Reply, st.just(Drive(1.0, 0.1)), st.just("patrolling"), goals, st.just(1.0), ticks)
     ),
     st.builds(Failed, *head, st.sampled_from(["", "its policy failed"])),
 )
