@@ -111,9 +111,10 @@ def table(
     setup = cells.setup(point, sensor_range, seeds)
     console = Console()
     folder = cells.folder(setup)
+    plan = plan_of(tables, {"": setup})
     points = f"points of {setup.point:g} m (the paper's: 0.1 m)"
     _print_text(console, f"{points}, sensor range {setup.sensor_range:g} m{_calibration_note(setup)}")
-    outcome = machines.make_runs(plan_of(tables, {"": setup}), folder, console)
+    outcome = machines.make_runs(plan, folder, console)
     comparisons = [compare(table, setup, outcome) for table in tables]
     for comparison in comparisons:
         _print_comparison(console, comparison)

@@ -48,9 +48,8 @@ class deadline:  # noqa: N801 - a context manager
         if self._limit_s is None:
             return
         self._looked = self._begun = time.monotonic()
-        self._before = signal.setitimer(
-            signal.ITIMER_REAL, 0.0
-        )  # before `_raise_late` is there: it is for our own timer
+        # Before `_raise_late` is there: it is for our own timer.
+        self._before = signal.setitimer(signal.ITIMER_REAL, 0.0)
         self._handler = signal.signal(signal.SIGALRM, self._raise_late)
         signal.setitimer(signal.ITIMER_REAL, self._limit_s / _SLICES, self._limit_s / _SLICES)
 

@@ -38,8 +38,9 @@ def output(said: Said) -> str:
     return said.out
 
 
-def refuses(said: Said, message: str) -> None:
-    """Assert that a command refused its input in one line."""
+def refuses(said: Said, message: str, at_once: bool = True) -> None:
+    """Assert that a command refused its input in one line, and before it said anything else, if that is `at_once`."""
     assert said.code == 2
+    assert not (said.out and at_once)
     assert message in said.err
     assert said.err.count("\n") == 1
