@@ -129,13 +129,13 @@ def _record_fleet(out: Path, name: str, fleet: FleetOptions, wait_s: float) -> i
     if source is None:
         return INTERRUPTED
 
-    def say(line: str) -> None:
+    def tell(line: str) -> None:
         note(f"record: {line}")
 
     started = datetime.now(UTC).isoformat(timespec="seconds")
     try:
-        say(f"recording fleet {name} into {out}; press Ctrl-C to end")
-        last = record_live(source, out, started, lambda: bool(ending), say)
+        tell(f"recording fleet {name} into {out}; press Ctrl-C to end")
+        last = record_live(source, out, started, lambda: bool(ending), tell)
     finally:
         source.close()
     content = "nothing was received"

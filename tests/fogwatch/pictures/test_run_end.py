@@ -125,7 +125,7 @@ def test_robots_that_come_and_go_are_drawn_and_a_spare_one_that_never_joined_is_
     assert [int(np.isfinite(track[:, 0]).sum()) for track in final.tracks.values()] == [10, 60, 40, 0]
     run_picture(tmp_path, tmp_path / "fog.png", prepared)
     assert min(size_of(tmp_path / "fog.png")) > 100
-    assert [name for name in named if name.startswith("r")] == ["r1", "r2", "r3"]
+    assert [name for name in named if name.startswith("r")] == ["r1 (left)", "r2", "r3"]
 
 
 @pytest.mark.parametrize(("about", "length"), [(14.3, 10), (7.4, 5), (34.0, 20), (0.99, 0.5), (1.0, 1.0)])
