@@ -10,7 +10,7 @@ from agent.ports import Decision
 from patrol.ground.terrain import Terrain
 from patrol.pose import MODELS, Pose
 from patrol.scenario import load_scenario
-from tests.agent.minds import prepared_on
+from tests.agent.minds import at, prepared_on
 from tests.agent.plans import Robots
 
 
@@ -61,3 +61,10 @@ def test_a_restarted_mind_knows_nothing_and_catches_up(model: str) -> None:
     assert [decided.rejected for decided in later] == [0, 0]
     assert belief.fog.seen == belief.fog.points
     assert later[1].mfow < 80
+
+
+def test_another_incarnation_draws_other_random_moves() -> None:
+    pair = pair_of("holonomic")
+    minds = pair.minds[0], build_mind(pair.prepared, 1, 2)
+    bearings = [[mind.step(at(k, pair.bodies[0].pose), []).direction for k in range(60)] for mind in minds]
+    assert bearings[0] != bearings[1]

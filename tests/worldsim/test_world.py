@@ -201,6 +201,14 @@ def test_the_fleet_is_told_the_end_even_when_the_sink_fails(lab: Lab) -> None:
     assert fleet.finished == 1
 
 
+def test_oversized_frames_are_dropped_and_counted(lab: Lab) -> None:
+    world = lab.world([DISC, DISC], [(2.0, 2.0, 0.0), (6.0, 2.0, 0.0)])
+    world.begin_tick()
+    assert world.exchange({1: [bytes(MAX_FRAME + 1)], 2: [bytes(MAX_FRAME)]}) == {1: [bytes(MAX_FRAME)], 2: []}
+    record = world.end_tick({1: reply(0.0, 0.0), 2: reply(0.0, 0.0)})
+    assert (record.deliveries, record.dropped) == (((2, 1, 0),), ((1, 2, 0, "oversized"),))
+
+
 def test_a_run_ends_when_nobody_is_living(lab: Lab) -> None:
     world = lab.patrol(ticks=50)
     fleet = lab.fleet(world, silent={(number, 5, "A") for number in (1, 2, 3, 4)})

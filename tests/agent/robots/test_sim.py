@@ -317,15 +317,6 @@ def test_it_drives_on_in_lockstep_and_has_nothing_to_stop_before_it_has_driven()
         assert STILL not in scene.sent
 
 
-def test_a_car_that_stops_is_told_so_in_its_own_way() -> None:
-    scene = Scene(patience_s=10.0, blind_s=2.0, model="car")
-    scene.world(present=True)
-    scene.tick(3)
-    scene.end_after(5.0)
-    assert scene.robot.sense() is None
-    assert scene.sent.count(replace(STILL, reply=replace(STILL.reply, command=Drive(0.0, 0.0)))) == 1
-
-
 def test_a_mind_that_cannot_go_on_says_at_which_tick_and_why() -> None:
     scene = Scene()
     scene.robot.stop("too early")

@@ -129,6 +129,7 @@ def test_ctrl_c_while_the_run_is_judged_says_how_to_judge_it(shell: Shell, tmp_p
         (["open", "--port", "0"], "--port 0"),
         (["open", "--set", "patrol"], "--set patrol"),
         (["open", "--set", "patrol.dilation=1"], "did you mean patrol.options.dilatation"),
+        (["open", "--out", "full"], "--out full: is not empty"),
         (["open", "--out", "noise"], "--out noise: cannot be written"),
         (["open", "--bogus"], "--bogus: no such option; leave it out"),
         (["open", "--robot", "5"], "--robot: no such option; did you mean --robots?"),
@@ -150,6 +151,7 @@ def test_bad_input_is_one_line_and_leaves_nothing(
 ) -> None:
     (tmp_path / "noise").write_bytes(bytes(range(256)))
     (tmp_path / "words").write_text("hello", encoding="utf-8")
+    (tmp_path / "full" / "kept").mkdir(parents=True)
     listed = "terrain: {builtin: open}\nrobots: [{radius: -5}, {}]\n"
     (tmp_path / "listed.yaml").write_text(listed, encoding="utf-8")
     said = refused("run", *arguments, "--point", "0.5")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import resource
 import shutil
 import signal
 from collections.abc import Callable, Iterator, Mapping
@@ -14,6 +13,7 @@ import pytest
 from patrol.journal import read_journal
 from tests.fleets import COARSE
 from tests.fogwatch.conftest import Run
+from tests.full_disk import full_disk
 
 pytestmark = pytest.mark.processes
 
@@ -24,10 +24,8 @@ THREE: dict[str, Any] = {**COARSE, "point": 0.5, "robots": {"count": 3, "model":
 @pytest.fixture
 def small_files() -> Iterator[None]:
     """No file of a process that is started here grows beyond 100 kB."""
-    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, limits[1]))
-    yield
-    resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    with full_disk(100_000):
+        yield
 
 
 @pytest.mark.usefixtures("small_files")

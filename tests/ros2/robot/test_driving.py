@@ -19,7 +19,7 @@ from patrol.net.link import open_router
 from patrol.pose import Pose
 from ros2.sim.node import Habits
 from ros2.wire.mailbox import RosMailbox
-from ros2.wire.messages import Bool, CancelRequest, CancelResponse, OccupancyGrid, TwistStamped
+from ros2.wire.messages import Bool, CancelRequest, CancelResponse, Clock, OccupancyGrid, TwistStamped
 from ros2.wire.messages import Path as Way
 from ros2.wire.names import LATCHED, EntityKind
 from ros2.wire.ports import Asked
@@ -120,6 +120,14 @@ def test_the_stop_topic_wins_until_it_is_released_over_a_bridge(endpoint: str, t
         made.stays()
         other.publisher("stop", Bool, LATCHED).send(Bool(False))
         made.drives()
+
+
+def test_a_message_on_the_stop_topic_that_cannot_be_read_stops_the_robot(driven: Bench) -> None:
+    with driven.joined("hand") as hand:
+        hand.publisher("stop", Clock, LATCHED).send(Clock(0))
+        driven.says("stopped by the topic /robot1/stop")
+        driven.says("refused: /robot1/stop: is a rosgraph_msgs/msg/Clock")
+        driven.stays()
 
 
 def ask(made: Bench, order: str, robot: str | None = None) -> int:
