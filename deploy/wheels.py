@@ -27,8 +27,7 @@ ROOT = Path(__file__).resolve().parents[1]
 TAG = "cp{0}{1}-cp{0}{1}{2}-manylinux_2_28_x86_64"
 """The oldest C library for which numba has wheels: compiled kernels need nothing newer."""
 MAKE = """
-from patrol.starting.warmup import SELDOM
-from patrol.starting.warmup import warm
+from patrol.starting.warmup import SELDOM, warm
 warm(("patrol", "agent", "worldsim", "monitor", "experiments"), print, SELDOM)
 
 from patrol.measures.best_tour import round_of

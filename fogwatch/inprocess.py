@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor
 from contextlib import nullcontext, suppress
 from dataclasses import dataclass, replace
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -122,13 +123,14 @@ class InProcessFleet:
         if not self._views:
             self._hear_beliefs(k, heard)
 
-        def step_group(group: int) -> dict[int, Reply | None]:
-            numbers = [number for number in heard if self._pool is None or group_of(number, self._threads) == group]
+        def step_robots(numbers: Iterable[int]) -> dict[int, Reply | None]:
             return {number: self._step_robot(k, number, heard) for number in numbers}
 
-        replies: dict[int, Reply | None] = {}
-        for some in (map if self._pool is None else self._pool.map)(step_group, range(self._threads)):
-            replies |= some
+        if self._pool is None:
+            replies = step_robots(heard)
+        else:
+            groups = [[n for n in heard if group_of(n, self._threads) == group] for group in range(self._threads)]
+            replies = dict(chain.from_iterable(some.items() for some in self._pool.map(step_robots, groups)))
         self._views = {}
         return {number: reply for number in heard if (reply := replies[number]) is not None}
 
@@ -137,23 +139,31 @@ class InProcessFleet:
         lost = [(number, Status.LOST, reason) for number, reason in sorted(self._failed.items())]
         self._failed.clear()
         for number, _, _ in lost:
-            self.kill(number)
+            self._drop_robot(number)
         return lost
 
     def kill(self, number: int) -> None:
-        """Drop a mind, with all that it knew; one that leaves has nothing to put in order."""
+        """Drop a mind, with all that it knew."""
+        self._drop_robot(number)
+
+    def leave(self, number: int) -> None:
+        """Drop a mind; it has nothing to put in order."""
+        self._drop_robot(number)
+
+    def _drop_robot(self, number: int) -> None:
         self._minds.pop(number, None)
         if self._beliefs is not None:
             self._beliefs.leave(number)
-
-    leave = kill
 
     def pause(self, number: int) -> str:
         """Do nothing: a mind that is not called stands still, and has no process to look at."""
         del number
         return ""
 
-    resume = pause
+    def resume(self, number: int) -> str:
+        """Do nothing: the mind is called again."""
+        del number
+        return ""
 
     def start(self, number: int, incarnation: int) -> None:
         """Make a new mind."""

@@ -1,4 +1,7 @@
-"""The options of a run, which the command line and Python read: what they change of its scenario, and how it is run."""
+"""The options of a run, which the command line and Python read.
+
+Presets, and others that change its scenario (`Changes`); and how it is run (`RunChoices`).
+"""
 
 from __future__ import annotations
 

@@ -267,15 +267,6 @@ def watching_vertices(
     return watching
 
 
-SPACING = 0.4
-"""Distance of the candidate places, as a share of the sensor's range."""
-
-MOST_CANDIDATES = 6000
-"""Candidate places at most: on larger ground they lie farther apart."""
-
-ROUGH = 50.0
-"""Points of a thinned grid along the sensor's range, by which places are chosen."""
-
 NEAR = 4.0
 """Length of the ways that are searched for first, in sensor ranges."""
 
@@ -302,13 +293,11 @@ def on_reach(graph: Graph, terrain: Terrain, reach: BoolGrid) -> Graph:
 def graph_from_ground(terrain: Terrain, fields: StaticFields, footprint: Footprint) -> Graph:
     """Make the graph of the ground of one kind of body."""
     from patrol.kernels.ways import FAR  # here, as everywhere: few runs need a graph, and its kernels
-    from patrol.tours.cover import Looks, Views, choose, complete, lattice, needed
+    from patrol.tours.cover import Looks, Views, complete, cover_roughly, needed
 
     part = np.asarray(fields.reach)
-    spacing = max(SPACING * footprint.radius, math.sqrt(np.count_nonzero(part) / MOST_CANDIDATES), 1.0)
     looks = Looks(terrain, footprint)
-    views = Views(looks, fields.patrolled, max(round(footprint.radius / ROUGH), 1))
-    chosen = needed(choose(lattice(part, spacing), views) + complete(views, part, fields.proxy), views)
+    chosen, _ = cover_roughly(looks, fields.patrolled, part, fields.proxy, footprint)
     exact = Views(looks, fields.patrolled, 1)
     for cell in chosen:
         exact.add(cell)

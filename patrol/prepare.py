@@ -18,7 +18,7 @@ from patrol.closures.checks import check_closures_on_ground
 from patrol.closures.ground import ChangingFootprint
 from patrol.energy.checks import check_docks_on_ground
 from patrol.errors import BadInput, NotPrepared
-from patrol.graph import check_vertices, graph_of, watching_vertices
+from patrol.graph import check_vertices, graph_from_ground, graph_of, watching_vertices
 from patrol.ground.cspace import check_areas
 from patrol.ground.fields import StaticFields, compute_fields, load_grid
 from patrol.ground.footprint import REMEMBERED, Footprint
@@ -90,8 +90,6 @@ class Prepared:
     @cached_property
     def graph(self) -> Graph:
         """The terrain's graph: the scenario's, or one that is made from the ground of the smallest robots."""
-        from patrol.graph import graph_from_ground  # here: few fleets need a graph
-
         graph_spec = self.scenario.terrain.graph
         if graph_spec is not None:
             return graph_of(graph_spec.vertices, graph_spec.edges, graph_spec.pixel, graph_spec.visit)

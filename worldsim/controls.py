@@ -252,7 +252,7 @@ class Operator:
         return max(0.0, self._due - self._now())
 
     def _do_request(self, request: ControlRequest, k: int) -> Iterator[Event]:
-        """Obey requests before tick k; whatever one raises refuses the request and ends nothing else."""
+        """Obey a request before tick k; an error refuses it and ends nothing else."""
         try:
             if isinstance(request.control, BadInput):
                 raise request.control

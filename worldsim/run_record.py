@@ -133,7 +133,7 @@ def totals(links: Iterable[Mapping[str, int]]) -> dict[str, int]:
 
 
 def reported(journal: RunRecord) -> dict[str, dict[str, Any]]:
-    """Return the counts that each robot reported last, by its name; empty where there are none.
+    """Return the counts that each robot with a direct radio reported last, by its name; empty where there are none.
 
     They are ``sent``, ``heard`` (by sender), ``refused`` and ``final``.
     """

@@ -79,7 +79,7 @@ class SimRobot:
         """Join a run; `join` connects everything.
 
         `model` is for the command that stops the robot. `waiting` is called at intervals with the time, s, that the
-        robot has waited for a world's greeting, `alive` as often. `now` is a monotonic clock, s.
+        robot has waited for a world's greeting, `alive` in each turn of the loop. `now` is a monotonic clock, s.
         """
         self.farewell = ""
         self.orderly = False

@@ -1,4 +1,4 @@
-"""The ground as one robot's planning sees it: where its centre may be, and the discs in the way at this tick."""
+"""The ground for one robot's planning: where its centre may be, and the discs and areas in the way at this tick."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class Area:
 
 
 class Ground:
-    """The points on which a robot's centre may be, minus the discs in the way at this tick.
+    """The points on which a robot's centre may be, minus the discs and areas in the way at this tick.
 
     `begin` sets the obstacles of the robot's body each tick. A policy may `close` more for that tick, which affects its
     own routes and the body alike. Elements are numbered like those of `state`.
@@ -127,7 +127,7 @@ class Ground:
         self._wanted = (*self._wanted[0], *discs), (*self._wanted[1], *areas)
 
     def _apply_changes(self) -> None:
-        """Bring the grids up to date with the discs to be closed."""
+        """Bring the grids up to date with the discs and areas to be closed."""
         if self._wanted == self._closed:
             return
         before, self._closed = self._closed, self._wanted

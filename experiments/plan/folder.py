@@ -1,4 +1,4 @@
-"""The folder of a plan: its figures, pictures, and the scenarios of its fleets, ready to run.
+"""The folder of a plan and the drawing of its pictures; the scenarios of its fleets are ready to run.
 
 plan.json            all figures
 curve.png, curve.svg the age that fleets keep, over their number of robots

@@ -1,4 +1,7 @@
-"""The command `fogwatch`. Commands import the heavy libraries that they need, so that help and errors are quick."""
+"""The command `fogwatch`, with the commands of the studies where they are installed.
+
+Commands import the heavy libraries that they need, so that help and errors are quick.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +15,7 @@ import typer
 from fogwatch.cli import command_help
 from fogwatch.cli.command_help import PANEL_OF, command
 from fogwatch.cli.ending import run_app
-from fogwatch.commands import (  # noqa: F401 - each adds its commands; `map` comes with the studies, which add one to it
+from fogwatch.commands import (  # noqa: F401 - each adds its commands
     animate,
     control,
     doctor,

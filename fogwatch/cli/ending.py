@@ -1,4 +1,4 @@
-"""The end of the command `fogwatch`: the exit code of the command that it ran, or one line that says what is wrong."""
+"""Around each command of `fogwatch`: words of 1.0 answered, lines printed, an error as one line with an exit code."""
 
 from __future__ import annotations
 

@@ -42,11 +42,11 @@ class FleetOptions:
 
     def check_one_fleet(self, command: str, run: Path | None) -> None:
         """Check that a command is given one of the folder of a run, credentials, or a router and a fleet's name."""
-        by_router = (self.router is not None) + (self.fleet is not None)
+        named = [value is not None for value in (self.router, self.fleet)]
         if run is not None:
-            is_one = not by_router and self.credentials is None
+            is_one = not any(named) and self.credentials is None
         else:
-            is_one = by_router == 2 or self.credentials is not None
+            is_one = all(named) or self.credentials is not None
         if not is_one:
             ways = "a run's folder, or --router and --fleet of a running fleet, or --credentials"
             raise BadInput(f"{command}: name {ways}")

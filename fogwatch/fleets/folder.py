@@ -5,7 +5,8 @@
     FOLDER/router/        for the router's machine (`patrol.security.credentials.RouterSecurity`)
     FOLDER/mesh.json      in a fleet without a router, instead: a copy is in each member's folder
     FOLDER/NAME/          for the machine of a member: a robot, world, viewer, operator (`Credentials`)
-    FOLDER/NAME-router/   for the Zenoh router of a ROS 2 robot: its certificate, and rules that let members in
+    FOLDER/NAME-router/   for the Zenoh router of a ROS 2 robot: its certificate, key and authority (``*.pem``), and
+                          zenoh.json5, with rules that let members in
 
 A certificate's common name holds a number that counts how often the member got one. Zenoh has no list of revoked
 certificates, so the rules of the router, or of each member of a mesh, name the members whose certificates are valid.

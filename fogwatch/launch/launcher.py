@@ -1,8 +1,9 @@
 """The launcher: runs a fleet as processes of this machine, from the first to the last.
 
 It starts a router, the world and one agent per robot, the agents from a fork server where there are several; it
-restarts a router that dies; it ends everything in order, and by force where that takes too long. The router, the page
-and the fork server report on a pipe when they are ready; how a child ended is known from its exit code.
+restarts a router that dies, and a page, without which the run goes on; it ends everything in order, and by force where
+that takes too long. A fleet that the machine cannot hold is refused first (`check_limits`). The router, the page and
+the fork server report on a pipe when they are ready; how a child ended is known from its exit code.
 """
 
 from __future__ import annotations

@@ -12,10 +12,13 @@ was trained in them runs as the policy ``learned`` (`Layers.save`). See docs/env
 
 from __future__ import annotations
 
+import sys
+
 import gymnasium
 from pettingzoo import register
 
 from agent.learned.network import Layers, action_of, flattened
+from fogwatch.learn import environments
 from fogwatch.learn.environments import OneRobotEnv, PatrolEnv, one_env, parallel_env
 from fogwatch.learn.episode import Episode
 
@@ -25,5 +28,9 @@ __all__ += ["one_env", "parallel_env"]
 PARALLEL_ID = "fogwatch/patrol-v0"
 SINGLE_ID = "fogwatch/patrol-one-v0"
 
-register("parallel", PARALLEL_ID, entry_point="fogwatch.learn.environments:parallel_env")
-gymnasium.register(SINGLE_ID, entry_point="fogwatch.learn.environments:one_env")
+register("parallel", PARALLEL_ID, entry_point="fogwatch.learn:parallel_env")
+gymnasium.register(SINGLE_ID, entry_point="fogwatch.learn:one_env")
+
+# Specifications and pickles that users saved with 1.0 name the modules of then.
+for _module in ("one", "parallel"):
+    sys.modules[f"fogwatch.learn.{_module}"] = environments

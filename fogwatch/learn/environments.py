@@ -282,7 +282,8 @@ def parallel_env(
         inputs: What agents see.
         window: Points, side of the window.
         heard: Positions of other robots in an observation.
-        reward: ``mean``, ``mfow`` or ``change``, or a `Reward` of your own.
+        reward: ``mean``, ``mfow`` or ``change`` (docs/environments.md), or a function of the record of the tick before
+            (None at the first), that of the tick, and s per tick.
         keep: Whether episodes keep the records of all ticks, so that they can be judged.
         render_mode: None, as environments draw nothing.
 

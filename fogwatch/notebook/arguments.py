@@ -1,4 +1,9 @@
-"""Arguments of the functions that notebooks call: errors of one line, and Python's numbers in place of NumPy's."""
+"""Arguments of the functions that notebooks call: errors of one line, plain numbers, and classes of policies by name.
+
+A class of a module is ``package.module:Class``, which every process can import. A module beside the script is named by
+its file, since other processes do not look into the script's folder. A notebook's or a script's own class is
+``__main__:Class``, which only the process that defined it can find.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The display of a running fleet: a live table on a terminal, a line every few seconds elsewhere."""
+"""The display of a running fleet: a live table on a terminal, a line every few seconds elsewhere; and progress bars."""
 
 from __future__ import annotations
 
@@ -161,8 +161,9 @@ class GuardedDisplay(RunDisplay):
         """Guard a display."""
         self.shown = shown
         self.failures = 0
-        for name in ("say", "metrics", "notice", "progress"):
-            setattr(self, name, partial(self._attempt_show, getattr(shown, name)))
+        for name in vars(RunDisplay):
+            if not name.startswith("_") and name != "close":
+                setattr(self, name, partial(self._attempt_show, getattr(shown, name)))
 
     def close(self) -> None:
         """Stop showing, and report how much could not be shown."""
@@ -170,9 +171,9 @@ class GuardedDisplay(RunDisplay):
         if self.failures > 1:
             self.say(f"{self.failures} lines or tables could not be shown")
 
-    def _attempt_show(self, show: Callable[..., None], *shown: object) -> None:
+    def _attempt_show(self, show: Callable[..., None], *shown: object, **named: object) -> None:
         try:
-            show(*shown)
+            show(*shown, **named)
         except Exception as error:  # noqa: BLE001 - a display may fail in any way, and none of them may end a run
             self.failures += 1
             if self.failures == 1:

@@ -1,4 +1,4 @@
-"""The interface between a page and what it shows: a running fleet, or a run that is played back.
+"""The interface between a page and what it shows: a running fleet, or a run that is played back; and its tick rate.
 
 One thread reads a source (`wait`, `last_seen`, `series`, `events`); reading never slows the fleet. Any thread may call
 `control`. Arrays that a source returns belong to the source: read them before the next `wait`, and never write to them.

@@ -111,7 +111,7 @@ class Replay:
 
 @dataclass(frozen=True, eq=False)
 class Visits:
-    """The statistics of a run, in ticks."""
+    """The ages of each point of the ground over a run, and the gaps between its visits, in ticks."""
 
     mean: NDArray[np.float64]  # (h, w), mean age over all ticks; 0 outside the patrolled area
     worst: NDArray[np.int32]  # (h, w), largest age; 0 outside the patrolled area

@@ -154,7 +154,7 @@ def state_codes(run: Run) -> NDArray[np.uint8]:
 def gaps_chart(gaps: NDArray[np.int64], step: float) -> Figure:
     """Draw a histogram of the times between two visits to a point.
 
-    `gaps` is int64 (n,), the number of gaps by length in ticks, from `monitor.replay.replay`. `step` is in s.
+    `gaps` is int64 (n,), the number of gaps by length in ticks (`Visits.gaps`). `step` is in s.
     """
     chart = figure(WIDTH, 2.9)
     axes = chart.add_subplot()

@@ -2,8 +2,7 @@
 
 Within a region a robot may go straight from anywhere to anywhere, so that a path is a sequence of connecting points.
 The paper splits terrains by hand; `split_regions` does it for any terrain. The ground's outline is drawn with few
-corners (region_outline), cut so that no concave corner is left (region_cuts), and what remains of steps and slivers is
-merged (region_patchwork).
+corners, cut so that no concave corner is left, and what remains of steps and slivers is merged.
 
 Polygons are convex and disjoint to a millionth of a point. Every point where bodies may be belongs to one; its centre
 lies in that polygon or, rarely, up to about a point beside it. Polygons may reach into walls by up to 2.5 points, which

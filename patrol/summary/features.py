@@ -41,13 +41,13 @@ class Feature:
     name: str  # of its section in a report, which links name; the heading is the same with a capital
     lines: Callable[[Summary], list[str]]  # none in a run without the feature
     table: Callable[[Summary, Scenario, float], FiguresTable]  # by the run's end in s; without rows in such a run
-    # made with the events that are known when the run begins; None where the verdict computes the figures
+    # made with all events of the run, or with none while it goes on; None where the verdict computes the figures
     totals: Callable[[Header, Sequence[Event]], Totals] | None = None
 
 
 FEATURES = (
-    Feature("batteries", battery_lines, battery_table, BatteryTotals),
     Feature("zones", zone_lines, zone_table),
     Feature("closures", closure_lines, closure_table, ClosureTotals),
     Feature("intruders", intruder_lines, intruder_table, IntruderTotals),
+    Feature("batteries", battery_lines, battery_table, BatteryTotals),
 )

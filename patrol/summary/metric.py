@@ -1,4 +1,4 @@
-"""The declaration of a metric: everything that documents, tables and sweeps need to know of it.
+"""The declarations of a metric, which documents, tables and sweeps read, and of a report's table of figures.
 
 A metric is a field of a model in `patrol.summary.model`, annotated with a `Metric`:
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import heapq
+import math
 from functools import lru_cache
 
 import numpy as np
@@ -11,6 +12,15 @@ from numpy.typing import NDArray
 from patrol.ground.footprint import Footprint
 from patrol.ground.terrain import BoolGrid, Terrain
 from patrol.pose import Pose
+
+SPACING = 0.4
+"""Distance of the candidate places, as a share of the sensor's range."""
+
+MOST_CANDIDATES = 6000
+"""Candidate places at most: on larger ground they lie farther apart."""
+
+ROUGH = 50.0
+"""Points of the thinned grid of `cover_roughly` along the sensor's range."""
 
 REMEMBERED = 512
 """Views kept at most, for the whole grid; more for a thinned one."""
@@ -88,6 +98,23 @@ class Views:
         """Leave a point out of the ground."""
         row, col = divmod(point, self._width)
         self.ground[row // self._every, col // self._every] = False
+
+
+def candidate_spacing(part: BoolGrid, footprint: Footprint) -> float:
+    """Return the distance of the candidate places on a part of the ground, in points."""
+    return max(SPACING * footprint.radius, math.sqrt(np.count_nonzero(part) / MOST_CANDIDATES), 1.0)
+
+
+def cover_roughly(
+    looks: Looks, ground: BoolGrid, part: BoolGrid, proxy: NDArray[np.int32], footprint: Footprint
+) -> tuple[list[int], Views]:
+    """Choose places of a part that see all of some ground in a thinned grid; return them and their views.
+
+    `proxy` is as for `patrol.tours.search.find_tour`.
+    """
+    views = Views(looks, ground, max(round(footprint.radius / ROUGH), 1))
+    candidates = lattice(part, candidate_spacing(part, footprint))
+    return needed(choose(candidates, views) + complete(views, part, proxy), views), views
 
 
 def lattice(part: BoolGrid, spacing: float) -> list[int]:

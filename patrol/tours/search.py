@@ -21,14 +21,8 @@ from patrol.ground.terrain import BoolGrid, Steps, Terrain
 from patrol.ground.ways import framed
 from patrol.kernels.tour import shorten
 from patrol.kernels.ways import FAR, lengths_between, way_between
-from patrol.tours.cover import Looks, Views, choose, complete, lattice, needed
+from patrol.tours.cover import Looks, Views, candidate_spacing, complete, cover_roughly
 from patrol.tours.round import Tour
-
-SPACING = 0.4
-"""Distance of the candidate places, as a share of the sensor's range."""
-
-MOST_CANDIDATES = 6000
-"""Candidate places at most: on larger ground they lie farther apart."""
 
 MOST_POINTS = 20_000_000
 """Points of the largest terrain with a tour: the search needs about 30 bytes for each."""
@@ -50,9 +44,6 @@ PULLS = (1.0, 0.5, 0.2)
 
 GAIN = 0.01
 """Least gain of a change to the tour, in distances of samples."""
-
-ROUGH = 50.0
-"""Points of a thinned grid along the sensor's range: the search thins the ground out, the result is exact."""
 
 NEIGHBOURS = 4
 """Places of a tour beside which a new one may be put in."""
@@ -76,14 +67,12 @@ def find_tour(
     """
     if part.size > MOST_POINTS:
         return None
-    spacing = max(SPACING * footprint.radius, math.sqrt(np.count_nonzero(part) / MOST_CANDIDATES), 1.0)
     looks = Looks(terrain, footprint)
     exact = Views(looks, ground, 1)
-    rough = Views(looks, ground, max(round(footprint.radius / ROUGH), 1))
-    chosen = needed(choose(lattice(part, spacing), rough) + complete(rough, part, proxy), rough)
+    chosen, rough = cover_roughly(looks, ground, part, proxy, footprint)
     if len(chosen) > MOST_PLACES:
         return None
-    ways = _Ways(part, terrain.against, max(SAMPLES * footprint.radius, 1.0), NEAR * spacing)
+    ways = _Ways(part, terrain.against, max(SAMPLES * footprint.radius, 1.0), NEAR * candidate_spacing(part, footprint))
     best, length = chosen, math.inf
     for _ in range(ROUNDS):
         tour = _Patrol(ways.ordered(best), rough, ways)

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import gymnasium
 import pytest
+from gymnasium.envs.registration import EnvSpec
 from gymnasium.utils.env_checker import check_env
 
-from fogwatch.learn import SINGLE_ID, one_env, parallel_env
+from fogwatch.learn import SINGLE_ID, OneRobotEnv, one_env, parallel_env
 from patrol.errors import BadInput
 
 ALONE: dict[str, Any] = {"point": 1.0, "duration": 30.0}
@@ -35,6 +37,12 @@ def test_gymnasium_may_pass_no_render_mode_and_a_caller_may_fall_back_from_anoth
     gymnasium.make(SINGLE_ID, overrides=ALONE, render_mode=None)
     with pytest.raises(TypeError, match='render_mode = "rgb_array": environments draw nothing; leave it out'):
         gymnasium.make(SINGLE_ID, overrides=ALONE, render_mode="rgb_array")
+
+
+def test_a_specification_that_version_1_0_saved_still_makes_the_environment() -> None:
+    saved = replace(gymnasium.spec(SINGLE_ID), entry_point="fogwatch.learn.one:one_env", kwargs={"overrides": ALONE})
+    env = gymnasium.make(EnvSpec.from_json(saved.to_json()))
+    assert isinstance(env.unwrapped, OneRobotEnv)
 
 
 @pytest.mark.parametrize("make", [one_env, parallel_env])

@@ -240,6 +240,7 @@ class _Mute(_Failing):
 def test_a_display_that_fails_is_reported_once_and_never_to_the_run() -> None:
     failing = _Failing()
     display = GuardedDisplay(failing)
+    display.progress("writing report.html", share=0.5)
     for _ in range(3):
         display.metrics(METRICS)
     display.say("on it goes")
