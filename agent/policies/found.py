@@ -1,8 +1,8 @@
 """The policy that a scenario names, with its options.
 
-A policy is ``stochastic`` (the default), ``committed`` (the tour), ``potential-field`` (the paper's), a rival from the
-literature, or one of one's own, found by name (`patrol.classes.named_class`). Only what runs minds comes here: no
-command that only reads a run imports its policy.
+A policy is ``stochastic`` (the default), ``committed`` (the tour), ``potential-field`` (the paper's), ``learned`` (a
+trained network), a rival from the literature, or one of one's own, found by name (`patrol.classes.named_class`). Only
+what runs minds comes here: no command that only reads a run imports its policy.
 """
 
 from __future__ import annotations

@@ -1,9 +1,7 @@
 """The paper's policy: stale points pull, near ones more than far ones, and the strongest direction wins.
 
-Except for belief and goal, this is the paper's "Final algorithm": forces along paths (steps 4 and 5), the direction
-(step 6), and the methods that keep robots apart.
-
-The social potential field of one robot: the forces of all points, summed (paper, steps 4 and 5).
+Except for belief and goal, this is the paper's "Final algorithm": forces along paths, summed over all points (steps 4
+and 5), the direction (step 6), and the methods that keep robots apart.
 
 The paper leaves open that two robots drift onto the same path, and found repulsion harmful. Positions alone allow
 better: *claims* scale the force of each point by 1 / (1 + exp((d - d') / s)), where d is this robot's way to the point,

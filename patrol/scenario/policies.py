@@ -1,4 +1,4 @@
-"""The section `patrol`: what holds for every policy, and the settings of the built-in ones.
+"""The section `patrol`: what holds for every policy, and the settings of ours.
 
     patrol: {give_way: false}                                         stochastic, with its defaults
     patrol: {policy: committed, options: {separation: none}}          the tour
@@ -6,8 +6,8 @@
     patrol: {policy: learned, options: {weights: trained.npz}}        a network that was trained
     patrol: {policy: ./mine.py:Mine, options: {near: 4}}              a policy of one's own, which checks its options
 
-The section is one of five models, chosen by `policy`. The settings of a built-in policy are checked with the rest of
-the scenario; those of any other when a run finds its class (`agent.policies.found`).
+The section is one of five models, chosen by `policy`. The settings of the first four are checked with the rest of the
+scenario; those of any other, rivals included, when a run finds its class (`agent.policies.found`).
 
 The paper to the letter: which rules of ours a patrol replaces by the paper's (`patrol.options.letter`).
 
@@ -131,7 +131,7 @@ DEFAULT: Final = STOCHASTIC
 """The policy of a scenario that names none."""
 
 BUILT_IN = (STOCHASTIC, COMMITTED, PAPER)
-"""Policies that come with fogwatch."""
+"""The policies whose settings are checked with the scenario; rivals and `learned` come with fogwatch too."""
 
 LEARNED: Final = "learned"
 """A policy that was trained (docs/environments.md)."""
@@ -141,7 +141,7 @@ OPTION_LENGTHS = ("dilatation", "obstacle_radius", "fuzzy_distance", "critical_w
 
 
 class PatrolOptions(Section):
-    """Settings of all built-in policies: how robots keep apart."""
+    """Settings that `BUILT_IN` policies share: how robots keep apart."""
 
     # by setting, the switch that it needs and the values of the switch with which it has an effect; without lengths
     # that follow the body, as those of a whole team are stated together

@@ -159,7 +159,10 @@ class JournalReading(ABC):
 
 
 class Check(JournalReading):
-    """A check of the verdict. A subclass implements `_tick` and `_end`, and reports problems by `_fail`."""
+    """A check of the verdict. A subclass implements `_tick` and `_end`, and reports problems by `_fail`.
+
+    It warns by adding to `_warnings`, and says in `_unknown` why it cannot judge.
+    """
 
     name: ClassVar[str]
     kinds: ClassVar[tuple[type[Fault], ...]] = ()  # of faults that call for the check; empty: it needs none

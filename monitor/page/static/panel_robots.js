@@ -1,4 +1,4 @@
-// The table of robots.
+// The table of robots. The server makes palette.js from `patrol/palette.py`.
 
 import { ROBOTS } from "./palette.js";
 import { $ } from "./dom.js";
