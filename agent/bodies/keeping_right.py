@@ -42,6 +42,7 @@ from agent.bodies.standoff import STILL, disc_round
 from agent.routes.ground import Ground
 from agent.routes.routes import Routes
 from patrol.ground.swept_path import advance
+from patrol.radio.peers import places_of, sequences_of
 
 if TYPE_CHECKING:
     from agent.ports import Place
@@ -137,10 +138,12 @@ class KeepingRight:
         self._own = self._own.after(view.tick, here, self._stride)
         # Robots that are no longer heard are forgotten, and with them how they moved.
         before, self._others = self._others, {}
-        for number, peer in view.peers.items():
-            spot = peer.pose.x, peer.pose.y
-            was = before.get(number) or Motion(peer.sequence, peer.sequence, spot)
-            self._others[number] = was.after(peer.sequence, spot, self._strides[number])
+        # By columns: a fleet of 1,000 spends most of its time here if each peer is made an object.
+        sequences, places = sequences_of(view.peers).tolist(), places_of(view.peers).tolist()
+        for number, sequence, (x, y) in zip(sorted(view.peers), sequences, places, strict=True):
+            spot = x, y
+            was = before.get(number) or Motion(sequence, sequence, spot)
+            self._others[number] = was.after(sequence, spot, self._strides[number])
 
     def room(self, command: Command, view: View) -> float:
         """Return the share of a step that stays on this robot's side of a line between it and each other one.

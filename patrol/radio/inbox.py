@@ -299,6 +299,11 @@ class Peers(Mapping[int, Peer]):
         """int64 (len,), the tick at which each was heard, by number."""
         return self._cells["at"][self._is_known].astype(np.int64)
 
+    @property
+    def sequences(self) -> NDArray[np.int64]:
+        """int64 (len,), the newest sequence of each, by number."""
+        return self._cells["sequence"][self._is_known].astype(np.int64)
+
     def lately(self, since: int) -> Peers:
         """List those that were heard at a tick or later."""
         return Peers(self._column, self._cells, since)

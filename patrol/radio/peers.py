@@ -52,6 +52,17 @@ def ticks_of(peers: Mapping[int, Peer]) -> NDArray[np.int64]:
     return np.array([peer.tick for _, peer in sorted(peers.items())], dtype=np.int64)
 
 
+def sequences_of(peers: Mapping[int, Peer]) -> NDArray[np.int64]:
+    """Return the newest sequences of some robots, int64 (n,), ascending by number.
+
+    A mapping that has them as the column `sequences` gives them faster.
+    """
+    column: NDArray[np.int64] | None = getattr(peers, "sequences", None)
+    if column is not None:
+        return column
+    return np.array([peer.sequence for _, peer in sorted(peers.items())], dtype=np.int64)
+
+
 # The predicted place is for the centre of a body: a point passes wherever some body does.
 _POINT = 1e-6
 
