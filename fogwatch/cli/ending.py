@@ -1,4 +1,4 @@
-"""Around each command of `fogwatch`: words of 1.0 answered, lines printed, an error as one line with an exit code."""
+"""The frame of each command: it answers words of 1.0, prints lines, and turns an error into a line and an exit code."""
 
 from __future__ import annotations
 

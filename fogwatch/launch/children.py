@@ -2,8 +2,8 @@
 
 Each child runs in a session of its own, so that Ctrl-C reaches the launcher alone, and what a policy starts there can
 be ended with it, unless that begins a session too. Each holds the reading end of a pipe, its lifeline, that ends when
-the launcher does, however that ends (`patrol.process.lifeline`). Children of the fork server, which `ForkServer` starts
-and asks, are like any other; `patrol.starting.forking` is the server's own side.
+the launcher does, however that ends (`patrol.process.lifeline`). `ForkServer` starts the fork server
+and asks it for children, which are like any other; `patrol.starting.forking` is what the server does.
 """
 
 from __future__ import annotations

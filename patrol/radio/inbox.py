@@ -61,7 +61,7 @@ from patrol.radio.peers import Peer
 
 
 class Heard(Mapping[int, list[bytes]]):
-    """The frames that reach each receiver, by its number, in their order: all are held once, with who hears which.
+    """The frames that reach each receiver, by its number, in their order. Each frame is held once.
 
     `frames` holds all of them, by sender and sequence, forged ones first; `receivers` is ascending; and `reaches`, bool
     (receivers, frames), says which receiver hears which frame.

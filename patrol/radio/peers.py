@@ -46,21 +46,19 @@ def ticks_of(peers: Mapping[int, Peer]) -> NDArray[np.int64]:
 
     The array is the caller's own. A mapping that has them as the column `ticks` gives them faster.
     """
-    column: NDArray[np.int64] | None = getattr(peers, "ticks", None)
-    if column is not None:
-        return column
-    return np.array([peer.tick for _, peer in sorted(peers.items())], dtype=np.int64)
+    return _column_of(peers, "ticks", "tick")
 
 
 def sequences_of(peers: Mapping[int, Peer]) -> NDArray[np.int64]:
-    """Return the newest sequences of some robots, int64 (n,), ascending by number.
+    """Return the newest sequences of some robots, as `ticks_of` does; the column is `sequences`."""
+    return _column_of(peers, "sequences", "sequence")
 
-    A mapping that has them as the column `sequences` gives them faster.
-    """
-    column: NDArray[np.int64] | None = getattr(peers, "sequences", None)
-    if column is not None:
-        return column
-    return np.array([peer.sequence for _, peer in sorted(peers.items())], dtype=np.int64)
+
+def _column_of(peers: Mapping[int, Peer], column: str, field: str) -> NDArray[np.int64]:
+    values: NDArray[np.int64] | None = getattr(peers, column, None)
+    if values is not None:
+        return values
+    return np.array([getattr(peer, field) for _, peer in sorted(peers.items())], dtype=np.int64)
 
 
 # The predicted place is for the centre of a body: a point passes wherever some body does.

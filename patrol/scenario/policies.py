@@ -6,8 +6,8 @@
     patrol: {policy: learned, options: {weights: trained.npz}}        a network that was trained
     patrol: {policy: ./mine.py:Mine, options: {near: 4}}              a policy of one's own, which checks its options
 
-The section is one of five models, chosen by `policy`. The settings of the first four are checked with the rest of the
-scenario; those of any other, rivals included, when a run finds its class (`agent.policies.found`).
+The section is one of five models, chosen by `policy`. The settings of the first four policies are checked with
+the rest of the scenario; those of any other, rivals included, when a run finds its class (`agent.policies.found`).
 
 The paper to the letter: which rules of ours a patrol replaces by the paper's (`patrol.options.letter`).
 

@@ -176,7 +176,7 @@ def test_an_operator_is_told_that_a_robot_stands_only_when_nav2_has_heard_of_it(
 
 
 def test_a_stop_outlives_the_agent_that_was_told_of_it(driven: Bench) -> None:
-    """By an operator, and by a publisher that has ended since."""
+    """The stops are those of an operator, and of a publisher that has ended since."""
     with driven.joined("hand") as hand:
         hand.publisher("stop", Bool, LATCHED).send(Bool(True))
         driven.says("stopped by the topic /robot1/stop")
