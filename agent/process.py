@@ -44,7 +44,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if is_for_ros2(words):
         drive_ros2: Callable[[Sequence[str]], int] = import_module("ros2.robot").main  # it stands on `agent`
         return drive_ros2(words)
-    options = simulated_parser().parse_args(words)
+    parser = simulated_parser()
+    split = _split_values(words)
+    if (robot := _robot_of(split)) and not {"--scenario", "--help", "-h"} & set(split):
+        parser.error(f"--robot {robot}: a robot of a fleet also needs --scenario FILE; one of ROS 2 is ros2 or rclpy")
+    options = parser.parse_args(words)
     return run_with(options, options.robot or "agent", _run_agent)
 
 
@@ -54,12 +58,21 @@ def is_for_ros2(arguments: Sequence[str]) -> bool:
     A robot of a simulated fleet may be called ros2 or rclpy; its command line names a scenario, and neither a robot's
     router nor a namespace.
     """
-    split = [
+    split = _split_values(arguments)
+    option = {"ros2": "--connect", "rclpy": "--namespace"}.get(_robot_of(split))
+    return option is not None and (option in split or "--scenario" not in split)
+
+
+def _split_values(arguments: Sequence[str]) -> list[str]:
+    """Return the words of a command line, with ``--option=value`` as two."""
+    return [
         word for argument in arguments for word in (argument.split("=", 1) if argument.startswith("--") else [argument])
     ]
-    robot = next((second for first, second in itertools.pairwise(split) if first == "--robot"), "")
-    option = {"ros2": "--connect", "rclpy": "--namespace"}.get(robot)
-    return option is not None and (option in split or "--scenario" not in split)
+
+
+def _robot_of(split: Sequence[str]) -> str:
+    """Return the value of ``--robot`` in a split command line; empty without one."""
+    return next((second for first, second in itertools.pairwise(split) if first == "--robot"), "")
 
 
 def _run_agent(process: ProcessContext) -> int:

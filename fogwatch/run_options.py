@@ -14,8 +14,8 @@ from typing import Annotated, Any
 from fogwatch.cli.options import FIELDS, option
 from patrol.errors import BadInput
 from patrol.extras import study
-from patrol.pose import MODELS
-from patrol.scenario import parse_overrides
+from patrol.pose import MODELS, TURNS_IN_ARCS
+from patrol.scenario import Scenario, parse_overrides
 from patrol.scenario.patrols import PATROLS, PRICES, patrol_settings
 
 POINT_M = 0.5
@@ -88,6 +88,12 @@ class Body:
     speed: Annotated[float | None, _of_robots("M/S", "Top speed in m/s.")] = None
     turning_radius: Annotated[float | None, _of_robots("M", "Tightest turn of a car, in m.")] = None
     sensor_range: Annotated[float | None, _of_robots("M", "Range of the sensor in m.")] = None
+
+    def check(self, scenario: Scenario) -> None:
+        """Raise BadInput for an option that has no effect on any robot of a scenario."""
+        if self.turning_radius is not None and not any(spec.model in TURNS_IN_ARCS for spec in scenario.roster):
+            what = f"--turning-radius {self.turning_radius:g}: has an effect only on cars, and no robot is one"
+            raise BadInput(f"{what}; give --model car as well, or leave it out")
 
 
 @dataclass(frozen=True)

@@ -134,7 +134,7 @@ def expecting(what: str, bare: bool = False) -> WrapValidator:
         try:
             return handler(value)
         except ValidationError:
-            raise _unexpected_error(what, bare) from None
+            raise unexpected(what, bare) from None
 
     return WrapValidator(check)
 
@@ -143,7 +143,8 @@ def _bare_validator(what: str) -> WrapValidator:
     return expecting(what, bare=True)
 
 
-def _unexpected_error(what: str, bare: bool = False) -> PydanticCustomError:
+def unexpected(what: str, bare: bool = False) -> PydanticCustomError:
+    """Make the error of a value in whose place something else was expected; `bare` as for `expecting`."""
     return PydanticCustomError("expected", "{what}", {"what": what, "bare": bare})
 
 
@@ -155,7 +156,7 @@ def at_least(count: int, what: str) -> AfterValidator:
 
     def check(items: tuple[Any, ...]) -> tuple[Any, ...]:
         if len(items) < count:
-            raise _unexpected_error(f"{count} or more {what}")
+            raise unexpected(f"{count} or more {what}")
         return items
 
     return AfterValidator(check)
@@ -166,7 +167,7 @@ def at_most(count: int, what: str) -> BeforeValidator:
 
     def check(items: Any) -> Any:
         if isinstance(items, list | tuple) and len(items) > count:
-            raise _unexpected_error(f"at most {count} {what}")
+            raise unexpected(f"at most {count} {what}")
         return items
 
     return BeforeValidator(check)
@@ -202,16 +203,8 @@ FrameBytes = Annotated[
 ]
 Flag = Annotated[bool, Strict(), _bare_validator("true or false")]
 PathText = Annotated[str, Field(min_length=1, pattern=r"^[^\x00-\x1f]+$"), expecting("the path of a file")]
-CLASS_NAME = r"^([A-Za-z0-9][A-Za-z0-9._-]{0,63}|[^\x00-\x1f:][^\x00-\x1f]*:[A-Za-z_][A-Za-z0-9_]*)$"
-PolicyText = Annotated[
-    str,
-    Field(pattern=CLASS_NAME),
-    expecting("committed, potential-field, package.module:Class, ./file.py:Class or the name of an entry point"),
-]
-SensorText = Annotated[
-    str,
-    Field(pattern=CLASS_NAME),
-    expecting("sector, disc, package.module:Class, ./file.py:Class or the name of an entry point"),
+ClassText = Annotated[
+    str, Field(pattern=r"^([A-Za-z0-9][A-Za-z0-9._-]{0,63}|[^\x00-\x1f:][^\x00-\x1f]*:[A-Za-z_][A-Za-z0-9_]*)$")
 ]
 Digest = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$"), expecting("64 hex digits")]
 Name = Annotated[
@@ -259,7 +252,7 @@ def by_shape(what: str) -> Discriminator:
 
 def _check_increasing(points: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float], ...]:
     if any(later[0] <= earlier[0] for earlier, later in pairwise(points)):
-        raise _unexpected_error("distances that increase along the list")
+        raise unexpected("distances that increase along the list")
     return points
 
 

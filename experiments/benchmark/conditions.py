@@ -15,6 +15,9 @@ NONE, SILENCE, DEATHS, SPOOF, LOSS, JITTER = "none", "silence", "deaths", "spoof
 ALL = (NONE, "loss-50", "loss-90", SILENCE, DEATHS, SPOOF, "jitter-20")
 """All conditions, with examples of `loss-P` and `jitter-P`."""
 
+MOST = {LOSS: 100, JITTER: 99}
+"""The most % of a condition, by its prefix; a robot that jitters by 100 % could stand still."""
+
 DEATHS_S = (300.0, 1100.0)
 """When the robots r1 and r2 die in a run of `DEATHS_OF_S` or more, s; in a shorter run earlier, in proportion."""
 
@@ -35,8 +38,10 @@ def check_condition(name: str) -> None:
             and _percent_of(part, LOSS) is None
             and _percent_of(part, JITTER) is None
         ):
+            prefix, most = next(((prefix, most) for prefix, most in MOST.items() if part.startswith(prefix)), ("", 0))
             hint = f"{did_you_mean(part, ALL)}, or join several, as in loss-90+deaths"
-            raise BadInput(f"--conditions {name}: {part}: no such condition; {hint}")
+            wrong = f"expected {prefix}1 to {prefix}{most}, in whole %" if most else f"no such condition; {hint}"
+            raise BadInput(f"--conditions {name}: {part}: {wrong}")
     if len(set(parts)) < len(parts) or (NONE in parts and len(parts) > 1):
         raise BadInput(f"--conditions {name}: these do not go together; name each fault once, and none alone")
 
@@ -73,6 +78,6 @@ def _part_faults(part: str, duration_s: float) -> Faults:
 def _percent_of(part: str, prefix: str) -> float | None:
     """Return the share that `loss-P` or `jitter-P` means; None for another text. All frames may be lost."""
     percent = part.removeprefix(prefix)
-    if part == percent or not re.fullmatch("[1-9][0-9]?|100" if prefix == LOSS else "[1-9][0-9]?", percent):
+    if part == percent or not re.fullmatch("[1-9][0-9]{,2}", percent) or int(percent) > MOST[prefix]:
         return None
     return int(percent) / 100.0

@@ -91,6 +91,7 @@ def plan(
     numbers = None if robots is None else _read_numbers(robots)
     overridden = overrides_of(settings, patrol, point=point, **vars(body))
     scenario = open_scenario(what, overridden)
+    body.check(scenario)
     check_matplotlib("sim")
     heed(None, patience=0)  # any signal raises KeyboardInterrupt
     warm(("patrol", "agent", "worldsim"), lambda line: typer.echo(line, err=True), SELDOM)

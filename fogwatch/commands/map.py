@@ -86,12 +86,14 @@ def check(
 ) -> None:
     """Report how much of a map a robot can reach and see, what is sealed off and why, and the narrowest doors."""
     _check_lengths(radius=radius, point=point, range=sensor_range)
+    _check_picture(picture)
     starts = [_read_start(text) for text in start or []]
     warm(("patrol",), note, SELDOM)
     from fogwatch.grounds.map_check import check_map  # here: it imports kernels, which are compiled first
     from patrol.maps.doubts import doubts
 
     terrain = named_terrain(what, point)
+    _check_picture(picture, (terrain,))
     report = check_map(terrain, radius, sensor_range, line_of_sight, starts)
     about: list[str] = []
     site: dict[str, Any] = {}
@@ -332,14 +334,12 @@ def align(
     if tolerance > MOST_OFF_M:
         raise BadInput(f"--tolerance = {tolerance:g}: allows anything; give at most {MOST_OFF_M:g}, in m")
     pairs = [_read_pair(text) for text in landmark or []]
-    if picture is not None and picture.suffix.lower() != ".png":
-        raise BadInput(f"--picture {picture}: expected a name that ends in .png")
+    _check_picture(picture)
     warm(("patrol",), note, SELDOM)
     from fogwatch.grounds import map_align  # here: its library takes a while
 
     terrain_a, terrain_b = named_terrain(own, point), named_terrain(ours, point)
-    if picture is not None:
-        _check_picture(picture, (terrain_a, terrain_b))
+    _check_picture(picture, (terrain_a, terrain_b))
     a, b = map_align.wall_map(terrain_a), map_align.wall_map(terrain_b)
 
     def draw(transform: Pose) -> None:
@@ -394,10 +394,16 @@ def _check_places(pairs: list[tuple[Place, Place]], terrains: tuple[Terrain, Ter
         )
 
 
-def _check_picture(picture: Path, terrains: tuple[Terrain, Terrain]) -> None:
-    """Refuse to draw over a map's own files."""
+def _check_picture(picture: Path | None, terrains: tuple[Terrain, ...] = ()) -> None:
+    """Refuse a picture that cannot be written, that is no PNG by its name, or that is one of the maps' own files."""
+    from monitor.replay.run_files import check_out
     from patrol.maps.map_file import read_map_file
 
+    if picture is None:
+        return
+    check_out(picture, "map.png")
+    if picture.suffix.lower() != ".png":
+        raise BadInput(f"--picture {picture}: expected a name that ends in .png")
     for terrain in terrains:
         if terrain.source is not None:
             image = read_map_file(terrain.source).image
@@ -435,6 +441,7 @@ def regions(
     Robots use them with the policy potential-field and patrol.options.paths: regions.
     """
     _check_lengths(point=point, radius=radius)
+    _check_picture(picture)
     field_lengths_m = {"point": point, "robots.radius": radius}
     overrides = {field: value for field, value in field_lengths_m.items() if value is not None}
     scenario = open_scenario(what, overrides)

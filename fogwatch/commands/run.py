@@ -60,6 +60,7 @@ def run(
     overrides = changes.overrides()
     choices = replace(choices, page=choices.page and not quiet and not choices.in_process)
     scenario = _with_spares(open_scenario(what, overrides), changes.spare, choices.page)
+    changes.body.check(scenario)
 
     from rich.console import Console
 

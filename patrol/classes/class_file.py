@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import ast
 import hashlib
 from pathlib import Path
 from typing import Any, ClassVar, Self
 
-from pydantic import ValidationInfo
+from pydantic import ValidationError, ValidationInfo, ValidatorFunctionWrapHandler, WrapValidator
 
 from patrol.errors import BadInput
 from patrol.files.untrusted import OWN_CLASS, WEIGHTS, Kind, read_untrusted
-from patrol.values import Section, absolute, wrong
+from patrol.values import Section, absolute, unexpected, wrong
+
+_MOST_OFFERED = 5
 
 
 def class_file(text: str) -> Path | None:
@@ -19,10 +22,34 @@ def class_file(text: str) -> Path | None:
     return Path(file) if colon and (file.endswith(".py") or "/" in file) else None
 
 
-def beside(text: str, info: ValidationInfo) -> str:
-    """Resolve the file's path in a class's name against the scenario's folder; other names stay as they are."""
-    path = class_file(text)
-    return text if path is None else f"{absolute(str(path), info)}:{text.rpartition(':')[2]}"
+def class_check(built_in: str) -> WrapValidator:
+    """Make the check of a field that names a class, beside its pattern; `built_in` lists those of fogwatch, for errors.
+
+    A file's path is resolved against the scenario's folder.
+    """
+    expected = f"{built_in}, package.module:Class, ./file.py:Class or the name of an entry point"
+
+    def check(value: Any, handler: ValidatorFunctionWrapHandler, info: ValidationInfo) -> str:
+        try:
+            text: str = handler(value)
+        except ValidationError:
+            raise unexpected(_offer_classes(value, info) or expected) from None
+        path = class_file(text)
+        return text if path is None else f"{absolute(str(path), info)}:{text.rpartition(':')[2]}"
+
+    return WrapValidator(check)
+
+
+def _offer_classes(value: Any, info: ValidationInfo) -> str:
+    """Return the names of the classes in a source file that is named without one; empty for anything else."""
+    if not (isinstance(value, str) and value.endswith(".py") and info.context and info.context["opens_classes"]):
+        return ""
+    try:
+        module = ast.parse(read_untrusted(Path(absolute(value, info) or value), OWN_CLASS))
+        classes = [node.name for node in module.body if isinstance(node, ast.ClassDef)]
+    except (OSError, BadInput, SyntaxError, ValueError, RecursionError, MemoryError):
+        classes = []
+    return " or ".join(f"{value}:{name}" for name in classes[:_MOST_OFFERED]) or f"{value}:Class"
 
 
 def file_digest(path: Path, field: str) -> str:

@@ -74,11 +74,13 @@ def load_scenario(
     """
     if isinstance(source, Mapping):
         raw = copy.deepcopy(dict(source))
-        scenario = _resolve_scenario(raw, overrides or {}, called, base or Path.cwd(), None, None, aliases)
+        scenario = _resolve_scenario(
+            raw, overrides or {}, called, base or Path.cwd(), None, None, opens_classes, aliases
+        )
     else:
         path = Path(source)
         raw, text = _read_mapping(path)
-        scenario = _resolve_scenario(raw, overrides or {}, str(path), path.parent, path.stem, text)
+        scenario = _resolve_scenario(raw, overrides or {}, str(path), path.parent, path.stem, text, opens_classes)
     return scenario.with_digests() if opens_classes else scenario
 
 
@@ -188,6 +190,7 @@ def _resolve_scenario(
     base: Path,
     name: str | None,
     text: str | None,
+    opens_classes: bool,
     aliases: Mapping[str, str] | None = None,
 ) -> Scenario:
     """Apply the overrides and check every value; text: of the file that the mapping was read from, or None."""
@@ -214,7 +217,8 @@ def _resolve_scenario(
     raw.setdefault("name", _default_name(raw, name))
     refuse_half_characters(raw, source)
     try:
-        scenario = _with_lengths(written_out(Scenario.model_validate(raw, context={"base": base})))
+        context = {"base": base, "opens_classes": opens_classes}
+        scenario = _with_lengths(written_out(Scenario.model_validate(raw, context=context)))
     except ValidationError as error:
         places = (lambda _: None) if text is None else partial(_line_of_field, text)
         raise BadInput(one_line(error, source, tuple(overrides), places, aliases or {})) from None

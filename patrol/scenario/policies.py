@@ -41,21 +41,21 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Annotated, Any, ClassVar, Final, Literal, Self, get_args
 
-from pydantic import AfterValidator, Discriminator, Field, Tag, ValidationInfo, field_validator, model_validator
+from pydantic import Discriminator, Field, Tag, ValidationInfo, field_validator, model_validator
 
 from patrol.classes.class_file import FIELD as WEIGHTS_FIELD
-from patrol.classes.class_file import ClassSection, beside, weights_content, weights_digest
+from patrol.classes.class_file import ClassSection, class_check, weights_content, weights_digest
 from patrol.errors import BadInput
 from patrol.values import (
     AUTO,
     SEPARATIONS,
     AutoNotNegative,
     AutoPositive,
+    ClassText,
     Digest,
     Exponent,
     Flag,
     NotNegative,
-    PolicyText,
     Polygons,
     Positive,
     Probability,
@@ -362,7 +362,7 @@ POLICY = (
 BLOCKED_MEMORY_S = 120.0
 """Default of `patrol.blocked_memory`."""
 
-OwnPolicyText = Annotated[PolicyText, AfterValidator(beside)]
+PolicyText = Annotated[ClassText, class_check("committed, potential-field")]
 
 
 class PatrolSpec(ClassSection):
@@ -372,7 +372,7 @@ class PatrolSpec(ClassSection):
     SORT = "policy"
     LATER = MappingProxyType({"blocked_memory": BLOCKED_MEMORY_S})
 
-    policy: OwnPolicyText = Field(DEFAULT, description=POLICY)
+    policy: PolicyText = Field(DEFAULT, description=POLICY)
     policy_sha256: Digest | None = Field(None, description="of the policy's file; filled in when this file is loaded")
     options: Any = Field(None, description="settings of the policy, by name")
     avoidance: Literal["none", "goal-refinement"] = Field(
@@ -528,7 +528,7 @@ class LearnedPatrol(PatrolSpec):
 class OwnPatrol(PatrolSpec):
     """The section with a policy of one's own."""
 
-    policy: OwnPolicyText = Field(description=POLICY, json_schema_extra={"not": {"enum": [*BUILT_IN, LEARNED]}})
+    policy: PolicyText = Field(description=POLICY, json_schema_extra={"not": {"enum": [*BUILT_IN, LEARNED]}})
     options: dict[str, Any] | None = Field(None, description="settings of a policy of one's own, by name")
 
 

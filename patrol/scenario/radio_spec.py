@@ -14,14 +14,14 @@ from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 from typing import Annotated, Any, Final, Literal, Self
 
-from pydantic import AfterValidator, Discriminator, Field, Tag, ValidationInfo, field_validator, model_validator
+from pydantic import Discriminator, Field, Tag, ValidationInfo, field_validator, model_validator
 
-from patrol.classes.class_file import ClassSection, beside
+from patrol.classes.class_file import ClassSection, class_check
 from patrol.radio.allowance import BITS, Share
 from patrol.radio.message import MAX_STEP_CM, SPAN, cm_to_m, longest_frame, m_to_cm
 from patrol.scenario.sections import BUILT_IN_SENSORS, RobotSpec, SensorSpec
 from patrol.values import (
-    CLASS_NAME,
+    ClassText,
     Decibels,
     Digest,
     FrameBytes,
@@ -50,12 +50,7 @@ MODELS: Mapping[str, str] = MappingProxyType(
 )
 """The classes of the models that come with fogwatch, by name."""
 
-RadioModelText = Annotated[
-    str,
-    Field(pattern=CLASS_NAME),
-    expecting(f"{', '.join(MODELS)}, package.module:Class, ./file.py:Class or the name of an entry point"),
-    AfterValidator(beside),
-]
+RadioModelText = Annotated[ClassText, class_check(", ".join(MODELS))]
 
 _BUCKET_S = 1.0
 """Most of its share that a robot may save up, s; or a tick, or the longest frame and a contact's, if these are more."""

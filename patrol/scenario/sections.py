@@ -8,9 +8,9 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated, Any, Final, Self
 
-from pydantic import AfterValidator, ConfigDict, Field, Tag, ValidationInfo, field_validator, model_validator
+from pydantic import ConfigDict, Field, Tag, ValidationInfo, field_validator, model_validator
 
-from patrol.classes.class_file import ClassSection, beside
+from patrol.classes.class_file import ClassSection, class_check
 from patrol.energy.spec import BatterySpec
 from patrol.errors import BadInput
 from patrol.graph import PIXEL, VISIT_M, read_graph
@@ -19,6 +19,7 @@ from patrol.pose import MODELS, TURNS_IN_ARCS, Limits, Pose, wrap
 from patrol.values import (
     MAX_ROBOTS,
     Builtin,
+    ClassText,
     Corner,
     Count,
     Degrees,
@@ -33,7 +34,6 @@ from patrol.values import (
     Quality,
     RobotName,
     Section,
-    SensorText,
     Spares,
     Start,
     Starts,
@@ -230,7 +230,7 @@ class SensorSpec(ClassSection):
     NAMED = "sensor.kind"
     SORT = "sensor"
 
-    kind: Annotated[SensorText, AfterValidator(beside)] = Field(
+    kind: Annotated[ClassText, class_check("sector, disc")] = Field(
         SECTOR,
         description="sector (with angle: 360, a disc) | disc | package.module:Class | ./file.py:Class | entry point",
     )

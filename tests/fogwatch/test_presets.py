@@ -6,7 +6,7 @@ import pytest
 
 import fogwatch
 from experiments.paper.printed import paper
-from fogwatch.run_options import PRESETS, preset_settings
+from fogwatch.run_options import PRESETS, Body, preset_settings
 from patrol.errors import BadInput
 from patrol.scenario import open_scenario, scenario_hash
 from patrol.scenario.policies import TO_THE_LETTER
@@ -52,3 +52,14 @@ def test_other_options_hold_over_the_preset(shell: Shell, refused: Refused) -> N
     assert "  range: 9.0 " in shown.out
     assert "    letter: true " in shown.out
     assert "preset papre: no such preset" in refused("run", "yards", "--preset", "papre", "--in-process")
+
+
+@pytest.mark.parametrize(("robots", "is_refused"), [("holonomic", True), ("differential", True), ("car", False)])
+def test_a_turning_radius_without_cars_is_refused(robots: str, is_refused: bool) -> None:
+    scenario = open_scenario("open", {"robots.model": robots, "robots.turning_radius": 3.0})
+    Body().check(scenario)
+    if is_refused:
+        with pytest.raises(BadInput, match="--turning-radius 3: has an effect only on cars"):
+            Body(turning_radius=3.0).check(scenario)
+    else:
+        Body(turning_radius=3.0).check(scenario)

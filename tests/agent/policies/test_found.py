@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 import sys
 from collections.abc import Callable
@@ -142,6 +143,24 @@ def test_a_file_beside_the_scenario(write: Write, monkeypatch: pytest.MonkeyPatc
     decision = mind.step(at(0, Pose(20.0, 20.0, 0.0)), [])
     assert decision.state == "resting"
     assert decision.command.numbers == (0.0, 0.0)
+
+
+def test_a_file_without_a_class_is_answered_with_its_classes(write: Write) -> None:
+    path = write("./guard.py")
+    with pytest.raises(BadInput, match=re.escape('"./guard.py": expected ./guard.py:Still or ./guard.py:Silent')):
+        load_scenario(path)
+    (path.parent / "guard.py").write_text("raise SystemExit\n", encoding="utf-8")
+    with pytest.raises(BadInput, match=re.escape("expected ./guard.py:Class")):
+        load_scenario(path)
+    (path.parent / "guard.py").write_text("class A:\n", encoding="utf-8")
+    with pytest.raises(BadInput, match=re.escape("expected ./guard.py:Class")):
+        load_scenario(path)
+
+
+def test_a_strangers_scenario_opens_no_file_for_its_error(write: Write) -> None:
+    raw = yaml.safe_load(write("./guard.py").read_text(encoding="utf-8"))
+    with pytest.raises(BadInput, match="expected committed, potential-field, package"):
+        load_scenario(raw, base=write("./guard.py").parent, opens_classes=False)
 
 
 @pytest.mark.parametrize("policy", ["guard.py:Still", "../own/guard.py:Still"])

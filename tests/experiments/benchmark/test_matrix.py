@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import pytest
@@ -71,6 +72,21 @@ def test_robots_die_within_a_shorter_run() -> None:
 )
 def test_what_is_no_condition_is_refused(name: str) -> None:
     with pytest.raises(BadInput, match="--conditions"):
+        check_condition(name)
+
+
+@pytest.mark.parametrize(
+    ("name", "says"),
+    [
+        ("loss-300", "loss-300: expected loss-1 to loss-100, in whole %"),
+        ("deaths+jitter-100", "jitter-100: expected jitter-1 to jitter-99, in whole %"),
+        ("death", "death: no such condition; did you mean deaths?"),
+    ],
+)
+def test_a_refused_condition_says_what_there_is(name: str, says: str) -> None:
+    for most in ("loss-100", "loss-1", "jitter-99"):
+        check_condition(most)
+    with pytest.raises(BadInput, match=re.escape(f"--conditions {name}: {says}")):
         check_condition(name)
 
 

@@ -107,6 +107,7 @@ def test_an_age_that_no_number_keeps_is_told_with_a_remedy(rooms: str, run: Comm
         (["--robots", "3-1"], "--robots 3-1: expected a number or two with a hyphen, 1 to 24, such as 1-8"),
         ([], "--age or --robots: one is needed"),
         (["--age", "9", "--quick", "--duration", "60"], "--duration 60: has no effect with --quick"),
+        (["--age", "9", "--model", "holonomic", "--turning-radius", "3"], "--turning-radius 3: has an effect only on"),
         (["--age", "9", "--seeds", "0"], "--seeds 0: expected a number of runs from 1 to 100"),
         (["--age", "9", "--out", "taken"], "--out taken: is not an empty folder"),
     ],

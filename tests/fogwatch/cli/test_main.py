@@ -76,6 +76,9 @@ def test_it_heeds_ctrl_c_before_anything_slow_is_loaded() -> None:
     [
         (["agnt"], "fogwatch: agnt: no such command; did you mean agent?"),
         (["agent", "--credentials", "nowhere", "--scenario", "none"], "agent: --credentials: nowhere cannot be read"),
+        (["agent", "--robot", "ros3"], "fogwatch agent: --robot ros3: a robot of a fleet also needs --scenario FILE;"),
+        (["agent", "--robot=r1"], "fogwatch agent: --robot r1: a robot of a fleet also needs --scenario FILE; one of"),
+        (["agent", "--incarnation", "2"], "fogwatch agent: --scenario FILE is missing: the scenario, the same for"),
     ],
 )
 def test_bad_input_is_one_line(words: list[str], line: str) -> None:

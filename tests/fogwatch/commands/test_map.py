@@ -285,3 +285,26 @@ def test_what_does_not_fit_the_ground_is_said_of_the_scenarios_file(more: str, p
     site.write_text(f"terrain: {{builtin: open}}\npoint: 0.5\n{more}\n")
     with pytest.raises(BadInput, match=problem.replace("SITE", str(site))):
         regions(str(site))
+
+
+@pytest.mark.parametrize("words", [["check", "open"], ["regions", "open"], ["align", "open", "open"]])
+def test_a_pictures_file_is_refused_before_the_work(
+    words: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(map_commands, "warm", lambda *_: pytest.fail("the work has begun"))
+    monkeypatch.setattr(map_commands, "named_terrain", lambda *_: pytest.fail("the work has begun"))
+    for name, says in (
+        ("x.xyz", "expected a name that ends in .png"),
+        ("nowhere/x.png", "no such folder"),
+        ("", "is a folder"),
+    ):
+        with pytest.raises(BadInput, match=says):
+            CliRunner().invoke(app, [*words, "--picture", str(tmp_path / name)], catch_exceptions=False)
+
+
+def test_a_maps_own_image_is_not_drawn_over(flat: Path) -> None:
+    image = flat.with_suffix(".png")
+    content = image.read_bytes()
+    with pytest.raises(BadInput, match="is a file of the map flat; give another name"):
+        CliRunner().invoke(app, ["check", str(flat), "--picture", str(image)], catch_exceptions=False)
+    assert image.read_bytes() == content
