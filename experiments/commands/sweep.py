@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Collection
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
@@ -12,7 +12,19 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from experiments.sweeps.cases import PAIRING, TEST, CaseRow, case_rows, shown_table, told_apart, write_tables
+from experiments.sweeps.cases import (
+    COMPARED,
+    PAIRING,
+    SHOWN,
+    TEST,
+    CaseRow,
+    case_rows,
+    partner_text,
+    shown_table,
+    told_apart,
+    write_tables,
+)
+from experiments.sweeps.latex import CHANGE, COLUMNS, RUNS, P, check_columns, write_latex
 from experiments.sweeps.plan import Plan, check_classes, read_plan
 from experiments.sweeps.progress import SweepProgress, print_failures
 from experiments.sweeps.runner import SweepOutcome, run_sweep
@@ -21,8 +33,15 @@ from fogwatch.cli.columns import fits
 from fogwatch.cli.command_help import command
 from fogwatch.cli.options import option
 from fogwatch.terminal.live_table import duration_text
+from monitor.tables.table import Table as Shown
 from patrol.errors import BadInput
 from patrol.extras import check_matplotlib
+
+LEFT_OUT = (COMPARED, SHOWN["collisions"], SHOWN["dead_end_percent"], SHOWN["fog_mean_s"], SHOWN["mfow_max_s"])
+"""Columns that a narrow terminal does without, in this order."""
+
+SHORT_NAME = 24
+"""Characters of the longest name of a case that is not replaced by a number."""
 
 FAILED = 1
 """The exit code when some of the runs failed."""
@@ -93,15 +112,21 @@ def sweep(
         float | None,
         option("MM", "Draw figures exactly so wide, without captions, for a paper: 88 is a column of many journals."),
     ] = None,
+    table: Annotated[
+        str,
+        option("COLUMNS", f"Columns of table.tex beside the cases: of {', '.join(SHOWN)}, {CHANGE}, {P} and {RUNS}."),
+    ] = ",".join(COLUMNS),
 ) -> int:
     """Run a scenario with every combination of some settings and every seed, and tabulate and draw the results.
 
-    The folder gets summary.csv and summary.json (a row a case), table.tex (the same for LaTeX), runs.csv (a row a run),
-    comparisons.csv (paired tests of the cases that `against` compares) and figures/ as PNG, SVG and PDF. Runs that have
-    a result there are not repeated, so that an interrupted sweep continues when it is started again.
+    The folder gets summary.csv and summary.json (a row a case), table.tex (for a paper in LaTeX), runs.csv (a row a
+    run), comparisons.csv (paired tests of the cases that `against` compares) and figures/ as PNG, SVG and PDF. Runs
+    that have a result there are not repeated, so that an interrupted sweep continues when it is started again.
     """
     check_matplotlib("experiments")  # before hours of runs, not after them
     width = _width_inches(figure_width)
+    columns = [name.strip() for name in table.split(",")]
+    check_columns(columns)
     plan = read_plan(file, seeds)
     check_classes(plan)
     folder = out or Path("runs") / file.stem
@@ -109,12 +134,14 @@ def sweep(
     outcome = machines.make_runs(plan, folder, console, estimate_time=False)
     write_tables(outcome, folder)
     rows = case_rows(outcome)
+    write_latex(rows, plan.name, columns, folder / "table.tex")
     _draw_figures(rows, plan.name, folder / "figures", width)
     print_cases(console, rows)
     print_failures(console, outcome)
     compared = ""
     if plan.partners:
-        console.print(f"changes are judged by a {TEST}, paired by the {PAIRING}", highlight=False, soft_wrap=True)
+        text = f"changes are against {partner_text(rows)}, judged by a {TEST}, paired by the {PAIRING}"
+        console.print(text, highlight=False, markup=False, soft_wrap=True)
         compared = ", comparisons.csv"
     for line in plan.notes:
         console.print(line, highlight=False, markup=False, soft_wrap=True)
@@ -152,36 +179,48 @@ def print_cases(console: Console, rows: list[CaseRow]) -> None:
     """Print the cases' means as a table.
 
     Words that all cases have in their names are printed once, above the table. On a narrow terminal intervals stand
-    below the means, and where that is not enough, the names stand above the table, which has the cases' numbers.
+    below the means. Where that is not enough, short names stay, and some columns are left out; long names stand above
+    the table, which has the cases' numbers.
     """
     names, shared = told_apart({row.case: row.words for row in rows})
     if shared:
         console.print(f"all cases: {shared}", highlight=False, markup=False, soft_wrap=True)
-    table = _cases_table(rows, names, " ")
+    shown = shown_table(rows, names)
+    left_out: list[str] = []
+    table = _cases_table(shown, " ")
     if not fits(table, console):
-        table = _cases_table(rows, names, "\n")
+        table = _cases_table(shown, "\n")
+    if max(map(len, names.values())) <= SHORT_NAME:
+        for head in [head for head in LEFT_OUT if head in shown.heads]:
+            if fits(table, console):
+                break
+            left_out.append(head)
+            table = _cases_table(shown, "\n", left_out)
     if not fits(table, console):
+        left_out.clear()
         numbers = {case: str(number) for number, case in enumerate(names, start=1)}
         for case, number in numbers.items():
             console.print(f"case {number}: {names[case]}", highlight=False, markup=False, soft_wrap=True)
-        table = _cases_table(rows, numbers, "\n")
+        table = _cases_table(shown_table(rows, numbers), "\n")
     console.print(table, highlight=False, markup=False)
+    if left_out:
+        text = f"in summary.csv, as this terminal is too narrow: {', '.join(left_out)}"
+        console.print(text, highlight=False, markup=False, soft_wrap=True)
 
 
-def _cases_table(rows: list[CaseRow], names: Mapping[str, str], between: str) -> Table:
-    """Return the table of the cases' means.
+def _cases_table(shown: Shown, between: str, left_out: Collection[str] = ()) -> Table:
+    """Return the table of the cases' means, without the columns whose heads are left out.
 
-    `names` has the table's name of each case. `between` separates a mean from its interval, and the halves of a title:
-    a space or a line break.
+    `between` separates a mean from its interval, and the halves of a title: a space or a line break.
     """
     narrow = between == "\n"
     table = Table(box=None, pad_edge=False, header_style="cyan", padding=(0, 1 if narrow else 2, 0, 0))
-    shown = shown_table(rows, names)
-    for column, title in enumerate(shown.heads):
+    columns = [column for column, head in enumerate(shown.heads) if head not in left_out]
+    for column in columns:
+        title = shown.heads[column]
         head, *unit = title.rsplit(" ", 2) if column in shown.numbers else title.split()
         name = between.join([head, " ".join(unit)]) if unit else head
         table.add_column(name, justify="right" if column in shown.numbers else "left")
     for row in shown.rows:
-        cells = [cell.replace(" ", between) if column in shown.numbers else cell for column, cell in enumerate(row)]
-        table.add_row(*cells)
+        table.add_row(*(row[at].replace(" ", between) if at in shown.numbers else row[at] for at in columns))
     return table

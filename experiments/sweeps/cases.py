@@ -11,7 +11,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -32,7 +32,14 @@ SHOWN = {
 }
 """Metrics that terminals, notebooks, papers and figures show, and their titles; the files have all metrics."""
 
+
+def bare(title: str) -> str:
+    """Return the title of a metric without its unit."""
+    return title.rpartition(" (")[0] or title
+
+
 CHANGE = "change of MFoW (%)"
+COMPARED = "compared with"
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,8 +101,7 @@ def _change_in_percent(own: Mapping[int, float], others: Mapping[int, float]) ->
 def write_tables(outcome: SweepOutcome, folder: Path) -> tuple[Path, Path]:
     """Write the tables of a sweep, and return the paths of summary.csv and summary.json.
 
-    The others are table.tex, runs.csv and comparisons.csv. runs.csv has a row for each run, comparisons.csv the paired
-    tests.
+    The others are runs.csv, a row for each run, and comparisons.csv, the paired tests.
     """
     rows = case_rows(outcome)
     as_csv, as_json = folder / "summary.csv", folder / "summary.json"
@@ -110,7 +116,6 @@ def write_tables(outcome: SweepOutcome, folder: Path) -> tuple[Path, Path]:
         "failed": [{"case": run.case, "seed": run.seed, "error": run.error} for run in outcome.failed],
     }
     write_text(as_json, json_text(content))
-    write_text(folder / "table.tex", _latex_table(rows, outcome.plan.name))
     return as_csv, as_json
 
 
@@ -211,36 +216,29 @@ def shown_table(rows: Sequence[CaseRow], names: Mapping[str, str]) -> Table:
     `names` has the table's name of each case.
     """
     shown = [name for name in SHOWN if any(name in row.metrics for row in rows)]
+    counts = [name for name in ("failed", "warned") if any(getattr(row, name) for row in rows)]
     compared = any(row.against for row in rows)
-    heads = ["case", "runs", *(SHOWN[name] for name in shown), *([CHANGE, "compared with"] if compared else [])]
+    heads = ["case", "runs", *counts, *(SHOWN[name] for name in shown), *([CHANGE, COMPARED] if compared else [])]
     cells = []
     for row in rows:
-        counts = [
-            f"{row.runs}",
-            f"{row.failed} failed" * bool(row.failed),
-            f"{row.warned} with warnings" * bool(row.warned),
-        ]
+        numbers = [str(getattr(row, name)) for name in ("runs", *counts)]
         means = [with_interval(row.metrics.get(name)) for name in shown]
         against = "" if row.against is None else names.get(row.against, row.against)
         change = [with_interval(row.change.get("mfow_mean_s")), against] if compared else []
-        cells.append([names.get(row.case, row.case), ", ".join(filter(None, counts)), *means, *change])
+        cells.append([names.get(row.case, row.case), *numbers, *means, *change])
     return Table(heads, cells, range(1, len(heads) - compared))
 
 
-def _latex_table(rows: Sequence[CaseRow], sweep: str) -> str:
-    """Return table.tex: a column for each axis that varies, then what terminals show."""
-    shown = shown_table(rows, told_apart({row.case: row.words for row in rows})[0])
-    axes = dict.fromkeys((label.axis, label.title) for row in rows for label in row.labels)
-    texts = {title: [label.text for row in rows for label in row.labels if label.axis == axis] for axis, title in axes}
-    varied = {title: column_texts for title, column_texts in texts.items() if len(set(column_texts)) > 1} or {
-        "case": [row[0] for row in shown.rows]
-    }
-    note = [f"{sweep}: means over the runs (seeds) and half the width of their 95 % interval"]
-    if any(row.against for row in rows):
-        note.append(f"change: mean over pairs of runs with the {PAIRING}; {TEST}s are in comparisons.csv")
-    cells = [[*cases, *row[1:]] for *cases, row in zip(*varied.values(), shown.rows, strict=True)]
-    numbers = [column + len(varied) - 1 for column in shown.numbers]
-    return Table([*varied, *shown.heads[1:]], cells, numbers).latex(note)
+def partner_text(rows: Sequence[CaseRow]) -> str:
+    """Return what cases are compared with, such as "stochastic" or "dilatation=0", in the words that tell it apart."""
+    by_name = {row.case: row for row in rows}
+    partners = [(row, by_name[row.against]) for row in rows if row.against is not None]
+    words = (
+        " ".join(label.word for label in other.labels if label not in row.labels) or other.case
+        for row, other in partners
+    )
+    texts = list(dict.fromkeys(words))
+    return texts[0] if len(texts) == 1 else "the case that differs only in what is compared"
 
 
 def _as_json(row: CaseRow) -> dict[str, Any]:
@@ -280,6 +278,8 @@ class PairedTest:
     # probability of so large a difference if the setting had no effect; None for fewer than two pairs, or equal
     # differences
     p: float | None
+    # the same, corrected by Holm's method for all tests of this metric
+    p_holm: float | None = None
 
     @property
     def pairs(self) -> int:
@@ -290,7 +290,7 @@ class PairedTest:
 def paired_tests(rows: Sequence[CaseRow]) -> list[PairedTest]:
     """Return the tests of all cases that are compared with another.
 
-    The p-values are those of single tests: they are not adjusted for how many there are.
+    Each has its own p, and one that is corrected for all tests of the same metric.
     """
     by_name = {row.case: row for row in rows}
     tests = []
@@ -304,7 +304,22 @@ def paired_tests(rows: Sequence[CaseRow]) -> list[PairedTest]:
                 difference = estimate(differences)
                 p = p_of_no_difference(differences)
                 tests.append(PairedTest(row.case, row.against, metric, difference, row.change.get(metric), p))
-    return tests
+    return [test for metric in dict.fromkeys(test.metric for test in tests) for test in _corrected(tests, metric)]
+
+
+def _corrected(tests: Sequence[PairedTest], metric: str) -> list[PairedTest]:
+    """Return the tests of a metric with p-values that are corrected for their number (Holm 1979).
+
+    The k-th smallest of n is multiplied by n - k + 1, and none is below a smaller one. For example, 0.01, 0.04 and 0.03
+    become 0.03, 0.06 and 0.06.
+    """
+    own = [test for test in tests if test.metric == metric]
+    corrected: dict[str, float] = {}
+    least, left = 0.0, sum(test.p is not None for test in own)
+    for p, case in sorted((test.p, test.case) for test in own if test.p is not None):
+        corrected[case] = least = min(max(least, p * left), 1.0)
+        left -= 1
+    return [replace(test, p_holm=corrected.get(test.case)) for test in own]
 
 
 def p_of_no_difference(differences: Sequence[float]) -> float | None:
@@ -324,6 +339,11 @@ def p_of_no_difference(differences: Sequence[float]) -> float | None:
     return 2.0 * float(stdtr(count - 1, -abs(mean) / math.sqrt(variance / count)))
 
 
+def p_text(p: float | None) -> str:
+    """Return a p-value as tables and figures show it, such as 0.031 or < 0.001."""
+    return "-" if p is None else "< 0.001" if p < 0.001 else f"{p:.3f}"
+
+
 def comparisons_table(tests: Sequence[PairedTest]) -> Table:
     """Return the table of comparisons.csv: a row for each test."""
     heads = [
@@ -338,10 +358,13 @@ def comparisons_table(tests: Sequence[PairedTest]) -> Table:
         "high",
         "change_percent",
         "p",
+        "p_holm",
     ]
     rows = []
     for test in tests:
         difference, change = test.difference, None if test.change is None else test.change.mean
         ends = (difference.mean, difference.low, difference.high)
-        rows.append((test.case, test.against, test.metric, TEST, PAIRING, test.pairs, *ends, change, test.p))
+        rows.append(
+            (test.case, test.against, test.metric, TEST, PAIRING, test.pairs, *ends, change, test.p, test.p_holm)
+        )
     return Table(heads, rows)

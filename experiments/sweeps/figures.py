@@ -10,7 +10,18 @@ import textwrap
 from collections.abc import Callable, Collection, Sequence
 from typing import TYPE_CHECKING
 
-from experiments.sweeps.cases import PAIRING, SHOWN, TEST, CaseRow, PairedTest, paired_tests, told_apart
+from experiments.sweeps.cases import (
+    PAIRING,
+    SHOWN,
+    TEST,
+    CaseRow,
+    PairedTest,
+    bare,
+    p_text,
+    paired_tests,
+    partner_text,
+    told_apart,
+)
 from experiments.sweeps.estimates import Curve, Dot, draw_curves, draw_dots, scale
 from experiments.sweeps.plan import CASE
 from monitor.figures.style import MUTED, Drawing, figure
@@ -74,7 +85,7 @@ class _Figures:
         self._name_width = round(NAME_WIDTH * width / WIDTH)
         self._lines = {case: self._wrap_name(names[" ".join(case_words)]) for case, case_words in words.items()}
         self._about = f"{sweep}{f', {shared}' if shared else ''}"
-        self._names, _ = told_apart({row.case: row.words for row in rows})
+        self._against = partner_text(rows)
         self._sweep = sweep
         self._width = width
 
@@ -108,13 +119,13 @@ class _Figures:
 
         def fill(axes: Axes) -> None:
             axes.axvline(0.0, color=MUTED, linewidth=1.0, zorder=1)
-            self._draw_dots(axes, dots, f"change of {title.rpartition(' (')[0] or title} (%){_same_n(counts)}")
+            axis = f"change of {bare(title)} against {against} (%){_same_n(counts)}"
+            self._draw_dots(axes, dots, textwrap.fill(axis, round(2 * NAME_WIDTH * self._width / WIDTH)))
 
-        partners = list(dict.fromkeys(self._names[test.against] for test in tests))
-        against = partners[0] if len(partners) == 1 else "the case that differs only in what is compared"
+        against = self._against
         caption = (
             f"Change against {against}: mean over n pairs of runs with the {PAIRING}, 95 % intervals; p of a {TEST}, "
-            f"not adjusted for {len(tests)} tests. {self._about}."
+            f"corrected for {len(tests)} tests by Holm's method. {self._about}."
         )
         return self._make_drawing(f"change-{metric}", f"Change of {title}", caption, fill, self._figure_height(dots))
 
@@ -205,7 +216,8 @@ def _same_n(counts: Collection[int]) -> str:
 
 def _test_text(test: PairedTest, counts: Collection[int]) -> str:
     """Return the text beside a change: p, and n where it differs between rows."""
-    p = "" if test.p is None else "p < 0.001" if test.p < 0.001 else f"p = {test.p:.3f}"
+    text = "" if test.p_holm is None else p_text(test.p_holm)
+    p = text and f"p {text}" if text.startswith("<") else text and f"p = {text}"
     return ", ".join(filter(None, ["" if counts == {test.pairs} else f"n = {test.pairs}", p]))
 
 

@@ -100,9 +100,8 @@ class SweepProgress:
         elif not self._console.is_terminal:
             mfow = result.metrics.get("mfow_mean_s")
             figure = "" if mfow is None else f"mean MFoW {mfow:.1f} s, "
-            self.say(
-                f"{self.done}/{self.total} {result.case} seed {result.seed}: {figure}{result.wall_s:.1f} s; {remaining}"
-            )
+            run = f"run {self.done} of {self.total}: {result.case}, seed {result.seed}"
+            self.say(f"{run}: {figure}made in {result.wall_s:.1f} s; {remaining}")
 
     def say(self, text: str) -> None:
         """Print a line above the bar."""

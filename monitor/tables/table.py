@@ -66,15 +66,20 @@ class Table:
         head, *body = (f"| {' | '.join(map(str, row))} |" for row in rows)
         return "\n".join([head, "|---" * len(self.heads) + "|", *body])
 
-    def latex(self, notes: Sequence[str] = ()) -> str:
-        """Return a table of texts as a tabular of LaTeX, with the package booktabs.
+    def latex(self, caption: str, label: str) -> str:
+        """Return a table of texts as a table of LaTeX with a caption, and a label for references to it.
 
-        It is to be put into a table with a caption; `notes` are lines that stand above it as comments.
+        It needs the package booktabs.
         """
         places = "".join("r" if column in self.numbers else "l" for column in range(len(self.heads)))
         head, *body = (rf"{' & '.join(map(_latex_text, row))} \\" for row in [self.heads, *self.rows])
-        lines = [*(f"% {note}" for note in notes), r"% \usepackage{booktabs}", rf"\begin{{tabular}}{{{places}}}"]
-        lines += [r"\toprule", head, r"\midrule", *body, r"\bottomrule", r"\end{tabular}"]
+        lines = [r"% \usepackage{booktabs}", r"\begin{table}", r"\centering\small"]
+        lines += [
+            rf"\caption{{{_latex_text(caption)}}}",
+            rf"\label{{tab:{label}}}",
+            rf"\begin{{tabular}}{{@{{}}{places}@{{}}}}",
+        ]
+        lines += [r"\toprule", head, r"\midrule", *body, r"\bottomrule", r"\end{tabular}", r"\end{table}"]
         return "\n".join([*lines, ""])
 
     def arrow(self) -> pa.Table:

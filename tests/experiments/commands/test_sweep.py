@@ -188,7 +188,7 @@ def test_the_progress_tells_what_is_left(tmp_path: Path) -> None:
         progress.result(RunResult("l", "two", 2, "failed", "too bad", {}, None, 9.0, "1"))
     assert console.export_text().splitlines() == [
         "3 runs to make; 2 at a time",
-        "1/3 one seed 1: mean MFoW 85.2 s, 9.0 s; 20 s left",
+        "run 1 of 3: one, seed 1: mean MFoW 85.2 s, made in 9.0 s; 20 s left",
         "two seed 2 failed: too bad",
     ]
     assert (progress.done, progress.total) == (2, 3)
@@ -233,6 +233,20 @@ def test_narrow_tables_have_numbers_for_names_that_do_not_fit() -> None:
     assert lines[6].split()[:3] == ["case", "runs", "MFoW"]
     assert [line.split()[0] for line in lines[7::2]] == ["1", "2", "3", "4"]
     assert [line.split()[-1] for line in lines[9::2]] == ["1", "1", "1"]
+
+
+@pytest.mark.parametrize("width", [60, 80, 100, 140])
+def test_short_names_stay_and_lesser_columns_are_named_instead_of_shown(width: int) -> None:
+    lines = [line.rstrip() for line in table_of(["tour half lost", "paper none"], width, "tour half lost")]
+    numbers = {line.split("  ")[0]: line for line in lines if line.startswith(("tour", "paper"))}
+    assert list(numbers) == ["tour half lost", "paper none"]
+    assert "1234.5" in numbers["paper none"]
+    assert "-12.3" in numbers["paper none"]
+    shown = "\n".join(lines)
+    assert ("too narrow" in shown) == (width < 100)
+    for title in ("collisions", "compared with"):
+        assert all(word in shown for word in title.split()), "in the table's head, or in the line below it"
+    assert max(len(line) for line in lines if "too narrow" not in line) <= width
 
 
 def test_only_words_that_all_names_share_are_left_out() -> None:

@@ -40,3 +40,20 @@ def test_only_seeds_that_both_cases_have_are_paired() -> None:
     assert (line["test"], line["pairing"], line["pairs"]) == (TEST, PAIRING, "3")
     assert float(line["low"]) < float(line["difference"]) < float(line["high"]) < 0.0
     assert float(line["p"]) < 0.05, "as the interval does not hold 0"
+    assert line["p_holm"] == line["p"], "one test needs no correction"
+
+
+def test_p_values_are_corrected_for_the_tests_of_their_metric() -> None:
+    """Holm 1979: the k-th smallest of n times n - k + 1, and none below a smaller one."""
+    old = {seed: 10.0 * seed for seed in range(1, 5)}
+    shifts = {"near": (-1.0, 2.0, -1.5, 1.0), "far": (5.0, 5.1, 5.2, 4.9), "between": (1.0, 3.0, 2.0, 0.5)}
+    cases = {name: {seed: old[seed] + shift[seed - 1] for seed in old} for name, shift in shifts.items()}
+    cases["same"] = {seed: value + 2.0 for seed, value in old.items()}
+    rows = [row("old", None, old), *(row(name, "old", values) for name, values in cases.items())]
+    tests = {test.case: test for test in paired_tests(rows)}
+    p = {name: test.p for name, test in tests.items() if test.p is not None}
+    assert p["far"] < p["between"] < p["near"]
+    assert tests["same"].p_holm is None
+    assert tests["far"].p_holm == pytest.approx(3 * p["far"])
+    assert tests["between"].p_holm == pytest.approx(2 * p["between"])
+    assert tests["near"].p_holm == pytest.approx(max(p["near"], 2 * p["between"]))

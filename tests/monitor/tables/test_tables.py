@@ -261,7 +261,8 @@ def test_without_pyarrow_the_remedy_is_named(quiet: Seen, tmp_path: Path, monkey
 
 
 def test_a_latex_table_aligns_numbers_and_escapes_what_latex_would_read() -> None:
-    text = Table(["case_1", "change (%)"], [["a & b-2", "-3.5 ±0.1"]], [1]).latex(["50 seeds"])
-    head = ["% 50 seeds", r"% \usepackage{booktabs}", r"\begin{tabular}{lr}", r"\toprule"]
+    text = Table(["case_1", "change (%)"], [["a & b-2", "-3.5 ±0.1"]], [1]).latex("50 % of r_1", "seeds")
+    head = [r"% \usepackage{booktabs}", r"\begin{table}", r"\centering\small", r"\caption{50 \% of r\_1}"]
+    head += [r"\label{tab:seeds}", r"\begin{tabular}{@{}lr@{}}", r"\toprule"]
     rows = [r"case\_1 & change (\%) \\", r"\midrule", r"a \& b-2 & $-$3.5 $\pm$0.1 \\"]
-    assert text.splitlines() == [*head, *rows, r"\bottomrule", r"\end{tabular}"]
+    assert text.splitlines() == [*head, *rows, r"\bottomrule", r"\end{tabular}", r"\end{table}"]
