@@ -52,8 +52,9 @@ pictures: develop ## make the pictures of README and site again (needs Chromium)
 	PYTHONPATH=. $(BIN)/python docs/pictures/rules.py
 
 .PHONY: tables
-tables: develop ## make the tables of metrics and columns in docs again, from their declarations
+tables: develop ## make the tables of metrics and columns in docs, and the notebooks' .ipynb files, from their sources
 	PYTHONPATH=. $(BIN)/python docs/tables.py
+	$(BIN)/python docs/notebooks/ipynb.py
 
 # Every page is read anew (-E): Sphinx drops the options of pages that it does not read from the search's index.
 .PHONY: docs

@@ -29,7 +29,7 @@ smartquotes = False
 extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "sphinx_copybutton"]
 root_doc = "docs/index"
 include_patterns = ["docs/**", "CHANGELOG.md", "CONTRIBUTING.md", "SECURITY.md", "deploy/**"]
-exclude_patterns = [".git", ".venv", "build", "dist", "runs"]
+exclude_patterns = [".git", ".venv", "build", "dist", "runs", "docs/notebooks/*.ipynb"]
 
 myst_heading_anchors = 4
 myst_links_external_new_tab = False

@@ -163,9 +163,9 @@ def drawn() -> Iterator[None]:
 
 def figure(width: float, height: float) -> Figure:
     """Return an empty figure; width and height in inches."""
-    from matplotlib.figure import Figure
+    from monitor.figures.shown import ShownFigure  # here: its library is an extra
 
-    return Figure(figsize=(width, height), layout="constrained")
+    return ShownFigure(figsize=(width, height), layout="constrained")
 
 
 def colour(place: int) -> str:

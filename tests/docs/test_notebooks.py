@@ -15,6 +15,8 @@ from pathlib import Path
 
 import pytest
 
+from docs.notebooks.ipynb import notebook
+
 ROOT = Path(__file__).resolve().parents[2]
 SITE = ROOT / "build" / "site" / "docs" / "notebooks"
 API = ROOT / "docs" / "python-api.md"
@@ -43,27 +45,35 @@ for number, source in enumerate(json.loads(sys.stdin.read()), start=1):
 """Executes cells as a notebook does: all in one main module, showing the value of each cell's last expression."""
 
 
-def cells(notebook: Path) -> list[str]:
-    return CELL.findall(notebook.read_text(encoding="utf-8"))
+def cells(source: Path) -> list[str]:
+    return CELL.findall(source.read_text(encoding="utf-8"))
 
 
 def test_there_are_four() -> None:
-    names = {notebook.stem for notebook in NOTEBOOKS}
+    names = {source.stem for source in NOTEBOOKS}
     assert names == {"first-patrol", "your-policy", "packet-loss", "how-many-robots"}
-    for notebook in NOTEBOOKS:
-        text = notebook.read_text(encoding="utf-8")
+    for source in NOTEBOOKS:
+        text = source.read_text(encoding="utf-8")
         assert text.startswith("---\njupytext:\n")
-        assert text.count("```{code-cell}") == len(cells(notebook)) >= 5
+        assert text.count("```{code-cell}") == len(cells(source)) >= 5
+
+
+@pytest.mark.parametrize("source", NOTEBOOKS, ids=lambda document: document.stem)
+def test_each_is_there_for_jupyter_too(source: Path) -> None:
+    written = source.with_suffix(".ipynb").read_text(encoding="utf-8")
+    assert written == notebook(source.read_text(encoding="utf-8")), "make tables writes it again"
+    code = ["".join(cell["source"]) for cell in json.loads(written)["cells"] if cell["cell_type"] == "code"]
+    assert code == [cell.rstrip("\n") for cell in cells(source)]
 
 
 @pytest.mark.site
-@pytest.mark.parametrize("notebook", NOTEBOOKS, ids=lambda document: document.stem)
-def test_the_site_shows_what_every_cell_gives(notebook: Path) -> None:
+@pytest.mark.parametrize("source", NOTEBOOKS, ids=lambda document: document.stem)
+def test_the_site_shows_what_every_cell_gives(source: Path) -> None:
     """The build ends with an error where a cell raises one."""
-    page = (SITE / notebook.with_suffix(".html").name).read_text(encoding="utf-8")
+    page = (SITE / source.with_suffix(".html").name).read_text(encoding="utf-8")
     parts = (re.findall(rf'<div class="cell_{part} .*?{END}', page, re.DOTALL) for part in ("input", "output"))
     sources, outputs = ([html.unescape(TAG.sub("", block)) for block in part] for part in parts)
-    assert [source.strip() for source in sources] == [cell.strip() for cell in cells(notebook)]
+    assert [source.strip() for source in sources] == [cell.strip() for cell in cells(source)]
     assert len(outputs) >= 4
     for word in ("Error", "invalid", "DeprecationWarning"):
         assert not [output for output in outputs if word in output]

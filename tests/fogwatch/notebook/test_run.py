@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import fcntl
+import io
 import json
 import re
 import shutil
@@ -17,6 +18,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from matplotlib.figure import Figure
+from PIL import Image
 
 import fogwatch
 from agent.ports import Intent, Place, PolicySetup
@@ -112,6 +114,9 @@ def test_figures_are_those_of_the_report(ran: fogwatch.Run) -> None:
     assert isinstance(figure, Figure)
     assert {line.get_label() for line in figure.axes[-1].lines} >= {"mean fog"}
     assert ran.figure("mfow") is not figure  # changing one changes no other
+    as_notebooks_do = getattr(figure, "_repr_png_")  # noqa: B009 - a name that only IPython calls
+    with Image.open(io.BytesIO(as_notebooks_do())) as shown:
+        assert shown.width > 500
     with pytest.raises(BadInput, match="figure mfov: this run has no such figure; did you mean mfow"):
         ran.figure("mfov")
 
