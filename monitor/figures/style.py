@@ -38,6 +38,9 @@ DPI = 200
 PAGE_DPI = 110
 """Resolution of images within SVG."""
 
+FLATTEST = 4.2
+"""Most that a figure is wider than high: a phone shows all of its width, and it can still be read there."""
+
 PAD = 0.05
 """White round the content of a file, inches."""
 
@@ -162,10 +165,10 @@ def drawn() -> Iterator[None]:
 
 
 def figure(width: float, height: float) -> Figure:
-    """Return an empty figure; width and height in inches."""
+    """Return an empty figure; width and height in inches. A flatter one than `FLATTEST` is made higher."""
     from monitor.figures.shown import ShownFigure  # here: its library is an extra
 
-    return ShownFigure(figsize=(width, height), layout="constrained")
+    return ShownFigure(figsize=(width, max(height, width / FLATTEST)), layout="constrained")
 
 
 def colour(place: int) -> str:
@@ -192,5 +195,5 @@ def logarithmic(axes: Axes, along: Literal["x", "y"]) -> None:
 
 
 def _figure_size(points: float) -> str:
-    """Return CSS limits for the width of a figure, given in points; on a phone it scrolls instead."""
-    return f"min-width:{min(600.0, points):.0f}px;max-width:{points * 1.45:.0f}px"
+    """Return the CSS limit for the width of a figure, given in points; a phone shows all of it, smaller."""
+    return f"max-width:{points * 1.45:.0f}px"

@@ -82,7 +82,8 @@ def table(heads: Sequence[str], rows: Iterable[Sequence[str]], numbers: Collecti
 
     def cell(tag: str, column: int, says: str) -> str:
         inside = says if isinstance(says, Markup) else escape(says)
-        return f"<{tag}{_class_attribute('n' if column in numbers else '')}>{inside}</{tag}>"
+        head = f' data-head="{escape(heads[column])}"' if tag == "td" else ""  # a phone shows it beside each cell
+        return f"<{tag}{_class_attribute('n' if column in numbers else '')}{head}>{inside}</{tag}>"
 
     def row(tag: str, cells: Sequence[str]) -> str:
         return f"<tr>{''.join(cell(tag, column, says) for column, says in enumerate(cells))}</tr>"

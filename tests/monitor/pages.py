@@ -66,12 +66,18 @@ def pixels(are_counted: str) -> str:
 NOTE_LABELS = """() => {
     const paint = CanvasRenderingContext2D.prototype, fill = paint.fillText;
     window.labels = [];
+    window.boxes = {};
     paint.fillText = function (text, x, y) {
         const { width, height, id } = this.canvas, box = this.measureText(text);
+        if (id === 'canvas') window.boxes[text] = [x - box.actualBoundingBoxLeft, y - box.actualBoundingBoxAscent,
+            x + box.actualBoundingBoxRight, y + box.actualBoundingBoxDescent];
         if (id === 'canvas') window.labels.push([text, x - box.actualBoundingBoxLeft >= 0
             && y - box.actualBoundingBoxAscent >= 0 && x + box.actualBoundingBoxRight <= width
             && y + box.actualBoundingBoxDescent <= height]);
         fill.call(this, text, x, y);
     };
 }"""
-"""Has the map note each text that it draws, and whether all of it is on the map, in `window.labels`."""
+"""Has the map note each text that it draws, and whether all of it is on the map, in `window.labels`.
+
+The newest box of each text, in pixels of the canvas, is in `window.boxes`.
+"""

@@ -2,7 +2,7 @@
 
 import { themed } from "./colours.js";
 import { FogImage } from "./fogimage.js";
-import { drawCross, drawMarks, drawRobots, drawScaleBar, drawStalest, PASSABLE } from "./marks.js";
+import { drawCross, drawLabels, drawMarks, drawRobots, drawScaleBar, drawStalest, PASSABLE } from "./marks.js";
 import { NEVER, OUTSIDE, seconds, certainSince } from "./store.js";
 
 /** By how many pixels of the page a wall's edge surrounds it. */
@@ -97,12 +97,14 @@ export class MapView {
     context.drawImage(this.fog.canvas, ...place);
     this.#paintWalls(place, context.imageSmoothingEnabled);
     this.taken = [];
+    this.labels = [];
     drawMarks(this);
     drawScaleBar(this);
     if (store.state) {
       drawRobots(this);
       drawStalest(this);
     }
+    drawLabels(this);
     if (this.pointing && this.hovered) drawCross(this);
     this.#hover();
   }

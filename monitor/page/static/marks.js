@@ -4,6 +4,8 @@ import { MARKS, ROBOTS } from "./palette.js";
 import { robotStatus, stalestAge } from "./store.js";
 
 const LEAST = 5;
+/** Ranks of labels: where two lie on each other, the one of the lower rank is shown. */
+const SELECTED = 0, ROBOT = 1, STALEST = 2, MARK = 3;
 /** Height of a line of a label. */
 const LINE = 16;
 const RAYS = 120;
@@ -22,7 +24,8 @@ export function drawRobots(map) {
   robots.forEach((robot, place) => body(map, robot, facts[place], place));
   robots.forEach(([, , pose], place) => {
     if (!pose || (robots.length > MANY && place !== map.selected)) return;
-    labelMark(map, facts[place].name, ...map.toScreen(pose[0], pose[1]), bodySize(map, facts[place]) + 4 * map.ratio, false);
+    const rank = place === map.selected ? SELECTED : ROBOT, reach = bodySize(map, facts[place]) + 4 * map.ratio;
+    labelMark(map, rank, facts[place].name, ...map.toScreen(pose[0], pose[1]), reach);
   });
   for (const [x, y] of store.state.intruders) intruder(map, x, y);
 }
@@ -61,7 +64,7 @@ export function drawMarks(map) {
       }
     }
     c.setLineDash([]);
-    if (strong) labelMark(map, text, x, y, reach ? Math.max(reach, arm) : mark.runs.length ? 6 * r : 0, false);
+    if (strong) labelMark(map, MARK, text, x, y, reach ? Math.max(reach, arm) : mark.runs.length ? 6 * r : 0);
   }
 }
 
@@ -83,7 +86,7 @@ export function drawStalest(map) {
     c.closePath();
     c.stroke();
   }
-  labelMark(map, stalestAge(stalest), x, y, size, true);
+  labelMark(map, STALEST, stalestAge(stalest), x, y, size);
 }
 
 function footprint(map, [status, , pose], facts, place) {
@@ -258,24 +261,34 @@ export function drawScaleBar(map) {
   label(c, `${length} m`, right, y - 4 * r, "right", r);
 }
 
+/** Ask for a label beside a mark that reaches so far; `drawLabels` draws it. */
+function labelMark(map, rank, text, x, y, reach) {
+  map.labels.push({ rank, text, x, y, reach });
+}
+
 /**
- * A label beside a mark that reaches so far: above or below it, right or left of it, the first where it lies on the map
- * and covers no robot and no other label. Where each place covers something, it stands at the first.
+ * Draw the labels, those of the lowest rank first: above or below its mark (the stalest point's below or above), right or
+ * left of it, the first place where it lies on the map and covers no robot and no other label. Where there is none, a
+ * zone or closure has no label; a robot and the stalest point may then cover a robot's body, but no label.
  */
-function labelMark(map, text, x, y, reach, below) {
-  const { context: c, ratio: r, canvas: { width, height }, taken } = map;
-  if (x < -reach || x > width + reach || y < -reach || y > height + reach) return;
+export function drawLabels(map) {
+  const { context: c, ratio: r, canvas: { width, height }, taken, labels } = map, drawn = [];
   c.font = font(r);
-  const away = reach + r, line = LINE * r, half = 0.5 * c.measureText(text).width + 2 * r;
-  const middle = Math.max(half, Math.min(x, width - half));
-  const over = [middle, y - away], under = [middle, y + away + line], beside = y + 0.5 * line;
-  const places = [...(below ? [under, over] : [over, under]), [x + away + half, beside], [x - away - half, beside]]
-    .map(([x, bottom]) => ({ x, half, bottom, top: bottom - line }))
-    .filter((box) => box.top >= 0 && box.bottom <= height && box.x >= half && box.x <= width - half);
-  const place = places.find((box) => !taken.some((other) => overlap(box, other))) ?? places[0];
-  if (!place) return;
-  taken.push(place);
-  label(c, text, place.x, place.bottom, "center", r);
+  for (const { rank, text, x, y, reach } of labels.sort((one, other) => one.rank - other.rank)) {
+    if (x < -reach || x > width + reach || y < -reach || y > height + reach) continue;
+    const away = reach + r, line = LINE * r, half = 0.5 * c.measureText(text).width + 2 * r;
+    const middle = Math.max(half, Math.min(x, width - half));
+    const over = [middle, y - away], under = [middle, y + away + line], beside = y + 0.5 * line;
+    const places = [...(rank === STALEST ? [under, over] : [over, under]), [x + away + half, beside], [x - away - half, beside]]
+      .map(([x, bottom]) => ({ x, half, bottom, top: bottom - line }))
+      .filter((box) => box.top >= 0 && box.bottom <= height && box.x >= half && box.x <= width - half);
+    const isFree = (box, others) => !others.some((other) => overlap(box, other));
+    const place = places.find((box) => isFree(box, [...taken, ...drawn])) ??
+      (rank === MARK ? undefined : places.find((box) => isFree(box, drawn)));
+    if (!place) continue;
+    drawn.push(place);
+    label(c, text, place.x, place.bottom, "center", r);
+  }
 }
 
 function overlap(one, other) {

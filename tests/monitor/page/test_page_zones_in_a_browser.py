@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import combinations
 from pathlib import Path
 from typing import Any
 
@@ -135,3 +136,28 @@ def test_the_label_of_a_zone_at_the_rim_is_not_cut_off(chromium: Any, tmp_path: 
         look.until("window.labels.some(([text]) => text.startsWith('the-treasury'))")
         labels = look.evaluate("window.labels.filter(([text]) => text.startsWith('the-treasury'))")
         assert {(text, fits) for text, fits in labels} == {("the-treasury-in-the-north-wing 0.5 m/s", True)}
+
+
+@pytest.mark.parametrize("width", [1280, 390])
+def test_labels_do_not_lie_on_each_other_and_those_of_robots_stay(chromium: Any, tmp_path: Path, width: int) -> None:
+    """Eight zones with one centre: only some of their labels find a free place."""
+    rings = [[80 - side, 20 - side, 80 + side, 20 + side] for side in range(4, 20, 2)]
+    zones = [
+        {"name": f"ward-{number}", "polygon": [[x0, y0], [x1, y0], [x1, y1], [x0, y1]], "weight": 2 + number}
+        for number, (x0, y0, x1, y1) in enumerate(rings)
+    ]
+    robots = {"count": 3, "model": "holonomic", "starts": [[30, 20], [60, 56], [63, 56]]}
+    crowded = run_of(tmp_path, {**QUIET, "name": "crowded", "zones": zones, "robots": robots})
+    with look_at(chromium, Player(crowded.open()), width=width) as look:
+        look.evaluate(NOTE_LABELS)
+        look.seek(9)
+        look.until("'r3' in window.boxes")
+        look.evaluate("window.boxes = {}")
+        look.seek(3)
+        look.until("'r3' in window.boxes")
+        boxes = look.evaluate("window.boxes")
+    assert {"r1", "r2", "r3"} < set(boxes)
+    assert 0 < sum(name.startswith("ward") for name in boxes) < len(zones)
+    for (one, a), (other, b) in combinations(boxes.items(), 2):
+        overlaps = min(a[2], b[2]) > max(a[0], b[0]) and min(a[3], b[3]) > max(a[1], b[1])
+        assert not overlaps, (one, other)

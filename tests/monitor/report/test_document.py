@@ -78,7 +78,7 @@ def test_a_report_tells_the_whole_run(faulty: Any, tmp_path: Path) -> None:
     assert "var(--ink)" in page
     assert "#1c2127" not in page.split("</style>")[1]
     for fault in ("loss", "delay", "spoof", "drift", "pause", "kill", "restart"):
-        assert f"<td>{fault}</td>" in page
+        assert re.search(f"<td[^>]*>{fault}</td>", page)
     assert (run.folder / "scenario.yaml").read_text(encoding="utf-8").splitlines()[3] in page
     ids = re.findall(r'\bid="([^"]+)"', page)
     references = set(re.findall(r'(?:url\(#|href="#)([^")]+)', page))
@@ -119,7 +119,7 @@ def test_what_events_say_is_never_taken_for_html() -> None:
     page = html.table(("event", hostile), [("dead", hostile), (html.badge(hostile, "ok"), "")])
     assert "<img" not in page
     assert page.count("<span") == 1
-    assert page.count("&lt;span") == 3
+    assert page.count("&lt;span") == 5, "three cells, and the head that a phone shows beside each of two"
     assert html.text("a\u202eb\nc") == "<p>a\\u202eb\nc</p>", "nothing reverses what follows"
 
 
@@ -285,7 +285,7 @@ def test_a_report_shows_intruders_with_their_numbers(tmp_path: Path) -> None:
     assert counted.first_reported_s == 1.0
     assert rows[0][:6] == ["intruder1", "at (20, 10)", "1", "7", "1", f"{counted.reported_s:g}"]
     assert rows[1][4] == "never"
-    assert "<td>intruder1</td><td>at (20, 10)</td>" in page_of(replace(run, summary=None))
+    assert re.search(r"<td[^>]*>intruder1</td><td[^>]*>at \(20, 10\)</td>", page_of(replace(run, summary=None)))
 
 
 def test_a_report_lists_the_zones(tmp_path: Path) -> None:
@@ -342,7 +342,8 @@ def test_a_valid_run_with_warnings_says_so_at_the_top(quiet: Any, copied: Callab
 def test_a_report_says_where_the_stalest_place_was_and_what_the_mfow_compares_with(quiet: Any) -> None:
     run = quiet.open()
     place = present(run.stated.stalest.end)
-    assert f'<td>at the end</td><td class="n">{place.x:.1f}, {place.y:.1f}</td>' in page_of(run)
+    cell = rf'<td[^>]*>at the end</td><td class="n"[^>]*>{place.x:.1f}, {place.y:.1f}</td>'
+    assert re.search(cell, page_of(run))
     best = next(measure for measure in measures(run) if measure.name == "best tour found")
     assert best.value == best_tour(run.prepared).bound_s(dict.fromkeys(run.numbers, 1.0))
     assert best.note == f"for all {len(run.numbers)} robots, as if none were ever down"

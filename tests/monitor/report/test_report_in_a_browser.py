@@ -29,6 +29,8 @@ def test_a_report_asks_nobody_fits_and_can_be_read(chromium: Any, report: Path, 
         assert look.evaluate("document.documentElement.scrollWidth") <= width
         heights = "[...document.querySelectorAll('figure svg')].map(one => one.getBoundingClientRect().height)"
         assert min(look.evaluate(heights)) > 80
+        cut = "[...document.querySelectorAll('figure, .scroll')].filter((one) => one.scrollWidth > one.clientWidth + 1)"
+        assert look.evaluate(f"{cut}.map((one) => one.textContent.slice(0, 80))") == []
         ink, paper = (look.evaluate(f"getComputedStyle(document.body).{of}") for of in ("color", "backgroundColor"))
         assert look.evaluate("getComputedStyle(document.querySelector('#fog svg text')).fill") == ink
         brightness = [sum(map(int, tone[4:-1].split(","))) for tone in (ink, paper)]
