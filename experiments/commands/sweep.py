@@ -14,17 +14,19 @@ from rich.table import Table
 
 from experiments.sweeps.cases import (
     COMPARED,
+    LATEX,
     PAIRING,
     SHOWN,
     TEST,
     CaseRow,
     case_rows,
+    latex_heads,
     partner_text,
     shown_table,
     told_apart,
+    write_latex,
     write_tables,
 )
-from experiments.sweeps.latex import CHANGE, COLUMNS, RUNS, P, check_columns, write_latex
 from experiments.sweeps.plan import Plan, check_classes, read_plan
 from experiments.sweeps.progress import SweepProgress, print_failures
 from experiments.sweeps.runner import SweepOutcome, run_sweep
@@ -113,9 +115,8 @@ def sweep(
         option("MM", "Draw figures exactly so wide, without captions, for a paper: 88 is a column of many journals."),
     ] = None,
     table: Annotated[
-        str,
-        option("COLUMNS", f"Columns of table.tex beside the cases: of {', '.join(SHOWN)}, {CHANGE}, {P} and {RUNS}."),
-    ] = ",".join(COLUMNS),
+        str, option("COLUMNS", f"Columns of table.tex beside the cases: of {', '.join(SHOWN)}, change, p and runs.")
+    ] = LATEX,
 ) -> int:
     """Run a scenario with every combination of some settings and every seed, and tabulate and draw the results.
 
@@ -125,8 +126,7 @@ def sweep(
     """
     check_matplotlib("experiments")  # before hours of runs, not after them
     width = _width_inches(figure_width)
-    columns = [name.strip() for name in table.split(",")]
-    check_columns(columns)
+    heads = latex_heads(table)
     plan = read_plan(file, seeds)
     check_classes(plan)
     folder = out or Path("runs") / file.stem
@@ -134,7 +134,7 @@ def sweep(
     outcome = machines.make_runs(plan, folder, console, estimate_time=False)
     write_tables(outcome, folder)
     rows = case_rows(outcome)
-    write_latex(rows, plan.name, columns, folder / "table.tex")
+    write_latex(rows, plan.name, heads, folder / "table.tex")
     _draw_figures(rows, plan.name, folder / "figures", width)
     print_cases(console, rows)
     print_failures(console, outcome)

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -20,7 +20,7 @@ from experiments.sweeps.runner import SweepOutcome
 from experiments.sweeps.stats import Estimate, estimate, with_interval
 from experiments.sweeps.worker import software
 from monitor.tables.table import Table
-from patrol.errors import BadInput
+from patrol.errors import BadInput, did_you_mean
 from patrol.files.whole_file import write_whole, writing
 
 SHOWN = {
@@ -39,7 +39,11 @@ def bare(title: str) -> str:
 
 
 CHANGE = "change of MFoW (%)"
+P = "p"
 COMPARED = "compared with"
+
+LATEX = "mfow_mean_s,change,p"
+"""Columns of table.tex unless others are asked for."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -218,15 +222,52 @@ def shown_table(rows: Sequence[CaseRow], names: Mapping[str, str]) -> Table:
     shown = [name for name in SHOWN if any(name in row.metrics for row in rows)]
     counts = [name for name in ("failed", "warned") if any(getattr(row, name) for row in rows)]
     compared = any(row.against for row in rows)
-    heads = ["case", "runs", *counts, *(SHOWN[name] for name in shown), *([CHANGE, COMPARED] if compared else [])]
+    p = {test.case: test.p_holm for test in paired_tests(rows) if test.metric == "mfow_mean_s"}
+    heads = ["case", "runs", *counts, *(SHOWN[name] for name in shown), *([CHANGE, P, COMPARED] if compared else [])]
     cells = []
     for row in rows:
         numbers = [str(getattr(row, name)) for name in ("runs", *counts)]
         means = [with_interval(row.metrics.get(name)) for name in shown]
         against = "" if row.against is None else names.get(row.against, row.against)
-        change = [with_interval(row.change.get("mfow_mean_s")), against] if compared else []
+        change = [with_interval(row.change.get("mfow_mean_s")), p_text(p.get(row.case)), against] if compared else []
         cells.append([names.get(row.case, row.case), *numbers, *means, *change])
     return Table(heads, cells, range(1, len(heads) - compared))
+
+
+def latex_heads(columns: str) -> list[str]:
+    """Return the heads in `shown_table` of the columns of table.tex, which are asked for by name."""
+    heads = {**SHOWN, "change": CHANGE, P: P, "runs": "runs"}
+    names = [name.strip() for name in columns.split(",")]
+    for name in names:
+        if name not in heads:
+            raise BadInput(
+                f"--table {columns}: {name or 'nothing'}: no such column; {did_you_mean(name, tuple(heads))}"
+            )
+    return [heads[name] for name in names]
+
+
+def write_latex(rows: Sequence[CaseRow], sweep: str, heads: Collection[str], file: Path) -> None:
+    """Write table.tex: a column for each axis that varies, then those columns of `shown_table` that are asked for."""
+    shown = shown_table(rows, told_apart({row.case: row.words for row in rows})[0])
+    axes = dict.fromkeys((label.axis, label.title) for row in rows for label in row.labels)
+    texts = {title: [label.text for row in rows for label in row.labels if label.axis == axis] for axis, title in axes}
+    varied = {title: column for title, column in texts.items() if len(set(column)) > 1} or {
+        "case": [row[0] for row in shown.rows]
+    }
+    columns = [shown.heads.index(head) for head in heads if head in shown.heads]
+    cells = [
+        [*cases, *(row[column] for column in columns)] for *cases, row in zip(*varied.values(), shown.rows, strict=True)
+    ]
+    caption = f"{sweep}: means over the runs (seeds) of a case, with half the width of their 95 % interval."
+    if CHANGE in shown.heads:
+        count = sum(test.p is not None for test in paired_tests(rows) if test.metric == "mfow_mean_s")
+        caption += (
+            f" Change of mean MFoW against {partner_text(rows)}; p of a {TEST} over runs with the {PAIRING}, "
+            f"corrected for {count} comparisons by Holm's method."
+        )
+    numbers = range(len(varied), len(varied) + len(columns))
+    table = Table([*varied, *(shown.heads[column] for column in columns)], cells, numbers)
+    write_text(file, table.latex(caption, sweep))
 
 
 def partner_text(rows: Sequence[CaseRow]) -> str:
@@ -340,26 +381,13 @@ def p_of_no_difference(differences: Sequence[float]) -> float | None:
 
 
 def p_text(p: float | None) -> str:
-    """Return a p-value as tables and figures show it, such as 0.031 or < 0.001."""
-    return "-" if p is None else "< 0.001" if p < 0.001 else f"{p:.3f}"
+    """Return a p-value as tables and figures show it, such as 0.031 or <0.001."""
+    return "-" if p is None else "<0.001" if p < 0.001 else f"{p:.3f}"
 
 
 def comparisons_table(tests: Sequence[PairedTest]) -> Table:
     """Return the table of comparisons.csv: a row for each test."""
-    heads = [
-        "case",
-        "against",
-        "metric",
-        "test",
-        "pairing",
-        "pairs",
-        "difference",
-        "low",
-        "high",
-        "change_percent",
-        "p",
-        "p_holm",
-    ]
+    heads = ["case", "against", "metric", "test", "pairing", "pairs", "difference", "low", "high", "change_percent"]
     rows = []
     for test in tests:
         difference, change = test.difference, None if test.change is None else test.change.mean
@@ -367,4 +395,4 @@ def comparisons_table(tests: Sequence[PairedTest]) -> Table:
         rows.append(
             (test.case, test.against, test.metric, TEST, PAIRING, test.pairs, *ends, change, test.p, test.p_holm)
         )
-    return Table(heads, rows)
+    return Table([*heads, "p", "p_holm"], rows)
