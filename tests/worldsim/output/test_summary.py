@@ -173,8 +173,8 @@ def test_the_summary_says_where_the_stalest_place_was_and_who_was_near(lab: Lab)
 def test_the_summary_has_the_best_tour_where_it_is_given_the_terrain(lab: Lab) -> None:
     world, journal = lab.driven(ticks=5)
     verdict = judge(journal, {}, world.prepared)
-    assert summarise(journal, verdict).best_tour_s is None
-    summary = summarise(journal, verdict, world.prepared)
+    assert summarise(journal, verdict)[0].best_tour_s is None
+    summary, _ = summarise(journal, verdict, world.prepared)
     tour = best_tour(world.prepared)
     assert summary.best_tour_m == tour.length_m
     assert summary.best_tour_s == tour.bound_s(dict.fromkeys(range(1, 5), 1.0))
