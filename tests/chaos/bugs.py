@@ -32,6 +32,7 @@ from patrol.journal.records import IN_FORCE, OUT_OF_FORCE
 from patrol.pose import Command, Drive, Twist, Velocity
 from patrol.radio import inbox
 from patrol.radio.allowance import Allowance
+from patrol.summary.totals import RunTotals
 from tests.chaos.examine import TRACES_DIFFER
 from worldsim import faults as timeline
 from worldsim import world
@@ -382,6 +383,14 @@ def _free(real: Any, ground_of: Callable[[Any], Any]) -> Any:
     return lambda terrain, *of: real(ground_of(terrain), *of)
 
 
+def _late_by_first_half(real: Any) -> Any:
+    def figures(of: Any, events: Any) -> Any:
+        first = np.mean(of._mfow[: len(of._mfow) // 2]) * of._step
+        return altered(mfow_late_mean_s=float(first))(real(of, events))
+
+    return figures
+
+
 _path_is_free = motion, "path_is_free"
 _blind = alter_decisions(_drives_blindly)
 _bug("the run ends a tick early", "complete")(alter_new(World, _ends_early))
@@ -405,6 +414,7 @@ _bug("a robot exceeds its top speed", "moves")(
 )
 _bug("moves are uneven without a fault", "moves")(put(noise.MotionNoise, "driven", _driven))
 _bug("the fog counts a tick less", "fog")(put(Fog, "mfow", lambda real: lambda *of: real(*of) - 1))
+_bug("the late mean is that of the first half", "figures")(put(RunTotals, "figures", _late_by_first_half))
 _bug("robots drive with an empty battery", "batteries", needs="feature batteries")(
     put(Batteries, "is_empty", lambda _: lambda *_: False)
 )
