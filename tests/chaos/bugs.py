@@ -67,6 +67,8 @@ BUGS: dict[str, Bug] = {}
 
 LOSSY = {"duration": 600.0, "faults": [{"kind": "loss", "rate": 0.5}]}
 LONG_BURSTS = {"duration": 600.0, "faults": [{"kind": "loss", "rate": 0.5, "mean_burst": 10}]}
+LATE = {"duration": 600.0, "faults": [{"kind": "delay", "delay": {"exponential": 2.0}}]}
+COPIED = {"duration": 600.0, "faults": [{"kind": "duplicate", "rate": 0.3, "delay": {"uniform": [0.5, 9.5]}}]}
 DRIFTING = {"duration": 600.0, "faults": [{"kind": "drift", "who": "all", "growth": [0.05, 0.02]}]}
 SHAKEN = {"kind": "motion", "who": "all", "jitter": {"size": 0.5}, "slip": {"rate": 0.4}}
 UNEVEN = {"duration": 600.0, "faults": [SHAKEN]}
@@ -213,6 +215,21 @@ _bug("a robot that has left is still in the way", "moves", kind="leave")(
 )
 _bug("a loss drops half as much", "losses", kind="loss", settings=LOSSY)(
     put(rules, "below", lambda real: lambda *of: real(*of[:3], 0.5 * of[3]))
+)
+_bug("a loss is drawn once for each sender", "losses", kind="loss", settings=LOSSY)(
+    put(rules, "below", lambda real: lambda of, to, *more: real(of, 0 * to, *more))
+)
+_bug("a loss is drawn once for each link", "losses", kind="loss", settings=LOSSY)(
+    put(rules, "below", lambda real: lambda of, to, k, *more: real(of, to, 0 * k, *more))
+)
+_bug("a burst is drawn once for each sender", "losses", kind="loss", settings=LONG_BURSTS)(
+    put(rules.Burst, "__init__", lambda real: lambda *of: real(*of[:-1], (of[-1][0], 0)))
+)
+_bug("a delay is drawn once for each sender", "delays and copies", kind="delay", settings=LATE)(
+    put(rules, "waited", lambda real: lambda *of: real(*of[:5], 0, *of[6:]))
+)
+_bug("a copy's delay is drawn with the number that made it", "delays and copies", kind="duplicate", settings=COPIED)(
+    put(rules, "waited", lambda real: lambda *of: real(*of[:7]))
 )
 _bug("a burst lasts half as long", "losses", kind="loss", settings=LONG_BURSTS)(
     put(rules, "chain_of", lambda real: lambda rate, mean: real(rate, max(0.5 * mean, 1.0)))
