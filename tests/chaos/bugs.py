@@ -69,6 +69,8 @@ LOSSY = {"duration": 600.0, "faults": [{"kind": "loss", "rate": 0.5}]}
 LONG_BURSTS = {"duration": 600.0, "faults": [{"kind": "loss", "rate": 0.5, "mean_burst": 10}]}
 LATE = {"duration": 600.0, "faults": [{"kind": "delay", "delay": {"exponential": 2.0}}]}
 COPIED = {"duration": 600.0, "faults": [{"kind": "duplicate", "rate": 0.3, "delay": {"uniform": [0.5, 9.5]}}]}
+NARROW: dict[str, Any] = {"duration": 100.0, "faults": [{"kind": "bandwidth", "who": "all", "bytes_per_s": 10.0}]}
+NARROW["faults"] += [{"kind": "pause", "who": "one", "at": 10.0, "for": 60.0}]
 DRIFTING = {"duration": 600.0, "faults": [{"kind": "drift", "who": "all", "growth": [0.05, 0.02]}]}
 SHAKEN = {"kind": "motion", "who": "all", "jitter": {"size": 0.5}, "slip": {"rate": 0.4}}
 UNEVEN = {"duration": 600.0, "faults": [SHAKEN]}
@@ -482,6 +484,9 @@ _bug("a frame meets twice the noise", "path loss", needs="feature path loss")(
 )
 _bug("robots send more than their share", "budget", needs="feature radio budget")(
     put(Allowance, "suffices", lambda _: lambda *_: True), put(Allowance, "take", lambda _: lambda *_: True)
+)
+_bug("a bandwidth saves up without end", "bandwidth", kind="bandwidth", settings=NARROW)(
+    alter_new(rules.Bucket, lambda of: vars(of).update(_capacity=math.inf))
 )
 _bug("late frames come a tick early", "on time", needs="delay")(
     put(ether, "arrival", lambda real: lambda k, *of: max(real(k, *of) - 1, k))

@@ -8,7 +8,10 @@ from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Any
 
+import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from patrol.ground.terrain import Terrain
 from patrol.journal.records import MAX_TICKS, Status, frame_sequence, sent_at
@@ -283,6 +286,27 @@ def test_bandwidth_is_a_bucket_of_a_second(air: Any) -> None:
         narrow.tick({1: [bytes(30), bytes(30)], 2: [bytes(60)]})
     assert narrow.causes() == {"bandwidth:f1": (60 * 40 - (100 + 50 * 39)) // 30 + 1}
     assert len([link for link in narrow.arrivals() if link[0] == 2]) == 40
+
+
+@pytest.mark.parametrize("bytes_per_s", [30.0, 200.0])
+@given(bursts=st.lists(st.tuples(st.integers(1, 400), st.lists(st.integers(1, 64), max_size=8)), max_size=40))
+def test_no_span_of_ticks_holds_more_than_its_bandwidth_and_a_bucket(
+    bytes_per_s: float, bursts: list[tuple[int, list[int]]]
+) -> None:
+    """Robots that were silent for long, as in a pause, have saved up no more than a second's worth."""
+    made = scenario_of({"kind": "bandwidth", "bytes_per_s": bytes_per_s}, robots=2, duration=10_000.0)
+    terrain = Terrain("room", np.ones((10, 10), dtype=np.bool_), 1.0)
+    ether = ether_of(made, Timeline(made), terrain, Senses(made, Timeline(made), terrain))
+    poses = {1: Pose(1.0, 1.0, 0.0), 2: Pose(3.0, 3.0, 0.0)}
+    k, passed = 0, []
+    for wait, lengths in bursts:
+        k += wait
+        delivery = ether.carry(k, {1: [bytes(length) for length in lengths]}, {1: ALIVE, 2: ALIVE}, poses)
+        passed.append((k, sum(lengths[sequence // (MAX_TICKS + 1)] for _, _, sequence in delivery.arrived)))
+    most = max(64.0, bytes_per_s)
+    for first, (begin, _) in enumerate(passed):
+        for last, (end, _) in enumerate(passed[first:], first):
+            assert sum(size for _, size in passed[first : last + 1]) <= most + bytes_per_s * 0.5 * (end - begin) + 1e-6
 
 
 def test_the_least_bandwidth_lets_the_longest_frame_through_in_the_end(air: Any) -> None:
