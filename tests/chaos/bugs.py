@@ -71,6 +71,7 @@ LATE = {"duration": 600.0, "faults": [{"kind": "delay", "delay": {"exponential":
 COPIED = {"duration": 600.0, "faults": [{"kind": "duplicate", "rate": 0.3, "delay": {"uniform": [0.5, 9.5]}}]}
 NARROW: dict[str, Any] = {"duration": 100.0, "faults": [{"kind": "bandwidth", "who": "all", "bytes_per_s": 10.0}]}
 NARROW["faults"] += [{"kind": "pause", "who": "one", "at": 10.0, "for": 60.0}]
+TALKATIVE: dict[str, Any] = {"radio.adaptive": None, "radio.budget": None, "nemesis": None}
 DRIFTING = {"duration": 600.0, "faults": [{"kind": "drift", "who": "all", "growth": [0.05, 0.02]}]}
 SHAKEN = {"kind": "motion", "who": "all", "jitter": {"size": 0.5}, "slip": {"rate": 0.4}}
 UNEVEN = {"duration": 600.0, "faults": [SHAKEN]}
@@ -224,7 +225,7 @@ _bug("a loss is drawn once for each sender", "losses", kind="loss", settings=LOS
 _bug("a loss is drawn once for each link", "losses", kind="loss", settings=LOSSY)(
     put(rules, "below", lambda real: lambda of, to, k, *more: real(of, to, 0 * k, *more))
 )
-_bug("a burst is drawn once for each sender", "losses", kind="loss", settings=LONG_BURSTS)(
+_bug("a burst is drawn once for each sender", "losses", kind="loss", settings=LONG_BURSTS | TALKATIVE)(
     put(rules.Burst, "__init__", lambda real: lambda *of: real(*of[:-1], (of[-1][0], 0)))
 )
 _bug("a delay is drawn once for each sender", "delays and copies", kind="delay", settings=LATE)(

@@ -66,6 +66,7 @@ FAULTS: list[dict[str, Any]] = [
     {"kind": "pause", "who": "r2", "at": 3.0, "for": 4.0, "id": "pause"},
     {"kind": "kill", "who": "r3", "at": 12.0, "id": "kill"},
     {"kind": "restart", "who": "r3", "at": 13.0, "id": "restart"},
+    {"kind": "restart", "who": "r3", "at": 17.0, "id": "again"},
 ]
 
 
@@ -126,8 +127,10 @@ def test_every_figure_is_recomputed_or_there_is_a_reason(run: Result) -> None:
 
 
 def test_a_good_summary_is_as_recomputed(run: Result) -> None:
-    _, verdict = verdict_on(run)
+    summary, verdict = verdict_on(run)
     assert verdict.valid
+    rejected = [row.rejected for record in run[1].ticks for row in record.robots if row.number == 3]
+    assert summary["robots"]["r3"]["rejected"] > max(count or 0 for count in rejected), "by three processes"
     assert verdict.checks[-1].name == "figures"
     assert verdict.checks[-1].detail == f"{len(verdict.recomputed)} figures of the summary are those of the ticks"
 
