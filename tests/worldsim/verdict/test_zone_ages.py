@@ -63,6 +63,7 @@ def test_a_zone_counts_while_it_is_in_force(lab: Lab) -> None:
     times = [0.5 * k for k in range(40)]
     assert set(summary.zones) == {"far", "elsewhere"}
     assert summary.zones["far"].mfow_mean_s == pytest.approx(np.mean([t for t in times if 5 <= t < 10]))
+    assert summary.zones["far"].fog_mean_s == pytest.approx(np.mean([t for t in times if 5 <= t < 10]))
     assert summary.zones["far"].mfow_late_mean_s == pytest.approx(np.mean([t for t in times if 7.5 <= t < 10]))
     assert summary.zones["far"].mfow_max_s == 9.5
     assert summary.mfow_weighted_mean_s == pytest.approx(np.mean([4 * t if 5 <= t < 10 else t for t in times]))
