@@ -109,11 +109,11 @@ class Figures(JournalReading):
         robots |= {"bytes": size, "rejected": self._rejected[0], "status": self._last_statuses()}
         for key, percent in (("decision_ms_p50", 50), ("decision_ms_p99", 99)):
             robots[key] = [np.quantile(of, percent / 100) if of.size else None for of in decision_ms]
-        found: Found = {(key,): value for key, value in of_run.items()}
-        found |= {("messages", key): value for key, value in of_fleet.items()}
-        found |= self._count_links(robots) if run.by_ether else {}
+        figures: Found = {(key,): value for key, value in of_run.items()}
+        figures |= {("messages", key): value for key, value in of_fleet.items()}
+        figures |= self._count_links(robots) if run.by_ether else {}
         names = enumerate(run.names.values())
-        return found | {("robots", name, key): of[i] for i, name in names for key, of in robots.items()}
+        return figures | {("robots", name, key): of[i] for i, name in names for key, of in robots.items()}
 
     def _last_statuses(self) -> list[str]:
         """Return the robots' statuses, also after the events that follow the last tick."""
@@ -126,24 +126,24 @@ class Figures(JournalReading):
         names, lost = ["forger", *self._run.names.values()], sum(self._dropped.values(), np.zeros_like(self._sent))
         tables = {"sent": self._sent, "delivered": self._delivered, "in_flight": self._sent - self._delivered - lost}
         robots |= {key: table[1:].sum(axis=1) for key, table in (tables | {"dropped": lost}).items()}
-        found: Found = {("messages", key): sum(robots[key]) for key in (*tables, "dropped")}
+        figures: Found = {("messages", key): sum(robots[key]) for key in (*tables, "dropped")}
         causes = {kind: table[1:].sum() for kind, table in self._dropped.items()}
-        found["messages", "dropped_by_cause"] = {kind: count for kind, count in causes.items() if count}
-        found |= {("faults", *of): count for of, count in self._by_fault.items() if of[0]}
+        figures["messages", "dropped_by_cause"] = {kind: count for kind, count in causes.items() if count}
+        figures |= {("faults", *of): count for of, count in self._by_fault.items() if of[0]}
         for link in map(tuple, np.argwhere(self._sent) if len(names) <= LINKED + 1 else ()):
             counts: dict[str, Any] = {key: table[link] for key, table in tables.items()}
             counts["dropped"] = {kind: table[link] for kind, table in self._dropped.items() if table[link]}
-            found["links", names[link[0]], names[link[1]]] = counts
-        return found
+            figures["links", names[link[0]], names[link[1]]] = counts
+        return figures
 
 
 def compare(found: Found, summary: Mapping[str, Any]) -> CheckResult:
     """Compare a summary with the figures that were found, and name the first that differs."""
     for place, value in found.items():
-        stated: Any = reduce(lambda part, key: (part or {}).get(key), place, cast("Any", summary))
-        is_number = isinstance(stated, int | float) and value is not None
-        if not (math.isclose(stated, value, rel_tol=ROUNDING) if is_number else stated == value):
-            problem = f"{'.'.join(place)} is {stated} in the summary, and {value} by the ticks"
+        summary_value: Any = reduce(lambda part, key: (part or {}).get(key), place, cast("Any", summary))
+        is_number = isinstance(summary_value, int | float) and value is not None
+        if not (math.isclose(summary_value, value, rel_tol=ROUNDING) if is_number else summary_value == value):
+            problem = f"{'.'.join(place)} is {summary_value} in the summary, and {value} by the ticks"
             return CheckResult("figures", False, problem)
     counted = f"{len(found)} figures of the summary are those of the ticks"
     return CheckResult("figures", True, counted if found else "not judged: there are no ticks to count", bool(found))

@@ -391,6 +391,21 @@ def test_draws_that_depend_on_each_other_fail(run: Run, monkeypatch: pytest.Monk
     assert not result_of(kind, world.prepared, journal).ok
 
 
+def test_faults_of_a_kind_draw_for_themselves(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What one fault does to a frame says nothing about another; the verdict finds losses of one draw."""
+    faults = [{"kind": "duplicate", "rate": 0.4}] * 2 + [{"kind": "reorder", "rate": 0.4, "hold": 1.0}] * 2
+    _, journal = run(*faults, ticks=150)
+    befell = {row for record in journal.ticks for row in (*record.copies, *record.delayed)}
+    links = [(*link, record.k) for record in journal.ticks for link in LINKS]
+    hit = np.array([[(*link, fault) in befell for link in links] for fault in ("f1", "f2", "f3", "f4")])
+    alike = np.corrcoef(hit.astype(np.float64)) - np.eye(4)
+    assert np.abs(alike).max() < 5.0 / np.sqrt(len(links))
+    assert np.abs(hit.mean(axis=1) - 0.4).max() < 5.0 * np.sqrt(0.24 / len(links))
+    monkeypatch.setattr(rules, "mix", lambda seed, purpose, _, source, real=rules.mix: real(seed, purpose, 0, source))
+    world, journal = run(LOSSY, {**LOSSY, "id": "again"}, ticks=60)
+    assert "again: 0 of " in result_of(LossesAsAsked, world.prepared, journal).detail
+
+
 @pytest.mark.parametrize("fault", [LOSSY, BURSTS, LATER, NORMAL, MIXED, TWICE], ids=lambda fault: fault["id"])
 def test_draws_that_are_as_asked_pass(run: Run, fault: dict[str, Any]) -> None:
     world, journal = run(fault, ticks=300)

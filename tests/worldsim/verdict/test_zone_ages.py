@@ -106,8 +106,8 @@ def test_figures_of_open_ground_are_those_of_its_ages_in_each_tick(lab: Lab) -> 
 
 
 def test_how_long_a_wish_was_kept(lab: Lab) -> None:
-    """Nothing of the far corner is seen, so its age is the time: half of 30 s it is at most 15 s."""
-    world = lab.world([DISC], [(3.0, 3.0, 0.0)], duration=30.0, zones=[FAR | {"age": 14.9}])
+    """Nothing of the far corner is seen, so its age is the time: half of 30 s it is at most 14.5 s."""
+    world = lab.world([DISC], [(3.0, 3.0, 0.0)], duration=30.0, zones=[FAR | {"age": 14.5}])
     figures = summary_of((world, lab.run(world))).zones["far"]
-    assert figures.wanted_s == 14.9
+    assert figures.wanted_s == 14.5
     assert figures.kept_share == pytest.approx(0.5)
