@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 SOON = 0.2
 """A frame that takes at most this share of a step is heard in its own tick."""
 
-QUARTILES = (0.25, 0.5, 0.75)
+QUANTILES = (0.25, 0.5, 0.75, 0.95)
 """Shares of delays that are shorter than the times at which frames are looked for."""
 
 _NEVER = 2**31 - 1
@@ -317,7 +317,7 @@ class DelaysAsAsked(ShareCheck):
     """Frames are copied, held back and delayed as often as the faults say.
 
     Counted are reorders whose `hold` alone makes a frame late, and for random delays, of frames that nothing else
-    delays or copies, how many are still in flight after about the quartiles; and so for the random delays of copies.
+    delays or copies, how many are still in flight after some quantiles; and so for the random delays of copies.
     Such a frame counts when that time is over, also if it arrived sooner: else the last ticks would add early frames,
     and no late ones.
     """
@@ -337,7 +337,7 @@ class DelaysAsAsked(ShareCheck):
                 self._add_fault(entry, fault.rate, "frames were held back")
             wait = fault.delay if isinstance(fault, Delay | Duplicate) else None
             if wait is not None and bounds(wait)[0] < bounds(wait)[1]:
-                for ticks in sorted({math.floor(_find_quantile(wait, share) / step) for share in QUARTILES}):
+                for ticks in sorted({math.floor(_find_quantile(wait, share) / step) for share in QUANTILES}):
                     what = "frames" if isinstance(fault, Delay) else "copies"
                     self._add_fault(
                         entry, longer(wait, (ticks + SOON) * step), f"{what} took longer than {ticks} ticks"
@@ -378,7 +378,7 @@ class DelaysAsAsked(ShareCheck):
 
 def alarm_of(timeline: Timeline) -> float:
     """Return the probability of a false alarm for each series of draws: `FAMILY`, shared equally."""
-    lasting = {Reorder: 1, Delay: len(QUARTILES), Duplicate: 1 + len(QUARTILES)}
+    lasting = {Reorder: 1, Delay: len(QUANTILES), Duplicate: 1 + len(QUANTILES)}
     draws = sum(
         (1 if entry.fault.mean_burst is None else 3)
         if isinstance(entry.fault, Loss)

@@ -317,7 +317,7 @@ def test_all_series_of_a_run_share_one_rate_of_false_alarms(lab: Lab) -> None:
     timeline = Timeline(world.scenario)
     judged = [check_of(kind, world.prepared, journal, timeline) for kind in (DelaysAsAsked, LossesAsAsked)]
     series = sum(len(draws.series) for check in judged for each in check._draws.values() for draws in each)
-    assert series == 4 * (3 + 1 + 4 + 1 + 2)
+    assert series == 4 * (3 + 1 + 5 + 1 + 2)
     assert series * alarm_of(timeline) <= 1e-9
     assert failures((world, journal)) == {}
 
@@ -364,6 +364,7 @@ def with_values(change: Callable[[list[int]], list[int]]) -> Callable[[Any], Any
     return lambda real: lambda first, *values: real(first, *change(list(values)))
 
 
+WAITING = {"kind": "delay", "delay": {"exponential": 2.0}, "id": "waiting"}
 DEPENDENT: dict[str, tuple[dict[str, Any], str, Callable[[Any], Any]]] = {
     "a loss once for each sender": (LOSSY, "below", lambda real: lambda of, to, *more: real(of, 0 * to, *more)),
     "a loss once for each link": (LOSSY, "below", lambda real: lambda of, to, k, *more: real(of, to, 0 * k, *more)),
@@ -372,6 +373,11 @@ DEPENDENT: dict[str, tuple[dict[str, Any], str, Callable[[Any], Any]]] = {
     "a delay once for each receiver": (NORMAL, "waited", with_values(lambda of: [*of[:3], 0, *of[4:]])),
     "a delay once for each link": (NORMAL, "waited", with_values(lambda of: [*of[:5], 0])),
     "half of a delay's deviation": (NORMAL, "waited", lambda real: lambda wait, *of: 0.5 * (4.0 + real(wait, *of))),
+    "no delay above one and a half means": (
+        WAITING,
+        "waited",
+        lambda real: lambda wait, *of: min(real(wait, *of), 3.0),
+    ),
     "a copy's delay by the draw of the copy": (LATER, "waited", with_values(lambda of: of[:6])),
     "copies once for each sender": (LATER, "draw", lambda real: lambda *of: real(*of[:4], 0, *of[5:])),
     "what is held back once for each sender": (MIXED, "draw", lambda real: lambda *of: real(*of[:4], 0, *of[5:])),
@@ -406,7 +412,7 @@ def test_faults_of_a_kind_draw_for_themselves(run: Run, monkeypatch: pytest.Monk
     assert "again: 0 of " in result_of(LossesAsAsked, world.prepared, journal).detail
 
 
-@pytest.mark.parametrize("fault", [LOSSY, BURSTS, LATER, NORMAL, MIXED, TWICE], ids=lambda fault: fault["id"])
+@pytest.mark.parametrize("fault", [LOSSY, BURSTS, LATER, NORMAL, WAITING, MIXED, TWICE], ids=lambda fault: fault["id"])
 def test_draws_that_are_as_asked_pass(run: Run, fault: dict[str, Any]) -> None:
     world, journal = run(fault, ticks=300)
     kind = LossesAsAsked if fault["kind"] == "loss" else DelaysAsAsked

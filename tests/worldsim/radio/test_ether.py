@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -21,6 +22,7 @@ from patrol.scenario import Scenario, load_scenario
 from tests.worldsim.conftest import Lab
 from worldsim.faults import Timeline
 from worldsim.radio.ether import OVERSIZED, RECEIVER_ABSENT, RECEIVER_DEAD, RECEIVER_PAUSED, Delivery, Ether, ether_of
+from worldsim.radio.rules import Burst
 from worldsim.robots.senses import Senses
 
 ALIVE = Status.ALIVE
@@ -177,6 +179,17 @@ def test_bursts_have_the_rate_and_the_length_asked_for(air: Any, rate: float, bu
     begun = sum(now and not before for row in rows for before, now in pairwise(row))
     assert share == pytest.approx(rate, abs=0.05)
     assert sum(map(sum, rows)) / begun == pytest.approx(burst, rel=0.15)
+
+
+def test_links_begin_bad_as_often_as_asked_and_bursts_go_on_while_nothing_is_sent() -> None:
+    (entry,) = Timeline(scenario_of({"kind": "loss", "rate": 0.3, "mean_burst": 5, "at": 2.0})).entries
+    links = [(source, to) for source in range(1, 41) for to in range(1, 41) if source != to]
+    first = [Burst(3, entry, 0.3, 5.0, link).bad(entry.begin) for link in links]
+    assert abs(sum(first) / len(links) - 0.3) < 5.0 * math.sqrt(0.21 / len(links))
+    always, seldom = (Burst(3, entry, 0.3, 5.0, (1, 2)) for _ in range(2))
+    each = [always.bad(k) for k in range(entry.begin, entry.begin + 700)]
+    assert [seldom.bad(k) for k in range(entry.begin, entry.begin + 700, 7)] == each[::7]
+    assert all(each[lag:] != each[:-lag] for lag in range(1, 200)), "no chain comes round"
 
 
 def test_a_burst_is_a_function_of_the_tick_and_takes_contacts_along(air: Any) -> None:
