@@ -407,6 +407,8 @@ def test_faults_of_a_kind_draw_for_themselves(run: Run, monkeypatch: pytest.Monk
     alike = np.corrcoef(hit.astype(np.float64)) - np.eye(4)
     assert np.abs(alike).max() < 5.0 / np.sqrt(len(links))
     assert np.abs(hit.mean(axis=1) - 0.4).max() < 5.0 * np.sqrt(0.24 / len(links))
+    world, journal = run(LOSSY, {**LOSSY, "id": "again"}, ticks=60)
+    assert result_of(LossesAsAsked, world.prepared, journal).ok
     monkeypatch.setattr(rules, "mix", lambda seed, purpose, _, source, real=rules.mix: real(seed, purpose, 0, source))
     world, journal = run(LOSSY, {**LOSSY, "id": "again"}, ticks=60)
     assert "again: 0 of " in result_of(LossesAsAsked, world.prepared, journal).detail
