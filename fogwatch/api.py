@@ -301,8 +301,7 @@ def _judge_ended(folder: RunFolder, prepared: Prepared, codes: Mapping[str, int 
         for count, record in enumerate(journal.ticks, 1):
             judging.tick(record)
             show_progress(options.display, JUDGING, count, operated.scenario.ticks)
-        verdict = judging.verdict()
-        summary = summarise(journal, verdict, operated)
+        summary, verdict = summarise(journal, judging.verdict(), operated)
         options.display.progress(JUDGING, 1.0)
     except InterruptedBySignal:
         options.display.say(f"interrupted before the run was judged; `fogwatch judge {folder.path}` judges it")

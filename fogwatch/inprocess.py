@@ -304,8 +304,7 @@ def run_in_process(
         judging = Judge(memory, {}, prepared, verify_fog=verify_fog, baseline_s=baseline_s, fog=world.truth.fog)
         totals = Totals(header)
         _run_ticks(world, fleet, memory, (judging.tick, totals.tick, *watchers), events, stop)
-        verdict = judging.verdict()
-        return Outcome(memory, totals.summary(memory, verdict, prepared), verdict)
+        return Outcome(memory, *totals.summary(memory, judging.verdict(), prepared))
     record: RunRecord
     if journal is None:
         record = memory = MemoryJournal(header)
@@ -314,8 +313,7 @@ def run_in_process(
         with JournalWriter(journal, header) as writer:
             _run_ticks(world, fleet, writer, watchers, events, stop)
         record = read_journal(journal)
-    verdict = judge(record, {}, prepared, baseline_s=baseline_s)
-    return Outcome(record, summarise(record, verdict, prepared), verdict)
+    return Outcome(record, *summarise(record, judge(record, {}, prepared, baseline_s=baseline_s), prepared))
 
 
 def fault_free_mfow(prepared: Prepared, stop: Callable[[], bool] = lambda: False) -> float | None:

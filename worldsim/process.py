@@ -183,8 +183,7 @@ def _judge_run(out: Path, prepared: Prepared, log: Log) -> int:
     from worldsim.verdict.judge import judge
 
     journal = read_journal(out / "journal")
-    verdict = judge(journal, {}, prepared)
-    summary = summarise(journal, verdict, prepared)
+    summary, verdict = summarise(journal, judge(journal, {}, prepared), prepared)
     write_whole(out / "summary.json", f"{json.dumps(summary.document(), indent=2)}\n")
     mean = summary.mfow_mean_s
     mfow = "no ticks" if mean is None else f"mean MFoW {mean:.1f} s"

@@ -56,8 +56,7 @@ def judge(
     loaded = _with_key(prepared_in(run, journal), key)
     codes = {} if stated_summary is None else stated_summary.exit_codes
     edited = not _same_scenario(loaded, journal)
-    verdict = judge_journal(journal, codes, loaded)
-    summary = summarise(journal, verdict, loaded.as_operated(journal.events))
+    summary, verdict = summarise(journal, judge_journal(journal, codes, loaded), loaded.as_operated(journal.events))
     recomputed = json.loads(json.dumps(summary.document()))
     as_stated = {} if stated_summary is None else stated_summary.document()
     differing = differences(as_stated, recomputed)

@@ -32,6 +32,7 @@ from patrol.journal.records import IN_FORCE, OUT_OF_FORCE
 from patrol.pose import Command, Drive, Twist, Velocity
 from patrol.radio import inbox
 from patrol.radio.allowance import Allowance
+from patrol.summary.totals import RunTotals
 from tests.chaos.examine import TRACES_DIFFER
 from worldsim import faults as timeline
 from worldsim import world
@@ -66,6 +67,11 @@ BUGS: dict[str, Bug] = {}
 
 LOSSY = {"duration": 600.0, "faults": [{"kind": "loss", "rate": 0.5}]}
 LONG_BURSTS = {"duration": 600.0, "faults": [{"kind": "loss", "rate": 0.5, "mean_burst": 10}]}
+LATE = {"duration": 600.0, "faults": [{"kind": "delay", "delay": {"exponential": 2.0}}]}
+COPIED = {"duration": 600.0, "faults": [{"kind": "duplicate", "rate": 0.3, "delay": {"uniform": [0.5, 9.5]}}]}
+NARROW: dict[str, Any] = {"duration": 100.0, "faults": [{"kind": "bandwidth", "who": "all", "bytes_per_s": 10.0}]}
+NARROW["faults"] += [{"kind": "pause", "who": "one", "at": 10.0, "for": 60.0}]
+TALKATIVE: dict[str, Any] = {"radio.adaptive": None, "radio.budget": None, "nemesis": None}
 DRIFTING = {"duration": 600.0, "faults": [{"kind": "drift", "who": "all", "growth": [0.05, 0.02]}]}
 SHAKEN = {"kind": "motion", "who": "all", "jitter": {"size": 0.5}, "slip": {"rate": 0.4}}
 UNEVEN = {"duration": 600.0, "faults": [SHAKEN]}
@@ -212,6 +218,21 @@ _bug("a robot that has left is still in the way", "moves", kind="leave")(
 )
 _bug("a loss drops half as much", "losses", kind="loss", settings=LOSSY)(
     put(rules, "below", lambda real: lambda *of: real(*of[:3], 0.5 * of[3]))
+)
+_bug("a loss is drawn once for each sender", "losses", kind="loss", settings=LOSSY)(
+    put(rules, "below", lambda real: lambda of, to, *more: real(of, 0 * to, *more))
+)
+_bug("a loss is drawn once for each link", "losses", kind="loss", settings=LOSSY)(
+    put(rules, "below", lambda real: lambda of, to, k, *more: real(of, to, 0 * k, *more))
+)
+_bug("a burst is drawn once for each sender", "losses", kind="loss", settings=LONG_BURSTS | TALKATIVE)(
+    put(rules.Burst, "__init__", lambda real: lambda *of: real(*of[:-1], (of[-1][0], 0)))
+)
+_bug("a delay is drawn once for each sender", "delays and copies", kind="delay", settings=LATE)(
+    put(rules, "waited", lambda real: lambda *of: real(*of[:5], 0, *of[6:]))
+)
+_bug("a copy's delay is drawn with the number that made it", "delays and copies", kind="duplicate", settings=COPIED)(
+    put(rules, "waited", lambda real: lambda *of: real(*of[:7]))
 )
 _bug("a burst lasts half as long", "losses", kind="loss", settings=LONG_BURSTS)(
     put(rules, "chain_of", lambda real: lambda rate, mean: real(rate, max(0.5 * mean, 1.0)))
@@ -382,6 +403,14 @@ def _free(real: Any, ground_of: Callable[[Any], Any]) -> Any:
     return lambda terrain, *of: real(ground_of(terrain), *of)
 
 
+def _late_by_first_half(real: Any) -> Any:
+    def figures(of: Any, events: Any) -> Any:
+        first = np.mean(of._mfow[: len(of._mfow) // 2]) * of._step
+        return altered(mfow_late_mean_s=float(first))(real(of, events))
+
+    return figures
+
+
 _path_is_free = motion, "path_is_free"
 _blind = alter_decisions(_drives_blindly)
 _bug("the run ends a tick early", "complete")(alter_new(World, _ends_early))
@@ -405,6 +434,7 @@ _bug("a robot exceeds its top speed", "moves")(
 )
 _bug("moves are uneven without a fault", "moves")(put(noise.MotionNoise, "driven", _driven))
 _bug("the fog counts a tick less", "fog")(put(Fog, "mfow", lambda real: lambda *of: real(*of) - 1))
+_bug("the late mean is that of the first half", "figures")(put(RunTotals, "figures", _late_by_first_half))
 _bug("robots drive with an empty battery", "batteries", needs="feature batteries")(
     put(Batteries, "is_empty", lambda _: lambda *_: False)
 )
@@ -455,6 +485,9 @@ _bug("a frame meets twice the noise", "path loss", needs="feature path loss")(
 )
 _bug("robots send more than their share", "budget", needs="feature radio budget")(
     put(Allowance, "suffices", lambda _: lambda *_: True), put(Allowance, "take", lambda _: lambda *_: True)
+)
+_bug("a bandwidth saves up without end", "bandwidth", kind="bandwidth", settings=NARROW)(
+    alter_new(rules.Bucket, lambda of: vars(of).update(_capacity=math.inf))
 )
 _bug("late frames come a tick early", "on time", needs="delay")(
     put(ether, "arrival", lambda real: lambda k, *of: max(real(k, *of) - 1, k))

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from collections import Counter, defaultdict
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
+from statistics import NormalDist
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -25,6 +26,9 @@ if TYPE_CHECKING:
 
 SOON = 0.2
 """A frame that takes at most this share of a step is heard in its own tick."""
+
+QUANTILES = (0.25, 0.5, 0.75, 0.95)
+"""Shares of delays that are shorter than the times at which frames are looked for."""
 
 _NEVER = 2**31 - 1
 """Above the index of every fault."""
@@ -161,30 +165,62 @@ class OnTime(Check):
         self._fail(f"frame {link[2]} {self._way(link)} {problem}")
 
 
+class LinkDraws:
+    """A fault's draws, one for each frame on each link, in the order of senders and receivers.
+
+    Each hits with the same chance whatever came before. So those that follow a hit are series of their own: at the
+    sender's receiver before, of the sender before at the same receiver, and on the same link the last time. If one draw
+    decides for two links, for example, all that follow a hit hit as well.
+    """
+
+    def __init__(self, p: float, words: str, expected: str, robots: int) -> None:
+        """Begin without draws; `p` is their chance."""
+        lasts = ("at the receiver before", "of the sender before", "on their link before")
+        after = [Series(p, f"after a hit {last}, {words}", expected) for last in lasts]
+        self.series = (Series(p, words, expected), *after)
+        self._hit = np.zeros((robots + 1, robots + 1), dtype=np.bool_)
+
+    def add(
+        self, links: Sequence[tuple[int, int]] | NDArray[np.int64], hits: Sequence[bool] | NDArray[np.bool_]
+    ) -> None:
+        """Add a tick's draws: senders and receivers, in their order, and which draws hit."""
+        hit = np.array(hits, dtype=np.bool_)
+        source, to = np.array(links, dtype=np.int64).reshape(-1, 2).T
+        before = np.zeros((4, hit.size), dtype=np.bool_)
+        before[0], before[3] = True, self._hit[source, to]
+        before[1, 1:] = hit[:-1] & (source[1:] == source[:-1])
+        order = np.lexsort((source, to))
+        before[2, order[1:]] = (hit[order][:-1]) & (to[order][1:] == to[order][:-1])
+        self._hit[source, to] = hit
+        for series, counts in zip(self.series, before, strict=True):
+            series.draws += int(np.count_nonzero(counts))
+            series.hits += int(np.count_nonzero(counts & hit))
+
+
 class ShareCheck(Check):
     """A check of how often faults act on frames, as far as chance allows (`check.py`).
 
-    A subclass counts in `_series`, by the indices of its faults, and gives its counts in `_list_counts`.
+    A subclass counts in `_draws`, by the indices of its faults, and gives its counts in `_list_counts`.
     """
 
     of_ether = True
 
     def __init__(self, run: JudgedRun) -> None:
         super().__init__(run)
-        self._series: dict[int, list[Series]] = {}
+        self._draws: dict[int, list[LinkDraws]] = {}
         self._alarm = alarm_of(run.timeline)
 
     def _add_fault(self, entry: Entry, p: float, what: str) -> None:
         """Begin to count how often a fault acts; `p` is its probability."""
         words, expected = f"{entry.id}: {{hits}} of {{draws}} {what}", f", {100.0 * p:.4g} % configured"
-        self._series.setdefault(entry.index, []).append(Series(p, words, expected))
+        self._draws.setdefault(entry.index, []).append(LinkDraws(p, words, expected, len(self._run.names)))
 
     def _list_counts(self) -> Iterator[str]:
         """Yield the counts as text; nothing where no fault acts by chance."""
-        return (series.found() for of_fault in self._series.values() for series in of_fault)
+        return (draws.series[0].found() for of_fault in self._draws.values() for draws in of_fault)
 
     def _end(self) -> str:
-        counted = [series for of_fault in self._series.values() for series in of_fault]
+        counted = [series for of_fault in self._draws.values() for draws in of_fault for series in draws.series]
         self._fail("; ".join(filter(None, (series.problem(self._alarm) for series in counted))))
         details = "; ".join(self._list_counts())
         if not details:
@@ -244,16 +280,17 @@ class LossesAsAsked(ShareCheck):
             frames, hits = int(np.count_nonzero(reached) - np.count_nonzero(before)), int(np.count_nonzero(lost))
             self._frames[entry.index] += frames
             self._lost[entry.index] += hits
-            series = self._series[entry.index]
-            if len(series) == 1:
-                series[0].draws += frames
-                series[0].hits += hits
+            draws = self._draws[entry.index]
+            if len(draws) == 1:
+                tried = reached & ~np.isin(_keys(sent), _keys(dropped)[before]) if before.any() else reached
+                links = np.column_stack((sent.source, sent.destination))
+                draws[0].add(links[tried], np.isin(_keys(sent)[tried], _keys(dropped)[lost]))
                 continue
             # All frames of a tick share a link's fate, so the first of each sender tells it.
             first = dropped.sequence == record.k
             bad = _list_ends(dropped, lost & first)
-            for link in _list_ends(sent, reached & (sent.sequence == record.k)) - _list_ends(dropped, before & first):
-                self._count_turn(entry, record.k, link, link in bad)
+            ends = _list_ends(sent, reached & (sent.sequence == record.k)) - _list_ends(dropped, before & first)
+            self._count_turns(entry, record.k, sorted(ends), bad)
 
     def _find_stop(self, cause: str) -> int:
         """Return the index of the loss that is a cause; below all of them where a frame never got as far as a loss."""
@@ -261,24 +298,28 @@ class LossesAsAsked(ShareCheck):
             return -1
         return self._index.get(fault_of(cause), _NEVER) if kind_of(cause) == "loss" else _NEVER
 
-    def _count_turn(self, entry: Entry, k: int, link: tuple[int, int], is_bad: bool) -> None:
-        """Count how a link has turned since the tick before."""
-        to_bad, to_good, first = self._series[entry.index]
-        before = self._bad[entry.index].get(link)
-        self._bad[entry.index][link] = k, is_bad
+    def _count_turns(
+        self, entry: Entry, k: int, links: Sequence[tuple[int, int]], bad: Collection[tuple[int, int]]
+    ) -> None:
+        """Count how links have turned since the tick before."""
+        to_bad, to_good, first = self._draws[entry.index]
+        before, now = self._bad[entry.index], {link: (k, link in bad) for link in links}
+        for draws, was in ((to_bad, (k - 1, False)), (to_good, (k - 1, True))):
+            # Links are seen only in ticks with a frame, so turns are counted between neighbouring ticks alone.
+            turning = [link for link in links if before.get(link) == was]
+            draws.add(turning, [now[link][1] != was[1] for link in turning])
         if k == entry.begin:
-            first.add(is_bad)
-        # Links are seen only in ticks with a frame, so turns are counted between neighbouring ticks alone.
-        if before is not None and before[0] == k - 1:
-            (to_good if before[1] else to_bad).add(is_bad != before[1])
+            first.add(links, [now[link][1] for link in links])
+        before |= now
 
 
 class DelaysAsAsked(ShareCheck):
     """Frames are copied, held back and delayed as often as the faults say.
 
     Counted are reorders whose `hold` alone makes a frame late, and for random delays, of frames that nothing else
-    delays or copies, how many are still in flight after about the median. Such a frame counts when that time is over,
-    also if it arrived sooner: else the last ticks would add early frames, and no late ones.
+    delays or copies, how many are still in flight after some quantiles; and so for the random delays of copies.
+    Such a frame counts when that time is over, also if it arrived sooner: else the last ticks would add early frames,
+    and no late ones.
     """
 
     name = "delays and copies"
@@ -287,55 +328,64 @@ class DelaysAsAsked(ShareCheck):
     def __init__(self, run: JudgedRun) -> None:
         super().__init__(run)
         step = run.step
-        self._patience: dict[int, int] = {}
+        self._patience: dict[int, list[tuple[int, LinkDraws]]] = defaultdict(list)
         for entry in self._entries:
             fault = entry.fault
             if isinstance(fault, Duplicate):
                 self._add_fault(entry, fault.rate, "frames were copied")
             elif isinstance(fault, Reorder) and (step if fault.hold is None else fault.hold) > (SOON + 1e-6) * step:
                 self._add_fault(entry, fault.rate, "frames were held back")
-            elif isinstance(fault, Delay) and bounds(fault.delay)[0] < bounds(fault.delay)[1]:
-                ticks = math.floor(_find_median(fault.delay) / step)
-                self._patience[entry.index] = ticks
-                self._add_fault(
-                    entry, longer(fault.delay, (ticks + SOON) * step), f"frames took longer than {ticks} ticks"
-                )
-        self._awaited: set[Link] = set()
-        self._until: dict[int, list[tuple[Link, Series]]] = defaultdict(list)
+            wait = fault.delay if isinstance(fault, Delay | Duplicate) else None
+            if wait is not None and bounds(wait)[0] < bounds(wait)[1]:
+                for ticks in sorted({math.floor(_find_quantile(wait, share) / step) for share in QUANTILES}):
+                    what = "frames" if isinstance(fault, Delay) else "copies"
+                    self._add_fault(
+                        entry, longer(wait, (ticks + SOON) * step), f"{what} took longer than {ticks} ticks"
+                    )
+                    self._patience[entry.index].append((ticks, self._draws[entry.index][-1]))
+        self._awaited: dict[Link, int] = {}  # arrivals of a frame, and its copy, that are yet to come
+        self._until: dict[int, list[tuple[LinkDraws, list[Link]]]] = defaultdict(list)
 
     def _tick(self, record: TickRecord) -> None:
         entries = self._active(record.k)
-        if any(entry.index in self._series for entry in entries):
+        if any(entry.index in self._draws for entry in entries):
             befell = {*record.copies, *record.delayed}
-            copied = {row[:3] for row in record.copies}
+            copied = Counter(row[:3] for row in record.copies)
+            tried: dict[int, list[Link]] = defaultdict(list)
+            waiting: dict[int, list[Link]] = defaultdict(list)
             for origin, link in airborne(record, self._run.forgers):
                 on = [entry for entry in entries if on_link(entry, origin, link[1])]
                 for entry in on:
-                    if entry.index in self._series and not isinstance(entry.fault, Delay):
-                        self._series[entry.index][0].add((*link, entry.id) in befell)
-                if link not in copied:
-                    self._await_frame(on, link, record.k)
-        self._awaited.difference_update(arrived(record))
-        for link, series in self._until.pop(record.k, ()):
-            series.add(link in self._awaited)
-            self._awaited.discard(link)
-
-    def _await_frame(self, on: Iterable[Entry], link: Link, k: int) -> None:
-        """Look for a frame when the median delay is over, if a random delay is the only fault that acts on it."""
-        holding = [entry.index for entry in on if not isinstance(entry.fault, Duplicate)]
-        if len(holding) == 1 and holding[0] in self._patience:
-            self._awaited.add(link)
-            self._until[k + self._patience[holding[0]]].append((link, self._series[holding[0]][0]))
+                    if entry.index in self._draws and not isinstance(entry.fault, Delay):
+                        tried[entry.index].append(link)
+                holding = [entry for entry in on if isinstance(entry.fault, Duplicate) is (link in copied)]
+                if len(holding) == 1 and (not copied[link] or len(on) == 1) and holding[0].index in self._patience:
+                    waiting[holding[0].index].append(link)
+                    self._awaited[link] = 1 + copied[link]
+            for entry in entries:
+                links = sorted(tried[entry.index])
+                if links:
+                    hits = [(*link, entry.id) in befell for link in links]
+                    self._draws[entry.index][0].add([link[:2] for link in links], hits)
+                for ticks, draws in self._patience[entry.index] if waiting[entry.index] else ():
+                    self._until[record.k + ticks].append((draws, sorted(waiting[entry.index])))
+        for link in arrived(record) if self._awaited else ():
+            if self._awaited.pop(link, 0) == 2:
+                self._awaited[link] = 1
+        for draws, links in self._until.pop(record.k, ()):
+            draws.add([link[:2] for link in links], [link in self._awaited for link in links])
 
 
 def alarm_of(timeline: Timeline) -> float:
     """Return the probability of a false alarm for each series of draws: `FAMILY`, shared equally."""
-    series = sum(
-        3 if isinstance(entry.fault, Loss) and entry.fault.mean_burst is not None else 1
+    lasting = {Reorder: 1, Delay: len(QUANTILES), Duplicate: 1 + len(QUANTILES)}
+    draws = sum(
+        (1 if entry.fault.mean_burst is None else 3)
+        if isinstance(entry.fault, Loss)
+        else lasting.get(type(entry.fault), 0)
         for entry in timeline.entries
-        if isinstance(entry.fault, Loss | Delay | Duplicate | Reorder)
     )
-    return FAMILY / max(series, 1)
+    return FAMILY / max(4 * draws, 1)
 
 
 def bounds(wait: Wait) -> Span:
@@ -370,21 +420,26 @@ def longer(wait: Wait, seconds: float) -> float:
     return math.exp(-seconds / first)
 
 
-def _find_median(wait: Wait) -> float:
-    """Return the median of a wait, s."""
+def _find_quantile(wait: Wait, share: float) -> float:
+    """Return the time that a share of waits is shorter than, s; at least 0."""
     first, *parameters = wait.values
     match wait.shape:
         case "uniform":
-            return 0.5 * (first + parameters[0])
+            return first + share * (parameters[0] - first)
         case "exponential":
-            return first * math.log(2.0)
-    return first
+            return -first * math.log(1.0 - share)
+    return max(NormalDist(first, parameters[0]).inv_cdf(share), 0.0)
 
 
 def _mark_links(entry: Entry, links: Links | Drops) -> NDArray[np.bool_]:
     """Mark the links that a fault acts on."""
     on: NDArray[np.bool_] = np.isin(links.source, entry.sources) & np.isin(links.destination, entry.targets)
     return on
+
+
+def _keys(links: Links | Drops) -> NDArray[np.int64]:
+    """Return a number for each link of each frame."""
+    return (links.source << 48) | (links.destination << 32) | links.sequence
 
 
 def _list_ends(links: Links | Drops, of: NDArray[np.bool_]) -> set[tuple[int, int]]:

@@ -42,8 +42,10 @@ class Totals:
         if self._nodes is not None:
             self._nodes.tick(record)
 
-    def summary(self, journal: RunRecord, verdict: Verdict, prepared: Prepared | None = None) -> Summary:
-        """Return the run's summary after its last tick, when the journal has ended.
+    def summary(
+        self, journal: RunRecord, verdict: Verdict, prepared: Prepared | None = None
+    ) -> tuple[Summary, Verdict]:
+        """Return the run's summary after its last tick, when the journal has ended, and the verdict on both.
 
         The journal's ticks are not read. `prepared` is as for `summarise`.
         """
@@ -67,12 +69,7 @@ class Totals:
             "links": self._traffic.links(),
             "faults": self._traffic.faults(),
             **_of_processes(journal),
-            "verdict": {
-                "valid": verdict.valid,
-                "outcome": verdict.outcome,
-                "warnings": list(verdict.warnings),
-                "checks": [{**asdict(check), "warnings": list(check.warnings)} for check in verdict.checks],
-            },
+            "verdict": {},
         }
         stays = {} if verdict.progress is None else verdict.progress.stays
         for robot in header.robots:
@@ -88,11 +85,21 @@ class Totals:
             document |= figures
         if header.scenario["radio"].get("via") == "direct":
             document = as_measured(document, journal)
-        return Summary.model_validate(document)
+        verdict = verdict.with_figures_of(document)
+        document["verdict"] = {
+            "valid": verdict.valid,
+            "outcome": verdict.outcome,
+            "warnings": list(verdict.warnings),
+            "checks": [{**asdict(check), "warnings": list(check.warnings)} for check in verdict.checks],
+        }
+        return Summary.model_validate(document), verdict
 
 
-def summarise(journal: RunRecord, verdict: Verdict, prepared: Prepared | None = None) -> Summary:
-    """Compute the summary of a run that has ended; without `prepared` it lacks what needs the terrain."""
+def summarise(journal: RunRecord, verdict: Verdict, prepared: Prepared | None = None) -> tuple[Summary, Verdict]:
+    """Compute the summary of a run that has ended, and judge its figures as well.
+
+    Without `prepared` it lacks what needs the terrain.
+    """
     totals = Totals(journal.header, journal.events)
     for record in journal.ticks:
         totals.tick(record)

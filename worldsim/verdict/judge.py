@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Literal
 
 from patrol.process.failures import UNKNOWN
@@ -30,6 +30,7 @@ from worldsim.checks.statuses import DownAreSilent, EventsFollow, NobodyLost, St
 from worldsim.checks.zones import ClosuresKept, KeepOutsKept, OneWayZonesKept, SlowZonesKept, ZoneTimesTold
 from worldsim.faults import Timeline
 from worldsim.verdict.ages import AgesOpen, OpenFacts, ZoneAges, ZoneFacts
+from worldsim.verdict.figures import Figures, Found, compare
 
 if TYPE_CHECKING:
     from patrol.ground.fog import Fog
@@ -99,6 +100,13 @@ class Verdict:
     zones: ZoneFacts | None = None  # ages of the ground of each zone; None without zones or without a look at the fog
     # ages of ground while it was open to view; None without closures or without a look at the fog
     open_ages: OpenFacts | None = None
+    recomputed: Found = field(default_factory=dict)  # figures that the summary must have
+
+    def with_figures_of(self, summary: Mapping[str, Any]) -> Verdict:
+        """Return the verdict with the check of a summary's figures besides."""
+        check = compare(self.recomputed, summary)
+        outcome: Outcome = self.outcome if check.ok or self.outcome == "unknown" else "invalid"
+        return replace(self, outcome=outcome, checks=(*self.checks, check))
 
     @property
     def valid(self) -> bool:
@@ -168,18 +176,20 @@ class Judge:
         has_fog = verify_fog or fog is not None
         self._zones = run.reading(ZoneAges) if has_fog and ZoneAges.applies(run) else None
         self._open_ages = run.reading(AgesOpen) if has_fog and AgesOpen.applies(run) else None
+        self._figures = run.reading(Figures)
 
     def tick(self, record: TickRecord) -> None:
         """Take in the next tick."""
         self._run.tick(record)
 
     def verdict(self) -> Verdict:
-        """Return the verdict, once all ticks are in and the journal has ended."""
+        """Return the verdict without the check of the summary, once all ticks are in and the journal has ended."""
         checks = tuple(check.result() for check in self._checks)
         zones = None if self._zones is None else self._zones.facts()
         open_ages = None if self._open_ages is None else self._open_ages.facts()
         progress = next((check.facts() for check in self._checks if isinstance(check, ProgressCheck)), None)
-        return Verdict(_outcome(self._run.journal, checks), checks, progress, zones, open_ages)
+        figures = self._figures.figures()
+        return Verdict(_outcome(self._run.journal, checks), checks, progress, zones, open_ages, figures)
 
 
 def judge(

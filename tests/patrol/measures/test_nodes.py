@@ -4,11 +4,13 @@ import math
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 
 from patrol.graph import graph_of
 from patrol.journal.records import Status
 from patrol.measures.nodes import NodeTotals
+from patrol.random import draw
 from patrol.summary.metric import metrics_of
 from patrol.summary.model import NodeFigures
 
@@ -91,3 +93,55 @@ def test_the_entropy_rate_is_that_of_the_next_vertex() -> None:
 
 def test_every_measure_is_declared_in_order() -> None:
     assert list(figures([0.0, 10.0])) == [key for key, _ in metrics_of(NodeFigures)]
+
+
+def test_measures_of_random_ways_are_those_of_the_visits() -> None:
+    """Three robots step at random along the axis; everything is counted again from a table of ticks and vertices."""
+    line = 400
+    steps = [[round(4.0 * draw(7, robot, k) - 2.0) for k in range(line)] for robot in range(3)]
+    ways = [[float(abs((x + 20) % 40 - 20)) for x in np.cumsum(each).tolist()] for each in steps]
+    found = figures(*ways)
+    at = np.array([0.0, 10.0, 20.0])
+    last, idle = np.zeros(3), np.zeros((line, 3))
+    ends: list[list[float]] = [[], [], []]
+    inside, counts = [set[int]()] * 3, [0, 0, 0]
+    for k in range(line):
+        for robot, way in enumerate(ways):
+            begin, end = way[max(k - 1, 0)], way[k]
+            passed = (np.abs(at - 0.5 * (begin + end)) <= 0.5 * abs(end - begin) + 0.4) & (
+                (at - begin) * (end - begin) > 0
+            )
+            for vertex in np.flatnonzero((np.abs(at - end) <= 0.4) | passed).tolist():
+                if vertex not in inside[robot]:
+                    ends[vertex].append(k - last[vertex])
+                    counts[vertex] += 1
+                last[vertex] = k
+            inside[robot] = set(np.flatnonzero(np.abs(at - way[k]) <= 0.4).tolist())
+        idle[k] = k - last
+    half, means = line // 2, [np.mean(each[1:]) for each in ends]
+    returns = np.sort(np.concatenate([each[1:] for each in ends]))
+    ranks = np.arange(returns.size) / (returns.size - 1) * 100.0
+    expected = {
+        "visits": sum(counts),
+        "least_visits": min(counts),
+        "unvisited": [],
+        "once": [],
+        "idleness_mean_s": idle.mean(),
+        "idleness_late_s": idle[half:].mean(),
+        "idleness_end_s": idle[-1].mean(),
+        "worst_mean_s": idle.max(axis=1).mean(),
+        "worst_s": idle.max(),
+        "worst_late_s": idle[half:].max(),
+        "worst_end_s": idle[-1].max(),
+        "visits_mean_s": np.mean(means),
+        "visits_worst_s": max(means),
+        "visits_median_s": np.median(means),
+        "visits_deviation_s": np.std(means),
+        "return_s": [np.interp(percent, ranks, returns) for percent in (0, 10, 25, 50, 75, 90, 100)],
+        "return_mean_s": returns.mean(),
+        "return_deviation_s": returns.std(),
+    }
+    assert {key: found[key] for key in expected} == {
+        key: value if isinstance(value, list) and not value else pytest.approx(value) for key, value in expected.items()
+    }
+    assert idle[:half].max() > idle[half:].max(), "so that the wrong half shows"

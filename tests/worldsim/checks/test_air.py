@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -12,13 +13,16 @@ from shapely import LineString, box
 from patrol.ground.terrain import Terrain
 from patrol.journal import TickRecord
 from patrol.journal.records import sent_at
+from patrol.random import draw
 from tests.worldsim.checks.judged import Run, change, check_of, checks, failures, result_of, spares, stops
 from tests.worldsim.conftest import Lab
-from worldsim.checks.arrivals import DelaysAsAsked, alarm_of
+from worldsim.checks.arrivals import DelaysAsAsked, LinkDraws, LossesAsAsked, alarm_of
+from worldsim.checks.check import unexplained
 from worldsim.checks.journal import FaultsOnTime
 from worldsim.checks.reach import GRAZING_M, Sightlines
 from worldsim.faults import Timeline
 from worldsim.output.record import header_of
+from worldsim.radio import rules
 from worldsim.radio.rules import RadioRules, arrival
 from worldsim.run_record import MemoryJournal
 from worldsim.world import World
@@ -308,5 +312,111 @@ def test_too_few_frames_or_none_are_not_judged_and_say_so(run: Run) -> None:
 
 def test_all_series_of_a_run_share_one_rate_of_false_alarms(lab: Lab) -> None:
     bursts = {"kind": "loss", "rate": 0.5, "mean_burst": 3.0}
-    world = lab.patrol(faults=[TWICE, MIXED, SPREAD, bursts, NEAR])
-    assert alarm_of(Timeline(world.scenario)) == pytest.approx(1e-9 / 6)
+    later = {"kind": "duplicate", "rate": 0.5, "delay": {"exponential": 3.0}}
+    world, journal = lab.driven(ticks=200, faults=[bursts, {**TWICE, "delay": None}, later, MIXED, SPREAD, NEAR])
+    timeline = Timeline(world.scenario)
+    judged = [check_of(kind, world.prepared, journal, timeline) for kind in (DelaysAsAsked, LossesAsAsked)]
+    series = sum(len(draws.series) for check in judged for each in check._draws.values() for draws in each)
+    assert series == 4 * (3 + 1 + 5 + 1 + 2)
+    assert series * alarm_of(timeline) <= 1e-9
+    assert failures((world, journal)) == {}
+
+
+# --- independence ----------------------------------------------------------------------------------------------------
+
+LINKS = [(source, to) for source in (1, 2, 3, 4) for to in (1, 2, 3, 4) if source != to]
+
+
+@pytest.mark.parametrize("p", [0.05, 0.5, 0.9])
+def test_independent_draws_raise_no_alarm_more_often_than_promised(p: float) -> None:
+    """1,500 runs of 20 ticks, judged after each tick at one in a hundred, by each of the four series."""
+    rng, alarms = np.random.default_rng(3), np.zeros(4)
+    for _ in range(1500):
+        draws, ever = LinkDraws(p, "{hits} of {draws}", "", 4), np.zeros(4, dtype=np.bool_)
+        for _ in range(20):
+            draws.add(LINKS, rng.random(12) < p)
+            ever |= [unexplained(series.hits, series.draws, p, 0.01) for series in draws.series]
+        alarms += ever
+    assert alarms.max() <= 1500 * 0.01 + 3.0 * np.sqrt(1500 * 0.01)
+
+
+@pytest.mark.parametrize(
+    ("what", "number"), [((0, 2), 1), ((1, 2), 2), ((0, 1), 3)], ids=["sender", "receiver", "link"]
+)
+@pytest.mark.parametrize("p", [0.3, 0.7])
+def test_draws_that_are_one_are_found_by_their_series(what: tuple[int, int], number: int, p: float) -> None:
+    """Draws of sender and tick, of receiver and tick, or of the link alone."""
+    draws = LinkDraws(p, "{hits} of {draws}", "", 4)
+    for k in range(60):
+        draws.add(LINKS, [draw(8, *((source, to, k)[index] for index in what)) < p for source, to in LINKS])
+    assert draws.series[number].hits == draws.series[number].draws > 0
+    assert draws.series[number].problem(1e-9).startswith("after a hit ")
+
+
+LOSSY = {"kind": "loss", "rate": 0.4, "id": "lossy"}
+BURSTS = {"kind": "loss", "rate": 0.4, "mean_burst": 3.0, "id": "bursts"}
+LATER = {"kind": "duplicate", "rate": 0.3, "delay": {"uniform": [0.5, 6.5]}, "id": "later"}
+NORMAL = {"kind": "delay", "delay": {"normal": [4.0, 1.5]}, "id": "normal"}
+
+
+def with_values(change: Callable[[list[int]], list[int]]) -> Callable[[Any], Any]:
+    """Draw by other values than the radio's."""
+    return lambda real: lambda first, *values: real(first, *change(list(values)))
+
+
+WAITING = {"kind": "delay", "delay": {"exponential": 2.0}, "id": "waiting"}
+DEPENDENT: dict[str, tuple[dict[str, Any], str, Callable[[Any], Any]]] = {
+    "a loss once for each sender": (LOSSY, "below", lambda real: lambda of, to, *more: real(of, 0 * to, *more)),
+    "a loss once for each link": (LOSSY, "below", lambda real: lambda of, to, k, *more: real(of, to, 0 * k, *more)),
+    "a loss once for each receiver": (LOSSY, "below", lambda real: lambda of, *more: real(0 * of, *more)),
+    "a delay once for each sender": (NORMAL, "waited", with_values(lambda of: [*of[:4], 0, *of[5:]])),
+    "a delay once for each receiver": (NORMAL, "waited", with_values(lambda of: [*of[:3], 0, *of[4:]])),
+    "a delay once for each link": (NORMAL, "waited", with_values(lambda of: [*of[:5], 0])),
+    "half of a delay's deviation": (NORMAL, "waited", lambda real: lambda wait, *of: 0.5 * (4.0 + real(wait, *of))),
+    "no delay above one and a half means": (
+        WAITING,
+        "waited",
+        lambda real: lambda wait, *of: min(real(wait, *of), 3.0),
+    ),
+    "a copy's delay by the draw of the copy": (LATER, "waited", with_values(lambda of: of[:6])),
+    "copies once for each sender": (LATER, "draw", lambda real: lambda *of: real(*of[:4], 0, *of[5:])),
+    "what is held back once for each sender": (MIXED, "draw", lambda real: lambda *of: real(*of[:4], 0, *of[5:])),
+    "what is held back once for each link": (MIXED, "draw", lambda real: lambda *of: real(*of[:5], 0)),
+    "bursts once for each sender": (BURSTS, "draw", lambda real: lambda *of: real(*of[:4], 0, *of[5:])),
+    "bursts once for each receiver": (BURSTS, "draw", lambda real: lambda *of: real(*of[:3], 0, *of[4:])),
+}
+"""A fault, what its draws are made by, and how these are wrong."""
+
+
+@pytest.mark.parametrize("what", DEPENDENT)
+def test_draws_that_depend_on_each_other_fail(run: Run, monkeypatch: pytest.MonkeyPatch, what: str) -> None:
+    fault, name, make = DEPENDENT[what]
+    monkeypatch.setattr(rules, name, make(getattr(rules, name)))
+    world, journal = run(fault, ticks=300)
+    kind = LossesAsAsked if fault["kind"] == "loss" else DelaysAsAsked
+    assert not result_of(kind, world.prepared, journal).ok
+
+
+def test_faults_of_a_kind_draw_for_themselves(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What one fault does to a frame says nothing about another; the verdict finds losses of one draw."""
+    faults = [{"kind": "duplicate", "rate": 0.4}] * 2 + [{"kind": "reorder", "rate": 0.4, "hold": 1.0}] * 2
+    _, journal = run(*faults, ticks=150)
+    befell = {row for record in journal.ticks for row in (*record.copies, *record.delayed)}
+    links = [(*link, record.k) for record in journal.ticks for link in LINKS]
+    hit = np.array([[(*link, fault) in befell for link in links] for fault in ("f1", "f2", "f3", "f4")])
+    alike = np.corrcoef(hit.astype(np.float64)) - np.eye(4)
+    assert np.abs(alike).max() < 5.0 / np.sqrt(len(links))
+    assert np.abs(hit.mean(axis=1) - 0.4).max() < 5.0 * np.sqrt(0.24 / len(links))
+    world, journal = run(LOSSY, {**LOSSY, "id": "again"}, ticks=60)
+    assert result_of(LossesAsAsked, world.prepared, journal).ok
+    monkeypatch.setattr(rules, "mix", lambda seed, purpose, _, source, real=rules.mix: real(seed, purpose, 0, source))
+    world, journal = run(LOSSY, {**LOSSY, "id": "again"}, ticks=60)
+    assert "again: 0 of " in result_of(LossesAsAsked, world.prepared, journal).detail
+
+
+@pytest.mark.parametrize("fault", [LOSSY, BURSTS, LATER, NORMAL, WAITING, MIXED, TWICE], ids=lambda fault: fault["id"])
+def test_draws_that_are_as_asked_pass(run: Run, fault: dict[str, Any]) -> None:
+    world, journal = run(fault, ticks=300)
+    kind = LossesAsAsked if fault["kind"] == "loss" else DelaysAsAsked
+    check = result_of(kind, world.prepared, journal)
+    assert (check.ok, check.judged) == (True, True), check.detail

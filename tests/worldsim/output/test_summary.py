@@ -147,11 +147,13 @@ def test_the_longest_stay_is_the_longest_time_within_one_circle(lab: Lab) -> Non
     for k in range(20):
         move(journal, k, 1, x=1.0 + (swing if k // 2 % 2 else 0.0), y=1.0)
         move(journal, k, 3, x=2.0, y=2.0, status=Status.PAUSED if k == 8 else Status.ALIVE)
+        move(journal, k, 4, x=1.0 if k < 12 else 19.0, y=14.0 if k < 12 else 1.0)
     robots_of = summary_of(world, journal)["robots"]
     assert (robots_of["r1"]["longest_stay_s"], robots_of["r3"]["longest_stay_s"]) == (9.5, 4.5)
     circle = {"x": pytest.approx(1.0 + swing / 2.0), "y": 1.0, "radius_m": pytest.approx(radius[1])}
     assert robots_of["r1"]["longest_stay"] == {"seconds": 9.5, "since_s": 0.0, **circle}
     assert robots_of["r3"]["longest_stay"]["since_s"] == 5.0
+    assert (robots_of["r4"]["longest_stay_s"], robots_of["r4"]["longest_stay"]["since_s"]) == (5.5, 0.0), "not the last"
 
 
 def test_the_summary_says_where_the_stalest_place_was_and_who_was_near(lab: Lab) -> None:
@@ -173,8 +175,8 @@ def test_the_summary_says_where_the_stalest_place_was_and_who_was_near(lab: Lab)
 def test_the_summary_has_the_best_tour_where_it_is_given_the_terrain(lab: Lab) -> None:
     world, journal = lab.driven(ticks=5)
     verdict = judge(journal, {}, world.prepared)
-    assert summarise(journal, verdict).best_tour_s is None
-    summary = summarise(journal, verdict, world.prepared)
+    assert summarise(journal, verdict)[0].best_tour_s is None
+    summary, _ = summarise(journal, verdict, world.prepared)
     tour = best_tour(world.prepared)
     assert summary.best_tour_m == tour.length_m
     assert summary.best_tour_s == tour.bound_s(dict.fromkeys(range(1, 5), 1.0))

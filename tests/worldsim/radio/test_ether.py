@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Any
 
+import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from patrol.ground.terrain import Terrain
 from patrol.journal.records import MAX_TICKS, Status, frame_sequence, sent_at
@@ -18,6 +22,7 @@ from patrol.scenario import Scenario, load_scenario
 from tests.worldsim.conftest import Lab
 from worldsim.faults import Timeline
 from worldsim.radio.ether import OVERSIZED, RECEIVER_ABSENT, RECEIVER_DEAD, RECEIVER_PAUSED, Delivery, Ether, ether_of
+from worldsim.radio.rules import Burst
 from worldsim.robots.senses import Senses
 
 ALIVE = Status.ALIVE
@@ -176,6 +181,17 @@ def test_bursts_have_the_rate_and_the_length_asked_for(air: Any, rate: float, bu
     assert sum(map(sum, rows)) / begun == pytest.approx(burst, rel=0.15)
 
 
+def test_links_begin_bad_as_often_as_asked_and_bursts_go_on_while_nothing_is_sent() -> None:
+    (entry,) = Timeline(scenario_of({"kind": "loss", "rate": 0.3, "mean_burst": 5, "at": 2.0})).entries
+    links = [(source, to) for source in range(1, 41) for to in range(1, 41) if source != to]
+    first = [Burst(3, entry, 0.3, 5.0, link).bad(entry.begin) for link in links]
+    assert abs(sum(first) / len(links) - 0.3) < 5.0 * math.sqrt(0.21 / len(links))
+    always, seldom = (Burst(3, entry, 0.3, 5.0, (1, 2)) for _ in range(2))
+    each = [always.bad(k) for k in range(entry.begin, entry.begin + 700)]
+    assert [seldom.bad(k) for k in range(entry.begin, entry.begin + 700, 7)] == each[::7]
+    assert all(each[lag:] != each[:-lag] for lag in range(1, 200)), "no chain comes round"
+
+
 def test_a_burst_is_a_function_of_the_tick_and_takes_contacts_along(air: Any) -> None:
     fault = {"kind": "loss", "rate": 0.5, "mean_burst": 3.0}
     always, now_and_then = air(fault), air(fault)
@@ -283,6 +299,27 @@ def test_bandwidth_is_a_bucket_of_a_second(air: Any) -> None:
         narrow.tick({1: [bytes(30), bytes(30)], 2: [bytes(60)]})
     assert narrow.causes() == {"bandwidth:f1": (60 * 40 - (100 + 50 * 39)) // 30 + 1}
     assert len([link for link in narrow.arrivals() if link[0] == 2]) == 40
+
+
+@pytest.mark.parametrize("bytes_per_s", [30.0, 200.0])
+@given(bursts=st.lists(st.tuples(st.integers(1, 400), st.lists(st.integers(1, 64), max_size=8)), max_size=40))
+def test_no_span_of_ticks_holds_more_than_its_bandwidth_and_a_bucket(
+    bytes_per_s: float, bursts: list[tuple[int, list[int]]]
+) -> None:
+    """Robots that were silent for long, as in a pause, have saved up no more than a second's worth."""
+    made = scenario_of({"kind": "bandwidth", "bytes_per_s": bytes_per_s}, robots=2, duration=10_000.0)
+    terrain = Terrain("room", np.ones((10, 10), dtype=np.bool_), 1.0)
+    ether = ether_of(made, Timeline(made), terrain, Senses(made, Timeline(made), terrain))
+    poses = {1: Pose(1.0, 1.0, 0.0), 2: Pose(3.0, 3.0, 0.0)}
+    k, passed = 0, []
+    for wait, lengths in bursts:
+        k += wait
+        delivery = ether.carry(k, {1: [bytes(length) for length in lengths]}, {1: ALIVE, 2: ALIVE}, poses)
+        passed.append((k, sum(lengths[sequence // (MAX_TICKS + 1)] for _, _, sequence in delivery.arrived)))
+    most = max(64.0, bytes_per_s)
+    for first, (begin, _) in enumerate(passed):
+        for last, (end, _) in enumerate(passed[first:], first):
+            assert sum(size for _, size in passed[first : last + 1]) <= most + bytes_per_s * 0.5 * (end - begin) + 1e-6
 
 
 def test_the_least_bandwidth_lets_the_longest_frame_through_in_the_end(air: Any) -> None:

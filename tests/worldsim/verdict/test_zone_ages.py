@@ -5,12 +5,19 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from patrol.journal import Status
+from patrol.closures.ground import ChangingTerrain, ClosedPoints
+from patrol.closures.open_ground import OpenGround
+from patrol.journal import Event, Status
+from patrol.journal.records import CLOSED
+from patrol.measures.zoned import best_weighted_s
 from patrol.pose import Pose
 from patrol.prepare import sensor_footprint
+from patrol.zones.spec import weighing_at
 from tests.worldsim.checks.judged import summary_of
 from tests.worldsim.conftest import Lab
+from worldsim.output.summary import summarise
 from worldsim.truth import Truth
+from worldsim.verdict.judge import judge
 
 DISC = {"model": "holonomic", "radius": 0.4, "speed": 1.0}
 VAULT = {"name": "vault", "polygon": [[12, 8], [20, 8], [20, 15], [12, 15]], "weight": 4}
@@ -34,12 +41,16 @@ def test_figures_are_those_of_the_points(lab: Lab) -> None:
         ages.append(truth.fog.age(record.k) * world.scenario.step)
     weighted = [max(weights[name] * age[inside[name] & patrolled].max() for name in weights) for age in ages]
     assert summary.mfow_weighted_mean_s == pytest.approx(np.mean(weighted))
+    half = len(weighted) // 2
+    assert summary.mfow_weighted_late_mean_s == pytest.approx(np.mean(weighted[half:]))
     assert summary.mfow_weighted_max_s == pytest.approx(max(weighted))
     for name, weight in weights.items():
         found, ground = summary.zones[name], inside[name] & patrolled
         assert found.weight == weight
         assert found.area_m2 == pytest.approx(np.count_nonzero(ground) * 0.25)
         assert found.mfow_mean_s == pytest.approx(np.mean([age[ground].max() for age in ages]))
+        assert found.mfow_late_mean_s == pytest.approx(np.mean([age[ground].max() for age in ages[half:]]))
+        assert found.mfow_max_s == max(age[ground].max() for age in ages)
         assert found.fog_mean_s == pytest.approx(np.mean([age[ground].mean() for age in ages]))
         assert found.kept_share is None
 
@@ -52,14 +63,51 @@ def test_a_zone_counts_while_it_is_in_force(lab: Lab) -> None:
     times = [0.5 * k for k in range(40)]
     assert set(summary.zones) == {"far", "elsewhere"}
     assert summary.zones["far"].mfow_mean_s == pytest.approx(np.mean([t for t in times if 5 <= t < 10]))
+    assert summary.zones["far"].fog_mean_s == pytest.approx(np.mean([t for t in times if 5 <= t < 10]))
+    assert summary.zones["far"].mfow_late_mean_s == pytest.approx(np.mean([t for t in times if 7.5 <= t < 10]))
     assert summary.zones["far"].mfow_max_s == 9.5
     assert summary.mfow_weighted_mean_s == pytest.approx(np.mean([4 * t if 5 <= t < 10 else t for t in times]))
+    assert summary.mfow_weighted_late_mean_s == pytest.approx(np.mean([t for t in times if t >= 10.0]))
     assert summary.mfow_weighted_max_s == 38.0
 
 
+def test_the_best_tours_count_by_the_ticks_in_which_their_zones_are_in_force(lab: Lab) -> None:
+    world = lab.world([DISC], [(3.0, 3.0, 0.0)], duration=20.0, zones=[VAULT | {"times": [[5, 11]]}])
+    summary = summary_of((world, lab.run(world)))
+    zones = world.scenario.zones
+    in_force, not_yet = (best_weighted_s(world.prepared, weighing_at(zones, s)) for s in (5.0, 0.0))
+    assert in_force is not None
+    assert not_yet is not None
+    assert in_force != not_yet
+    assert summary.best_weighted_s == pytest.approx((12 * in_force + 28 * not_yet) / 40)
+
+
+def test_figures_of_open_ground_are_those_of_its_ages_in_each_tick(lab: Lab) -> None:
+    """The room is shut from 4 s to 12 s; `tests/patrol/closures/test_open_ground.py` is about the ages themselves."""
+    room = {"name": "room", "polygon": [[10.5, 0], [20, 0], [20, 15], [10.5, 15]], "closed": [[4, 12]]}
+    world = lab.world([DISC], [(3.0, 3.0, 0.0)], duration=20.0, closures=[room])
+    journal = lab.run(world)
+    summary, verdict = summarise(journal, judge(journal, {}, world.prepared))
+    assert verdict.open_ages is not None
+    ages_s = verdict.open_ages.ages_s
+    assert ages_s.shape == (40,)
+    assert ages_s[0] == 0.0
+    assert summary.mfow_open_mean_s == pytest.approx(ages_s.sum() / 40)
+    assert summary.mfow_open_late_mean_s == pytest.approx(ages_s[20:].sum() / 20)
+    assert summary.mfow_open_max_s == max(ages_s)
+    ground, shut = OpenGround(world.prepared), ChangingTerrain(world.terrain)
+    points = ClosedPoints(world.scenario.closures, world.terrain)
+    points.take(Event(8, CLOSED, None, "room"))
+    shut.close(points.grid)
+    ground.tick(8, shut, {"room"}, {1: (journal.records[8].robots[0].x, journal.records[8].robots[0].y)})
+    out = np.count_nonzero(ground.closed_out) / np.count_nonzero(world.prepared.patrolled)
+    assert out > 0.3
+    assert summary.closed_out_share == pytest.approx(out * 16 / 40)
+
+
 def test_how_long_a_wish_was_kept(lab: Lab) -> None:
-    """Nothing of the far corner is seen, so its age is the time: half of 30 s it is at most 15 s."""
-    world = lab.world([DISC], [(3.0, 3.0, 0.0)], duration=30.0, zones=[FAR | {"age": 14.9}])
+    """Nothing of the far corner is seen, so its age is the time: half of 30 s it is at most 14.5 s."""
+    world = lab.world([DISC], [(3.0, 3.0, 0.0)], duration=30.0, zones=[FAR | {"age": 14.5}])
     figures = summary_of((world, lab.run(world))).zones["far"]
-    assert figures.wanted_s == 14.9
+    assert figures.wanted_s == 14.5
     assert figures.kept_share == pytest.approx(0.5)
