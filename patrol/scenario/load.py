@@ -40,9 +40,15 @@ from patrol.scenario.older import translate_field, translate_overrides, translat
 from patrol.scenario.policies import DEFAULT, OPTION_LENGTHS, PatrolOptions, PatrolSpec
 from patrol.scenario.radio_spec import IDEAL, RadioSpec
 from patrol.scenario.sections import SECTOR, RobotEntry, RobotGroup, SensorSpec
-from patrol.values import AUTO, BUILTINS, digest_of
+from patrol.scenario.step import PAPER_STEP, automatic_step
+from patrol.values import AUTO, BUILTINS, Section, digest_of
 
 Overrides = Mapping[str, object]
+
+STATED = frozenset(
+    ("point", "step", "sensor.range", *(f"robots.{name}" for name in ("model", "radius", "speed", "turning_radius")))
+)
+"""Fields of which a run says whether its scenario states them."""
 
 FILE = "scenario.yaml"
 """The scenario's file in a run's folder."""
@@ -68,17 +74,21 @@ def load_scenario(
     given; a file's are relative to the file's folder. Errors call a mapping `called`, and a field by its alias instead
     of its dotted name.
 
-    `opens_classes` is whether the files of own classes may be opened, for their hashes; False for a stranger's scenario
-    that is only looked at. No other file that a scenario names is opened here. BadInput is one line that names the
-    file, the field, the value and the remedy.
+    `opens_classes` is whether the files of own classes may be opened, for their hashes, and the map, for a step that
+    follows its ground; False for a stranger's scenario that is only looked at. No other file that a scenario names is
+    opened here. BadInput is one line that names the file, the field, the value and the remedy.
     """
     if isinstance(source, Mapping):
         raw = copy.deepcopy(dict(source))
-        scenario = _resolve_scenario(raw, overrides or {}, called, base or Path.cwd(), None, None, aliases)
+        scenario = _resolve_scenario(
+            raw, overrides or {}, called, base or Path.cwd(), None, None, aliases, opens_map=opens_classes
+        )
     else:
         path = Path(source)
         raw, text = _read_mapping(path)
-        scenario = _resolve_scenario(raw, overrides or {}, str(path), path.parent, path.stem, text)
+        scenario = _resolve_scenario(
+            raw, overrides or {}, str(path), path.parent, path.stem, text, opens_map=opens_classes
+        )
     return scenario.with_digests() if opens_classes else scenario
 
 
@@ -117,7 +127,21 @@ def with_spares(scenario: Scenario, spare: int) -> Scenario:
     """
     if not isinstance(scenario.robots, RobotGroup):
         raise BadInput(f"--spare {spare}: {scenario.name} lists its robots; mark those that are to join as spare: true")
-    return load_scenario(as_mapping(scenario), {"robots.spare": spare}, called="--spare")
+    return changed_scenario(scenario, {"robots.spare": spare}, called="--spare")
+
+
+def changed_scenario(scenario: Scenario, overrides: Overrides, called: str = "scenario") -> Scenario:
+    """Return a loaded scenario with overrides by dotted field, which knows what its source said."""
+    changed = load_scenario(as_mapping(scenario), overrides, called=called)
+    stated = {field for field in scenario.assumed for name in overrides if f"{field}.".startswith(f"{name}.")}
+    return with_notes(changed, scenario.translated, changed.assumed | (scenario.assumed - stated))
+
+
+def with_notes(scenario: Scenario, translated: tuple[str, ...], assumed: frozenset[str]) -> Scenario:
+    """Return a copy of a scenario that knows what loading has noted of its source."""
+    noted = scenario.model_copy()
+    noted.__dict__.update(translated=translated, assumed=assumed)
+    return noted
 
 
 def parse_overrides(settings: Sequence[str]) -> dict[str, object]:
@@ -189,6 +213,7 @@ def _resolve_scenario(
     name: str | None,
     text: str | None,
     aliases: Mapping[str, str] | None = None,
+    opens_map: bool = True,
 ) -> Scenario:
     """Apply the overrides and check every value; text: of the file that the mapping was read from, or None."""
     notes: list[str] = []
@@ -213,13 +238,35 @@ def _resolve_scenario(
         raw["patrol"] = translate_patrol(raw["patrol"], notes)
     raw.setdefault("name", _default_name(raw, name))
     refuse_half_characters(raw, source)
+    if follows := raw.get("step", AUTO) == AUTO:
+        raw.pop("step", None)
     try:
-        scenario = _with_lengths(written_out(Scenario.model_validate(raw, context={"base": base})))
+        scenario = Scenario.model_validate(raw, context={"base": base})
+        assumed = _left_out(scenario)
+        if (
+            follows
+            and opens_map
+            and (step := automatic_step(scenario.terrain, scenario.point, scenario.roster, scenario.radio))
+            != PAPER_STEP
+        ):
+            scenario = Scenario.model_validate(raw | {"step": step}, context={"base": base})
+        scenario = _with_lengths(written_out(scenario))
     except ValidationError as error:
         places = (lambda _: None) if text is None else partial(_line_of_field, text)
         raise BadInput(one_line(error, source, tuple(overrides), places, aliases or {})) from None
-    scenario.__dict__["translated"] = tuple(f"{source}: {note}" for note in notes)
-    return scenario
+    return with_notes(scenario, tuple(f"{source}: {note}" for note in notes), assumed)
+
+
+def _left_out(scenario: Scenario) -> frozenset[str]:
+    """Return the fields of `STATED` that a source leaves out, for one robot or more."""
+    robots = scenario.robots if isinstance(scenario.robots, tuple) else (scenario.robots,)
+    sections: Mapping[str, Sequence[Section]] = {"": (scenario,), "robots": robots, "sensor": (scenario.sensor,)}
+    split = {field: field.rpartition(".") for field in STATED}
+    return frozenset(
+        field
+        for field, (section, _, name) in split.items()
+        if any(name not in part.model_fields_set for part in sections[section])
+    )
 
 
 def _line_of_field(text: str, location: Sequence[int | str]) -> int | None:
