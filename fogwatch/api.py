@@ -320,14 +320,14 @@ def _announce_run(prepared: Prepared, folder: RunFolder, options: RunOptions) ->
     if scenario.spares:
         robots += f" ({len(scenario.spares)} more may join)"
     options.display.say(f"{scenario.name}: {robots} for {scenario.duration:g} s; run folder {folder.path}")
-    for line in assumption_lines(scenario):
-        options.display.say(line)
     draws = ""
     if scenario.patrol.policy == STOCHASTIC:
         draws = f" (draws come from the {'seed; with radio.key from the key' if scenario.radio.key is None else 'key'})"
-    options.display.say(f"patrol: {describe_patrol(scenario.patrol.policy)}{draws}")
-    for line in scenario_notes(prepared):
-        options.display.say(f"warning: {line}")
+    patrol = f"patrol: {describe_patrol(scenario.patrol.policy)}{draws}"
+    warnings = [f"warning: {line}" for line in scenario_notes(prepared)]
+    options.display.announced = [*assumption_lines(scenario), patrol, *warnings]
+    for line in options.display.announced:
+        options.display.say(line)
 
 
 def _baseline_mfow(prepared: Prepared, options: RunOptions) -> float | None:
@@ -385,4 +385,5 @@ def _write_result(
     interrupted = journal.end is not None and journal.end.reason == INTERRUPTED
     if summary.ticks:
         interrupted |= not write_files(folder, prepared, journal, summary, options, options.display)
-    return Run(folder.path, summary=summary, verdict=verdict, interrupted=interrupted)
+    said = tuple(options.display.announced)
+    return Run(folder.path, summary=summary, verdict=verdict, interrupted=interrupted, announced=said)

@@ -23,6 +23,7 @@ from fogwatch.cli.options import option
 from fogwatch.terminal.live_table import duration_text
 from patrol.errors import BadInput
 from patrol.extras import check_matplotlib
+from patrol.scenario.assumptions import assumption_lines
 
 FAILED = 1
 """The exit code when some of the runs failed."""
@@ -106,6 +107,8 @@ def sweep(
     check_classes(plan)
     folder = out or Path("runs") / file.stem
     console = Console()
+    for line in assumption_lines(plan.runs[0].scenario):
+        console.print(f"{plan.runs[0].case}: {line}", highlight=False, markup=False, soft_wrap=True)
     outcome = machines.make_runs(plan, folder, console, estimate_time=False)
     write_tables(outcome, folder)
     rows = case_rows(outcome)

@@ -40,7 +40,7 @@ from patrol.scenario.older import translate_field, translate_overrides, translat
 from patrol.scenario.policies import DEFAULT, OPTION_LENGTHS, PatrolOptions, PatrolSpec
 from patrol.scenario.radio_spec import IDEAL, RadioSpec
 from patrol.scenario.sections import SECTOR, RobotEntry, RobotGroup, SensorSpec
-from patrol.scenario.step import PAPER_STEP, automatic_step
+from patrol.scenario.step import automatic_step
 from patrol.values import AUTO, BUILTINS, Section, digest_of
 
 Overrides = Mapping[str, object]
@@ -243,13 +243,9 @@ def _resolve_scenario(
     try:
         scenario = Scenario.model_validate(raw, context={"base": base})
         assumed = _left_out(scenario)
-        if (
-            follows
-            and opens_map
-            and (step := automatic_step(scenario.terrain, scenario.point, scenario.roster, scenario.radio))
-            != PAPER_STEP
-        ):
-            scenario = Scenario.model_validate(raw | {"step": step}, context={"base": base})
+        if follows and opens_map:
+            raw["step"] = automatic_step(scenario.terrain, scenario.point, scenario.roster, scenario.radio)
+            scenario = Scenario.model_validate(raw, context={"base": base})
         scenario = _with_lengths(written_out(scenario))
     except ValidationError as error:
         places = (lambda _: None) if text is None else partial(_line_of_field, text)

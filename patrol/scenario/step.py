@@ -50,9 +50,9 @@ def automatic_step(terrain: TerrainSpec, point: float, roster: Sequence[RobotSpe
     except BadInput:
         return PAPER_STEP
     longest = min(max(STRIDE_SHARE * rooms[spec.radius], point) / spec.speed for spec in roster)
-    if isinstance(radio, PathLossRadio):
-        longest = max(longest, radio.options.airtime)
-    return next((step for step in STEPS if step <= longest), STEPS[-1])
+    airtime = radio.options.airtime if isinstance(radio, PathLossRadio) else 0.0
+    allowed = [step for step in STEPS if step >= airtime] or [PAPER_STEP]
+    return next((step for step in allowed if step <= longest), allowed[-1])
 
 
 @lru_cache(maxsize=64)
