@@ -122,7 +122,7 @@ def _scenario_notes(scenario: Scenario, most: int) -> list[str]:
     from patrol.prepare import prepare
 
     planned = changed_scenario(planned_scenario(scenario), {"robots.count": most})
-    return [*scenario.translated, *scenario_notes(prepare(planned))]
+    return scenario_notes(prepare(planned))
 
 
 def _plan_table(plan: FleetPlan) -> Table:

@@ -154,11 +154,9 @@ def _in_sight(prepared: Prepared) -> list[str]:
             fog.observe(footprint.visible(as_received(start)), 0)
     if fog.seen < np.count_nonzero(prepared.patrolled):
         return []
-    default = ", the default" if "sensor.range" in scenario.assumed else ""
-    sees = f"sensor.range = {sensor.range:g} m{default}"
-    return [
-        f"all ground is in sight from the starts ({sees}), so no robot has to move; give --sensor-range if it is less"
-    ]
+    sees = f"sensor.range = {sensor.range:g} m{', the default' if 'sensor.range' in scenario.assumed else ''}"
+    remedy = "so no robot has to move; give --sensor-range if it is less"
+    return [f"all ground is in sight from the starts ({sees}), {remedy}"]
 
 
 def _not_drawn(prepared: Prepared) -> list[str]:

@@ -45,10 +45,8 @@ from patrol.values import AUTO, BUILTINS, Section, digest_of
 
 Overrides = Mapping[str, object]
 
-STATED = frozenset(
-    ("point", "step", "sensor.range", *(f"robots.{name}" for name in ("model", "radius", "speed", "turning_radius")))
-)
-"""Fields of which a run says whether its scenario states them."""
+ANNOUNCED = {"": ("point", "step"), "robots": ("model", "radius", "speed", "turning_radius"), "sensor": ("range",)}
+"""Fields, by section, of which a run says whether its scenario states them."""
 
 FILE = "scenario.yaml"
 """The scenario's file in a run's folder."""
@@ -254,14 +252,14 @@ def _resolve_scenario(
 
 
 def _left_out(scenario: Scenario) -> frozenset[str]:
-    """Return the fields of `STATED` that a source leaves out, for one robot or more."""
+    """Return the fields of `ANNOUNCED` that a source leaves out, for one robot or more."""
     robots = scenario.robots if isinstance(scenario.robots, tuple) else (scenario.robots,)
-    sections: Mapping[str, Sequence[Section]] = {"": (scenario,), "robots": robots, "sensor": (scenario.sensor,)}
-    split = {field: field.rpartition(".") for field in STATED}
+    parts: Mapping[str, Sequence[Section]] = {"": (scenario,), "robots": robots, "sensor": (scenario.sensor,)}
+    fields = ((section, name) for section, names in ANNOUNCED.items() for name in names)
     return frozenset(
-        field
-        for field, (section, _, name) in split.items()
-        if any(name not in part.model_fields_set for part in sections[section])
+        f"{section}.{name}".lstrip(".")
+        for section, name in fields
+        if any(name not in part.model_fields_set for part in parts[section])
     )
 
 
