@@ -107,9 +107,9 @@ def sweep(
     check_classes(plan)
     folder = out or Path("runs") / file.stem
     console = Console()
+    outcome = machines.make_runs(plan, folder, console, estimate_time=False)
     for line in assumption_lines(plan.runs[0].scenario):
         console.print(f"{plan.runs[0].case}: {line}", highlight=False, markup=False, soft_wrap=True)
-    outcome = machines.make_runs(plan, folder, console, estimate_time=False)
     write_tables(outcome, folder)
     rows = case_rows(outcome)
     _draw_figures(rows, plan.name, folder / "figures", width)
