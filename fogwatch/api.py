@@ -385,5 +385,5 @@ def _write_result(
     interrupted = journal.end is not None and journal.end.reason == INTERRUPTED
     if summary.ticks:
         interrupted |= not write_files(folder, prepared, journal, summary, options, options.display)
-    said = tuple(options.display.announced)
-    return Run(folder.path, summary=summary, verdict=verdict, interrupted=interrupted, announced=said)
+    announced = tuple(options.display.announced)
+    return Run(folder.path, summary=summary, verdict=verdict, interrupted=interrupted, announced=announced)

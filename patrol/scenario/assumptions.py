@@ -18,8 +18,8 @@ def assumption_lines(scenario: Scenario) -> Iterator[str]:
     """Yield a line of what a scenario states, and one of what it leaves to defaults; neither where it is empty."""
     texts = _texts(scenario)
     for word, wanted in (("given", False), ("assumed", True)):
-        if said := [text for field, text in texts.items() if (field in scenario.assumed) is wanted]:
-            yield f"{word}: {', '.join(said)}"
+        if chosen := [text for field, text in texts.items() if (field in scenario.assumed) is wanted]:
+            yield f"{word}: {', '.join(chosen)}"
 
 
 def _texts(scenario: Scenario) -> dict[str, str]:

@@ -131,8 +131,8 @@ def with_spares(scenario: Scenario, spare: int) -> Scenario:
 def changed_scenario(scenario: Scenario, overrides: Overrides, called: str = "scenario") -> Scenario:
     """Return a loaded scenario with overrides by dotted field, which knows what its source said."""
     changed = load_scenario(as_mapping(scenario), overrides, called=called)
-    stated = {field for field in scenario.assumed for name in overrides if f"{field}.".startswith(f"{name}.")}
-    return with_notes(changed, scenario.translated, changed.assumed | (scenario.assumed - stated))
+    overridden = {field for field in scenario.assumed for name in overrides if f"{field}.".startswith(f"{name}.")}
+    return with_notes(changed, scenario.translated, changed.assumed | (scenario.assumed - overridden))
 
 
 def with_notes(scenario: Scenario, translated: tuple[str, ...], assumed: frozenset[str]) -> Scenario:
