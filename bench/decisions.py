@@ -116,7 +116,7 @@ def begin_patrol(terrain: str, settings: Mapping[str, object]) -> Patrol:
         ground: dict[str, str] = {"builtin": terrain}
         if terrain == TILED:
             ground = {"map": str(write_map(tiled("site", POINT), POINT, Path(folder) / "site-2x2.yaml"))}
-        return Patrol(load_scenario({"terrain": ground, "point": POINT}, settings))
+        return Patrol(load_scenario({"terrain": ground, "point": POINT, "step": 0.5}, settings))
 
 
 if __name__ == "__main__":

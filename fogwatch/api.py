@@ -25,7 +25,8 @@ from patrol.measures.zoned import prepare_zones
 from patrol.messages.telemetry import Metrics
 from patrol.own_sensor import allow_sensor
 from patrol.process.lifeline import InterruptedBySignal
-from patrol.scenario import Scenario, naming
+from patrol.scenario import Scenario, naming, with_notes
+from patrol.scenario.assumptions import assumption_lines
 from patrol.scenario.patrols import describe_patrol
 from patrol.scenario.policies import BUILT_IN, STOCHASTIC
 from patrol.scenario.radio_spec import MODELS
@@ -143,8 +144,6 @@ def execute(scenario: Scenario, options: RunOptions) -> Run:
         fogwatch.launch.launcher.LaunchFailed: The processes could not be brought to run.
         KeyboardInterrupt: The run was interrupted before its first tick.
     """
-    for line in scenario.translated:
-        options.display.say(f"warning: {line}")
     watched = options.recording or options.report or options.page
     packages = (*PACKAGES, "monitor", "experiments") if watched else PACKAGES
     warm(packages, options.display.say, seldom_kernels(scenario), options.show_kernels)
@@ -160,7 +159,7 @@ def execute(scenario: Scenario, options: RunOptions) -> Run:
     folder = make_folder(scenario, options.out, datetime.now().astimezone())
     try:
         fill(folder, scenario, options.out)
-        resolved = folder.load()
+        resolved = with_notes(folder.load(), scenario.translated, scenario.assumed)
         fleet_key(resolved.radio.key)  # an error in it is reported before any process starts
         return (_in_this_process if options.in_process else _as_processes)(resolved, folder, options)
     except (BadInput, KeyboardInterrupt) as error:
@@ -323,9 +322,11 @@ def _announce_run(prepared: Prepared, folder: RunFolder, options: RunOptions) ->
     draws = ""
     if scenario.patrol.policy == STOCHASTIC:
         draws = f" (draws come from the {'seed; with radio.key from the key' if scenario.radio.key is None else 'key'})"
-    options.display.say(f"patrol: {describe_patrol(scenario.patrol.policy)}{draws}")
-    for line in scenario_notes(prepared):
-        options.display.say(f"warning: {line}")
+    patrol = f"patrol: {describe_patrol(scenario.patrol.policy)}{draws}"
+    warnings = [f"warning: {line}" for line in scenario_notes(prepared)]
+    options.display.announced = [*assumption_lines(scenario), patrol, *warnings]
+    for line in options.display.announced:
+        options.display.say(line)
 
 
 def _baseline_mfow(prepared: Prepared, options: RunOptions) -> float | None:
@@ -383,4 +384,5 @@ def _write_result(
     interrupted = journal.end is not None and journal.end.reason == INTERRUPTED
     if summary.ticks:
         interrupted |= not write_files(folder, prepared, journal, summary, options, options.display)
-    return Run(folder.path, summary=summary, verdict=verdict, interrupted=interrupted)
+    announced = tuple(options.display.announced)
+    return Run(folder.path, summary=summary, verdict=verdict, interrupted=interrupted, announced=announced)

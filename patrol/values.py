@@ -181,6 +181,20 @@ AUTO: Final = "auto"
 Auto = Literal["auto"]
 AutoPositive = Annotated[Auto | Positive, _bare_validator("auto, or a number above 0 and at most 1e9")]
 AutoNotNegative = Annotated[Auto | NotNegative, _bare_validator("auto, or a number from 0 to 1e9")]
+
+
+def _or_auto(schema: dict[str, Any]) -> None:
+    """Let a schema take ``auto``, which loading replaces by a number, and make it the default."""
+    number = {name: schema.pop(name) for name in ("type", "exclusiveMinimum", "maximum")}
+    schema |= {"anyOf": [{"const": AUTO, "type": "string"}, number], "default": AUTO}
+
+
+Step = Annotated[
+    float,
+    Strict(),
+    Field(gt=0, le=LARGEST, json_schema_extra=_or_auto),
+    _bare_validator("auto, or a number above 0 and at most 1e9"),
+]
 Probability = Annotated[float, Strict(), Field(ge=0, le=1), _bare_validator("a number from 0 to 1")]
 Share = Annotated[float, Strict(), Field(gt=0, le=1), _bare_validator("a number above 0 and at most 1")]
 Burst = Annotated[float, Strict(), Field(ge=1, le=LARGEST), _bare_validator("a number from 1 to 1e9")]

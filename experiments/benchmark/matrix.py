@@ -19,6 +19,7 @@ from experiments.benchmark.conditions import check_condition, faults_of, least_t
 from experiments.sweeps.plan import Base, Case, Plan, make_plan
 from patrol.errors import BadInput, did_you_mean, quoted
 from patrol.scenario import BUILTINS, MAX_ROBOTS
+from patrol.scenario.step import PAPER_STEP
 
 CALLED = "the benchmark"
 
@@ -132,7 +133,8 @@ def plan_of(matrix: Matrix) -> Plan:
                 f"--teams {teams}: {condition} needs {needed} robots or more; give a larger team or drop the condition"
             )
     cases = [Case(cell.name, cell.settings) for cell in matrix.cells]
-    plan = make_plan("benchmark", Base({"name": "benchmark"}, Path.cwd(), CALLED), cases, matrix.seeds)
+    base = Base({"name": "benchmark", "step": PAPER_STEP}, Path.cwd(), CALLED)  # published figures have this step
+    plan = make_plan("benchmark", base, cases, matrix.seeds)
     return replace(plan, runs=tuple(replace(run, games=True) for run in plan.runs))
 
 

@@ -18,7 +18,7 @@ from fogwatch.run_options import Body, overrides_of, patrol_option, settings_opt
 from patrol.errors import BadInput, printable
 from patrol.extras import check_matplotlib
 from patrol.process.lifeline import heed
-from patrol.scenario import BUILTINS, as_mapping, load_scenario, naming, open_scenario
+from patrol.scenario import BUILTINS, changed_scenario, naming, open_scenario
 from patrol.starting.warmup import SELDOM, warm
 
 if TYPE_CHECKING:
@@ -122,8 +122,8 @@ def _scenario_notes(scenario: Scenario, most: int) -> list[str]:
     from fogwatch.grounds.scenario_notes import scenario_notes
     from patrol.prepare import prepare
 
-    planned = load_scenario(as_mapping(planned_scenario(scenario)), {"robots.count": most})
-    return [*scenario.translated, *scenario_notes(prepare(planned))]
+    planned = changed_scenario(planned_scenario(scenario), {"robots.count": most})
+    return scenario_notes(prepare(planned))
 
 
 def _plan_table(plan: FleetPlan) -> Table:

@@ -38,6 +38,7 @@ from fogwatch.terminal.live_table import duration_text
 from monitor.tables.table import Table as Shown
 from patrol.errors import BadInput
 from patrol.extras import check_matplotlib
+from patrol.scenario.assumptions import assumption_lines
 
 LEFT_OUT = (COMPARED, SHOWN["collisions"], SHOWN["dead_end_percent"], SHOWN["fog_mean_s"], SHOWN["mfow_max_s"])
 """Columns that a narrow terminal does without, in this order."""
@@ -132,6 +133,8 @@ def sweep(
     folder = out or Path("runs") / file.stem
     console = Console()
     outcome = machines.make_runs(plan, folder, console, estimate_time=False)
+    for line in assumption_lines(plan.runs[0].scenario):
+        console.print(f"{plan.runs[0].case}: {line}", highlight=False, markup=False, soft_wrap=True)
     write_tables(outcome, folder)
     rows = case_rows(outcome)
     write_latex(rows, plan.name, heads, folder / "table.tex")

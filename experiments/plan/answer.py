@@ -9,13 +9,13 @@ from experiments.benchmark.matrix import robots_text
 from experiments.plan.plan import AgeKept, FleetPlan, FleetSize
 from monitor.tables.table import Table
 from patrol.measures.best_tour import NO_BOUND
+from patrol.scenario.assumptions import assumption_lines
 from patrol.scenario.patrols import patrol_name
-from patrol.scenario.sections import BUILT_IN_SENSORS
 
 
 def answer_lines(plan: FleetPlan) -> Iterator[str]:
     """Yield the answer of a plan in lines of text."""
-    yield _assumed_text(plan)
+    yield from assumption_lines(plan.scenario)
     if plan.wanted_s is not None and any(size.simulated is None for size in plan.sizes):
         yield "in brackets: by the better of the tours, not simulated"
     if any(size.bound_s == 0.0 for size in plan.sizes):
@@ -35,20 +35,6 @@ def answer_lines(plan: FleetPlan) -> Iterator[str]:
         yield from _size_answer(plan, plan.wanted_s)
     if plan.chosen is not None:
         yield from _test_lines(plan.size(plan.chosen), plan.wanted_s)
-
-
-def _assumed_text(plan: FleetPlan) -> str:
-    """Say what robot, sensor and grid the plan holds for, whether given or left at their defaults."""
-    scenario, body = plan.scenario, plan.scenario.roster[0]
-    turns = f", turning radius {body.turning_radius:g} m" if body.model == "car" else ""
-    sensor = scenario.sensor
-    kind = "" if sensor.kind in BUILT_IN_SENSORS else f" {sensor.kind}"
-    angle = "all round" if sensor.angle >= 360.0 else f"{sensor.angle:g} degrees ahead"
-    sight = "stopped by walls" if sensor.line_of_sight else "through walls"
-    return (
-        f"assumed: {body.model} of {body.radius:g} m radius at {body.speed:g} m/s{turns}; sensor{kind} of "
-        f"{sensor.range:g} m, {angle}, {sight}; points of {scenario.point:g} m"
-    )
 
 
 def _on_patrol(plan: FleetPlan) -> Iterator[str]:

@@ -30,7 +30,7 @@ from patrol.errors import BadInput
 from patrol.files.whole_file import writing
 from patrol.ground.terrain import BoolGrid, Terrain
 from patrol.palette import ROBOTS, UNCOUNTED, WALL
-from patrol.scenario import Scenario, as_mapping, dump_scenario, load_scenario
+from patrol.scenario import Scenario, changed_scenario, dump_scenario
 from patrol.scenario.patrols import patrol_name
 
 if TYPE_CHECKING:
@@ -63,7 +63,7 @@ def write_plan(plan: FleetPlan, folder: Path) -> None:
         copied = plan.scenario.with_copies(folder)
         for size in plan.sizes:
             name = f"robots-{size.robots}"
-            alone = load_scenario(as_mapping(plan.scenario), {"robots.count": size.robots})
+            alone = changed_scenario(plan.scenario, {"robots.count": size.robots})
             runs = {
                 name: alone if size.simulated is None else size.simulated.scenario,
                 f"{name}-one-dead": None if size.one_dead is None else size.one_dead.scenario,

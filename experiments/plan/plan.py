@@ -28,7 +28,7 @@ from patrol.ground.left_out import LeftOut
 from patrol.journal.records import CLOSED
 from patrol.measures.best_tour import MOST_ROBOTS, BestTour, best_tour
 from patrol.prepare import Prepared, prepare, terrain_of
-from patrol.scenario import RobotGroup, as_mapping, load_scenario
+from patrol.scenario import RobotGroup, changed_scenario
 from patrol.scenario.patrols import PATROLS, STOCHASTIC, TOUR, patrol_name
 from patrol.zones.ground import SpeedLimits
 from worldsim.output.record import lower_bound
@@ -191,12 +191,7 @@ def planned_scenario(scenario: Scenario) -> Scenario:
     """Return a scenario as plans use it: without faults, intruders, given starts and spare robots."""
     if not isinstance(scenario.robots, RobotGroup):
         raise BadInput(f"{scenario.name} lists its robots; a plan needs robots of one kind: give one entry with count")
-    mapping = as_mapping(scenario)
-    for name in ("faults", "intruders", "nemesis"):
-        mapping.pop(name, None)
-    for name in ("starts", "spare"):
-        mapping["robots"].pop(name, None)
-    return load_scenario(mapping)
+    return changed_scenario(scenario, {"faults": [], "intruders": [], "robots.starts": "random", "robots.spare": None})
 
 
 class _Planner:
@@ -263,12 +258,10 @@ class _Planner:
         if number > 1:
             kill = {"kind": "kill", "at": KILLED_AT * scenario.duration, "who": "r1", "wreck": "removed"}
             name = f"{scenario.name}-one-dead"
-            dead = self._run_scenario(
-                load_scenario(as_mapping(scenario), {"name": name, "faults": [kill]}), "one of them dead"
-            )
+            dead = self._run_scenario(changed_scenario(scenario, {"name": name, "faults": [kill]}), "one of them dead")
         if (patrol := _OTHER_PATROL.get(patrol_name(scenario.patrol.policy))) is not None:
             changes = {"name": f"{scenario.name}-{patrol}", "patrol.policy": PATROLS[patrol].policy}
-            alternative = self._run_scenario(load_scenario(as_mapping(scenario), changes), f"as the patrol {patrol}")
+            alternative = self._run_scenario(changed_scenario(scenario, changes), f"as the patrol {patrol}")
         self.sizes[number] = replace(size, one_dead=dead, other_patrol=alternative)
 
     def size(self, number: int) -> FleetSize:
@@ -279,7 +272,7 @@ class _Planner:
         return self.sizes[number]
 
     def _with_tours(self, number: int) -> tuple[Prepared, BestTour]:
-        prepared = prepare(load_scenario(as_mapping(self.scenario), {"robots.count": number}), self.terrain)
+        prepared = prepare(changed_scenario(self.scenario, {"robots.count": number}), self.terrain)
         return prepared, best_tour(prepared)
 
     def _add_size(self, number: int, prepared: Prepared, tours: BestTour) -> None:
@@ -344,8 +337,7 @@ class _Planner:
         """Return the run of a fleet with a seed, from 0 on, counted from the scenario's; run it unless it is known."""
         size = self.size(number)
         if seed == len(size.runs):
-            mapping = as_mapping(self._scenario_of(number))
-            scenario = load_scenario(mapping, {"seed": self.scenario.seed + seed})
+            scenario = changed_scenario(self._scenario_of(number), {"seed": self.scenario.seed + seed})
             self.sizes[number] = size = replace(
                 size, runs=(*size.runs, self._run_scenario(scenario, f"seed {scenario.seed}"))
             )
@@ -360,15 +352,15 @@ class _Planner:
         if self.scenario.closures and number not in self._opened:
             runs: list[AgeKept] = []
             while len(runs) < self._seeds and (not runs or runs[-1].keeps(wanted_s)):
-                mapping = as_mapping(self._scenario_of(number)) | {"closures": []}
-                scenario = load_scenario(mapping, {"seed": self.scenario.seed + len(runs)})
+                changes = {"closures": [], "seed": self.scenario.seed + len(runs)}
+                scenario = changed_scenario(self._scenario_of(number), changes)
                 runs.append(self._run_scenario(scenario, f"seed {scenario.seed}, nothing ever closed"))
             self._opened[number] = tuple(runs)
         return self._opened.get(number, ())
 
     def _scenario_of(self, number: int) -> Scenario:
         settings = {"name": f"{self.scenario.name}-{number}", "robots.count": number}
-        return load_scenario(as_mapping(self.scenario), {**settings, "duration": self.duration_s(number)})
+        return changed_scenario(self.scenario, {**settings, "duration": self.duration_s(number)})
 
     def _run_scenario(self, scenario: Scenario, how: str) -> AgeKept:
         what = f"{robots_text(len(scenario.roster))}: {how}"

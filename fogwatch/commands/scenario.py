@@ -16,6 +16,7 @@ from fogwatch.run_options import PRESETS, overrides_of, patrol_option, settings_
 from patrol.errors import printable
 from patrol.files.whole_file import writing
 from patrol.scenario import Scenario, dump_scenario, naming, open_scenario, scenario_hash, scenario_schema
+from patrol.scenario.assumptions import assumption_lines
 from patrol.scenario.patrols import describe_patrol
 from patrol.scenario.policies import BUILT_IN, LearnedPatrol
 from patrol.scenario.radio_spec import MODELS
@@ -85,6 +86,8 @@ def check(what: What, settings: Settings = None, patrol: Patrol = None) -> None:
     fixed = sum(spec.start is not None for spec in scenario.roster)
     say(f"{what}: can run")
     say(f"  {_starts_text(len(scenario.roster), fixed)}")
+    for line in assumption_lines(scenario):
+        say(f"  {line}")
     unchecked = "" if scenario.patrol.policy in BUILT_IN else ", not run: a run checks its options"
     say(f"  patrol: {describe_patrol(scenario.patrol.policy)}{unchecked}")
     if scenario.sensor.kind not in BUILT_IN_SENSORS:

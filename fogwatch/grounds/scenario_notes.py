@@ -11,13 +11,16 @@ import numpy as np
 from patrol.closures.ground import ChangingTerrain, ClosedPoints
 from patrol.closures.open_ground import OpenGround
 from patrol.ground.cspace import cspace_of, parts_of
+from patrol.ground.fog import Fog
 from patrol.journal.records import CLOSED, Event
 from patrol.maps.doubts import doubts
 from patrol.measures.best_tour import MOST_ROBOTS, most_planned, why_no_rounds
 from patrol.measures.zoned import zone_weights, zoned_ground
-from patrol.prepare import Prepared
+from patrol.prepare import Prepared, sensor_footprint
+from patrol.radio.message import as_received
 from patrol.scenario.patrols import FIELD, PATROLS, STOCHASTIC, TOUR
 from patrol.scenario.policies import StochasticPatrol
+from patrol.scenario.sections import BUILT_IN_SENSORS
 from patrol.zones.ground import points_of
 
 if TYPE_CHECKING:
@@ -127,15 +130,33 @@ MEASURED = "docs/results/intruders.md#where-nothing-is-drawn"
 def scenario_notes(prepared: Prepared) -> list[str]:
     """Describe in a line each what is doubtful about a scenario.
 
-    That is: doubtful readings of the map, free ground that no robot sees, a patrol without a plan, older settings.
+    That is: doubtful readings of the map, free ground that no robot sees, nothing to patrol, a patrol without a plan,
+    older settings.
     """
     left_out = prepared.left_out
     return [
         *doubts(prepared.terrain),
         *([] if left_out is None else [f"left out: {left_out.text}"]),
+        *_in_sight(prepared),
         *_not_drawn(prepared),
         *prepared.scenario.translated,
     ]
+
+
+def _in_sight(prepared: Prepared) -> list[str]:
+    """Say that the robots see all ground from their starts, which leaves them nothing to do."""
+    scenario, sensor = prepared.scenario, prepared.scenario.sensor
+    if sensor.kind not in BUILT_IN_SENSORS or sensor.quality != 1.0 or scenario.closures:
+        return []
+    fog, footprint = Fog(prepared.patrolled), sensor_footprint(scenario, prepared.terrain)
+    for spec, start in zip(scenario.roster, prepared.starts, strict=True):
+        if not spec.spare:
+            fog.observe(footprint.visible(as_received(start)), 0)
+    if fog.seen < np.count_nonzero(prepared.patrolled):
+        return []
+    sees = f"sensor.range = {sensor.range:g} m{', the default' if 'sensor.range' in scenario.assumed else ''}"
+    remedy = "so no robot has to move; give --sensor-range if it is less"
+    return [f"all ground is in sight from the starts ({sees}), {remedy}"]
 
 
 def _not_drawn(prepared: Prepared) -> list[str]:

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any, ParamSpec, TypeVar
 
 from patrol.errors import BadInput, did_you_mean, quoted
-from patrol.scenario import Scenario, as_mapping, load_scenario, open_scenario
+from patrol.scenario import Scenario, changed_scenario, load_scenario, open_scenario
 
 
 def scenario_of(
@@ -28,7 +28,7 @@ def scenario_of(
     or a loaded scenario.
     """
     if isinstance(scenario, Scenario):
-        return load_scenario(as_mapping(scenario), overrides)
+        return changed_scenario(scenario, overrides or {})
     if isinstance(scenario, Mapping):
         return load_scenario(scenario, overrides)
     return open_scenario(str(scenario), overrides)

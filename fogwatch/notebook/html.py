@@ -40,8 +40,8 @@ def lines_html(lines: Iterable[str]) -> str:
     return "".join(f"<div>{escape(line)}</div>" for line in lines)
 
 
-def run_html(summary: Summary, folder: Path) -> str:
-    """Return as HTML a run's main figures, its verdict, and its final fog if fog.png shows it.
+def run_html(summary: Summary, folder: Path, announced: Iterable[str] = ()) -> str:
+    """Return as HTML what a run announced, its main figures, its verdict, and its final fog if fog.png shows it.
 
     The folder may be a stranger's.
     """
@@ -57,6 +57,7 @@ def run_html(summary: Summary, folder: Path) -> str:
     return "".join(
         (
             f"<div><b>{escape(summary.name)}</b>: {summary.simulated_s:g} s simulated, {escape(outcome)}</div>",
+            lines_html(announced),
             table_html(Table(("figure", "value"), rows)),
             lines_html([*lines, *([f"{hidden} more warnings"] if hidden > 0 else [])]),
             _picture_element(folder),

@@ -49,6 +49,8 @@ class Run:
     Attributes:
         folder: The run's folder.
         interrupted: Whether the run, or the writing of its files, was stopped before its end.
+        announced: What the run said before its first tick: what was given and assumed, its patrol, and warnings. Empty
+            for a run that was loaded.
     """
 
     def __init__(
@@ -59,6 +61,7 @@ class Run:
         summary: Summary | None = None,
         verdict: Verdict | None = None,
         interrupted: bool = False,
+        announced: tuple[str, ...] = (),
     ) -> None:
         """Read nothing yet.
 
@@ -68,8 +71,10 @@ class Run:
             summary: The run's summary; None for what its folder says.
             verdict: Its verdict; None for what the summary says.
             interrupted: Whether it was stopped before its end.
+            announced: What it said before its first tick.
         """
         self.folder = folder
+        self.announced = announced
         self.interrupted = interrupted
         self._key = key
         self._given_summary = summary
@@ -238,7 +243,7 @@ class Run:
         """Show the run in a notebook: its main figures, its verdict, and its final fog if that was drawn."""
         from fogwatch.notebook.html import run_html
 
-        return run_html(self._figures, self.folder)
+        return run_html(self._figures, self.folder, self.announced)
 
     def _read_table(self, name: str) -> pa.Table:
         from monitor.tables.arrow import arrow_table

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 
 from rich import progress as bars
@@ -41,7 +41,12 @@ STATUS_STYLES = {
 
 
 class RunDisplay:
-    """Shows the progress of a run; this one shows nothing."""
+    """Shows the progress of a run; this one shows nothing.
+
+    `announced` is what the run said of its scenario before the first tick, for those who were shown nothing.
+    """
+
+    announced: Sequence[str] = ()
 
     def say(self, line: str) -> None:
         """Show a line of text."""

@@ -171,9 +171,12 @@ class ProcessContext:
     def prepare(self, scenario: Scenario) -> Prepared:
         """Prepare the scenario, or load the launcher's preparation; `AskedToLeave` ends the wait for that."""
         from patrol.prepare import Prepared, prepare
+        from patrol.scenario.assumptions import assumption_lines
 
         static = self.static
         if static is None:
+            for line in assumption_lines(scenario):
+                self.log.info(line)
             return prepare(scenario)
         if self.ending.wait_for(static, self.patience_s):
             return Prepared.load(scenario, static)

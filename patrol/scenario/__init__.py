@@ -6,6 +6,7 @@ from patrol.scenario.explain import naming
 from patrol.scenario.lengths import BodyLengths
 from patrol.scenario.load import (
     as_mapping,
+    changed_scenario,
     dump_scenario,
     load_scenario,
     open_scenario,
@@ -13,6 +14,7 @@ from patrol.scenario.load import (
     same_but_for_files,
     scenario_hash,
     scenario_schema,
+    with_notes,
     with_spares,
 )
 from patrol.scenario.model import Scenario
@@ -52,6 +54,7 @@ __all__ = [
     "TerrainSpec",
     "ZoneSpec",
     "as_mapping",
+    "changed_scenario",
     "dump_scenario",
     "load_scenario",
     "naming",
@@ -60,5 +63,6 @@ __all__ = [
     "same_but_for_files",
     "scenario_hash",
     "scenario_schema",
+    "with_notes",
     "with_spares",
 ]

@@ -40,9 +40,13 @@ from patrol.scenario.older import translate_field, translate_overrides, translat
 from patrol.scenario.policies import DEFAULT, OPTION_LENGTHS, PatrolOptions, PatrolSpec
 from patrol.scenario.radio_spec import IDEAL, RadioSpec
 from patrol.scenario.sections import SECTOR, RobotEntry, RobotGroup, SensorSpec
-from patrol.values import AUTO, BUILTINS, digest_of
+from patrol.scenario.step import automatic_step
+from patrol.values import AUTO, BUILTINS, Section, digest_of
 
 Overrides = Mapping[str, object]
+
+ANNOUNCED = {"": ("point", "step"), "robots": ("model", "radius", "speed", "turning_radius"), "sensor": ("range",)}
+"""Fields, by section, of which a run says whether its scenario states them."""
 
 FILE = "scenario.yaml"
 """The scenario's file in a run's folder."""
@@ -68,9 +72,9 @@ def load_scenario(
     given; a file's are relative to the file's folder. Errors call a mapping `called`, and a field by its alias instead
     of its dotted name.
 
-    `opens_classes` is whether the files of own classes may be opened, for their hashes; False for a stranger's scenario
-    that is only looked at. No other file that a scenario names is opened here. BadInput is one line that names the
-    file, the field, the value and the remedy.
+    `opens_classes` is whether the files of own classes may be opened, for their hashes, and the map, for a step that
+    follows its ground; False for a stranger's scenario that is only looked at. No other file that a scenario names is
+    opened here. BadInput is one line that names the file, the field, the value and the remedy.
     """
     if isinstance(source, Mapping):
         raw = copy.deepcopy(dict(source))
@@ -119,7 +123,21 @@ def with_spares(scenario: Scenario, spare: int) -> Scenario:
     """
     if not isinstance(scenario.robots, RobotGroup):
         raise BadInput(f"--spare {spare}: {scenario.name} lists its robots; mark those that are to join as spare: true")
-    return load_scenario(as_mapping(scenario), {"robots.spare": spare}, called="--spare")
+    return changed_scenario(scenario, {"robots.spare": spare}, called="--spare")
+
+
+def changed_scenario(scenario: Scenario, overrides: Overrides, called: str = "scenario") -> Scenario:
+    """Return a loaded scenario with overrides by dotted field, which knows what its source said."""
+    changed = load_scenario(as_mapping(scenario), overrides, called=called)
+    overridden = {field for field in scenario.assumed for name in overrides if f"{field}.".startswith(f"{name}.")}
+    return with_notes(changed, scenario.translated, changed.assumed | (scenario.assumed - overridden))
+
+
+def with_notes(scenario: Scenario, translated: tuple[str, ...], assumed: frozenset[str]) -> Scenario:
+    """Return a copy of a scenario that knows what loading has noted of its source."""
+    noted = scenario.model_copy()
+    noted.__dict__.update(translated=translated, assumed=assumed)
+    return noted
 
 
 def parse_overrides(settings: Sequence[str]) -> dict[str, object]:
@@ -216,14 +234,32 @@ def _resolve_scenario(
         raw["patrol"] = translate_patrol(raw["patrol"], notes)
     raw.setdefault("name", _default_name(raw, name))
     refuse_half_characters(raw, source)
+    if follows := raw.get("step", AUTO) == AUTO:
+        raw.pop("step", None)
     try:
         context = {"base": base, "opens_classes": opens_classes}
-        scenario = _with_lengths(written_out(Scenario.model_validate(raw, context=context)))
+        scenario = Scenario.model_validate(raw, context=context)
+        assumed = _left_out(scenario)
+        if follows and opens_classes:
+            raw["step"] = automatic_step(scenario.terrain, scenario.point, scenario.roster, scenario.radio)
+            scenario = Scenario.model_validate(raw, context=context)
+        scenario = _with_lengths(written_out(scenario))
     except ValidationError as error:
         places = (lambda _: None) if text is None else partial(_line_of_field, text)
         raise BadInput(one_line(error, source, tuple(overrides), places, aliases or {})) from None
-    scenario.__dict__["translated"] = tuple(f"{source}: {note}" for note in notes)
-    return scenario
+    return with_notes(scenario, tuple(f"{source}: {note}" for note in notes), assumed)
+
+
+def _left_out(scenario: Scenario) -> frozenset[str]:
+    """Return the fields of `ANNOUNCED` that a source leaves out, for one robot or more."""
+    robots = scenario.robots if isinstance(scenario.robots, tuple) else (scenario.robots,)
+    parts: Mapping[str, Sequence[Section]] = {"": (scenario,), "robots": robots, "sensor": (scenario.sensor,)}
+    fields = ((section, name) for section, names in ANNOUNCED.items() for name in names)
+    return frozenset(
+        f"{section}.{name}".lstrip(".")
+        for section, name in fields
+        if any(name not in part.model_fields_set for part in parts[section])
+    )
 
 
 def _line_of_field(text: str, location: Sequence[int | str]) -> int | None:

@@ -29,7 +29,8 @@ from patrol.scenario.lengths import BodyLengths, check_refinement, resolve_lengt
 from patrol.scenario.policies import PaperPatrol, Patrol, StochasticPatrol, check_letter, check_random_steps
 from patrol.scenario.radio_spec import IdealRadio, Radio, check_radio_spec
 from patrol.scenario.sections import IntruderSpec, RobotGroup, Robots, RobotSpec, SensorSpec, TerrainSpec, roster_of
-from patrol.values import AUTO, BUILTINS, Name, Pace, Positive, Section, Seed, wrong
+from patrol.scenario.step import PAPER_STEP
+from patrol.values import AUTO, BUILTINS, Name, Pace, Positive, Section, Seed, Step, wrong
 from patrol.zones.checks import check_zones
 from patrol.zones.spec import Zones, zones_in_file
 
@@ -42,7 +43,9 @@ class Scenario(Section):
     name: Name = Field("scenario", description="default: the file's or the terrain's name")
     terrain: TerrainSpec = Field(description=f"{{builtin: {' | '.join(BUILTINS)}}} or {{map: FILE.yaml}}")
     point: Positive = Field(0.1, description="m, side of one point of the grid")
-    step: Positive = Field(0.5, description="s per tick")
+    step: Step = Field(
+        PAPER_STEP, description="s per tick; auto: at most 0.5, shorter where bodies on a map have little room"
+    )
     duration: Positive = Field(5000.0, description="simulated s")
     seed: Seed = Field(7, description="random seed")
     pace: Pace = Field("lockstep", description="lockstep | realtime | a factor of real time")
@@ -88,6 +91,11 @@ class Scenario(Section):
     def translated(self) -> tuple[str, ...]:
         """Settings of earlier versions that loading has replaced, one line each. It is no field, like `roster`."""
         return ()
+
+    @cached_property
+    def assumed(self) -> frozenset[str]:
+        """Dotted fields of what a run announces that its source leaves out. It is no field, like `roster`."""
+        return frozenset()
 
     def meaning(self, files: bool = True) -> dict[str, Any]:
         """Return what it means, in plain values: no names, robots one by one, and files by their content.

@@ -50,7 +50,8 @@ def test_every_model_of_the_schema_has_its_fields() -> None:
 
 
 def test_a_field_says_what_it_may_be_and_its_default() -> None:
-    assert "- **`step`** (number > 0, default `0.5`): s per tick\n" in FIELDS()
+    assert "- **`duration`** (number > 0, default `5000.0`): simulated s\n" in FIELDS()
+    assert '- **`step`** (`auto` or number > 0, default `"auto"`): s per tick; auto: ' in FIELDS()
     assert "- **`terrain`** (mapping, required): " in FIELDS()
 
 

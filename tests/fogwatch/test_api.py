@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import fogwatch
+from bench.grounds import write_map
 from fogwatch.run_folder import runfolder
 from patrol.errors import BadInput
 from patrol.journal import read_journal
@@ -46,6 +47,32 @@ def test_every_way_of_naming_a_scenario_is_the_same_and_the_seed_makes_the_diffe
     file.write_text(str(SMALL), encoding="utf-8")  # YAML reads what Python prints
     traces = {trace(way) for way in (SMALL, load_scenario(SMALL), file, str(file))}
     assert traces == {trace("open", point=0.5, duration=20, robots=ROBOTS)} != {trace(SMALL, seed=2)}
+
+
+def test_a_run_says_what_it_assumed_and_its_folder_has_the_step_that_was_chosen(tmp_path: Path) -> None:
+    passable = np.zeros((9, 60), dtype=np.bool_)
+    passable[1:-1, 1:-1] = True
+    ground = str(write_map(passable, 0.2, tmp_path / "passage.yaml"))
+    body = {"robots.radius": 0.3, "robots.speed": 0.8, "robots.count": 2, "robots.model": "holonomic", "duration": 20}
+    chosen = {"point": 0.2, "sensor.range": 2.0}
+
+    def trace(folder: str, **overrides: object) -> str:
+        run = fogwatch.run(ground, out=tmp_path / folder, picture=False, overrides={**body, **chosen, **overrides})
+        step = overrides.get("step", "auto")
+        assumed = [] if step == 0.25 else ["assumed: steps of 0.25 s (auto)"]
+        sensor = "sensor of 2 m (all round, stopped by walls)"
+        given = f"given: holonomic, radius 0.3 m, speed 0.8 m/s, {sensor}, points of 0.2 m"
+        assert run.announced[0] == given + ("" if assumed else ", steps of 0.25 s")
+        assert list(run.announced[1 : 1 + len(assumed)]) == assumed
+        assert all(line in run._repr_html_() for line in run.announced[:2])
+        assert run.scenario.step == 0.25
+        assert run.summary["ticks"] == 80
+        return run.trace_hash
+
+    assert len({trace("auto"), trace("said", step="auto"), trace("number", step=0.25)}) == 1
+    again = fogwatch.run(tmp_path / "auto" / "scenario.yaml", out=tmp_path / "again", picture=False)
+    assert again.trace_hash == fogwatch.load(tmp_path / "auto").trace_hash
+    assert again.announced[0].endswith("steps of 0.25 s")
 
 
 def test_recovery_is_judged_where_that_is_wanted(tmp_path: Path) -> None:

@@ -79,8 +79,10 @@ def test_a_plan_names_a_number_and_its_scenarios_repeat_the_runs(rooms: str, run
     chosen = next(size for size in facts["sizes"] if size["robots"] == facts["robots"])
     assert chosen["simulated"]["keeps"] is True
     assert chosen["simulated"]["max_s"] <= 40.0
-    assert "assumed: " in shown
-    assert "; sensor of " in shown
+    assert (
+        "given: holonomic, radius 0.3 m, speed 1 m/s, sensor of 4 m (all round, stopped by walls), points of " in shown
+    )
+    assert "assumed: steps of 0.5 s (auto)" in shown
     keep = f"keep{'s' if facts['robots'] == 1 else ''} 40 s: kept by 2 of 2 seeds"
     assert f"{keep}; in the worst run largest {chosen['simulated']['max_s']:.1f} s" in shown
     for size in facts["sizes"]:

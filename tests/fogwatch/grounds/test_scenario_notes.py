@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
+from bench.grounds import write_map
 from fogwatch.grounds.scenario_notes import closure_lines, scenario_notes
 from patrol.prepare import prepare
 from patrol.scenario import load_scenario
@@ -31,7 +34,7 @@ def test_a_patrol_without_a_plan_says_why(settings: dict[str, Any], why: str) ->
 
 def test_crowded_robots_have_no_plan_either() -> None:
     crowded = {**GROUND, "robots": {"count": 4}, "sensor": {"range": 60.0}}
-    (note,) = scenario_notes(prepare(load_scenario(crowded)))
+    note = scenario_notes(prepare(load_scenario(crowded)))[-1]
     assert note.startswith(f"patrol.policy stochastic: each robot {FREE}, while more than 3 share this ground")
 
 
@@ -44,6 +47,36 @@ def test_the_best_plan_is_no_draw() -> None:
 @pytest.mark.parametrize("policy", ["stochastic", "committed", "even-tour"])
 def test_a_patrol_with_a_plan_says_nothing(policy: str) -> None:
     assert not scenario_notes(prepare(load_scenario({**GROUND, "patrol": {"policy": policy}})))
+
+
+SIGHT = "all ground is in sight from the starts (sensor.range = "
+SEEING: dict[str, Any] = {**GROUND, "patrol": {"policy": "potential-field"}, "robots": {"count": 1}}
+
+
+def test_robots_that_see_all_ground_from_their_starts_have_nothing_to_do() -> None:
+    (note,) = scenario_notes(prepare(load_scenario({**SEEING, "sensor": {"range": 140.0}})))
+    assert note == f"{SIGHT}140 m), so no robot has to move; give --sensor-range if it is less"
+    assert not scenario_notes(prepare(load_scenario({**SEEING, "sensor": {"range": 40.0}})))
+
+
+def test_a_range_that_nobody_gave_is_named_as_the_default(tmp_path: Path) -> None:
+    hall = write_map(np.ones((12, 12), dtype=np.bool_), 1.0, tmp_path / "hall.yaml")
+    robots = {"count": 1, "radius": 0.3, "starts": [[6, 6]]}
+    (note,) = scenario_notes(prepare(load_scenario({**SEEING, "terrain": {"map": str(hall)}, "robots": robots})))
+    assert note.startswith(f"{SIGHT}10 m, the default), so")
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [
+        {"robots": {"count": 1, "spare": 1}, "sensor": {"range": 60.0}},
+        {"sensor": {"range": 140.0, "quality": 0.5}},
+        {"sensor": {"range": 140.0}, "closures": [{"name": "bay", "polygon": [[5, 5], [9, 5], [9, 9]]}]},
+    ],
+)
+def test_what_gets_old_again_is_not_called_seen(settings: dict[str, Any]) -> None:
+    """The spare robot does not look, a look leaves an age, and what is closed is not seen."""
+    assert not [note for note in scenario_notes(prepare(load_scenario({**SEEING, **settings}))) if SIGHT in note]
 
 
 def test_each_closure_says_what_it_closes_out_and_whom_it_shuts_in() -> None:

@@ -134,3 +134,12 @@ def test_static_fields_are_waited_for_as_long_as_there_is_a_launcher(
     with pytest.raises(AskedToLeave):
         ProcessContext(options, Log("r1"), ending).prepare(scenario)
     assert ending.limit_s == limit_s
+
+
+def test_a_process_that_prepares_by_itself_says_what_was_assumed(capsys: pytest.CaptureFixture[str]) -> None:
+    scenario = load_scenario({"terrain": {"builtin": "open"}, "point": 1.0, "robots": {"count": 1, "radius": 0.5}})
+    ProcessContext(Namespace(), Log("r1"), Ending()).prepare(scenario)
+    given, assumed = capsys.readouterr().err.splitlines()
+    assert given == "r1: given: radius 0.5 m, points of 1 m"
+    sensor = "sensor of 10 m (all round, stopped by walls)"
+    assert assumed == f"r1: assumed: car, speed 4.4 m/s, turning radius 3.5 m, {sensor}, steps of 0.5 s (auto)"

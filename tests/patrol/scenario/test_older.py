@@ -15,6 +15,7 @@ from patrol.scenario import (
     load_scenario,
     parse_overrides,
     scenario_hash,
+    with_spares,
 )
 
 YARDS: dict[str, Any] = {"terrain": {"builtin": "yards"}}
@@ -91,6 +92,7 @@ def test_free_choices_are_stochastic_and_a_tour_without_them_is_committed(share:
         [f"scenario: patrol.policy: committed with unpredictability {given}"] if policy == "stochastic" else []
     )
     assert load_scenario(as_mapping(scenario)).translated == ()
+    assert with_spares(scenario, 2).translated == scenario.translated
 
 
 def test_the_tour_has_the_hash_that_it_had() -> None:
