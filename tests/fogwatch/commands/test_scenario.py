@@ -47,7 +47,7 @@ def test_check_says_what_would_run() -> None:
 
 def test_check_tells_the_faults_as_they_are_resolved() -> None:
     faults = "{kind: kill, at: 60, who: r2}, {kind: loss, at: 10, for: 5.2, rate: 0.5}, {kind: range, reach: 9}"
-    assert [line.rstrip() for line in checked(f"faults=[{faults}]").splitlines()[5:9]] == [
+    assert [line.rstrip() for line in checked(f"faults=[{faults}]").splitlines()[7:11]] == [
         "  3 faults, until the end; r2 stays dead",
         "    f1         kill       60 s             r2",
         "    f2         loss       10 to 15 s       all to all, rate 0.5",
