@@ -169,13 +169,13 @@ class LinkDraws:
     """A fault's draws, one for each frame on each link, in the order of senders and receivers.
 
     Each hits with the same chance whatever came before. So those that follow a hit are series of their own: at the
-    sender's receiver before, of the sender before at the same receiver, and on the same link the last time. If one draw
-    decides for two links, for example, all that follow a hit hit as well.
+    sender's receiver before, of the sender before at the same receiver, on the same link the last time, and on the link
+    back. If one draw decides for two links, for example, all that follow a hit hit as well.
     """
 
     def __init__(self, p: float, words: str, expected: str, robots: int) -> None:
         """Begin without draws; `p` is their chance."""
-        lasts = ("at the receiver before", "of the sender before", "on their link before")
+        lasts = ("at the receiver before", "of the sender before", "on their link before", "on the link back")
         after = [Series(p, f"after a hit {last}, {words}", expected) for last in lasts]
         self.series = (Series(p, words, expected), *after)
         self._hit = np.zeros((robots + 1, robots + 1), dtype=np.bool_)
@@ -186,12 +186,13 @@ class LinkDraws:
         """Add a tick's draws: senders and receivers, in their order, and which draws hit."""
         hit = np.array(hits, dtype=np.bool_)
         source, to = np.array(links, dtype=np.int64).reshape(-1, 2).T
-        before = np.zeros((4, hit.size), dtype=np.bool_)
+        before, now = np.zeros((5, hit.size), dtype=np.bool_), np.zeros_like(self._hit)
         before[0], before[3] = True, self._hit[source, to]
         before[1, 1:] = hit[:-1] & (source[1:] == source[:-1])
         order = np.lexsort((source, to))
         before[2, order[1:]] = (hit[order][:-1]) & (to[order][1:] == to[order][:-1])
-        self._hit[source, to] = hit
+        now[source, to] = self._hit[source, to] = hit
+        before[4] = now[to, source] & (to < source)
         for series, counts in zip(self.series, before, strict=True):
             series.draws += int(np.count_nonzero(counts))
             series.hits += int(np.count_nonzero(counts & hit))
@@ -385,7 +386,7 @@ def alarm_of(timeline: Timeline) -> float:
         else lasting.get(type(entry.fault), 0)
         for entry in timeline.entries
     )
-    return FAMILY / max(4 * draws, 1)
+    return FAMILY / max(5 * draws, 1)
 
 
 def bounds(wait: Wait) -> Span:

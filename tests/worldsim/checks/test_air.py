@@ -13,7 +13,7 @@ from shapely import LineString, box
 from patrol.ground.terrain import Terrain
 from patrol.journal import TickRecord
 from patrol.journal.records import sent_at
-from patrol.random import draw
+from patrol.random import draw, mix
 from tests.worldsim.checks.judged import Run, change, check_of, checks, failures, result_of, spares, stops
 from tests.worldsim.conftest import Lab
 from worldsim.checks.arrivals import DelaysAsAsked, LinkDraws, LossesAsAsked, alarm_of
@@ -317,7 +317,7 @@ def test_all_series_of_a_run_share_one_rate_of_false_alarms(lab: Lab) -> None:
     timeline = Timeline(world.scenario)
     judged = [check_of(kind, world.prepared, journal, timeline) for kind in (DelaysAsAsked, LossesAsAsked)]
     series = sum(len(draws.series) for check in judged for each in check._draws.values() for draws in each)
-    assert series == 4 * (3 + 1 + 5 + 1 + 2)
+    assert series == 5 * (3 + 1 + 5 + 1 + 2)
     assert series * alarm_of(timeline) <= 1e-9
     assert failures((world, journal)) == {}
 
@@ -329,10 +329,10 @@ LINKS = [(source, to) for source in (1, 2, 3, 4) for to in (1, 2, 3, 4) if sourc
 
 @pytest.mark.parametrize("p", [0.05, 0.5, 0.9])
 def test_independent_draws_raise_no_alarm_more_often_than_promised(p: float) -> None:
-    """1,500 runs of 20 ticks, judged after each tick at one in a hundred, by each of the four series."""
-    rng, alarms = np.random.default_rng(3), np.zeros(4)
+    """1,500 runs of 20 ticks, judged after each tick at one in a hundred, by each of the five series."""
+    rng, alarms = np.random.default_rng(3), np.zeros(5)
     for _ in range(1500):
-        draws, ever = LinkDraws(p, "{hits} of {draws}", "", 4), np.zeros(4, dtype=np.bool_)
+        draws, ever = LinkDraws(p, "{hits} of {draws}", "", 4), np.zeros(5, dtype=np.bool_)
         for _ in range(20):
             draws.add(LINKS, rng.random(12) < p)
             ever |= [unexplained(series.hits, series.draws, p, 0.01) for series in draws.series]
@@ -383,6 +383,11 @@ DEPENDENT: dict[str, tuple[dict[str, Any], str, Callable[[Any], Any]]] = {
     "what is held back once for each sender": (MIXED, "draw", lambda real: lambda *of: real(*of[:4], 0, *of[5:])),
     "what is held back once for each link": (MIXED, "draw", lambda real: lambda *of: real(*of[:5], 0)),
     "bursts once for each sender": (BURSTS, "draw", lambda real: lambda *of: real(*of[:4], 0, *of[5:])),
+    "bursts once for both directions": (
+        BURSTS,
+        "draw",
+        lambda real: lambda *of: real(*of[:3], *sorted(of[3:5]), *of[5:]),
+    ),
     "bursts once for each receiver": (BURSTS, "draw", lambda real: lambda *of: real(*of[:3], 0, *of[4:])),
 }
 """A fault, what its draws are made by, and how these are wrong."""
@@ -409,7 +414,7 @@ def test_faults_of_a_kind_draw_for_themselves(run: Run, monkeypatch: pytest.Monk
     assert np.abs(hit.mean(axis=1) - 0.4).max() < 5.0 * np.sqrt(0.24 / len(links))
     world, journal = run(LOSSY, {**LOSSY, "id": "again"}, ticks=60)
     assert result_of(LossesAsAsked, world.prepared, journal).ok
-    monkeypatch.setattr(rules, "mix", lambda seed, purpose, _, source, real=rules.mix: real(seed, purpose, 0, source))
+    monkeypatch.setattr(rules, "mix", lambda seed, purpose, _, source: mix(seed, purpose, 0, source))
     world, journal = run(LOSSY, {**LOSSY, "id": "again"}, ticks=60)
     assert "again: 0 of " in result_of(LossesAsAsked, world.prepared, journal).detail
 

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from worldsim.checks.check import FAMILY, enough, evidence, unexplained
+from worldsim.checks.check import FAMILY, Series, enough, evidence, unexplained
 
 
 @pytest.mark.parametrize("p", [0.01, 0.3, 0.5, 0.97])
@@ -49,3 +49,11 @@ def test_too_few_draws_say_nothing() -> None:
     assert enough(40, 0.5, FAMILY)
     assert enough(1, 0.0, FAMILY)
     assert not any(unexplained(hits, 20, 0.5, FAMILY) for hits in range(21))
+
+
+def test_a_series_counts_every_draw_and_every_hit() -> None:
+    hits = [k % 3 == 0 or k % 7 == 0 for k in range(500)]
+    series = Series(0.4, "{hits} of {draws}", "")
+    for hit in hits:
+        series.add(hit)
+    assert (series.hits, series.draws, series.found()) == (sum(hits), 500, f"{sum(hits)} of 500")

@@ -147,3 +147,25 @@ def test_a_robot_that_alone_is_late_is_late() -> None:
     tick(fleet, 0)
     assert missed(fleet) == (1, 1)
     assert net.time - began == pytest.approx(STEP_S)
+
+
+def test_a_hold_up_counts_for_its_own_tick_and_a_slip_once() -> None:
+    net, fleet = paced()
+    net.mute = {2}
+    for k in range(4):
+        net.stands_still.append((net.time + 0.02, 0.4 * STEP_S))
+        tick(fleet, k)
+    near = LOOK_S + WAKING_S
+    assert fleet.longest_held_up_s == pytest.approx(0.4 * STEP_S, abs=near)
+    assert fleet.held_up_s == pytest.approx(4 * 0.4 * STEP_S, abs=4 * near)
+    net, fleet = paced()
+    tick(fleet, 0)
+    net.time += 3.0 * STEP_S
+    began = net.time
+    tick(fleet, 1)
+    slipped_s = fleet.slipped_s
+    assert slipped_s == pytest.approx(3.0 * STEP_S)
+    for k in range(2, 6):
+        tick(fleet, k)
+    assert fleet.slipped_s == slipped_s
+    assert net.time - began == pytest.approx(5 * STEP_S)

@@ -314,8 +314,11 @@ def test_no_span_of_ticks_holds_more_than_its_bandwidth_and_a_bucket(
     k, passed = 0, []
     for wait, lengths in bursts:
         k += wait
-        delivery = ether.carry(k, {1: [bytes(length) for length in lengths]}, {1: ALIVE, 2: ALIVE}, poses)
-        passed.append((k, sum(lengths[sequence // (MAX_TICKS + 1)] for _, _, sequence in delivery.arrived)))
+        frames = [bytes(length) for length in lengths]
+        arrived = ether.carry(k, {1: frames, 2: frames}, {1: ALIVE, 2: ALIVE}, poses).arrived
+        sizes = [[lengths[seq // (MAX_TICKS + 1)] for source, _, seq in arrived if source == n] for n in (1, 2)]
+        assert sizes[0] == sizes[1], "each sender has its own"
+        passed.append((k, sum(sizes[0])))
     most = max(64.0, bytes_per_s)
     for first, (begin, _) in enumerate(passed):
         for last, (end, _) in enumerate(passed[first:], first):

@@ -282,3 +282,11 @@ def test_distances_add_up() -> None:
         move([car], FIELD, STEP)
         driven += 0.0 if car.bumped else length(car.command, STEP)
     assert car.distance_m == driven > 0.0
+
+
+def test_a_body_that_is_stopped_forgets_its_command_and_how_long_it_heard_none() -> None:
+    stopped = body(1.0, 1.0, Velocity(1.0, 0.0))
+    stopped.silent_s, stopped.bumped = 3.0, True
+    stopped.halt(Status.PAUSED)
+    assert (stopped.status, stopped.command, stopped.bumped) == (Status.PAUSED, standstill(DISC), False)
+    assert stopped.silent_s == 0.0

@@ -185,6 +185,10 @@ def test_figures_are_judged_of_any_run(lab: Lab) -> None:
     assert (verdict.checks[-1].ok, verdict.checks[-1].judged) == (True, False)
     silent = lab.patrol(ticks=9, faults=[{"kind": "join", "who": "r4", "at": 3.0}])
     assert verdict_on((silent, lab.run(silent)))[1].checks[-1].judged
+    direct = lab.patrol(ticks=9, radio={"via": "direct"}, pace="realtime")
+    summary, verdict = verdict_on((direct, lab.run(direct)))
+    assert summary["messages"]["dropped"] is None
+    assert (verdict.checks[-1].ok, verdict.checks[-1].judged) == (True, True)
     lost = lab.patrol(ticks=9)
     summary, verdict = verdict_on((lost, lab.run(lost, lab.fleet(lost, silent={(2, 8, "B")}))))
     assert summary["robots"]["r2"]["status"] == "lost"
