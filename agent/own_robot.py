@@ -205,11 +205,15 @@ def mind_of(process: ProcessContext, scenario: Scenario, spec: RobotSpec, incarn
     """
     process.warm(("patrol", "agent"), scenario)
     from agent.build import build_mind, shared_by
+    from agent.policies.found import policy_named
     from agent.ports import PolicyFailed
     from agent.psi import load_psi
-    from patrol.own_sensor import allow_sensor
+    from patrol.classes.static_check import announce
+    from patrol.own_sensor import allow_sensor, sensor_named
 
-    allow_sensor(scenario.sensor)
+    if not process.launched:
+        announce([policy_named(scenario), sensor_named(scenario.sensor)])
+    allow_sensor(scenario.sensor, record=True)
     prepared = process.prepare(scenario)
     psi = None if process.static is None else load_psi(scenario, process.static)
     try:

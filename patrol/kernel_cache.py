@@ -61,7 +61,7 @@ _UNFINISHED = ".making-"
 
 _packages: set[str] = set()
 _folders: dict[str, Path] = {}
-"""Folders of numba's files for the modules that are being imported, by module name."""
+"""Folders of numba's files by module name: for kernels that are being imported, and for users' modules."""
 
 
 def keep_compiled(package: str) -> None:
@@ -79,6 +79,12 @@ def load_alone(name: str, source: Path) -> None:
     module = importlib.util.module_from_spec(spec)
     sys.modules[name] = module  # numba looks its kernels up by name
     spec.loader.exec_module(module)
+
+
+def keep_own(name: str, source: bytes) -> None:
+    """Keep the kernels of a user's module in the cache too, and not beside its file, which others may have written."""
+    _register_locator()
+    _folders[name] = _entry_folder(name, source)
 
 
 def is_stored(name: str, source: Path) -> bool:
@@ -117,12 +123,17 @@ def cache_home() -> Path:
         facts = home.stat()
     except OSError:  # it is made later, or cannot be
         return home
-    if facts.st_uid not in (0, os.geteuid()) or facts.st_mode & _OTHERS_WRITE:
+    if others_may_write(facts):
         raise BadInput(
             f"the compiled kernels in {home} are not used: another user may have written them; delete that folder, or "
             "set NUMBA_CACHE_DIR to a folder of your own"
         )
     return home
+
+
+def others_may_write(facts: os.stat_result) -> bool:
+    """Return True for a file or folder that another user than this one and root may have written."""
+    return facts.st_uid not in (0, os.geteuid()) or bool(facts.st_mode & _OTHERS_WRITE)
 
 
 def make_folder(home: Path) -> None:
@@ -229,12 +240,15 @@ class _KernelLocator:
 
     @classmethod
     def from_function(cls, function: FunctionType, _source: str) -> _KernelLocator | None:
-        """Return the locator of a kernel that is being imported; None for functions of others."""
+        """Return the locator of a kernel that is being imported or a user's; None for functions of others."""
         folder = _folders.get(function.__module__)
         return None if folder is None else cls(folder, function.__code__.co_firstlineno)
 
     def ensure_cache_path(self) -> None:
-        """Do nothing: the folder is there."""
+        """Make the folder where it is not there: that of a user's module."""
+        with storing():
+            make_folder(self._folder.parents[1])
+            self._folder.mkdir(parents=True, exist_ok=True)
 
     def get_cache_path(self) -> str:
         """Return the folder."""

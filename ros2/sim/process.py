@@ -11,10 +11,11 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from patrol.classes.static_check import announce
 from patrol.errors import BadInput
 from patrol.files.whole_file import writing
 from patrol.net.link import LinkDown
-from patrol.own_sensor import allow_sensor
+from patrol.own_sensor import allow_sensor, sensor_named
 from patrol.pose import Pose
 from patrol.prepare import Prepared, prepare, sensor_footprint
 from patrol.process.context import AskedToLeave, ProcessContext, run_with
@@ -53,7 +54,8 @@ def _run_simulation(process: ProcessContext) -> int:
     names = list(robots_of(options))
     plugs = unplugged(options, names)
     process.warm(("patrol", "worldsim"), scenario)
-    allow_sensor(scenario.sensor)
+    announce([sensor_named(scenario.sensor)])
+    allow_sensor(scenario.sensor, record=True)
     with nullcontext() if options.scenario is None else naming(options.scenario):
         prepared = prepare(scenario)
     pace = options.pace or scenario.factor or 1.0
