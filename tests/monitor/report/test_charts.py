@@ -41,7 +41,8 @@ def test_a_backend_that_does_not_exist_is_one_line() -> None:
 def test_settings_of_matplotlib_in_the_working_folder_do_not_count(tmp_path: Path) -> None:
     """They come with a folder that was received, and can start TeX; the user's own, named by the user, stay."""
     (tmp_path / "matplotlibrc").write_text("text.usetex: True\nsavefig.format: pgf\n", encoding="utf-8")
-    program = "from patrol.extras import check_matplotlib as c; c('sim'); import matplotlib as m; " + (
+    program = (
+        "from patrol.extras import check_matplotlib as c; c('sim'); import matplotlib as m; "
         "print(m.rcParams['text.usetex'], m.rcParams['savefig.format'])"
     )
     command = [sys.executable, "-P", "-c", program]
