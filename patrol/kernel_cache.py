@@ -123,17 +123,12 @@ def cache_home() -> Path:
         facts = home.stat()
     except OSError:  # it is made later, or cannot be
         return home
-    if others_may_write(facts):
+    if facts.st_uid not in (0, os.geteuid()) or facts.st_mode & _OTHERS_WRITE:
         raise BadInput(
             f"the compiled kernels in {home} are not used: another user may have written them; delete that folder, or "
             "set NUMBA_CACHE_DIR to a folder of your own"
         )
     return home
-
-
-def others_may_write(facts: os.stat_result) -> bool:
-    """Return True for a file or folder that another user than this one and root may have written."""
-    return facts.st_uid not in (0, os.geteuid()) or bool(facts.st_mode & _OTHERS_WRITE)
 
 
 def make_folder(home: Path) -> None:
@@ -269,10 +264,17 @@ def _register_locator() -> None:
 
     numba looks for BLAS when it is imported, which takes a fifth of a second in every process where scipy is. It still
     does when a kernel calls BLAS; none of ours does.
+
+    numba also reads a file of settings in the working folder, which may be a received one. The file could name another
+    cache there, and what lies in a cache is code that is executed, so the file is left out.
     """
+    from numba.core import config
     from numba.core.caching import Cache, CacheImpl
     from numba.np import linalg
 
+    settings: Any = config
+    settings._config_fname = ""
+    settings.reload_config()
     CacheImpl._locator_classes.insert(0, _KernelLocator)
     numbas: Any = Cache
     key_of = numbas._index_key
@@ -345,14 +347,10 @@ def runs_shipped() -> bool:
     return platform.machine() == "x86_64" and not overridden and all(features.get(name) for name in _INSTRUCTIONS)
 
 
-def _numba_settings() -> tuple[object, ...]:
-    """Return numba's settings: variables of the environment, and a file in the current folder."""
+def _numba_settings() -> tuple[tuple[str, str], ...]:
+    """Return numba's settings: variables of the environment."""
     variables = [item for item in os.environ.items() if item[0].startswith("NUMBA_") and item[0] not in NO_SETTINGS]
-    try:
-        file = Path(".numba_config.yaml").read_bytes()
-    except OSError:
-        file = b""
-    return (*sorted(variables), file)
+    return tuple(sorted(variables))
 
 
 def _is_intact(entry: Path) -> bool:

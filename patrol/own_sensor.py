@@ -27,7 +27,7 @@ from patrol.classes.class_file import class_file
 from patrol.classes.named_class import ClassSort, NamedClass, checked_source, find, options_of
 from patrol.errors import BadInput
 from patrol.ground.footprint import Footprint, Sensor, SensorSetup, View
-from patrol.kernel_cache import make_folder, others_may_write, user_cache
+from patrol.kernel_cache import make_folder, user_cache
 from patrol.pose import Pose
 from patrol.scenario.sections import BUILT_IN_SENSORS, SensorSpec
 
@@ -195,9 +195,9 @@ def _check_allowed(named: NamedClass) -> None:
 
 
 def _is_own_file(path: Path) -> bool:
-    """Return True if a file is there and this user has made it; in a folder for all, others may link to one."""
+    """Return True if a file is there and this user has made it; a link to one may be another user's."""
     try:
-        return path.lstat().st_uid == os.geteuid() and not others_may_write(path.parent.stat())
+        return path.lstat().st_uid == os.geteuid()
     except OSError:
         return False
 
