@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Iterator
 from typing import TYPE_CHECKING
 
 from patrol.classes.static_check import announce
@@ -16,23 +16,21 @@ if TYPE_CHECKING:
     from patrol.scenario import Scenario
 
 
-def named_classes(scenario: Scenario) -> list[NamedClass]:
-    """Return policy, sensor and radio model, but for those whose settings are checked with the scenario.
+def named_classes(scenario: Scenario, *, record: bool = False) -> Iterator[tuple[NamedClass, Callable[[], object]]]:
+    """Yield policy, sensor and radio model, but for those whose settings are checked with the scenario.
 
-    Nothing of them is imported.
+    Nothing of them is imported; the function beside each finds it with its options. `record` is as for `find_classes`.
     """
-    classes = []
     if scenario.patrol.policy not in BUILT_IN:  # else it loads much and cannot fail
-        from agent.policies.found import policy_named
+        from agent.policies.found import policy_named, policy_of
 
-        classes.append(policy_named(scenario))
+        yield policy_named(scenario), lambda: policy_of(scenario)
     if scenario.sensor.kind not in BUILT_IN_SENSORS:
-        classes.append(sensor_named(scenario.sensor))
+        yield sensor_named(scenario.sensor), lambda: allow_sensor(scenario.sensor, record=record)
     if scenario.radio.model not in MODELS:
-        from worldsim.radio.models import model_named
+        from worldsim.radio.models import model_class, model_named
 
-        classes.append(model_named(scenario))
-    return classes
+        yield model_named(scenario), lambda: model_class(scenario)
 
 
 def find_classes(scenarios: Iterable[Scenario], *, record: bool = False) -> None:
@@ -40,16 +38,7 @@ def find_classes(scenarios: Iterable[Scenario], *, record: bool = False) -> None
 
     With `record`, commands that read what others wrote may run their sensors from now on (`patrol.own_sensor`).
     """
-    by_class = {repr(named): (scenario, named) for scenario in scenarios for named in named_classes(scenario)}
-    announce({named.name: named for _, named in by_class.values()}.values())
-    for scenario, named in by_class.values():
-        if named.sort.section == "sensor":
-            allow_sensor(scenario.sensor, record=record)
-        elif named.sort.section == "radio":
-            from worldsim.radio.models import model_class
-
-            model_class(scenario)
-        else:
-            from agent.policies.found import policy_of
-
-            policy_of(scenario)
+    classes = [pair for scenario in scenarios for pair in named_classes(scenario, record=record)]
+    announce({named.field: named for named, _ in classes}.values())
+    for find_class in {repr(named): find_class for named, find_class in classes}.values():
+        find_class()

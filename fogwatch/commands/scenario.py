@@ -71,7 +71,7 @@ def check(what: What, settings: Settings = None, patrol: Patrol = None) -> None:
         from patrol.measures.zoned import zone_weights
 
         zone_weights(prepared)
-    for named in named_classes(scenario):
+    for named, _ in named_classes(scenario):
         check_without_running(named)
     if isinstance(scenario.patrol, LearnedPatrol):
         scenario.patrol.options.read_weights()

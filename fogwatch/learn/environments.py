@@ -94,7 +94,7 @@ class PatrolEnv(ParallelEnv[str, Parts, Any]):  # type: ignore[misc] # PettingZo
             raise BadInput(f"reward = {reward!r}: no such reward; {did_you_mean(reward, list(REWARDS))}")
         self._reward = REWARDS[reward] if isinstance(reward, str) else reward
         classes = named_classes(scenario_of(self._source, self._overrides))
-        announce(named for named in classes if named.sort.section != "patrol")  # the agents decide instead
+        announce(named for named, _ in classes if named.sort.section != "patrol")  # the agents decide instead
         self.prepared = self._prepare_scenario(None)
         options = self.prepared.scenario.patrol.options
         assert isinstance(options, LearnedOptions)
