@@ -41,6 +41,9 @@ __all__ = ["Site", "drive"]
 COMPLAIN_S = 10.0
 """Wall time between two messages about robots that count ticks differently, s."""
 
+FOLLOW_AGAIN_S = 300.0
+"""Wall time after which a robot counts ticks as the same other one again, s."""
+
 LONGEST_WAIT_S = 86_400.0
 """Longest time until tick 0, s."""
 
@@ -205,11 +208,15 @@ def mind_of(process: ProcessContext, scenario: Scenario, spec: RobotSpec, incarn
     """
     process.warm(("patrol", "agent"), scenario)
     from agent.build import build_mind, shared_by
+    from agent.policies.found import policy_named
     from agent.ports import PolicyFailed
     from agent.psi import load_psi
-    from patrol.own_sensor import allow_sensor
+    from patrol.classes.static_check import announce
+    from patrol.own_sensor import allow_sensor, sensor_named
 
-    allow_sensor(scenario.sensor)
+    if not process.launched:
+        announce([policy_named(scenario), sensor_named(scenario.sensor)])
+    allow_sensor(scenario.sensor, record=True)
     prepared = process.prepare(scenario)
     psi = None if process.static is None else load_psi(scenario, process.static)
     try:
@@ -252,7 +259,7 @@ class _Driver:
         """Patrol until it is time to leave, then stop the robot; return how the policy has failed, or None."""
         from agent.mind_loop import Both, TelemetrySender, TickFigures, run_mind
         from agent.policies.found import policy_of
-        from agent.robots.clock import KeptClock
+        from agent.robots.clock import KeptClock, latest_tick
         from agent.robots.direct import tune_in
         from patrol.messages.stop_orders import StopOrders
         from patrol.process.deadline import DECISION_LIMIT_S
@@ -290,9 +297,8 @@ class _Driver:
         telemetry = TelemetrySender(link.publisher(keys.telemetry(name)))
         telemetry.traffic = lambda final: radio.traffic(self.incarnation, final=final)
         limit_s = None if policy_of(scenario).ours else DECISION_LIMIT_S
-        last_tick = int(ms_to_s(MAX_TIME_MS) / step_s) // 2
-        joins = len(names) - 1 if ticks.epoch_s is None else 0
-        watched = _Watched(radio, clock, last_tick, joins, log.warning)
+        latest = None if ticks.epoch_s is not None else lambda: latest_tick(step_s, time.time())
+        watched = WatchedRadio(radio, clock, latest, log.warning)
         receivers: Telemetry = Both(robot, telemetry) if isinstance(robot, Telemetry) else telemetry
         if process.supervision.counts:
             radio.show(process.vitals)
@@ -355,31 +361,41 @@ class LateClock:
         self.keeper.advance(ticks)
 
 
-class _Watched:
+class WatchedRadio:
     """A radio that reports when other robots count ticks differently, and lets the clock count as the oldest of them.
 
     A robot that meets no other for a while begins to count by itself, so robots of a fleet may begin at different
-    moments. All then count as the one that began first, since ticks never go back.
+    moments. All then count as the one that began first, since ticks never go back. A member can lie, and tell each
+    robot another count. So a robot follows each other one at most once in `FOLLOW_AGAIN_S`. That bounds how often one
+    member moves a count. After it has fallen silent, robots that hear each other end at their latest count within that
+    time, because by then each may follow the robot that has it.
     """
 
     def __init__(
-        self, radio: DirectRadio, clock: LateClock, last_tick: int, joins: int, say: Callable[[str], None]
+        self,
+        radio: DirectRadio,
+        clock: LateClock,
+        latest: Callable[[], int] | None,
+        say: Callable[[str], None],
+        now: Callable[[], float] = time.monotonic,
     ) -> None:
         """Watch a radio.
 
         Args:
             radio: The radio.
             clock: Counts the ticks.
-            last_tick: The latest tick to which another robot's count may lead.
-            joins: How often to count as another robot does: others can lie. 0 where the user has said when tick 0 was.
+            latest: Returns the latest tick to which another robot's count may lead now; None where the user has said
+                when tick 0 was, so that no other robot is followed.
             say: Takes a line for people.
+            now: Returns the time in s, by a clock that is never set.
         """
         self._radio = radio
         self._clock = clock
-        self._last_tick = last_tick
-        self._joins = joins
+        self._latest = latest
         self._say = say
+        self._now = now
         self._due = 0.0
+        self._followed_s: dict[str, float] = {}  # when each robot was followed last
 
     def send(self, frames: tuple[bytes, ...]) -> None:
         """Send the frames."""
@@ -388,19 +404,24 @@ class _Watched:
     def hear(self) -> list[bytes] | None:
         """Return the frames that have arrived, after a check of the ticks that they count."""
         frames = self._radio.hear()
-        skew, now = self._radio.skew, time.monotonic()
+        skew, now = self._radio.skew, self._now()
         if now < self._due or (complaint := skew.complaint()) is None:
             return frames
-        ticks_left = self._last_tick - self._clock.k
-        leads = [(lead, name) for name, lead in skew.ticks.items() if APART < lead <= ticks_left]
-        if self._joins and leads:
-            lead, name = max(leads)
-            self._joins -= 1
-            self._clock.advance(lead)
-            self._say(f"{name} has counted ticks for longer, by {lead} ticks; this robot counts on from there")
+        longest_lead = APART if self._latest is None else self._latest() - self._clock.k
+        leads = {name: lead for name, lead in skew.ticks.items() if APART < lead <= longest_lead}
+        too_early = {name for name in leads if now < self._followed_s.get(name, -math.inf) + FOLLOW_AGAIN_S}
+        if name := max(leads.keys() - too_early, key=lambda other: (leads[other], other), default=""):
+            self._followed_s[name] = now
+            self._clock.advance(leads[name])
+            self._say(f"{name} has counted ticks for longer, by {leads[name]} ticks; this robot counts on from there")
         else:
             self._due = now + COMPLAIN_S
-            self._say(complaint)
+            again = "".join(
+                f"; {other} has been followed within the last {FOLLOW_AGAIN_S:g} s, and is ahead again: it, or a robot "
+                "that it follows, tells wrong ticks"
+                for other in sorted(too_early)
+            )
+            self._say(f"{complaint}{again}")
         return frames
 
 

@@ -16,6 +16,7 @@ import numpy as np
 
 from fogwatch.notebook.arguments import checked_arguments, policy_name, scenario_of
 from fogwatch.notebook.run import Run
+from fogwatch.own_classes import find_classes
 from fogwatch.run_folder.runfolder import PolicyNotMade, RunFolder, fill, found_again, make_folder
 from fogwatch.run_options import RunChoices, chosen_settings
 from fogwatch.terminal.live_table import CallbackDisplay, RunDisplay
@@ -23,13 +24,11 @@ from patrol.errors import BadInput
 from patrol.measures.best_tour import round_of
 from patrol.measures.zoned import prepare_zones
 from patrol.messages.telemetry import Metrics
-from patrol.own_sensor import allow_sensor
 from patrol.process.lifeline import InterruptedBySignal
 from patrol.scenario import Scenario, naming, with_notes
 from patrol.scenario.assumptions import assumption_lines
 from patrol.scenario.patrols import describe_patrol
 from patrol.scenario.policies import BUILT_IN, STOCHASTIC
-from patrol.scenario.radio_spec import MODELS
 from patrol.security.private_files import fleet_key
 from patrol.starting.warmup import seldom_kernels, warm
 
@@ -147,15 +146,7 @@ def execute(scenario: Scenario, options: RunOptions) -> Run:
     watched = options.recording or options.report or options.page
     packages = (*PACKAGES, "monitor", "experiments") if watched else PACKAGES
     warm(packages, options.display.say, seldom_kernels(scenario), options.show_kernels)
-    if scenario.patrol.policy not in BUILT_IN:  # else it loads much and cannot fail
-        from agent.policies.found import policy_of
-
-        policy_of(scenario)
-    allow_sensor(scenario.sensor)
-    if scenario.radio.model not in MODELS:
-        from worldsim.radio.models import model_class
-
-        model_class(scenario)
+    find_classes([scenario], record=True)
     folder = make_folder(scenario, options.out, datetime.now().astimezone())
     try:
         fill(folder, scenario, options.out)

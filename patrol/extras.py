@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import os
+from functools import cache
 from importlib import import_module
+from pathlib import Path
 from typing import Any
 
 from patrol.errors import BadInput, printable
@@ -21,6 +23,16 @@ def check_matplotlib(extra: str) -> None:
     except ValueError:
         backend = printable(os.environ.get("MPLBACKEND", ""))
         raise BadInput(f"MPLBACKEND={backend}: no backend of matplotlib; unset it, as figures need none") from None
+    _drop_settings_of_folder()
+
+
+@cache
+def _drop_settings_of_folder() -> None:
+    """Use matplotlib's defaults where it has read settings in the working folder: those can start TeX."""
+    import matplotlib as mpl
+
+    if not Path(mpl.matplotlib_fname()).is_absolute():
+        mpl.rcdefaults()
 
 
 def study(name: str) -> Any:

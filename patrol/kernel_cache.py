@@ -61,7 +61,7 @@ _UNFINISHED = ".making-"
 
 _packages: set[str] = set()
 _folders: dict[str, Path] = {}
-"""Folders of numba's files for the modules that are being imported, by module name."""
+"""Folders of numba's files by module name: for kernels that are being imported, and for users' modules."""
 
 
 def keep_compiled(package: str) -> None:
@@ -79,6 +79,12 @@ def load_alone(name: str, source: Path) -> None:
     module = importlib.util.module_from_spec(spec)
     sys.modules[name] = module  # numba looks its kernels up by name
     spec.loader.exec_module(module)
+
+
+def keep_own(name: str, source: bytes) -> None:
+    """Keep the kernels of a user's module in the cache too, and not beside its file, which others may have written."""
+    _register_locator()
+    _folders[name] = _entry_folder(name, source)
 
 
 def is_stored(name: str, source: Path) -> bool:
@@ -229,12 +235,15 @@ class _KernelLocator:
 
     @classmethod
     def from_function(cls, function: FunctionType, _source: str) -> _KernelLocator | None:
-        """Return the locator of a kernel that is being imported; None for functions of others."""
+        """Return the locator of a kernel that is being imported or a user's; None for functions of others."""
         folder = _folders.get(function.__module__)
         return None if folder is None else cls(folder, function.__code__.co_firstlineno)
 
     def ensure_cache_path(self) -> None:
-        """Do nothing: the folder is there."""
+        """Make the folder where it is not there: that of a user's module."""
+        with storing():
+            make_folder(self._folder.parents[1])
+            self._folder.mkdir(parents=True, exist_ok=True)
 
     def get_cache_path(self) -> str:
         """Return the folder."""
@@ -255,10 +264,17 @@ def _register_locator() -> None:
 
     numba looks for BLAS when it is imported, which takes a fifth of a second in every process where scipy is. It still
     does when a kernel calls BLAS; none of ours does.
+
+    numba also reads a file of settings in the working folder, which may be a received one. The file could name another
+    cache there, and what lies in a cache is code that is executed, so the file is left out.
     """
+    from numba.core import config
     from numba.core.caching import Cache, CacheImpl
     from numba.np import linalg
 
+    settings: Any = config
+    settings._config_fname = ""
+    settings.reload_config()
     CacheImpl._locator_classes.insert(0, _KernelLocator)
     numbas: Any = Cache
     key_of = numbas._index_key
@@ -331,14 +347,10 @@ def runs_shipped() -> bool:
     return platform.machine() == "x86_64" and not overridden and all(features.get(name) for name in _INSTRUCTIONS)
 
 
-def _numba_settings() -> tuple[object, ...]:
-    """Return numba's settings: variables of the environment, and a file in the current folder."""
+def _numba_settings() -> tuple[tuple[str, str], ...]:
+    """Return numba's settings: variables of the environment."""
     variables = [item for item in os.environ.items() if item[0].startswith("NUMBA_") and item[0] not in NO_SETTINGS]
-    try:
-        file = Path(".numba_config.yaml").read_bytes()
-    except OSError:
-        file = b""
-    return (*sorted(variables), file)
+    return tuple(sorted(variables))
 
 
 def _is_intact(entry: Path) -> bool:

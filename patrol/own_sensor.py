@@ -15,6 +15,7 @@ import math
 import os
 from collections.abc import Iterator
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path, PurePath
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
@@ -23,10 +24,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from patrol.classes.class_file import class_file
-from patrol.classes.named_class import ClassSort, NamedClass, check_digest, find, options_of
+from patrol.classes.named_class import ClassSort, NamedClass, checked_source, find, options_of
 from patrol.errors import BadInput
 from patrol.ground.footprint import Footprint, Sensor, SensorSetup, View
-from patrol.kernel_cache import user_cache
+from patrol.kernel_cache import make_folder, user_cache
 from patrol.pose import Pose
 from patrol.scenario.sections import BUILT_IN_SENSORS, SensorSpec
 
@@ -55,18 +56,22 @@ def sensor_named(spec: SensorSpec) -> NamedClass:
     return NamedClass(SENSORS, spec.kind, spec.kind_sha256, spec.options or {})
 
 
-def allow_sensor(spec: SensorSpec) -> None:
-    """Find a sensor of one's own, and let this user's commands run it, because this user runs a scenario with it."""
+def allow_sensor(spec: SensorSpec, *, record: bool = False) -> None:
+    """Find a sensor of one's own, and let this process run it.
+
+    With `record`, all commands of this user may run it from now on, because this user runs a scenario with it.
+    """
     if spec.kind in BUILT_IN_SENSORS:
         return
     named = sensor_named(spec)
-    options_of(named, find(named))
-    record = _record_name(named)
-    _allowed.add(record)
-    if (folder := user_cache("sensors")) is not None:
+    name = _record_name(named)
+    sensor_class = find(named if class_file(named.name) is None else replace(named, sha256=name))
+    options_of(named, sensor_class)
+    _allowed.add(name)
+    if record and (folder := user_cache("sensors")) is not None:
         with suppress(OSError):
-            folder.mkdir(parents=True, exist_ok=True)
-            (folder / record).touch()
+            make_folder(folder)
+            (folder / name).touch()
 
 
 def make_footprint(spec: SensorSpec, terrain: Terrain, remembered: int) -> Footprint:
@@ -190,9 +195,9 @@ def _check_allowed(named: NamedClass) -> None:
 
 
 def _is_own_file(path: Path) -> bool:
-    """Return True if a file is there and this user has made it."""
+    """Return True if a file is there and this user has made it; a link to one may be another user's."""
     try:
-        return path.stat().st_uid == os.geteuid()
+        return path.lstat().st_uid == os.geteuid()
     except OSError:
         return False
 
@@ -200,7 +205,7 @@ def _is_own_file(path: Path) -> bool:
 def _record_name(named: NamedClass) -> str:
     """Return the name of the file that records that a user runs a sensor."""
     path = class_file(named.name)
-    return _text_digest(named.name) if path is None else check_digest(path, named)
+    return _text_digest(named.name) if path is None else checked_source(path, named)[1]
 
 
 def _text_digest(text: str) -> str:

@@ -70,11 +70,13 @@ def _run_process(process: ProcessContext) -> int:
 
 def _run_and_judge(process: ProcessContext, meeting: Meeting) -> int:
     """Check the input, connect, record the run and, without a launcher, judge it; return the exit code."""
-    from patrol.own_sensor import allow_sensor
+    from patrol.classes.static_check import announce
+    from patrol.own_sensor import allow_sensor, sensor_named
     from patrol.scenario import load_scenario, naming
     from patrol.security.access import read_access
     from patrol.security.keys import callers_of, check_radio
     from worldsim.output.folder import check
+    from worldsim.radio.models import model_named
 
     options = process.options
     token = None if meeting.credentials is None else meeting.credentials.token
@@ -84,7 +86,9 @@ def _run_and_judge(process: ProcessContext, meeting: Meeting) -> int:
     radio = check_radio(options.radio, "--radio", scenario.radio.via)
     check(options.scenario, options.out)
     process.warm(("patrol", "worldsim"), scenario)
-    allow_sensor(scenario.sensor)
+    if not process.launched:
+        announce([sensor_named(scenario.sensor), model_named(scenario)])
+    allow_sensor(scenario.sensor, record=True)
 
     from worldsim.fleet.sessions import Interrupted, Missing
     from worldsim.wiring import Wiring

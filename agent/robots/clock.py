@@ -9,7 +9,7 @@ import math
 from collections.abc import Callable
 
 from patrol.messages.phases import PHASE_B_SHARE
-from patrol.radio.message import CONTACT, Rejected, decode
+from patrol.radio.message import CONTACT, MAX_TIME_MS, Rejected, decode, ms_to_s
 
 
 class KeptClock:
@@ -58,11 +58,24 @@ class KeptClock:
 def epoch_of(frame: bytes, heard_s: float, step_s: float, key: bytes | None = None) -> float | None:
     """Compute when tick 0 began on the shared clock, s, by a position that has just been heard.
 
-    It is None for a frame that holds no robot's position. With `key` the frame has to bear the fleet's tag; without one
-    it may be forged.
+    It is None for a frame that holds no robot's position, or a count that no robot follows. With `key` the frame has to
+    bear the fleet's tag; without one it may be forged.
     """
     try:
         position = decode(frame, key)
     except Rejected:
         return None
-    return None if position.robot == CONTACT else heard_s - position.sequence * step_s
+    if position.robot == CONTACT or position.sequence > latest_tick(step_s, heard_s):
+        return None
+    return heard_s - position.sequence * step_s
+
+
+def latest_tick(step_s: float, now_s: float) -> int:
+    """Return the latest tick to which another robot's count may lead.
+
+    All robots refuse the same counts, whenever they look: those that began before a moment which moves only every 20
+    days. From the latest tick it takes ten days or more until the time no longer fits into frames.
+    `step_s` is the wall time of a tick, `now_s` Unix time.
+    """
+    block_s = 0.4 * ms_to_s(MAX_TIME_MS)
+    return int((block_s + now_s % block_s) / step_s)

@@ -58,6 +58,7 @@ class Skew:
         self._late = max(2 * APART, math.ceil(LATE_S / step_s))
         self._k = -1
         self._leads: dict[int, deque[int]] = {number: deque(maxlen=LONG) for number in names}
+        self._heard_k: dict[int, int] = {}  # when a frame of each was heard last
 
     def hear(self, k: int, frames: Iterable[bytes]) -> list[bool]:
         """Take in the frames heard, before the inbox rejects any of them; return which are late.
@@ -79,14 +80,19 @@ class Skew:
             return False
         leads, lead = self._leads[position.robot], position.sequence - k
         leads.append(lead)
+        self._heard_k[position.robot] = k
         is_late = lead < median_low(leads) - self._late
         self.late += is_late
         return is_late
 
     @property
     def ticks(self) -> dict[str, int]:
-        """The lead of each robot's count in ticks (negative: behind), by name, for robots heard often enough."""
-        newest = {number: list(leads)[-REMEMBERED:] for number, leads in self._leads.items()}
+        """The lead of each robot's count in ticks (negative: behind), by name, for robots heard often enough.
+
+        `LONG` ticks after a robot was heard last, what it has said no longer counts.
+        """
+        lately = {number for number, k in self._heard_k.items() if self._k - k < LONG}
+        newest = {number: list(leads)[-REMEMBERED:] for number, leads in self._leads.items() if number in lately}
         return {self._names[number]: median_low(leads) for number, leads in newest.items() if len(leads) == REMEMBERED}
 
     def complaint(self) -> str | None:

@@ -18,10 +18,11 @@ from experiments.benchmark.presets import PRESETS, Preset, beside_published, pre
 from experiments.benchmark.results import BenchmarkResults, cell_rows, describe, policy_table, results_of, run_rows
 from experiments.commands.sweep import EXIT_CODES, Machines, finish, out_option
 from experiments.sweeps.cases import cases_table, write_text
-from experiments.sweeps.plan import check_classes, count_of_seeds
+from experiments.sweeps.plan import count_of_seeds
 from experiments.sweeps.progress import command_line
 from fogwatch.cli.command_help import command
 from fogwatch.cli.options import option
+from fogwatch.own_classes import find_classes
 from fogwatch.run_options import settings_option
 from patrol.errors import BadInput, did_you_mean
 from patrol.extras import check_matplotlib
@@ -170,7 +171,7 @@ def benchmark(
     console = Console()
     matrix, preset = compared.matrix(), compared.preset
     plan = plan_of(matrix)
-    check_classes(plan)
+    find_classes(run.scenario for run in plan.runs)
     if preset is not None:
         _check_ground(plan.runs[0].scenario, compared.point)
     check_matplotlib("experiments")  # before hours of runs, not after them

@@ -14,6 +14,7 @@ from experiments.intruders.standing import ATTACKS_S
 from fogwatch.cli.command_help import command
 from fogwatch.cli.open_run import RunFolder, open_folder, print_state
 from fogwatch.cli.options import option
+from fogwatch.own_classes import find_classes
 from patrol.errors import BadInput, printable
 
 if TYPE_CHECKING:
@@ -105,6 +106,8 @@ def intruder(
     from experiments.intruders.learned import Trials
     from experiments.intruders.on_run import Moving, games_of
 
+    if code:
+        find_classes([opened.prepared.scenario])
     played = Trials(tuple(horizons), trials or TRIALS) if learned else None
     with _progress_bar() as bar:
         task = bar.add_task("learned intruder, %", total=100, visible=learned)

@@ -27,13 +27,14 @@ from experiments.sweeps.cases import (
     write_latex,
     write_tables,
 )
-from experiments.sweeps.plan import Plan, check_classes, read_plan
+from experiments.sweeps.plan import Plan, read_plan
 from experiments.sweeps.progress import SweepProgress, print_failures
 from experiments.sweeps.runner import SweepOutcome, run_sweep
 from experiments.sweeps.workers import ClusterWorkers, LocalWorkers
 from fogwatch.cli.columns import fits
 from fogwatch.cli.command_help import command
 from fogwatch.cli.options import option
+from fogwatch.own_classes import find_classes
 from fogwatch.terminal.live_table import duration_text
 from monitor.tables.table import Table as Shown
 from patrol.errors import BadInput
@@ -129,7 +130,7 @@ def sweep(
     width = _width_inches(figure_width)
     heads = latex_heads(table)
     plan = read_plan(file, seeds)
-    check_classes(plan)
+    find_classes(run.scenario for run in plan.runs)
     folder = out or Path("runs") / file.stem
     console = Console()
     outcome = machines.make_runs(plan, folder, console, estimate_time=False)

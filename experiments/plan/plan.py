@@ -23,6 +23,7 @@ import numpy as np
 from experiments.benchmark.matrix import robots_text
 from experiments.plan.division import Divider, Territory
 from fogwatch.inprocess import run_in_process
+from fogwatch.own_classes import find_classes
 from patrol.errors import BadInput, NotPrepared
 from patrol.ground.left_out import LeftOut
 from patrol.journal.records import CLOSED
@@ -171,6 +172,8 @@ def make_plan(
     `_Planner.duration_s` says. With `quick` nothing is simulated. `seeds` is the number of runs of each fleet, with the
     scenario's seed and those after it.
     """
+    if not quick:
+        find_classes([scenario])
     planner = _Planner(scenario, wanted_s, progress, duration_s, quick, seeds)
     if numbers is None:
         if wanted_s is None:

@@ -30,11 +30,8 @@ from typing import Any
 from patrol.errors import BadInput, did_you_mean, quoted
 from patrol.files.untrusted import SWEEP
 from patrol.files.yaml_text import line_of, parse_yaml, read_text
-from patrol.own_sensor import allow_sensor
 from patrol.scenario import Scenario, load_scenario, scenario_hash
 from patrol.scenario.load import check_map
-from patrol.scenario.policies import BUILT_IN
-from patrol.scenario.radio_spec import MODELS
 
 MAX_RUNS = 100_000
 """Limit of the runs in a sweep."""
@@ -171,29 +168,6 @@ def plan_of(raw: object, path: Path, seeds: int | None = None) -> Plan:
     if against is not None:
         against = {field: _value_of(value, grid.get(field, ())) for field, value in against.items()}
     return make_plan(name, base, _read_cases(raw, grid, path), numbers, against)
-
-
-def check_classes(plan: Plan) -> None:
-    """Find every policy, sensor and radio model of one's own, with its options, before any run is made."""
-    with_classes = {
-        repr((run.scenario.patrol.policy, run.scenario.patrol.options)): run.scenario
-        for run in plan.runs
-        if run.scenario.patrol.policy not in BUILT_IN
-    }
-    if with_classes:
-        from agent.policies.found import policy_of
-
-        for scenario in with_classes.values():
-            policy_of(scenario)
-    for sensor in {repr(run.scenario.sensor): run.scenario.sensor for run in plan.runs}.values():
-        allow_sensor(sensor)
-    scenarios = (run.scenario for run in plan.runs if run.scenario.radio.model not in MODELS)
-    models = {repr((scenario.radio.model, scenario.radio.options)): scenario for scenario in scenarios}
-    if models:
-        from worldsim.radio.models import model_class
-
-        for scenario in models.values():
-            model_class(scenario)
 
 
 def count_of_seeds(count: int, called: str = "seeds") -> tuple[int, ...]:

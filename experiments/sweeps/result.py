@@ -159,9 +159,10 @@ def sweep(
     if cluster is not None and workers is not None:
         raise BadInput("workers and cluster: a cluster has its own workers; give only one of the two")
     from experiments.sweeps.cases import write_tables
-    from experiments.sweeps.plan import check_classes, plan_of
+    from experiments.sweeps.plan import plan_of
     from experiments.sweeps.runner import run_sweep
     from experiments.sweeps.workers import ClusterWorkers, LocalWorkers
+    from fogwatch.own_classes import find_classes
 
     content, file = _content_of(base)
     count = seeds if isinstance(seeds, int) else None
@@ -181,7 +182,7 @@ def sweep(
     if seeds is not None and count is None:
         content = {**content, "seeds": list(seeds) if isinstance(seeds, Iterable) else seeds}
     plan = plan_of(content, file, count)
-    check_classes(plan)
+    find_classes(run.scenario for run in plan.runs)
     folder = Path("runs") / plan.name if out is None else Path(out)
     pool = LocalWorkers(workers) if cluster is None else ClusterWorkers(cluster)
     observer = None if progress is None else _Shown(progress)

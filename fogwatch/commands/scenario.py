@@ -62,8 +62,8 @@ def check(what: What, settings: Settings = None, patrol: Patrol = None) -> None:
     digest = scenario_hash(scenario)
     fleet_key(scenario.radio.key)
     from fogwatch.grounds.scenario_notes import scenario_notes
+    from fogwatch.own_classes import named_classes  # here: needs libraries that `fogwatch scenario show` does without
     from patrol.classes.static_check import check_without_running
-    from patrol.own_sensor import sensor_named  # here: needs libraries that `fogwatch scenario show` does without
     from patrol.prepare import prepare
 
     with naming(what, overrides):
@@ -72,17 +72,10 @@ def check(what: What, settings: Settings = None, patrol: Patrol = None) -> None:
         from patrol.measures.zoned import zone_weights
 
         zone_weights(prepared)
-    check_without_running(sensor_named(scenario.sensor))
-    if scenario.patrol.policy not in BUILT_IN:  # else it loads much and cannot fail
-        from agent.policies.found import policy_named
-
-        check_without_running(policy_named(scenario))
+    for named, _ in named_classes(scenario):
+        check_without_running(named)
     if isinstance(scenario.patrol, LearnedPatrol):
         scenario.patrol.options.read_weights()
-    if scenario.radio.model not in MODELS:
-        from worldsim.radio.models import model_named
-
-        check_without_running(model_named(scenario))
     fixed = sum(spec.start is not None for spec in scenario.roster)
     say(f"{what}: can run")
     say(f"  {_starts_text(len(scenario.roster), fixed)}")

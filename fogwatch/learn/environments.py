@@ -19,6 +19,8 @@ from agent.learned.observation import Observer
 from fogwatch.inprocess import check_in_process
 from fogwatch.learn.episode import Episode
 from fogwatch.notebook.arguments import WrongArguments, checked_arguments, scenario_of
+from fogwatch.own_classes import named_classes
+from patrol.classes.static_check import announce
 from patrol.errors import BadInput, did_you_mean, quoted
 from patrol.journal import TickRecord
 from patrol.prepare import Prepared, prepare
@@ -91,6 +93,8 @@ class PatrolEnv(ParallelEnv[str, Parts, Any]):  # type: ignore[misc] # PettingZo
         if isinstance(reward, str) and reward not in REWARDS:
             raise BadInput(f"reward = {reward!r}: no such reward; {did_you_mean(reward, list(REWARDS))}")
         self._reward = REWARDS[reward] if isinstance(reward, str) else reward
+        classes = named_classes(scenario_of(self._source, self._overrides))
+        announce(named for named, _ in classes if named.sort.section != "patrol")  # the agents decide instead
         self.prepared = self._prepare_scenario(None)
         options = self.prepared.scenario.patrol.options
         assert isinstance(options, LearnedOptions)

@@ -12,20 +12,22 @@ stands for; `patrol.classes.static_check` looks at it without running it.
 
 from __future__ import annotations
 
+import hashlib
 import importlib
-import importlib.util
 import inspect
 import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
-from patrol.classes.class_file import check_resolved, class_file, file_digest
+from patrol.classes.class_file import check_resolved, class_file, class_source
 from patrol.errors import BadInput, did_you_mean
+from patrol.kernel_cache import keep_own
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,11 +111,12 @@ def entry_point_of(named: NamedClass) -> EntryPoint:
     return offered[name]
 
 
-def check_digest(path: Path, named: NamedClass) -> str:
-    """Return the SHA-256 (hex) of a class's file, after checking it against the one that the scenario gives."""
-    digest = file_digest(path, named.sort.field)
+def checked_source(path: Path, named: NamedClass) -> tuple[bytes, str]:
+    """Return a class's file and its SHA-256 (hex), after checking that against the one that the scenario gives."""
+    source = class_source(path, named.sort.field)
+    digest = hashlib.sha256(source).hexdigest()
     check_resolved(path, digest, named.sha256, named.sort.field)
-    return digest
+    return source, digest
 
 
 def no_class(named: NamedClass) -> BadInput:
@@ -167,18 +170,24 @@ def _load_entry_point(named: NamedClass) -> Any:
         raise raised(f"{named.field} ({point.value})", error) from error
 
 
-def _module_of(path: Path, named: NamedClass) -> Any:
-    """Load a file as a module, once in a process as long as its bytes stay the same."""
-    name = f"fogwatch_{named.sort.noun}_{check_digest(path, named)[:16]}"
+def _module_of(path: Path, named: NamedClass) -> ModuleType:
+    """Load a file as a module, once in a process as long as its bytes stay the same.
+
+    The file is read once, so that what is executed is what the digest stands for. Python's import system would prefer a
+    file of byte code beside it, and numba one of machine code, and either may hold other code in a received folder.
+    """
+    if path.suffix != ".py":
+        raise BadInput(f"{path}: is no Python file; give ./file.py:Class")
+    source, digest = checked_source(path, named)
+    name = f"fogwatch_{named.sort.noun}_{digest}"
     if name in sys.modules:
         return sys.modules[name]
-    spec = importlib.util.spec_from_file_location(name, path)
-    if spec is None or spec.loader is None:
-        raise BadInput(f"{path}: is no Python file; give ./file.py:Class")
-    module = importlib.util.module_from_spec(spec)
+    keep_own(name, source)
+    module = ModuleType(name)
+    module.__file__ = str(path)
     sys.modules[name] = module
     try:
-        spec.loader.exec_module(module)
+        exec(compile(source, str(path), "exec", dont_inherit=True), vars(module))
     except BaseException:
         del sys.modules[name]
         raise

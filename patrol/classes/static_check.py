@@ -1,4 +1,4 @@
-"""A check of a class that a scenario names, which runs nothing of it, for commands that only look at the scenario.
+"""A look at a class that a scenario names, which runs nothing of it: its file, and a check of its source.
 
 The class's source is found and parsed. So it is known whether the class is there; what it inherits, its options, and
 whether it can be made at all is known only once it runs.
@@ -8,20 +8,22 @@ from __future__ import annotations
 
 import ast
 import importlib.util
+import sys
 from collections.abc import Iterable, Iterator
 from importlib.machinery import ModuleSpec, PathFinder
 from pathlib import Path
 
-from patrol.classes.class_file import class_file, class_source
+from patrol.classes.class_file import class_file
 from patrol.classes.named_class import (
     NamedClass,
     absent_class,
     absent_module,
-    check_digest,
+    checked_source,
     entry_point_of,
     no_class,
     raised,
 )
+from patrol.errors import printable
 from patrol.files.untrusted import KIB
 
 LONGEST = 256 * KIB
@@ -35,24 +37,40 @@ def check_without_running(named: NamedClass) -> None:
 
     A built-in class always passes.
     """
-    sort = named.sort
-    if named.name in sort.built_in:
+    if named.name in named.sort.built_in or (path := source_file(named)) is None:
         return
+    source, _ = checked_source(path, named)
+    name = _module_and_name(named)[1]
+    if len(source) > LONGEST or "." in name:
+        return
+    _check_class(source, name, named)
+
+
+def source_file(named: NamedClass) -> Path | None:
+    """Find the file that a class of one's own comes from; nothing of it runs. None for one that is compiled."""
+    return class_file(named.name) or _source_of(_module_and_name(named)[0], named)
+
+
+def announce(classes: Iterable[NamedClass]) -> None:
+    """Name classes of one's own and their files on the standard error output, before anything of them runs."""
+    lines = []
+    for named in classes:
+        if named.name in named.sort.built_in:
+            continue
+        path = source_file(named)
+        digest = "compiled" if path is None else f"SHA-256 {checked_source(path, named)[1][:12]}"
+        where = "" if class_file(named.name) is not None else f" of {path}"
+        lines.append(f"fogwatch: runs code: {named.field}{where}, {digest}")
+    for line in lines:
+        print(printable(line), file=sys.stderr, flush=True)
+
+
+def _module_and_name(named: NamedClass) -> tuple[str, str]:
     module_name, colon, name = named.name.rpartition(":")
     if not colon:
         point = entry_point_of(named)
         module_name, name = point.module, point.attr
-    path = class_file(named.name)
-    if path is not None:
-        check_digest(path, named)
-    else:
-        path = _source_of(module_name, named)
-    if path is None:
-        return  # it is compiled
-    source = class_source(path, sort.field)
-    if len(source) > LONGEST or "." in name:
-        return
-    _check_class(source, name, named)
+    return module_name, name
 
 
 def _source_of(module: str, named: NamedClass) -> Path | None:

@@ -11,10 +11,12 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from patrol.classes.named_class import NamedClass
+from patrol.classes.static_check import announce
 from patrol.errors import BadInput
 from patrol.files.whole_file import writing
 from patrol.net.link import LinkDown
-from patrol.own_sensor import allow_sensor
+from patrol.own_sensor import allow_sensor, sensor_named
 from patrol.pose import Pose
 from patrol.prepare import Prepared, prepare, sensor_footprint
 from patrol.process.context import AskedToLeave, ProcessContext, run_with
@@ -23,7 +25,7 @@ from patrol.process.lifeline import Ending
 from patrol.reporting.vitals import COMMANDS, MFOW, TICK, Vitals
 from patrol.scenario import Scenario, load_scenario, naming
 from patrol.security.keys import check_locator
-from ros2.sim.bodies import bodies_named
+from ros2.sim.bodies import BODIES, bodies_named
 from ros2.sim.node import Habits, RobotNode
 from ros2.sim.odometry import Errors
 from ros2.sim.options import check, parser, robots_of, unplugged
@@ -53,7 +55,9 @@ def _run_simulation(process: ProcessContext) -> int:
     names = list(robots_of(options))
     plugs = unplugged(options, names)
     process.warm(("patrol", "worldsim"), scenario)
-    allow_sensor(scenario.sensor)
+    bodies = [] if options.bodies is None else [NamedClass(BODIES, options.bodies, None, {})]
+    announce([sensor_named(scenario.sensor), *bodies])
+    allow_sensor(scenario.sensor, record=True)
     with nullcontext() if options.scenario is None else naming(options.scenario):
         prepared = prepare(scenario)
     pace = options.pace or scenario.factor or 1.0

@@ -95,14 +95,14 @@ def test_only_a_user_who_runs_a_sensor_lets_other_commands_run_it(records: Path)
     spec = own().sensor
     with pytest.raises(BadInput, match="this user has not run a scenario with it here; read it, and if you trust it"):
         make_footprint(spec, GROUND, 4)
-    allow_sensor(spec)
+    allow_sensor(spec, record=True)
     assert [file.name for file in records.iterdir()] == [spec.kind_sha256]
     assert make_footprint(spec, GROUND, 4).visible(MIDDLE).shows(20, 20)
 
 
 def test_the_record_of_a_command_serves_the_next(monkeypatch: pytest.MonkeyPatch) -> None:
     spec = own().sensor
-    allow_sensor(spec)
+    allow_sensor(spec, record=True)
     monkeypatch.setattr("patrol.own_sensor._allowed", set())
     assert make_footprint(spec, GROUND, 4).visible(MIDDLE).shows(20, 20)
     monkeypatch.setattr("os.geteuid", lambda: 4_000_000)  # the record is another user's

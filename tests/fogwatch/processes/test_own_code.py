@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 import re
 import shutil
+import subprocess
+import sys
 import time
 from pathlib import Path
 from typing import Any
@@ -18,9 +20,11 @@ from monitor.replay.replay import play
 from monitor.replay.run import open_run
 from patrol.errors import BadInput
 from patrol.journal import Status, read_journal
+from patrol.kernel_cache import cache_home
 from tests.agent.learned.test_network import as_onnx, layers
 from tests.fleets import COARSE, one_and_many
-from tests.fogwatch.conftest import WITHOUT, Refused, Shell
+from tests.fogwatch.conftest import WITHOUT, Shell
+from tests.patrol.classes.test_named_class import plant
 from tests.patrol.sensors import records
 
 HERE = Path(__file__).parent
@@ -109,13 +113,18 @@ def test_a_policy_that_fails_stops_its_robot_alone(
     ],
 )
 def test_code_that_cannot_be_had_is_one_line_and_no_run(
-    setting: str, more: tuple[str, ...], says: str, refused: Refused, tmp_path: Path
+    setting: str, more: tuple[str, ...], says: str, shell: Shell, tmp_path: Path
 ) -> None:
     for command in (("run", "yards", "--out", tmp_path / "out"), ("scenario", "check", "yards")):
         if not more or command[0] == "run":
-            said = refused(*command, "--set", setting, *more)
-            assert more or setting.partition("=")[0] in said
-            assert says in said
+            said = shell(*command, "--set", setting, *more)
+            assert (said.code, said.out) == (2, "")
+            *announced, last = said.err.splitlines()
+            exists = Path(setting.partition("=")[2].rpartition(":")[0]).is_file()
+            assert len(announced) == (exists and command[0] == "run")
+            assert all(line.startswith("fogwatch: runs code: ") for line in announced)
+            assert more or setting.partition("=")[0] in last
+            assert says in last
     assert not (tmp_path / "out").exists()
 
 
@@ -322,3 +331,158 @@ def test_a_sensor_that_fails_ends_the_run_with_one_line(shell: Shell, tmp_path: 
     assert says in logs["world.log"]
     assert says in logs["robot-r1.log"]
     assert not any("Traceback" in log for log in logs.values())
+
+
+CODE = {
+    "patrol.policy": (EXAMPLE, "GreedyTarget"),
+    "sensor.kind": (ELLIPSE, "Ellipse"),
+    "radio.model": (RADIO, "Halving"),
+}
+
+
+def with_first(file: Path, code: str) -> str:
+    """A file's source with other code before its own."""
+    begin, future, rest = file.read_text(encoding="utf-8").rpartition("from __future__ import annotations\n")
+    return f"{begin}{future}{code}{rest}"
+
+
+@pytest.fixture
+def received(tmp_path: Path) -> Path:
+    """A folder of somebody else: a scenario and a sweep whose classes say when they run."""
+    folder = tmp_path / "received"
+    folder.mkdir()
+    for field, (file, _) in CODE.items():
+        says = f"import sys\nsys.stderr.write({f'ran: {field} {tmp_path}'!r} + chr(10))\n"
+        (folder / file.name).write_text(with_first(file, says), encoding="utf-8")
+    kinds = {field: f"./{file.name}:{name}" for field, (file, name) in CODE.items()}
+    scenario = {
+        **with_sensor(kinds["sensor.kind"]),
+        "duration": 10,
+        "patrol": {"policy": kinds["patrol.policy"]},
+        "radio": {"model": kinds["radio.model"]},
+    }
+    (folder / "scenario.yaml").write_text(json.dumps(scenario), encoding="utf-8")
+    (folder / "sweep.yaml").write_text("base: scenario.yaml\nseeds: 1\n", encoding="utf-8")
+    return folder
+
+
+def check_announced(said: str, *fields: str) -> None:
+    """Check that each class was named with its file before anything of one of them ran."""
+    lines = said.splitlines()
+    named = [line for line in lines if line.startswith("fogwatch: runs code: ")]
+    assert len(named) == len(fields), said
+    for line, field in zip(named, fields, strict=True):
+        file, name = CODE[field]
+        assert re.fullmatch(rf"fogwatch: runs code: {field} = /\S+/{file.name}:{name}, SHA-256 [0-9a-f]{{12}}", line)
+    ran = [index for index, line in enumerate(lines) if line.startswith("ran: ")]
+    assert {lines[index].split()[1] for index in ran} == set(fields), said
+    assert min(ran) > max(lines.index(line) for line in named)
+
+
+@pytest.mark.processes
+@pytest.mark.parametrize(
+    ("words", "is_recorded"),
+    [
+        (("run", "scenario.yaml", "--in-process", *WITHOUT[1:]), True),
+        (("sweep", "sweep.yaml", "--workers", "1"), False),
+        (("plan", "scenario.yaml", "--robots", "3", "--duration", "10", "--seeds", "1"), False),
+        (
+            (
+                *("benchmark", "--terrains", "yards", "--teams", "2", "--seeds", "1", "--duration", "10"),
+                *("--point", "1", "--policies", "./my_policy.py:GreedyTarget", "--workers", "1"),
+                *("--set", "sensor.kind=./elliptic_sensor.py:Ellipse", "--set", "radio.model=./my_radio.py:Halving"),
+            ),
+            False,
+        ),
+    ],
+    ids=lambda words: words[0] if isinstance(words, tuple) else None,
+)
+def test_a_command_that_runs_code_names_it_first(
+    words: tuple[str, ...],
+    is_recorded: bool,
+    received: Path,
+    records: Path,
+    shell: Shell,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.chdir(received)
+    said = shell(*words, "--out", tmp_path / "out")
+    assert said.code == 0, said.err
+    check_announced(said.err, *CODE)
+    assert records.exists() == is_recorded, "only a run puts a sensor on the user's list"
+
+
+@pytest.mark.processes
+def test_an_intruder_with_the_code_names_it_first(
+    received: Path, shell: Shell, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    out = tmp_path / "out"
+    assert shell("run", received / "scenario.yaml", "--in-process", *WITHOUT[1:], "--out", out).code == 0
+    for name in [name for name in sys.modules if name.startswith("fogwatch_")]:
+        monkeypatch.delitem(sys.modules, name)
+    said = shell("intruder", out, "--code")
+    assert (said.code, "needs 600 s" in said.err) == (2, True), said.err
+    check_announced(said.err, *CODE)
+
+
+@pytest.mark.processes
+@pytest.mark.parametrize(
+    ("module", "fields"), [("agent", ("patrol.policy", "sensor.kind")), ("worldsim", ("sensor.kind", "radio.model"))]
+)
+def test_a_process_started_by_hand_names_code_first(
+    module: str, fields: tuple[str, ...], received: Path, tmp_path: Path
+) -> None:
+    own = ["--robot", "r1"] if module == "agent" else ["--out", str(tmp_path / "out")]
+    command = [sys.executable, "-m", module, "--scenario", str(received / "scenario.yaml"), "--fleet", "x", *own]
+    command += ["--router", "tcp/127.0.0.1:9", "--wait", "0.1"]
+    done = subprocess.run(command, cwd=EXAMPLES.parent, capture_output=True, text=True, check=False, timeout=600)
+    assert done.returncode == 2, done.stderr
+    assert len([line for line in done.stderr.splitlines() if line.startswith("fogwatch: runs code: ")]) == len(fields)
+    for field in fields:
+        assert f"fogwatch: runs code: {field} = " in done.stderr.partition("ran: ")[0]
+
+
+@pytest.fixture(scope="module")
+def poisoned(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of a run with a sensor of one's own, in which byte code of another one lies beside it."""
+    folder = tmp_path_factory.mktemp("poisoned")
+    with pytest.MonkeyPatch.context() as patch:
+        (folder / "fogwatch").symlink_to(cache_home())
+        patch.setenv("NUMBA_CACHE_DIR", str(folder))
+        patch.setenv("XDG_CACHE_HOME", str(folder / "cache"))
+        fogwatch.run(with_sensor(f"{ELLIPSE}:Ellipse", options={"across": 3}), out=folder / "run", picture=False)
+    file = folder / "run" / "sensor" / ELLIPSE.name
+    source = with_first(file, f"open({str(folder / 'ran')!r}, 'w')\n")
+    plant(file, source, checked=False)
+    return folder
+
+
+@pytest.mark.processes
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("judge", "run"),
+        ("report", "run", "--out", "run.html"),
+        ("compare", "run", "other", "--out", "compare.html"),
+        ("record", "run", "--out", "run.mcap"),
+        ("export", "run", "--out", "tables"),
+        ("animate", "run", "--out", "run.gif"),
+        ("intruder", "run"),
+        ("replay", "run", "--static", "page"),
+    ],
+    ids=lambda words: words[0],
+)
+def test_a_received_folder_runs_nothing_but_the_sensor_that_was_allowed(
+    words: tuple[str, ...], poisoned: Path, shell: Shell, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("XDG_CACHE_HOME", str(poisoned / "cache"))
+    for name in [name for name in sys.modules if name.startswith("fogwatch_sensor_")]:
+        monkeypatch.delitem(sys.modules, name)
+    for name in ("run", "other"):
+        shutil.copytree(poisoned / "run", tmp_path / name)
+    said = shell(*words)
+    assert said.code == 0, said.err
+    assert any(name.startswith("fogwatch_sensor_") for name in sys.modules), "the command has not run the sensor"
+    assert not (poisoned / "ran").exists()

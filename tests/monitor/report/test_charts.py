@@ -36,3 +36,20 @@ def test_a_backend_that_does_not_exist_is_one_line() -> None:
     done = subprocess.run([sys.executable, "-c", program], env=environment, capture_output=True, text=True, check=False)
     says = "BadInput: MPLBACKEND=nonsense: no backend of matplotlib; unset it, as figures need none\n"
     assert done.stderr.endswith(says)
+
+
+def test_settings_of_matplotlib_in_the_working_folder_do_not_count(tmp_path: Path) -> None:
+    """They come with a folder that was received, and can start TeX; the user's own, named by the user, stay."""
+    (tmp_path / "matplotlibrc").write_text("text.usetex: True\nsavefig.format: pgf\n", encoding="utf-8")
+    program = (
+        "from patrol.extras import check_matplotlib as c; c('sim'); import matplotlib as m; "
+        "print(m.rcParams['text.usetex'], m.rcParams['savefig.format'])"
+    )
+    command = [sys.executable, "-P", "-c", program]
+    for folder, environment, settings in (
+        (tmp_path, {}, "False png\n"),
+        (tmp_path.parent, {"MATPLOTLIBRC": str(tmp_path)}, "True pgf\n"),
+    ):
+        env = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[3]), **environment}
+        done = subprocess.run(command, cwd=folder, env=env, capture_output=True, text=True, check=True)
+        assert done.stdout == settings

@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import signal
 import stat
 import subprocess
@@ -165,6 +166,29 @@ def test_a_changed_source_and_other_settings_have_entries_of_their_own(toy: Path
     source_of(toy).write_text(KERNEL, encoding="utf-8")
     assert said(start()) == []
     assert said(start(NUMBA_BOUNDSCHECK="1")) == []
+
+
+@pytest.mark.processes
+def test_numbas_settings_in_the_working_folder_do_not_count(
+    toy: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """They come with a folder that was received, and name a cache there; what lies in a cache is executed."""
+    received = tmp_path / "received"
+    received.mkdir()
+    settings = "cache_dir: planted\ncache_locator_classes: UserProvidedCacheLocator\n"
+    (received / ".numba_config.yaml").write_text(settings, encoding="utf-8")
+    monkeypatch.chdir(received)
+    monkeypatch.delenv("NUMBA_CACHE_DIR")
+    monkeypatch.setenv("XDG_CACHE_HOME", str(toy / "cache"))
+    plainly = (
+        f"import sys; sys.path.insert(0, {str(source_of(toy).parent)!r}); import sums; sums.double(21); print('[]')"
+    )
+    assert said(start(plainly)) == []
+    assert (received / "planted").is_dir(), "numba would not use that cache"
+    shutil.rmtree(received / "planted")
+    assert said(start(IMPORT)) == COMPILED
+    assert not (received / "planted").exists()
+    assert len(entry_files(toy)) == 3
 
 
 SHIPPED = """
