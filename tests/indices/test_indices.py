@@ -7,9 +7,12 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 ROOT = Path(__file__).resolve().parents[2]
 
 
+@pytest.mark.processes
 def test_no_index_leaves_its_array() -> None:
     """As plain Python: without the compiler's optimisations, and with lists and scratch arrays checked as well."""
     command = [sys.executable, "-m", "tests.indices", "-q", "-p", "no:cacheprovider", "tests/indices/cases.py"]

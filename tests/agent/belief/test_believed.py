@@ -11,10 +11,10 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from agent.belief.believed import Area, Belief, Beliefs
-from agent.belief.dilated import AGELESS, Posts
+from agent.belief.dilated import Posts
 from agent.kernels.dilate import dilate
 from agent.view import FogView
-from patrol.ground.fog import Fog
+from patrol.ground.fog import AGELESS, Fog
 from patrol.ground.footprint import Footprint
 from patrol.ground.sensors import footprint_of
 from patrol.ground.terrain import Terrain

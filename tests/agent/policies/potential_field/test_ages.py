@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from agent.kernels.force import gather
 from agent.policies import potential_field
 from fogwatch.inprocess import run_in_process
 from patrol.scenario import load_scenario
@@ -22,7 +23,6 @@ VERTICES: dict[str, Any] = {"terrain": {"graph": GRAPH, "patrolled": "vertices"}
 def test_no_point_that_pulls_is_older_than_the_stalest(
     paths: str, dilatation: float, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    gather = potential_field.gather
     oldest = []
 
     def checked(posts: Any, state: Any, length: Any, bend: Any, first: int, last: int, *rest: Any) -> None:
