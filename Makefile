@@ -96,11 +96,12 @@ test-hard: develop ## hunt for tests that depend on speed, order or neighbours (
 	$(BIN)/python -m tests.hunt --times $(N) $(if $(SEED),--seed $(SEED)) -- -n auto --maxprocesses 4 --dist worksteal $(TESTS)
 
 # make chaos RUNS=500 OUT=FOLDER goes on where the folder ends; PROCESSES=K runs every K-th seed as real processes too.
+# BOUNDS=1 checks every index of the kernels; SET="--set FIELD=VALUE" sets what is otherwise drawn.
 RUNS ?= 30
 .PHONY: chaos
-chaos: develop ## hunt for faults with random scenarios (RUNS=30 SEED=1), about two seconds each
-	$(BIN)/python -m tests.chaos --runs $(RUNS) $(if $(SEED),--seed $(SEED)) $(if $(OUT),--out $(OUT)) \
-		$(if $(PROCESSES),--processes $(PROCESSES))
+chaos: develop ## hunt for faults with random scenarios (RUNS=30 SEED=1 BOUNDS=1), about two seconds each
+	$(if $(BOUNDS),$(CHECKED)) $(BIN)/python -m tests.chaos --runs $(RUNS) $(if $(SEED),--seed $(SEED)) \
+		$(if $(OUT),--out $(OUT)) $(if $(PROCESSES),--processes $(PROCESSES)) $(SET)
 
 # Tests of code that runs kernels, and those that call the kernels themselves, without whole patrols and large maps: these
 # take about two minutes, compiling included.
@@ -109,15 +110,21 @@ QUICK_KERNEL_TESTS := $(addprefix tests/patrol/ground/test_,footprint.py fog.py 
 	tests/patrol/regions tests/agent/belief tests/agent/routes tests/agent/bodies/test_goal.py \
 	tests/agent/policies/test_force.py tests/agent/policies/test_choice.py tests/worldsim/robots/test_motion.py \
 	tests/monitor/page/test_tiles.py tests/monitor/replay/test_visits.py
-BOUNDS := NUMBA_BOUNDSCHECK=1
+CHECKED := NUMBA_BOUNDSCHECK=1
+# The paper's policy, which few seeds of a hunt draw, on each kind of path; ground of which only vertices are patrolled is
+# among these seeds for each.
+HUNTED_PATHS := straight regions wave
 
 .PHONY: test-bounds test-bounds-quick
 test-bounds: develop ## the tests of kernels, with every index checked
-	$(BOUNDS) $(PYTEST) -m "not processes and not browser" $(KERNEL_TESTS)
+	$(CHECKED) $(PYTEST) -m "not processes and not browser" $(KERNEL_TESTS)
 
 test-bounds-quick: develop
-	$(BOUNDS) $(PYTEST) -m "not processes and not browser" $(QUICK_KERNEL_TESTS) \
+	$(CHECKED) $(PYTEST) -m "not processes and not browser" $(QUICK_KERNEL_TESTS) \
 		-k "not patrols_on_regions and not patrolled_much and not builtin_terrains"
+	rm -rf build/chaos-bounds
+	for paths in $(HUNTED_PATHS); do $(CHECKED) $(BIN)/python -m tests.chaos --runs 12 --out build/chaos-bounds/$$paths \
+		--set patrol.policy=potential-field --set patrol.options.paths=$$paths; done
 
 .PHONY: test-network
 test-network: develop ## run a fleet in network namespaces (Linux, root; otherwise it is skipped, with the reason)

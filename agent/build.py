@@ -88,7 +88,7 @@ class Shared:
         """Return the area of one kind of body, for a window of some points in each direction."""
         kind = id(fields), dilatation
         if kind not in self.areas:
-            ground = fields.patrolled if patrol.paths == "straight" else fields.reach
+            ground = fields.patrolled if patrol.paths == "straight" else fields.reach & fields.patrolled
             square = "square-window" in patrol.paper_rules
             self.areas[kind] = Area(fields.patrolled, ground, self.posts_of(fields, patrol), dilatation, square)
         return self.areas[kind]

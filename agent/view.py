@@ -55,7 +55,8 @@ class FogView:
     def last_seen(self) -> NDArray[np.int32]:
         """int32, the tick at which each point was last seen; -1 where it never was, which counts as tick 0.
 
-        For example, at tick 10 a point with 4 has an age of 6 ticks, and one with -1 an age of 10.
+        For example, at tick 10 a point with 4 has an age of 6 ticks, and one with -1 an age of 10. A point that the
+        robot does not patrol has no age, which reads 2**31 - 1.
         """
         return self._show_grid(0, self._belief.fog.last_seen)
 
@@ -116,6 +117,7 @@ class FogView:
         self.stands = stands
         if points is not self.left_out:
             self.left_out = points
+            self._belief.shared.leave_out(points, self.posts)
             self.patrolled = _read_only(self._whole if points is None else self._whole & ~points)
 
     def mfow(self, tick: int) -> int:

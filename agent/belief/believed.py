@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agent.belief.dilated import Posts
-from patrol.ground.fog import Box, Fog, Looks
+from patrol.ground.fog import AGELESS, Box, Fog, Looks
 from patrol.ground.footprint import Footprint
 from patrol.ground.footprint import View as SensorView
 from patrol.ground.terrain import BoolGrid
@@ -38,13 +38,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Area:
-    """The ground of a kind of robot: robots with the same one begin with equal fogs.
+    """The ground of a kind of robot: robots with the same one begin with equal fogs."""
 
-    Without posts, paths lead over every point, so points that are not ground must not pull.
-    """
-
-    patrolled: BoolGrid  # the points that the robot can see
-    ground: BoolGrid  # the points over which staleness spreads
+    patrolled: BoolGrid  # the points that the robot patrols
+    ground: BoolGrid  # those of them over which staleness spreads
     posts: Posts  # the points on which no body fits, and where to see them from
     dilatation: int  # points, half-width of the window; 0 for no dilatation
     square: bool = False  # True if staleness spreads through walls
@@ -64,14 +61,27 @@ class BelievedFog:
         """Start with nothing seen and no members."""
         self.members: set[int] = set()
         self.fog = Fog(area.patrolled)
+        # Paths may lead over such points, which must not pull.
+        self.fog.last_seen[~area.patrolled] = AGELESS
+        self._area = area
         self._footprint = footprint
         self.looked = self.fog.last_seen.copy() if footprint.leaves_age else self.fog.last_seen
         self._tick = 0
         self._dilated: Dilated | None = None
-        if area.dilatation > 0 or not len(area.posts.rows):
+        self._spread(area.ground, area.posts)
+
+    def _spread(self, ground: BoolGrid, posts: Posts) -> None:
+        """Begin to spread staleness over some ground, if it spreads at all."""
+        if self._area.dilatation > 0:
             from agent.belief.dilated import Dilated  # here, as most robots do without its kernels
 
-            self._dilated = Dilated(self.fog, area.ground, area.posts, area.dilatation, square=area.square)
+            self._dilated = Dilated(self.fog, ground, posts, self._area.dilatation, square=self._area.square)
+
+    def leave_out(self, points: BoolGrid | None, posts: Posts) -> None:
+        """Spread no staleness of some points, and that of others by other posts; None for no points."""
+        self._spread(self._area.ground if points is None else self._area.ground & ~points, posts)
+        height, width = self.looked.shape
+        self._note_changes([(0, height - 1, 0, width - 1)], self._tick)
 
     def fork(self) -> BelievedFog:
         """Return the same fog with its own grids, for others."""

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from agent.kernels.changes import NOTHING, POST, SIDE, boxes_due, note_freshest, take_in
 from agent.kernels.dilate import FRAME, LONG, dilate_all
-from patrol.ground.fog import Box, Fog
+from patrol.ground.fog import AGELESS, Box, Fog
 from patrol.ground.terrain import BoolGrid
 
 
@@ -57,10 +57,6 @@ class Posts:
         """
         height = len(self._ends) - 1
         return self._rows[self._ends[min(max(first, 0), height)] : self._ends[min(max(last + 1, 0), height)]]
-
-
-AGELESS = NOTHING
-"""Dilated last-seen tick of points that are not ground; such points have no age."""
 
 
 class Dilated:

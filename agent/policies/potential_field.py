@@ -323,9 +323,6 @@ class PotentialField:
             rivals = [(row, col) for row, col in view.ground.static.join_each(places_of(view.peers)).tolist()]
         fog = view.fog
         dilated = partial(fog.dilated_around, (start[0] - 1, start[1] - 1))
-        last_seen = (
-            fog.last_seen if fog.left_out is None else np.where(fog.left_out, np.int32(view.tick), fog.last_seen)
-        )
         aside, key = CENTRE, 0
         if self._options.origin == "robot":
             (x, y), point = view.ground.centre(*start), view.ground.terrain.point
@@ -333,7 +330,7 @@ class PotentialField:
         if self._options.ties == "drawn":
             key = int(view.draw(0, Purpose.TIES) * 2.0**53)
         now = (view.tick, view.mfow)
-        pull = self._field.pull(view.ground, *start, last_seen, dilated, *now, rivals, fog.looked, aside, key)
+        pull = self._field.pull(view.ground, *start, fog.last_seen, dilated, *now, rivals, fog.looked, aside, key)
         if self._fuzzy is not None:
             np.multiply(pull.sums, self._fuzzy.coefficients(start[0] - 1, start[1] - 1), out=pull.sums)
         if "repulsion" in self._options.separations:

@@ -74,7 +74,6 @@ Theirs are points that move along edges, whose lengths are those of the graph's 
 on it. Ours are bodies of 0.1 m on the map that drive round obstacles and each other, and visit a vertex within 0.4 m.
 Nothing but the vertices is patrolled in our runs (`terrain.patrolled: vertices`), and the sensor's range is the \
 distance of a visit less the diagonal of a grid point (`sensor.range`), so that a robot which sees a vertex visits it.
-`potential-field` is attracted by what lies within about 6 m, and so finds few vertices.
 Ours know of each other what positions say; theirs share all state.
 Ours start on vertices 0, 8, 16, 24, 32 and 39, as their learned policy does; for their other results no starts are \
 recorded.

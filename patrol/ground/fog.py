@@ -14,6 +14,9 @@ from patrol.kernels.fog import observe, observe_each, stalest_row
 NEVER = -1
 """``last_seen`` of a point that nobody has seen yet; its age counts from tick 0."""
 
+AGELESS = 2**31 - 1
+"""Last-seen tick of a point that has no age, in what robots believe and in its dilatation."""
+
 Box = tuple[int, int, int, int]
 """First row, last row, first column, last column (inclusive)."""
 

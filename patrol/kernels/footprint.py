@@ -47,7 +47,8 @@ def cast(passable, row, col, radius, view, row0, col0):
     reach = int(radius + 1e-9)
     visible[:] = 0
     view[row - row0, col - col0] = 1
-    limit = radius * radius + 1e-9
+    # At least the square of the reach, or the farthest line would have no width: the root of a negative number.
+    limit = max(radius * radius + 1e-9, float64(reach * reach))
     # Wedges of the current and of the next line: start and end slope as numerator and denominator.
     now = [(0, 0, 0, 0)] * (4 * reach + 8)
     after = [(0, 0, 0, 0)] * (4 * reach + 8)

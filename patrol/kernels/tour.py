@@ -42,7 +42,7 @@ def shorten(lengths, tour):
                     better = True
         for size in range(1, min(4, n - 2)):
             for i in range(n):
-                before, after = tour[i - 1], tour[(i + size) % n]
+                before, after = tour[(i - 1) % n], tour[(i + size) % n]
                 first, last = tour[i], tour[(i + size - 1) % n]
                 gain = lengths[before, first] + lengths[last, after] - lengths[before, after]
                 best, position, turned = 0, -1, False
@@ -64,5 +64,5 @@ def shorten(lengths, tour):
                 better = True
     total = 0
     for i in range(n):
-        total += lengths[tour[i - 1], tour[i]]
+        total += lengths[tour[(i - 1) % n], tour[i]]
     return total

@@ -152,13 +152,11 @@ def complete(views: Views, part: BoolGrid, proxy: NDArray[np.int32]) -> list[int
     """Add and return places for what no candidate sees: the unseen point, or the point of the part that sees it."""
     inside, posts = part.reshape(-1), proxy.reshape(-1)
     added = []
-    last = None
     while (here := views.unseen()) is not None:
-        if here == last:  # seen from nowhere in this part
+        cell = here if inside[here] else int(posts[here])
+        if not views.gain(cell):  # `here` is seen from nowhere in this part
             views.forget(here)
             continue
-        last = here
-        cell = here if inside[here] else int(posts[here])
         views.add(cell)
         added.append(cell)
     return added

@@ -11,7 +11,9 @@ import argparse
 import json
 import sys
 import time
+from collections.abc import Mapping
 from pathlib import Path
+from types import MappingProxyType
 
 from fogwatch.testing.swarm import random_fleet
 from patrol.errors import BadInput
@@ -20,6 +22,7 @@ from tests.chaos.examine import Breakage, Examiner, TooSlow, without_needless_fa
 from tests.chaos.table import SEEDS, missing, read_lines
 
 ROOT = Path(__file__).resolve().parents[2]
+NOTHING: Mapping[str, str] = MappingProxyType({})
 PROCESSES_EVERY = 50
 """A seed of so many is run as real processes too."""
 
@@ -31,7 +34,11 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=1, help="the first seed (default: 1)")
     parser.add_argument("--out", type=Path, help="folder to go on in (default: build/chaos, from the beginning)")
     parser.add_argument("--processes", type=int, default=PROCESSES_EVERY, metavar="K", help="every K-th as processes")
+    parser.add_argument(
+        "--set", action="append", default=[], metavar="FIELD=VALUE", help="of every scenario; repeatable"
+    )
     asked = parser.parse_args()
+    given = dict(field.split("=", 1) for field in asked.set)
     out = asked.out or ROOT / "build" / "chaos"
     out.mkdir(parents=True, exist_ok=True)
     file = out / SEEDS
@@ -40,7 +47,8 @@ def main() -> int:
     done = {line["seed"] for line in read_lines(file)}
     for seed in range(asked.seed, asked.seed + asked.runs):
         if seed not in done:
-            line = hunt(seed, out, processes=asked.processes > 0 and seed % asked.processes == 0)
+            processes = asked.processes > 0 and seed % asked.processes == 0
+            line = hunt(seed, out, processes=processes, given=given)
             with file.open("a", encoding="utf-8") as lines:
                 lines.write(json.dumps(line) + "\n")
     seeds = read_lines(file)
@@ -51,15 +59,19 @@ def main() -> int:
     return 1 if broken or never else 0
 
 
-def hunt(seed: int, out: Path, *, processes: bool) -> dict[str, object]:
-    """Run one seed and return its line."""
+def hunt(
+    seed: int, out: Path, *, processes: bool, given: Mapping[str, str] = MappingProxyType({})
+) -> dict[str, object]:
+    """Run one seed and return its line; `given` has what is not drawn, as for `random_fleet`."""
     begun_s = time.process_time()
     again = f"make chaos RUNS=1 SEED={seed}{' PROCESSES=1' if processes else ''}"
+    if given:
+        again += f' SET="{" ".join(f"--set {field}={value}" for field, value in given.items())}"'
     folder = out / f"seed-{seed}"
     folder.mkdir(parents=True, exist_ok=True)
     line: dict[str, object] = {"seed": seed, "processes": processes}
     try:
-        prepared = random_fleet(seed, folder)
+        prepared = random_fleet(seed, folder, given)
     except BadInput as refused:
         print(f"seed {seed} is refused: {refused}\n  {again}", flush=True)
         return {**line, "cpu_s": 0.0, "broke": f"not drawn: {refused}", "met": []}

@@ -196,3 +196,12 @@ def test_an_edge_joins_two_vertices(edge: list[int]) -> None:
     graph = {"vertices": [[5, 5], [10, 5]], "edges": [edge]}
     with pytest.raises(BadInput, match=r"terrain\.graph\.edges"):
         load_scenario({"terrain": {"builtin": "open", "graph": graph}})
+
+
+def test_ground_that_one_narrow_view_covers_has_a_vertex(tmp_path: Path) -> None:
+    """A place that sees what its own view shows, and is the post of what it does not, is one place."""
+    plan = write_map(tmp_path, Image.new("L", (7, 6), 255), {"resolution": 0.5})
+    robots = {"count": 1, "model": "holonomic", "radius": 0.05}
+    sensor = {"range": 99.0, "angle": 90.0}
+    given = {"terrain": {"map": str(plan)}, "point": 0.5, "robots": robots, "sensor": sensor}
+    assert len(prepare(load_scenario(given)).graph.places) >= 1

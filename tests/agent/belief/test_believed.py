@@ -11,9 +11,10 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from agent.belief.believed import Area, Belief, Beliefs
-from agent.belief.dilated import AGELESS, Posts
+from agent.belief.dilated import Posts
 from agent.kernels.dilate import dilate
-from patrol.ground.fog import Fog
+from agent.view import FogView
+from patrol.ground.fog import AGELESS, Fog
 from patrol.ground.footprint import Footprint
 from patrol.ground.sensors import footprint_of
 from patrol.ground.terrain import Terrain
@@ -92,6 +93,36 @@ def test_what_is_no_ground_has_no_age_where_there_are_no_posts(dilatation: int) 
         belief.hear(k, Pose(3.0 + k, 5.0, 0.0), [])
     assert (belief.dilated[~passable] == AGELESS).all()
     assert (belief.dilated[passable] <= 3).all()
+
+
+@pytest.mark.parametrize("dilatation", [1, 3])
+def test_what_is_left_out_makes_nothing_look_stale(dilatation: int) -> None:
+    """Ground behind a closed door would have the ages of the ground before it exceed that of the stalest point."""
+    belief, _ = belief_on(OPEN, dilatation, sensor=8.0)
+    for k in range(20):
+        belief.hear(k, Pose(5.0, 2.0 + 16.0 * (k % 10) / 9.0, 0.0), [])
+    fog = FogView(belief, OPEN, Posts(np.full(OPEN.shape, -1, dtype=np.int32)))
+    left_out = fog.last_seen < 3
+    assert fog.dilated[~left_out].min() == 0
+    fog.leave_out(left_out, None)
+    assert (fog.dilated[left_out] == AGELESS).all()
+    assert fog.dilated[~left_out].min() == fog.last_seen[~left_out].min() == 19 - fog.mfow(19) >= 3
+    fog.leave_out(None, None)
+    assert fog.dilated[~left_out].min() == 0
+
+
+def test_a_point_that_is_not_patrolled_has_no_age() -> None:
+    terrain = Terrain("t", OPEN, 0.5)
+    patrolled = np.zeros_like(OPEN)
+    patrolled[10, 10] = patrolled[10, 14] = True
+    posts = Posts(np.full(OPEN.shape, -1, dtype=np.int32))
+    inboxes = Inboxes([1], Rules((1,), terrain.bounds, 10.0, None, STEP, 0))
+    belief = Beliefs(inboxes, footprint_of(terrain, 1.0)).join(1, Area(patrolled, patrolled, posts, 3))
+    for k in range(5):
+        belief.hear(k, Pose(5.25, 5.25, 0.0), [])
+    for grid in (belief.fog.last_seen, belief.dilated):
+        assert (grid[~patrolled] == AGELESS).all()
+    assert belief.fog.mfow(4) == 4
 
 
 def test_a_look_counts_once_whether_a_frame_or_a_trail_tells_of_it() -> None:

@@ -36,6 +36,17 @@ def test_line_of_sight_agrees_with_crossing_every_line_of_points(
             assert line_is_free(passable, (row, col), (r, c), lenient=True)
 
 
+@settings(max_examples=60)
+@given(passable=grids, whole=st.integers(1, 12), seed=st.integers(0, 10**6))
+def test_a_radius_that_rounding_made_less_sees_what_the_whole_one_sees(
+    passable: NDArray[np.bool_], whole: int, seed: int
+) -> None:
+    terrain = Terrain("t", passable, 1.0)
+    pose = Pose(seed % passable.shape[1] + 0.5, seed // 97 % passable.shape[0] + 0.5, 0.0)
+    less, exact = (footprint_of(terrain, radius).visible(pose) for radius in (whole - 9e-10, float(whole)))
+    assert np.array_equal(on_terrain(less, passable.shape), on_terrain(exact, passable.shape))
+
+
 @settings(max_examples=40)
 @given(passable=grids, radius=st.floats(1.0, 12.0))
 def test_sight_is_symmetric(passable: NDArray[np.bool_], radius: float) -> None:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from agent.belief.dilated import AGELESS, Dilated, Posts
+from agent.belief.dilated import Dilated, Posts
 from agent.bodies.base import GoalFinder
 from agent.bodies.car import Unstuck
 from agent.bodies.steering import CarSteering
@@ -21,7 +21,7 @@ from agent.routes.path_window import CENTRE
 from agent.view import View
 from fogwatch.inprocess import run_in_process
 from fogwatch.run_options import preset_settings
-from patrol.ground.fog import Fog
+from patrol.ground.fog import AGELESS, Fog
 from patrol.ground.swept_path import advance
 from patrol.ground.terrain import BoolGrid, Terrain
 from patrol.pose import Pose
