@@ -21,7 +21,7 @@ from patrol.radio.message import MAX_TIME_MS, ms_to_s
 
 if TYPE_CHECKING:
     from agent.mind import Mind
-    from agent.ports import FleetClock, Robot
+    from agent.ports import Robot
     from agent.robots.clock import KeptClock
     from agent.robots.direct import DirectRadio
     from patrol.ground.fog import Fog
@@ -73,7 +73,7 @@ class Site:
     spec: RobotSpec
     start: Pose
     terrain: Terrain
-    clock: FleetClock
+    clock: LateClock
     step: float
     factor: float
     fog: Fog
@@ -271,7 +271,7 @@ class _Driver:
         if epoch_s is None:
             return None
         check_epoch(epoch_s, time.time(), log.info)
-        clock.keeper = KeptClock(step_s, epoch_s, time.time, ending.wait)
+        clock.keeper = KeptClock(step_s, epoch_s, time.time, ending.wait, log.warning)
         start = self.prepared.starts[self.spec.number - 1]
         site = Site(
             spec=self.spec,
@@ -343,6 +343,11 @@ class LateClock:
         self._alive()
         self.k = self.k if k is None else k
         return k
+
+    @property
+    def why(self) -> str:
+        """Why no tick comes; empty if they come."""
+        return "" if self.keeper is None else self.keeper.why
 
     def decide(self) -> bool:
         """Wait until it is time to decide; False when there is nothing to decide."""

@@ -21,7 +21,7 @@ from patrol.net.link import Link
 from patrol.net.mailbox import Air, Mailbox
 from patrol.process.lifeline import Ending
 from patrol.radio.message import CONTACT, MAX_FRAME, Position, Rejected, decode
-from patrol.security.keys import FleetKeys
+from patrol.security.keys import WORLD, FleetKeys
 from patrol.wire import read
 
 
@@ -63,6 +63,7 @@ class FleetStatus:
     faults: tuple[str, ...] = ()  # those in force that operators have requested, as in a scenario
     warnings: tuple[str, ...] = ()  # what is wrong with the fleet as a whole
     unknown: tuple[str, ...] = ()  # what this look cannot tell, and what would
+    has_world: bool = True  # False if there is no world; one that is there may give no answer
 
     @property
     def well(self) -> bool:
@@ -84,7 +85,7 @@ class FleetStatus:
 
     def _status_lines(self) -> Iterator[str]:
         yield f"fleet {self.fleet} at {self.router}"
-        yield f"world   {_world_text(self.world)}"
+        yield f"world   {_world_text(self.world) if self.world or not self.has_world else 'is there'}"
         if self.mfow_s is not None:
             yield f"MFoW    {self.mfow_s:.1f} s{'' if self.world is not None else ', as heard since this look began'}"
         yield ""
@@ -150,11 +151,18 @@ class Look:
         return float(self.static.scenario["radio"]["forget_after"])
 
     @property
+    def is_alone(self) -> bool:
+        """True if no two robots are there that could hear each other."""
+        return self.static.has_truth and sum(robot.status is Status.ALIVE for robot in self.state.robots) < 2
+
+    @property
     def undecided(self) -> list[str]:
         """Names of the robots that may be silent: their processes are there, and this look was too short to tell."""
         if self.observed_s > self.forget_after_s or self.state.ended is not None:
             return []
         maybe = Status.ALIVE if self.static.has_truth else Status.LOST
+        if self.is_alone:
+            return []
         robots = zip(self.static.robots, self.state.robots, strict=True) if self.state.robots else ()
         return [shape.name for shape, robot in robots if robot.status is maybe and robot.heard_s is None]
 
@@ -223,6 +231,7 @@ def fleet_status(look: Look, router: str) -> FleetStatus:
         faults=tuple(" ".join(f"{field}={value}" for field, value in fault.items()) for fault in state.faults),
         warnings=(state.note,) if state.note else (),
         unknown=(*([notice] if silent else []), *([] if simulated else [_NO_WORLD])),
+        has_world=simulated,
     )
 
 
@@ -247,7 +256,7 @@ def _robot_problem(look: Look, shape: RobotShape, robot: RobotState) -> str:
     if robot.status is Status.LEFT:
         return ""
     heard_s = look.observed_s if robot.heard_s is None else robot.heard_s
-    if heard_s > look.forget_after_s:
+    if heard_s > look.forget_after_s and not look.is_alone:
         since = "" if robot.heard_s is not None else "more than "
         problem = "no other robot has heard it" if simulated else "no position"
         return f"{problem} for {since}{duration_text(heard_s)}"
@@ -299,20 +308,29 @@ class TokenWatch:
         router: str,
         ending: Ending,
         silent_s: float,
+        find_world: Callable[[], FleetWatch | str | None],
         now: Callable[[], float] = time.monotonic,
     ) -> None:
         """Take over the connections, which `close` closes.
+
+        `find_world` opens a watch of a world that is there; it returns what is known of one that gives no answer, and
+        None when asked to end.
 
         `link` leads to the fleet's router, `air` to where the robots send positions; they may be the same. A robot
         without a position for `silent_s` is silent. `ending` ends a look early. `now` gives the wall clock in s.
         """
         self._link, self._air, self._keys, self._router = link, air, keys, router
         self._ending, self._silent_s, self._now = ending, silent_s, now
+        self._find_world = find_world
+        self._world: FleetWatch | None = None
+        self._waits: str | None = None  # of a world that has given no answer just now
         self._robots: dict[str, _Heard] = {}
         self._hearing = Hearing()
 
-    def look(self, seconds: float) -> FleetStatus:
+    def look(self, seconds: float) -> FleetStatus | None:
         """See `FleetWatch`."""
+        if self._world is not None:
+            return self._world.look(seconds)
         self._follow_robots()
         until = self._now() + seconds
         while (remaining_s := until - self._now()) > 0.0 and not self._ending.wait(min(remaining_s, _TAKE_S)):
@@ -324,10 +342,27 @@ class TokenWatch:
         new = [robot.name for robot in robots if robot.heard_s is None and not robot.wrong]
         unknown = [f"whether {', '.join(new)} can be heard: followed for less than {self._silent_s:g} s"] if new else []
         unknown.append(_UNKNOWN_AT_A_ROUTER if mesh is None else _UNKNOWN)
-        return FleetStatus(self._keys.fleet, self._router, None, None, robots, unknown=tuple(unknown))
+        if self._waits is None:
+            self.find_world()
+            if self._world is not None:
+                return self._world.look(seconds)
+        waits, self._waits = self._waits, None
+        warnings, has_world = (waits,) if waits else (), waits is not None
+        return FleetStatus(
+            self._keys.fleet, self._router, None, None, robots, (), warnings, tuple(unknown), has_world=has_world
+        )
+
+    def find_world(self) -> None:
+        """Look for the fleet's world, which may be met later than its robots; from then on, look at it."""
+        if not self._link.sees(self._keys.alive(WORLD)):
+            return
+        found = self._find_world()
+        self._world, self._waits = (None, found) if isinstance(found, str) else (found, None)
 
     def close(self) -> None:
         """See `FleetWatch`."""
+        if self._world is not None:
+            self._world.close()
         self._link.close()
         if self._air is not self._link:
             self._air.close()

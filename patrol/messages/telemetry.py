@@ -28,7 +28,9 @@ EVENTS = "events"
 TRAPPED = "trapped"
 FREE = "no longer trapped"
 NOT_RECORDED = "not recorded"
-"""Kinds of the notices that are no events of the journal: about a robot that makes no progress, and a full disk."""
+WAITS = "world waits"
+"""Kinds of the notices that are no events of the journal: about a robot that makes no progress, a full disk, and robots
+that the world waits for."""
 SHOW_S = 0.1
 """Wall time between two metrics."""
 MAX_VIEW = 1 << 22

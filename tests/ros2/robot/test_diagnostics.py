@@ -33,7 +33,7 @@ class Bench:
         self.hub, self.now_s, self.stopped = Hub(), 100.0, ""
         self.hardware = Hardware(self.hub.link("fogwatch", "robot1"), DriveSettings(**settings), 1.0, lambda _: None)
         self.peers = {2: Peer(7, Pose(0.0, 0.0, 0.0), 3), 9: Peer(7, Pose(0.0, 0.0, 0.0), 3)}
-        self.diagnostics = Diagnostics(self.hardware, facts, self.peers, lambda: self.now_s)
+        self.diagnostics = Diagnostics(self.hardware, facts, self.peers, lambda: self.no_tick, lambda: self.now_s)
 
     def decide(self, tick: int) -> None:
         decision = Decision(Twist(0.0, 0.0), "patrolling", None, None, None, 24, 3)
