@@ -21,7 +21,7 @@ from patrol.radio.message import MAX_TIME_MS, ms_to_s
 
 if TYPE_CHECKING:
     from agent.mind import Mind
-    from agent.ports import Robot
+    from agent.ports import FleetClock, Robot
     from agent.robots.clock import KeptClock
     from agent.robots.direct import DirectRadio
     from patrol.ground.fog import Fog
@@ -68,12 +68,13 @@ class Site:
             not predict each other by their trails (`radio.adaptive`, `radio.trail`).
         radii: Of all robots, by number, m.
         orders: Makes the place where operators' orders to stop wait, for a robot that obeys them.
+        no_tick: Says why no tick comes; empty if they come.
     """
 
     spec: RobotSpec
     start: Pose
     terrain: Terrain
-    clock: LateClock
+    clock: FleetClock
     step: float
     factor: float
     fog: Fog
@@ -81,6 +82,7 @@ class Site:
     foreseen: Callable[[int], Mapping[int, Peer]] | None
     radii: Mapping[int, float]
     orders: Callable[[], StopOrders]
+    no_tick: Callable[[], str] = lambda: ""
 
 
 def drive(
@@ -285,10 +287,12 @@ class _Driver:
             foreseen=foreseen(self.mind, clock),
             radii=self.mind.facts.radii,
             orders=lambda: StopOrders(link, keys, name),
+            no_tick=lambda: clock.why,
         )
         robot = make(site)
         telemetry = TelemetrySender(link.publisher(keys.telemetry(name)))
         telemetry.traffic = lambda final: radio.traffic(self.incarnation, final=final)
+        telemetry.stopped = lambda: str(getattr(robot, "stopped", ""))  # of a robot that obeys orders
         limit_s = None if policy_of(scenario).ours else DECISION_LIMIT_S
         last_tick = int(ms_to_s(MAX_TIME_MS) / step_s) // 2
         joins = len(names) - 1 if ticks.epoch_s is None else 0

@@ -10,7 +10,7 @@ from typing import Any, Protocol
 
 from fogwatch.cli.columns import aligned
 from fogwatch.terminal.live_table import duration_text
-from monitor.live.positions_source import MAX_TELEMETRY
+from monitor.live.positions_source import MAX_TELEMETRY, stop_text
 from monitor.observation.hearing import Hearing
 from monitor.observation.source import RobotShape, RobotState, Source, State, Static
 from patrol.errors import Malformed, printable
@@ -238,12 +238,18 @@ def fleet_status(look: Look, router: str) -> FleetStatus:
 def _robot_status(look: Look, shape: RobotShape, robot: RobotState) -> RobotStatus:
     return RobotStatus(
         name=shape.name,
-        status="silent" if robot.status is Status.LOST and not look.static.has_truth else robot.status.name.lower(),
+        status=_status_word(robot.status, look.static.has_truth),
         doing=robot.state,
         heard_s=robot.heard_s,
         place=None if robot.pose is None else (robot.pose.x, robot.pose.y),
         wrong=_robot_problem(look, shape, robot),
     )
+
+
+def _status_word(status: Status, simulated: bool) -> str:
+    """Return the status of a robot's process; without a world, a robot that is stopped or silent has one that lives."""
+    words = {} if simulated else {Status.LOST: "silent", Status.PAUSED: "alive"}
+    return words.get(status, status.name.lower())
 
 
 def _robot_problem(look: Look, shape: RobotShape, robot: RobotState) -> str:
@@ -253,8 +259,8 @@ def _robot_problem(look: Look, shape: RobotShape, robot: RobotState) -> str:
         return "" if shape.spare or simulated else "is not there"
     if simulated and robot.status in _PROCESS_WRONG:
         return _PROCESS_WRONG[robot.status]
-    if robot.status is Status.LEFT:
-        return ""
+    if robot.status in (Status.LEFT, Status.PAUSED):
+        return robot.state if robot.status is Status.PAUSED else ""  # without a world: stopped, and by whom
     heard_s = look.observed_s if robot.heard_s is None else robot.heard_s
     if heard_s > look.forget_after_s and not look.is_alone:
         since = "" if robot.heard_s is not None else "more than "
@@ -399,11 +405,11 @@ class TokenWatch:
             if heard_s is None:
                 wrong += " here; if robots hear each other elsewhere, give --radio"
         else:
-            wrong = self._hearing.wrong(name, there)
+            wrong = (report and stop_text(report.stopped)) or self._hearing.wrong(name, there)
         return RobotStatus(
             name=name,
             status="alive" if name in there else "gone",
-            doing="" if report is None else report.state,
+            doing="" if report is None else stop_text(report.stopped) or report.state,
             heard_s=heard_s,
             place=None if position is None else (position.pose.x, position.pose.y),
             tick=None if report is None else report.k,

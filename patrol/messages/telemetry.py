@@ -118,6 +118,7 @@ class Telemetry:
     decision_ms: _Number  # wall time
     rejected: _Whole  # frames so far
     traffic: Traffic | None = None  # of a direct radio
+    stopped: _Text = ""  # why the robot may not drive, and what ends that; empty if it may
 
 
 @dataclass(frozen=True, slots=True)

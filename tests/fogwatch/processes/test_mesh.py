@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from fogwatch.fleets.folder import make_fleet
-from patrol.messages.session import RETURN_S
+from patrol.journal import read_journal
 from tests.fleets import COARSE, Processes, python
 from tests.routers import free_port, needs_openssl
 
@@ -19,8 +19,6 @@ pytestmark = [pytest.mark.processes, needs_openssl]
 
 PATIENCE_S = 300.0
 TEAM = {"count": 3, "model": "holonomic", "speed": 2.0}
-HALT_S = RETURN_S + 20.0
-"""The longest halt: the connection's end is noticed, and the robot may come back. Half of a deadline of 60 s."""
 
 
 @pytest.fixture
@@ -52,12 +50,20 @@ def test_a_robot_that_was_killed_is_dropped_and_status_says_whom_the_world_waits
     status = look(1)
     assert (status["has_world"], status["world"], status["warnings"]) == (True, None, ["world waits for r3"])
     fleet.start("r3", "fogwatch", "agent", "--credentials", str(folder / "r3"), "--scenario", str(scenario))
-    fleet.until(lambda: (out / "journal").exists())
+    fleet.until((out / "journal").exists)
     look(0)
+    fleet.start("status", "fogwatch", "status", "--credentials", str(folder / "viewer"), "--json", "--watch")
+
+    def looks() -> list[Any]:
+        return [json.loads(line) for line in fleet.said("status").splitlines() if line.endswith("}")]
+
+    fleet.until(lambda: bool(looks()))
     fleet.processes["r1"].kill()
-    said = fleet.said("world")
-    fleet.until(lambda: "waiting for r1 (" in fleet.said("world")[len(said) :])
-    status = look(1)
-    assert status["world"]["tick"] > 0
-    assert status["warnings"] == ["world waits for r1"]
-    fleet.until(lambda: "r1 lost: its process was gone" in fleet.said("world"))
+    fleet.until(lambda: any("gone" in robot["wrong"] for robot in looks()[-1]["robots"]))
+    halted = [status for status in looks() if status["warnings"] == ["world waits for r1"]]
+    assert halted, fleet.said("status")
+    assert all(status["world"]["tick"] > 0 for status in halted)
+    assert [robot["wrong"] for robot in looks()[-1]["robots"]] == ["its process has gone", "", ""]
+    fleet.until(lambda: looks()[-1]["world"]["tick"] > halted[-1]["world"]["tick"] + 100)
+    (lost,) = [event for event in read_journal(out / "journal").events if event.robot == 1]
+    assert lost.detail.startswith("its process was gone in phase "), "a deadline of 60 s would have said so"
