@@ -93,6 +93,8 @@ def heed(lifeline: int | None, on_death: Callable[[], None] = lambda: None, *, p
 
     def by_signal(number: int, frame: FrameType | None) -> None:
         ending.ask(f"told to by {signal.Signals(number).name}")
+        if ending.times > 1:
+            _give_up_output()
         if ending.patience is not None and ending.times > ending.patience:
             interrupt(number, frame)
 
@@ -110,6 +112,7 @@ def interrupt(_number: int, frame: FrameType | None, tries: int = 0) -> None:
     LLVM, calling back for compiled code, would go on with memory that was not filled; an import that is broken off
     leaves locks of libraries taken; what a `__del__` raises is dropped.
     """
+    _give_up_output()
     if _is_loading(frame) and tries * _POLL_S < LOADING_S:
         _interrupt_soon(tries + 1)
         return
@@ -127,6 +130,16 @@ def interrupt(_number: int, frame: FrameType | None, tries: int = 0) -> None:
     # Python drops what a `__del__` raises, and calls this hook: then it is tried again.
     sys.unraisablehook = see_lost
     raise InterruptedBySignal
+
+
+def _give_up_output() -> None:
+    """Drop what nobody reads: a full pipe would hold up the end of this process, also in a write that has begun."""
+    for number in (1, 2):
+        with contextlib.suppress(OSError, ValueError):
+            if not select.select([], [number], [], 0)[1]:
+                nowhere = os.open(os.devnull, os.O_WRONLY)
+                os.dup2(nowhere, number)  # the write is tried again when the signal's handler returns
+                os.close(nowhere)
 
 
 def _interrupt_soon(tries: int) -> None:
