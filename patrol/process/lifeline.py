@@ -247,12 +247,22 @@ def die_when_orphaned(lifeline: int | None) -> None:
 def ending_children() -> Iterator[None]:
     """End the processes that foreign code starts in a block, where the system lists a process's children.
 
-    They have `GRACE_S` to leave in order before they are killed.
+    They have `GRACE_S` to leave in order before they are killed. In the block `os._exit` raises SystemExit, as
+    `sys.exit` does: foreign code must not end this process, and certainly not with an exit code that says that all is
+    well. Processes that it forks end as ever.
     """
-    before = _list_children()
+    before, own, end_now = _list_children(), os.getpid(), os._exit
+
+    def end_forks_alone(status: int) -> NoReturn:
+        if os.getpid() != own:
+            end_now(status)
+        raise SystemExit(status)
+
+    os._exit = end_forks_alone
     try:
         yield
     finally:
+        os._exit = end_now
         _end_children(_list_children() - before)
 
 

@@ -20,6 +20,7 @@ SCENARIO = {"radio": {"forget_after": 10.0}}
 STATIC = Static(
     "yards-1", SCENARIO, GROUND, GROUND, 1.0, (0.0, 0.0), ROBOTS, 0.5, 100, None, live=True, layers=("truth", "heard")
 )
+STOPPED = "stopped by an operator"
 WELL = RobotState(1, Status.ALIVE, "patrolling", Pose(3.0, 4.0, 0.0), heard_s=0.5)
 SPARE = RobotState(2, Status.ABSENT)
 OTHER = RobotState(2, Status.ALIVE, "patrolling", Pose(1.0, 1.0, 0.0), heard_s=0.5)
@@ -64,6 +65,7 @@ def test_robots_of_a_world(robot: RobotState, wrong: str) -> None:
         (replace(WELL, status=Status.LOST, heard_s=42.0), "silent", "no position for 42 s"),
         (replace(WELL, status=Status.LOST, heard_s=None), "silent", "no position for more than 20 s"),
         (replace(WELL, status=Status.ABSENT, heard_s=None), "absent", "is not there"),
+        (replace(WELL, status=Status.PAUSED, state=STOPPED), "alive", STOPPED),
     ],
 )
 def test_robots_without_a_world(robot: RobotState, shown: str, wrong: str) -> None:

@@ -177,3 +177,13 @@ def test_a_world_that_is_met_later_than_its_robots_is_looked_at_from_then_on() -
     assert [fleet.look(), fleet.look()] == ["looked for 0 s", "looked for 0 s"]
     fleet.watch.close()
     assert (world.closed, fleet.air.closed) == (1, 1)
+
+
+def test_a_robot_that_is_stopped_is_not_called_patrolling() -> None:
+    fleet = Fleet("anna")
+    fleet.air.position("anna")
+    stopped = "stopped by an operator (fogwatch control ... release); stopped by the topic /stop (publish false there)"
+    report = Telemetry(7, "patrolling", None, None, None, 9, 1.5, 0, stopped=stopped)
+    fleet.air.say(KEYS.telemetry("anna"), pack_view(report))
+    (robot,) = fleet.look().robots
+    assert robot.doing == robot.wrong == "stopped by an operator; stopped by the topic /stop"

@@ -67,12 +67,7 @@ class Totals:
             "links": self._traffic.links(),
             "faults": self._traffic.faults(),
             **_of_processes(journal),
-            "verdict": {
-                "valid": verdict.valid,
-                "outcome": verdict.outcome,
-                "warnings": list(verdict.warnings),
-                "checks": [{**asdict(check), "warnings": list(check.warnings)} for check in verdict.checks],
-            },
+            "verdict": verdict_facts(verdict),
         }
         stays = {} if verdict.progress is None else verdict.progress.stays
         for robot in header.robots:
@@ -89,6 +84,16 @@ class Totals:
         if header.scenario["radio"].get("via") == "direct":
             document = as_measured(document, journal)
         return Summary.model_validate(document)
+
+
+def verdict_facts(verdict: Verdict) -> dict[str, Any]:
+    """Return a verdict as a summary states it."""
+    return {
+        "valid": verdict.valid,
+        "outcome": verdict.outcome,
+        "warnings": list(verdict.warnings),
+        "checks": [{**asdict(check), "warnings": list(check.warnings)} for check in verdict.checks],
+    }
 
 
 def summarise(journal: RunRecord, verdict: Verdict, prepared: Prepared | None = None) -> Summary:
