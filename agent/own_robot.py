@@ -350,7 +350,7 @@ class LateClock:
 
     @property
     def why(self) -> str:
-        """Why no tick comes; empty if they come."""
+        """The reason why no tick comes; empty if they come."""
         return "" if self.keeper is None else self.keeper.why
 
     def decide(self) -> bool:

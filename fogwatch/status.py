@@ -362,8 +362,8 @@ class TokenWatch:
         """Look for the fleet's world, which may be met later than its robots; from then on, look at it."""
         if not self._link.sees(self._keys.alive(WORLD)):
             return
-        found = self._find_world()
-        self._world, self._waits = (None, found) if isinstance(found, str) else (found, None)
+        answer = self._find_world()
+        self._world, self._waits = (None, answer) if isinstance(answer, str) else (answer, None)
 
     def close(self) -> None:
         """See `FleetWatch`."""

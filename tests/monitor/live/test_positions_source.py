@@ -115,7 +115,7 @@ def test_a_robot_that_an_operator_has_stopped_is_stopped_and_not_trapped() -> No
     source = source_of(ears, clock)
 
     def go_on(until: int, stopped: str) -> Any:
-        state = None
+        state: Any = None
         for k in range(int(clock[0]), until):
             clock[0] = float(k)
             hear(ears, "anna", k, Pose(6.0, 6.0, 0.0))
