@@ -133,7 +133,7 @@ def interrupt(_number: int, frame: FrameType | None, tries: int = 0) -> None:
 
 
 def _give_up_output() -> None:
-    """Drop output that has no reader: a full pipe would hold up the end of this process, also in a write that has begun."""
+    """Drop output that has no reader: a full pipe would hold up the end, also in a write that has begun."""
     for number in (1, 2):
         with contextlib.suppress(OSError, ValueError):
             if not select.select([], [number], [], 0)[1]:
