@@ -200,7 +200,8 @@ def longest_metrics(robots: int) -> int:
 
 def pack_view(view: Metrics | Notice | Telemetry) -> bytes:
     """Pack a view."""
-    packed: bytes = msgpack.packb(asdict(view))
+    # Without a stop, what is sent is as it always was.
+    packed: bytes = msgpack.packb({name: value for name, value in asdict(view).items() if value or name != "stopped"})
     return packed
 
 
