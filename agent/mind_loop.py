@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 
 from agent.answers import policy_failure
 from agent.ports import PolicyFailed, Telemetry
+from patrol.messages.telemetry import MAX_TEXT, Traffic, pack_view
 from patrol.messages.telemetry import Telemetry as TelemetryView
-from patrol.messages.telemetry import Traffic, pack_view
 from patrol.process.deadline import Late, deadline
 from patrol.reporting.logs import Log
 from patrol.reporting.vitals import DECIDING, DECISION, MFOW, PEERS, REFUSED
@@ -100,6 +100,7 @@ class TelemetrySender:
 
     def __init__(self, post: Callable[[bytes], None]) -> None:
         self.traffic: Callable[[bool], Traffic | None] = lambda _final: None
+        self.stopped: Callable[[], str] = lambda: ""
         self._post = post
         self._due = 0.0
         self._last: TelemetryView | None = None
@@ -116,6 +117,7 @@ class TelemetrySender:
             mfow=decision.mfow,
             decision_ms=decision_ms,
             rejected=decision.rejected,
+            stopped=self.stopped()[:MAX_TEXT],
         )
         if now >= self._due:
             self._due = now + TELEMETRY_S

@@ -71,6 +71,7 @@ class Site:
             not predict each other by their trails (`radio.adaptive`, `radio.trail`).
         radii: Of all robots, by number, m.
         orders: Makes the place where operators' orders to stop wait, for a robot that obeys them.
+        no_tick: Says why no tick comes; empty if they come.
     """
 
     spec: RobotSpec
@@ -84,6 +85,7 @@ class Site:
     foreseen: Callable[[int], Mapping[int, Peer]] | None
     radii: Mapping[int, float]
     orders: Callable[[], StopOrders]
+    no_tick: Callable[[], str] = lambda: ""
 
 
 def drive(
@@ -278,7 +280,7 @@ class _Driver:
         if epoch_s is None:
             return None
         check_epoch(epoch_s, time.time(), log.info)
-        clock.keeper = KeptClock(step_s, epoch_s, time.time, ending.wait)
+        clock.keeper = KeptClock(step_s, epoch_s, time.time, ending.wait, log.warning)
         start = self.prepared.starts[self.spec.number - 1]
         site = Site(
             spec=self.spec,
@@ -292,10 +294,12 @@ class _Driver:
             foreseen=foreseen(self.mind, clock),
             radii=self.mind.facts.radii,
             orders=lambda: StopOrders(link, keys, name),
+            no_tick=lambda: clock.why,
         )
         robot = make(site)
         telemetry = TelemetrySender(link.publisher(keys.telemetry(name)))
         telemetry.traffic = lambda final: radio.traffic(self.incarnation, final=final)
+        telemetry.stopped = lambda: str(getattr(robot, "stopped", ""))  # of a robot that obeys orders
         limit_s = None if policy_of(scenario).ours else DECISION_LIMIT_S
         latest = None if ticks.epoch_s is not None else lambda: latest_tick(step_s, time.time())
         watched = WatchedRadio(radio, clock, latest, log.warning)
@@ -349,6 +353,11 @@ class LateClock:
         self._alive()
         self.k = self.k if k is None else k
         return k
+
+    @property
+    def why(self) -> str:
+        """The reason why no tick comes; empty if they come."""
+        return "" if self.keeper is None else self.keeper.why
 
     def decide(self) -> bool:
         """Wait until it is time to decide; False when there is nothing to decide."""

@@ -7,7 +7,7 @@ import shutil
 import time
 from collections.abc import Callable, Mapping
 from contextlib import closing, nullcontext
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -25,7 +25,7 @@ from patrol.measures.best_tour import round_of
 from patrol.measures.zoned import prepare_zones
 from patrol.messages.telemetry import Metrics
 from patrol.process.lifeline import InterruptedBySignal
-from patrol.scenario import Scenario, naming, with_notes
+from patrol.scenario import Scenario, load_scenario, naming, with_notes
 from patrol.scenario.assumptions import assumption_lines
 from patrol.scenario.patrols import describe_patrol
 from patrol.scenario.policies import BUILT_IN, STOCHASTIC
@@ -33,7 +33,7 @@ from patrol.security.private_files import fleet_key
 from patrol.starting.warmup import seldom_kernels, warm
 
 if TYPE_CHECKING:
-    from patrol.journal import Event, TickRecord
+    from patrol.journal import Event, Journal, TickRecord
     from patrol.prepare import Prepared
     from patrol.starting.compiling import Compiled
     from patrol.summary.model import Summary
@@ -359,15 +359,32 @@ def _write_static(prepared: Prepared, folder: RunFolder) -> None:
         raise BadInput(f"{folder.path}: the ground cannot be written for the processes ({why}); make room") from None
 
 
+def _scenario_changed(folder: RunFolder, journal: Journal) -> bool:
+    """Return whether the folder's scenario is another one than the run's."""
+    from fogwatch.run_folder.derived import same_scenario
+
+    try:
+        return not same_scenario(load_scenario(folder.scenario, opens_classes=False), journal)
+    except BadInput:
+        return folder.path.exists()
+
+
 def _write_result(
     folder: RunFolder, prepared: Prepared, journal: RunRecord, verdict: Verdict, summary: Summary, options: RunOptions
 ) -> Run:
     """Write the summary and the files that are made from the journal."""
     from fogwatch.run_folder.derived import write_files
     from patrol.journal import Journal
+    from patrol.summary.model import Summary
+    from worldsim.checks.check import CheckResult
+    from worldsim.output.summary import verdict_facts
     from worldsim.run_record import INTERRUPTED
 
     assert isinstance(journal, Journal)  # every run of this module writes one
+    if _scenario_changed(folder, journal):
+        why = "scenario.yaml is not the scenario that ran: it was changed or removed during the run"
+        verdict = replace(verdict, outcome="invalid", checks=(*verdict.checks, CheckResult("scenario", False, why)))
+        summary = Summary.model_validate({**summary.document(), "verdict": verdict_facts(verdict)})
     try:
         folder.write_summary(summary)
     except OSError as error:

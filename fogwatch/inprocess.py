@@ -348,8 +348,9 @@ def _run_ticks(
     try:
         reason = run_ticks(world, fleet, on_tick, on_event, stop, fleet)
     except BaseException as error:
-        interrupted = isinstance(error, KeyboardInterrupt)
-        with suppress(OSError):  # it may be the journal's disk that is full
-            recorder.end(INTERRUPTED if interrupted else f"failed: {type(error).__name__}: {error}")
+        if not isinstance(error, OSError):  # a full disk; the run cannot be judged by what it had room for
+            interrupted = isinstance(error, KeyboardInterrupt)
+            with suppress(OSError):
+                recorder.end(INTERRUPTED if interrupted else f"failed: {type(error).__name__}: {error}")
         raise
     recorder.end(reason, {"wall_s": time.perf_counter() - began})

@@ -10,7 +10,7 @@ from typing import Any, Protocol
 
 from fogwatch.cli.columns import aligned
 from fogwatch.terminal.live_table import duration_text
-from monitor.live.positions_source import MAX_TELEMETRY
+from monitor.live.positions_source import MAX_TELEMETRY, stop_text
 from monitor.observation.hearing import Hearing
 from monitor.observation.source import RobotShape, RobotState, Source, State, Static
 from patrol.errors import Malformed, printable
@@ -21,7 +21,7 @@ from patrol.net.link import Link
 from patrol.net.mailbox import Air, Mailbox
 from patrol.process.lifeline import Ending
 from patrol.radio.message import CONTACT, MAX_FRAME, Position, Rejected, decode
-from patrol.security.keys import FleetKeys
+from patrol.security.keys import WORLD, FleetKeys
 from patrol.wire import read
 
 
@@ -63,6 +63,7 @@ class FleetStatus:
     faults: tuple[str, ...] = ()  # those in force that operators have requested, as in a scenario
     warnings: tuple[str, ...] = ()  # what is wrong with the fleet as a whole
     unknown: tuple[str, ...] = ()  # what this look cannot tell, and what would
+    has_world: bool = True  # False if there is no world; one that is there may give no answer
 
     @property
     def well(self) -> bool:
@@ -84,7 +85,7 @@ class FleetStatus:
 
     def _status_lines(self) -> Iterator[str]:
         yield f"fleet {self.fleet} at {self.router}"
-        yield f"world   {_world_text(self.world)}"
+        yield f"world   {_world_text(self.world) if self.world or not self.has_world else 'is there'}"
         if self.mfow_s is not None:
             yield f"MFoW    {self.mfow_s:.1f} s{'' if self.world is not None else ', as heard since this look began'}"
         yield ""
@@ -150,11 +151,18 @@ class Look:
         return float(self.static.scenario["radio"]["forget_after"])
 
     @property
+    def is_alone(self) -> bool:
+        """True if no two robots are there that could hear each other."""
+        return self.static.has_truth and sum(robot.status is Status.ALIVE for robot in self.state.robots) < 2
+
+    @property
     def undecided(self) -> list[str]:
         """Names of the robots that may be silent: their processes are there, and this look was too short to tell."""
         if self.observed_s > self.forget_after_s or self.state.ended is not None:
             return []
         maybe = Status.ALIVE if self.static.has_truth else Status.LOST
+        if self.is_alone:
+            return []
         robots = zip(self.static.robots, self.state.robots, strict=True) if self.state.robots else ()
         return [shape.name for shape, robot in robots if robot.status is maybe and robot.heard_s is None]
 
@@ -223,18 +231,25 @@ def fleet_status(look: Look, router: str) -> FleetStatus:
         faults=tuple(" ".join(f"{field}={value}" for field, value in fault.items()) for fault in state.faults),
         warnings=(state.note,) if state.note else (),
         unknown=(*([notice] if silent else []), *([] if simulated else [_NO_WORLD])),
+        has_world=simulated,
     )
 
 
 def _robot_status(look: Look, shape: RobotShape, robot: RobotState) -> RobotStatus:
     return RobotStatus(
         name=shape.name,
-        status="silent" if robot.status is Status.LOST and not look.static.has_truth else robot.status.name.lower(),
+        status=_status_word(robot.status, look.static.has_truth),
         doing=robot.state,
         heard_s=robot.heard_s,
         place=None if robot.pose is None else (robot.pose.x, robot.pose.y),
         wrong=_robot_problem(look, shape, robot),
     )
+
+
+def _status_word(status: Status, simulated: bool) -> str:
+    """Return the status of a robot's process; without a world, a robot that is stopped or silent has one that lives."""
+    words = {} if simulated else {Status.LOST: "silent", Status.PAUSED: "alive"}
+    return words.get(status, status.name.lower())
 
 
 def _robot_problem(look: Look, shape: RobotShape, robot: RobotState) -> str:
@@ -244,10 +259,10 @@ def _robot_problem(look: Look, shape: RobotShape, robot: RobotState) -> str:
         return "" if shape.spare or simulated else "is not there"
     if simulated and robot.status in _PROCESS_WRONG:
         return _PROCESS_WRONG[robot.status]
-    if robot.status is Status.LEFT:
-        return ""
+    if robot.status in (Status.LEFT, Status.PAUSED):
+        return robot.state if robot.status is Status.PAUSED else ""  # without a world: stopped, and by whom
     heard_s = look.observed_s if robot.heard_s is None else robot.heard_s
-    if heard_s > look.forget_after_s:
+    if heard_s > look.forget_after_s and not look.is_alone:
         since = "" if robot.heard_s is not None else "more than "
         problem = "no other robot has heard it" if simulated else "no position"
         return f"{problem} for {since}{duration_text(heard_s)}"
@@ -299,20 +314,29 @@ class TokenWatch:
         router: str,
         ending: Ending,
         silent_s: float,
+        find_world: Callable[[], FleetWatch | str | None],
         now: Callable[[], float] = time.monotonic,
     ) -> None:
         """Take over the connections, which `close` closes.
+
+        `find_world` opens a watch of a world that is there; it returns what is known of one that gives no answer, and
+        None when asked to end.
 
         `link` leads to the fleet's router, `air` to where the robots send positions; they may be the same. A robot
         without a position for `silent_s` is silent. `ending` ends a look early. `now` gives the wall clock in s.
         """
         self._link, self._air, self._keys, self._router = link, air, keys, router
         self._ending, self._silent_s, self._now = ending, silent_s, now
+        self._find_world = find_world
+        self._world: FleetWatch | None = None
+        self._waits: str | None = None  # of a world that has given no answer just now
         self._robots: dict[str, _Heard] = {}
         self._hearing = Hearing()
 
-    def look(self, seconds: float) -> FleetStatus:
+    def look(self, seconds: float) -> FleetStatus | None:
         """See `FleetWatch`."""
+        if self._world is not None:
+            return self._world.look(seconds)
         self._follow_robots()
         until = self._now() + seconds
         while (remaining_s := until - self._now()) > 0.0 and not self._ending.wait(min(remaining_s, _TAKE_S)):
@@ -324,10 +348,27 @@ class TokenWatch:
         new = [robot.name for robot in robots if robot.heard_s is None and not robot.wrong]
         unknown = [f"whether {', '.join(new)} can be heard: followed for less than {self._silent_s:g} s"] if new else []
         unknown.append(_UNKNOWN_AT_A_ROUTER if mesh is None else _UNKNOWN)
-        return FleetStatus(self._keys.fleet, self._router, None, None, robots, unknown=tuple(unknown))
+        if self._waits is None:
+            self.find_world()
+            if self._world is not None:
+                return self._world.look(seconds)
+        waits, self._waits = self._waits, None
+        warnings, has_world = (waits,) if waits else (), waits is not None
+        return FleetStatus(
+            self._keys.fleet, self._router, None, None, robots, (), warnings, tuple(unknown), has_world=has_world
+        )
+
+    def find_world(self) -> None:
+        """Look for the fleet's world, which may be met later than its robots; from then on, look at it."""
+        if not self._link.sees(self._keys.alive(WORLD)):
+            return
+        answer = self._find_world()
+        self._world, self._waits = (None, answer) if isinstance(answer, str) else (answer, None)
 
     def close(self) -> None:
         """See `FleetWatch`."""
+        if self._world is not None:
+            self._world.close()
         self._link.close()
         if self._air is not self._link:
             self._air.close()
@@ -364,11 +405,11 @@ class TokenWatch:
             if heard_s is None:
                 wrong += " here; if robots hear each other elsewhere, give --radio"
         else:
-            wrong = self._hearing.wrong(name, there)
+            wrong = (report and stop_text(report.stopped)) or self._hearing.wrong(name, there)
         return RobotStatus(
             name=name,
             status="alive" if name in there else "gone",
-            doing="" if report is None else report.state,
+            doing="" if report is None else stop_text(report.stopped) or report.state,
             heard_s=heard_s,
             place=None if position is None else (position.pose.x, position.pose.y),
             tick=None if report is None else report.k,

@@ -170,13 +170,17 @@ def _record_run(
             reason = run_ticks(world, fleet, later.tick, later.event, wiring.leaving, control, operator, later.settle)
         except Interrupted:
             pass
+        except Unwritten:
+            reason = ""  # room for an end record may be left, and the run would be judged by a part of it
+            raise
         except BaseException as error:
             reason = f"failed: {type(error).__name__}: {error}"
             raise
         finally:
             wall_s, refused = time.monotonic() - began, dict(sessions.refused)
-            with recording(options.out):
-                recorder.end(reason, {"wall_s": wall_s, "refused": refused, **fleet.notes()})
+            if reason:
+                with recording(options.out):
+                    recorder.end(reason, {"wall_s": wall_s, "refused": refused, **fleet.notes()})
             feed.flush()
 
 

@@ -19,9 +19,19 @@ from patrol.journal.records import standing_after
 from patrol.messages.feed import FOG, TICKS
 from patrol.messages.phases import MAX_REPLY, ToWorld, decode_to_world
 from patrol.messages.session import MESH_RETURN_S, RETURN_S, WorldRun
-from patrol.messages.telemetry import EVENTS, MAX_TEXT, METRICS, NOT_RECORDED, TRAPPED, Notice, pack_view, read_traffic
+from patrol.messages.telemetry import (
+    EVENTS,
+    MAX_TEXT,
+    METRICS,
+    NOT_RECORDED,
+    TRAPPED,
+    WAITS,
+    Notice,
+    pack_view,
+    read_traffic,
+)
 from patrol.net.link import Link
-from patrol.net.mailbox import Air, Mailbox, Presence, Question
+from patrol.net.mailbox import Air, Mailbox, Post, Presence, Question
 from patrol.radio.message import MAX_FRAME
 from patrol.reporting.logs import Log
 from patrol.reporting.vitals import MFOW, ROBOTS, ROUTER_SILENT
@@ -98,6 +108,17 @@ class Wiring:
         self.process.notifier.alive()
         return bool(self.process.ending)
 
+    @cached_property
+    def to_events(self) -> Post:
+        """Tells viewers what happens."""
+        return self.outward.publisher(self.keys.truth(EVENTS))
+
+    def waiting(self, missing: list[str], waited_s: float, k: int = 0) -> None:
+        """Say which robots the world waits for."""
+        names = ", ".join(missing[:8])
+        self.log.info(f"waiting for {names} ({waited_s:.0f} s)")
+        self.to_events(pack_view(Notice(k, WAITS, "", f"for {names}"[:MAX_TEXT])))
+
     def gather(self) -> Sessions:
         """Announce the world and wait until each robot's process has come.
 
@@ -118,7 +139,8 @@ class Wiring:
             keys, names, posts, mailbox, self.router.settled, time.monotonic, self.leaving, has_ended_for
         )
         absent = Timeline(self.scenario).starts_absent
-        return_s = RETURN_S if link.mesh is None else MESH_RETURN_S
+        # In lockstep all others stand while one is waited for.
+        return_s = MESH_RETURN_S if link.mesh is not None and not lockstep else RETURN_S
         sessions = Sessions(connection, WorldRun(self.run, scenario_hash(self.scenario), return_s), absent)
         link.subscribe(keys.reply("*"), mailbox)
         link.watch(keys.alive("*"), mailbox)
@@ -126,11 +148,8 @@ class Wiring:
         self.process.vitals.probe_mailbox(mailbox)
         self.process.vitals.probe(ROUTER_SILENT, lambda: self.router.silent_s)
 
-        def waiting(missing: list[str], waited_s: float) -> None:
-            self.log.info(f"waiting for {', '.join(missing[:8])} ({waited_s:.0f} s)")
-
         # A launcher notices when a robot's process ends; where it has started many at once, they take their time.
-        sessions.gather(self.process.patience_s, waiting)
+        sessions.gather(self.process.patience_s, self.waiting)
         return sessions
 
     def listener(self) -> Listener | None:
@@ -149,7 +168,7 @@ class Wiring:
     def fleet(self, sessions: Sessions, listener: Listener | None) -> LockstepFleet | PacedFleet:
         """Make the fleet, in lockstep or at the pace of the clock."""
         if self.scenario.factor is None:
-            return LockstepFleet(sessions, self.options.deadline, self.router)
+            return LockstepFleet(sessions, self.options.deadline, self.router, self.waiting)
         return PacedFleet(sessions, self.scenario.step / self.scenario.factor, listener, self.router)
 
     def process_control(self, sessions: Sessions) -> LauncherControl | None:
@@ -231,7 +250,7 @@ class Wiring:
         `between` is called after each tick.
         """
         progress = LiveProgress(world, time.monotonic)
-        to_metrics, to_events = (self.outward.publisher(self.keys.truth(topic)) for topic in (METRICS, EVENTS))
+        to_metrics, to_events = self.outward.publisher(self.keys.truth(METRICS)), self.to_events
 
         @contextmanager
         def recorded(k: int) -> Iterator[None]:

@@ -11,16 +11,30 @@ from collections.abc import Callable
 from patrol.messages.phases import PHASE_B_SHARE
 from patrol.radio.message import CONTACT, MAX_TIME_MS, Rejected, decode, ms_to_s
 
+SET_S = 1.0
+"""A wait for a tick that is longer than a step by so much means that the clock was set back, s."""
+SAY_AGAIN_S = 10.0
+"""Time between two lines about that, and until the clock is read again, s."""
+
 
 class KeptClock:
-    """An `agent.ports.FleetClock` that the robot keeps itself."""
+    """An `agent.ports.FleetClock` that the robot keeps itself; `why` says why no tick comes, empty if they come."""
 
-    def __init__(self, step_s: float, epoch_s: float, now: Callable[[], float], leave: Callable[[float], bool]) -> None:
+    def __init__(
+        self,
+        step_s: float,
+        epoch_s: float,
+        now: Callable[[], float],
+        leave: Callable[[float], bool],
+        say: Callable[[str], None] = lambda _line: None,
+    ) -> None:
         """Begin with the current tick; `epoch_s` is when tick 0 began on the shared clock, which `now` reads in s.
 
         `step_s` is in wall time. `leave` waits for a number of seconds, and returns True as soon as it is time to
-        leave.
+        leave. `say` takes a line for people.
         """
+        self.why = ""
+        self._say = say
         self._step_s = step_s
         self._epoch_s = epoch_s
         self._now = now
@@ -50,8 +64,16 @@ class KeptClock:
     def _wait_until(self, moment: float) -> bool:
         """Wait; True when it is time to leave."""
         while (left := moment - self._now()) > 0.0:
-            if self._leave(left):
+            # A tick lies at most a step ahead, but for the first, unless the clock was set back.
+            back_s = left - self._step_s
+            self.why = (
+                f"the clock was set back, so no tick comes for {left:.0f} s; set it right" if back_s > SET_S else ""
+            )
+            if self.why and self._k > 0:
+                self._say(self.why)
+            if self._leave(min(left, SAY_AGAIN_S)):
                 return True
+        self.why = ""
         return self._leave(0.0)
 
 

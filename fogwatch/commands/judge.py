@@ -14,10 +14,10 @@ from fogwatch.cli.command_help import command
 from fogwatch.cli.ending import note, say
 from fogwatch.cli.open_run import Key, RunFolder
 from fogwatch.cli.options import option
+from fogwatch.run_folder.derived import same_scenario
 from patrol.errors import quoted
 
 if TYPE_CHECKING:
-    from patrol.journal import Journal
     from patrol.prepare import Prepared
     from patrol.summary.model import Summary
 
@@ -55,7 +55,7 @@ def judge(
 
     loaded = _with_key(prepared_in(run, journal), key)
     codes = {} if stated_summary is None else stated_summary.exit_codes
-    edited = not _same_scenario(loaded, journal)
+    edited = not same_scenario(loaded.scenario, journal)
     summary, verdict = summarise(journal, judge_journal(journal, codes, loaded), loaded.as_operated(journal.events))
     recomputed = json.loads(json.dumps(summary.document()))
     as_stated = {} if stated_summary is None else stated_summary.document()
@@ -88,14 +88,6 @@ def _with_key(prepared: Prepared, key: Path | None) -> Prepared:
         return prepared
     keyed = radio.model_copy(update={"key": str(key or NO_KEY)})
     return replace(prepared, scenario=prepared.scenario.model_copy(update={"radio": keyed}))
-
-
-def _same_scenario(loaded: Prepared, journal: Journal) -> bool:
-    """Return whether the folder's scenario is the one that the journal was written for."""
-    from patrol.scenario import load_scenario, same_but_for_files
-
-    written, base = journal.header.scenario, loaded.scenario.base
-    return same_but_for_files(loaded.scenario, load_scenario(written, base=base, called="journal", opens_classes=False))
 
 
 def _end_text(summary: Summary, duration_s: float) -> str:

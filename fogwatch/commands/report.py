@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from fogwatch.cli.command_help import command
-from fogwatch.cli.ending import say
+from fogwatch.cli.ending import note, say
 from fogwatch.cli.open_run import Key, RunFolder, open_folder, print_state
 from fogwatch.cli.options import argument, option
 from patrol.errors import BadInput, printable
@@ -14,6 +15,8 @@ from patrol.errors import BadInput, printable
 if TYPE_CHECKING:
     from monitor.report.analysis import Analysis
 
+PROGRESS_S = 5.0
+"""Time between two lines that say how far a comparison is, s."""
 
 Figures = Annotated[Path | None, option("DIR", "Write each figure as PNG, SVG and PDF into this folder as well.")]
 
@@ -66,7 +69,12 @@ def compare(
 
     check_out(out, "compare.html")
 
-    analyses = [_analyse_folder(folder) for folder in runs]
+    analyses, due_s = [], time.monotonic() + PROGRESS_S
+    for count, folder in enumerate(runs):
+        if time.monotonic() >= due_s:
+            due_s = time.monotonic() + PROGRESS_S
+            note(f"comparing: {count} of {len(runs)} runs are read")
+        analyses.append(_analyse_folder(folder))
     from monitor.report.compare import cautions, compare_html, contradictions, differences, drawings, names_of, rows_of
     from monitor.report.document import write_page
 

@@ -107,7 +107,7 @@ def follow(fleet_watch: FleetWatch, seconds: float, ending: Ending, *, as_json: 
 def _open_watch(what: Namespace, silent_s: float, patience_s: float, ending: Ending) -> FleetWatch | None:
     """Connect to the fleet that the options name; None when asked to end meanwhile."""
     from fogwatch.status import SourceWatch, TokenWatch
-    from monitor.live.attach import find_fleet
+    from monitor.live.attach import NoAnswer, find_fleet
     from monitor.process import source_opener
     from patrol.messages.stop_orders import robots_there
     from patrol.net.open_links import open_links
@@ -118,6 +118,17 @@ def _open_watch(what: Namespace, silent_s: float, patience_s: float, ending: End
     if answer is None:
         return None
     met: Meeting = answer[0]
+
+    def open_source() -> SourceWatch | None:
+        sources = source_opener(what, ending)()
+        return SourceWatch(sources[0], met.meets_at, ending, patience_s) if sources else None
+
+    def find_world() -> SourceWatch | str | None:
+        try:
+            return open_source()
+        except NoAnswer as known:
+            return known.waits
+
     on_air = None if what.scenario is not None else check_radio(what.radio, "--radio", "direct")
     if on_air is not None and is_serial(on_air):
         raise BadInput(f"--radio {on_air}: robots have no names on a serial line; give their --scenario FILE as well")
@@ -125,12 +136,13 @@ def _open_watch(what: Namespace, silent_s: float, patience_s: float, ending: End
     if links is None:
         return None
     has_world, robots = links[0].sees(met.keys.alive(WORLD)), robots_there(links[0], met.keys)
-    if not has_world and what.scenario is None and robots:
-        return TokenWatch(*links, met.keys, met.meets_at, ending, silent_s)
+    if what.scenario is None and (robots or has_world):
+        watch = TokenWatch(*links, met.keys, met.meets_at, ending, silent_s, find_world)
+        watch.find_world()
+        return watch
     for link in dict.fromkeys(links):
         link.close()
-    if not has_world and not robots and what.scenario is None:
+    if what.scenario is None:
         revoked = ", or these credentials were revoked" if met.revocable else ""
         raise BadInput(f"--fleet {met.keys.fleet}: nothing of this fleet is at {met.meets_at}{revoked}; check both")
-    sources = source_opener(what, ending)()
-    return SourceWatch(sources[0], met.meets_at, ending, patience_s) if sources else None
+    return open_source()

@@ -409,7 +409,7 @@ def _check_host(host: str, called: str) -> str:
         address = ipaddress.ip_address(bare)
     except ValueError:
         return _checked_name(host, called)
-    if address.is_unspecified or address.is_multicast:
+    if address.is_unspecified or address.is_multicast or (address.version == 4 and address.is_reserved):
         raise BadInput(f"{called} {host}: is no machine's own address; give the one that members reach it at")
     if "%" in bare:
         interface = bare[bare.index("%") :]

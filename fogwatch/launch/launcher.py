@@ -61,6 +61,8 @@ MOST_RESTARTS = 3
 """Largest number of restarts of a page that has died."""
 PROCESS_GB = 0.15
 """Memory of one agent's process, GB."""
+LOOPBACK_S = 2.0
+"""Longest wait for a connection of this machine with itself, s."""
 _TICK_S = 0.05
 
 
@@ -188,7 +190,8 @@ class Launch:
 
     def _start_router(self) -> None:
         for _ in range(MOST_ROUTERS):
-            port = self.port or free_port()
+            free = free_port()  # also where a port is given: finds out whether processes can reach each other
+            port = self.port or free
             self._endpoint = f"tcp/127.0.0.1:{port}"
             router = self._spawn_router()
             report = router.await_start(ROUTER_S, self.stop)
@@ -289,6 +292,12 @@ def free_port() -> int:
     """Find a TCP port of 127.0.0.1 at which no process listens now; one may before it is used."""
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
+        probe.listen()
+        try:
+            socket.create_connection(probe.getsockname(), LOOPBACK_S).close()
+        except OSError as error:
+            why = f"the processes of a run cannot reach each other at 127.0.0.1 ({error.strerror or error})"
+            raise BadInput(f"{why}; switch its interface on: ip link set lo up") from None
         return int(probe.getsockname()[1])
 
 

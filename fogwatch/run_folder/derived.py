@@ -24,11 +24,20 @@ if TYPE_CHECKING:
     from patrol.ground.fog import Fog
     from patrol.ground.footprint import View
     from patrol.prepare import Prepared
+    from patrol.scenario import Scenario
     from patrol.summary.model import Summary
 
 
 JUDGING, PICTURE = "judging the run", "drawing fog.png"
 """Steps of a run's end, as people read them."""
+
+
+def same_scenario(loaded: Scenario, journal: Journal) -> bool:
+    """Return whether a scenario is the one that the journal was written for."""
+    from patrol.scenario import load_scenario, same_but_for_files
+
+    written, base = journal.header.scenario, loaded.base
+    return same_but_for_files(loaded, load_scenario(written, base=base, called="journal", opens_classes=False))
 
 
 def write_files(

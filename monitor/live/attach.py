@@ -32,6 +32,14 @@ _LOG = Log("monitor")
 POLL_S = 0.2
 
 
+class NoAnswer(BadInput):
+    """A world is there and does not answer yet; `waits` says what is known of it."""
+
+    def __init__(self, fleet: str, waits: str) -> None:
+        self.waits = waits
+        super().__init__(f"--fleet {fleet}: {waits}")
+
+
 def open_fleet(
     ending: Ending,
     *,
@@ -124,6 +132,9 @@ def _of_a_world(
 
     def waits(pause_s: float) -> bool:
         if time.monotonic() >= until:
+            client.batch(0.0)  # learns whether the world is there
+            if client.present:
+                raise NoAnswer(keys.fleet, client.waits or "the world is there, and gives no answer")
             revoked = ", or these credentials were revoked" if met.revocable else ""
             raise BadInput(
                 f"--fleet {keys.fleet}: no world of this fleet answers at {met.meets_at}{revoked}; check both, or give "

@@ -11,10 +11,11 @@ from typing import TYPE_CHECKING, Any
 from monitor.observation.source import Answer
 from patrol.errors import BadInput, Malformed
 from patrol.messages.feed import FOG, MAX_ANSWER, MAX_BATCH, TICKS, Batch, SoFar, read_so_far
+from patrol.messages.telemetry import EVENTS, MAX_NOTICE, WAITS, Notice
 from patrol.net.mailbox import Mailbox, Presence
 from patrol.security.control_auth import ControlClient, Unanswered
 from patrol.security.keys import WORLD, FleetKeys
-from patrol.wire import read_sparingly
+from patrol.wire import read, read_sparingly
 
 if TYPE_CHECKING:
     from patrol.net.link import Link
@@ -24,6 +25,8 @@ ROOM = 512
 ROOM_BYTES = 1 << 26
 """Bytes of the batches that wait: more than two of the longest."""
 FOG_S = 20.0
+WAITS_S = 7.0
+"""Time for which the world's word counts that it waits for robots, s: it repeats it."""
 CONTROL_S = 15.0
 """Longest wait for a world's answer, s of wall time: for the fog so far, and for a control."""
 
@@ -45,7 +48,10 @@ class FeedClient:
         self._mailbox: Mailbox[Batch | Presence] = Mailbox(
             [ticks, world], partial(read_sparingly, Batch), MAX_BATCH, ROOM, ROOM_BYTES
         )
+        self._waits, self._waits_at = "", 0.0
+        self._notices = Mailbox([keys.truth(EVENTS)], partial(read, Notice), MAX_NOTICE)
         link.subscribe(ticks, self._mailbox)
+        link.subscribe(keys.truth(EVENTS), self._notices)
         link.watch(world, self._mailbox)
 
     def batch(self, timeout_s: float) -> Batch | None:
@@ -54,7 +60,19 @@ class FeedClient:
         while arrived is not None and isinstance(arrived[1], Presence):
             self.present = arrived[1].present
             arrived = self._mailbox.get(0.0)
-        return None if arrived is None or isinstance(arrived[1], Presence) else arrived[1]
+        if arrived is None or isinstance(arrived[1], Presence):
+            return None
+        if arrived[1].records:
+            self._waits = ""  # what it waited for has come, or is given up
+        return arrived[1]
+
+    @property
+    def waits(self) -> str:
+        """Whom the world waits for, as it says; empty if it does not say that it waits."""
+        while (news := self._notices.get()) is not None:
+            if news[1].kind == WAITS:
+                self._waits, self._waits_at = f"{WAITS} {news[1].detail}", time.monotonic()
+        return self._waits if time.monotonic() < self._waits_at + WAITS_S else ""
 
     def so_far(self) -> Iterable[bytes]:
         """The encoded state of the run so far, requested from the world: the answers, of which others may be false."""

@@ -424,6 +424,8 @@ class FeedSource:
         if self._now() < self._refused_at + REFUSED_S:
             return "the feed has records that make no sense, perhaps from a stranger; they are ignored"
         silent_s = self._now() - self._received_at
+        if waits := self._client.waits:
+            return waits
         return f"no data for {silent_s:.0f} s" if self._running and silent_s > SLOW_S else ""
 
 

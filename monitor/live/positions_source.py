@@ -5,6 +5,7 @@ The truth is unknown. A tick is a step of wall time since the viewer started; wh
 
 from __future__ import annotations
 
+import re
 import time
 from array import array
 from collections.abc import Callable, Collection, Mapping, Sequence
@@ -241,15 +242,16 @@ class PositionsSource:
         peer, view = self._listener.peers.get(number), self._views.get(number)
         name = self._roster[number - 1].name
         heard_s = None if peer is None else max(0, self._k - peer.tick) * self._scenario.step
+        stopped = None if view is None else stop_text(view.stopped)
         silent = heard_s is None or heard_s > self._scenario.radio.forget_after
         if silent:
             status = Status.ABSENT if heard_s is None and name not in self._present else Status.LOST
         else:
-            status = Status.ALIVE
+            status = Status.ALIVE if stopped is None else Status.PAUSED
         return RobotState(
             number=number,
             status=status,
-            state="" if view is None else view.state,
+            state="" if view is None else stopped or view.state,
             pose=None if peer is None else peer.pose,
             goal=None if view is None else view.refined or view.goal,
             decision_ms=None if view is None else view.decision_ms,
@@ -257,6 +259,11 @@ class PositionsSource:
             trapped=self._traps.trapped(number),
             radio_wrong=self._hearing.wrong(name, self._present),
         )
+
+
+def stop_text(stopped: str) -> str | None:
+    """Return why a robot is stopped, without what ends that; None for one that may drive."""
+    return re.sub(r" \([^()]*\)", "", stopped) or None
 
 
 def _robot_row(robot: RobotState, pose: Pose) -> RobotTick:

@@ -28,7 +28,9 @@ EVENTS = "events"
 TRAPPED = "trapped"
 FREE = "no longer trapped"
 NOT_RECORDED = "not recorded"
-"""Kinds of the notices that are no events of the journal: about a robot that makes no progress, and a full disk."""
+WAITS = "world waits"
+"""Kinds of the notices that are no events of the journal: about a robot that makes no progress, a full disk, and robots
+that the world waits for."""
 SHOW_S = 0.1
 """Wall time between two metrics."""
 MAX_VIEW = 1 << 22
@@ -116,6 +118,7 @@ class Telemetry:
     decision_ms: _Number  # wall time
     rejected: _Whole  # frames so far
     traffic: Traffic | None = None  # of a direct radio
+    stopped: _Text = ""  # why the robot may not drive, and what ends that; empty if it may
 
 
 @dataclass(frozen=True, slots=True)
@@ -197,7 +200,8 @@ def longest_metrics(robots: int) -> int:
 
 def pack_view(view: Metrics | Notice | Telemetry) -> bytes:
     """Pack a view."""
-    packed: bytes = msgpack.packb(asdict(view))
+    # Without a stop, what is sent is as it always was.
+    packed: bytes = msgpack.packb({name: value for name, value in asdict(view).items() if value or name != "stopped"})
     return packed
 
 

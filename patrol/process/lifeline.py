@@ -93,6 +93,8 @@ def heed(lifeline: int | None, on_death: Callable[[], None] = lambda: None, *, p
 
     def by_signal(number: int, frame: FrameType | None) -> None:
         ending.ask(f"told to by {signal.Signals(number).name}")
+        if ending.times > 1:
+            _give_up_output()
         if ending.patience is not None and ending.times > ending.patience:
             interrupt(number, frame)
 
@@ -110,6 +112,7 @@ def interrupt(_number: int, frame: FrameType | None, tries: int = 0) -> None:
     LLVM, calling back for compiled code, would go on with memory that was not filled; an import that is broken off
     leaves locks of libraries taken; what a `__del__` raises is dropped.
     """
+    _give_up_output()
     if _is_loading(frame) and tries * _POLL_S < LOADING_S:
         _interrupt_soon(tries + 1)
         return
@@ -127,6 +130,16 @@ def interrupt(_number: int, frame: FrameType | None, tries: int = 0) -> None:
     # Python drops what a `__del__` raises, and calls this hook: then it is tried again.
     sys.unraisablehook = see_lost
     raise InterruptedBySignal
+
+
+def _give_up_output() -> None:
+    """Drop output that has no reader: a full pipe would hold up the end, also in a write that has begun."""
+    for number in (1, 2):
+        with contextlib.suppress(OSError, ValueError):
+            if not select.select([], [number], [], 0)[1]:
+                nowhere = os.open(os.devnull, os.O_WRONLY)
+                os.dup2(nowhere, number)  # the write is tried again when the signal's handler returns
+                os.close(nowhere)
 
 
 def _interrupt_soon(tries: int) -> None:
@@ -234,12 +247,22 @@ def die_when_orphaned(lifeline: int | None) -> None:
 def ending_children() -> Iterator[None]:
     """End the processes that foreign code starts in a block, where the system lists a process's children.
 
-    They have `GRACE_S` to leave in order before they are killed.
+    They have `GRACE_S` to leave in order before they are killed. In the block `os._exit` raises SystemExit, as
+    `sys.exit` does: foreign code must not end this process, and certainly not with an exit code that says that all is
+    well. Processes that it forks end as ever.
     """
-    before = _list_children()
+    before, own, end_now = _list_children(), os.getpid(), os._exit
+
+    def end_forks_alone(status: int) -> NoReturn:
+        if os.getpid() != own:
+            end_now(status)
+        raise SystemExit(status)
+
+    os._exit = end_forks_alone
     try:
         yield
     finally:
+        os._exit = end_now
         _end_children(_list_children() - before)
 
 

@@ -62,9 +62,11 @@ class Diagnostics:
         hardware: Hardware,
         facts: Patrolling,
         peers: Mapping[int, Peer],
+        no_tick: Callable[[], str] = lambda: "",
         now: Callable[[], float] = time.monotonic,
     ) -> None:
-        """Make the publisher; `peers` goes on to change between two reports."""
+        """Make the publisher; `peers` goes on to change between two reports. `no_tick` says why no tick comes."""
+        self._no_tick = no_tick
         self._hardware, self._facts, self._peers, self._now = hardware, facts, peers, now
         topic = hardware.settings.topic("diagnostics")
         self._messages = hardware.link.publisher(topic, DiagnosticArray)
@@ -127,7 +129,7 @@ class Diagnostics:
             "age of the last decision, s": f"{age_s:.1f}",
         }
         if age_s * facts.factor > LATE_TICKS * facts.step_s:
-            return DiagnosticLevel.ERROR, f"no decision for {age_s:.1f} s", values
+            return DiagnosticLevel.ERROR, self._no_tick() or f"no decision for {age_s:.1f} s", values
         if now_s - self._missed_at_s < MISSED_S:
             return DiagnosticLevel.WARN, f"{last.decision.state}; ticks were lost", values
         return DiagnosticLevel.OK, str(last.decision.state), values

@@ -258,7 +258,7 @@ def assemble(
     shown = Shown(link, settings, site.terrain, site.fog, hardware.stamp_ns)
     names = {spec.number: spec.name for spec in scenario.roster}
     facts = Patrolling(site.spec.name, names, site.step, site.factor, scenario.radio.forget_after)
-    diagnostics = Diagnostics(hardware, facts, site.peers)
+    diagnostics = Diagnostics(hardware, facts, site.peers, site.no_tick)
     robot = _make_driver(site, hardware, Both(shown, diagnostics), log, rivals)
     diagnostics.watch(lambda: robot.stopped)
     process.closing.callback(diagnostics.close)

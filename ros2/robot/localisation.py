@@ -297,6 +297,9 @@ MOST_RAD = 3.0
 BACK_S = 0.1
 """Least step back of arrivals that means that a clock was set back, s."""
 
+SLOW_GAPS = 3
+"""So many times in a row odometry must come later than it stays fresh to count as too slow; one may get lost."""
+
 REMEMBERED = 256
 """Messages that are remembered."""
 
@@ -333,6 +336,7 @@ class Odometer:
         self._astray: OdometryReading | None = None
         self._astray_since_s = 0.0
         self._strayed_s = -math.inf
+        self._gaps_s: deque[float] = deque(maxlen=SLOW_GAPS)
 
     @property
     def newest(self) -> OdometryReading | None:
@@ -353,6 +357,7 @@ class Odometer:
             self._begin_anew(reading)
             return False
         latest = self._astray or last
+        self._gaps_s.append(arrived_s - latest.arrived_s)
         renewed = not -BACK_S <= arrived_s - latest.arrived_s <= self._settings.fresh_s
         if not renewed and reading.stamp_s <= latest.stamp_s:
             return False
@@ -375,6 +380,9 @@ class Odometer:
             return f"odometry comes from {lately} senders; end all but one, or give --topic odom=TOPIC"
         if abs(now_s - self._strayed_s) <= SETTLED_S:
             return f"odometry has jumped by {self.jumped_m:.1f} m"
+        if len(self._gaps_s) == SLOW_GAPS and min(self._gaps_s) > self._settings.fresh_s:
+            each_s, fresh_s = max(self._gaps_s), self._settings.fresh_s
+            return f"odometry comes every {each_s:.2f} s, and --fresh allows {fresh_s:g} s; publish it more often"
         return ""
 
     def _read_message(self, message: Odometry, arrived_s: float, last: OdometryReading | None) -> OdometryReading:

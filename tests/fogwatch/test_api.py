@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import Any
 
@@ -147,3 +148,20 @@ def test_a_run_that_is_interrupted_while_its_folder_is_made_leaves_nothing(
             fogwatch.run(SMALL, out=out)
     assert list(tmp_path.iterdir()) == [given]
     assert not list(given.iterdir())
+
+
+@pytest.mark.parametrize("in_process", [True, pytest.param(False, marks=pytest.mark.processes)])
+def test_a_scenario_file_that_is_rewritten_during_the_run_fails_its_verdict(in_process: bool, tmp_path: Path) -> None:
+    folder = tmp_path / "run"
+
+    def rewrite(_: object) -> None:
+        file = folder / "scenario.yaml"
+        file.write_text(file.read_text(encoding="utf-8").replace("seed: 0", "seed: 9"), encoding="utf-8")
+
+    scenario = {**SMALL, "seed": 0}
+    run = fogwatch.run(scenario, out=folder, in_process=in_process, picture=False, progress=rewrite)
+    assert "seed: 9" in (folder / "scenario.yaml").read_text(encoding="utf-8")
+    assert [check.name for check in run.verdict.failed] == ["scenario"]
+    summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
+    assert summary["verdict"]["outcome"] == "invalid"
+    assert run.verdict.exit_code == 1

@@ -20,14 +20,18 @@ SCENARIO = {"radio": {"forget_after": 10.0}}
 STATIC = Static(
     "yards-1", SCENARIO, GROUND, GROUND, 1.0, (0.0, 0.0), ROBOTS, 0.5, 100, None, live=True, layers=("truth", "heard")
 )
+STOPPED = "stopped by an operator"
 WELL = RobotState(1, Status.ALIVE, "patrolling", Pose(3.0, 4.0, 0.0), heard_s=0.5)
 SPARE = RobotState(2, Status.ABSENT)
+OTHER = RobotState(2, Status.ALIVE, "patrolling", Pose(1.0, 1.0, 0.0), heard_s=0.5)
 STATE = State(40, 20.0, True, 1.0, 2.0, (WELL, SPARE), 12.5, 6.0)
 REAL = replace(STATIC, layers=("heard",))
 
 
-def judged(robot: RobotState, static: Static = STATIC, observed_s: float = 20.0, **of_state: Any) -> Any:
-    return fleet_status(Look(static, replace(STATE, robots=(robot, SPARE), **of_state), observed_s), "tcp/r:1")
+def judged(
+    robot: RobotState, static: Static = STATIC, observed_s: float = 20.0, other: RobotState = OTHER, **of_state: Any
+) -> Any:
+    return fleet_status(Look(static, replace(STATE, robots=(robot, other), **of_state), observed_s), "tcp/r:1")
 
 
 @pytest.mark.parametrize(
@@ -61,10 +65,11 @@ def test_robots_of_a_world(robot: RobotState, wrong: str) -> None:
         (replace(WELL, status=Status.LOST, heard_s=42.0), "silent", "no position for 42 s"),
         (replace(WELL, status=Status.LOST, heard_s=None), "silent", "no position for more than 20 s"),
         (replace(WELL, status=Status.ABSENT, heard_s=None), "absent", "is not there"),
+        (replace(WELL, status=Status.PAUSED, state=STOPPED), "alive", STOPPED),
     ],
 )
 def test_robots_without_a_world(robot: RobotState, shown: str, wrong: str) -> None:
-    status = judged(robot, REAL)
+    status = judged(robot, REAL, other=SPARE)
     assert status.world is None
     assert (status.robots[0].status, status.robots[0].wrong, status.robots[1].wrong) == (shown, wrong, "")
     assert "no world simulates these robots" in status.unknown[-1]
@@ -74,6 +79,14 @@ def test_a_look_too_short_to_tell_says_so_and_calls_nothing_wrong() -> None:
     status = judged(replace(WELL, heard_s=None), observed_s=2.0)
     assert status.well
     assert status.unknown == ("whether anna can be heard: 2.0 s of this run are too short to tell",)
+
+
+@pytest.mark.parametrize("heard_s", [70.0, None])
+def test_a_sole_survivor_is_not_called_silent(heard_s: float | None) -> None:
+    dead = replace(OTHER, status=Status.DEAD)
+    status = judged(replace(WELL, heard_s=heard_s), observed_s=2.0, other=dead)
+    assert [one.wrong for one in status.robots] == ["", "its process was killed"]
+    assert status.unknown == ()
 
 
 def test_what_a_page_warns_of_is_wrong_and_faults_of_operators_are_only_listed() -> None:
@@ -103,7 +116,7 @@ class Story:
         self.k += 1
         self.now_s += timeout_s
         robot = replace(WELL, heard_s=0.0 if self.k >= self.heard_from else None)
-        return replace(STATE, k=self.k, time_s=self.k * 0.5, robots=(robot, SPARE))
+        return replace(STATE, k=self.k, time_s=self.k * 0.5, robots=(robot, OTHER))
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,7 @@ from patrol.net.mailbox import Mailbox
 from patrol.pose import Pose
 from patrol.process.lifeline import Ending
 from patrol.radio.message import CONTACT, Position, encode
-from patrol.security.keys import fleet_keys
+from patrol.security.keys import WORLD, fleet_keys
 from patrol.security.mesh import Mesh
 from patrol.security.roles import VIEWER, robot_role
 
@@ -27,6 +27,7 @@ class Air:
         self.mailboxes: dict[str, Mailbox[Any]] = {}
         self.closed = 0
         self.mesh: Mesh | None = None
+        self.has_world = False
 
     def subscribe(self, key: str, mailbox: Mailbox[Any]) -> None:
         self.mailboxes[key] = mailbox
@@ -34,6 +35,9 @@ class Air:
     def seen(self, key: str, most: int) -> list[str]:
         del most
         return [key.replace("*", name) for name in self.there]
+
+    def sees(self, key: str) -> bool:
+        return key == KEYS.alive(WORLD) and self.has_world
 
     def close(self) -> None:
         self.closed += 1
@@ -54,9 +58,10 @@ class Fleet:
 
     def __init__(self, *there: str) -> None:
         self.now_s = 0.0
+        self.world: Any = None
         self.air = Air(*there)
         link: Any = self.air
-        self.watch = TokenWatch(link, link, KEYS, "tcp/r:1", Ending(), 3.0, lambda: self.now_s)
+        self.watch = TokenWatch(link, link, KEYS, "tcp/r:1", Ending(), 3.0, lambda: self.world, lambda: self.now_s)
         self.watch.look(0.0)
 
     def look(self, after_s: float = 0.0) -> Any:
@@ -146,3 +151,39 @@ def test_a_robot_that_does_not_hear_another_one_is_not_well() -> None:
 
 def test_names_of_strangers_do_not_act_on_a_terminal() -> None:
     assert "\x1b" not in Fleet("a\x1b[2J").look().as_text()
+
+
+def test_a_world_that_gives_no_answer_is_there_and_what_it_waits_for_is_said() -> None:
+    fleet = Fleet("anna")
+    assert "world   none" in fleet.look().as_text()
+    fleet.air.has_world, fleet.world = True, "world waits for bert"
+    status = fleet.look()
+    assert "world   is there" in status.as_text()
+    assert (status.warnings, status.well) == (("world waits for bert",), False)
+
+
+def test_a_world_that_is_met_later_than_its_robots_is_looked_at_from_then_on() -> None:
+    class World:
+        closed = 0
+
+        def look(self, seconds: float) -> str:
+            return f"looked for {seconds:g} s"
+
+        def close(self) -> None:
+            self.closed += 1
+
+    fleet, world = Fleet("anna"), World()
+    fleet.air.has_world, fleet.world = True, world
+    assert [fleet.look(), fleet.look()] == ["looked for 0 s", "looked for 0 s"]
+    fleet.watch.close()
+    assert (world.closed, fleet.air.closed) == (1, 1)
+
+
+def test_a_robot_that_is_stopped_is_not_called_patrolling() -> None:
+    fleet = Fleet("anna")
+    fleet.air.position("anna")
+    stopped = "stopped by an operator (fogwatch control ... release); stopped by the topic /stop (publish false there)"
+    report = Telemetry(7, "patrolling", None, None, None, 9, 1.5, 0, stopped=stopped)
+    fleet.air.say(KEYS.telemetry("anna"), pack_view(report))
+    (robot,) = fleet.look().robots
+    assert robot.doing == robot.wrong == "stopped by an operator; stopped by the topic /stop"

@@ -40,11 +40,13 @@ class ServedPage:
 
 
 @contextmanager
-def look_at(browser: Any, source: Source, plain: bool = False, width: int = 1280, height: int = 720) -> Iterator[Look]:
+def look_at(
+    browser: Any, source: Source, plain: bool = False, width: int = 1280, height: int = 720, scheme: str = "light"
+) -> Iterator[Look]:
     """A look at a source's page, once it shows the map; `plain` without the key."""
     with (
         closing(ServedPage(source)) as served,
-        Look(browser, served.plain if plain else served.address, width, height) as look,
+        Look(browser, served.plain if plain else served.address, width, height, scheme) as look,
     ):
         look.until("document.body.dataset.frames > 0")
         yield look

@@ -15,6 +15,8 @@ from worldsim.fleet.sessions import POLL_S, Sessions
 RESEND_S = 1.0
 QUIET_S = 0.5
 """Time without an answer after which it is asked whether the router is at work, s."""
+SAY_S = 5.0, 2.0
+"""Wait of a tick after which it is said whom it waits for, and time until that is said again, s."""
 _DRAINED = 16
 
 T = TypeVar("T", ReplyA, ReplyB)
@@ -32,12 +34,20 @@ class LockstepFleet:
     to decide, for work that no robot waits for.
     """
 
-    def __init__(self, sessions: Sessions, deadline_s: float = ANSWER_S, router: RouterWatch | None = None) -> None:
+    def __init__(
+        self,
+        sessions: Sessions,
+        deadline_s: float = ANSWER_S,
+        router: RouterWatch | None = None,
+        waiting: Callable[[list[str], float, int], None] = lambda _names, _waited_s, _k: None,
+    ) -> None:
         """Drive the robots that have sessions.
 
         The deadline is wall time; in the first tick it is at least `ANSWER_S`. `router` is None where there is none
-        between world and robots.
+        between world and robots. `waiting` is called now and then with the names that a tick waits for, for how
+        long it has, and its number.
         """
+        self._waiting = waiting
         self._sessions = sessions
         self._deadline_s = deadline_s
         self._router = router
@@ -91,7 +101,7 @@ class LockstepFleet:
         deadline_s = self._deadline_s if k else max(self._deadline_s, ANSWER_S)
         waited_s = 0.0
         began = before = sessions.now
-        resend = before + RESEND_S
+        resend, say_at = before + RESEND_S, before + SAY_S[0]
         while len(answers) < len(sent):
             arrived = sessions.take(POLL_S)
             if arrived is not None:
@@ -117,6 +127,9 @@ class LockstepFleet:
             for number, reason in lost.items():
                 self._lose_robot(number, reason)
                 del sent[number]
+            if now >= say_at and sent.keys() - answers:
+                say_at = now + SAY_S[1]
+                self._waiting([sessions.name(number) for number in sent if number not in answers], now - began, k)
             if now >= resend:
                 resend = now + RESEND_S
                 for number in waiting:

@@ -86,6 +86,10 @@ class Sessions:
         """Counts of messages from robots that were dropped, by reason."""
         return self._connection.mailbox.refused
 
+    def name(self, number: int) -> str:
+        """Return a robot's name."""
+        return self._ends[number].name
+
     def gather(self, wait_s: float, waiting: Callable[[list[str], float], None]) -> None:
         """Greet the robots until each has a session.
 

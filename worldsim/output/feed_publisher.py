@@ -12,6 +12,8 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from patrol.closures.ground import closure_of
 from patrol.journal import pack
 from patrol.journal.records import Event, TickRecord
@@ -82,6 +84,7 @@ class Feed:
         self._answering = False
         self._before: SoFar | None = None
         """The run before the tick that is under way, if that is long."""
+        self._kept_at = 0.0
         self._keep_state()
 
     def write(self, record: Record) -> None:
@@ -115,6 +118,11 @@ class Feed:
         if self._waiting or self._run_state() != self._said:
             self.flush()
         before, state = self._before, self._run_state()
+        if before is None and self._now() >= self._kept_at + LONG_TICK_S:
+            # Looks of this tick may be in the fog already; the viewer takes them in with its record.
+            so_far = self._so_far()
+            seen = np.minimum(so_far.last_seen, max(self._world.tick - 1, -1))
+            before = self._before = replace(so_far, last_seen=seen)
         if before is not None:
             self._answer_questions(lambda: replace(before, running=state.running, pace=state.pace))
 
@@ -125,7 +133,7 @@ class Feed:
         self.between()
 
     def _keep_state(self) -> None:
-        pace = self._run_state().pace
+        pace, self._kept_at = self._run_state().pace, self._now()
         self._before = self._so_far() if pace is not None and self._world.step >= LONG_TICK_S * pace else None
 
     def _answer_questions(self, so_far: Callable[[], SoFar]) -> None:

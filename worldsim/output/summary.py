@@ -86,13 +86,18 @@ class Totals:
         if header.scenario["radio"].get("via") == "direct":
             document = as_measured(document, journal)
         verdict = verdict.with_figures_of(document)
-        document["verdict"] = {
-            "valid": verdict.valid,
-            "outcome": verdict.outcome,
-            "warnings": list(verdict.warnings),
-            "checks": [{**asdict(check), "warnings": list(check.warnings)} for check in verdict.checks],
-        }
+        document["verdict"] = verdict_facts(verdict)
         return Summary.model_validate(document), verdict
+
+
+def verdict_facts(verdict: Verdict) -> dict[str, Any]:
+    """Return a verdict as a summary states it."""
+    return {
+        "valid": verdict.valid,
+        "outcome": verdict.outcome,
+        "warnings": list(verdict.warnings),
+        "checks": [{**asdict(check), "warnings": list(check.warnings)} for check in verdict.checks],
+    }
 
 
 def summarise(journal: RunRecord, verdict: Verdict, prepared: Prepared | None = None) -> tuple[Summary, Verdict]:

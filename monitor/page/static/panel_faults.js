@@ -16,12 +16,6 @@ export class FaultsPanel {
   static html = `
     <p id="viewonly" class="small" hidden></p>
     <form id="controls">
-      <fieldset id="every"><legend>all robots</legend>
-        <div class="row">
-          <button type="button" id="stopall">stop all robots</button>
-          <button type="button" id="releaseall">release all robots</button>
-        </div>
-      </fieldset>
       <fieldset id="one"><legend>one robot</legend>
         <label>robot <select id="who"></select></label>
         <div class="row">
@@ -76,7 +70,8 @@ export class FaultsPanel {
     const { facts } = this.store;
     const can = (what) => facts.controls.includes(what);
     $("tab-faults").hidden = !facts.live;
-    $("controls").hidden = !can("fault") && !can("stop");
+    $("controls").hidden = !can("fault");
+    $("orders").hidden = !can("fault") && !can("stop");
     for (const id of ["one", "radio", "more"]) $(id).hidden = !can("fault");
     $("viewonly").hidden = can("fault");
     $("viewonly").textContent = facts.mayControl
@@ -113,8 +108,8 @@ export class FaultsPanel {
 
   /** Stop or release all robots: by an order to robots that no world simulates, else by a fault of their processes. */
   #all(order, kind) {
-    if (this.store.facts.controls.includes(order)) this.operate({ do: order }, `${order}: requested`);
-    else this.#fault({ kind, who: "all" });
+    const control = this.store.facts.controls.includes(order) ? { do: order } : { do: "fault", fault: { kind, who: "all" } };
+    this.operate(control, `${order}: requested`, "ordered");
   }
 
   #listIntruders() {

@@ -191,7 +191,7 @@ export function robotStatus(robot) {
   const [status, state, , , , heard, trapped] = robot;
   if (status === 3 || status === 4) return { word: NAMES[status], kind: "bad" };
   if (status === 0 || status === 5) return { word: NAMES[status], kind: "off" };
-  if (status === PAUSED) return { word: "paused", kind: "warn" };
+  if (status === PAUSED) return { word: state.startsWith("stopped") ? state : "paused", kind: "warn" };
   if (status === ALIVE && trapped) return { word: `trapped since ${trapped[1] ? "" : "before "}${seconds(trapped[0])}`, kind: "bad" };
   if (heard !== null && heard > 5) return { word: state ? `${state}, silent` : "silent", kind: "warn" };
   return { word: state || "waiting", kind: state === "dead-end" ? "warn" : "good" };

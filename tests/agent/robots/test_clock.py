@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from agent.robots.clock import KeptClock, epoch_of
+from agent.robots.clock import SAY_AGAIN_S, KeptClock, epoch_of
 from patrol.messages.phases import PHASE_B_SHARE
 from patrol.pose import Pose
 from patrol.radio.message import Position, encode
@@ -18,7 +18,8 @@ class Day:
     def __init__(self, now: float = EPOCH_S, ends: float = 1e9) -> None:
         self.now = now
         self.ends = ends
-        self.clock = KeptClock(STEP_S, EPOCH_S, lambda: self.now, self.leave)
+        self.said: list[str] = []
+        self.clock = KeptClock(STEP_S, EPOCH_S, lambda: self.now, self.leave, self.said.append)
 
     def leave(self, seconds: float) -> bool:
         self.now = min(self.now + seconds, max(self.now, self.ends))
@@ -52,6 +53,27 @@ def test_a_tick_never_comes_twice_even_when_the_clock_is_set_back() -> None:
     ticks += [day.clock.tick(), day.clock.tick()]
     assert ticks == [120, 121, 122]
     assert day.now == pytest.approx(EPOCH_S + 61.0)
+
+
+def test_a_clock_that_was_set_back_is_said_again_and_again_until_a_tick_comes() -> None:
+    day = Day(EPOCH_S + 60.0)
+    assert (day.clock.tick(), day.clock.why) == (120, "")
+    day.now -= 600.0
+    assert day.clock.tick() == 121
+    waits = [float(line.split(" for ")[1].split(" s;")[0]) for line in day.said]
+    assert waits == pytest.approx([600.5 - SAY_AGAIN_S * count for count in range(60)], abs=0.51)
+    assert day.said[0] == "the clock was set back, so no tick comes for 600 s; set it right"
+    assert day.clock.why == ""
+
+
+def test_a_clock_that_is_set_right_again_is_noticed_before_the_time_has_passed() -> None:
+    day = Day(EPOCH_S + 60.0)
+    day.clock.tick()
+    day.now -= 600.0
+    day.ends = day.now + 3 * SAY_AGAIN_S
+    assert day.clock.tick() is None
+    day.now, day.ends = EPOCH_S + 65.0, 1e9
+    assert day.clock.tick() == 130
 
 
 def test_a_tick_that_is_over_is_too_late_to_decide_on() -> None:

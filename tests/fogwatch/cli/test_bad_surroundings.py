@@ -6,6 +6,8 @@ import os
 import signal
 import subprocess
 import sys
+import time
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +17,7 @@ from tests.fogwatch.conftest import PATIENCE_S
 
 pytestmark = pytest.mark.processes
 
+ENDING_S = 20.0
 RUN = ("run", "open", "--set", "point=2", "--duration", "2", "--robots", "2", "--no-page", "--no-picture")
 QUICK = (*RUN, "--no-recording", "--no-report", "--out", "run")
 
@@ -163,3 +166,76 @@ def test_a_folder_is_named_without_what_a_terminal_would_act_on(tmp_path: Path) 
     assert r"run folder " + str(tmp_path) + r"/run\x1b[31m" in done.stderr
     assert r"files       " + str(tmp_path) + r"/run\x1b[31m: " in done.stdout
     assert "\x1b" not in done.stdout + done.stderr
+
+
+@pytest.mark.parametrize("way", ["--in-process", "--no-page"])
+def test_a_run_whose_output_nobody_reads_ends_when_asked_at_most_twice(way: str, tmp_path: Path) -> None:
+    reading, writing = os.pipe()
+    os.set_blocking(writing, False)
+    with suppress(BlockingIOError):
+        while True:
+            os.write(writing, b"x" * 4096)
+    os.set_blocking(writing, True)
+    words = ["run", "open", "--robots", "2", "--model", "holonomic", "--point", "1", "--duration", "100000", way]
+    process = subprocess.Popen(
+        [sys.executable, "-P", "-m", "fogwatch", *words], stdout=writing, stderr=writing, cwd=tmp_path
+    )
+    try:
+        blocked = Path(f"/proc/{process.pid}/wchan")
+        until = time.monotonic() + PATIENCE_S
+        while "pipe_write" not in blocked.read_text(encoding="ascii"):
+            assert time.monotonic() < until
+            time.sleep(0.05)
+        for _ in range(2):
+            process.send_signal(signal.SIGINT)
+            with suppress(subprocess.TimeoutExpired):  # two signals at once would count as one
+                process.wait(ENDING_S)
+                break
+        assert process.wait(PATIENCE_S) == 130
+    finally:
+        process.kill()
+        for end in (reading, writing):
+            os.close(end)
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="needs root")
+def test_without_a_loopback_interface_a_run_says_so_at_once(tmp_path: Path) -> None:
+    done = shell('unshare -n "$@"', *QUICK, folder=tmp_path)
+    assert done.returncode == 2
+    why = "the processes of a run cannot reach each other at 127.0.0.1 (Network is unreachable)"
+    assert f"fogwatch: {why}; switch its interface on: ip link set lo up\n" in done.stderr
+
+
+LEAVES = """
+from os import _exit
+import fogwatch
+
+class Leaves:
+    def __init__(self, setup):
+        pass
+
+    def decide(self, view):
+        if view.tick == 3:
+            _exit(0)
+        return fogwatch.Stay()
+"""
+
+
+@pytest.mark.parametrize("way", ["--in-process", "--no-page"])
+def test_a_policy_that_ends_its_process_loses_its_robot_and_the_run_is_judged(way: str, tmp_path: Path) -> None:
+    (tmp_path / "leaves.py").write_text(LEAVES, encoding="utf-8")
+    done = shell('"$@"', *QUICK, way, "--set", "patrol.policy=leaves.py:Leaves", folder=tmp_path)
+    assert done.returncode == 1, done.stderr
+    assert "verdict     invalid" in done.stdout
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="needs root")
+@pytest.mark.parametrize("way", ["--in-process", "--no-page"])
+def test_a_run_on_a_disk_that_is_full_cannot_be_judged(way: str, tmp_path: Path) -> None:
+    """A small file system in a namespace of its own; the journal fills it."""
+    mount = f"mount -t tmpfs -o size=600k none {tmp_path}; cd {tmp_path}"
+    done = shell(
+        f'unshare -m sh -c \'{mount}; exec "$@"\' sh "$@"', *QUICK, way, "--duration", "20000", folder=tmp_path
+    )
+    assert done.returncode == 3, done.stderr
+    assert "the run cannot be recorded any more (No space left on device)" in done.stderr

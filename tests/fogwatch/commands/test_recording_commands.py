@@ -98,6 +98,17 @@ def test_report_and_compare(ran: Path, shell: Shell, tmp_path: Path) -> None:
     assert "<svg" in (tmp_path / "both.html").read_text(encoding="utf-8")
 
 
+def test_a_comparison_that_takes_long_says_how_far_it_is(
+    ran: Path, shell: Shell, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("fogwatch.commands.report.PROGRESS_S", 0.0)
+    lines = shell("compare", ran, ran, "--out", "both.html").err.splitlines()
+    assert [line for line in lines if line.startswith("comparing: ")] == [
+        "comparing: 0 of 2 runs are read",
+        "comparing: 1 of 2 runs are read",
+    ]
+
+
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [

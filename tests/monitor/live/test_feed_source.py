@@ -50,6 +50,7 @@ class FakeFeed(FeedClient):
     """A wire from a run that is over: what the feed would have sent, batch by batch."""
 
     may_control = True
+    waits = ""
     present = True
     """Until the last record has been sent."""
 

@@ -7,6 +7,7 @@ from typing import Any, cast
 
 from monitor.live.positions_source import PositionsSource
 from monitor.observation.source import Trapped
+from patrol.journal.records import Status
 from patrol.messages.telemetry import TRAPPED, Telemetry, Traffic, pack_view
 from patrol.net.mailbox import Mailbox, Presence
 from patrol.pose import Pose
@@ -107,3 +108,24 @@ def test_only_an_operators_page_stops_robots_and_each_answers_for_itself() -> No
     assert not answer.done
     assert answer.text == "anna: stopped by an operator; bert: no answer; use another way"
     assert not operator.control({"do": "fault", "fault": {"kind": "loss"}}).done
+
+
+def test_a_robot_that_an_operator_has_stopped_is_stopped_and_not_trapped() -> None:
+    ears, clock = Ears(), [0.0]
+    source = source_of(ears, clock)
+
+    def go_on(until: int, stopped: str) -> Any:
+        state: Any = None
+        for k in range(int(clock[0]), until):
+            clock[0] = float(k)
+            hear(ears, "anna", k, Pose(6.0, 6.0, 0.0))
+            report = Telemetry(k, "patrolling", None, None, None, 9, 1.5, 0, stopped=stopped)
+            ears.subscribed[KEYS.telemetry("*")].deliver(KEYS.telemetry("anna"), pack_view(report))
+            state = source.wait(0.0) or state
+        return state.robots[0]
+
+    robot = go_on(400, "stopped by an operator (fogwatch control ... release)")
+    assert (robot.status, robot.state, robot.trapped) == (Status.PAUSED, "stopped by an operator", None)
+    assert not source.events(0)
+    released = go_on(402, "")
+    assert (released.status, released.state, released.trapped) == (Status.ALIVE, "patrolling", None)

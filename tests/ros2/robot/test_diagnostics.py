@@ -30,10 +30,10 @@ class Bench:
     """A robot in this process, and what is published of it; the test sets the time of the wall."""
 
     def __init__(self, facts: Patrolling = FACTS, **settings: Any) -> None:
-        self.hub, self.now_s, self.stopped = Hub(), 100.0, ""
+        self.hub, self.now_s, self.stopped, self.no_tick = Hub(), 100.0, "", ""
         self.hardware = Hardware(self.hub.link("fogwatch", "robot1"), DriveSettings(**settings), 1.0, lambda _: None)
         self.peers = {2: Peer(7, Pose(0.0, 0.0, 0.0), 3), 9: Peer(7, Pose(0.0, 0.0, 0.0), 3)}
-        self.diagnostics = Diagnostics(self.hardware, facts, self.peers, lambda: self.now_s)
+        self.diagnostics = Diagnostics(self.hardware, facts, self.peers, lambda: self.no_tick, lambda: self.now_s)
 
     def decide(self, tick: int) -> None:
         decision = Decision(Twist(0.0, 0.0), "patrolling", None, None, None, 24, 3)
@@ -93,6 +93,8 @@ def test_what_is_wrong() -> None:
     assert bench.part("patrol") == (OK, "patrolling")
     bench.now_s += 0.2
     assert bench.part("patrol") == (ERROR, "no decision for 1.6 s")
+    bench.no_tick = "the clock was set back, so no tick comes for 600 s; set it right"
+    assert bench.part("patrol") == (ERROR, bench.no_tick)
     bench.decide(24)
     assert bench.part("radio") == (WARN, "hears 0 of 1 other robots")
 

@@ -11,6 +11,7 @@ from ros2.robot.localisation import (
     CORRECTION_S,
     LONGEST_S,
     SETTLED_S,
+    SLOW_GAPS,
     Fix,
     Localisation,
     LocalisationSettings,
@@ -88,6 +89,23 @@ def test_without_fresh_odometry_there_is_no_pose() -> None:
     late = NOW + 1.0 + LONGEST_S + 0.1
     localisation.odometry(odometry(NOW + 1.0), late)
     assert "0.6 s old by its stamps; set NTP" in why_unknown(localisation, late)
+
+
+@pytest.mark.parametrize(
+    ("period_s", "why"), [(0.4, "comes every 0.40 s, and --fresh allows 0.3 s"), (0.3, ""), (0.1, "")]
+)
+def test_odometry_that_is_slower_than_it_stays_fresh_is_said_also_right_after_a_message(
+    period_s: float, why: str
+) -> None:
+    localisation, now_s = with_tf(), NOW
+    for count in range(1, SLOW_GAPS + 1):
+        assert localisation.at(NOW + (count - 1) * period_s) is not None, "a few may get lost"
+        now_s = NOW + count * period_s
+        localisation.odometry(odometry(now_s), now_s)
+    assert (localisation.at(now_s) is None) == bool(why)
+    assert why in localisation.why
+    localisation.odometry(odometry(now_s + 0.1), now_s + 0.1)
+    found(localisation, now_s + 0.1)
 
 
 def test_odometry_of_a_clock_that_is_ahead_is_no_pose_unless_its_delay_is_given() -> None:
