@@ -24,7 +24,7 @@ from patrol.maps.cells import MapImage, free_cells, marked_cells, single_unknown
 from patrol.maps.doubts import doubts, perhaps_unknown
 from patrol.maps.load import load_terrain, read_terrain
 from patrol.maps.map_file import read_map_file
-from patrol.scenario import TerrainSpec
+from patrol.scenario import TerrainSpec, load_scenario
 
 SAYS: dict[str, Any] = {
     "image": "plan.pgm",
@@ -123,6 +123,25 @@ def test_a_yaml_file_may_hold_tabs_modes_in_capitals_and_whole_turns(tmp_path: P
     for yaw in ("1e-17", "-6.2832"):
         path.write_text(path.read_text().replace("6.283185307179586", yaw))
         assert free_cells(read_map_file(path)).tolist() == [[False, True]]
+
+
+@pytest.mark.parametrize(
+    ("yaw", "corner"),
+    [(math.pi / 2, (0.8, 2.0)), (-math.pi, (0.7, 1.8)), (-1.5708, (1.0, 1.7)), (5 * math.pi / 2, (0.8, 2.0))],
+)
+def test_quarter_and_half_turns_turn_the_cells_about_the_origin(
+    tmp_path: Path, yaw: float, corner: tuple[float, float]
+) -> None:
+    path = write_map(tmp_path, grey([254, 0, 0], [0, 0, 254]), {"origin": [1.0, 2.0, yaw]})
+    terrain = read_terrain(path, 0.1)
+    cells = free_cells(read_map_file(path))
+    for row, col in ((0, 2), (1, 0)):  # the free cells of the image, the lowest row first
+        across, up = 0.1 * (col + 0.5), 0.1 * (row + 0.5)
+        x = 1.0 + across * math.cos(yaw) - up * math.sin(yaw)
+        y = 2.0 + across * math.sin(yaw) + up * math.cos(yaw)
+        assert terrain.passable[terrain.point_at(x, y)]
+    assert np.count_nonzero(cells) == np.count_nonzero(terrain.passable) == 2
+    assert terrain.origin == pytest.approx(corner)
 
 
 @pytest.mark.parametrize("named", ["/maps/of/another/plan.pgm", "C:\\maps\\plan.pgm", "elsewhere/plan.pgm"])
@@ -248,7 +267,10 @@ PLAN = """
         *(({"resolution": 1e9}, "more than"), ({"resolution": 1e308}, "more than")),
         ({"resolution": 1e-9}, "less than one point"),
         *(({"origin": [0.0, 0.0]}, "origin ="), ({"origin": "here"}, "origin =")),
-        *(({"origin": [0.0, math.nan, 0.0]}, "origin = NaN"), ({"origin": [0.0, 0.0, 0.5]}, "yaw must be 0")),
+        *(
+            ({"origin": [0.0, math.nan, 0.0]}, "origin = NaN"),
+            ({"origin": [0.0, 0.0, 0.5]}, "a yaw of 0.5 rad is no quarter turn"),
+        ),
         *(({"negate": 2}, "negate = 2"), ({"negate": "maybe"}, 'negate = "maybe"')),
         *(({"free_thresh": value}, f"free_thresh = {value}") for value in (0.7, -0.1)),
         *(({"free_thresh": math.nan}, "free_thresh = NaN"), ({"occupied_thresh": 1.5}, "occupied_thresh = 1.5")),
@@ -301,6 +323,83 @@ def test_settings_that_leave_only_the_walls_free_are_suspicious(
     (doubt,) = doubts_of(tmp_path, WALLED, **says)
     assert [word for word in words if word not in doubt] == []
     assert doubts_of(tmp_path, WALLED) == []
+
+
+def test_a_yaw_below_a_pixel_over_the_map_counts_as_none_and_is_noted(tmp_path: Path) -> None:
+    (note,) = doubts_of(tmp_path, WALLED, origin=[0.0, 0.0, 0.99 / 40])
+    assert "a yaw of 0.02475 rad counts as 0" in note
+    with pytest.raises(BadInput, match=r"a yaw of 0\.025 rad is no quarter turn; rotate the image"):
+        doubts_of(tmp_path, WALLED, origin=[0.0, 0.0, 1.0 / 40])
+
+
+def test_greys_beside_a_savers_unknown_ground_are_only_the_rims_of_smoothing(tmp_path: Path) -> None:
+    mapped = np.full((60, 60), 205, dtype=np.uint8)
+    mapped[10:50, 10:50] = 254
+    mapped[10, 10:50] = mapped[49, 10:50] = 210
+    assert doubts_of(tmp_path, mapped) == []
+    mapped[mapped == 205] = 0  # no unknown ground: the same greys are doubtful
+    (doubt,) = doubts_of(tmp_path, mapped)
+    assert "reads grey 210 as free" in doubt
+
+
+def test_a_transparent_image_is_named_with_its_share_and_the_cure(tmp_path: Path) -> None:
+    drawn = Image.new("RGBA", (20, 20), (0, 0, 0, 0))
+    drawn.paste((0, 0, 0, 255), (0, 0, 20, 1))
+    path = write_map(tmp_path, drawn, {"image": "plan.png"})
+    with pytest.raises(BadInput, match=r"95\.0 % of its pixels are transparent, .* unknown; flatten it on white"):
+        read_terrain(path, 0.1)
+
+
+@pytest.mark.parametrize(
+    ("named", "there", "meant"),
+    [
+        ("map.pgm", ["plan.pgm", "other.png"], "plan.pgm"),
+        ("map.pgm", ["Map.PNG", "plan.pgm"], "Map.PNG"),
+        ("map.pgm", ["floor.bmp"], "floor.bmp"),
+        ("map.pgm", ["a.png", "b.png"], ""),
+    ],
+)
+def test_an_image_of_another_ending_or_case_is_named(tmp_path: Path, named: str, there: list[str], meant: str) -> None:
+    path = write_map(tmp_path, WHITE, {"image": named})
+    (tmp_path / named).unlink()
+    for name in there:
+        WHITE.save(tmp_path / name)
+    with pytest.raises(BadInput) as error:
+        read_terrain(path, 0.1)
+    assert (f"set image: {meant}, which lies there" if meant else "correct 'image'") in str(error.value)
+
+
+def test_an_image_that_is_a_git_lfs_pointer_is_named(tmp_path: Path) -> None:
+    path = write_map(tmp_path, b"version https://git-lfs.github.com/spec/v1\noid sha256:00\nsize 1\n")
+    with pytest.raises(BadInput, match=r"plan\.pgm: is a Git LFS pointer .*git lfs pull"):
+        read_terrain(path, 0.1)
+
+
+FOREIGN = [
+    (b"version https://git-lfs.github.com/spec/v1\noid sha256:00\nsize 1\n", "a Git LFS pointer"),
+    (b"\x89MCAP0\r\n", "a bag of ROS"),
+    (b"SQLite format 3\0" + bytes(100), "a bag of ROS"),
+    (b"#ROSBAG V2.0\n" + bytes(range(256)), "a bag of ROS"),
+    (b"rosbag2_bagfile_information: {version: 5}\n", "describes a bag of ROS"),
+    (b"type octile\nheight 1\nwidth 1\nmap\n.\n", "a grid of MovingAI"),
+    (b"<svg xmlns='http://www.w3.org/2000/svg'/>", "an SVG drawing"),
+    (b"<?xml version='1.0'?>\n<sdf version='1.6'/>", "a world of Gazebo"),
+    (b"  0\nSECTION\n  2\nHEADER\n", "a DXF drawing"),
+    (b'{"verts": [[0, 0]], "room_category": {}, "room_num": 1}', "a floor plan of HouseExpo"),
+    (b'{"type": "FeatureCollection", "features": []}', "a route graph in GeoJSON.*terrain.graph"),
+    (b"building_name: shop\nlevels: {}\nlifts: {}\n", "a navigation graph of Open-RMF.*terrain.graph"),
+    (b"coordinate_system: reference_image\nlevels: {}\nlifts: {}\n", "a building of Open-RMF"),
+    (b"coordinate_system: reference_image\ngraphs: {}\nlevels: {}\n", "a building of Open-RMF"),
+]
+
+
+@pytest.mark.parametrize(("content", "kind"), FOREIGN, ids=[kind for _, kind in FOREIGN])
+def test_another_kind_of_file_is_named_in_one_line(tmp_path: Path, content: bytes, kind: str) -> None:
+    path = tmp_path / "site.yaml"
+    path.write_bytes(content)
+    for read in (read_map_file, load_scenario):
+        with pytest.raises(BadInput, match=rf"\A[^\n]*site\.yaml: (is )?{kind}[^\n]*\Z"):
+            read(path)
 
 
 def test_unknown_ground_that_is_read_as_free_is_named_with_its_area_and_the_cure(tmp_path: Path) -> None:
