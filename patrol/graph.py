@@ -28,7 +28,7 @@ from numpy.typing import NDArray
 
 from patrol.errors import BadInput, printable
 from patrol.files.untrusted import GRAPH
-from patrol.files.yaml_text import read_text
+from patrol.files.yaml_text import parse_yaml, read_text
 
 if TYPE_CHECKING:
     from patrol.ground.fields import StaticFields
@@ -198,12 +198,14 @@ class _Words:
 
 
 def read_graph(path: Path, map_image: tuple[int, int] | None = None) -> dict[str, Any]:
-    """Read a `.graph` file.
+    """Read a `.graph` file, a navigation graph of Open-RMF (YAML) or a route graph of Nav2 (GeoJSON).
 
     Returns ``vertices``, x and y of each in m; ``edges``, each once in the file's order, as two vertices and the length
     in m; and ``pixel``, the resolution in m. `map_image` is the width and height in pixels that the file must name,
     None for any.
     """
+    if path.suffix.lower() in LANES:
+        return _read_lanes(path)
     words = _Words(path)
     count = words.whole("the number of vertices", 1, MOST_VERTICES)
     width, height = (words.number(f"the image's {side}") for side in ("width", "height"))
@@ -232,6 +234,47 @@ def read_graph(path: Path, map_image: tuple[int, int] | None = None) -> dict[str
     words.end()
     edges = [(first, last, length) for (first, last), length in lengths.items()]
     return {"vertices": places, "edges": edges, "pixel": resolution}
+
+
+LANES = (".yaml", ".yml", ".json", ".geojson")
+"""Endings of graphs whose ways are lanes between named places, in m on the map."""
+
+
+def _read_lanes(path: Path) -> dict[str, Any]:
+    """Read a graph of lanes, whose direction does not count; each is as long as it is straight."""
+    content = parse_yaml(read_text(path, GRAPH), str(path))
+    levels = content.get("levels") if isinstance(content, dict) else None
+    features = content.get("features") if isinstance(content, dict) else None
+    try:
+        if isinstance(levels, dict):
+            if len(levels) != 1:
+                raise BadInput(f"{path}: levels: has {', '.join(map(str, levels))}; leave one, that of the map")
+            (level,) = levels.values()
+            places = {number: vertex[:2] for number, vertex in enumerate(level["vertices"])}
+            lanes = [lane[:2] for lane in level["lanes"]]
+        elif isinstance(features, list):
+            points = [feature for feature in features if feature["geometry"]["type"] == "Point"]
+            places = {point["properties"]["id"]: point["geometry"]["coordinates"][:2] for point in points}
+            if len(places) < len(points):
+                raise BadInput(f"{path}: two places have the same id; correct it")
+            ways = [feature["properties"] for feature in features if feature["geometry"]["type"] != "Point"]
+            lanes = [(way["startid"], way["endid"]) for way in ways]
+        else:
+            raise BadInput(f"{path}: expected the levels of Open-RMF's navigation graph, or the features of GeoJSON")
+        numbers = {name: number for number, name in enumerate(places)}
+        vertices = [(float(x), float(y)) for x, y in places.values()]
+        pairs = {(min(a, b), max(a, b)): None for a, b in ((numbers[a], numbers[b]) for a, b in lanes)}
+    except (KeyError, TypeError, ValueError, IndexError) as error:
+        reason = f"{type(error).__name__}: {error}"
+        raise BadInput(
+            f"{path}: is no graph of lanes between its places ({printable(reason)[:80]}); correct it"
+        ) from None
+    if not 0 < len(vertices) <= MOST_VERTICES or not all(
+        abs(value) <= LARGEST for place in vertices for value in place
+    ):
+        raise BadInput(f"{path}: expected 1 to {MOST_VERTICES} places, at most {LARGEST:g} m away; leave some out")
+    edges = [(a, b, round(math.dist(vertices[a], vertices[b]), 6)) for a, b in pairs if vertices[a] != vertices[b]]
+    return {"vertices": vertices, "edges": edges}
 
 
 def check_vertices(vertices: Places, terrain: Terrain) -> None:

@@ -25,6 +25,7 @@ from patrol.zones.ground import points_of
 
 if TYPE_CHECKING:
     from fogwatch.grounds.map_check import MapReport
+    from patrol.ground.left_out import LeftOut
     from patrol.ground.terrain import Terrain
     from patrol.scenario import ZoneSpec
     from patrol.zones.division import ZonedGround
@@ -36,9 +37,16 @@ def zone_lines(prepared: Prepared, before: MapReport, after: MapReport) -> Itera
     `before` is the map check without keep-outs of zones, `after` the one with them.
     """
     zones = prepared.scenario.zones
-    yield f"zones: {len(zones)}"
+    robots, sensor = len(prepared.scenario.roster), prepared.scenario.sensor
+    body = prepared.scenario.roster[0]
+    fleet = ""
+    if any(zone.age is not None for zone in zones):
+        fleet = (
+            f"; wanted ages are weighed for {robots} {body.model} robots of radius {body.radius:g} m at {body.speed:g} "
+            f"m/s that see {sensor.range:g} m, and otherwise in a run of another fleet"
+        )
+    yield f"zones: {len(zones)}{fleet}"
     weights, zoned = zone_weights(prepared), zoned_ground(prepared)
-    robots = len(prepared.scenario.roster)
     area = prepared.terrain.point_area
     for zone in zones:
         points = points_of(zone, prepared.terrain)
@@ -136,7 +144,7 @@ def scenario_notes(prepared: Prepared) -> list[str]:
     left_out = prepared.left_out
     return [
         *doubts(prepared.terrain),
-        *([] if left_out is None else [f"left out: {left_out.text}"]),
+        *([] if left_out is None else [f"left out: {left_out.text}{_start_there(left_out)}"]),
         *_in_sight(prepared),
         *_not_drawn(prepared),
         *prepared.scenario.translated,
@@ -157,6 +165,13 @@ def _in_sight(prepared: Prepared) -> list[str]:
     sees = f"sensor.range = {sensor.range:g} m{', the default' if 'sensor.range' in scenario.assumed else ''}"
     remedy = "so no robot has to move; give --sensor-range if it is less"
     return [f"all ground is in sight from the starts ({sees}), {remedy}"]
+
+
+def _start_there(left_out: LeftOut) -> str:
+    """Return the remedy for ground that a robot could patrol if it started there; empty where its body does not fit."""
+    if left_out.why.startswith("too narrow"):
+        return ""
+    return f"; to patrol it too, start a robot there, as with --start {left_out.x:.2f},{left_out.y:.2f}"
 
 
 def _not_drawn(prepared: Prepared) -> list[str]:

@@ -15,7 +15,8 @@ from typing import Any
 import yaml
 
 from patrol.errors import BadInput
-from patrol.files.untrusted import SCENARIO, Kind, read_untrusted, refuse_half_characters
+from patrol.files.foreign import BAG_FOLDER, HEAD, kind_of_bytes
+from patrol.files.untrusted import RECORDING, SCENARIO, Kind, open_untrusted, read_untrusted, refuse_half_characters
 
 MOST_NODES = 100_000
 """Keys, values and lists of one text, those that an alias stands for included: what takes about two seconds to read."""
@@ -140,13 +141,20 @@ _Loader.add_constructor(f"{_TAG}int", _read_integer)
 def read_text(path: Path, kind: Kind = SCENARIO) -> str:
     """Read the text of a file in UTF-8, or else in Latin-1, as old maps' comments are."""
     try:
+        with open_untrusted(path, RECORDING) as file:  # a bag is larger than any text
+            head = file.read(HEAD)
+        if what := kind_of_bytes(head):
+            raise BadInput(f"{path}: {what}")
         return _decode_text(read_untrusted(path, kind))
     except FileNotFoundError:
         raise BadInput(f"{path}: no such file") from None
     except IsADirectoryError:
-        raise BadInput(f"{path}: is a folder; give a file") from None
+        what = BAG_FOLDER if (path / "metadata.yaml").is_file() else "is a folder; give a file"
+        raise BadInput(f"{path}: {what}") from None
     except UnicodeDecodeError as error:
         raise BadInput(f"{path}: is not UTF-8 text (byte {error.start}); give a text file") from None
+    except BadInput:
+        raise
     except (OSError, ValueError) as error:
         raise BadInput(f"{path}: cannot be read ({getattr(error, 'strerror', None) or error})") from None
 

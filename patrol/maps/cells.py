@@ -24,9 +24,10 @@ from PIL import Image, UnidentifiedImageError
 from PIL.ImageFile import ImageFile
 
 from patrol.errors import BadInput
+from patrol.files.foreign import HEAD, kind_of_bytes
 from patrol.files.untrusted import IMAGE, open_untrusted
 from patrol.ground.terrain import BoolGrid
-from patrol.maps.map_file import MapFile
+from patrol.maps.map_file import MapFile, similar_image
 
 FORMATS = ("PPM", "PNG", "BMP", "JPEG")
 MAX_CELLS = 400_000_000
@@ -159,16 +160,21 @@ _RING = ((0, 1), (1, 1), (1, 0), (1, -1), (0, -1), (-1, -1), (-1, 0), (-1, 1))
 
 
 def image_size(says: MapFile) -> tuple[int, int]:
-    """Return the (rows, columns) of a map's image, from its first bytes."""
+    """Return the (rows, columns) of a map's image, as it is turned, from its first bytes."""
     with _open_image(says) as image:
-        return image.height, image.width
+        return (image.width, image.height) if says.turns % 2 else (image.height, image.width)
 
 
 def read_image(says: MapFile) -> MapImage:
     """Return the pixels of a map's image."""
     with _open_image(says) as image:
         image.load()
-        return _pixels_of(image, _image_location(says))
+        pixels = _pixels_of(image, _image_location(says))
+    if says.turns:
+        greys = np.ascontiguousarray(np.rot90(pixels.greys, -says.turns))  # rows go up, so the other way round
+        opaque = None if pixels.opaque is None else np.ascontiguousarray(np.rot90(pixels.opaque, -says.turns))
+        return MapImage(greys, opaque, pixels.is_jpeg)
+    return pixels
 
 
 def _image_location(says: MapFile) -> str:
@@ -200,11 +206,20 @@ def _open_image(says: MapFile) -> Iterator[Image.Image]:
                     raise BadInput(
                         f"{where}: {image.width} x {image.height} pixels, more than {pixel_limit}; {_SMALLER}"
                     )
+                if abs(says.skew) * max(image.size) >= 1.0:
+                    turn = f"{says.path}: origin: a yaw of {says.yaw:g} rad is no quarter turn"
+                    raise BadInput(f"{turn}; rotate the image instead, and set it to 0")
                 yield image
     except FileNotFoundError:
-        raise BadInput(f"{where}: no such file; correct 'image', which is relative to the YAML file") from None
+        near = similar_image(says)
+        remedy = (
+            f"set image: {near}, which lies there" if near else "correct 'image', which is relative to the YAML file"
+        )
+        raise BadInput(f"{where}: no such file; {remedy}") from None
     except UnidentifiedImageError:
-        raise BadInput(f"{where}: is not a PGM, PNG, BMP or JPEG image; give one") from None
+        with open_untrusted(says.image, IMAGE) as file:
+            what = kind_of_bytes(file.read(HEAD)) or "is not a PGM, PNG, BMP or JPEG image; give one"
+        raise BadInput(f"{where}: {what}") from None
     except _Laborious as error:
         raise BadInput(f"{where}: {error}; save it as a PNG") from None
     except BadInput:

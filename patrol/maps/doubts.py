@@ -41,6 +41,12 @@ LIGHT = 0.05
 BROAD = 0.75
 """Share of free cells with nothing but free cells around them, from which on ground is broader than walls are."""
 
+SKEW = 0.01
+"""Pixels of skew over the whole map from which on it is worth a word."""
+
+MOSTLY = 0.5
+"""Share of an image's pixels that are transparent from which on they are probably not meant."""
+
 UNKNOWN_GREYS = (205, 206)
 """The greys of unknown ground in maps that `map_saver` writes; the second after some conversions."""
 
@@ -57,7 +63,7 @@ def doubts(terrain: Terrain) -> list[str]:
     settings = (f"{says.path.name}: is this what the map shows? {text}" for text in _setting_doubts(says, image))
     # The dark greys of a JPEG may be artefacts, so its own warning goes first.
     greys = list(_jpeg_doubts(says, image)) or _dark_free_ground(says, image)
-    return [*_image_elsewhere(says), *greys, *settings]
+    return [*_image_elsewhere(says), *_skew(says, image), *greys, *settings]
 
 
 def wrong_settings(says: MapFile, image: MapImage) -> str:
@@ -91,12 +97,29 @@ def _image_elsewhere(says: MapFile) -> Iterator[str]:
         yield f"{says.path.name}: image = {says.named_image}: no such file; {beside}"
 
 
+def _skew(says: MapFile, image: MapImage) -> Iterator[str]:
+    if abs(says.skew) * max(image.greys.shape) > SKEW:
+        yield f"{says.path.name}: origin: a yaw of {says.skew:g} rad counts as 0, less than a pixel over the whole map"
+
+
+def _transparent(says: MapFile, image: MapImage) -> str:
+    """Describe an image that is mostly transparent and hardly free; empty for any other."""
+    share = 0.0 if image.opaque is None else 1.0 - float(np.mean(image.opaque))
+    if share < MOSTLY or _free_share(says, image) > NEARLY_NOTHING:
+        return ""
+    return f"{_format_percent(share)} of its pixels are transparent, which counts as unknown; flatten it on white"
+
+
 def _dark_free_levels(says: MapFile, image: MapImage) -> Levels:
     """Return the greys of the image that look like unknown ground and are read as free, if they make up much of it.
 
-    Only in mode trinary: in the others greys are meant to differ.
+    Only in mode trinary: in the others greys are meant to differ. Where the saver's own grey is unknown and in the
+    image, the greys beside it are only the rims that smoothing leaves.
     """
     free, counts = free_levels(says), image.histogram
+    saved = LEVELS - 1 - UNKNOWN_GREYS[0] if says.negate else UNKNOWN_GREYS[0]
+    if not free[saved] and counts[saved] > NOTABLE * counts.sum():
+        return np.zeros_like(free)
     dark = free & (counts > 0) & (occupancy_of(says) > DARK)
     is_notable = counts[dark].sum() >= NOTABLE * counts[free].sum()
     return dark if is_notable and says.mode == "trinary" else np.zeros_like(free)
@@ -150,6 +173,9 @@ def _jpeg_doubts(says: MapFile, image: MapImage) -> Iterator[str]:
 
 def _setting_doubts(says: MapFile, image: MapImage) -> Iterator[str]:
     """Describe the shares of cells, and the setting whose other value is more likely; nothing where none is."""
+    if transparent := _transparent(says, image):
+        yield transparent
+        return
     now = _Ground(says, image)
     negated = _Ground(replace(says, negate=not says.negate), image)
     light = now.share

@@ -93,7 +93,7 @@ def read_terrain(path: Path, point: float, within: Path | None = None) -> Terrai
         if why := wrong_settings(says, image):
             raise BadInput(f"{where}: {why}")
         raise BadInput(f"{where}; the free space is too narrow, choose a smaller point")
-    return Terrain(printable(path.stem), passable, point, says.origin, source=path)
+    return Terrain(printable(path.stem), passable, point, says.corner(rows, columns), source=path)
 
 
 def _passable_points(image: MapImage, says: MapFile, point: float, shape: tuple[int, int]) -> BoolGrid:

@@ -1,3 +1,4 @@
+# SEE NOTE-FROM-COORDINATOR.md IN THIS WORKTREE (delete this line)
 """A map's YAML file, in ROS map_server's format.
 
 Its keys are image, resolution, origin, negate, occupied_thresh, free_thresh and, if wanted, mode.
@@ -15,6 +16,7 @@ from typing import Any, Literal
 import yaml
 
 from patrol.errors import BadInput, did_you_mean, quoted
+from patrol.files.foreign import kind_of_mapping
 from patrol.files.untrusted import IMAGE, MAP, leads_out, read_untrusted
 from patrol.files.yaml_text import parse_yaml, read_text
 
@@ -26,8 +28,8 @@ IS_IMAGE = "is an image; give the map's YAML file, which names the image and its
 Mode = Literal["trinary", "scale", "raw"]
 MODES: tuple[Mode, ...] = ("trinary", "scale", "raw")
 
-TURN_TOLERANCE = 1e-4
-"""Largest yaw of an origin that is read as none, rad: a centimetre on a map of 100 m."""
+QUARTER = 0.5 * math.pi
+"""A quarter turn, rad."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,11 +42,28 @@ class MapFile:
     image: Path
     named_image: str
     resolution: float  # m per cell
-    origin: tuple[float, float]  # x and y of the lower left corner, m
+    origin: tuple[float, float]  # x and y of the image's lower left corner, about which its yaw turns it, m
+    yaw: float  # rad, anticlockwise
     negate: bool  # whether dark pixels are free
     occupied_thresh: float  # occupancy from which on a cell is occupied, 0 to 1
     free_thresh: float  # occupancy up to which a cell is free, 0 to 1
     mode: Mode  # the meaning of pixels; see `patrol.maps.cells`
+
+    @property
+    def turns(self) -> int:
+        """Quarter turns of the image, anticlockwise, 0 to 3."""
+        return round(self.yaw / QUARTER) % 4
+
+    @property
+    def skew(self) -> float:
+        """Yaw beside the quarter turns, rad; it counts as 0 where it is less than a pixel over the whole image."""
+        return math.remainder(self.yaw, QUARTER)
+
+    def corner(self, rows: int, columns: int) -> tuple[float, float]:
+        """Return x and y (m) of the lower left corner of the turned image, which has so many rows and columns."""
+        x, y = self.origin
+        left = columns * self.resolution if self.turns in (1, 2) else 0.0
+        return x - left, y - (rows * self.resolution if self.turns in (2, 3) else 0.0)
 
     @property
     def meaning(self) -> dict[str, Any]:
@@ -52,6 +71,7 @@ class MapFile:
         return {
             "resolution": self.resolution,
             "origin": self.origin,
+            **({"turns": self.turns} if self.turns else {}),
             "negate": self.negate,
             "occupied_thresh": self.occupied_thresh,
             "free_thresh": self.free_thresh,
@@ -66,7 +86,8 @@ class MapFile:
             raise BadInput(f"{self.path}: image = {self.image}: cannot be read ({error.strerror})") from None
         (folder / self.image.name).write_bytes(image)
         says = {"image": self.image.name} | self.meaning
-        says |= {"origin": [*self.origin, 0.0], "negate": int(self.negate)}
+        says |= {"origin": [*self.origin, self.turns * QUARTER], "negate": int(self.negate)}
+        says.pop("turns", None)
         (folder / self.path.name).write_text(yaml.safe_dump(says, sort_keys=False), encoding="utf-8")
 
 
@@ -79,6 +100,8 @@ def read_map_file(path: Path, within: Path | None = None) -> MapFile:
     says = parse_yaml(read_text(path, MAP), str(path))
     if not isinstance(says, dict):
         raise BadInput(f"{path}: is not a map; expected keys and values such as 'image: map.pgm'")
+    if "image" not in says and (what := kind_of_mapping(says)):
+        raise BadInput(f"{path}: {what}")
     image = _value_of(path, says, "image", "the image's file name")
     if not isinstance(image, str) or not image or "\0" in image:
         raise BadInput(f"{path}: image = {quoted(image)}: expected the image's file name")
@@ -98,12 +121,14 @@ def read_map_file(path: Path, within: Path | None = None) -> MapFile:
             f"{path}: free_thresh = {free:g}, occupied_thresh = {occupied:g}: expected 0 <= free_thresh <= "
             "occupied_thresh <= 1"
         )
+    x, y, yaw = _read_origin(path, says)
     return MapFile(
         path=path,
         image=image_path,
         named_image=image,
         resolution=resolution,
-        origin=_read_origin(path, says),
+        origin=(x, y),
+        yaw=yaw,
         negate=_read_negate(path, says),
         occupied_thresh=occupied,
         free_thresh=free,
@@ -131,6 +156,20 @@ def _existing_image(path: Path, image: str) -> Path:
         return named
 
 
+def similar_image(says: MapFile) -> str:
+    """Return the name of the image that is probably meant where the named one is missing; empty without one.
+
+    That is the one with its name but for case and ending, with the YAML file's name, or else the only one there.
+    """
+    try:
+        images = sorted(file.name for file in says.path.parent.iterdir() if file.suffix.lower() in IMAGE_ENDINGS)
+    except OSError:
+        return ""
+    stems = [Path(name).stem.lower() for name in (says.image.name, says.path.name)]
+    near = [name for stem in stems for name in images if Path(name).stem.lower() == stem]
+    return near[0] if near else images[0] if len(images) == 1 else ""
+
+
 def _value_of(path: Path, says: Mapping[str, Any], key: str, what: str) -> Any:
     if key not in says:
         raise BadInput(f"{path}: {key}: missing; give {what}")
@@ -151,15 +190,12 @@ def _check_finite(path: Path, key: str, value: Any, what: str) -> float:
     return number
 
 
-def _read_origin(path: Path, says: Mapping[str, Any]) -> tuple[float, float]:
+def _read_origin(path: Path, says: Mapping[str, Any]) -> list[float]:
     expected = "[x, y, yaw] in m and rad of the lower left corner"
     value = _value_of(path, says, "origin", expected)
     if not isinstance(value, list) or len(value) != 3:
         raise BadInput(f"{path}: origin = {quoted(value)}: expected {expected}")
-    x, y, yaw = (_check_finite(path, "origin", part, expected) for part in value)
-    if abs(math.remainder(yaw, math.tau)) > TURN_TOLERANCE:
-        raise BadInput(f"{path}: origin = {quoted(value)}: yaw must be 0; rotate the image instead")
-    return x, y
+    return [_check_finite(path, "origin", part, expected) for part in value]
 
 
 def _read_negate(path: Path, says: Mapping[str, Any]) -> bool:

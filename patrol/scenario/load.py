@@ -28,6 +28,7 @@ from pydantic import ValidationError
 from patrol.errors import BadInput, did_you_mean, quoted
 from patrol.faults.kinds import Join, Leave
 from patrol.faults.nemesis import DRAWN, RobotsHit, When, draw_fault, room_for
+from patrol.files.foreign import kind_of_mapping
 from patrol.files.untrusted import refuse_half_characters
 from patrol.files.yaml_text import line_of, parse_yaml, read_text
 from patrol.maps.map_file import IMAGE_ENDINGS, IS_IMAGE
@@ -276,6 +277,8 @@ def _read_mapping(path: Path) -> tuple[dict[str, Any], str]:
         raise BadInput(f"{path}: is empty; give at least 'terrain: {{builtin: yards}}'")
     if not isinstance(raw, dict):
         raise BadInput(f"{path}: holds {quoted(raw)}; expected keys and values such as 'terrain: {{builtin: yards}}'")
+    if "terrain" not in raw and (what := kind_of_mapping(raw)):
+        raise BadInput(f"{path}: {what}")
     if "base" in raw and "terrain" not in raw:
         raise BadInput(f"{path}: is a sweep of many runs; make them with: fogwatch sweep {path}, or name its base")
     return raw, text

@@ -98,8 +98,8 @@ class TerrainSpec(Section):
     map: PathText | None = Field(None, description="map_server YAML file, relative to this file")
     graph: GraphSpec | None = Field(
         None,
-        description="FILE.graph of patrolling_sim, {file: FILE.graph, visit: M}, or vertices and edges; null: made "
-        "from the ground if needed",
+        description="FILE.graph of patrolling_sim, Open-RMF's FILE.yaml, Nav2's FILE.geojson, {file: FILE, visit: M}, "
+        "or vertices and edges; null: made from the ground if needed",
     )
     patrolled: Patrolled = Field(GROUND, description="ground: all that robots can see | vertices: those of graph")
     keep_out: Polygons = Field((), description="m, polygons [[x, y], ...] that no body may enter")

@@ -119,7 +119,9 @@ class MaskSpec(Section):
         cells = base64.b64encode(zlib.compress(np.packbits(marked).tobytes(), 9)).decode()
         if len(cells) > MOST_TEXT or marked.size > MOST_CELLS:
             raise BadInput(f"{file}: has too many cells or too fine a pattern for a zone; make the mask coarser")
-        return cls(resolution=says.resolution, origin=says.origin, rows=rows, columns=columns, cells=cells)
+        return cls(
+            resolution=says.resolution, origin=says.corner(rows, columns), rows=rows, columns=columns, cells=cells
+        )
 
     def marked(self) -> BoolGrid:
         """Return the marked cells, bool (rows, columns), the lowest row first."""

@@ -157,6 +157,56 @@ def test_a_graph_of_another_image_than_the_maps_is_refused(tmp_path: Path) -> No
             load_scenario(says)
 
 
+RMF = """building_name: shop
+levels:
+  L1:
+    lanes: [[0, 1, {speed_limit: 0.0}], [1, 0, {}], [1, 2, {}]]
+    vertices: [[2.0, 3.0, {name: till}], [9.0, 3.0, {}], [9.0, 7.5, {}]]
+"""
+ROUTE = """{"type": "FeatureCollection", "features": [
+{"type": "Feature", "properties": {"id": 7}, "geometry": {"type": "Point", "coordinates": [2.0, 3.0]}},
+{"type": "Feature", "properties": {"id": 3}, "geometry": {"type": "Point", "coordinates": [9.0, 3.0]}},
+{"type": "Feature", "properties": {"id": 5}, "geometry": {"type": "Point", "coordinates": [9.0, 7.5]}},
+{"type": "Feature", "properties": {"id": 8, "startid": 7, "endid": 3}, "geometry": {"type": "MultiLineString"}},
+{"type": "Feature", "properties": {"id": 9, "startid": 5, "endid": 3}, "geometry": {"type": "MultiLineString"}}]}
+"""
+
+
+@pytest.mark.parametrize(("name", "text"), [("0.yaml", RMF), ("route.geojson", ROUTE)])
+def test_navigation_graphs_of_open_rmf_and_route_graphs_of_nav2_are_read(tmp_path: Path, name: str, text: str) -> None:
+    (tmp_path / name).write_text(text)
+    spec = load_scenario({"terrain": {"builtin": "open", "graph": str(tmp_path / name)}}).terrain.graph
+    assert spec is not None
+    assert spec.vertices == ((2.0, 3.0), (9.0, 3.0), (9.0, 7.5))
+    assert spec.edges == ((0, 1, 7.0), (1, 2, 4.5))
+
+
+@pytest.mark.parametrize(
+    ("text", "old", "new", "says"),
+    [
+        (RMF, "  L1:", "  L0: {}\n  L1:", "has L0, L1; leave one"),
+        (RMF, "[1, 2, {}]", "[1, 3, {}]", "is no graph of lanes"),
+        (RMF, "7.5", ".nan", "at most 1e+06 m away"),
+        (RMF, "7.5, {}", "up, {}", "is no graph of lanes"),
+        (RMF, "    lanes", "    ways", "is no graph of lanes"),
+        (ROUTE, '"id": 3', '"id": 7', "have the same id"),
+        (ROUTE, '"id": 3', '"id": [3]', "is no graph of lanes"),
+        (ROUTE, '"Point", "coordinates": [9.0, 3.0]', '"Point"', "is no graph of lanes"),
+        (ROUTE, '"startid": 7', '"startid": 1', "is no graph of lanes"),
+        ("[1]", "1", "2", "expected the levels"),
+    ],
+)
+def test_what_is_wrong_in_a_graph_of_lanes_is_one_line(
+    tmp_path: Path, text: str, old: str, new: str, says: str
+) -> None:
+    file = tmp_path / "site.yaml"
+    assert old in text
+    file.write_text(text.replace(old, new, 1))
+    with pytest.raises(BadInput, match=r"\A[^\n]*site\.yaml: [^\n]*\Z") as error:
+        read_graph(file)
+    assert says in str(error.value)
+
+
 @given(st.binary(max_size=60))
 def test_no_bytes_make_it_raise_anything_else(data: bytes) -> None:
     file = Path("/dev/shm" if Path("/dev/shm").is_dir() else "/tmp") / "fogwatch-fuzz.graph"

@@ -136,6 +136,7 @@ def test_ground_without_a_way_to_it_is_named_in_plan_and_check(rooms: str, run: 
     assert words in " ".join(shown.out.split())
     before, _, _ = shown.err.partition("1 robot: tours ...")  # before anything is computed
     assert f"warning: {words}" in before
+    assert "to patrol it too, start a robot there, as with --start 15.75,5.25" in before
     assert shown.err.count("warning: left out") == 1
     (size,) = json.loads((tmp_path / "runs" / "plan-rooms" / "plan.json").read_text())["sizes"]
     assert size["left_out"]["area_m2"] == 100.0

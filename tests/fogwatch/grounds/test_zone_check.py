@@ -12,6 +12,9 @@ from typer.testing import CliRunner
 
 from fogwatch.commands.map import app
 from patrol.errors import BadInput
+from patrol.measures.zoned import zone_weights
+from patrol.prepare import prepare
+from patrol.scenario import load_scenario
 from tests.ring import LOWER, UPPER, write_cells, write_ring, zone
 
 WALL = {"name": "tape", "polygon": [[0, 43], [100, 43], [100, 45], [0, 45]], "keep_out": True}
@@ -51,6 +54,25 @@ def test_which_wishes_can_be_kept(tmp_path: Path, age: float, told: str) -> None
     (vault,) = (line for line in said if line.startswith("  vault: weight "))
     assert told in vault
     assert " m² to patrol" in vault
+    fleet = "zones: 1; wanted ages are weighed for 4 holonomic robots of radius 0.4 m at 1 m/s that see 10 m"
+    assert any(line.startswith(fleet) for line in said)
+
+
+def test_a_run_of_the_same_fleet_has_the_same_weight(tmp_path: Path) -> None:
+    said = check("yards", 0.4, tmp_path, VAULT | {"age": 60})
+    robots = {"count": 4, "model": "holonomic", "radius": 0.4, "speed": 1.0}
+    terrain = {"builtin": "yards"}
+    says = {
+        "terrain": terrain,
+        "point": 0.5,
+        "robots": robots,
+        "sensor": {"range": 10.0},
+        "zones": [VAULT | {"age": 60}],
+    }
+    weights = zone_weights(prepare(load_scenario(says)))
+    assert f"vault: weight {weights['vault']:g}," in said
+    faster = load_scenario(says | {"robots": robots | {"speed": 2.0}})
+    assert zone_weights(prepare(faster))["vault"] < weights["vault"]
 
 
 def test_a_file_without_zones_is_refused(tmp_path: Path) -> None:

@@ -125,6 +125,25 @@ def test_a_yaml_file_may_hold_tabs_modes_in_capitals_and_whole_turns(tmp_path: P
         assert free_cells(read_map_file(path)).tolist() == [[False, True]]
 
 
+@pytest.mark.parametrize(
+    ("yaw", "corner"),
+    [(math.pi / 2, (0.8, 2.0)), (-math.pi, (0.7, 1.8)), (-1.5708, (1.0, 1.7)), (5 * math.pi / 2, (0.8, 2.0))],
+)
+def test_quarter_and_half_turns_turn_the_cells_about_the_origin(
+    tmp_path: Path, yaw: float, corner: tuple[float, float]
+) -> None:
+    path = write_map(tmp_path, grey([254, 0, 0], [0, 0, 254]), {"origin": [1.0, 2.0, yaw]})
+    terrain = read_terrain(path, 0.1)
+    cells = free_cells(read_map_file(path))
+    for row, col in ((0, 2), (1, 0)):  # the free cells of the image, the lowest row first
+        across, up = 0.1 * (col + 0.5), 0.1 * (row + 0.5)
+        x = 1.0 + across * math.cos(yaw) - up * math.sin(yaw)
+        y = 2.0 + across * math.sin(yaw) + up * math.cos(yaw)
+        assert terrain.passable[terrain.point_at(x, y)]
+    assert np.count_nonzero(cells) == np.count_nonzero(terrain.passable) == 2
+    assert terrain.origin == pytest.approx(corner)
+
+
 @pytest.mark.parametrize("named", ["/maps/of/another/plan.pgm", "C:\\maps\\plan.pgm", "elsewhere/plan.pgm"])
 def test_an_image_beside_the_yaml_file_is_read_where_the_named_one_is_missing(tmp_path: Path, named: str) -> None:
     path = write_map(tmp_path, Image.fromarray(WALLED))
@@ -248,7 +267,10 @@ PLAN = """
         *(({"resolution": 1e9}, "more than"), ({"resolution": 1e308}, "more than")),
         ({"resolution": 1e-9}, "less than one point"),
         *(({"origin": [0.0, 0.0]}, "origin ="), ({"origin": "here"}, "origin =")),
-        *(({"origin": [0.0, math.nan, 0.0]}, "origin = NaN"), ({"origin": [0.0, 0.0, 0.5]}, "yaw must be 0")),
+        *(
+            ({"origin": [0.0, math.nan, 0.0]}, "origin = NaN"),
+            ({"origin": [0.0, 0.0, 0.5]}, "a yaw of 0.5 rad is no quarter turn"),
+        ),
         *(({"negate": 2}, "negate = 2"), ({"negate": "maybe"}, 'negate = "maybe"')),
         *(({"free_thresh": value}, f"free_thresh = {value}") for value in (0.7, -0.1)),
         *(({"free_thresh": math.nan}, "free_thresh = NaN"), ({"occupied_thresh": 1.5}, "occupied_thresh = 1.5")),
@@ -301,6 +323,31 @@ def test_settings_that_leave_only_the_walls_free_are_suspicious(
     (doubt,) = doubts_of(tmp_path, WALLED, **says)
     assert [word for word in words if word not in doubt] == []
     assert doubts_of(tmp_path, WALLED) == []
+
+
+def test_a_yaw_below_a_pixel_over_the_map_counts_as_none_and_is_noted(tmp_path: Path) -> None:
+    (note,) = doubts_of(tmp_path, WALLED, origin=[0.0, 0.0, 0.99 / 40])
+    assert "a yaw of 0.02475 rad counts as 0" in note
+    with pytest.raises(BadInput, match=r"a yaw of 0\.025 rad is no quarter turn; rotate the image"):
+        doubts_of(tmp_path, WALLED, origin=[0.0, 0.0, 1.0 / 40])
+
+
+def test_greys_beside_a_savers_unknown_ground_are_only_the_rims_of_smoothing(tmp_path: Path) -> None:
+    mapped = np.full((60, 60), 205, dtype=np.uint8)
+    mapped[10:50, 10:50] = 254
+    mapped[10, 10:50] = mapped[49, 10:50] = 210
+    assert doubts_of(tmp_path, mapped) == []
+    mapped[mapped == 205] = 0  # no unknown ground: the same greys are doubtful
+    (doubt,) = doubts_of(tmp_path, mapped)
+    assert "reads grey 210 as free" in doubt
+
+
+def test_a_transparent_image_is_named_with_its_share_and_the_cure(tmp_path: Path) -> None:
+    drawn = Image.new("RGBA", (20, 20), (0, 0, 0, 0))
+    drawn.paste((0, 0, 0, 255), (0, 0, 20, 1))
+    path = write_map(tmp_path, drawn, {"image": "plan.png"})
+    with pytest.raises(BadInput, match=r"95\.0 % of its pixels are transparent, .* unknown; flatten it on white"):
+        read_terrain(path, 0.1)
 
 
 def test_unknown_ground_that_is_read_as_free_is_named_with_its_area_and_the_cure(tmp_path: Path) -> None:
