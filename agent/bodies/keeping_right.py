@@ -162,6 +162,14 @@ class KeepingRight:
                 if (end.x - x) * across + (end.y - y) * up > limit:
                     free = sample - 1
                     break
+        for across, up, reach in view.obstacles:
+            apart = math.dist((x, y), (across, up))
+            for sample in range(1, free + 1) if apart < reach + self._stride else ():
+                end = advance(view.pose, command, sample / SAMPLES * self._step)
+                # One that is inside already may leave.
+                if math.dist((end.x, end.y), (across, up)) < min(reach, apart):
+                    free = sample - 1
+                    break
         return free / SAMPLES
 
     def _find_side(self, number: int, other: Motion) -> tuple[float, float, float]:
