@@ -16,8 +16,9 @@ import numpy as np
 
 from agent.answers import PASSED_ON, failure_of, raised_at
 from agent.belief.believed import Area, Beliefs
-from agent.belief.blocked import BUMPED_S, Blocked, Obstacles
+from agent.belief.blocked import Blocked
 from agent.belief.dilated import Posts
+from agent.belief.obstacles import BUMPED_S, Obstacles
 from agent.bodies import BODIES
 from agent.bodies.setup import BodySetup
 from agent.chance import Chance

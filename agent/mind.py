@@ -10,7 +10,8 @@ from dataclasses import dataclass
 
 from agent.answers import PASSED_ON, checked, failure_of
 from agent.belief.believed import Belief
-from agent.belief.blocked import Blocked, Obstacles
+from agent.belief.blocked import Blocked
+from agent.belief.obstacles import Obstacles
 from agent.chance import Draw
 from agent.ports import Body, Decision, Policy, PolicyFailed
 from agent.routes.ground import Ground

@@ -1,4 +1,4 @@
-"""Ground that is believed blocked: places that could not be reached, and the last poses of robots not heard any more.
+"""Ground that is believed blocked: places that could not be reached.
 
 Theory of operation
     The belief is that of one robot. It stays there, because positions are all that robots exchange. A point is
@@ -10,53 +10,29 @@ Theory of operation
     is the part of the ground that it stands in. Where it stands to see each point is found anew for this part
     (`patrol.ground.fields.proxies_of`). What it cannot see from there is *left out* of the fog that its policy sees,
     until the belief changes.
-
-The body of a robot that has died stays where it is until it is removed, and others have no sensor for it. So a robot
-that was not heard for a while is an obstacle where it should have stopped, for a limited time. Then the place counts as
-free until this robot bumps there, and is closed for longer after each bump. So is whatever else the robot bumps into.
 """
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from agent.routes.ground import Area, Disc
+from agent.routes.ground import Area
 from patrol.closures.ground import ChangingFootprint, faces
 from patrol.exchange import MOST_BLOCKED
 from patrol.ground.cspace import clearance_levels, needed_level, parts_of
 from patrol.ground.fields import StaticFields, proxies_of
-from patrol.pose import Pose
-from patrol.radio.inbox import Peers
 from patrol.radio.message import as_received
 
 if TYPE_CHECKING:
-    from agent.belief.believed import Belief
     from agent.belief.dilated import Posts
-    from agent.routes.ground import Spot
     from patrol.exchange import Sensed
-    from patrol.ground.terrain import BoolGrid, Terrain
-    from patrol.radio.peers import Peer
+    from patrol.ground.terrain import BoolGrid
 
 
 UNSEEN = -1
-
-BUMPED_S = 20.0
-"""Time for which ground is closed after a bump into something that is not known, s."""
-
-MOST_SPELLS = 8
-"""Longest time for which ground is closed after a bump, in times for which that of a silent robot is at first."""
-
-OFF_STRIDES = 2.0
-"""Largest distance of a silent robot from where it should have stopped, in its strides: it may have turned."""
-
-HEARD_M = 0.02
-"""Largest error of the distance between two robots that hear each other's positions to the centimetre, m."""
 
 
 class Blocked:
@@ -157,158 +133,3 @@ class Blocked:
         away = np.zeros(self.grid.shape, dtype=np.bool_)
         away[top:bottom, left:right] = close
         self.area = Area(away)
-
-
-@dataclass(slots=True)
-class Obstacle:
-    """Something in the way of one robot that none of its sensors shows."""
-
-    x: float  # m, as is y
-    y: float
-    reach: float  # the nearest to it that the robot's centre gets, m
-    until: int  # tick up to which its ground is closed
-    spell: int  # for how many ticks it is, from a bump on
-
-
-class Obstacles:
-    """What one robot believes in its way: robots that it no longer hears, and what it has bumped into.
-
-    A robot that falls silent has made one more step since its last position. A bump that no robot heard explains shows
-    more: what is there lies within reach of the cancelled move, and not nearer to the robot than the bodies allow.
-    """
-
-    def __init__(
-        self,
-        number: int,
-        radii: Mapping[int, float],
-        strides: Mapping[int, float],
-        terrain: Terrain,
-        patience: int,
-        memory: int,
-        first: int,
-    ) -> None:
-        """Begin with nothing in the way; `radii` and `strides` are in m, by number, and all others in ticks.
-
-        A robot unheard for more than `patience` counts as silent; its ground is closed until `memory` after it was last
-        heard or bumped into, and that of anything else for `first` after a bump. Each bump after that time doubles it.
-        """
-        self._number = number
-        self._radii = radii
-        self._strides = strides
-        self._terrain = terrain
-        self._patience = patience
-        self._memory = memory
-        self._first = first
-        self._heard_since = 0
-        self._known: dict[int, Obstacle] = {}  # by number of the robot; below 0 where it is not known
-        self._met: dict[int, tuple[int, Pose]] = {}  # when and where the robot bumped into one that is heard late
-
-    def note(self, tick: int, pose: Pose, end: Pose | None, belief: Belief, peers: Mapping[int, Peer]) -> list[Disc]:
-        """Take in a tick; return the discs that the robot's centre keeps out of, as its body cannot get in.
-
-        `end` is where a cancelled move should have led, None without a bump. `peers` are where other robots should be
-        by now.
-        """
-        heard, known = belief.peers, self._known
-        for number in self._find_silent(tick, heard):
-            if number not in known:
-                known[number] = self._place_silent(number, belief, heard[number].tick + self._memory)
-        for number in [number for number, obstacle in known.items() if self._is_over(tick, number, obstacle, heard)]:
-            del known[number]
-        if end is not None and not self._meet(tick, pose, end, peers):
-            self._learn(tick, pose, end, belief)
-        for obstacle in known.values():
-            self._keep_off(obstacle, pose)
-        return [(obstacle.x, obstacle.y, obstacle.reach) for obstacle in known.values() if tick <= obstacle.until]
-
-    def closed(self, discs: Iterable[Disc], pose: Pose) -> list[Disc]:
-        """Return the discs to close because of some of `note`: half a point wider, but not over the robot's point."""
-        here = self._terrain.centre(*self._terrain.nearest_point(pose.x, pose.y))
-        return [(x, y, min(reach + 0.5 * self._terrain.point, math.dist(here, (x, y)))) for x, y, reach in discs]
-
-    def _find_silent(self, tick: int, heard: Peers) -> Iterable[int]:
-        if tick - self._heard_since <= self._patience:
-            return ()
-        # A robot that is heard again, or for the first time, is heard later than now.
-        self._heard_since = heard.oldest(tick)
-        return heard.silent(tick - self._patience) if tick - self._heard_since > self._patience else ()
-
-    def _is_over(self, tick: int, number: int, obstacle: Obstacle, heard: Peers) -> bool:
-        """Return True for a robot that is heard again, and for something that was not met again for long."""
-        return heard[number].tick == tick if number > 0 else tick > obstacle.until + MOST_SPELLS * self._memory
-
-    def _place_silent(self, number: int, belief: Belief, until: int) -> Obstacle:
-        spot = belief.stopped(number)
-        return Obstacle(spot.x, spot.y, self._radii[self._number] + self._radii[number], until, self._memory)
-
-    def _meet(self, tick: int, pose: Pose, end: Pose, peers: Mapping[int, Peer]) -> bool:
-        """Return True if a bump was into a robot that is heard; note where that is if it is heard late."""
-        gaps = {}
-        for number, peer in peers.items():
-            late, (x, y) = tick - peer.sequence, (peer.pose.x, peer.pose.y)
-            reach = self._radii[self._number] + self._radii[number] + late * self._strides[number] + HEARD_M
-            gap = math.dist(_nearest_on(pose, end, x, y), (x, y)) - reach
-            if peer.tick == tick and gap <= 0.0:
-                gaps[number] = gap
-        if not gaps:
-            return False
-        number = min(gaps, key=lambda number: (peers[number].sequence < tick, gaps[number], number))
-        if peers[number].sequence < tick:
-            x, y = _find_contact(pose, end, self._radii[self._number] + self._radii[number])
-            self._met[number] = tick, Pose(x, y, peers[number].pose.heading)
-        return True
-
-    def corrected(self, peers: Mapping[int, Peer]) -> Mapping[int, Peer]:
-        """Return the robots where they should be by now: where each was bumped into, until it tells of a later one."""
-        self._met = {number: (tick, at) for number, (tick, at) in self._met.items() if peers[number].sequence < tick}
-        if not self._met:
-            return peers
-        return {**peers, **{number: replace(peers[number], pose=at) for number, (_, at) in self._met.items()}}
-
-    def _learn(self, tick: int, pose: Pose, end: Pose, belief: Belief) -> None:
-        """Learn from a bump that no robot heard explains."""
-        near = dict(self._known)
-        for number, peer in belief.peers.items():
-            if number not in near and peer.tick < tick:
-                near[number] = self._place_silent(number, belief, tick)
-        gaps = {
-            other: math.dist(_nearest_on(pose, end, there.x, there.y), (there.x, there.y)) - there.reach
-            for other, there in sorted(near.items())
-        }
-        fits = [other for other in gaps if gaps[other] <= (OFF_STRIDES * self._strides[other] if other > 0 else 0.0)]
-        number = min(fits, key=lambda other: gaps[other], default=min([0, *self._known]) - 1)
-        if number not in near:
-            radius = 2.0 * self._radii[self._number]  # as if it were as large as the robot itself
-            near[number] = Obstacle(*_find_contact(pose, end, radius), radius, tick, self._first)
-        obstacle = self._known[number] = near[number]
-        if tick > obstacle.until:
-            obstacle.spell = min(2 * obstacle.spell, MOST_SPELLS * self._memory)
-        obstacle.until = tick + obstacle.spell
-        if gaps.get(number, 0.0) > 0.0:
-            x, y = _nearest_on(pose, end, obstacle.x, obstacle.y)
-            share = obstacle.reach / (obstacle.reach + gaps[number])
-            obstacle.x, obstacle.y = x + share * (obstacle.x - x), y + share * (obstacle.y - y)
-
-    def _keep_off(self, obstacle: Obstacle, pose: Pose) -> None:
-        """Move an obstacle off the robot, which stands where it stands."""
-        x, y = obstacle.x - pose.x, obstacle.y - pose.y
-        apart = math.hypot(x, y)
-        if 0.0 < apart < obstacle.reach:
-            share = obstacle.reach / apart
-            obstacle.x, obstacle.y = pose.x + share * x, pose.y + share * y
-
-
-def _find_contact(pose: Pose, end: Pose, reach: float) -> Spot:
-    """Return about where something is that has cancelled a move, by how near to it the robot's centre gets, m."""
-    way = math.dist((pose.x, pose.y), (end.x, end.y))
-    ahead = math.atan2(end.y - pose.y, end.x - pose.x) if way > 0.0 else pose.heading
-    off = reach + 0.5 * way
-    return pose.x + off * math.cos(ahead), pose.y + off * math.sin(ahead)
-
-
-def _nearest_on(start: Pose, end: Pose, x: float, y: float) -> Spot:
-    """Return the place on the straight line between two poses that is nearest to a place."""
-    across, up = end.x - start.x, end.y - start.y
-    length = across**2 + up**2
-    share = min(max(((x - start.x) * across + (y - start.y) * up) / length, 0.0), 1.0) if length > 0.0 else 0.0
-    return start.x + share * across, start.y + share * up

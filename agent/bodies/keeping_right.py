@@ -38,6 +38,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
+from agent.belief.obstacles import HEARD_M
 from agent.bodies.standoff import STILL, disc_round
 from agent.routes.ground import Ground
 from agent.routes.routes import Routes
@@ -70,9 +71,6 @@ LONGER = 2.0
 
 SAMPLES = 8
 """Number of moments of a step at which a body is looked at."""
-
-HEARD_M = 0.02
-"""Largest error of the distance between two robots that hear each other's positions to the centimetre, m."""
 
 
 @dataclass(frozen=True, slots=True)
