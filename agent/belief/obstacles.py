@@ -8,7 +8,7 @@ Theory of operation
 
     A bump that no robot heard explains shows that something is there, whatever it is. It lies within reach of the
     cancelled move, and no nearer to this robot than the bodies allow. A silent robot near by is moved to where that
-    holds; where there is none, and no wall, the contact becomes an obstacle of its own. So each bump mends a wrong place.
+    holds. Where there is none, and no wall, the contact becomes an obstacle. So each bump mends a wrong place.
 
     A robot that is heard late may be elsewhere by now. After a bump into it, it is taken to be there until it tells of
     a later place.
@@ -135,7 +135,8 @@ class Obstacles:
         gaps = []
         for number, peer in peers.items():
             late, reach = tick - peer.sequence, self._reaches[number] + HEARD_M
-            gap = _distance_from(pose, end, (peer.pose.x, peer.pose.y)) - reach - late * self._strides[number]
+            # A step of its own may have been cancelled as well.
+            gap = _distance_from(pose, end, (peer.pose.x, peer.pose.y)) - reach - (late + 1) * self._strides[number]
             if peer.tick == tick and gap <= 0.0:
                 gaps.append((late > 0, gap, number))
         if not gaps:
