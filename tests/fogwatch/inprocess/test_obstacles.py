@@ -56,7 +56,7 @@ class Run:
         starts: list[list[float]] | None = None,
         model: str = "holonomic",
         policy: str = "stochastic",
-        duration: float = 600.0,
+        duration: float = 400.0,
         **sections: Any,
     ) -> None:
         robots: dict[str, Any] = {"count": 3, "model": model, "radius": 0.3, "speed": 1.0}
@@ -107,7 +107,7 @@ def test_a_wreck_in_the_open_is_bumped_a_few_times_at_most(model: str, policy: s
 @pytest.mark.parametrize("model", MODELS)
 def test_a_wreck_in_a_door_is_left_alone_for_longer_and_longer(model: str, doors: int) -> None:
     starts = [[4.0, 3.0, 0.0], [*DOOR, 0.0], [4.0, 11.0, 0.0]]
-    run = Run(rooms(doors), killed(0.5), starts=starts, model=model, duration=1000.0)
+    run = Run(rooms(doors), killed(0.5), starts=starts, model=model, duration=700.0)
     assert run.most_into_r2() <= 8
     assert max(run.stood["r1"], run.stood["r3"]) <= 10.0
     for bumped_at in run.into_r2.values():
@@ -125,7 +125,7 @@ def test_a_robot_that_pauses_is_gone_round_and_then_counted_on_again(model: str)
 @pytest.mark.parametrize("delay_s", [1.0, 3.0])
 @pytest.mark.parametrize("policy", ["stochastic", "committed"])
 def test_robots_that_hear_each_other_late_rarely_bump(policy: str, delay_s: float) -> None:
-    late = {"kind": "delay", "at": 0, "for": 600, "delay": {"constant": delay_s}}
+    late = {"kind": "delay", "at": 0, "for": 400, "delay": {"constant": delay_s}}
     run = Run(hall(), late, policy=policy)
     assert max(run.bumps.values()) <= (2 if delay_s < 2.0 else 15)
     assert max(run.stood.values()) <= 30.0
@@ -141,7 +141,7 @@ def test_a_robot_that_never_heard_the_wreck_learns_of_it_by_its_bumps(model: str
 @pytest.mark.parametrize("model", MODELS)
 def test_a_door_that_closes_is_bumped_a_few_times_at_most(model: str) -> None:
     low, high = DOOR[1] - 0.75, DOOR[1] + 0.75
-    door = {"name": "door", "polygon": [[10.0, low], [10.5, low], [10.5, high], [10.0, high]], "closed": [[100, 600]]}
+    door = {"name": "door", "polygon": [[10.0, low], [10.5, low], [10.5, high], [10.0, high]], "closed": [[60, 400]]}
     run = Run(rooms(1), model=model, closures=[door])
     assert max(run.bumps.values()) <= 2
     assert max(run.stood.values()) <= 10.0
