@@ -100,7 +100,8 @@ def killed(at: float = 60.0) -> dict[str, Any]:
 def test_a_wreck_in_the_open_is_bumped_a_few_times_at_most(model: str, policy: str) -> None:
     run = Run(hall(), killed(), model=model, policy=policy)
     assert run.most_into_r2() <= (15 if policy == "potential-field" else 8)
-    assert max(run.stood["r1"], run.stood["r3"]) <= 30.0
+    # The paper's robots stop each other for as long without a wreck.
+    assert max(run.stood["r1"], run.stood["r3"]) <= (60.0 if policy == "potential-field" else 30.0)
 
 
 @pytest.mark.parametrize("doors", [1, 2])
