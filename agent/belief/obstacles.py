@@ -91,13 +91,13 @@ class Obstacles:
         `end` is where a cancelled move should have led, None without a bump. `peers` are where other robots should be
         by now.
         """
-        heard, known, longest = belief.peers, self._known, MOST_SPELLS * self._memory
-        for number in self._find_silent(tick, heard):
+        others, known, longest = belief.peers, self._known, MOST_SPELLS * self._memory
+        for number in self._find_silent(tick, others):
             if number not in known:
-                known[number] = self._place_silent(number, belief, heard[number].tick + self._memory)
+                known[number] = self._place_silent(number, belief, others[number].tick + self._memory)
         for number, obstacle in list(known.items()):
             # It is heard again, or was not met for long.
-            if heard[number].tick == tick if number > 0 else tick > obstacle.until + longest:
+            if others[number].tick == tick if number > 0 else tick > obstacle.until + longest:
                 del known[number]
         if end is not None and not self._meet(tick, pose, end, peers):
             self._learn(tick, pose, end, belief)
