@@ -16,8 +16,9 @@ import numpy as np
 
 from agent.answers import PASSED_ON, failure_of, raised_at
 from agent.belief.believed import Area, Beliefs
-from agent.belief.blocked import Blocked, Silent
+from agent.belief.blocked import Blocked
 from agent.belief.dilated import Posts
+from agent.belief.obstacles import BUMPED_S, Obstacles
 from agent.bodies import BODIES
 from agent.bodies.setup import BodySetup
 from agent.chance import Chance
@@ -221,12 +222,12 @@ def build_mind(
     )
     fog = FogView(belief, fields.patrolled, posts)
     memory = math.floor(patrol.blocked_memory / scenario.step)
-    near = spec.radius + 2.0 * spec.speed * scenario.step
-    silent = Silent(shared.radii, spec.radius + 0.5 * scenario.point, near, patience, memory)
+    first = math.ceil(BUMPED_S / scenario.step)
+    obstacles = Obstacles(number, shared.radii, shared.strides, terrain, patience, memory, first)
     blocked = None
     if isinstance(sight, ChangingFootprint):
         blocked = Blocked(sight, fields, spec.radius, memory, posts if moves_posts else None)
-    return Mind(facts, belief, fog, ground, Routes(ground), policy, body, chance, silent, blocked)
+    return Mind(facts, belief, fog, ground, Routes(ground), policy, body, chance, obstacles, blocked)
 
 
 def _dilation_points(scenario: Scenario, terrain: Terrain, lengths: BodyLengths, kind: PolicyKind) -> int:

@@ -10,7 +10,8 @@ from dataclasses import dataclass
 
 from agent.answers import PASSED_ON, checked, failure_of
 from agent.belief.believed import Belief
-from agent.belief.blocked import Blocked, Silent
+from agent.belief.blocked import Blocked
+from agent.belief.obstacles import Obstacles
 from agent.chance import Draw
 from agent.ports import Body, Decision, Policy, PolicyFailed
 from agent.routes.ground import Ground
@@ -19,7 +20,8 @@ from agent.routes.visits import Visits
 from agent.sender import Sender, Sending
 from agent.view import FogView, View
 from patrol.exchange import Sensed
-from patrol.pose import Pose, halted, slowed
+from patrol.ground.swept_path import advance
+from patrol.pose import Command, Pose, halted, slowed
 from patrol.radio.message import MAX_CONTACTS, Position, as_received
 from patrol.scenario import RobotSpec, ZoneSpec
 from patrol.zones.ground import SpeedLimits
@@ -54,7 +56,7 @@ class Mind:
         policy: Policy,
         body: Body,
         chance: Draw,
-        silent: Silent,
+        obstacles: Obstacles,
         blocked: Blocked | None = None,
     ) -> None:
         """Put the parts together that `agent.build` has made; `blocked` is None on ground without closures."""
@@ -67,7 +69,8 @@ class Mind:
         self._ground = ground
         self._routes = routes
         self._chance = chance
-        self._silent = silent
+        self._obstacles = obstacles
+        self._last: Command = halted(facts.spec.model)
         self.blocked = blocked
         self._visits = Visits(facts.zones, ground, facts.spec.radius, facts.step)
         self._sender = Sender(facts.spec.number, facts.sending, facts.key)
@@ -104,8 +107,9 @@ class Mind:
         choice = self.body.obey(intent, view)
         goal = choice.goal
         command = slowed(choice.command, self.facts.speed_limits.at(sensed.pose.x, sensed.pose.y, view.zones))
+        self._last = command if self._visits.allow(sensed.pose, command) else halted(self.spec.model)
         return Decision(
-            command=command if self._visits.allow(sensed.pose, command) else halted(self.spec.model),
+            command=self._last,
             state=choice.state,
             direction=choice.bearing,
             goal=None if goal is None else goal.goal,
@@ -123,8 +127,12 @@ class Mind:
             self.belief.contacts.report(Position.of_contact(k, k * facts.step, *contact), k)
         contacts = self.belief.contacts.known(k, facts.memory)
         peers = self.belief.peers_at(k, facts.sending.predictor)
-        silent = self._silent.discs(k, pose, sensed.bumped, self.belief.peers)
-        self._ground.begin([*silent, *self.body.obstacles(k, pose, sensed.bumped, peers)])
+        end = advance(pose, self._last, facts.step) if sensed.bumped else None
+        obstacles = self._obstacles.note(k, pose, end, self.belief, peers)
+        peers = self._obstacles.corrected(peers)
+        self._ground.begin(
+            [*self._obstacles.closed(obstacles, pose), *self.body.obstacles(k, pose, sensed.bumped, peers)]
+        )
         if self.blocked is not None:
             self._leave_out_blocked(self.blocked, pose)
         self._visits.note(pose.x, pose.y)
@@ -146,6 +154,7 @@ class Mind:
             charge=sensed.charge,
             zones=self._zones_in_force(sensed),
             weighing=self._zone_weighing(sensed),
+            obstacles=obstacles,
         )
 
     def _zones_in_force(self, sensed: Sensed) -> frozenset[str]:

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from agent.belief.believed import Belief
     from agent.belief.dilated import Posts
     from agent.chance import Draw
-    from agent.routes.ground import Ground, Spot
+    from agent.routes.ground import Disc, Ground, Spot
     from agent.routes.routes import Routes, Way
     from patrol.pose import Pose
     from patrol.radio.peers import Peer
@@ -161,6 +161,8 @@ class View:
         zones: Names of the scenario's zones that are in force.
         weighing: Those of them that have a weight or a wanted age, with their weights now.
         charging: Numbers of the robots that stand at docks, or beside them after that; they are not among `peers`.
+        obstacles: What nothing shows, such as a robot that has died: discs (x, y and radius in m) into which the
+            robot's centre does not get. Their ground is closed.
     """
 
     tick: int
@@ -181,6 +183,7 @@ class View:
     zones: frozenset[str] = frozenset()
     weighing: Weighing = frozenset()
     charging: frozenset[int] = frozenset()
+    obstacles: Sequence[Disc] = ()
 
     def draw(self, index: int = 0, purpose: Purpose = Purpose.POLICY) -> float:
         """Draw a random number in [0, 1); within a tick, the same question has the same answer.

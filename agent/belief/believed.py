@@ -29,7 +29,7 @@ from patrol.ground.footprint import View as SensorView
 from patrol.ground.terrain import BoolGrid
 from patrol.pose import Pose
 from patrol.radio.inbox import Inboxes, Intake, Peers
-from patrol.radio.message import CONTACT, Position, RejectReason
+from patrol.radio.message import CONTACT, SPAN, Position, RejectReason
 from patrol.radio.peers import Peer, Predictor
 
 if TYPE_CHECKING:
@@ -182,14 +182,28 @@ class Belief:
         return self._beliefs.inboxes.rejected(self.number)
 
     def peers_at(self, tick: int, predictor: Predictor | None) -> Mapping[int, Peer]:
-        """Return the peers by number where they should be by now; as heard last if `predictor` is None."""
-        if predictor is None:
-            return self.peers
-        positions = {number: self.peers.said(number) for number in self.peers}
+        """Return the peers by number where they should be by now.
+
+        If `predictor` is None, that is where they were heard last. Where their frames took time, it is as far on as
+        they moved meanwhile.
+        """
+        peers = self.peers
+        if predictor is not None:
+            return {
+                number: replace(peer, pose=predictor.pose(peers.said(number), tick - peer.sequence))
+                for number, peer in peers.items()
+            }
+        if not peers.is_late:
+            return peers
+        ahead = self._beliefs.straight_on
         return {
-            number: replace(self.peers[number], pose=predictor.pose(last, tick - last.sequence))
-            for number, last in positions.items()
+            number: replace(peer, pose=ahead.pose(peers.moving(number), peer.tick - peer.sequence))
+            for number, peer in peers.items()
         }
+
+    def stopped(self, number: int) -> Pose:
+        """Return where a robot has stopped that is not heard any more: a step after its last position."""
+        return self._beliefs.straight_on.pose(self.peers.moving(number), 1)
 
     def lately(self, peers: Mapping[int, Peer], since: int) -> Mapping[int, Peer]:
         """Return those of some peers that were heard at a tick or later."""
@@ -209,6 +223,7 @@ class Beliefs:
         """
         self.inboxes = inboxes
         self.shares = shares and not footprint.leaves_age
+        self.straight_on = Predictor(footprint.terrain, 1, SPAN)
         self._footprint = footprint
         self._at_once = at_once
         self._minds: dict[int, Belief] = {}

@@ -38,6 +38,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
+from agent.belief.obstacles import HEARD_M
 from agent.bodies.standoff import STILL, disc_round
 from agent.routes.ground import Ground
 from agent.routes.routes import Routes
@@ -70,9 +71,6 @@ LONGER = 2.0
 
 SAMPLES = 8
 """Number of moments of a step at which a body is looked at."""
-
-HEARD_M = 0.02
-"""Largest error of the distance between two robots that hear each other's positions to the centimetre, m."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -160,6 +158,14 @@ class KeepingRight:
             for sample in range(1, free + 1):
                 end = advance(view.pose, command, sample / SAMPLES * self._step)
                 if (end.x - x) * across + (end.y - y) * up > limit:
+                    free = sample - 1
+                    break
+        for across, up, reach in view.obstacles:
+            apart = math.dist((x, y), (across, up))
+            for sample in range(1, free + 1) if apart < reach + self._stride else ():
+                end = advance(view.pose, command, sample / SAMPLES * self._step)
+                # One that is inside already may leave.
+                if math.dist((end.x, end.y), (across, up)) < min(reach, apart):
                     free = sample - 1
                     break
         return free / SAMPLES

@@ -28,6 +28,8 @@ CELL = np.dtype(
         ("doubt_at", np.int64),  # the tick at which that was heard
         ("doubt_x", np.int32),  # cm
         ("doubt_y", np.int32),  # cm
+        ("moved_x", np.float32),  # in a tick, between the two newest, cm; 0 for a jump, or where there is but one
+        ("moved_y", np.float32),  # cm
     ],
     align=True,
 )
@@ -162,6 +164,10 @@ def _judge_position(cell, frame, tick, step, speed, knows_ticks, span):
     start = tick * step - number * step
     # Delays only ever add, so the quickest frame tells best when its sender began.
     cell.start = start if begins else min(start, cell.start)
+    # A jump of its localisation is no movement.
+    moves = not begins and not _is_beyond(frame.x, frame.y, cell.x, cell.y, speed * (1 - ago) * step + ROUNDING)
+    cell.moved_x = (frame.x - cell.x) / -ago if moves else 0.0
+    cell.moved_y = (frame.y - cell.y) / -ago if moves else 0.0
     cell.sequence, cell.at, cell.doubts = number, tick, 0
     cell.x, cell.y, cell.heading = frame.x, frame.y, frame.heading
     cell.back_x, cell.back_y = frame.back_x, frame.back_y

@@ -288,6 +288,16 @@ class Peers(Mapping[int, Peer]):
         trail = ((back_x, back_y),) if back_x or back_y else ()
         return Position(number, sequence, 0, x, y, heading, trail=trail)
 
+    def moving(self, number: int) -> Position:
+        """Return a robot's newest position, with a trail: where it was a tick earlier if it moved straight."""
+        newest, cell = self.said(number), self._cells[self._column[number]]
+        return replace(newest, trail=((-round(cell.item()[-2]), -round(cell.item()[-1])),))
+
+    @property
+    def is_late(self) -> bool:
+        """True if the newest frame of one of them had been on its way for a tick or longer when it came."""
+        return bool((self._is_known & (self._cells["at"] > self._cells["sequence"])).any())
+
     @property
     def places(self) -> NDArray[np.float64]:
         """float64 (len, 2), x and y of each in m, by number."""
