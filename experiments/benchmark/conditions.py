@@ -38,9 +38,9 @@ def check_condition(name: str) -> None:
             and _percent_of(part, LOSS) is None
             and _percent_of(part, JITTER) is None
         ):
-            prefix, most = next(((prefix, most) for prefix, most in MOST.items() if part.startswith(prefix)), ("", 0))
-            hint = f"{did_you_mean(part, ALL)}, or join several, as in loss-90+deaths"
-            wrong = f"expected {prefix}1 to {prefix}{most}, in whole %" if most else f"no such condition; {hint}"
+            prefix = next((prefix for prefix in MOST if part.startswith(prefix)), None)
+            hint = f"no such condition; {did_you_mean(part, ALL)}, or join several, as in loss-90+deaths"
+            wrong = hint if prefix is None else f"expected {prefix}1 to {prefix}{MOST[prefix]}, in whole %"
             raise BadInput(f"--conditions {name}: {part}: {wrong}")
     if len(set(parts)) < len(parts) or (NONE in parts and len(parts) > 1):
         raise BadInput(f"--conditions {name}: these do not go together; name each fault once, and none alone")

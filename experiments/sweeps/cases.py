@@ -356,10 +356,10 @@ def _corrected(tests: Sequence[PairedTest], metric: str) -> list[PairedTest]:
     """
     own = [test for test in tests if test.metric == metric]
     corrected: dict[str, float] = {}
-    least, left = 0.0, sum(test.p is not None for test in own)
-    for p, case in sorted((test.p, test.case) for test in own if test.p is not None):
-        corrected[case] = least = min(max(least, p * left), 1.0)
-        left -= 1
+    ordered = sorted((test.p, test.case) for test in own if test.p is not None)
+    floor = 0.0
+    for place, (p, case) in enumerate(ordered):
+        corrected[case] = floor = min(max(floor, p * (len(ordered) - place)), 1.0)
     return [replace(test, p_holm=corrected.get(test.case)) for test in own]
 
 
