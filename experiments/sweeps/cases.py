@@ -274,10 +274,7 @@ def partner_text(rows: Sequence[CaseRow]) -> str:
     """Return what cases are compared with, such as "stochastic" or "dilatation=0", in the words that tell it apart."""
     by_name = {row.case: row for row in rows}
     partners = [(row, by_name[row.against]) for row in rows if row.against is not None]
-    words = (
-        " ".join(label.word for label in other.labels if label not in row.labels) or other.case
-        for row, other in partners
-    )
+    words = (" ".join(word for word in other.words if word not in row.words) or other.case for row, other in partners)
     texts = list(dict.fromkeys(words))
     return texts[0] if len(texts) == 1 else "the case that differs only in what is compared"
 

@@ -105,7 +105,8 @@ def run_of(
             recorder.tick(record)
             seen.truth[record.k] = world.truth.fog.last_seen.copy()
             for number in world.living:
-                seen.beliefs[record.k, number] = minds[number].belief.fog.last_seen.copy()
+                fog = minds[number].belief.fog  # what a robot does not patrol has no age for its mind
+                seen.beliefs[record.k, number] = np.where(fog.patrolled, fog.last_seen, np.int32(-1))
 
         operator = None
         if controls is not None:

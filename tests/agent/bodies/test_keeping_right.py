@@ -106,7 +106,7 @@ def test_steps_that_are_cut_never_touch_whatever_robots_did_before() -> None:
             view: Any = None
             for tick, poses in enumerate((before, here), 1):
                 heard = {other + 1: SimpleNamespace(pose=poses[other], sequence=tick)}
-                view = SimpleNamespace(tick=tick, pose=poses[own], reported=poses[own], peers=heard)
+                view = SimpleNamespace(tick=tick, pose=poses[own], reported=poses[own], peers=heard, obstacles=())
                 right.note(view)
             bearing = turns[2 + own]
             part = right.room(Velocity(math.cos(bearing), math.sin(bearing)), view)
