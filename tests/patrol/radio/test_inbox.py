@@ -295,6 +295,13 @@ def test_replayed_contacts_and_those_from_the_future_are_refused_and_poison_noth
     assert reasons(box) == {RejectReason.OLD: 1, RejectReason.AHEAD: 1}
 
 
+def test_a_contact_may_be_four_steps_older_or_newer_than_a_robot_would_send_now() -> None:
+    judged = ((contact(40 + steps, 30.0), 40 * STEP) for steps in (-5, -4, 4, 5))
+    box = inbox(ahead=None)
+    assert verdicts(box, *standing(range(41), 10.0), *judged) == "+" * 41 + "-++-"
+    assert reasons(box) == {RejectReason.OLD: 1, RejectReason.AHEAD: 1}
+
+
 def trailing(k: int, x: float, *trail: tuple[int, int]) -> bytes:
     return encode(Position.of(2, k, STEP * k, Pose(x, 40.0, 0.0), trail))
 
