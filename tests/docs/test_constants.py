@@ -12,8 +12,10 @@ import pytest
 
 DOCS = Path(__file__).parents[2] / "docs"
 
+PAGES = ("algorithm.md", "progress.md")
+
 STATED: tuple[tuple[str, str, str, float], ...] = (
-    # module, constant, the words of docs/algorithm.md with its value in place of {}, and the page's unit in the code's
+    # module, constant, the words of a page with its value in place of {}, and the page's unit in the code's
     ("agent.policies.choice", "NEAR_M", "a^2 / (L + {} m)", 1.0),
     ("agent.policies.pursuit", "NO_NEARER_S", "has come no nearer for {} s (", 1.0),
     ("agent.policies.pursuit", "AT_HAND_S", "s ({} s while less than a stride away)", 1.0),
@@ -47,6 +49,7 @@ STATED: tuple[tuple[str, str, str, float], ...] = (
     ("agent.bodies.standoff", "BACKS_OFF_S", "for up to {} s to a place that is drawn", 1.0),
     ("agent.bodies.differential", "ASKEW", "a misalignment of up to {} rad", 1.0),
     ("agent.bodies.differential", "GENTLY", "{} of it each step", 1.0),
+    ("patrol.measures.stays", "TRAPPED_S", "until the stay has lasted {} s;", 1.0),
 )
 
 
@@ -56,7 +59,7 @@ def words(text: str) -> str:
 
 @pytest.mark.parametrize(("module", "name", "says", "unit"), STATED, ids=lambda value: str(value)[:40])
 def test_a_constant_is_what_its_page_says(module: str, name: str, says: str, unit: float) -> None:
-    page = words((DOCS / "algorithm.md").read_text(encoding="utf-8"))
+    page = words("\n".join((DOCS / page_name).read_text(encoding="utf-8") for page_name in PAGES))
     value = getattr(import_module(module), name)
     assert says.format(f"{unit * value:g}") in page
     for other in (0.5 * value, 2.0 * value, 1.01 * value):
