@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -12,8 +13,9 @@ from hypothesis import strategies as st
 
 from agent.policies.forces import FuzzySectors, repel
 from agent.policies.potential_field import share_table
-from agent.policies.separation import artificial_obstacles, critical_areas, numbered, occupied_areas
+from agent.policies.separation import RandomSteps, artificial_obstacles, critical_areas, numbered, occupied_areas
 from agent.routes.ground import Area, Ground
+from agent.view import View
 from patrol.ground.cspace import narrow_passages
 from patrol.ground.terrain import Terrain
 from patrol.pose import Pose
@@ -29,6 +31,21 @@ def peers(*places: tuple[float, float]) -> dict[int, Peer]:
 
 
 FIELD = fields_of(np.ones((81, 81), dtype=np.bool_))
+
+
+@pytest.mark.parametrize(
+    ("probability", "drawn", "steps"),
+    [
+        (0.25, 0.0, True),
+        (0.25, math.nextafter(0.25, 0.0), True),
+        (0.25, 0.25, False),
+        (1.0, 0.999, True),
+        (0.0, 0.0, False),
+    ],
+)
+def test_a_random_step_is_made_as_often_as_asked(probability: float, drawn: float, steps: bool) -> None:
+    view = cast("View", SimpleNamespace(draw=lambda index, _: (drawn, 0.375)[index]))
+    assert RandomSteps(probability).draw(view) == (0.75 * math.pi if steps else None)
 
 
 def test_a_claim_leaves_half_of_a_force_halfway_and_nothing_at_the_rival() -> None:

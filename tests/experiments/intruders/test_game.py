@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -56,6 +57,19 @@ def test_an_attempt_tells_where_it_went_and_when_it_was_seen() -> None:
         seen, unseen = seen or attempt.seen, unseen or attempt.succeeded
     assert seen
     assert unseen
+
+
+def test_a_stay_counts_from_the_end_of_the_tick_in_which_the_intruder_comes(monkeypatch: pytest.MonkeyPatch) -> None:
+    game = Game(watched(ring(500.0), 40), INTRUDER)
+    blind = game.predictors["blind"]
+    attempt = next(won for now, target in game.trials if (won := game.once(blind, now, target)).succeeded)
+    came = attempt.way.tolist().index(attempt.target)
+    stay = game.planner.stay
+    assert len(attempt.way) > came + stay
+    for ticks, succeeded in ((stay + 1, True), (stay, False)):
+        planner = SimpleNamespace(plan=lambda *_, ticks=ticks: attempt.way[: came + ticks], stay=stay)
+        monkeypatch.setattr(game, "planner", planner)
+        assert game.once(blind, attempt.now, attempt.target).succeeded == succeeded
 
 
 def test_the_same_seed_gives_the_same_attempts() -> None:

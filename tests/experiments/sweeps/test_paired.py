@@ -30,8 +30,11 @@ def test_without_spread_there_is_no_p() -> None:
     assert p_of_no_difference([2.0, 2.0, 2.0]) is None
 
 
-def test_only_seeds_that_both_cases_have_are_paired() -> None:
-    old, new = {1: 90.0, 2: 99.0, 3: 97.0, 5: 1.0}, {1: 81.0, 2: 95.0, 3: 88.0, 4: 9.0}
+@pytest.mark.parametrize("seeds", [(1, 2, 3, 4), (4, 1, 2, 3), (1, 4, 2, 3)])
+def test_only_seeds_that_both_cases_have_are_paired(seeds: tuple[int, ...]) -> None:
+    """Wherever the seed that has no partner stands among them."""
+    old, values = {5: 1.0, 3: 97.0, 1: 90.0, 2: 99.0}, {1: 81.0, 2: 95.0, 3: 88.0, 4: 9.0}
+    new = {seed: values[seed] for seed in seeds}
     rows = [row("old", None, old), row("new", "old", new)]
     (test,) = paired_tests(rows)
     assert (test.case, test.against, test.pairs) == ("new", "old", 3)

@@ -33,7 +33,7 @@ def test_driving_uses_charge_by_time_and_way() -> None:
 
 def test_a_robot_charges_while_it_stands_at_a_dock_and_is_the_nearest() -> None:
     batteries = Batteries(scenario())
-    for x, speed, change in ((5.9, 0.0, 50.0), (6.1, 0.0, -5.0), (5.9, 2.0, -105.0)):
+    for x, speed, change in ((5.9, 0.0, 50.0), (6.0, 0.0, 50.0), (6.001, 0.0, -5.0), (5.9, 2.0, -105.0)):
         before = batteries.share(1)
         assert before is not None
         batteries.tick([row(x, 5.0, speed)])

@@ -115,6 +115,20 @@ def test_a_late_frame_is_believed_within_the_window_if_it_leads_to_the_newest_on
     assert reasons(box) == {RejectReason.TOO_FAST: 1}
 
 
+def test_a_frame_is_a_repetition_until_the_window_has_passed_it() -> None:
+    for later in (1, SPAN - 1, SPAN):
+        box = inbox()
+        first, newest = frame(100, 50.0), frame(100 + later, 50.0)
+        at = (100 + later) * STEP
+        assert verdicts(box, (first, 50.0), (newest, at), (first, at), (newest, at)) == "++--", later
+        assert reasons(box) == {RejectReason.OLD: 2}
+
+
+@pytest.mark.parametrize(("steps", "believed"), [(66, "++"), (67, "+-")])
+def test_without_ticks_a_frame_may_lead_by_twice_the_time_and_a_window(steps: int, believed: str) -> None:
+    assert verdicts(inbox(ahead=None), (frame(0, 10.0), 0.0), (frame(steps, 10.0), STEP)) == believed
+
+
 def test_the_window_outlives_a_restart_of_the_sender() -> None:
     """Its sequences go on by time; what the first process sent cannot be sent again under the second."""
     box = inbox(KEY)
@@ -278,6 +292,13 @@ def test_replayed_contacts_and_those_from_the_future_are_refused_and_poison_noth
     box = inbox()
     contacts = [contact(20, 30.0), contact(2**32 // 500 - 1, 30.0), contact(39, 30.0)]
     assert verdicts(box, *standing(range(40), 10.0), *((data, 39 * STEP) for data in contacts)) == "+" * 40 + "--+"
+    assert reasons(box) == {RejectReason.OLD: 1, RejectReason.AHEAD: 1}
+
+
+def test_a_contact_may_be_four_steps_older_or_newer_than_a_robot_would_send_now() -> None:
+    judged = ((contact(40 + steps, 30.0), 40 * STEP) for steps in (-5, -4, 4, 5))
+    box = inbox(ahead=None)
+    assert verdicts(box, *standing(range(41), 10.0), *judged) == "+" * 41 + "-++-"
     assert reasons(box) == {RejectReason.OLD: 1, RejectReason.AHEAD: 1}
 
 

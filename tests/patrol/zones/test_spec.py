@@ -59,6 +59,14 @@ def test_modes_of_a_mask(tmp_path: Path, mode: str, thresholds: dict[str, float]
     assert mask.marked().tolist() == [marked]
 
 
+def test_a_mask_in_mode_scale_is_marked_from_half_a_percent_on(tmp_path: Path) -> None:
+    """Greys 254 and 253 are 0.39 % and 0.78 % occupied, and a value is rounded."""
+    file = write_mask(tmp_path, [[254, 253]], mode="scale", occupied_thresh=1.0, free_thresh=0.0)
+    mask = load_scenario(masked(file)).zones[0].mask
+    assert mask is not None
+    assert mask.marked().tolist() == [[False, True]]
+
+
 @pytest.mark.parametrize("wrapped", [False, True])
 def test_a_file_of_zones_and_masks_beside_it(tmp_path: Path, wrapped: bool) -> None:
     folder = tmp_path / "site"

@@ -122,6 +122,7 @@ def test_a_false_releases_only_what_was_sent_before_it() -> None:
     assert heeded(topic, said(False, 1, "a")) == (False, False, "")
     assert heeded(topic, said(True, 10, "b")) == (True, True, "")
     assert heeded(topic, said(False, 9, "a")) == (False, True, OLDER), "it was published first, and comes last"
+    assert heeded(topic, said(False, 10, "a")) == (False, True, OLDER), "published at the same moment, it is not later"
     assert heeded(topic, said(False, None, "a")) == (False, True, TIMELESS)
     assert heeded(topic, said(False, 11, "c")) == (False, False, "")
 
@@ -136,6 +137,7 @@ def test_a_true_stops_whatever_its_senders_clock_says_and_however_many_false_fol
 def test_one_sender_is_followed_by_its_own_count_even_if_its_clock_is_put_back() -> None:
     topic = StopTopic(held=False, clock=lambda: 1000)
     assert heeded(topic, said(True, 900, "a", 5), said(False, 950, "a", 4)) == (True, True, OLDER)
+    assert heeded(topic, said(False, 950, "a", 5)) == (False, True, OLDER)
     assert heeded(topic, said(False, 10, "a", 6)) == (False, False, "")
 
 

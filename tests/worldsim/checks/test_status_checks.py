@@ -62,6 +62,17 @@ def test_another_status_than_planned_fails(run: Result, k: int, number: int, sta
     assert failures(run)["statuses"] == says
 
 
+@pytest.mark.parametrize(("apart", "waits"), [(0.9, True), (1.0 - 1e-9, True), (1.0, False)])
+def test_a_start_is_taken_until_bodies_of_unequal_size_just_touch(lab: Lab, apart: float, waits: bool) -> None:
+    faults = [{"kind": "kill", "who": "r1", "at": 0.0}, {"kind": "join", "who": "r2", "at": 1.0}]
+    robots = [{**DISC, "radius": 0.25}, {**DISC, "radius": 0.75}]
+    starts = [(2.0, 3.0, 0.0), (2.0 + apart, 3.0, 0.0)]
+    world = lab.world(robots, starts, duration=4.0, faults=faults)
+    run = world, lab.run(world)
+    assert failures(run) == {}
+    assert [event.detail for event in run[1].events if event.kind == "waiting"] == ["its start is taken by r1"] * waits
+
+
 def test_who_appears_where_another_stands_fails(lab: Lab) -> None:
     faults = [{"kind": "kill", "who": "r1", "at": 0.0}, {"kind": "join", "who": "r2", "at": 1.0}]
     world = lab.world([DISC] * 2, [(3.0, 3.0, 0.0), (3.1, 3.0, 0.0)], duration=4.0, faults=faults)

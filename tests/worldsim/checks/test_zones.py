@@ -66,7 +66,14 @@ def test_a_centre_in_a_keep_out_is_caught(lab: Lab, shape: dict[str, Any], x: fl
 
 @pytest.mark.parametrize(
     ("x", "way_m", "caught"),
-    [(16.1, 0.2, True), (16.1, 0.15, False), (17.9, 1.5, True), (15.9, 1.5, False), (18.1, -1.5, False)],
+    [
+        (16.1, 0.2, True),
+        (16.1, 0.15, False),
+        (16.1, 0.151, True),
+        (17.9, 1.5, True),
+        (15.9, 1.5, False),
+        (18.1, -1.5, False),
+    ],
 )
 def test_a_robot_that_gets_too_far_in_a_step_is_caught(
     lab: Lab, shape: dict[str, Any], x: float, way_m: float, caught: bool
@@ -77,6 +84,14 @@ def test_a_robot_that_gets_too_far_in_a_step_is_caught(
     detail = failures(result).get("slow zones", "")
     told = f"r1 drives {way_m / 0.5:.3f} m/s in ward, which allows 0.3 m/s, at tick 5, at ({x:.3f}, 11.500)"
     assert detail.startswith(told) if caught else not detail
+
+
+@pytest.mark.parametrize("order", [1, -1])
+def test_the_lowest_of_the_limits_of_zones_that_overlap_counts(lab: Lab, order: int) -> None:
+    zones = [{"name": f"ward{speed}", "polygon": RECTANGLE, "speed": speed} for speed in (0.3, 2.0)][::order]
+    result = run(lab, *zones, speed=4.0)
+    put(result[1], 5, (16.1, 11.5), (16.4, 11.5))
+    assert "in ward0.3, which allows 0.3 m/s" in failures(result)["slow zones"]
 
 
 @pytest.mark.parametrize(("k", "caught"), [(3, False), (4, True), (7, True), (8, False)])

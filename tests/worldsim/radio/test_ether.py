@@ -14,6 +14,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from patrol.faults.kinds import Wait
 from patrol.ground.terrain import Terrain
 from patrol.journal.records import MAX_TICKS, Status, frame_sequence, sent_at
 from patrol.pose import Pose
@@ -22,7 +23,7 @@ from patrol.scenario import Scenario, load_scenario
 from tests.worldsim.conftest import Lab
 from worldsim.faults import Timeline
 from worldsim.radio.ether import OVERSIZED, RECEIVER_ABSENT, RECEIVER_DEAD, RECEIVER_PAUSED, Delivery, Ether, ether_of
-from worldsim.radio.rules import Burst
+from worldsim.radio.rules import Burst, waited
 from worldsim.robots.senses import Senses
 
 ALIVE = Status.ALIVE
@@ -371,3 +372,10 @@ def test_a_frame_in_flight_is_lost_on_arrival_where_the_robot_has_gone(
     delivery = late.tick()
     assert ((1, 2, 0) in delivery.arrived) == (cause is None)
     assert cause is None or delivery.dropped[0] == (1, 2, 0, cause)
+
+
+def test_a_uniform_wait_lies_between_both_of_its_ends() -> None:
+    waits = [waited(Wait(uniform=(2.0, 3.0)), 7, number) for number in range(1000)]
+    assert 2.0 <= min(waits) < 2.05
+    assert 2.95 < max(waits) < 3.0
+    assert sum(waits) / 1000 == pytest.approx(2.5, abs=0.05)

@@ -216,6 +216,22 @@ def test_a_standing_or_dead_body_is_in_the_way_and_one_that_left_is_not(status: 
     assert (other.pose.x, other.collisions, other.bumped) == (2.0, 0, False)
 
 
+@pytest.mark.parametrize(("beside", "bumps"), [((1.0, 0.81), False), ((1.0, 0.79), True), ((2.75, 0.0), True)])
+def test_bodies_of_unequal_size_meet_at_the_sum_of_their_radii(beside: tuple[float, float], bumps: bool) -> None:
+    """Halfway, and only where the move ends: 2 m along x, of radii 0.2 and 0.6 m."""
+    small, large = Body(replace(DISC, radius=0.2), Pose(0.0, 0.0, 0.0), Velocity(4.0, 0.0)), body(*beside)
+    for robots in ([small, large], [large, small]):
+        small.pose, small.command = Pose(0.0, 0.0, 0.0), Velocity(4.0, 0.0)
+        move(robots, FIELD, STEP)
+        assert (small.bumped, small.pose.x) == (bumps, 0.0 if bumps else 2.0)
+
+
+def test_two_that_overlap_do_not_move_on_together() -> None:
+    robots = [body(0.0, 0.0, Velocity(0.0, 1.0)), body(1.0, 0.0, Velocity(0.0, 1.0))]
+    move(robots, FIELD, STEP)
+    assert [robot.pose.y for robot in robots] == [0.0, 0.0]
+
+
 @pytest.mark.parametrize(("speeds", "xs"), [((-1.0, 1.0), (-0.5, 1.5)), ((1.0, -0.5), (0.0, 1.0))])
 def test_two_that_overlap_may_only_move_apart(speeds: tuple[float, float], xs: tuple[float, float]) -> None:
     left, right = body(0.0, 0.0, Velocity(speeds[0], 0.0)), body(1.0, 0.0, Velocity(speeds[1], 0.0))
