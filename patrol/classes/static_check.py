@@ -55,7 +55,8 @@ def announce(classes: Iterable[NamedClass]) -> None:
     """Name classes of one's own and their files on the standard error output, before anything of them runs."""
     lines = []
     for named in classes:
-        if named.name in named.sort.built_in:
+        # Code of a module that is loaded already, as of a notebook's cells, has run.
+        if named.name in named.sort.built_in or _module_and_name(named)[0] in sys.modules:
             continue
         path = source_file(named)
         digest = "compiled" if path is None else f"SHA-256 {checked_source(path, named)[1][:12]}"
