@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import zip_longest
@@ -15,11 +16,9 @@ from patrol.faults.kinds import Kill, OnProcesses, Pause
 from patrol.journal import Event, Status
 from patrol.journal.links import links_of
 from patrol.journal.records import CLOSED, FORGED, IN_FORCE, OPENED, OUT_OF_FORCE, STAYS_OPEN
-from patrol.pose import Pose
 from patrol.scenario.controls import OPERATOR
 from worldsim.checks.check import Check, JournalReading
 from worldsim.faults import APPLIES, AS_IT_IS, BECOMES, BEING_STARTED, LOOKED_AT, SKIPPED, WAITING, Act
-from worldsim.robots.bodies import overlap
 
 if TYPE_CHECKING:
     from patrol.journal import RobotTick, TickRecord
@@ -143,7 +142,7 @@ class ExpectedStatuses(JournalReading):
             if number in self.away
             and neighbour != number
             and neighbour not in self.away
-            and overlap(start, radius, Pose(row.x, row.y, row.heading), self._specs[neighbour].radius)
+            and math.dist((start.x, start.y), (row.x, row.y)) < radius + self._specs[neighbour].radius
         ]
 
     def _note_appearance(self, number: int) -> None:

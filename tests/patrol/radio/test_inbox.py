@@ -115,6 +115,18 @@ def test_a_late_frame_is_believed_within_the_window_if_it_leads_to_the_newest_on
     assert reasons(box) == {RejectReason.TOO_FAST: 1}
 
 
+def test_the_window_holds_64_sequences() -> None:
+    """A frame that came once within it comes late and again; one sequence further back is too old for both."""
+    for ago, verdict in ((62, "++-"), (63, "++-"), (64, "+--"), (65, "+--")):
+        late = (frame(100 - ago, 50.0), 50.0)
+        assert verdicts(inbox(), (frame(100, 50.0), 50.0), late, late) == verdict, ago
+    for newer in (62, 63, 64, 65):  # a frame so much newer moves the window on, and what was in it is not lost
+        first = (frame(100, 50.0), 50.0)
+        come = (frame(100 + newer, 50.0), 50.0 + STEP * newer)
+        assert verdicts(inbox(), first, come, (first[0], come[1])) == "++-", newer
+        assert verdicts(inbox(), first, come, (frame(101, 50.0), come[1])) == ("+++" if newer < 65 else "++-"), newer
+
+
 def test_the_window_outlives_a_restart_of_the_sender() -> None:
     """Its sequences go on by time; what the first process sent cannot be sent again under the second."""
     box = inbox(KEY)
