@@ -6,6 +6,7 @@ from typing import Any
 import pytest
 
 from patrol.energy.batteries import Batteries
+from patrol.errors import BadInput
 from patrol.journal import RobotTick, Status
 from patrol.scenario import Scenario, load_scenario
 
@@ -33,7 +34,7 @@ def test_driving_uses_charge_by_time_and_way() -> None:
 
 def test_a_robot_charges_while_it_stands_at_a_dock_and_is_the_nearest() -> None:
     batteries = Batteries(scenario())
-    for x, speed, change in ((5.9, 0.0, 50.0), (6.1, 0.0, -5.0), (5.9, 2.0, -105.0)):
+    for x, speed, change in ((5.9, 0.0, 50.0), (6.0, 0.0, 50.0), (6.1, 0.0, -5.0), (5.9, 2.0, -105.0)):
         before = batteries.share(1)
         assert before is not None
         batteries.tick([row(x, 5.0, speed)])
@@ -74,3 +75,16 @@ def test_a_robot_without_a_battery_never_gets_empty() -> None:
     batteries.renew(1)
     assert batteries.share(1) is None
     assert not batteries.is_empty(1)
+
+
+@pytest.mark.parametrize(
+    ("battery", "message"),
+    [
+        ({"charge": 10.0}, r"charge = 10(\.0)?: no more than the 10 W that the robot uses at rest"),
+        ({"reserve": 0.95}, r"reserve = 0\.95: not below full \(0\.95\)"),
+    ],
+)
+def test_a_battery_that_never_charges_or_never_leaves_is_refused(battery: dict[str, float], message: str) -> None:
+    with pytest.raises(BadInput, match=message):
+        scenario(**battery)
+    assert scenario(**{name: value + (0.1 if name == "charge" else -0.01) for name, value in battery.items()})

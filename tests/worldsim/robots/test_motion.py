@@ -297,3 +297,14 @@ def test_bodies_overlap_below_the_sum_of_their_radii(radius: float, other: float
     for apart, expected in ((0.0, True), (math.nextafter(0.75, 0.0), True), (0.75, False), (0.76, False)):
         for place in (Pose(apart, 0.0, 3.0), Pose(0.0, -apart, 0.0)):
             assert overlap(Pose(0.0, 0.0, 0.0), radius, place, other) is expected
+
+
+@pytest.mark.parametrize(
+    ("beside", "bumps"), [(1.2, False), (1.2 - 1e-10, False), (1.2 - 1e-7, True), (1.2 - 1e-4, True)]
+)
+def test_bodies_pass_each_other_where_they_only_touch(beside: float, bumps: bool) -> None:
+    """Radii of 0.6 m; a billionth of a metre is rounding."""
+    bodies = [body(0.0, 2.0, Velocity(4.0, 0.0)), body(1.0, 2.0 + beside, spec=replace(DISC, number=3))]
+    move(bodies, FIELD, STEP)
+    assert [one.bumped for one in bodies] == [bumps, False]
+    assert bodies[0].pose.x == (0.0 if bumps else 2.0)
