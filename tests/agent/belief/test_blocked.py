@@ -132,6 +132,18 @@ def test_silent_are_those_not_heard_for_longer_than_is_waited(seed: int, patienc
         assert silent.discs(tick, here, False, belief.peers) == expected
 
 
+def test_lately_begins_with_the_tick_itself() -> None:
+    everywhere = np.ones((20, 20), dtype=np.bool_)
+    area = Area(everywhere, everywhere, Posts(np.full((20, 20), -1, dtype=np.int32)), 0)
+    inboxes = inboxes_of(1, 2, 3)
+    belief = Beliefs(inboxes, footprint_of(Terrain("t", everywhere, 2.5), 5.0)).join(1, area)
+    for number, tick in ((2, 5), (3, 6)):
+        frame = encode(Position.of(number, tick, tick * STEP, Pose(float(number), 9.0, 0.0)))
+        belief.hear(tick, Pose(1.0, 1.0, 0.0), [frame])
+    for peers in (belief.peers, dict(belief.peers)):
+        assert [sorted(belief.lately(peers, since)) for since in (5, 6, 7)] == [[2, 3], [3], []]
+
+
 def test_a_silent_robot_is_in_the_way_until_forgotten_and_again_after_a_bump() -> None:
     here, far, inboxes = Pose(8.2, 10.0, 0.0), Pose(30.0, 30.0, 0.0), inboxes_of(1, 2)
     inboxes.hear(5, {1: [encode(Position.of(2, 5, 5 * STEP, Pose(10.0, 10.0, 0.0)))]})
