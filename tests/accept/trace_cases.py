@@ -109,6 +109,12 @@ VARIANTS: Mapping[str, Mapping[str, Any]] = {
 TARGETS: Mapping[str, Any] = {"point": 0.5, "duration": 200, "robots.count": 4, "patrol.policy": "committed"}
 """The tour, with nothing else set."""
 
+CHARGING: Mapping[str, Any] = {
+    "robots.battery": {"capacity": 1.0, "idle": 10, "drive": 20, "charge": 150},
+    "docks": "here and there",
+}
+"""Small batteries, which last two minutes, and two docks at which to charge them in half a minute."""
+
 TARGETS_BODIES = ("holonomic", "differential", "car")
 
 TARGETS_VARIANTS: Mapping[str, Mapping[str, Any]] = {
@@ -122,10 +128,11 @@ TARGETS_VARIANTS: Mapping[str, Mapping[str, Any]] = {
     "stochastic": {"patrol.policy": "stochastic"},
     "stochastic-faults": {"patrol.policy": "stochastic", "faults": FAULTS},
     "stochastic-small": {"patrol.policy": "stochastic", **SMALL},
+    "stochastic-charging": {"patrol.policy": "stochastic", **SMALL, **CHARGING},
 }
 
 PLACES = {"open": [45, 40], "yards": [40, 22], "clutter": [50, 50], "site": [230, 127]}
-"""Places of an intruder, m, on passable ground of each terrain."""
+"""Places of an intruder and of docks, m, on passable ground of each terrain."""
 
 
 def cases() -> Iterator[tuple[str, dict[str, Any]]]:
@@ -140,6 +147,11 @@ def cases() -> Iterator[tuple[str, dict[str, Any]]]:
         for body in TARGETS_BODIES:
             for variant, settings in TARGETS_VARIANTS.items():
                 chosen = {**TARGETS, "robots.model": body, **settings}
+                if "docks" in chosen:
+                    if terrain == "site":  # the way to a dock takes longer than the run
+                        continue
+                    x, y = PLACES[terrain]
+                    chosen["docks"] = [{"place": [x, y + above]} for above in (0, 4)]
                 yield f"{terrain} {body} {variant}", {"terrain": terrain, **chosen}
 
 

@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from agent.bodies.base import GoalFinder
+from agent.kernels.goal import refine
 from agent.psi import psi_field
 from agent.routes.ground import Ground
 from patrol.ground.terrain import Terrain
@@ -94,3 +95,37 @@ def test_refinement_keeps_roughly_to_the_direction(bearing: float, row: int, col
     if math.dist(goal.refined, here) > 1e-9 and goal.refined != goal.goal:
         off = math.remainder(math.atan2(goal.refined[1] - here[1], goal.refined[0] - here[0]) - bearing, 2 * math.pi)
         assert abs(off) <= math.pi / 4 + 1e-9
+
+
+@settings(max_examples=100)
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    eighth=st.integers(0, 7),
+    side=st.integers(0, 5),
+    whole=st.booleans(),
+    inside=st.booleans(),
+)
+def test_refinement_takes_the_lowest_the_nearest_and_then_the_first(
+    seed: int, eighth: int, side: int, whole: bool, inside: bool
+) -> None:
+    """On open ground with few values of psi, so that many are equal, and with points at just 45 degrees."""
+    dice = np.random.default_rng(seed)
+    psi = dice.integers(0, 4, (14, 17)).astype(np.float32)
+    goal, start = (tuple(int(dice.integers(1, 1 + most)) for most in psi.shape) for _ in range(2))
+    if not inside:
+        goal = (0, goal[1])
+    bearing = eighth * math.pi / 4.0
+    up, across = math.sin(bearing), math.cos(bearing)
+    candidates = []
+    for row, col in np.ndindex(psi.shape):
+        gap = (row + 1 - goal[0], col + 1 - goal[1])
+        ahead = (row + 1 - start[0], col + 1 - start[1])
+        off = math.remainder(math.atan2(*ahead) - bearing, 2.0 * math.pi) if any(ahead) else 0.0
+        if max(map(abs, gap)) <= side and (whole or abs(off) <= math.pi / 4.0 + 1e-9):
+            candidates.append((psi[row, col], gap[0] ** 2 + gap[1] ** 2, (row + 1) * 19 + col + 1))
+    at_goal = psi[goal[0] - 1, goal[1] - 1] if inside else math.inf
+    better = [one for one in candidates if one[0] < at_goal and (inside or whole)]
+    state = np.pad(np.ones(psi.shape, dtype=np.uint8), 1)
+    shifted = start[0] + 0.5 - 1e-12 * up, start[1] + 0.5 - 1e-12 * across  # so that rounding leaves none out
+    found = refine(state, psi, goal[0], goal[1], shifted[0], shifted[1], up, across, side, whole)
+    assert found == min(better, default=(0, 0, -1))[2]

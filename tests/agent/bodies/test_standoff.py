@@ -10,6 +10,7 @@ import pytest
 
 from agent.bodies.standoff import (
     BACKS_OFF_S,
+    CALM_S,
     GIVES_WAY_S,
     OFTEN,
     ROLES,
@@ -180,6 +181,13 @@ def test_bumps_and_dead_ends_far_apart_do_not_add_up() -> None:
     for k in range(0, 100, 10):
         alone.tick(k, {})
         assert alone.backs_off_to(k, {}) is None
+    for apart, add_up in ((round(CALM_S / STEP), True), (round(CALM_S / STEP) + 1, False)):
+        alone = Alone(Moves.ALONG_ARCS)
+        roles = [alone.rule.meet_dead_end(k * apart) for k in range(OFTEN)]
+        assert (roles[-1] is Role.BACKS_OFF) is add_up
+        last = (OFTEN - 1) * apart
+        assert alone.rule.keeps_happening(last + round(CALM_S / STEP)) is add_up
+        assert not alone.rule.keeps_happening(last + round(CALM_S / STEP) + 1)
 
 
 def test_a_car_turns_out_of_a_dead_end_until_it_is_in_one_again_and_again() -> None:

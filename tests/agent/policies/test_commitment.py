@@ -276,6 +276,7 @@ def test_what_lies_around_a_place_is_left_out_with_it_and_forgiven_with_it() -> 
     given_up = GivenUp(0.3, 0.1, STEP)
     given_up.add(10, (5, 5))
     assert given_up.now(11).tolist() == [[5, 5, 36]]
+    assert given_up.now(10 + round(LEFT_OUT_S / STEP) - 1).size == 3
     assert given_up.now(10 + round(LEFT_OUT_S / STEP)).size == 0
     given_up.forgive((5, 12))
     assert given_up.places != []

@@ -14,16 +14,32 @@ from hypothesis import strategies as st
 from agent.policies.forces import FuzzySectors, repel
 from agent.policies.potential_field import share_table
 from agent.policies.separation import RandomSteps, artificial_obstacles, critical_areas, numbered, occupied_areas
+from agent.ports import Bearing, Intent, Place, Policy
 from agent.routes.ground import Area, Ground
 from agent.view import View
 from patrol.ground.cspace import narrow_passages
 from patrol.ground.terrain import Terrain
-from patrol.pose import Pose
+from patrol.pose import TAU, Pose
 from patrol.radio.peers import Peer
+from patrol.random import Purpose
 from patrol.scenario import PotentialFieldOptions
 from tests.agent.minds import fields_of, pull_on
+from tests.agent.plans import Robots, prepared_in, two_rooms
 
 HERE = Pose(10.0, 10.0, 0.0)
+
+
+class Watching:
+    """A policy that decides as another does, and keeps what that was shown and answered."""
+
+    def __init__(self, other: Policy) -> None:
+        self._other = other
+        self.decided: list[tuple[View, Intent]] = []
+
+    def decide(self, view: View) -> Intent:
+        intent = self._other.decide(view)
+        self.decided.append((view, intent))
+        return intent
 
 
 def peers(*places: tuple[float, float]) -> dict[int, Peer]:
@@ -89,6 +105,39 @@ def test_without_rivals_claims_change_nothing() -> None:
     seen = np.random.default_rng(3).integers(0, 100, (81, 81)).astype(np.int32)
     sums = [pull_on(FIELD, (30, 50), seen, separation=separation).sums for separation in ("none", "claims")]
     assert np.array_equal(sums[0], sums[1])
+
+
+@pytest.mark.parametrize(
+    ("policy", "options", "model", "probability"),
+    [
+        ("potential-field", {}, "holonomic", 0.1),
+        ("potential-field", {}, "car", 0.0),
+        ("potential-field", {"random_move_for": "all", "random_move": 0.25}, "car", 0.25),
+        ("agent.policies.commitment:Commitment", {}, "car", 0.02),
+    ],
+)
+def test_random_steps_are_as_frequent_as_stated(
+    policy: str, options: dict[str, Any], model: str, probability: float
+) -> None:
+    """Where one is made, and its direction, follow from the tick's draws alone."""
+    robot = {"model": model, "radius": 0.3, "speed": 1.0}
+    patrol = {"policy": policy, "options": options}
+    robots = Robots(prepared_in(two_rooms(), [Pose(2.0, 2.0, 0.0)], robot, patrol=patrol, sensor={"range": 3.0}))
+    watching = Watching(robots.minds[0].policy)
+    robots.minds[0].policy = watching
+    for _ in range(200):
+        robots.tick()
+    steps = {view.tick: intent.wander for view, intent in watching.decided if isinstance(intent, Bearing | Place)}
+    assert len(steps) > 150
+    expected = {
+        view.tick: TAU * view.draw(1, Purpose.RANDOM_MOVE)
+        for view, _ in watching.decided
+        if view.draw(0, Purpose.RANDOM_MOVE) < probability
+    }
+    assert {k: wander for k, wander in steps.items() if wander is not None} == {
+        k: angle for k, angle in expected.items() if k in steps
+    }
+    assert bool(expected) is (probability > 0.0)
 
 
 def test_an_artificial_obstacle_stands_at_each_peer_but_never_on_the_robot() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from types import SimpleNamespace
 from typing import Any
 
@@ -70,6 +71,26 @@ def test_a_stay_counts_from_the_end_of_the_tick_in_which_the_intruder_comes(monk
         planner = SimpleNamespace(plan=lambda *_, ticks=ticks: attempt.way[: came + ticks], stay=stay)
         monkeypatch.setattr(game, "planner", planner)
         assert game.once(blind, attempt.now, attempt.target).succeeded == succeeded
+
+
+def test_a_stay_counts_from_its_whole_time_on(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The intruder comes at the end of a tick, and then stays for 10 s of two ticks each."""
+    at_first = np.full((1000, 1, 2), math.nan)
+    at_first[:10] = 12.0
+    game = Game(watched(at_first, 24, range_m=20.0), INTRUDER)
+    now, target = game.trials[0]
+    planned = game.once(game.predictors["blind"], now, target)
+    assert planned.succeeded
+    assert planned.way[-21:].tolist() == [target] * 21
+    assert planned.way[-22] != target
+    for stay, succeeds in ((19, False), (20, False), (21, True), (22, True)):
+        way = np.array([-1, target - 1, *[target] * stay, -2], dtype=np.int32)
+        monkeypatch.setattr(game.planner, "plan", lambda *_, way=way: way)
+        attempt = game.once(game.predictors["blind"], now, target)
+        assert (attempt.succeeded, attempt.seen) == (succeeds, None), stay
+        broken = np.insert(way, 10, target - 1)
+        monkeypatch.setattr(game.planner, "plan", lambda *_, way=broken: way)
+        assert not game.once(game.predictors["blind"], now, target).succeeded, "it must not go away meanwhile"
 
 
 def test_the_same_seed_gives_the_same_attempts() -> None:

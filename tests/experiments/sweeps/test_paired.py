@@ -46,6 +46,16 @@ def test_only_seeds_that_both_cases_have_are_paired(seeds: tuple[int, ...]) -> N
     assert line["p_holm"] == line["p"], "one test needs no correction"
 
 
+def test_the_first_and_the_last_seed_count_like_all_others() -> None:
+    old = {seed: 10.0 * seed for seed in range(1, 6)}
+    new = {seed: old[seed] + 2.0**seed for seed in reversed(old)}
+    (test,) = paired_tests([row("old", None, old), row("new", "old", new)])
+    assert (test.pairs, test.difference.mean) == (5, 62.0 / 5.0)
+    assert test.p == p_of_no_difference([2.0, 4.0, 8.0, 16.0, 32.0])
+    (pair,) = paired_tests([row("old", None, {7: 1.0}), row("new", "old", {7: 4.0})])
+    assert (pair.pairs, pair.difference.mean, pair.p) == (1, 3.0, None)
+
+
 def test_p_values_are_corrected_for_the_tests_of_their_metric() -> None:
     """Holm 1979: the k-th smallest of n times n - k + 1, and none below a smaller one."""
     old = {seed: 10.0 * seed for seed in range(1, 5)}

@@ -6,6 +6,7 @@ from typing import Any
 import pytest
 
 from patrol.energy.batteries import Batteries
+from patrol.errors import BadInput
 from patrol.journal import RobotTick, Status
 from patrol.scenario import Scenario, load_scenario
 
@@ -74,3 +75,16 @@ def test_a_robot_without_a_battery_never_gets_empty() -> None:
     batteries.renew(1)
     assert batteries.share(1) is None
     assert not batteries.is_empty(1)
+
+
+@pytest.mark.parametrize(
+    ("battery", "message"),
+    [
+        ({"charge": 10.0}, r"charge = 10(\.0)?: no more than the 10 W that the robot uses at rest"),
+        ({"reserve": 0.95}, r"reserve = 0\.95: not below full \(0\.95\)"),
+    ],
+)
+def test_a_battery_that_never_charges_or_never_leaves_is_refused(battery: dict[str, Any], message: str) -> None:
+    with pytest.raises(BadInput, match=message):
+        scenario(**battery)
+    scenario(**{name: value + (0.1 if name == "charge" else -0.01) for name, value in battery.items()})

@@ -99,6 +99,20 @@ def test_a_sector_holds_the_bearings_within_half_its_angle(angle: float, heading
             assert seen[row, col] == (distance <= 25.0 and off < math.radians(angle) / 2)
 
 
+@pytest.mark.parametrize("eighth", range(-4, 5))
+def test_a_point_on_the_edge_of_a_sector_is_seen(eighth: int) -> None:
+    """A quarter circle from one of the eight directions to another, both with their points."""
+    terrain = Terrain("open", np.ones((41, 41), dtype=np.bool_), 1.0)
+    pose = Pose(20.5, 20.5, eighth * math.pi / 4.0)
+    seen = on_terrain(footprint_of(terrain, 15.0, 90.0).visible(pose), terrain.shape)
+    for off in (-2, -1, 0, 1, 2):
+        down, across = (
+            round(math.sqrt(2.0) * part(pose.heading + off * math.pi / 4.0)) for part in (math.sin, math.cos)
+        )
+        edge = [bool(seen[20 + n * down, 20 + n * across]) for n in range(1, 11)]
+        assert edge == [abs(off) < 2] * 10, off
+
+
 def test_quality_falls_with_distance() -> None:
     terrain = Terrain("open", np.ones((41, 41), dtype=np.bool_), 0.5)
     view = footprint_of(terrain, 8.0, quality=[(2.0, 1.0), (8.0, 0.25)]).visible(Pose(10.25, 10.25, 0.0))

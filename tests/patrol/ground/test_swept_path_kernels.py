@@ -118,6 +118,18 @@ def test_a_straight_arc_is_a_line_and_bends_continuously() -> None:
     assert bent == pytest.approx((4.0, 2.0, 0.0), abs=1e-8)
 
 
+@pytest.mark.parametrize("half", [1e-3, 1.1e-5, 1e-5, 9e-6, 1e-6])
+def test_a_chord_has_the_same_length_on_both_sides_of_its_series(half: float) -> None:
+    x, y, _ = sweep.arc_end(0.0, 0.0, 0.0, 1.0, 2.0 * half)
+    assert math.hypot(x, y) == pytest.approx(math.sin(half) / half, rel=4e-16, abs=0.0)
+
+
+@pytest.mark.parametrize("turn", [-math.pi, math.pi, -3.0 * math.pi, 3.0 * math.pi])
+def test_a_heading_of_half_a_circle_is_positive(turn: float) -> None:
+    assert sweep.arc_end(0.0, 0.0, 0.0, 0.0, turn)[2] == pytest.approx(math.pi)
+    assert sweep.arc_end(0.0, 0.0, turn, 1.0, 0.0)[2] == pytest.approx(math.pi)
+
+
 def test_a_disc_stops_where_it_touches_and_then_slides() -> None:
     blocked = squares(*[(row, 8) for row in range(12)])  # a wall whose near face is x = 3
     free = line(blocked, 1.0, 5.0, 4.0, 5.0, 0.5)

@@ -61,6 +61,12 @@ def test_a_robot_that_stays_visits_once() -> None:
     assert (found["unvisited"], found["once"]) == ([2], [1])
 
 
+def test_a_robot_at_just_the_distance_of_a_visit_visits_once() -> None:
+    assert figures([0.4, 0.4, 0.4])["visits"] == 1
+    assert figures([0.41, 0.41, 0.41])["visits"] == 0
+    assert figures([0.4, 0.41, 0.4])["visits"] == 2
+
+
 def test_robots_interfere_at_most_once_in_ten_seconds() -> None:
     near, far = [0.0] * 25, [2.0] * 25
     assert figures(near, far)["interference"] == 3, "at 0, 10 and 20 s"

@@ -129,6 +129,18 @@ def test_without_ticks_a_frame_may_lead_by_twice_the_time_and_a_window(steps: in
     assert verdicts(inbox(ahead=None), (frame(0, 10.0), 0.0), (frame(steps, 10.0), STEP)) == believed
 
 
+def test_the_window_holds_64_sequences() -> None:
+    """A frame that came once within it comes late and again; one sequence further back is too old for both."""
+    for ago, verdict in ((62, "++-"), (63, "++-"), (64, "+--"), (65, "+--")):
+        late = (frame(100 - ago, 50.0), 50.0)
+        assert verdicts(inbox(), (frame(100, 50.0), 50.0), late, late) == verdict, ago
+    for newer in (62, 63, 64, 65):  # a frame so much newer moves the window on, and what was in it is not lost
+        first = (frame(100, 50.0), 50.0)
+        come = (frame(100 + newer, 50.0), 50.0 + STEP * newer)
+        assert verdicts(inbox(), first, come, (first[0], come[1])) == "++-", newer
+        assert verdicts(inbox(), first, come, (frame(101, 50.0), come[1])) == ("+++" if newer < 65 else "++-"), newer
+
+
 def test_the_window_outlives_a_restart_of_the_sender() -> None:
     """Its sequences go on by time; what the first process sent cannot be sent again under the second."""
     box = inbox(KEY)

@@ -127,6 +127,18 @@ def test_a_false_releases_only_what_was_sent_before_it() -> None:
     assert heeded(topic, said(False, 11, "c")) == (False, False, "")
 
 
+def test_what_was_sent_in_the_moment_of_the_stop_does_not_release_it() -> None:
+    """Equal times and equal counts tell no order, and in doubt the robot stays where it is."""
+    topic = StopTopic(held=True, clock=lambda: 1000)
+    assert heeded(topic, said(False, 1000, "a")) == (False, True, OLDER)
+    assert heeded(topic, said(True, 1000, "a", 5), said(False, 1000, "b")) == (True, True, OLDER)
+    assert heeded(topic, said(False, 1001, "a", 5)) == (False, True, OLDER), "its own count decides"
+    assert heeded(topic, said(True, 1000, "b", 1), said(False, 1000, "b", 1)) == (True, True, OLDER)
+    assert heeded(topic, said(False, 1000, "b", 2)) == (False, False, "")
+    assert heeded(topic, said(True, 10, "a"), said(False, 10, "b")) == (True, True, OLDER)
+    assert heeded(topic, said(False, 11, "b")) == (False, False, "")
+
+
 def test_a_true_stops_whatever_its_senders_clock_says_and_however_many_false_follow() -> None:
     topic = StopTopic(held=False, clock=lambda: 1000)
     flood = [said(False, 9, "flood")] * 1000

@@ -196,6 +196,12 @@ def test_the_fog_of_a_short_run_is_not_judged(ready: Prepared) -> None:
     result = judged(ready, 300, LEFT_ROOM, LEFT_ROOM)
     assert result.warnings == ()
     assert SHORT.format(150) in result.detail
+    assert SHORT.format(359.5) in judged(ready, 719, LEFT_ROOM, LEFT_ROOM).detail
+    (line,) = judged(ready, 720, LEFT_ROOM, LEFT_ROOM).warnings
+    assert " were never seen in 360 s:" in line
+    narrow = rooms(angle=300.0)
+    assert SHORT.format(359.5) in judged(narrow, 719, LEFT_ROOM, LEFT_ROOM).detail
+    assert judged(narrow, 720, LEFT_ROOM, LEFT_ROOM).warnings == (line,)
 
 
 def test_without_a_tour_ground_that_nobody_has_seen_is_judged_once_no_more_is_found() -> None:

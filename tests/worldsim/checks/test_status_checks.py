@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import pytest
 
@@ -82,6 +83,24 @@ def test_who_appears_where_another_stands_fails(lab: Lab) -> None:
     found = failures(run)
     assert found["statuses"] == "r2 is alive at tick 5, but should be absent"
     assert found["bodies apart"].startswith("r1 and r2 overlap at tick 5")
+
+
+@pytest.mark.parametrize(("apart", "comes_at"), [(0.625, 16), (0.75, 4), (0.875, 4)])
+def test_a_start_is_taken_while_bodies_of_two_sizes_would_overlap(
+    lab: Lab, monkeypatch: pytest.MonkeyPatch, apart: float, comes_at: int
+) -> None:
+    """Radii 0.25 and 0.5 m; touching is no overlap. The verdict knows it without the world's code."""
+    small = {"model": "holonomic", "radius": 0.25}
+    starts = [(4.0, 3.0, 0.0), (4.0 + apart, 3.0, 0.0)]
+    faults = [{"kind": "kill", "who": "r1", "at": 0.0}, {"kind": "join", "who": "r2", "at": 2.0}]
+    settings: dict[str, Any] = {"duration": 8.0, "faults": faults}
+    world = lab.world([{**small, "radius": 0.5}, small], starts, **settings)
+    run = world, lab.run(world)
+    assert failures(run) == {}
+    assert [row(run, k, 2).status is Status.ALIVE for k in (comes_at - 1, min(comes_at, 15))] == [False, comes_at < 16]
+    monkeypatch.setattr("worldsim.world.overlap", lambda _one, _a, _other, _b: comes_at < 16)
+    world = lab.world([{**small, "radius": 0.5}, small], starts, **settings)
+    assert "statuses" in failures((world, lab.run(world)))
 
 
 def test_at_a_pace_a_robot_may_come_late_but_not_early(lab: Lab) -> None:

@@ -69,6 +69,14 @@ def test_every_metric_is_declared_and_computed_in_the_order_of_its_declaration(l
     assert list(summary["robots"]["r1"]) == [key for key, _ in metrics_of(RobotFigures) if key != "battery"]
 
 
+def test_percentiles_of_decisions_lie_between_those_next_to_them(lab: Lab) -> None:
+    world, journal = lab.driven(ticks=20)
+    for k in range(20):
+        move(journal, k, 1, decision_ms=float((7 * k) % 20))
+    facts = summary_of(world, journal)["robots"][world.bodies[1].spec.name]
+    assert (facts["decision_ms_p50"], facts["decision_ms_p99"]) == pytest.approx((9.5, 18.81))
+
+
 def test_every_column_of_the_ticks_is_explained() -> None:
     text = (Path(__file__).parents[3] / "docs" / "run-folder.md").read_text(encoding="utf-8")
     assert set(HEAD.split(",")) <= set(re.findall(r"`(\w+)`", text.partition("## ticks.csv")[2]))
@@ -294,6 +302,14 @@ def test_an_intruder_is_found_and_surrounded(lab: Lab, key: bytes | None) -> Non
     times = {"at_s": 2.0, "until_s": 17.0, "first_reported_s": 5.0, "reported_s": 10.0, "surrounded_s": 8.0}
     assert one == {"place_m": [8.0, 6.0], **times, "most_robots": 3}
     assert (other["first_reported_s"], other["surrounded_s"], other["until_s"]) == (None, 0.0, None)
+
+
+def test_an_intruder_is_there_from_its_time_until_it_goes(lab: Lab) -> None:
+    world, journal = lab.driven(ticks=40, intruders=[{"place": [8.0, 6.0], "at": 2, "for": 15}])
+    reporting(journal, range(40), PLACE)
+    standing(journal, range(40), 2, PLACE)
+    (one,) = intruders_of(journal, world)
+    assert (one["first_reported_s"], one["reported_s"], one["surrounded_s"]) == (2.0, 15.0, 15.0)
 
 
 def test_who_comes_to_the_same_place_later_is_another_one(lab: Lab) -> None:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
+import pytest
+
 from patrol.exchange import Reply, Sensed
 from patrol.journal import Event
 from patrol.pose import Velocity
@@ -55,6 +57,13 @@ def test_a_closure_waits_until_bodies_are_clear_of_it(lab: Lab) -> None:
     assert (closed.kind, closed.detail) == ("closed", "strip")
     assert closed.k > 4
     assert world.bodies[1].pose.x >= 9.4
+
+
+@pytest.mark.parametrize(("x", "closes_at"), [(7.5, 0), (7.5625, None)])
+def test_a_closure_closes_beside_a_body_that_only_touches_it(lab: Lab, x: float, closes_at: int | None) -> None:
+    world = lab.world([{**DISC, "radius": 0.5}], [(x, 7.0, 0.0)], duration=4.0, closures=[strip(closed=[[0, 3]])])
+    events = [(event.k, event.kind) for _ in range(4) for event in tick(world, 0.0)[0]]
+    assert events == [(0, "waiting") if closes_at is None else (closes_at, "closed")]
 
 
 def happened(lab: Lab, *faults: dict[str, Any], x: float = 3.0, **when: Any) -> list[tuple[int, str]]:

@@ -17,7 +17,7 @@ from patrol.journal import Status
 from patrol.pose import COMMANDS, MODELS, Command, Drive, Pose, Twist, Velocity
 from patrol.scenario import RobotSpec
 from worldsim.kernels.collide import near_others
-from worldsim.robots.bodies import Body, length, move, standstill, within_limits
+from worldsim.robots.bodies import Body, length, move, overlap, standstill, within_limits
 
 STEP = 0.5
 CAR = RobotSpec(1, "car", "car", 4.4, 0.6, 3.5, None)
@@ -306,3 +306,21 @@ def test_a_body_that_is_stopped_forgets_its_command_and_how_long_it_heard_none()
     stopped.halt(Status.PAUSED)
     assert (stopped.status, stopped.command, stopped.bumped) == (Status.PAUSED, standstill(DISC), False)
     assert stopped.silent_s == 0.0
+
+
+@pytest.mark.parametrize(("radius", "other"), [(0.5, 0.25), (0.25, 0.5), (0.375, 0.375)])
+def test_bodies_overlap_below_the_sum_of_their_radii(radius: float, other: float) -> None:
+    for apart, expected in ((0.0, True), (math.nextafter(0.75, 0.0), True), (0.75, False), (0.76, False)):
+        for place in (Pose(apart, 0.0, 3.0), Pose(0.0, -apart, 0.0)):
+            assert overlap(Pose(0.0, 0.0, 0.0), radius, place, other) is expected
+
+
+@pytest.mark.parametrize(
+    ("beside", "bumps"), [(1.2, False), (1.2 - 1e-10, False), (1.2 - 1e-7, True), (1.2 - 1e-4, True)]
+)
+def test_bodies_pass_each_other_where_they_only_touch(beside: float, bumps: bool) -> None:
+    """Radii of 0.6 m; a billionth of a metre is rounding."""
+    bodies = [body(0.0, 2.0, Velocity(4.0, 0.0)), body(1.0, 2.0 + beside, spec=replace(DISC, number=3))]
+    move(bodies, FIELD, STEP)
+    assert [one.bumped for one in bodies] == [bumps, False]
+    assert bodies[0].pose.x == (0.0 if bumps else 2.0)
