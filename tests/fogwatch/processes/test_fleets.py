@@ -57,7 +57,10 @@ def test_a_run_is_the_same_as_processes_and_in_one(
     scenario = {**OPEN, "terrain": where, "duration": 30, "robots": [{"model": one} for one in models]}
     run = start(scenario)
     assert run.end() == 0, run.errors
-    assert (run.summary()["ended"], run.summary()["ticks"]) == ("completed", 60)
+    assert (run.summary()["ended"], run.summary()["ticks"]) == (
+        "completed",
+        120 if terrain == "made" else 60,  # on a map with little room a step is half as long
+    )
     run.assert_undisturbed()
     again = fogwatch.run(run.folder / "scenario.yaml", out=tmp_path / "again", picture=False)
     assert again.trace_hash == run.summary()["trace_hash"]

@@ -237,7 +237,8 @@ def test_a_model_gives_the_same_trace_in_one_process_and_in_many(
         out = tmp_path / way[0].strip("-")
         assert shell("run", path, *way, "--no-picture", "--no-recording", "--out", out).code == 0
         summaries.append(json.loads((out / "summary.json").read_text(encoding="utf-8")))
-    assert f"<td>{cause}</td>" in (tmp_path / "no-page" / "report.html").read_text(encoding="utf-8")
+    report = (tmp_path / "no-page" / "report.html").read_text(encoding="utf-8")
+    assert re.search(f"<td[^>]*>{cause}</td>", report)
     one, many = summaries
     assert one["trace_hash"] == many["trace_hash"]
     lost = many["messages"]["dropped_by_cause"][cause]
