@@ -81,6 +81,8 @@ def _grids_of(path: Path) -> Iterator[Found]:
             if not head.startswith((b"\x89MCAP0\r\n", b"SQLite format 3\0")):
                 raise BadInput(f"{path}: is no bag; expected an .mcap or .db3 file, or the folder of one")
             yield from (_in_mcap if head.startswith(b"\x89") else _in_sqlite)(file)
+    except ImportError:
+        raise BadInput("bags need mcap; install it with: pip install 'fogwatch[monitor]'") from None
     except OSError as error:
         raise BadInput(f"{path}: cannot be read ({error.strerror})") from None
     except (sqlite3.Error, struct.error, LookupError, ValueError, TypeError, OverflowError, RuntimeError) as error:
