@@ -471,6 +471,20 @@ def regions(
         say(f"picture: {picture}")
 
 
+@command(app, examples=["fogwatch map extract site.mcap --out maps"])
+def extract(
+    bag: Annotated[Path, argument("BAG", "Bag of ROS 2: an .mcap or .db3 file, or a folder of such files.")],
+    out: Annotated[Path, option("DIR", "Folder to write the map into, under the bag's name.")],
+    topic: Annotated[str | None, option("TOPIC", "Topic of the grid (default: the only one).")] = None,
+) -> None:
+    """Write the newest OccupancyGrid of a bag as a map file and its image."""
+    from fogwatch.grounds.bags import extract_map  # here: its libraries are extras
+
+    path, grid = extract_map(bag, out, topic)
+    height, width = grid.cells.shape
+    say(f"{path}: {width} x {height} cells of {grid.resolution:.6g} m, of frame {grid.frame}")
+
+
 def _region_lines(terrain: Terrain, radius: float, split: RegionSplit, took: float, by_hand: bool) -> Iterator[str]:
     """Yield lines of text that describe a split of the ground into regions.
 

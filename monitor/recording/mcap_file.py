@@ -109,7 +109,7 @@ def _read_records(path: Path, contents: Contents, checks_all: bool = True) -> It
     begun = False
     try:
         with open_untrusted(path, RECORDING) as file:
-            for record in _make_reader(file, checks_all, partial(_note_damage, contents)).records:
+            for record in make_reader(file, checks_all, partial(_note_damage, contents)).records:
                 begun = True
                 yield from _whole_records(record, contents)
     except IsADirectoryError:
@@ -144,7 +144,9 @@ def _why_damaged(contents: Contents, error: Exception) -> str:
     return f"after {contents.end_s:g} s ({type(error).__name__})"
 
 
-def _make_reader(file: BinaryIO, checks_all: bool, damaged: Callable[[Exception], None]) -> StreamReader:
+def make_reader(
+    file: BinaryIO, checks_all: bool, damaged: Callable[[Exception], None], longest: int = MOST_RECORD
+) -> StreamReader:
     """Return a reader that never reads on behind the end of a record, whatever lengths and counts the record holds.
 
     mcap's own reader believes them. A message that is shorter than its head then stands for the rest of the file, and
@@ -172,7 +174,7 @@ def _make_reader(file: BinaryIO, checks_all: bool, damaged: Callable[[Exception]
             finally:
                 self._stream = stream
 
-    return RecordByRecord(file, emit_chunks=True, validate_crcs=checks_all, record_size_limit=MOST_RECORD)
+    return RecordByRecord(file, emit_chunks=True, validate_crcs=checks_all, record_size_limit=longest)
 
 
 def _unpack_record(record: Any) -> Iterator[Any]:

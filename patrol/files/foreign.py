@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 _DRAW = "draw its ground as a PNG, white where robots can be, and write the map's YAML file for it (docs/maps.md)"
-_SAVE = "play it, and save its map with: ros2 run nav2_map_server map_saver_cli"
+_SAVE = "take its map out with: fogwatch map extract BAG --out DIR"
 _BAG = f"is a bag of ROS; {_SAVE}"
 BAG_FOLDER = f"is the folder of a bag of ROS; {_SAVE}"
 _LANES = "give it as terrain.graph, with the map that it belongs to"
@@ -18,7 +18,7 @@ _HEADS = (
     (b"type octile", f"is a grid of MovingAI; {_DRAW}"),
     (b"0\nSECTION", f"is a DXF drawing; {_DRAW}"),
     (b"0\r\nSECTION", f"is a DXF drawing; {_DRAW}"),
-    (b"#ROSBAG", _BAG),
+    (b"#ROSBAG", "is a bag of ROS 1; convert it with: rosbags-convert --src FILE --dst FOLDER"),
 )
 """First bytes of files, without white space before them."""
 

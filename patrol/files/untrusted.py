@@ -49,6 +49,7 @@ OWN_CLASS = Kind("a Python file", 16 * MIB)
 WEIGHTS = Kind("a trained network", 64 * MIB)
 SUMMARY = Kind("a summary", 8 * MIB)
 JOURNAL = Kind("a journal", 64 * GIB)
+BAG = Kind("a bag", 64 * GIB)
 RECORDING = Kind("a recording", 64 * GIB)
 RESULTS = Kind("a sweep's results", GIB)
 

@@ -6,6 +6,7 @@ is thinned.
 
 from __future__ import annotations
 
+import json
 import math
 import time
 from collections import deque
@@ -21,7 +22,6 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from agent.ports import Decision
-from patrol.errors import BadInput
 from patrol.exchange import Sensed
 from patrol.ground.terrain import Terrain
 from patrol.pose import Pose
@@ -121,23 +121,18 @@ a pixel of 205, lies in between, and no robot drives there."""
 _WALL, _UNKNOWN, _FREE = 0, 205, 254
 
 
-def write_map(grid: OccupancyGrid, folder: FilePath) -> FilePath:
-    """Write a map as map_server does, and return the path of the YAML file.
-
-    A map that is turned raises `BadInput`, because a map_server file cannot say that here.
-    """
-    if grid.origin.heading != 0.0:
-        raise BadInput("the robot's map is turned against its frame; give --map FILE with an upright one")
+def write_map(grid: OccupancyGrid, folder: FilePath, name: str = "map") -> FilePath:
+    """Write a map as map_server does, its YAML file and its image with the same name, and return the former's path."""
     share = grid.cells.astype(np.float64) / 100.0
     pixels = np.full(grid.cells.shape, _UNKNOWN, dtype=np.uint8)
     pixels[(share >= 0.0) & (share < FREE_SHARE)] = _FREE
     pixels[share > OCCUPIED_SHARE] = _WALL
-    Image.fromarray(np.ascontiguousarray(pixels[::-1])).save(folder / "map.png")
-    path = folder / "map.yaml"
-    origin = [grid.origin.x, grid.origin.y, 0.0]
+    Image.fromarray(np.ascontiguousarray(pixels[::-1])).save(folder / f"{name}.png")
+    path = folder / f"{name}.yaml"
+    origin = [grid.origin.x, grid.origin.y, grid.origin.heading]
     path.write_text(
-        f"image: map.png\nmode: trinary\nresolution: {grid.resolution!r}\norigin: {origin}\nnegate: 0\n"
-        f"occupied_thresh: {OCCUPIED_SHARE}\nfree_thresh: {FREE_SHARE}\n",
+        f"image: {json.dumps(f'{name}.png')}\nmode: trinary\nresolution: {grid.resolution!r}\norigin: {origin}\n"
+        f"negate: 0\noccupied_thresh: {OCCUPIED_SHARE}\nfree_thresh: {FREE_SHARE}\n",
         encoding="utf-8",
     )
     return path

@@ -166,8 +166,9 @@ def test_the_robots_map_is_read_like_a_file(tmp_path: Path) -> None:
     assert terrain.shape == (20, 30)
     assert terrain.origin == pytest.approx((-1.0, 2.0))
     np.testing.assert_array_equal(terrain.passable, cells == 0)
-    with pytest.raises(BadInput, match="is turned against its frame; give --map FILE"):
-        write_map(OccupancyGrid(0, "map", 0.1, Pose(0.0, 0.0, 0.1), cells), tmp_path)
+    turned = write_map(OccupancyGrid(0, "map", 0.1, Pose(0.0, 0.0, 0.1), cells), tmp_path)
+    with pytest.raises(BadInput, match="yaw"):
+        load_terrain(TerrainSpec(map=str(turned)), 0.1, tmp_path)
 
 
 def test_the_fog_is_shown_from_fresh_to_stale() -> None:

@@ -1,0 +1,149 @@
+from __future__ import annotations
+
+import sqlite3
+import zlib
+from pathlib import Path
+
+import numpy as np
+import pytest
+import zstandard
+from mcap.writer import CompressionType
+from mcap.writer import Writer as McapWriter
+from rosbags.rosbag2 import StoragePlugin, Writer
+
+from fogwatch.grounds import bags
+from fogwatch.grounds.bags import extract_map
+from patrol.errors import BadInput
+from patrol.maps.load import read_terrain
+from patrol.pose import Pose
+from ros2.wire.codec import encode
+from ros2.wire.definitions import store
+from ros2.wire.messages import Bool, OccupancyGrid
+from tests.fogwatch.commands.test_map import output
+
+GRID = "nav_msgs/msg/OccupancyGrid"
+CELLS = np.zeros((20, 30), dtype=np.int8)
+CELLS[:, 29] = 100
+CELLS[0] = -1
+OLDER = encode(OccupancyGrid(1, "map", 0.1, Pose(0.0, 0.0, 0.0), np.full((5, 5), 100, dtype=np.int8)))
+
+
+def newest(heading: float = 0.0) -> bytes:
+    return encode(OccupancyGrid(2, "map", 0.1, Pose(-1.0, 2.0, heading), CELLS))
+
+
+def ros_bag(folder: Path, storage: StoragePlugin, *grids: tuple[str, bytes]) -> Path:
+    """A bag as rosbag2 records it, in which the grids were received 1 s apart, the last one first in the file."""
+    with Writer(folder, version=9, storage_plugin=storage) as writer:
+        topics = {}
+        for name in sorted({name for name, _ in grids}):
+            topics[name] = writer.add_connection(name, GRID, typestore=store())
+        other = writer.add_connection("/ready", "std_msgs/msg/Bool", typestore=store())
+        for number, (name, payload) in reversed(list(enumerate(grids))):
+            writer.write(topics[name], number * 10**9, payload)
+        writer.write(other, len(grids) * 10**9, encode(Bool(True)))
+    return folder
+
+
+def mcap_file(path: Path, compression: CompressionType, payload: bytes, schema: str = GRID) -> Path:
+    with path.open("wb") as file:
+        writer = McapWriter(file, compression=compression)
+        writer.start()
+        channel = writer.register_channel("/map", "cdr", writer.register_schema(schema, "ros2msg", b""))
+        writer.add_message(channel, 0, payload, 0)
+        writer.finish()  # type: ignore[no-untyped-call]
+    return path
+
+
+@pytest.mark.parametrize("storage", list(StoragePlugin))
+@pytest.mark.parametrize("whole_folder", [True, False])
+def test_the_newest_grid_of_a_bag_is_a_map(tmp_path: Path, storage: StoragePlugin, whole_folder: bool) -> None:
+    bag = ros_bag(tmp_path / "site: 1", storage, ("/map", OLDER), ("/map", newest()))
+    source = bag if whole_folder else next(file for file in bag.iterdir() if file.suffix in (".mcap", ".db3"))
+    told = output("extract", str(source), "--out", str(tmp_path / "maps"))
+    written = tmp_path / "maps" / f"{source.stem}.yaml"
+    assert told == f"{written}: 30 x 20 cells of 0.1 m, of frame map\n"
+    terrain = read_terrain(written, 0.1)
+    assert terrain.origin == pytest.approx((-1.0, 2.0))
+    np.testing.assert_array_equal(terrain.passable, CELLS == 0)
+    assert "30 x 20 points of 0.1 m" in output("check", str(written), "--radius", "0.1")
+    with pytest.raises(BadInput, match="is there already, or its image; give another --out"):
+        extract_map(source, tmp_path / "maps")
+
+
+@pytest.mark.parametrize("compression", list(CompressionType))
+def test_reads_chunks_of_every_compression(tmp_path: Path, compression: CompressionType) -> None:
+    bag = mcap_file(tmp_path / "a.mcap", compression, newest())
+    np.testing.assert_array_equal(extract_map(bag, tmp_path)[1].cells, CELLS)
+
+
+def test_a_quarter_turn_is_kept_and_another_is_refused_by_the_reader(tmp_path: Path) -> None:
+    bag = mcap_file(tmp_path / "turned.mcap", CompressionType.NONE, newest(np.pi / 2))
+    terrain = read_terrain(extract_map(bag, tmp_path)[0], 0.1)
+    assert terrain.origin == pytest.approx((-3.0, 2.0))
+    np.testing.assert_array_equal(terrain.passable, np.rot90(CELLS == 0, -1))
+    bag = mcap_file(tmp_path / "skew.mcap", CompressionType.NONE, newest(0.3))
+    with pytest.raises(BadInput, match="yaw"):
+        read_terrain(extract_map(bag, tmp_path)[0], 0.1)
+
+
+def test_of_several_topics_one_must_be_named(tmp_path: Path) -> None:
+    bag = ros_bag(tmp_path / "bag", StoragePlugin.MCAP, ("/map", newest()), ("/costmap", OLDER))
+    with pytest.raises(BadInput, match='several topics; give --topic, one of "/costmap", "/map"'):
+        extract_map(bag, tmp_path)
+    with pytest.raises(BadInput, match='of /mop, but of "/costmap", "/map"'):
+        extract_map(bag, tmp_path, "/mop")
+    assert extract_map(bag, tmp_path, "/map")[1].cells.shape == (20, 30)
+
+
+def sqlite_bag(path: Path, *statements: str) -> Path:
+    database = sqlite3.connect(path)
+    for statement in statements:
+        database.execute(statement)
+    database.commit()
+    database.close()
+    return path
+
+
+def refused(bag: Path, out: Path, words: str) -> None:
+    with pytest.raises(BadInput, match=words) as error:
+        extract_map(bag, out)
+    assert "\n" not in str(error.value)
+    assert not out.exists()
+
+
+TOPICS = "CREATE TABLE topics (id, name, type)"
+A_TOPIC = f"INSERT INTO topics VALUES (1, '/map', '{GRID}')"
+
+
+def test_hostile_bags_are_refused_in_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    out = tmp_path / "out"
+    whole = mcap_file(tmp_path / "whole.mcap", CompressionType.ZSTD, newest()).read_bytes()
+    bag = tmp_path / "bag.mcap"
+    for end in (8, 9, 40, 150, len(whole) // 2, len(whole) - 9):
+        bag.write_bytes(whole[:end])
+        refused(bag, out, "no whole bag|holds no")
+    for content, words in ((b"", "is no bag"), (b"hello", "is no bag"), (zstandard.compress(whole), "zstd -d")):
+        bag.write_bytes(content)
+        refused(bag, out, words)
+    refused(tmp_path / "none.mcap", out, "cannot be read")
+    refused(mcap_file(bag, CompressionType.ZSTD, newest(), "nav_msgs/msg/Path"), out, "holds no nav_msgs")
+    refused(mcap_file(bag, CompressionType.ZSTD, newest()[:60]), out, "map.*no nav_msgs/msg/OccupancyGrid")
+    monkeypatch.setattr(bags, "MOST_BYTES", 10_000)
+    for compression in (CompressionType.ZSTD, CompressionType.LZ4):
+        refused(mcap_file(bag, compression, bytes(1_000_000)), out, "at most 10000")
+    refused(mcap_file(bag, CompressionType.NONE, zlib.compress(bytes(20_000)) + bytes(20_000)), out, "exceeds limit")
+    base = tmp_path / "a.db3"
+    refused(sqlite_bag(base, "CREATE TABLE other (id)"), out, "no such table: topics")
+    messages = "CREATE TABLE messages (topic_id, timestamp, data)"
+    words = "INSERT INTO messages VALUES (1, 'now', 'text')"
+    refused(sqlite_bag(tmp_path / "b.db3", TOPICS, A_TOPIC, messages, words), out, "without time, topic or bytes")
+    huge = "INSERT INTO messages VALUES (1, 1, zeroblob(20000))"
+    refused(sqlite_bag(tmp_path / "c.db3", TOPICS, A_TOPIC, messages, huge), out, "too big")
+    monkeypatch.setattr(bags, "MOST_STEPS", 100_000)
+    endless = "WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n) SELECT 2, i, x'00' FROM n"
+    view = f"CREATE VIEW messages (topic_id, timestamp, data) AS {endless}"
+    refused(sqlite_bag(tmp_path / "d.db3", TOPICS, A_TOPIC, view), out, "interrupted")
+    cut = base.read_bytes()
+    base.write_bytes(cut[: len(cut) // 2])
+    refused(base, out, "no whole bag")
