@@ -118,6 +118,7 @@ class TelemetrySender:
             decision_ms=decision_ms,
             rejected=decision.rejected,
             stopped=self.stopped()[:MAX_TEXT],
+            charge=sensed.charge,
         )
         if now >= self._due:
             self._due = now + TELEMETRY_S

@@ -98,4 +98,6 @@ def answer_so_far() -> bytes:
     grid = np.ones((4, 5), dtype=np.bool_)
     ground = Ground(grid, ~grid, (grid,), {1: 0})
     seen, curve = np.full((4, 5), 2, dtype=np.int32), np.arange(3, dtype=np.float32)
-    return so_far_bytes(SoFar(9, b"header", None, seen, (), 0, (b"asked",), 1, curve, curve, True, None, ground))
+    return so_far_bytes(
+        SoFar(9, b"header", None, seen, (), 0, (b"asked",), 1, curve, curve, True, None, {1: 0.5}, ground)
+    )

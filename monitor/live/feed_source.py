@@ -28,6 +28,7 @@ from monitor.observation.listener import NO_ROBOT, Listener, mark_outside
 from monitor.observation.source import Answer, Layer, RobotShape, RobotState, Series, State, Static, TickRate
 from monitor.observation.traps import TrapWatch
 from patrol.closures.ground import Closings
+from patrol.energy.batteries import Batteries
 from patrol.errors import BadInput, Malformed
 from patrol.ground.fog import Fog
 from patrol.ground.terrain import Terrain
@@ -129,7 +130,10 @@ class FeedSource:
         self._requested_at = now()
         self._received_at = now()
         self._shown: tuple[object, ...] = ()
-        self._begin_state(so_far)
+        try:
+            self._begin_state(so_far)
+        except Malformed as malformed:
+            raise BadInput(f"--fleet {name}: its world sent {malformed}; use one version on all hosts") from None
 
     # --- Source ------------------------------------------------------------------------------------------------------
 
@@ -239,6 +243,9 @@ class FeedSource:
 
     def _begin_state(self, so_far: SoFar) -> None:
         """Start, or start again, from the state so far."""
+        self._batteries = Batteries(self._given)
+        if so_far.charge.keys() != set(self._batteries.numbers):
+            raise Malformed("the charge of other robots than have batteries")
         self._number = so_far.number
         self._lost = False
         self._running, self._pace = so_far.running, so_far.pace
@@ -246,6 +253,7 @@ class FeedSource:
         last = None if so_far.last is None else record_of(so_far.last, self._checks.longest)
         self._last = last if isinstance(last, TickRecord) and self._checks.tick(last) else None
         self._end = None
+        self._batteries.resume(so_far.charge, () if self._last is None else self._last.robots)
         self._ticks = array("q", range(0, len(so_far.mfow) * so_far.every, so_far.every))
         self._mfow, self._mean = array("d", so_far.mfow.tolist()), array("d", so_far.fog_mean.tolist())
         self._since = 0 if self._last is None else self._last.k + 1
@@ -329,6 +337,7 @@ class FeedSource:
                 pose = as_received(Pose(row.x, row.y, row.heading))
                 self._truth.observe(self._footprint.visible(pose), k)
         self._last = record
+        self._batteries.tick(record.robots)
         self._add_events(self._traps.tick(record, lambda: self._truth.last_seen, self._closings))
         self._paths.append(places)
         self._ticks.append(k)
@@ -414,6 +423,7 @@ class FeedSource:
             decision_ms=row.decision_ms,
             heard_s=None if heard_tick is None else (last.k - heard_tick) * self._step,
             trapped=self._traps.trapped(row.number),
+            charge=self._batteries.share(row.number),
         )
 
     def _silence_note(self) -> str:

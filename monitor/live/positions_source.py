@@ -257,6 +257,7 @@ class PositionsSource:
             decision_ms=None if view is None else view.decision_ms,
             heard_s=heard_s,
             trapped=self._traps.trapped(number),
+            charge=None if view is None else view.charge,
             radio_wrong=self._hearing.wrong(name, self._present),
         )
 

@@ -89,6 +89,7 @@ class RobotState:
     # time since another robot (if unknown or without one, the source) last heard it; None if never
     heard_s: float | None = None
     trapped: Trapped | None = None  # None for a robot that is not, or while this is being computed
+    charge: float | None = None  # share of its battery's capacity that is left; None without a battery or a report
     radio_wrong: str = ""  # what is wrong with its direct radio, as it reports; empty if nothing is known
 
 

@@ -71,9 +71,10 @@ def _patrol_text(static: Static) -> str:
 def state_message(state: State, survey: Survey | None, static: Static) -> str:
     """Return a state without its links, as JSON.
 
-    A robot is a list of status (`Status` as a number), state, pose, goal, decision_ms, heard_s and, for one that
-    is trapped, since when (s) and whether that is exact. The stalest point is a list of x and y (m), age (s) and
-    whether it was ever seen. `survey` is that of the first layer's fog, None when unknown.
+    A robot is a list of status (`Status` as a number), state, pose, goal, decision_ms, heard_s, for one that is
+    trapped since when (s) and whether that is exact, and the share of its battery that is left. The stalest point is a
+    list of x and y (m), age (s) and whether it was ever seen. `survey` is that of the first layer's fog, None when
+    unknown.
     """
     return _to_json(
         {
@@ -104,6 +105,7 @@ def state_message(state: State, survey: Survey | None, static: Static) -> str:
                     _round_number(robot.decision_ms),
                     _round_number(robot.heard_s),
                     None if robot.trapped is None else [_round_number(robot.trapped.since_s), robot.trapped.exact],
+                    _round_number(robot.charge),
                 ]
                 for robot in state.robots
             ],

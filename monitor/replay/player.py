@@ -223,7 +223,8 @@ class Player:
         for index, number in enumerate(run.numbers):
             x, y, heading = run.poses[k, index].tolist()
             to_x, to_y = run.goals[k, index].tolist()
-            took, status = float(run.decision_ms[k, index]), Status(int(run.status[k, index]))
+            took, charge = float(run.decision_ms[k, index]), float(run.charge[k, index])
+            status = Status(int(run.status[k, index]))
             robots.append(
                 RobotState(
                     number=number,
@@ -234,6 +235,7 @@ class Player:
                     decision_ms=None if np.isnan(took) else took,
                     heard_s=None if links is None else _seconds_since(int(links.heard[index].max()), k, run.step),
                     trapped=None if trapped is None else trapped.get(number),
+                    charge=None if np.isnan(charge) else charge,
                 )
             )
         return State(

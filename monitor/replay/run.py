@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from monitor.replay.run_files import SCENARIO, SUMMARY, journal_in, read_summary
 from patrol.closures.ground import Closings
+from patrol.energy.batteries import Batteries
 from patrol.errors import BadInput
 from patrol.journal import Journal, TraceHash
 from patrol.journal.records import FORGED, Event, RobotFacts, Status, TickRecord, sent_at
@@ -83,6 +84,7 @@ class Run:
     labels: tuple[str, ...]  # the states that minds reported
     goals: NDArray[np.float64]  # (ticks, n, 2), m; NaN without a goal
     decision_ms: NDArray[np.float64]  # (ticks, n), wall time; NaN without a decision
+    charge: NDArray[np.float64]  # (ticks, n), share left in the battery after the tick; NaN without one
     mfow: NDArray[np.int64]  # (ticks,), ticks
     fog_mean: NDArray[np.float64]  # (ticks,), ticks
     seen: NDArray[np.int64]  # (ticks,), points seen so far
@@ -205,7 +207,7 @@ def read_run(
     index = {robot.number: column for column, robot in enumerate(robots)}
     scenario = prepared.scenario
     numbers = [robot.number for robot in journal.header.robots]
-    rows = _Rows(index, numbers, MOST_CAUSES + len(scenario.faults))
+    rows = _Rows(index, numbers, Batteries(scenario), MOST_CAUSES + len(scenario.faults))
     totals = RunTotals(journal.header, scenario.step, int(np.count_nonzero(prepared.patrolled)))
     trace = TraceHash(scenario.spares)
     for record in journal.ticks:
@@ -230,6 +232,7 @@ def read_run(
         labels=tuple(rows.labels),
         goals=np.array(rows.goals, dtype=np.float64),
         decision_ms=np.array(rows.decision_ms, dtype=np.float64),
+        charge=np.array(rows.charge, dtype=np.float64),
         mfow=np.array(rows.mfow, dtype=np.int64),
         fog_mean=np.array(rows.fog_mean, dtype=np.float64),
         seen=np.array(rows.seen, dtype=np.int64),
@@ -253,7 +256,10 @@ class _Unfit(Exception):
 class _Rows:
     """Collects the values of tick records."""
 
-    def __init__(self, index: Mapping[int, int], numbers: Sequence[int], most_causes: int) -> None:
+    def __init__(
+        self, index: Mapping[int, int], numbers: Sequence[int], batteries: Batteries, most_causes: int
+    ) -> None:
+        self._batteries = batteries
         self._index = index
         self._numbers = numbers
         self._most_causes = most_causes
@@ -264,6 +270,7 @@ class _Rows:
         self.labels: dict[str, int] = {SILENT: 0}
         self.goals: list[list[tuple[float, float]]] = []
         self.decision_ms: list[list[float]] = []
+        self.charge: list[list[float]] = []
         self.mfow: list[int] = []
         self.fog_mean: list[float] = []
         self.seen: list[int] = []
@@ -289,6 +296,8 @@ class _Rows:
         self.states.append([self.labels.setdefault(robot.state, len(self.labels)) for robot in robots])
         self.goals.append([robot.goal or (nan, nan) for robot in robots])
         self.decision_ms.append([nan if robot.decision_ms is None else robot.decision_ms for robot in robots])
+        self._batteries.tick(record.robots)
+        self.charge.append([self._batteries.shares.get(robot.number, nan) for robot in robots])
         if len(self.labels) > MOST_LABELS:
             raise _Unfit(f"robots reported more than {MOST_LABELS} states")
         self.mfow.append(record.mfow)

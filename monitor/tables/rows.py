@@ -11,7 +11,6 @@ import numpy as np
 
 from monitor.replay.replay import VisitCounter, Watcher, play
 from monitor.tables.columns import EVENTS, FORGER, GROUND, LINKS, ROBOTS, TICKS, VISITS
-from patrol.energy.batteries import Batteries
 from patrol.journal.links import drops_of
 from patrol.journal.records import FORGED, Status
 from patrol.measures.nodes import node_totals
@@ -65,13 +64,11 @@ class _RobotRows:
     def __init__(self, run: Run) -> None:
         self._step = run.step
         self._robots = {robot.number: robot for robot in run.robots}
-        batteries = Batteries(run.prepared.scenario)
-        self._batteries = batteries if batteries.numbers else None
+        self._run = run
         self._rejected = dict.fromkeys(self._robots, 0)
 
     def rows_of(self, record: TickRecord) -> list[Row]:
-        if self._batteries is not None:
-            self._batteries.tick(record.robots)
+        charge = self._run.charge[record.k].tolist()
         frames: Counter[int] = Counter()
         sizes: Counter[int] = Counter()
         for source, frame in record.frames:
@@ -96,7 +93,7 @@ class _RobotRows:
                 frames[row.number],
                 sizes[row.number],
                 self._newly_rejected(row),
-                None if self._batteries is None else self._batteries.share(row.number),
+                None if np.isnan(share := charge[self._run.index[row.number]]) else share,
             )
             for row in record.robots
             if row.number in self._robots

@@ -12,7 +12,7 @@ arithmetic of its own (`worldsim.checks.bodies`).
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING
 
 from patrol.journal.records import RobotTick, Status
@@ -52,6 +52,11 @@ class Batteries:
         self.docked: frozenset[int] = frozenset()
 
     @property
+    def shares(self) -> dict[int, float]:
+        """The share of its capacity that is left in each battery, by the robot's number."""
+        return {number: level_j / self._specs[number].capacity_j for number, level_j in self._levels_j.items()}
+
+    @property
     def numbers(self) -> list[int]:
         """Numbers of the robots that have a battery, ascending."""
         return list(self._specs)
@@ -69,6 +74,11 @@ class Batteries:
         """Put a battery as at the start into a robot that comes back; nothing for one that was not away for a tick."""
         if number in self._specs and self._before.get(number) in GONE:
             self._levels_j[number] = self._specs[number].start * self._specs[number].capacity_j
+
+    def resume(self, shares: Mapping[int, float], rows: Iterable[RobotTick]) -> None:
+        """Go on from the shares that were left after a tick, whose rows are given."""
+        self._levels_j = {number: shares[number] * spec.capacity_j for number, spec in self._specs.items()}
+        self._before = {row.number: row.status for row in rows}
 
     def tick(self, rows: Iterable[RobotTick]) -> None:
         """Take in the robots' moves of a tick."""

@@ -63,6 +63,7 @@ _LEVEL = 1
 _Whole = Annotated[int, Field(strict=True, ge=0, le=MAX_NUMBER)]
 _Pace = Annotated[float, Field(strict=True, gt=0.0, le=MAX_PACE), NO_WHOLE]
 _Number = Annotated[int, Field(strict=True)]
+_Share = Annotated[float, Field(strict=True, ge=0.0, le=1.0), NO_WHOLE]
 _Size = Annotated[int, Field(strict=True, ge=1, le=MAX_GRIDS)]
 _Curve = Annotated[Bytes, Field(max_length=4 * MAX_SERIES)]
 _Records = Annotated[tuple[Bytes, ...], Field(max_length=MAX_EVENTS, fail_fast=True)]
@@ -112,6 +113,7 @@ class SoFar:
     fog_mean: NDArray[np.float32]  # ticks
     running: bool  # ticks go on by themselves
     pace: float | None  # requested factor of real time, None for as fast as possible
+    charge: Mapping[int, float]  # share left in each battery after that tick, by robot number
     ground: Ground
 
 
@@ -150,6 +152,7 @@ class _Answer:
     fog_mean: _Curve
     running: Flag
     pace: _Pace | None
+    charge: Annotated[tuple[tuple[_Number, _Share], ...], Field(max_length=MAX_AREAS, fail_fast=True)]
 
 
 def so_far_bytes(so_far: SoFar) -> bytes:
@@ -162,6 +165,7 @@ def so_far_bytes(so_far: SoFar) -> bytes:
         "keep_out": _pack_grid(ground.keep_out),
         "areas": [_pack_grid(area) for area in ground.areas],
         "area_of": list(ground.area_of.items()),
+        "charge": list(so_far.charge.items()),
         "seen": zlib.compress(so_far.last_seen[patrolled].astype("<i4").tobytes(), _LEVEL),
         "mfow": so_far.mfow.astype("<f4").tobytes(),
         "fog_mean": so_far.fog_mean.astype("<f4").tobytes(),
@@ -220,6 +224,7 @@ def _so_far(answer: _Answer, ground: Ground) -> SoFar:
     if int(latest.min()) < -1 or int(latest.max()) >= max(ticks, 1) or ticks - answer.every >= max(answer.number, 1):
         raise Malformed("points seen after the last tick")
     arrays: dict[str, Any] = {"last_seen": last_seen, "mfow": mfow, "fog_mean": fog_mean, "ground": ground}
+    arrays |= {"charge": dict(answer.charge)}
     as_sent: dict[str, Any] = {
         field.name: getattr(answer, field.name) for field in fields(SoFar) if field.name not in arrays
     }

@@ -48,6 +48,7 @@ MOST = 1e12
 _Whole = Annotated[int, Field(strict=True, ge=0, le=2**63 - 1)]
 _Number = Annotated[float, Field(strict=True, ge=-MOST, le=MOST), NO_WHOLE]
 _Amount = Annotated[float, Field(strict=True, ge=0.0, le=MOST), NO_WHOLE]
+_Share = Annotated[float, Field(strict=True, ge=0.0, le=1.0), NO_WHOLE]
 _Text = Annotated[Text, Field(max_length=MAX_TEXT), PRINTABLE]
 _Place = tuple[_Number, _Number]
 
@@ -74,7 +75,7 @@ class Metrics:
     mfow_s: _Amount  # now
     mfow_mean_s: _Amount  # over all ticks
     mfow_max_s: _Amount  # over all ticks
-    seen_share: Annotated[float, Field(strict=True, ge=0.0, le=1.0), NO_WHOLE]  # of the patrolled area
+    seen_share: _Share  # of the patrolled area
     ticks_per_s: _Amount  # by the wall clock, over the last seconds
     robots: Annotated[tuple[RobotView, ...], FAIL_FAST]  # in roster order
     stalest: _Place | None = None  # x and y of the stalest place now, m; None where it is not told
@@ -119,6 +120,7 @@ class Telemetry:
     rejected: _Whole  # frames so far
     traffic: Traffic | None = None  # of a direct radio
     stopped: _Text = ""  # why the robot may not drive, and what ends that; empty if it may
+    charge: _Share | None = None  # share of its battery's capacity that is left; None without a battery
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from patrol.closures.ground import closure_of
+from patrol.energy.batteries import Batteries
 from patrol.journal import pack
 from patrol.journal.records import Event, TickRecord
 from patrol.messages.feed import Batch, Ground, SoFar, batch_bytes, so_far_bytes, thinned
@@ -75,6 +76,7 @@ class Feed:
         self._size = 0
         self._due = self._answer_due = 0.0
         self._last: bytes | None = None
+        self._batteries = Batteries(world.scenario)
         self._events: deque[bytes] = deque(maxlen=MOST_EVENTS)
         self._happened = 0
         self._asked: list[bytes] = []
@@ -96,6 +98,7 @@ class Feed:
         self._size += len(payload)
         if isinstance(record, TickRecord):
             self._last = payload
+            self._batteries.tick(record.robots)
             self._mfow.append(record.mfow)
             self._fog_mean.append(record.fog_mean)
         elif isinstance(record, Event):
@@ -182,6 +185,7 @@ class Feed:
             fog_mean=thinned(self._fog_mean, every),
             running=state.running,
             pace=state.pace,
+            charge=self._batteries.shares,
             ground=self._ground,
         )
 

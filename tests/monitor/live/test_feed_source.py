@@ -19,6 +19,7 @@ from monitor.live.feed_source import AGAIN_S, FeedSource
 from monitor.live.fog_tracker import HEARD
 from monitor.observation.source import Answer, State
 from monitor.replay.player import Player
+from patrol.energy.batteries import Batteries
 from patrol.errors import BadInput
 from patrol.ground.fog import NEVER
 from patrol.journal import JournalWriter, pack, unpack
@@ -87,6 +88,9 @@ class FakeFeed(FeedClient):
         ticks = [record for record in before if isinstance(record, TickRecord)]
         events = tuple(pack(record) for record in before if isinstance(record, Event))
         blank = np.full(prepared.terrain.passable.shape, NEVER, dtype=np.int32)
+        batteries = Batteries(prepared.scenario)
+        for tick in ticks:
+            batteries.tick(tick.robots)
         return SoFar(
             number=self.number,
             header=self.records[0],
@@ -100,6 +104,7 @@ class FakeFeed(FeedClient):
             fog_mean=np.array([tick.fog_mean for tick in ticks], dtype=np.float32),
             running=True,
             pace=None,
+            charge=batteries.shares,
             ground=ground_of(prepared),
         )
 
@@ -391,3 +396,9 @@ def test_a_world_of_another_version_is_refused(quiet: Seen) -> None:
     answer = replace(wire.answer(), header=b"\xc0")
     with pytest.raises(BadInput, match="another version"):
         FeedSource("fleet-1", wire, read_so_far(so_far_bytes(answer)))
+
+
+def test_a_feed_whose_charge_is_of_other_robots_is_refused(quiet: Seen) -> None:
+    wire = FakeFeed(quiet)
+    with pytest.raises(BadInput, match="its world sent the charge of other robots than have batteries"):
+        FeedSource("test", wire, replace(wire.answer(), charge={1: 0.5}), now=lambda: wire.now)
