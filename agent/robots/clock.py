@@ -95,9 +95,10 @@ def epoch_of(frame: bytes, heard_s: float, step_s: float, key: bytes | None = No
 def latest_tick(step_s: float, now_s: float) -> int:
     """Return the latest tick to which another robot's count may lead.
 
-    All robots refuse the same counts, whenever they look: those that began before a moment which moves only every 20
-    days. From the latest tick it takes ten days or more until the time no longer fits into frames.
+    All robots refuse the same counts, whenever they look: those that began before a moment which moves only every ten
+    days. Robots that look before and after it has moved can differ. A fleet of up to 29 days is joined at any time, and
+    from the latest tick it takes ten days or more until the time no longer fits into frames.
     `step_s` is the wall time of a tick, `now_s` Unix time.
     """
-    block_s = 0.4 * ms_to_s(MAX_TIME_MS)
-    return int((block_s + now_s % block_s) / step_s)
+    block_s = 0.2 * ms_to_s(MAX_TIME_MS)
+    return int((3.0 * block_s + now_s % block_s) / step_s)

@@ -248,9 +248,18 @@ def test_the_latest_tick_fits_into_frames_and_is_the_same_moment_for_all(step_s:
     for now_s in (1.8e9 + days * DAY_S for days in range(0, 60, 3)):
         left_s = ms_to_s(MAX_TIME_MS) - latest_tick(step_s, now_s) * step_s
         assert left_s > 9 * DAY_S
-        assert latest_tick(step_s, now_s) * step_s > 19 * DAY_S
+        assert latest_tick(step_s, now_s) * step_s > 29 * DAY_S
     began = [1.8e9 + seconds - latest_tick(step_s, 1.8e9 + seconds) * step_s for seconds in range(0, 3600, 7)]
     assert max(began) - min(began) <= step_s
+
+
+@pytest.mark.parametrize("age_days", [15, 25, 29])
+def test_a_fleet_of_four_weeks_is_joined_whenever_that_is(age_days: int) -> None:
+    block_s = 0.2 * ms_to_s(MAX_TIME_MS)
+    for phase in (0.001, 0.5, 0.999):
+        fleet = Fleet([0.0, age_days * DAY_S, age_days * DAY_S], (math.ceil(1.8e9 / block_s) + phase) * block_s)
+        assert settle(fleet) <= QUIET_TICKS
+        assert fleet.robots[0].ks[-1] * STEP_S > age_days * DAY_S
 
 
 def test_a_robot_that_starts_does_not_begin_at_a_count_that_no_fleet_can_have() -> None:
