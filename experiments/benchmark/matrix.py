@@ -116,7 +116,7 @@ class BenchmarkCell:
             text = value if isinstance(value, str) else json.dumps(value)
             option = OPTIONS_OF_RUN.get(name)
             words += [option, text] if option else ["--set", f"{name}={text}"]
-        return shlex.join([*words, "--seed", str(seed), "--in-process"])
+        return shlex.join([*words, "--set", f"step={PAPER_STEP:g}", "--seed", str(seed), "--in-process"])
 
 
 def robots_text(team: int) -> str:

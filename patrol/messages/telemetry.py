@@ -203,7 +203,10 @@ def longest_metrics(robots: int) -> int:
 def pack_view(view: Metrics | Notice | Telemetry) -> bytes:
     """Pack a view."""
     # Without a stop, what is sent is as it always was.
-    packed: bytes = msgpack.packb({name: value for name, value in asdict(view).items() if value or name != "stopped"})
+    fields = {
+        name: value for name, value in asdict(view).items() if (name, value) not in (("stopped", ""), ("charge", None))
+    }
+    packed: bytes = msgpack.packb(fields)
     return packed
 
 

@@ -19,6 +19,7 @@ from patrol.prepare import prepare, sensor_footprint
 from patrol.scenario import Scenario, load_scenario
 from tests.fleets import end_of
 from worldsim.fleet.loop import run_ticks
+from worldsim.output.summary import summarise
 from worldsim.run_record import INTERRUPTED
 from worldsim.verdict.judge import judge
 from worldsim.world import World
@@ -112,7 +113,7 @@ def test_the_journal_on_disk_holds_the_same_run(tmp_path: Path) -> None:
 def test_the_fog_of_a_run_can_be_recomputed() -> None:
     prepared = prepare(scenario(robots=DISCS))
     outcome = run_in_process(prepared)
-    assert judge(outcome.journal, {}, prepared) == outcome.verdict
+    assert summarise(outcome.journal, judge(outcome.journal, {}, prepared), prepared)[1] == outcome.verdict
     assert "fog" in [check.name for check in outcome.verdict.checks]
     unverified = run_in_process(prepared, keep=False, verify_fog=False)
     assert "fog" not in [check.name for check in unverified.verdict.checks]

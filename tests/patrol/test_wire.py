@@ -158,11 +158,11 @@ def test_an_answer_to_a_viewer_is_sent_as_it_always_was() -> None:
             ("events", []),
         ),
         *(("event", 0), ("asked", [b"asked"]), ("every", 1), ("mfow", bytes.fromhex(curve))),
-        *(("fog_mean", bytes.fromhex(curve)), ("running", True), ("pace", None)),
+        *(("fog_mean", bytes.fromhex(curve)), ("running", True), ("pace", None), ("charge", [[1, 0.5]])),
     ]
     assert list(msgpack.unpackb(answer_so_far())) == [
         *("number", "header", "last", "shape", "passable", "keep_out", "areas", "area_of", "seen", "events"),
-        *("event", "asked", "every", "mfow", "fog_mean", "running", "pace"),
+        *("event", "asked", "every", "mfow", "fog_mean", "running", "pace", "charge"),
     ]
     assert read_so_far(answer_so_far()).number == 9
 

@@ -100,7 +100,7 @@ class Verdict:
     zones: ZoneFacts | None = None  # ages of the ground of each zone; None without zones or without a look at the fog
     # ages of ground while it was open to view; None without closures or without a look at the fog
     open_ages: OpenFacts | None = None
-    recomputed: Found = field(default_factory=dict)  # figures that the summary must have
+    recomputed: Found = field(default_factory=dict, compare=False)  # figures that the summary must have
 
     def with_figures_of(self, summary: Mapping[str, Any]) -> Verdict:
         """Return the verdict with the check of a summary's figures besides."""

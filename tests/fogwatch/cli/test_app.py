@@ -50,7 +50,7 @@ def test_a_run_in_one_process_from_a_built_in_terrain(shell: Shell, tmp_path: Pa
 
 def test_the_options_override_the_scenario_and_quiet_prints_the_folder_alone(shell: Shell, tmp_path: Path) -> None:
     options = ["--robots", "2", "--model", "holonomic", "--radius", "0.5", "--speed", "2", "--seed", "9"]
-    options += ["--turning-radius", "1.5", "--sensor-range", "7", "--start", "10,20", "--start", "30,40,1.5"]
+    options += ["--set", "robots.turning_radius=1.5", "--sensor-range", "7", "--start", "10,20", "--start", "30,40,1.5"]
     out, quiet = tmp_path / "out", ("--in-process", "--quiet", "--out")
     assert shell("run", "open", *options, *quiet, out, *COARSE) == (0, f"{out}\n", "")
     header = (out / "scenario.yaml").read_text(encoding="utf-8")

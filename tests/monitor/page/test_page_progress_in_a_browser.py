@@ -75,7 +75,7 @@ def test_the_stalest_point_has_a_mark_and_the_page_says_where(chromium: Any, tra
             look.until(f"{text('stalest')} === '{x:.1f}, {y:.1f} m'")
             marked = look.evaluate(
                 f"""async () => {{
-                    const {{ drawStalest }} = await import('/marks.js');
+                    const {{ drawLabels, drawStalest }} = await import('/marks.js');
                     const drawn = [];
                     const context = new Proxy({{}}, {{
                         get: (_, name) => (...values) => {{
@@ -86,7 +86,10 @@ def test_the_stalest_point_has_a_mark_and_the_page_says_where(chromium: Any, tra
                     }});
                     const stalest = [{x}, {y}, {k * run.step}, false];
                     const canvas = {{ width: 200, height: 200 }}, store = {{ state: {{ stalest }} }};
-                    drawStalest({{ context, canvas, ratio: 1, store, taken: [], toScreen: (x, y) => [x, y] }});
+                    const toScreen = (x, y) => [x, y], taken = [], labels = [];
+                    const map = {{ context, canvas, ratio: 1, store, taken, labels, toScreen }};
+                    drawStalest(map);
+                    drawLabels(map);
                     return drawn;
                 }}"""
             )
