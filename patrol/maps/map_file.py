@@ -1,4 +1,3 @@
-# SEE NOTE-FROM-COORDINATOR.md IN THIS WORKTREE (delete this line)
 """A map's YAML file, in ROS map_server's format.
 
 Its keys are image, resolution, origin, negate, occupied_thresh, free_thresh and, if wanted, mode.
