@@ -61,12 +61,12 @@ NORMAL = NormalDist().cdf
 
 
 def size_of(row: NDArray[np.float64]) -> NDArray[np.float64]:
-    """How far draws are from their median."""
+    """Distances of draws from their median."""
     return np.abs(row - np.median(row))
 
 
 def problems(rows: Rows, distribution: Callable[[float], float] | None = None) -> list[str]:
-    """What is wrong with rows of draws; nothing where they are independent and spread as they should."""
+    """Faults of rows of draws; nothing where they are independent and spread as they should."""
     found = []
     table = {name: np.array(row, dtype=np.float64) for name, row in rows.items()}
     for name, row in table.items():
@@ -115,7 +115,7 @@ def test_what_depends_is_found(wrong: Callable[[Any], Rows], words: str) -> None
 
 
 def motion(*faults: dict[str, Any]) -> Callable[[int, Command], list[Command]]:
-    """What bodies of three robots do in each tick under motion faults."""
+    """The commands that bodies of three robots obey in each tick under motion faults."""
     made = scenario(model="differential", faults=[{"kind": "motion", "who": "all", **fault} for fault in faults])
     noise = MotionNoise(made, Timeline(made))
     return lambda number, command: [noise.driven(k, {number: command})[number] for k in range(TICKS)]

@@ -42,6 +42,9 @@ CHANGE = "change of MFoW (%)"
 P = "p"
 COMPARED = "compared with"
 
+NO_P = "-"
+"""Text in place of a p-value where there is none."""
+
 LATEX = "mfow_mean_s,change,p"
 """Columns of table.tex unless others are asked for."""
 
@@ -260,7 +263,8 @@ def write_latex(rows: Sequence[CaseRow], sweep: str, heads: Collection[str], fil
     ]
     caption = f"{sweep}: means over the runs (seeds) of a case, with half the width of their 95 % interval."
     if CHANGE in shown.heads:
-        count = sum(test.p is not None for test in paired_tests(rows) if test.metric == "mfow_mean_s")
+        place = shown.heads.index(P)
+        count = sum(row[place] != NO_P for row in shown.rows)
         caption += (
             f" Change of mean MFoW against {partner_text(rows)}; p of a {TEST} over runs with the {PAIRING}, "
             f"corrected for {count} comparisons by Holm's method."
@@ -379,7 +383,7 @@ def p_of_no_difference(differences: Sequence[float]) -> float | None:
 
 def p_text(p: float | None) -> str:
     """Return a p-value as tables and figures show it, such as 0.031 or <0.001."""
-    return "-" if p is None else "<0.001" if p < 0.001 else f"{p:.3f}"
+    return NO_P if p is None else "<0.001" if p < 0.001 else f"{p:.3f}"
 
 
 def comparisons_table(tests: Sequence[PairedTest]) -> Table:

@@ -232,7 +232,7 @@ def read_run(
         labels=tuple(rows.labels),
         goals=np.array(rows.goals, dtype=np.float64),
         decision_ms=np.array(rows.decision_ms, dtype=np.float64),
-        charge=np.array(rows.charge, dtype=np.float64),
+        charge=rows.charges(),
         mfow=np.array(rows.mfow, dtype=np.int64),
         fog_mean=np.array(rows.fog_mean, dtype=np.float64),
         seen=np.array(rows.seen, dtype=np.int64),
@@ -270,7 +270,7 @@ class _Rows:
         self.labels: dict[str, int] = {SILENT: 0}
         self.goals: list[list[tuple[float, float]]] = []
         self.decision_ms: list[list[float]] = []
-        self.charge: list[list[float]] = []
+        self._charge: list[list[float]] = []
         self.mfow: list[int] = []
         self.fog_mean: list[float] = []
         self.seen: list[int] = []
@@ -296,8 +296,10 @@ class _Rows:
         self.states.append([self.labels.setdefault(robot.state, len(self.labels)) for robot in robots])
         self.goals.append([robot.goal or (nan, nan) for robot in robots])
         self.decision_ms.append([nan if robot.decision_ms is None else robot.decision_ms for robot in robots])
-        self._batteries.tick(record.robots)
-        self.charge.append([self._batteries.shares.get(robot.number, nan) for robot in robots])
+        if self._batteries.numbers:
+            self._batteries.tick(record.robots)
+            shares = self._batteries.shares
+            self._charge.append([shares.get(robot.number, nan) for robot in robots])
         if len(self.labels) > MOST_LABELS:
             raise _Unfit(f"robots reported more than {MOST_LABELS} states")
         self.mfow.append(record.mfow)
@@ -321,6 +323,12 @@ class _Rows:
                 raise _Unfit(f"frames were dropped for more than {self._most_causes} causes")
             self._dropped[cause] = np.zeros_like(self._delivered)
         self._dropped[cause][self._place[source], self._place[destination]] += 1
+
+    def charges(self) -> NDArray[np.float64]:
+        """Return the shares left in batteries, by tick and robot; one NaN stands for all without batteries."""
+        if not self._batteries.numbers:
+            return np.broadcast_to(np.float64("nan"), (len(self.mfow), len(self._index)))
+        return np.array(self._charge, dtype=np.float64)
 
     def links(self) -> LinkTotals:
         delivered_in = np.array(self._delivered_in, dtype=np.int64)

@@ -67,7 +67,7 @@ class Fleet:
         self.tick()
 
     def _epoch(self, age_s: float) -> float:
-        """When a robot's tick 0 was; ticks begin in the first half of the fleet's, which makes them end in time."""
+        """The time of a robot's tick 0; ticks begin in the first half of the fleet's, which makes them end in time."""
         begin_s = self.now_s - age_s
         return begin_s - max(0.0, begin_s % STEP_S - 0.5 * STEP_S)
 
@@ -118,7 +118,7 @@ class Fleet:
         return {robot.name: [robot.ks[-1] + 1 + lead] for robot in self.robots if robot.name in hearers}
 
     def epochs(self) -> list[int]:
-        """When each robot's tick 0 was, in ticks, as it counts now."""
+        """The time of each robot's tick 0, in ticks, as it counts now."""
         return [round(self.now_s / STEP_S) - robot.ks[-1] for robot in self.robots]
 
     def is_together(self) -> bool:

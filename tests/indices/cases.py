@@ -232,7 +232,7 @@ def test_plans_and_tours(seed: int, stations: int, robots: int) -> None:
 
 
 def ticks_and_counts(seed: int, free: Grid) -> tuple[NDArray[np.int32], Grid]:
-    """When each point was last seen, up to tick 20, and which of them count, at least one."""
+    """The tick at which each point was last seen, up to 20, and those points that count, at least one."""
     dice = np.random.default_rng(seed)
     counts = dice.random(free.shape) < 0.7
     counts[dice.integers(free.shape[0]), dice.integers(free.shape[1])] = True

@@ -79,7 +79,7 @@ class Figures(JournalReading):
         here = np.array([False, *(row.status.is_present for row in record.robots)])
         self._frames += frames
         np.add.at(self._bytes, sources, [len(frame) for _, frame in record.frames])
-        self._sent += np.outer(frames, here) * ~np.eye(here.size, dtype=np.bool_)
+        self._sent += np.outer(frames, here)
         np.add.at(self._sent, tuple(np.array([row[:2] for row in record.copies], dtype=np.int64).reshape(-1, 2).T), 1)
         landed, dropped = links_of(record.deliveries), drops_of(record.dropped)
         np.add.at(self._delivered, (landed.source, landed.destination), 1)
@@ -123,6 +123,7 @@ class Figures(JournalReading):
 
     def _count_links(self, robots: dict[str, Any]) -> Found:
         """Return the figures of frames by cause, fault and link, and of the fleet; add those by sender to `robots`."""
+        np.fill_diagonal(self._sent, 0)  # no frame is sent to its own sender
         names, lost = ["forger", *self._run.names.values()], sum(self._dropped.values(), np.zeros_like(self._sent))
         tables = {"sent": self._sent, "delivered": self._delivered, "in_flight": self._sent - self._delivered - lost}
         robots |= {key: table[1:].sum(axis=1) for key, table in (tables | {"dropped": lost}).items()}

@@ -1,4 +1,4 @@
-"""What one robot believes in its way: robots that it no longer hears, and what it has bumped into."""
+"""Obstacles that one robot believes in: robots that it no longer hears, and what it has bumped into."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ class Robot:
         return [tuple(round(value, 3) for value in disc) for disc in discs]
 
     def place_of(self, tick: int, number: int) -> Spot:
-        """Where it takes another robot to be."""
+        """The place at which it takes another robot to be."""
         pose = self.obstacles.corrected(self.belief.peers_at(tick, None))[number].pose
         return round(pose.x, 3), round(pose.y, 3)
 

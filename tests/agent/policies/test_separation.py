@@ -119,7 +119,7 @@ def test_without_rivals_claims_change_nothing() -> None:
 def test_random_steps_are_as_frequent_as_stated(
     policy: str, options: dict[str, Any], model: str, probability: float
 ) -> None:
-    """Where one is made, and its direction, follow from the tick's draws alone."""
+    """The tick's draws alone decide whether one is made, and its direction."""
     robot = {"model": model, "radius": 0.3, "speed": 1.0}
     patrol = {"policy": policy, "options": options}
     robots = Robots(prepared_in(two_rooms(), [Pose(2.0, 2.0, 0.0)], robot, patrol=patrol, sensor={"range": 3.0}))

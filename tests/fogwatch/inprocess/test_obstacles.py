@@ -87,7 +87,7 @@ class Run:
             self.stood[name] = max(self.stood[name], now - since)
 
     def most_into_r2(self) -> int:
-        """How often the robot bumped into r2 that did so most often."""
+        """The number of bumps into r2 of the robot that has most."""
         return max(map(len, self.into_r2.values()))
 
 

@@ -1,4 +1,4 @@
-"""What runs of a class's file is what its digest stands for, whatever else lies beside it."""
+"""The code of a class that runs is that of its digest, whatever else lies beside its file."""
 
 from __future__ import annotations
 

@@ -403,7 +403,7 @@ def test_draws_that_depend_on_each_other_fail(run: Run, monkeypatch: pytest.Monk
 
 
 def test_faults_of_a_kind_draw_for_themselves(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
-    """What one fault does to a frame says nothing about another; the verdict finds losses of one draw."""
+    """One fault's effect on a frame says nothing about another's; the verdict finds losses of one draw."""
     faults = [{"kind": "duplicate", "rate": 0.4}] * 2 + [{"kind": "reorder", "rate": 0.4, "hold": 1.0}] * 2
     _, journal = run(*faults, ticks=150)
     befell = {row for record in journal.ticks for row in (*record.copies, *record.delayed)}
