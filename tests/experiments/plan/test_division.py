@@ -90,9 +90,12 @@ def test_the_way_back_to_the_first_corner_shows_ground_too() -> None:
     assert not seen[between & (from_the_diagonal_m > 1.1)].any()
 
 
-def test_the_longest_tour_is_relieved_of_all_that_others_see() -> None:
+@pytest.mark.parametrize(("shape", "range_m", "robots"), [((24, 30), 4.0, 3), ((12, 20), 3.0, 4)])
+def test_the_longest_tour_is_relieved_of_all_that_others_see(
+    shape: tuple[int, int], range_m: float, robots: int
+) -> None:
     """One more time without what is seen on the other tours, its search finds nothing shorter."""
-    prepared = prepared_on(np.ones((24, 30), dtype=np.bool_), 4.0, [Pose(1.0, 1.0, 0.0)] * 3)
+    prepared = prepared_on(np.ones(shape, dtype=np.bool_), range_m, [Pose(1.0, 1.0, 0.0)] * robots)
     territories = divided(prepared)
     terrain, fields = prepared.terrain, prepared.fields[1]
     footprint = sensor_footprint(prepared.scenario, terrain)
