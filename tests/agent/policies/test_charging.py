@@ -208,6 +208,28 @@ def test_it_does_not_wait_long_for_one_that_makes_no_room() -> None:
     assert states[-1] == State.HOLDING
 
 
+def test_it_waits_again_two_minutes_later() -> None:
+    fleet = beside_one_that_charges()
+    states = [fleet.step(0.5, (15.5, 10.5), {2: (10.5, 10.5)}) for _ in range(250)]
+    assert [k for k, state in enumerate(states) if state == State.DOCKING] == [*range(30), *range(240, 250)]
+
+
+def test_one_that_charges_makes_room_once_the_other_has_waited_for_four_seconds() -> None:
+    fleet = Fleet(scenario(count=2, docks=DOCKS[:1]), Place(50.0, 50.0))
+    driven(fleet, 0.15, (10.5, 10.5))
+    for k in range(20):
+        fleet.step(0.9, (10.5, 10.5), {2: (15.5, 20.0 - 0.5 * k)})
+    states = [fleet.step(0.9, (10.5, 10.5), {2: (15.5, 10.5)}) for _ in range(20)]
+    assert states == [State.CHARGING] * 7 + [State.PATROLLING] * 13, "it came with the last of the ticks before"
+
+
+def test_too_many_on_patrol_count_once_that_has_been_so_for_twenty_seconds() -> None:
+    fleet = Fleet(scenario())
+    others = [{2: (70.5, 30.5), 3: (80.5, 50.5)} for _ in range(60)]
+    states = [fleet.step(0.5, (50.5, 30.5 + 0.3 * k), there) for k, there in enumerate(others)]
+    assert states.index(State.DOCKING) == 40
+
+
 def charged_while(others: Mapping[int, tuple[float, float]]) -> Fleet:
     """A robot of three that has charged at a dock, while others are somewhere; two of the three patrol."""
     fleet = Fleet(scenario(), Place(50.0, 50.0))

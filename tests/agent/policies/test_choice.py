@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from agent.kernels.best import best_of, oldest_that_may_win
-from agent.policies.choice import NEAR_M, OTHERS, Best, FreeChoice
+from agent.policies.choice import Best, FreeChoice
 from agent.policies.pursuit import GivenUp
 from agent.routes.path_window import FAR
 from agent.routes.wave import LONGEST, NO_BENDS, BoxPaths, Wave
@@ -36,7 +36,8 @@ def scores_by_looking_everywhere(
         row[point_row, point_col], col[point_row, point_col] = post_row, post_col
     way, rival = own[row, col], other[row, col]
     age = np.where(view.fog.patrolled, view.tick - np.maximum(view.fog.last_seen, 0), 0).clip(0).astype(np.float64)
-    score = age**2 / (way + 100.0 * NEAR_M / terrain.point) * np.where(rival < way, OTHERS, 1.0)
+    # The docs' 3 m and tenth.
+    score = age**2 / (way + 100.0 * 3.0 / terrain.point) * np.where(rival < way, 0.1, 1.0)
     return np.where((way < FAR) & (view.fog.looked != view.tick), score, 0.0)
 
 

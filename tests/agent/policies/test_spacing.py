@@ -196,6 +196,44 @@ def test_nobody_waits_for_ever_for_one_that_does_not_come() -> None:
     assert not all(waited)
 
 
+@pytest.mark.parametrize(("speed", "ticks"), [(1.0, 27), (0.25, 23)])
+def test_a_robot_waits_and_drives_in_turn_for_as_long(speed: float, ticks: int) -> None:
+    """Half of the 53 ticks from one of three robots to the next; at most 45 s, which are 22.5 ticks of 2 s."""
+    spacing = spacing_at(1, APART)
+    seen = (replace(at(tick, APART), spec=Spec(speed=speed)) for tick in range(6, 6 + 4 * ticks))
+    assert [waits(spacing, view) for view in seen] == ([True] * ticks + [False] * ticks) * 2
+
+
+def test_a_wait_that_ends_by_itself_is_paid_back_tick_by_tick() -> None:
+    """It waits for 20 ticks, and drives on for 14 because it bumps in the first 5 of them."""
+    spacing = spacing_at(1, APART)
+    assert all(waits(spacing, at(tick, APART)) for tick in range(6, 26))
+    for tick in range(26, 31):
+        assert not waits(spacing, replace(at(tick, APART), bumped=True))
+    assert not any(waits(spacing, at(tick, APART)) for tick in range(31, 40)), "5 s after the bump at tick 30"
+    # 20 - 14 = 6 ticks are left, and 21 more make 27.
+    waited = [waits(spacing, at(tick, APART)) for tick in range(40, 63)]
+    assert waited == [True] * 21 + [False] * 2
+
+
+@pytest.mark.parametrize(
+    ("model", "behind", "waited"),
+    [
+        ("holonomic", (2.5, 10.5), False),  # 22 m behind, 20 m ahead
+        ("holonomic", (3.5, 10.5), True),  # 23 m
+        ("differential", (3.5, 10.5), False),
+        ("differential", (7.5, 10.5), True),  # 27 m
+    ],
+)
+def test_gaps_may_differ_by_a_tenth_of_an_equal_one_and_with_wheels_by_a_fifth(
+    model: str, behind: tuple[float, float], waited: bool
+) -> None:
+    """An equal gap is 26.7 m."""
+    places = {1: (10.5, 0.5), 2: (30.5, 0.5), 3: behind}
+    spacing = spacing_at(1, places, robots=3, range_m=0.0, spec=Spec(radius=1e-3, model=model))
+    assert waits(spacing, at(6, places)) is waited
+
+
 def test_who_has_bumped_drives_on() -> None:
     spacing = spacing_at(1, APART)
     seen = at(6, APART)
@@ -231,7 +269,10 @@ def test_a_robot_that_is_not_heard_for_a_while_is_expected_to_go_on() -> None:
     alone = {1: (10.5, 0.5)}
     assert not waits(spacing, at(26, alone))
     assert spacing.team == 3
-    note(spacing, at(60, alone))
+    # Half of the 53 ticks between two of three robots.
+    note(spacing, at(32, alone))
+    assert spacing.team == 3
+    note(spacing, at(33, alone))
     assert spacing.team == 1
 
 

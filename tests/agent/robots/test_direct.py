@@ -166,6 +166,10 @@ def test_a_few_frames_say_nothing_and_late_ones_do_not_count() -> None:
     for k in range(100, 100 + REMEMBERED):
         held_up.hear(k, [frame_of(2, k if k % 3 else k - 50)])
     assert held_up.ticks == {"r2": 0}
+    forged = Skew({2: "r2"}, STEP_S)
+    for k in range(100, 100 + REMEMBERED):
+        forged.hear(k, [frame_of(2, k if k % 3 else k + 50)])
+    assert forged.ticks == {"r2": 0}
 
 
 def test_strangers_contacts_and_junk_say_nothing() -> None:

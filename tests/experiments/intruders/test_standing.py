@@ -90,3 +90,22 @@ def test_an_attack_is_not_cut_short_to_whole_ticks() -> None:
     (found,) = intruder_games(seen, 0.5, [1.25])
     assert found == Successes(1.25, 0.0, 0.0, 0.0)
     assert [attack_ticks(attack_s, step) for attack_s, step in ((0.3, 0.1), (25.0, 0.5), (0.1, 1.0))] == [3, 50, 1]
+
+
+def test_the_statistical_intruder_knows_the_first_half_alone() -> None:
+    """A place is unseen for 9 ticks each time in the first half, and for 2 and 12 in turn in the second.
+
+    By the first half, an attack of five ticks is best at once, which fails in every other time of the second. Whoever
+    knew the second half would wait for three ticks, and never fail.
+    """
+    begins = np.cumsum([0, *[10] * 16, *[3, 13] * 10])
+    seen = seen_at(int(begins[-1]) + 1, begins.tolist())
+    (found,) = intruder_games(seen, 1.0, [5.0])
+    assert found.statistical == 0.5
+
+
+def test_an_attack_at_once_begins_in_the_last_tick_that_is_seen() -> None:
+    """A place is seen for 3 ticks and unseen for 5; an attack of 5 in an earlier one of the 3 would fail."""
+    seen = np.arange(400)[:, None] % 8 < 3
+    (found,) = intruder_games(seen, 1.0, [5.0])
+    assert found.statistical == 1.0

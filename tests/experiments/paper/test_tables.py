@@ -161,6 +161,14 @@ def test_a_table_says_how_mean_mfow_stands_to_mean_fog() -> None:
     beside = compare(table, SETUP, outcome)
     assert [cell.to_mean_fog for cell in beside.cells] == [2.25, 3.0]
     assert to_mean_fog_text(beside) == "MFoW : mean fog 2.2 to 3.0, median 2.6"
+    three = paper().table(3).part(["f3", "f4", "f5"], ["g4"])
+    fogs_s = {"f3": 45.0, "f4": 40.0, "f5": 9.0}
+    skewed = outcome_of(
+        plan_of([three], {"": SETUP}),
+        lambda case, _: {"mfow_mean_s": 90.0, "fog_mean_s": next(s for f, s in fogs_s.items() if f" {f} " in case)},
+    )
+    says = "MFoW : mean fog 2.0 to 10.0, median 2.2"  # 2.25
+    assert to_mean_fog_text(compare(three, SETUP, skewed)) == says
     written = as_table(beside)
     assert [written.heads[-1], *(row[-1] for row in written.rows)] == ["to_mean_fog", 2.25, 3.0]
 

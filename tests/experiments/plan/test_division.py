@@ -5,15 +5,17 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from experiments.plan.division import Divider, Territory, longest_m, shared_out
+from experiments.plan.division import GAIN_M, Divider, Territory, longest_m, seen_along, shared_out
 from patrol.graph import Graph, graph_of, tour_length
 from patrol.ground.fields import compute_fields
 from patrol.ground.fog import Fog
-from patrol.ground.terrain import Terrain
+from patrol.ground.terrain import BoolGrid, Terrain
 from patrol.measures.best_tour import best_tour
 from patrol.pose import Pose
 from patrol.prepare import Prepared, sensor_footprint
 from patrol.scenario import load_scenario
+from patrol.tours.round import Tour
+from patrol.tours.search import find_tour
 from tests.present import present
 
 SPEED = 1.0
@@ -31,12 +33,16 @@ def rooms(robots: int, door: bool = True) -> Prepared:
     free[:, 20] = False
     if door:
         free[8:12, 20] = True
+    return prepared_on(free, 3.0, [Pose(3.0 + 14.0 * (number % 2), 3.0, 0.0) for number in range(robots)])
+
+
+def prepared_on(free: BoolGrid, range_m: float, starts: list[Pose]) -> Prepared:
     terrain = Terrain("rooms", free, 0.5)
-    starts = tuple(Pose(3.0 + 14.0 * (number % 2), 3.0, 0.0) for number in range(robots))
-    body = {"count": robots, "model": "holonomic", "radius": 0.3, "speed": SPEED}
-    scenario = load_scenario({"terrain": {"builtin": "open"}, "point": 0.5, "robots": body, "sensor": {"range": 3.0}})
-    fields = compute_fields(terrain, 0.3, 3.0, True, list(starts))
-    return Prepared(scenario, terrain, starts, dict.fromkeys(range(1, robots + 1), fields))
+    body = {"count": len(starts), "model": "holonomic", "radius": 0.3, "speed": SPEED}
+    given = {"terrain": {"builtin": "open"}, "point": 0.5, "robots": body, "sensor": {"range": range_m}}
+    fields = compute_fields(terrain, 0.3, range_m, True, starts)
+    numbers = range(1, len(starts) + 1)
+    return Prepared(load_scenario(given), terrain, tuple(starts), dict.fromkeys(numbers, fields))
 
 
 def divided(prepared: Prepared) -> tuple[Territory, ...]:
@@ -71,6 +77,33 @@ def test_no_point_gets_older_than_the_longest_tour_takes(robots: int) -> None:
         if tick > 1.5 * longest / step_m:
             oldest = max(oldest, fog.mfow(tick))
     assert 0.5 * longest < oldest * step_m < longest + 2.0
+
+
+def test_the_way_back_to_the_first_corner_shows_ground_too() -> None:
+    prepared = prepared_on(np.ones((20, 20), dtype=np.bool_), 1.0, [Pose(1.0, 1.0, 0.0)])
+    tour = Tour(16.0 + 8.0 * np.sqrt(2.0), ((1.0, 1.0), (9.0, 1.0), (9.0, 9.0)))
+    seen = seen_along(prepared.terrain, sensor_footprint(prepared.scenario, prepared.terrain), tour)
+    xs, ys = np.meshgrid(*[np.arange(0.25, 10.0, 0.5)] * 2)
+    from_the_diagonal_m = np.abs(xs - ys) / np.sqrt(2.0)
+    between = (xs + ys > 6.0) & (xs + ys < 14.0) & (ys > 2.5) & (xs < 7.5)
+    assert seen[between & (from_the_diagonal_m < 0.9)].all()
+    assert not seen[between & (from_the_diagonal_m > 1.1)].any()
+
+
+@pytest.mark.parametrize(("shape", "range_m", "robots"), [((24, 30), 4.0, 3), ((12, 20), 3.0, 4)])
+def test_the_longest_tour_is_relieved_of_all_that_others_see(
+    shape: tuple[int, int], range_m: float, robots: int
+) -> None:
+    """One more time without what is seen on the other tours, its search finds nothing shorter."""
+    prepared = prepared_on(np.ones(shape, dtype=np.bool_), range_m, [Pose(1.0, 1.0, 0.0)] * robots)
+    territories = divided(prepared)
+    terrain, fields = prepared.terrain, prepared.fields[1]
+    footprint = sensor_footprint(prepared.scenario, terrain)
+    *others, longest = sorted(territories, key=lambda territory: territory.tour.length_m)
+    remaining = longest.ground & ~np.logical_or.reduce([seen_along(terrain, footprint, one.tour) for one in others])
+    again = present(find_tour(terrain, fields.reach, remaining, fields.proxy, footprint))
+    assert again.length_m > longest.tour.length_m - GAIN_M
+    assert np.array_equal(sum(territory.ground.astype(int) for territory in territories), prepared.patrolled)
 
 
 def test_two_rooms_are_best_shared_by_two_robots() -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 from collections.abc import Mapping
+from dataclasses import replace
 
 import pytest
 
@@ -70,3 +71,36 @@ def test_p_values_are_corrected_for_the_tests_of_their_metric() -> None:
     assert tests["far"].p_holm == pytest.approx(3 * p["far"])
     assert tests["between"].p_holm == pytest.approx(2 * p["between"])
     assert tests["near"].p_holm == pytest.approx(max(p["near"], 2 * p["between"]))
+
+
+def test_no_corrected_p_is_below_that_of_a_smaller_one_or_above_1() -> None:
+    near, between, far = (-1.0, 2.0, -1.5, 1.0), (-1.0, 2.5, -1.5, 1.0), (-1.0, 2.9, -1.5, 1.0)
+    shifts = {"near": near, "between": between, "far": far, "farthest": (5.0, 5.1, 5.2, 4.9)}
+    old = dict.fromkeys(range(1, 5), 0.0)
+    rows = [
+        row("old", None, old),
+        *(row(case, "old", dict(zip(old, some, strict=True))) for case, some in shifts.items()),
+    ]
+    other = {case.case: {seed: 2.0 * value for seed, value in case.values["mfow_mean_s"].items()} for case in rows}
+    rows = [replace(case, values={**case.values, "fog_mean_s": other[case.case]}) for case in rows]
+    tests = {test.case: test for test in paired_tests(rows) if test.metric == "mfow_mean_s"}
+    p = {case: test.p or 0.0 for case, test in tests.items()}
+    assert p["farthest"] < 0.001 < p["far"] < p["between"] < p["near"] < 1.0
+    assert 2.0 * p["between"] > 1.0
+    assert tests["farthest"].p_holm == pytest.approx(4.0 * p["farthest"])
+    assert [tests[case].p_holm for case in ("far", "between", "near")] == [1.0, 1.0, 1.0]
+
+
+def test_a_larger_p_is_corrected_to_that_of_the_smaller_one_before_it() -> None:
+    """0.03 becomes 0.06, and so does 0.04, which alone would stay as it is."""
+    shifts = {"first": (5.0, 5.1, 5.2, 4.9), "second": (1.0, 2.5, 3.5, 2.6), "third": (1.0, 2.7, 3.5, 2.4)}
+    old = dict.fromkeys(range(1, 5), 0.0)
+    rows = [
+        row("old", None, old),
+        *(row(case, "old", dict(zip(old, some, strict=True))) for case, some in shifts.items()),
+    ]
+    tests = {test.case: test for test in paired_tests(rows)}
+    p = {case: test.p or 0.0 for case, test in tests.items()}
+    low, high = sorted(("second", "third"), key=p.__getitem__)
+    assert p["first"] < p[low] < p[high] < 2.0 * p[low]
+    assert tests[low].p_holm == tests[high].p_holm == pytest.approx(2.0 * p[low])

@@ -99,6 +99,24 @@ def test_the_ground_outside_a_building_is_named_as_in_a_run(ring: int) -> None:
     assert (left.x, left.y) == pytest.approx((part.x, part.y))
 
 
+@pytest.mark.parametrize(
+    ("rows", "columns", "at_border"),
+    [
+        (slice(0, 15), slice(20, 35), True),
+        (slice(-15, None), slice(20, 35), True),
+        (slice(20, 35), slice(0, 15), True),
+        (slice(20, 35), slice(-15, None), True),
+        (slice(20, 35), slice(20, 35), False),
+    ],
+    ids=["bottom", "top", "left", "right", "inside"],
+)
+def test_a_part_at_any_edge_of_the_map_is_at_the_border(rows: slice, columns: slice, at_border: bool) -> None:
+    free = np.zeros((60, 70), dtype=np.bool_)
+    free[rows, columns] = free[40:55, 40:60] = True
+    (part,) = check_map(Terrain("parts", free, POINT), 0.3, starts=at(5.0, 4.7)).parts
+    assert part.at_border is at_border
+
+
 def test_the_starts_decide_what_is_sealed_off() -> None:
     terrain = flat(5)
     left = check_map(terrain, 0.3, starts=at(1.0, 1.0))

@@ -193,6 +193,18 @@ def test_robots_see_what_they_believe_and_not_the_truth() -> None:
     assert seen[0] < seen[1]
 
 
+def test_the_rewards_of_all_ticks_of_a_step_add_up() -> None:
+    env = parallel_env(FLEET, actions="node", decide="arrival", reward=lambda *_: 1.0)
+    rng = np.random.default_rng(1)
+    observations, _ = env.reset()
+    ticks = []
+    for _ in range(6):
+        observations, rewards, _, _, infos = env.step(drawn(env, observations, rng))
+        ticks.append(infos["r1"]["ticks"])
+        assert rewards["r1"] == ticks[-1]
+    assert max(ticks) > 1
+
+
 def test_arrival_steps_until_a_robot_decides() -> None:
     env = parallel_env({**FLEET, "duration": 400.0}, actions="node", decide="arrival")
     rng = np.random.default_rng(1)

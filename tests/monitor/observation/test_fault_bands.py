@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from monitor.observation.fault_bands import bands_of, lanes
+from monitor.observation.fault_bands import Band, bands_of, lanes
 from patrol.journal.records import Event
 
 
@@ -27,3 +27,9 @@ def test_bands_last_from_their_beginning_to_their_end() -> None:
     assert bands[0].text == "all to all, rate 0.5"
     assert [name for name, _ in lanes(bands, 8)] == ["f1 loss", "f2 kill", "f3 delay", "lost"]
     assert [name for name, _ in lanes(bands[:1] * 2 + bands[1:], 3)] == ["loss", "kill", "delay", "lost"]
+
+
+def test_as_many_faults_as_there_may_be_have_a_row_each_whatever_their_kind() -> None:
+    two = [Band("f1", "loss", 0.0, 1.0), Band("f2", "loss", 2.0, 3.0)]
+    assert [name for name, _ in lanes(two, 2)] == ["f1 loss", "f2 loss"]
+    assert lanes(two, 1) == [("loss", two)]

@@ -4,12 +4,14 @@ import os
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 
 from agent.ports import State
 from monitor.replay.run import open_run
-from monitor.report.charts import STATES, state_codes, states_chart
+from monitor.report.charts import STATES, decisions_chart, state_codes, states_chart
 from tests.monitor.conftest import QUIET, run_of
 
 
@@ -53,3 +55,12 @@ def test_settings_of_matplotlib_in_the_working_folder_do_not_count(tmp_path: Pat
         env = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[3]), **environment}
         done = subprocess.run(command, cwd=folder, env=env, capture_output=True, text=True, check=True)
         assert done.stdout == settings
+
+
+def test_decision_times_are_drawn_at_their_percentiles() -> None:
+    """1 to 101 ms, so that the p-th percentile is p + 1; the second robot has none."""
+    times = np.full((101, 2), np.nan)
+    times[:, 0] = np.roll(np.arange(1.0, 102.0), 40)
+    run: Any = SimpleNamespace(names=("r1", "r2"), decision_ms=times)
+    lines = decisions_chart(run).axes[0].lines
+    assert [np.atleast_1d(line.get_xdata()).tolist() for line in lines] == [[2, 100], [26, 76], [51], [101]]

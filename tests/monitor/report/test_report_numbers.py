@@ -226,3 +226,14 @@ def test_of_a_direct_radio_a_report_says_what_robots_said_alone(quiet: Any, tmp_
     (folder / "summary.json").unlink()
     page = report_html(analyse(open_run(folder)), ())
     assert "No two robots reported at the end" in page
+
+
+def test_one_slow_decision_does_not_move_the_median(quiet: Any, tmp_path: Path) -> None:
+    """One in five takes 96 ms, so the mean is 20 ms."""
+
+    def slow(record: TickRecord) -> TickRecord:
+        ms = 96.0 if record.k % 5 == 0 else 1.0
+        return replace(record, robots=tuple(replace(row, decision_ms=ms) for row in record.robots))
+
+    found = {measure.name: measure for measure in measures(open_run(rewritten(quiet, tmp_path / "slow", slow)))}
+    assert found["median decision time"].text == "1.00 ms"

@@ -97,3 +97,25 @@ def test_closings_say_what_is_closed_and_waits_at_any_tick_and_show_it_to_a_sens
     for k, footprint, closed in ((6, sensor, True), (8, other, False), (7, other, True), (0, sensor, False)):
         closings.show(k, footprint)
         assert bool(footprint.terrain.passable[40, 50]) is not closed
+
+
+@pytest.mark.parametrize(("behind", "shut_in"), [(50, []), (51, [1])])
+def test_a_robot_that_can_see_half_of_the_ground_is_not_shut_in(
+    halves: Prepared, behind: int, shut_in: list[int]
+) -> None:
+    patrolled = np.zeros(halves.terrain.shape, dtype=np.bool_)
+    patrolled[10:59, 20] = patrolled[10:60, 80] = True
+    patrolled[60, 80 if behind == 51 else 20] = True
+    fields = {number: replace(of_body, patrolled=patrolled) for number, of_body in halves.fields.items()}
+    ground = OpenGround(replace(halves, fields=fields))
+    ground.tick(0, closed(halves), {"wall"}, {1: WEST})
+    assert ground.shut_in() == shut_in
+
+
+def test_a_point_that_is_seen_again_has_no_closed_time_behind_it() -> None:
+    patrolled, seen = np.ones((1, 1), dtype=np.bool_), np.zeros((1, 1), dtype=np.int32)
+    ages = OpenAges(patrolled)
+    for k in range(1, 13):
+        seen[0, 0] = 8 if k >= 8 else 0
+        ages.tick(k, patrolled & (3 <= k <= 6), seen)
+    assert ages.greatest == [1, 2, 2, 2, 2, 2, 3, 0, 1, 2, 3, 4]

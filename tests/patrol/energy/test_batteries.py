@@ -88,3 +88,12 @@ def test_a_battery_that_never_charges_or_never_leaves_is_refused(battery: dict[s
     with pytest.raises(BadInput, match=message):
         scenario(**battery)
     scenario(**{name: value + (0.1 if name == "charge" else -0.01) for name, value in battery.items()})
+
+
+def test_a_robot_that_left_keeps_its_charge_until_it_joins_again_with_that_of_the_start() -> None:
+    batteries = Batteries(scenario())
+    for k in range(50):
+        batteries.tick([row(20.0, 20.0) if k < 10 else replace(row(20.0, 20.0), status=Status.LEFT)])
+    assert batteries.share(1) == pytest.approx((1800.0 - 10 * 5.0) / 3600.0)
+    batteries.tick([row(20.0, 20.0)])
+    assert batteries.share(1) == pytest.approx((1800.0 - 5.0) / 3600.0)

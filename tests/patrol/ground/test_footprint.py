@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from patrol.ground.sensors import footprint_of
 from patrol.ground.terrain import Terrain
+from patrol.kernels.footprint import disc
 from patrol.pose import Pose
 from tests.patrol.ground.masks import line_is_free, on_terrain
 
@@ -65,6 +66,21 @@ def test_an_open_field_is_seen_as_a_disc() -> None:
     seen = on_terrain(footprint_of(terrain, 6.0).visible(Pose(10.3, 12.2, 1.0)), terrain.shape)
     rows, cols = np.mgrid[0:41, 0:61]
     assert np.array_equal(seen, (rows - 24) ** 2 + (cols - 20) ** 2 <= 144)
+
+
+def test_through_walls_a_point_at_exactly_the_range_is_seen() -> None:
+    terrain = Terrain("open", np.ones((13, 15), dtype=np.bool_), 1.0)
+    rows, cols = np.mgrid[0:13, 0:15]
+    for radius in (5.0, 4.999, np.sqrt(5.0)):
+        sensor = footprint_of(terrain, radius, line_of_sight=False)
+        seen = on_terrain(sensor.visible(Pose(7.5, 6.5, 0.0)), terrain.shape)
+        assert np.array_equal(seen, (rows - 6) ** 2 + (cols - 7) ** 2 <= radius**2 + 1e-9)
+
+
+def test_a_radius_beyond_which_its_square_has_no_smaller_share_holds_its_last_point() -> None:
+    view = np.zeros((1, 3), dtype=np.uint8)
+    disc(np.ones((1, 5000), dtype=np.uint8), 0, 0, 4096.0, view, 0, 4095)
+    assert view.tolist() == [[1, 1, 0]]
 
 
 def test_a_wall_hides_what_lies_behind_it_unless_sight_goes_through() -> None:

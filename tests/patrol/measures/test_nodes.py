@@ -13,6 +13,7 @@ from patrol.measures.nodes import NodeTotals
 from patrol.random import draw
 from patrol.summary.metric import metrics_of
 from patrol.summary.model import NodeFigures
+from tests.present import present
 
 GRAPH = graph_of([(0.0, 0.0), (10.0, 0.0), (20.0, 0.0)], [(0, 1, 10.0), (1, 2, 10.0)])
 
@@ -59,6 +60,24 @@ def test_a_robot_that_stays_visits_once() -> None:
     assert found["visits_mean_s"] == pytest.approx(2 / 3)
     assert found["visits_deviation_s"] == pytest.approx(math.sqrt(8 / 9))
     assert (found["unvisited"], found["once"]) == ([2], [1])
+
+
+def test_return_times_are_told_by_their_whole_distribution() -> None:
+    """The robot comes back after 10, 20, ... 110 s, in another order, and between two ends of a stay it stands."""
+    returns = [70, 10, 110, 40, 90, 20, 60, 100, 30, 80, 50]
+    found = figures([0.0, *(x for ticks in returns for x in [5.0] * (ticks - 1) + [0.0])])
+    assert found["return_s"] == [10.0, 20.0, 35.0, 60.0, 85.0, 100.0, 110.0]
+    assert found["return_mean_s"] == 60.0
+
+
+def test_the_median_of_two_vertices_in_the_middle_is_half_way_between_them() -> None:
+    four = graph_of([(10.0 * n, 0.0) for n in range(4)], [(n, n + 1, 10.0) for n in range(3)])
+    totals = NodeTotals(four, {1: 0.4}, 1.0)
+    for k, x in enumerate([0.0, 5.0, 0.0, 10.0, 15.0, 15.0, 15.0, 10.0, 20.0, 25.0, 25.0, 20.0]):
+        totals.tick(record(k, (x, 0.0)))
+    found = present(totals.figures())
+    # Vertices 0, 1, 2 and 3 are come back to after 2, 4, 3 and no seconds, the last as a mean of 0.
+    assert found["visits_median_s"] == 2.5
 
 
 def test_a_robot_at_just_the_distance_of_a_visit_visits_once() -> None:

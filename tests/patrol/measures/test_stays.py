@@ -137,3 +137,9 @@ def test_a_free_robot_begins_anew() -> None:
 def test_the_radius_counts_radii_and_strides() -> None:
     spec = load_scenario({"terrain": {"builtin": "open"}, "robots": {"speed": 1.0, "radius": 0.3}}).roster[0]
     assert roaming_radius(spec, 0.5) == pytest.approx(3.2)
+
+
+def test_a_robot_at_just_the_diameter_from_where_it_stood_still_stays() -> None:
+    path = [(0.0, 0.0)] * (3 * LONG) + [(6.0, 0.0)]
+    assert tracked(path, radius=3.0)[-1] == Stay(0, 3.0, 0.0, 3.0)
+    assert tracked([*path[:-1], (6.01, 0.0)], radius=3.0)[-1].since == 3 * LONG

@@ -54,6 +54,22 @@ def test_a_wanted_age_is_a_weight_against_the_best_tour() -> None:
     assert ground.wanted == tuple(20.0 if weight != 1.0 else None for weight in ground.classes)
 
 
+@pytest.mark.parametrize("order", [1, -1])
+def test_of_two_wishes_for_the_same_ground_the_lesser_age_counts(order: int) -> None:
+    """The inner zone lies within the outer one, which weighs more."""
+    zones = [VAULT | {"age": 30}, {"name": "safe", "polygon": box(5, 5, 20, 20), "age": 60}]
+    ground = ground_of(prepared(*zones[::order]))
+    assert [age for age in ground.wanted if age is not None] == [30.0]
+
+
+def test_spare_robots_are_not_counted_on() -> None:
+    robots = {"count": 3, "spare": 1, "model": "holonomic", "radius": 1.0, "speed": 2.0}
+    made = prepared(VAULT | {"weight": 10}, robots=robots)
+    ground = ground_of(made)
+    assert len(made.scenario.roster) == 4
+    assert best_weighted_s(made) == ground.cost_s(ground.divide(3)) > ground.cost_s(ground.divide(4))
+
+
 def test_rounds_show_the_ground_of_their_classes_and_none_is_longer_than_one_of_more() -> None:
     made = prepared(VAULT | {"weight": 10}, CELLAR | {"weight": 3})
     ground = ground_of(made)

@@ -61,3 +61,14 @@ def test_no_span_of_ticks_holds_more_than_what_it_earns_and_what_was_saved(wante
             bits = sum(cost for _, cost in sent[first : last + 1])
             assert bits <= SHARE.most + SHARE.per_tick * (sent[last][0] - sent[first][0])
     assert sum(cost for _, cost in sent) <= SHARE.per_tick * k
+
+
+def test_what_is_earned_to_the_bit_suffices() -> None:
+    """28 bytes and 8 of overhead are 288 bits, three ticks' worth; what can be saved is 960."""
+    allowance = Allowance(Share(per_tick=96.0, most=960.0, overhead=8, frame=37))
+    found = []
+    for k in range(11):
+        allowance.earn(k)
+        found.append((allowance.suffices([28]), allowance.suffices([28, 28]), allowance.suffices([37] * 9)))
+    assert found == [(k >= 3, k >= 6, k == 10) for k in range(11)], "to wait for more than can be saved is no use"
+    assert [allowance.take(length) for length in (28, 28, 28, 4, 1)] == [True, True, True, True, False]

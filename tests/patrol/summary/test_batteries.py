@@ -11,7 +11,7 @@ from patrol.journal import RobotTick, Status
 from patrol.journal.records import CHARGING, DOCKING
 from patrol.scenario import load_scenario
 from patrol.scenario.load import as_mapping
-from patrol.summary.batteries import BatteryTotals
+from patrol.summary.batteries import BatteryTotals, battery_lines
 
 CAPACITY_J = 3600.0
 BATTERY = {"capacity": 1.0, "idle": 10.0, "drive": 100.0, "charge": 210.0, "start": 0.2}
@@ -74,3 +74,13 @@ def test_the_first_time_that_it_is_empty_counts() -> None:
     battery = figures([WAY[0]] * 8 + [WAY[3]] * 3 + [WAY[0]] * 4)
     # 720 J last for six ticks of 105 J and most of a seventh, which begins at 3 s.
     assert (battery["empty_s"], battery["least_share"]) == (6 * STEP_S, 0.0)
+
+
+def test_the_share_on_patrol_counts_the_time_in_which_a_robot_missed_decisions() -> None:
+    def robot(decisions: int, missed: int, patrol_share: float) -> Any:
+        battery = SimpleNamespace(least_share=0.4, charges=1, patrol_share=patrol_share, empty_s=None)
+        return SimpleNamespace(decisions=decisions, missed=missed, battery=battery)
+
+    summary: Any = SimpleNamespace(robots={"a": robot(300, 600, 0.75), "b": robot(100, 0, 1.0)})
+    (line,) = battery_lines(summary)
+    assert line.endswith(", 78 % of the time on patrol")  # (0.75 * 900 + 100) / 1000

@@ -187,3 +187,9 @@ def test_a_mask_without_a_mark_and_cells_of_another_number_are_refused(tmp_path:
         BadInput, match=r"zones\.0\.mask\.cells: are not 41 x 40 cells; name the mask's YAML file again"
     ):
         load_scenario(raw)
+
+
+def test_an_occupancy_of_100_in_mode_raw_is_the_last_that_is_known(tmp_path: Path) -> None:
+    mask = load_scenario(masked(write_mask(tmp_path, [[1, 99, 100, 101]], mode="raw"))).zones[0].mask
+    assert mask is not None
+    assert mask.marked().tolist() == [[True, True, True, False]]

@@ -14,7 +14,7 @@ from patrol.ground.swept_path import advance, path_is_free
 from patrol.ground.terrain import Terrain
 from patrol.pose import Command, Drive, Limits, Pose, Twist, Velocity, halted, is_halt, scaled
 from ros2.robot.fence import Fence
-from ros2.robot.governor import Governor, velocity_of
+from ros2.robot.governor import Governor, nearer, velocity_of
 from ros2.robot.steering import steering_of
 from ros2.wire import messages
 
@@ -154,3 +154,10 @@ def test_a_command_is_obeyed_for_its_time_only() -> None:
         one.step(Pose(3.0, 5.0, 0.0), 1.71 + number * PERIOD_S, PERIOD_S, "")
     assert is_halt(one.command)
     assert one.why == "no command has come"
+
+
+def test_wheels_on_the_spot_change_their_speeds_by_as_much_as_when_driving() -> None:
+    """The wheels are 0.5 m from the centre, so 0.2 m/s more are 0.4 rad/s more."""
+    assert nearer(Twist(0.0, 0.0), Twist(0.0, 4.0), 0.2, 0.5) == Twist(0.0, pytest.approx(0.4))
+    assert nearer(Twist(0.0, 0.0), Twist(0.0, -4.0), 0.2, 0.5) == Twist(0.0, pytest.approx(-0.4))
+    assert nearer(Twist(1.0, 0.0), Twist(0.5, 0.4), 0.2, 0.5) == Twist(pytest.approx(0.8), pytest.approx(0.4))

@@ -239,6 +239,16 @@ def test_a_fault_that_did_not_do_it_cannot_be_named(run: Run, what: str) -> None
     assert f"by {wrong}, which does not {does} it" in failures((world, journal))["on time"]
 
 
+def test_a_fault_copies_a_frame_once(run: Run) -> None:
+    world, journal = run({**TWICE, "delay": None})
+    record = first(journal, "copies")
+    *link, fault = again = record.copies[0]
+    arrivals = tuple(sorted((*record.deliveries, tuple(link))))
+    change(journal, record.k, copies=tuple(sorted((*record.copies, again))), deliveries=arrivals)
+    says = f"frame {link[2]} from r{link[0]} to r{link[1]} was copied by {fault}, which does not copy it"
+    assert failures((world, journal))["on time"] == says
+
+
 def test_what_a_dead_receiver_does_not_hear_arrives_all_the_same(run: Run) -> None:
     world, journal = run(LATE, {"kind": "kill", "who": "r2", "at": 5.0})
     record = journal.records[12]
@@ -351,6 +361,18 @@ def test_draws_that_are_one_are_found_by_their_series(what: tuple[int, int], num
         draws.add(LINKS, [draw(8, *((source, to, k)[index] for index in what)) < p for source, to in LINKS])
     assert draws.series[number].hits == draws.series[number].draws > 0
     assert draws.series[number].problem(1e-9).startswith("after a hit ")
+
+
+def test_the_two_links_of_a_pair_are_one_draw_after_the_link_back() -> None:
+    """The link that is drawn first follows no hit of its tick, and hits of other ticks count elsewhere."""
+    draws = LinkDraws(0.5, "{hits} of {draws}", "", 2)
+    back = draws.series[4]
+    draws.add([(1, 2), (2, 1)], [True, True])
+    assert (back.draws, back.hits) == (1, 1)
+    draws.add([(1, 2), (2, 1)], [False, True])
+    assert (back.draws, back.hits) == (1, 1)
+    draws.add([(1, 2), (2, 1)], [True, False])
+    assert (back.draws, back.hits) == (2, 1)
 
 
 LOSSY = {"kind": "loss", "rate": 0.4, "id": "lossy"}

@@ -222,6 +222,23 @@ def test_without_a_tour_ground_that_nobody_has_seen_is_judged_once_no_more_is_fo
         assert (result.warnings, result.detail) == ((), f"no robot was trapped; {detail}")
 
 
+@pytest.mark.parametrize(
+    ("beyond", "more", "is_judged"), [((0.0, 0.5), 17, True), ((0.5, 0.5), 19, True), ((1.0, 0.0), 24, False)]
+)
+def test_without_a_tour_a_tenth_more_ground_in_the_second_half_is_no_more(
+    beyond: Place, more: int, is_judged: bool
+) -> None:
+    narrow = rooms(angle=300.0)
+
+    def moves(k: int) -> Place:
+        return (4.0, 5.0) if k < 500 else (4.0 + beyond[0], 5.0 + beyond[1])
+
+    journal = made(narrow, 1000, moves, lambda _: (15.0, 5.0))
+    assert [journal.records[k].seen for k in (499, 999)] == [190, 190 + more]
+    check = result_of(ProgressCheck, narrow, journal)
+    assert any(" were never seen in 500 s:" in warning for warning in check.warnings) is is_judged
+
+
 def test_robots_that_were_down_leave_more_time(ready: Prepared) -> None:
     journal = made(ready, 1000, LEFT_ROOM, lambda _: (15.0, 5.0))
     for k, record in enumerate(journal.records):

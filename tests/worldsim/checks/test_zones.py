@@ -177,6 +177,18 @@ def test_where_a_fault_moves_the_robot_nothing_is_judged(lab: Lab, until: float,
     assert check.detail.startswith(detail or "r1 went 1.300 m against aisle")
 
 
+def test_a_robot_that_appears_at_its_start_has_not_driven_back(lab: Lab) -> None:
+    """Its start lies at the lower end of the zone. It is carried off and started between two ticks."""
+    zone = {"name": "aisle", "polygon": [[2.5, 2.0], [8.0, 2.0], [8.0, 4.0], [2.5, 4.0]], "one_way": 0}
+    at_once = {"who": "r1", "at": 3.0}
+    result = run(
+        lab, zone, faults=[{"kind": "kill", "wreck": "removed", **at_once}, {"kind": "restart", **at_once}], **SMALL
+    )
+    put(result[1], 0, *[(7.0, 3.0)] * 6, (3.0, 3.0))
+    check = checks(result)["one-way zones"]
+    assert (check.ok, check.detail) == (True, "2 visits to 1 one-way zones, at most 0.00 m against them")
+
+
 # --- the times of zones ----------------------------------------------------------------------------------------------
 
 NIGHT = {"name": "night", "polygon": RECTANGLE, "speed": 0.3, "times": [[0, 2], [4, 6]]}

@@ -331,3 +331,9 @@ def test_robots_that_are_dead_far_away_or_patrolling_surround_nobody(lab: Lab) -
             move(journal, k, number, x=8.0, y=7.0, status=Status.DEAD)
     (one,) = intruders_of(journal, world)
     assert (one["surrounded_s"], one["most_robots"]) == (0.0, 0)
+
+
+def test_a_fault_counts_the_robots_that_are_there_in_each_tick(lab: Lab) -> None:
+    faults = [{"kind": "loss", "from": "r1", "rate": 0.5}, {"kind": "leave", "who": "r4", "at": 5.0}]
+    facts = summary_of(*lab.driven(ticks=20, faults=faults))["faults"]["f1"]
+    assert facts["frames"] == 10 * 3 + 10 * 2

@@ -302,6 +302,16 @@ def test_bandwidth_is_a_bucket_of_a_second(air: Any) -> None:
     assert len([link for link in narrow.arrivals() if link[0] == 2]) == 40
 
 
+def test_a_frame_that_one_bandwidth_drops_uses_up_nothing_of_another(air: Any) -> None:
+    """What the narrow one drops in tick 1 stays in the wide one, which is then full for tick 2."""
+    wide = {"kind": "bandwidth", "who": "r1", "bytes_per_s": 100.0, "id": "wide"}
+    narrow = {"kind": "bandwidth", "who": "r1", "bytes_per_s": 8.0, "id": "narrow", "for": 1.0}
+    both = air(wide, narrow, robots=2)
+    for lengths in ([60], [60], [60, 40]):
+        both.tick({1: [bytes(length) for length in lengths], 2: []})
+    assert [[why for *_, why in delivery.dropped] for delivery in both.ticks] == [[], ["bandwidth:narrow"], []]
+
+
 @pytest.mark.parametrize("bytes_per_s", [30.0, 200.0])
 @given(bursts=st.lists(st.tuples(st.integers(1, 400), st.lists(st.integers(1, 64), max_size=8)), max_size=40))
 def test_no_span_of_ticks_holds_more_than_its_bandwidth_and_a_bucket(

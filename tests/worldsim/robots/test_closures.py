@@ -49,6 +49,25 @@ def test_a_closed_closure_stops_a_body_that_sees_and_bumps_into_it(lab: Lab) -> 
     assert world.bodies[1].pose.x > 7.6
 
 
+def test_a_robot_that_bumped_feels_what_is_a_step_and_a_point_away(lab: Lab) -> None:
+    """Its radius, a step of 0.5 m and a point of 0.5 m are 1.5 m: it feels through the closed points that it sees.
+
+    The strip is two points deep, from 8 to 9 m. The body stands at 7 m, so the second column begins 1.5 m away.
+    """
+    disc = {**DISC, "radius": 0.5, "speed": 1.0}
+    felt = {}
+    for x in (7.0, 6.9375):
+        world = lab.world([disc], [(x, 7.25, 0.0)], duration=20.0, closures=[strip(closed=[[0, 9]])])
+        tick(world, 0.0)
+        body = world.bodies[1]
+        body.bumped = True
+        shown = world.closures.blocked(body, world.truth.footprint)
+        felt[x] = {divmod(index, world.terrain.width) for index in shown}
+    rows = {row for row, col in felt[7.0] if col == 17}
+    assert rows == {14}
+    assert {col for _, col in felt[6.9375]} == {16}
+
+
 def test_a_closure_waits_until_bodies_are_clear_of_it(lab: Lab) -> None:
     world = lab.world([DISC], [(6.0, 7.0, 0.0)], duration=20.0, closures=[strip(closed=[[2, 15]])])
     happened = [event for _ in range(12) for event in tick(world, 1.0)[0]]
