@@ -167,9 +167,15 @@ SWEEP: dict[str, Any] = {
 SWEEP["base"].pop("patrol")
 
 QUICK: Mapping[str, Case] = {
-    "mixed": Case(
+    "ground": Case(
         {"office.yaml": MIXED},
-        (f"run office.yaml --out run {RUN}", "judge run", "export run --format csv", "intruder run --attacks 25,50"),
+        (
+            f"map check {OFFICE} --radius 0.25 --point 0.25 --zones office.yaml --closures office.yaml --robots 3",
+            "map check maps/office.yaml --radius 0.45 --point 0.25 --range 4 --start 10,7",
+            "map regions maps/office.yaml --point 0.25 --radius 0.25",
+            f"plan maps/office.yaml --robots 3 --model differential {SMALL} --quick --out plan",
+            "scenario check office.yaml",
+        ),
     ),
     "graph": Case(
         {"graph.yaml": GRAPH, "forces.yaml": FORCES},
@@ -180,15 +186,9 @@ QUICK: Mapping[str, Case] = {
             "intruder sebs --attacks 25",
         ),
     ),
-    "ground": Case(
+    "mixed": Case(
         {"office.yaml": MIXED},
-        (
-            f"map check {OFFICE} --radius 0.25 --point 0.25 --zones office.yaml --closures office.yaml --robots 3",
-            "map check maps/office.yaml --radius 0.45 --point 0.25 --range 4 --start 10,7",
-            "map regions maps/office.yaml --point 0.25 --radius 0.25",
-            f"plan maps/office.yaml --robots 3 --model differential {SMALL} --quick --out plan",
-            "scenario check office.yaml",
-        ),
+        (f"run office.yaml --out run {RUN}", "judge run", "export run --format csv", "intruder run --attacks 25,50"),
     ),
 }
 """What the quick suite runs, by name."""
