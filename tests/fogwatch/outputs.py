@@ -41,7 +41,7 @@ SECTIONS = ("decisions", "scenario")
 """Sections of reports that hold wall-clock times, or the input."""
 LINES = re.compile(r"of wall time|^(trace|files|tick |writing)|[0-9] ms\b|ticks/s|compil|[0-9a-f]{64}| started 2")
 """Printed lines with wall-clock times, folders and hashes."""
-DURATIONS = re.compile(r"(made|regions found) in [0-9][^;]*|; [^;]* left$|; 1 at a time.*")
+DURATIONS = re.compile(r"(made|made now|regions found) in [0-9][^;]*|; [^;]* left$|; 1 at a time.*")
 """Wall-clock times within lines."""
 HASH = re.compile(r"[0-9a-f]{64}")
 
