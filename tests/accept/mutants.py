@@ -107,10 +107,11 @@ class Sites(ast.NodeVisitor):
 
     def visit_Constant(self, node: ast.Constant) -> None:
         """Change a number by one, halve or double it."""
-        if type(node.value) in (int, float) and node.end_col_offset is not None:
-            near = (node.value + 1, node.value - 1) if type(node.value) is int else (node.value / 2,)
-            for value in (*near, node.value * 2 or None):
-                if value is not None and value != node.value:
+        was = node.value
+        if isinstance(was, int | float) and not isinstance(was, bool) and node.end_col_offset is not None:
+            near = (was + 1, was - 1) if isinstance(was, int) else (was / 2,)
+            for value in (*near, was * 2):
+                if value != was:
                     text = repr(value) if value >= 0 else f"({value!r})"
                     self.mutants.append(Mutant(self._path, node.lineno, node.col_offset, node.end_col_offset, text))
 
