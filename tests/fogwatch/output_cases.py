@@ -61,7 +61,7 @@ MIXED: dict[str, Any] = {
         {"name": "desk", "polygon": box(12.2, 0.2, 14, 1.8), "keep_out": True},
     ],
     "closures": [
-        {"name": "meeting", "polygon": box(19.5, 7.9, 20.6, 8.1), "closed": [[30, 60], [90, 110]]},
+        {"name": "meeting", "polygon": box(19.5, 7.9, 20.6, 8.1), "closed": [[30, 60], [90, 200]]},
         {"name": "kitchen", "polygon": box(11.9, 2, 12.1, 3.1), "closes": 0.02, "opens": 0.05},
         {"name": "crate", "polygon": box(8, 6.2, 9, 7)},
     ],
@@ -72,6 +72,8 @@ MIXED: dict[str, Any] = {
         {"kind": "partition", "at": 50, "for": 10, "groups": "halves"},
         {"kind": "kill", "at": 60, "who": "bert"},
         {"kind": "restart", "at": 80, "who": "bert"},
+        {"kind": "restart", "at": 105, "who": "carl"},
+        {"kind": "restart", "at": 120, "who": "carl"},
         {"kind": "pause", "at": 30, "for": 10, "who": "carl"},
         {"kind": "join", "at": 70, "who": "emil"},
         {"kind": "leave", "at": 100, "who": "dora"},
@@ -182,6 +184,7 @@ QUICK: Mapping[str, Case] = {
         (
             f"run graph.yaml --out sebs {RUN} --no-report",
             f"run forces.yaml --out forces {RUN} --no-report",
+            "export sebs --format csv",
             "compare sebs forces",
             "intruder sebs --attacks 25",
         ),
