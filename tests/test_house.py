@@ -63,6 +63,8 @@ CHECKERS = {
 
 @pytest.mark.parametrize("name", CHECKERS)
 def test_the_checkers_find_nothing(name: str) -> None:
+    if name == "types" and sys.version_info[:2] != (3, 11):
+        pytest.skip("types are checked with Python 3.11 alone: newer ones have a NumPy whose types differ")
     program, *arguments = CHECKERS[name]
     command = [str(Path(sys.executable).with_name(program)), *arguments]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)

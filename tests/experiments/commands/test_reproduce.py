@@ -140,7 +140,7 @@ def test_without_an_interval_a_tenth_or_the_samples_own_counts(clone: Path, run:
     [
         ({"says": "no such ([0-9]+)", "value": "stdout:share"}, [], "docs/results/radio.md: has no text like no such"),
         ({"says": NO_LIMIT, "value": "stdout:nothing"}, [], "radio: stdout:nothing: no number there"),
-        ({"says": NO_LIMIT, "value": "x:y", "commands": ["json.tool nowhere"]}, [], "json.tool nowhere: exit code"),
+        ({"says": NO_LIMIT, "value": "x:y", "commands": ["json.tool --x"]}, [], "json.tool --x: exit code"),
         ({"says": NO_LIMIT, "value": "stdout:share"}, ["speed"], "speed: has no sample: times"),
         ({"says": NO_LIMIT, "value": "stdout:share"}, ["radios"], "radios: no such page; did you mean radio?"),
     ],

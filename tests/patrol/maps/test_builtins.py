@@ -15,6 +15,14 @@ from patrol.starts import starting_part
 SIZES = {"open": (100.0, 88.0), "yards": (100.0, 88.0), "clutter": (118.0, 118.0), "site": (240.0, 160.0)}
 FREE_M2 = {"open": (8800, 8800), "yards": (7800, 8000), "clutter": (11_000, 12_000), "site": (24_000, 27_000)}
 
+SHAPES = {
+    "open": (8800.0, 376.0, 50.0, 44.0),
+    "yards": (7936.0, 725.683808, 50.0, 44.0),
+    "clutter": (11617.125, 1543.742169, 58.835069, 58.893091),
+    "site": (24261.496862, 2966.477392, 121.254385, 82.646786),
+}
+"""Area in m², edges in m, and centre in m of each terrain's free ground: no corner of it moves unnoticed."""
+
 
 def free_polygon(name: str) -> Polygon:
     layout = LAYOUTS[name]
@@ -27,6 +35,12 @@ def test_the_scenarios_names_are_the_terrains_names() -> None:
     assert set(BUILTINS) == set(LAYOUTS) == set(SIZES)
     with pytest.raises(BadInput, match="known are open, yards, clutter, site"):
         builtin_terrain("moon", 0.1)
+
+
+@pytest.mark.parametrize("name", SIZES)
+def test_every_corner_is_where_it_was(name: str) -> None:
+    free = free_polygon(name)
+    assert (free.area, free.length, free.centroid.x, free.centroid.y) == pytest.approx(SHAPES[name], abs=1e-5)
 
 
 @pytest.mark.parametrize("name", SIZES)

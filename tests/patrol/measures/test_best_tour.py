@@ -151,7 +151,7 @@ def test_the_tour_of_a_wheel_is_taken_and_nothing_is_stored(
     [
         *("", "{}", "[]", "\x00", '{"length_m": "far"}', '{"length_m": 5.0, "way": []}'),
         *(f'{{"length_m": {length}, "way": [[5.25, 5.25]]}}' for length in ("-1.0", "NaN")),
-        *(f'{{"length_m": 5.0, "way": {way}}}' for way in ("[[1e9, 5.25]]", "[5.25]")),
+        *(f'{{"length_m": 5.0, "way": {way}}}' for way in ("[[1e9, 5.25]]", "[5.25]", "[[0.01, 0.01]]")),
     ],
 )
 def test_a_damaged_file_is_made_again(cache: Path, monkeypatch: pytest.MonkeyPatch, text: str) -> None:

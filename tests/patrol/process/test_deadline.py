@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from patrol.process.deadline import MOST_CALLS, Late, deadline
+from patrol.process.deadline import DECISION_LIMIT_S, MOST_CALLS, Late, deadline
 
 SHORT_S = 0.05
 LONG_S = 300.0
@@ -86,7 +86,7 @@ def test_code_that_calls_itself_without_end_is_over_before_its_time(monkeypatch:
 
     before = sys.getrecursionlimit()
     try:
-        with pytest.raises(Late, match=f"^called itself more than {MOST_CALLS} times$"), deadline(5.0):  # noqa: PT012
+        with pytest.raises(Late, match=f"^called itself more than {MOST_CALLS} times$"), deadline(DECISION_LIMIT_S):  # noqa: PT012
             sys.setrecursionlimit(10**9)
             call()
     finally:

@@ -161,3 +161,38 @@ def test_wheels_on_the_spot_change_their_speeds_by_as_much_as_when_driving() -> 
     assert nearer(Twist(0.0, 0.0), Twist(0.0, 4.0), 0.2, 0.5) == Twist(0.0, pytest.approx(0.4))
     assert nearer(Twist(0.0, 0.0), Twist(0.0, -4.0), 0.2, 0.5) == Twist(0.0, pytest.approx(-0.4))
     assert nearer(Twist(1.0, 0.0), Twist(0.5, 0.4), 0.2, 0.5) == Twist(pytest.approx(0.8), pytest.approx(0.4))
+
+
+@pytest.mark.parametrize(
+    ("command", "wanted", "most", "told"),
+    [
+        (Velocity(1.0, 2.0), Velocity(4.0, 6.0), 2.5, Velocity(2.5, 4.0)),  # 5 m/s of change, of which it makes half
+        (Velocity(1.0, 2.0), Velocity(4.0, -2.0), 2.5, Velocity(2.5, 0.0)),
+        (Velocity(1.0, 2.0), Velocity(4.0, 6.0), 5.0, Velocity(4.0, 6.0)),
+        (Twist(1.0, 2.0), Twist(3.0, 9.0), 0.5, Twist(1.5, 4.0)),  # 0.5 m/s at 0.25 m are 2 rad/s
+        (Twist(1.0, 2.0), Twist(-3.0, -9.0), 0.5, Twist(0.5, 0.0)),
+        (Twist(1.0, 2.0), Twist(1.25, 2.5), 0.5, Twist(1.25, 2.5)),
+        (Drive(1.0, 0.5), Drive(3.0, -0.25), 0.5, Drive(1.5, -0.25)),
+        (Drive(1.0, 0.5), Drive(-3.0, 0.0), 0.5, Drive(0.5, 0.0)),
+    ],
+)
+def test_speeds_change_by_as_much_as_they_may_and_no_more(
+    command: Command, wanted: Command, most: float, told: Command
+) -> None:
+    assert nearer(command, wanted, most, 0.25) == told
+
+
+@pytest.mark.parametrize(
+    ("wanted", "now_s", "why"),
+    [
+        (Twist(0.0, 0.0), 0.5, ""),  # it is told to stand
+        (Twist(0.0, 0.0), 0.75, "no command has come"),
+        (Twist(1.0, 0.0), 0.7, ""),
+        (Twist(1.0, 0.0), 0.75, "no command has come"),
+    ],
+)
+def test_a_robot_that_is_told_to_stand_has_a_command(wanted: Command, now_s: float, why: str) -> None:
+    one = governor("differential")
+    one.want(wanted, 0.0)
+    told = one.step(MIDDLE, now_s, PERIOD_S, "")
+    assert (one.why, is_halt(told), one.fenced) == (why, wanted.speed_mps == 0.0 or bool(why), False)

@@ -353,3 +353,14 @@ def test_poses_and_transforms_of_a_robot_with_a_map_of_its_own_are_put_on_ours()
     posed = with_odometry(source=Source.POSE, transform=SHIFT)
     tell(posed, Pose(2.0, 1.0, 0.5))
     near(found(posed).pose, 9.0, 7.0, math.pi / 2 + 0.5)
+
+
+@pytest.mark.parametrize("speed", [0.25, 1.0])
+@pytest.mark.parametrize("more_m", [-0.01, 0.01])
+def test_a_jump_is_longer_than_half_a_metre_and_the_way_of_its_time(speed: float, more_m: float) -> None:
+    """A twentieth of a second has passed, and messages may have waited for as long as they stay fresh."""
+    settings = LocalisationSettings(speed=speed)
+    localisation = with_tf(speed=speed)
+    way_m = 0.5 + speed * (0.05 + settings.fresh_s) + more_m
+    localisation.odometry(odometry(NOW + 0.05, Pose(1.0 + way_m, 0.0, 0.0)), NOW + 0.05)
+    assert (localisation.at(NOW + 0.05) is not None) is (more_m < 0.0)

@@ -108,3 +108,23 @@ def test_two_that_drive_at_each_other_stop_apart(angle: float) -> None:
         poses = [advance(pose, command, 0.05) for pose, command in zip(poses, told, strict=True)]
         nearest = min(nearest, math.dist((poses[0].x, poses[0].y), (poses[1].x, poses[1].y)))
     assert nearest >= 2.0 * RADIUS - 0.05
+
+
+@pytest.mark.parametrize("ticks", [1, 2, 4, 5, -1])
+def test_a_velocity_follows_from_positions_that_are_at_most_four_ticks_apart(ticks: int) -> None:
+    peers = {2: Peer(10, Pose(1.0, 2.0, 0.0), 10)}
+    others = Others(peers, {2: 0.4}, STEP_S)
+    others.look(0.0)
+    peers[2] = Peer(10 + ticks, Pose(3.0, 1.0, 0.0), 10 + ticks)
+    others.look(1.0)
+    (one,) = others.around(1.0)
+    moved = (2.0 / (ticks * STEP_S), -1.0 / (ticks * STEP_S)) if 0 < ticks <= 4 else (0.0, 0.0)
+    assert (one.x, one.y, one.vx, one.vy, one.since_s) == pytest.approx((3.0, 1.0, *moved, 0.0))
+    assert one.speed == pytest.approx(math.hypot(*moved))
+
+
+@pytest.mark.parametrize(("apart_m", "drives"), [(0.71, True), (0.69, False)])
+def test_bodies_keep_as_far_apart_as_both_are_wide(apart_m: float, drives: bool) -> None:
+    """Radii of 0.3 and 0.4 m; it passes the other on a straight line."""
+    passed = Other(HERE.x + 0.1, HERE.y + apart_m, 0.0, 0.0, 0.4, 0.0)
+    assert (FENCE.allowed(HERE, Velocity(0.4, 0.0), (passed,)) == Velocity(0.4, 0.0)) is drives

@@ -82,3 +82,34 @@ def test_it_goes_on_when_somebody_releases_it_and_is_judged_anew() -> None:
     assert not response.why
     list(told(response, [Twist(0.5, 0.0)], 0.0, 1000))
     assert response.why
+
+
+@pytest.mark.parametrize(("speed", "slow_s", "steps"), [(1.0, 0.0, 8), (1.0, 1.0, 12), (0.5, 0.0, 20), (4.0, 0.0, 8)])
+def test_a_robot_is_driven_blindly_for_exactly_the_least_way_and_time(speed: float, slow_s: float, steps: int) -> None:
+    """Steps of 1/8 s; each trial takes 0.5 s and 0.3 m at least, and 1 m and 1 s without motion are too much."""
+    response, calls = Response(0.25, slow_s), 0
+    while not response.why and calls < 100:
+        response.told(Velocity(speed, 0.0), HERE, 0.125)
+        calls += 1
+    assert calls == 1 + steps  # the first call begins the trial
+
+
+@pytest.mark.parametrize(("share", "stops"), [(0.25, False), (0.24, True)])
+def test_a_robot_moves_from_a_quarter_of_its_way_on(share: float, stops: bool) -> None:
+    response, x = Response(0.25, 0.0), 0.0
+    for _ in range(60):
+        response.told(Velocity(1.0, 0.0), Pose(x, 5.0, 0.0), 0.125)
+        x += share * 0.125
+    assert bool(response.why) is stops
+
+
+@pytest.mark.parametrize(
+    ("moved", "drives"), [((0.2, 0.0), True), ((0.19, 0.0), False), ((0.0, 0.3), True), ((0.0, 0.29), False)]
+)
+def test_a_stopped_robot_goes_on_once_its_pose_has_moved_by_so_much(moved: tuple[float, float], drives: bool) -> None:
+    response, place = Response(0.25, 0.0), Pose(0.0, 0.0, 0.0)
+    for _ in range(9):
+        response.told(Velocity(1.0, 0.0), place, 0.125)
+    assert response.why
+    response.told(Velocity(0.0, 0.0), Pose(moved[0], 0.0, moved[1]), 0.125)
+    assert (not response.why) is drives
