@@ -162,11 +162,11 @@ def test_a_count_of_weeks_makes_no_table_of_weeks(jump: int, monkeypatch: pytest
     body = {"radius": 0.3, "speed": 1.5, "model": "holonomic"}
     patrol = {"policy": "agent.policies.commitment:Commitment", "options": {"separation": "claims"}}
     ages: list[list[int]] = []
-    targets, real = [], choice.best_of
+    targets = []
 
     def checked(*arguments: Any) -> Any:
         ages[-1].append(arguments[10].size)
-        return real(*arguments)
+        return best_of(*arguments)
 
     monkeypatch.setattr(choice, "best_of", checked)
     for most in (MOST_AGE, math.inf):
