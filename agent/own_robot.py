@@ -422,6 +422,7 @@ class WatchedRadio:
         if name := max(leads.keys() - too_early, key=lambda other: (leads[other], other), default=""):
             self._followed_s[name] = now
             self._clock.advance(leads[name])
+            skew.advance(leads[name])
             self._say(f"{name} has counted ticks for longer, by {leads[name]} ticks; this robot counts on from there")
         else:
             self._due = now + COMPLAIN_S
@@ -430,6 +431,8 @@ class WatchedRadio:
                 "that it follows, tells wrong ticks"
                 for other in sorted(too_early)
             )
+            if longest_lead < 0:
+                again += "; this robot counts further than others follow: start it again"
             self._say(f"{complaint}{again}")
         return frames
 

@@ -65,7 +65,7 @@ def gather(
             ``tick`` means that the point has no age.
         looked: int32 (h, w), the tick at which each point was last in view; ``seen`` where a look makes a point fresh.
         tick: Now.
-        pull: float64 (mfow + 1,), f by age in ticks.
+        pull: float64 (a + 1,), f by age in ticks; greater ages count as a.
         decay: float64 (limit + 1,), g by length in hundredths of a point.
         rival: int32 (m, n), path lengths from the nearest rival, in hundredths of a point.
         share: float64 (2 s + 1,), the share of a force that claims leave, by how much farther away the robot is than
@@ -79,7 +79,7 @@ def gather(
     """
     rows, cols = state.shape
     middle = sector.shape[0] // 2
-    half, widest = share.size // 2, share.size - 1
+    half, widest, oldest = share.size // 2, share.size - 1, pull.size - 1
     if posts is None:
         top, bottom = max(0, start_row - span), min(rows, start_row + span + 1)
         left, right = max(0, start_col - span), min(cols, start_col + span + 1)
@@ -108,7 +108,7 @@ def gather(
             when = int64(seen[index(seen_row), index(seen_col)])
             if when > tick:
                 continue
-            force = pull[index(tick - max(when, 0))] * decay[index(far)]
+            force = pull[index(min(tick - max(when, 0), oldest))] * decay[index(far)]
             if widest >= 0:
                 ahead = far - int64(rival[index(row), index(col)]) + half
                 force *= share[index(min(max(ahead, 0), widest))]

@@ -49,7 +49,8 @@ BESIDE_POINTS = 2
 """Rows or columns, at most, between a robot and the point where its paths begin."""
 
 MOST_AGE = 1e5
-"""Greatest age times weight, ticks; where one is greater, all are made smaller by one factor."""
+"""Greatest age times weight, ticks; where one is greater, all are made smaller by one factor, as for a count of ticks
+that has been moved by weeks."""
 
 ROUNDING = 1e-9
 """Share by which a bound is lowered, so that no rounding makes it too high."""
@@ -132,13 +133,14 @@ class FreeChoice:
         return best
 
     def _weigh_ages(self, view: View) -> Ages:
-        """Return the believed ages, times their weights on ground with zones."""
+        """Return the believed ages, times their weights on ground with zones, at most `MOST_AGE`."""
         fog = view.fog
         zoned = zoned_ground(self._prepared, view.weighing)
-        if zoned is None:
+        if zoned is None and view.mfow <= MOST_AGE:
             return Ages(fog.patrolled, fog.last_seen, fog.looked, view.tick, view.mfow)
         counts = fog.patrolled & (fog.looked != view.tick)
-        weighted = np.where(counts, zoned.weights * (view.tick - np.maximum(fog.last_seen, 0)), 0.0)
+        weights = 1.0 if zoned is None else zoned.weights
+        weighted = np.where(counts, weights * (view.tick - np.maximum(fog.last_seen, 0)), 0.0)
         oldest = float(weighted.max())
         if oldest > MOST_AGE:
             weighted *= MOST_AGE / oldest

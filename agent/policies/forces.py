@@ -30,6 +30,10 @@ PAPER_AREA = 100.0 * 88.0 / 5.0
 REMEMBERED = 16
 """Tables of f by age that are kept: those of one tick, unless more robots than so many believe in different fogs."""
 
+OLDEST = 65534
+"""Greatest age in ticks that forces tell from others, as for dilatation (`agent.kernels.dilate`): points that are older
+pull alike, and no table grows with a count of ticks that another robot or a wrong epoch has moved by weeks."""
+
 FloatArray = NDArray[np.float64]
 
 
@@ -113,8 +117,8 @@ class ForceLaw:
         self._rising = self._rising[: self.limit]
 
     def pull(self, mfow: int) -> FloatArray:
-        """Return f by age up to ``mfow`` ticks, read-only."""
-        return pull_by_age(self._options.fow, self._options.alpha, mfow)
+        """Return f by age up to ``mfow`` ticks, at most `OLDEST`, read-only."""
+        return pull_by_age(self._options.fow, self._options.alpha, min(mfow, OLDEST))
 
     def horizon(self, exerted: float, stalest: float) -> int:
         """Return the longest path that can still matter, in hundredths of a point.

@@ -63,25 +63,42 @@ class Skew:
     def hear(self, k: int, frames: Iterable[bytes]) -> list[bool]:
         """Take in the frames heard, before the inbox rejects any of them; return which are late.
 
-        A frame is late by the median of its sender's last ones, not by this robot's count: clocks may differ.
+        A frame is late by the median of its sender's last ones, not by this robot's count: clocks may differ. Where
+        this robot has skipped ticks, frames have waited for it: none is late, and the last one of each sender counts.
         """
-        if k != self._k + 1:  # own ticks were skipped, so what has waited meanwhile says nothing about the others
-            for leads in self._leads.values():
-                leads.clear()
-        self._k = k
-        return [self._is_late(k, frame) for frame in frames]
+        has_skipped, self._k = k != self._k + 1, k
+        senders = [self._sender_of(frame) for frame in frames]
+        if has_skipped:
+            for number, lead in dict(filter(None, senders)).items():
+                leads = self._leads[number]
+                if leads and abs(lead - median_low(leads)) > self._late:  # a clock was set
+                    leads.clear()
+                self._note(number, lead)
+            return [False] * len(senders)
+        return [sender is not None and self._is_late(*sender) for sender in senders]
 
-    def _is_late(self, k: int, frame: bytes) -> bool:
+    def advance(self, ticks: int) -> None:
+        """Take note that this robot counts so many ticks more from the next one on."""
+        self._k += ticks
+        self._leads = {number: deque((lead - ticks for lead in leads), LONG) for number, leads in self._leads.items()}
+
+    def _sender_of(self, frame: bytes) -> tuple[int, int] | None:
+        """Return the number of the robot that sent a frame, and its lead; None for contacts and strangers."""
         try:
             position = decode(frame, self._key)
         except Rejected:
-            return False
+            return None
         if position.robot == CONTACT or position.robot not in self._leads:
-            return False
-        leads, lead = self._leads[position.robot], position.sequence - k
-        leads.append(lead)
-        self._heard_k[position.robot] = k
-        is_late = lead < median_low(leads) - self._late
+            return None
+        return position.robot, position.sequence - self._k
+
+    def _note(self, number: int, lead: int) -> None:
+        self._leads[number].append(lead)
+        self._heard_k[number] = self._k
+
+    def _is_late(self, number: int, lead: int) -> bool:
+        self._note(number, lead)
+        is_late = lead < median_low(self._leads[number]) - self._late
         self.late += is_late
         return is_late
 

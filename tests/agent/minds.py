@@ -52,16 +52,17 @@ def pull_on(
     rivals: Sequence[tuple[int, int]] = (),
     looked: NDArray[np.int32] | None = None,
     ground: Ground | None = None,
+    tick: int = 100,
     mfow: int = 100,
     aside: Aside = CENTRE,
     key: int = 0,
     **options: Any,
 ) -> Pull:
-    """The pull at tick 100 on a robot at a framed point of ground with points of 0.5 m, by when each was last seen."""
+    """The pull on a robot at a framed point of ground with points of 0.5 m, by when each was last seen."""
     field = Field(PotentialFieldOptions.model_validate(options), fields, Posts(fields.proxy), 0.5, {})
     ground = ground or Ground(Terrain("field", fields.cspace, 0.5), fields.reach)
     spread = seen if dilated is None else dilated
-    return field.pull(ground, *start, seen, lambda _: spread, 100, mfow, rivals, looked, aside, key)
+    return field.pull(ground, *start, seen, lambda _: spread, tick, mfow, rivals, looked, aside, key)
 
 
 def setup_of(prepared: Prepared, number: int = 1) -> PolicySetup:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Container, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 
@@ -89,10 +89,11 @@ class Fleet:
     def _pass_by(_seconds: float) -> bool:
         return False
 
-    def tick(self, words: Words | None = None) -> None:
-        """One tick: all robots send, the liar says its words, all hear."""
+    def tick(self, words: Words | None = None, asleep: Container[str] = ()) -> None:
+        """One tick: all robots send, the liar says its words, all hear, but for those that are asleep."""
         self.now_s = (math.floor(self.now_s / STEP_S) + 1 + 0.6 + PHASE_B_SHARE) * STEP_S
-        for robot in self.robots:
+        awake = [robot for robot in self.robots if robot.name not in asleep]
+        for robot in awake:
             k = robot.clock.tick()
             assert k is not None
             assert not robot.ks or k > robot.ks[-1], "ticks never go back"
@@ -103,6 +104,7 @@ class Fleet:
         for hearer in self.robots:
             for k in (words or {}).get(hearer.name, ()):
                 hearer.mailbox.put(KEYS.position(LIAR), frame_of(self.names[LIAR], min(k, MAX_SEQUENCE)))
+        for hearer in awake:
             before = len(hearer.said)
             assert hearer.watched.hear() is not None
             for line in hearer.said[before:]:
@@ -146,6 +148,19 @@ def test_robots_that_began_apart_count_as_the_first(ages_s: tuple[float, ...]) -
     fleet = Fleet(ages_s)
     assert settle(fleet) <= 3 * (REMEMBERED + round(COMPLAIN_S / STEP_S))
     assert min(robot.ks[-1] for robot in fleet.robots) * STEP_S >= max(ages_s)
+
+
+@pytest.mark.parametrize(
+    "is_asleep", [lambda k: k % 8 == 0, lambda k: k % 2 == 0, lambda k: k % 10 > 0, lambda k: k % 80 > 7]
+)
+def test_a_slow_robot_that_skips_ticks_counts_as_the_first(is_asleep: Callable[[int], bool]) -> None:
+    fleet = Fleet([0.0, 1000.0])
+    for k in range(20 * REMEMBERED):
+        fleet.tick(asleep={"r1"} if is_asleep(k) else ())
+    assert fleet.followed("r1") == ["r2"]
+    fleet.tick()
+    assert fleet.is_together()
+    assert fleet.robots[0].said == [line for line in fleet.robots[0].said if "counts on from there" in line]
 
 
 def test_a_chain_of_robots_counts_as_its_oldest() -> None:
@@ -241,6 +256,23 @@ def test_a_count_that_no_fleet_can_have_is_refused_by_all() -> None:
         assert fleet.followed("r1")[-1] == LIAR
         assert settle(fleet) <= QUIET_TICKS
         assert fleet.robots[1].ks[-1] >= most
+
+
+def test_a_robot_that_was_led_away_before_the_limit_moved_says_what_helps() -> None:
+    """Nothing that robots hear tells r2 which of both lies; r1, started again, counts as r2 does."""
+    block_s = 0.2 * ms_to_s(MAX_TIME_MS)
+    fleet = Fleet([0.0, 0.0], math.ceil(1.8e9 / block_s) * block_s - 3 * STEP_S)
+    most = latest_tick(STEP_S, fleet.now_s)
+    fleet.tick({"r1": [most] * REMEMBERED})
+    fleet.run(2 * QUIET_TICKS)
+    assert fleet.followed("r1") == [LIAR]
+    assert not fleet.is_together()
+    r1, r2 = fleet.robots
+    assert all("further than" not in line for line in r2.said)
+    assert r1.said[-1].endswith("; this robot counts further than others follow: start it again")
+    assert epoch_of(frame_of(1, r1.ks[-1]), fleet.now_s, STEP_S) is None
+    began_s = epoch_of(frame_of(2, r2.ks[-1]), fleet.now_s, STEP_S)
+    assert began_s == fleet.now_s - r2.ks[-1] * STEP_S
 
 
 @pytest.mark.parametrize("step_s", [0.1, 0.5, 5.0])

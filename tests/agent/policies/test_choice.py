@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,8 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from agent.kernels.best import best_of, oldest_that_may_win
-from agent.policies.choice import Best, FreeChoice
+from agent.policies import choice
+from agent.policies.choice import MOST_AGE, Best, FreeChoice
 from agent.policies.pursuit import GivenUp
 from agent.routes.path_window import FAR
 from agent.routes.wave import LONGEST, NO_BENDS, BoxPaths, Wave
@@ -152,3 +154,31 @@ def test_an_age_counts_as_many_times_as_its_weight() -> None:
     assert heavy >= 20.0
     assert light < 20.0
     assert abs(plain - 15.0) < 5.0
+
+
+@pytest.mark.parametrize("jump", [round(MOST_AGE) - 2, round(MOST_AGE) - 1, round(MOST_AGE), 7 * 10**6])
+def test_a_count_of_weeks_makes_no_table_of_weeks(jump: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The robot goes where it goes by the ages themselves."""
+    terrain = cluttered(1, (40, 120), 0)
+    body = {"radius": 0.3, "speed": 1.5, "model": "holonomic"}
+    patrol = {"policy": "agent.policies.commitment:Commitment", "options": {"separation": "claims"}}
+    ages: list[list[int]] = []
+    targets = []
+
+    def checked(*arguments: Any) -> Any:
+        ages[-1].append(arguments[10].size)
+        return best_of(*arguments)
+
+    monkeypatch.setattr(choice, "best_of", checked)
+    for most in (MOST_AGE, math.inf):
+        monkeypatch.setattr(choice, "MOST_AGE", most)
+        ages.append([])
+        robots = Robots(prepared_in(terrain, [Pose(15.0, 5.0, 0.0)], body, patrol=patrol, sensor={"range": 3.0}))
+        robots.k = jump
+        for _ in range(3):
+            robots.tick()
+        mind: Any = robots.minds[0]
+        targets.append(mind.policy.otherwise.pursuit.target.point)
+    assert targets[0] == targets[1]
+    bounded, unbounded = (max(sizes) for sizes in ages)
+    assert (bounded, unbounded) == (min(jump + 2, round(MOST_AGE)) + 1, jump + 3)

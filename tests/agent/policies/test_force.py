@@ -112,6 +112,24 @@ def ticks(side: int, *stale: tuple[int | slice, int | slice]) -> NDArray[np.int3
     return seen
 
 
+@pytest.mark.parametrize("mfow", [forces.OLDEST - 1, forces.OLDEST, forces.OLDEST + 1, 7 * 10**6])
+def test_ages_count_up_to_a_bound(mfow: int) -> None:
+    """A count of ticks that jumps by weeks makes no table of weeks; up to the bound, nothing is changed."""
+    law = forces.ForceLaw(PotentialFieldOptions(fow="f1"), 0.5, 100, 10**4)
+    table = law.pull(mfow)
+    oldest = min(mfow, forces.OLDEST)
+    assert table.tolist() == (np.arange(oldest + 1) / oldest).tolist()
+
+    def pull_of(age: int) -> float:
+        seen = np.full((21, 21), mfow, dtype=np.int32)
+        seen[5, 5] = mfow - age
+        pull = pull_on(fields_of(np.ones((21, 21), dtype=np.bool_)), (11, 11), seen, tick=mfow, mfow=mfow, fow="f1")
+        return float(pull.sums.max())
+
+    assert pull_of(mfow) == pull_of(oldest)
+    assert 0.0 < pull_of(oldest - 1) < pull_of(oldest)
+
+
 @settings(max_examples=25)
 @given(seed=st.integers(0, 10**6), direction=st.sampled_from(["mode", "vector"]), f=st.sampled_from(["f1", "f3", "f4"]))
 def test_leaving_out_what_lies_beyond_the_horizon_changes_no_decision(seed: int, direction: str, f: str) -> None:

@@ -178,3 +178,30 @@ def test_strangers_contacts_and_junk_say_nothing() -> None:
     for k in range(2 * REMEMBERED):
         skew.hear(k, [frame_of(7, k + 50), contact, b"junk", b""])
     assert skew.ticks == {}
+
+
+def test_frames_that_have_waited_for_a_robot_that_skips_ticks_say_nothing_but_for_the_last() -> None:
+    skew, missed = Skew({2: "r2"}, STEP_S), 20
+    for k in range(0, 40 * missed, missed):
+        assert not any(skew.hear(k, [frame_of(2, max(0, k - waited)) for waited in range(missed)[::-1]]))
+    assert skew.ticks == {"r2": 0}
+    assert skew.late == 0
+
+
+@pytest.mark.parametrize("jump", [3, 1000])
+def test_no_frame_is_late_after_the_own_clock_was_set(jump: int) -> None:
+    skew = Skew({2: "r2"}, STEP_S)
+    for k in range(100):
+        skew.hear(k, [frame_of(2, k)])
+    for k in range(100 + jump, 200 + jump):
+        assert skew.hear(k, [frame_of(2, k - jump)]) == [False]
+    assert skew.ticks == {"r2": -jump}
+
+
+def test_leads_count_on_from_where_the_robot_itself_counts_on() -> None:
+    skew = Skew({2: "r2", 3: "r3"}, STEP_S)
+    for k in range(REMEMBERED):
+        skew.hear(k, [frame_of(2, k + 100), frame_of(3, k + 40)])
+    skew.advance(100)
+    skew.hear(REMEMBERED + 100, [frame_of(2, REMEMBERED + 100), frame_of(3, REMEMBERED + 40)])
+    assert skew.ticks == {"r2": 0, "r3": -60}
