@@ -27,8 +27,10 @@ shows that the other robot is there, and it stops again.
 
 All this is only as good as the positions that are heard. In lockstep, on a channel without delay or loss, where all
 robots send in each tick, a robot decides on where the others are now. With delay or loss, and where the fleet saves on
-its radio (`radio.adaptive`, `radio.budget`), it decides on older places, or on predicted ones. So it may keep right
-late or not at all, and bump. Then the rules of `agent.bodies.standoff` are left.
+its radio (`radio.adaptive`, `radio.budget`), it decides on older places, or on predicted ones. Two that hear each
+other equally late still find the same line, because each takes itself to be where the other one predicts it. But it may
+be elsewhere by now, so it may keep right late or not at all, and bump. Then the rules of `agent.bodies.standoff` are
+left.
 """
 
 from __future__ import annotations
@@ -43,7 +45,9 @@ from agent.bodies.standoff import STILL, disc_round
 from agent.routes.ground import Ground
 from agent.routes.routes import Routes
 from patrol.ground.swept_path import advance
-from patrol.radio.peers import places_of, sequences_of
+from patrol.pose import Pose
+from patrol.radio.message import SPAN
+from patrol.radio.peers import go_on, places_of, sequences_of, ticks_of
 
 if TYPE_CHECKING:
     from agent.ports import Place
@@ -128,20 +132,36 @@ class KeepingRight:
         self._stride = strides[number]
         self._own = Motion(0, 0, (0.0, 0.0))
         self._others: dict[int, Motion] = {}
+        self._past: dict[int, Spot] = {}  # own places by tick
+        self._believed: dict[int, Motion] = {}  # own motion as robots that are heard late predict it, by their number
         self._expected: int | None = None
 
     def note(self, view: View) -> None:
         """Take note of where the others are, and of how each has moved since it was last heard."""
         here = view.reported.x, view.reported.y
         self._own = self._own.after(view.tick, here, self._stride)
+        self._past[view.tick] = here
+        self._past.pop(view.tick - SPAN, None)
         # Robots that are no longer heard are forgotten, and with them how they moved.
         before, self._others = self._others, {}
+        believed, self._believed = self._believed, {}
         # By columns: a fleet of 1,000 spends most of its time here if each peer is made an object.
-        sequences, places = sequences_of(view.peers).tolist(), places_of(view.peers).tolist()
-        for number, sequence, (x, y) in zip(sorted(view.peers), sequences, places, strict=True):
+        columns = sequences_of(view.peers).tolist(), ticks_of(view.peers).tolist(), places_of(view.peers).tolist()
+        for number, sequence, tick, (x, y) in zip(sorted(view.peers), *columns, strict=True):
             spot = x, y
             was = before.get(number) or Motion(sequence, sequence, spot)
             self._others[number] = was.after(sequence, spot, self._strides[number])
+            if tick > sequence and (own := self._predict_own(view.tick, tick - sequence, believed.get(number))):
+                self._believed[number] = own
+
+    def _predict_own(self, tick: int, late: int, was: Motion | None) -> Motion | None:
+        """Return this robot's motion as one predicts it that hears it `late` ticks late; None at the beginning."""
+        sent = tick - late
+        place, before = self._past.get(sent), self._past.get(sent - 1)
+        if place is None or before is None:
+            return None
+        end = go_on(self._ground.terrain, Pose(*place, 0.0), (place[0] - before[0], place[1] - before[1]), late)
+        return (was or Motion(sent, sent, place)).after(sent, (end.x, end.y), self._stride)
 
     def room(self, command: Command, view: View) -> float:
         """Return the share of a step that stays on this robot's side of a line between it and each other one.
@@ -150,10 +170,12 @@ class KeepingRight:
         """
         free, x, y = SAMPLES, view.pose.x, view.pose.y
         for number, neighbour in self._others.items():
+            own = self._believed.get(number, self._own)
             # Too far apart to touch within a step, whatever both do.
-            if math.dist((x, y), neighbour.place) >= self._sum_radii(number) + self._stride + self._strides[number]:
+            near = self._sum_radii(number) + self._stride + self._strides[number]
+            if math.dist((x, y), neighbour.place) >= near + 2.0 * math.dist(own.place, self._own.place):
                 continue
-            across, up, limit = self._find_side(number, neighbour)
+            across, up, limit = self._find_side(number, own, neighbour)
             # Only as far as the robots before have left free.
             for sample in range(1, free + 1):
                 end = advance(view.pose, command, sample / SAMPLES * self._step)
@@ -170,14 +192,14 @@ class KeepingRight:
                     break
         return free / SAMPLES
 
-    def _find_side(self, number: int, other: Motion) -> tuple[float, float, float]:
+    def _find_side(self, number: int, own_motion: Motion, other: Motion) -> tuple[float, float, float]:
         """Return the direction (x, y) to the line between this robot and another, and how far it may go there, m.
 
         The line is square to where the robots would be nearest to each other in the next step if both went on, or to
         where they are if they would touch. Each may go on as before if there is room for both, and half of the rest.
         """
         # Positions were rounded when they were sent, so the gap may be smaller by that much.
-        own_motion, radii = self._own, self._sum_radii(number) + HEARD_M
+        radii = self._sum_radii(number) + HEARD_M
         x, y = other.place[0] - own_motion.place[0], other.place[1] - own_motion.place[1]
         right, up = other.moved[0] - own_motion.moved[0], other.moved[1] - own_motion.moved[1]
         speed = right**2 + up**2
@@ -196,7 +218,10 @@ class KeepingRight:
         their_share = max(0.0, -other.moved[0] * across - other.moved[1] * along)
         spare = gap - mine - their_share
         # Never 0 / 0: spare is below 0 only where one of them comes nearer.
-        return across, along, mine + 0.5 * spare if spare >= 0.0 else gap * mine / (mine + their_share)
+        limit = mine + 0.5 * spare if spare >= 0.0 else gap * mine / (mine + their_share)
+        ahead_x, ahead_y = own_motion.place[0] - self._own.place[0], own_motion.place[1] - self._own.place[1]
+        # A robot that is not where it is predicted may have crossed the line: it goes no farther.
+        return across, along, max(limit + ahead_x * across + ahead_y * along, 0.0)
 
     def past(self, place: Place, view: View) -> Place | int:
         """Return a place with the way to it that leads past a robot which comes towards this one.

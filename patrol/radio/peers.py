@@ -65,6 +65,13 @@ def _column_of(peers: Mapping[int, Peer], column: str, field: str) -> NDArray[np
 _POINT = 1e-6
 
 
+def go_on(terrain: Terrain, start: Pose, moved: tuple[float, float], ahead: float) -> Pose:
+    """Return the pose after `ahead` more of a movement (x and y in m), or at the first wall."""
+    end = Pose(start.x + ahead * moved[0], start.y + ahead * moved[1], start.heading)
+    share = free_fraction(terrain, start, end, _POINT)
+    return Pose(start.x + share * (end.x - start.x), start.y + share * (end.y - start.y), start.heading)
+
+
 class Predictor:
     """Predicts robots on one terrain."""
 
@@ -88,9 +95,7 @@ class Predictor:
             return start
         back_x, back_y = last.trail[0]
         ahead = min(ticks, self._horizon) / self._trail_every
-        end = Pose(start.x - ahead * cm_to_m(back_x), start.y - ahead * cm_to_m(back_y), start.heading)
-        share = free_fraction(self._terrain, start, end, _POINT)
-        return Pose(start.x + share * (end.x - start.x), start.y + share * (end.y - start.y), start.heading)
+        return go_on(self._terrain, start, (-cm_to_m(back_x), -cm_to_m(back_y)), ahead)
 
     def error(self, last: Position, now: Position) -> float:
         """Return the distance, in m, between the place predicted from the sender's last frame and the present one."""

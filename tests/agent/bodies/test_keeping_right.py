@@ -105,13 +105,31 @@ def test_steps_that_are_cut_never_touch_whatever_robots_did_before() -> None:
             right = KeepingRight(own + 1, radii, strides, ground, 0.5)
             view: Any = None
             for tick, poses in enumerate((before, here), 1):
-                heard = {other + 1: SimpleNamespace(pose=poses[other], sequence=tick)}
+                heard = {other + 1: SimpleNamespace(pose=poses[other], sequence=tick, tick=tick)}
                 view = SimpleNamespace(tick=tick, pose=poses[own], reported=poses[own], peers=heard, obstacles=())
                 right.note(view)
             bearing = turns[2 + own]
             part = right.room(Velocity(math.cos(bearing), math.sin(bearing)), view)
             ends.append(moved(here[own], 0.5 * part, bearing))
         assert math.dist((ends[0].x, ends[0].y), (ends[1].x, ends[1].y)) >= 0.6, number
+
+
+def test_robots_that_hear_each_other_late_keep_to_the_same_line() -> None:
+    terrain = plan((20.0, 20.0), (0.0, 0.0, 20.0, 20.0))
+    ground, strides, radii = Ground(terrain, terrain.passable), {1: 0.5, 2: 0.5}, {1: 0.3, 2: 0.3}
+    # Both stood in the first ticks and now drive towards each other, of which neither has heard.
+    ways = [5.5, 5.5, 5.5, 6.0], [7.5, 7.5, 7.5, 7.0]
+    ends = []
+    for own, other in ((0, 1), (1, 0)):
+        right, ahead = KeepingRight(own + 1, radii, strides, ground, 0.5), 1.0 - 2.0 * own
+        view: Any = None
+        for tick in range(1, 4):
+            pose, peer = Pose(ways[own][tick], 5.0, 0.0), Pose(ways[other][tick - 1], 5.0, 0.0)
+            heard = {other + 1: SimpleNamespace(pose=peer, sequence=tick - 1, tick=tick)}
+            view = SimpleNamespace(tick=tick, pose=pose, reported=pose, peers=heard, obstacles=())
+            right.note(view)
+        ends.append(view.pose.x + 0.5 * ahead * right.room(Velocity(ahead, 0.0), view))
+    assert 0.6 <= ends[1] - ends[0] < 0.75
 
 
 def moved(pose: Pose, way: float, bearing: float) -> Pose:
