@@ -118,7 +118,8 @@ class TelemetrySender:
             decision_ms=decision_ms,
             rejected=decision.rejected,
             stopped=self.stopped()[:MAX_TEXT],
-            charge=sensed.charge,
+            # A robot of one's own may say 1 for 1.0, or a little more: viewers would drop its reports.
+            charge=None if sensed.charge is None else float(min(max(sensed.charge, 0.0), 1.0)),
         )
         if now >= self._due:
             self._due = now + TELEMETRY_S

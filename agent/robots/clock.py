@@ -64,12 +64,10 @@ class KeptClock:
     def _wait_until(self, moment: float) -> bool:
         """Wait; True when it is time to leave."""
         while (left := moment - self._now()) > 0.0:
-            # A tick lies at most a step ahead, but for the first, unless the clock was set back.
-            back_s = left - self._step_s
-            self.why = (
-                f"the clock was set back, so no tick comes for {left:.0f} s; set it right" if back_s > SET_S else ""
-            )
-            if self.why and self._k > 0:
+            # A tick lies at most a step ahead unless the clock was set back; the first may be long in coming.
+            is_back = self._k > 0 and left - self._step_s > SET_S
+            self.why = f"the clock was set back, so no tick comes for {left:.0f} s; set it right" if is_back else ""
+            if is_back:
                 self._say(self.why)
             if self._leave(min(left, SAY_AGAIN_S)):
                 return True

@@ -382,7 +382,8 @@ class Odometer:
             return f"odometry has jumped by {self.jumped_m:.1f} m"
         if len(self._gaps_s) == SLOW_GAPS and min(self._gaps_s) > self._settings.fresh_s:
             each_s, fresh_s = max(self._gaps_s), self._settings.fresh_s
-            return f"odometry comes every {each_s:.2f} s, and --fresh allows {fresh_s:g} s; publish it more often"
+            slow = f"odometry comes every {each_s:.2f} s, and --fresh allows {fresh_s:g} s"
+            return f"{slow}; publish it more often, or raise --fresh"
         return ""
 
     def _read_message(self, message: Odometry, arrived_s: float, last: OdometryReading | None) -> OdometryReading:

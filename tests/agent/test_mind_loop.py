@@ -12,15 +12,17 @@ import pytest
 
 from agent.build import build_mind
 from agent.mind import Mind
-from agent.mind_loop import run_mind
+from agent.mind_loop import TelemetrySender, run_mind
 from agent.ports import Decision, Intent, Steer
 from agent.robots.fake import FakeRobot
 from agent.view import View
 from patrol.exchange import Sensed
 from patrol.ground.terrain import Terrain
+from patrol.messages.telemetry import Telemetry
 from patrol.pose import Pose, Velocity
 from patrol.radio.message import decode
 from patrol.scenario import load_scenario
+from patrol.wire import read
 from tests.agent.minds import STEP, prepared_on
 from tests.present import present
 
@@ -134,3 +136,13 @@ def test_a_policy_that_hangs_stops_its_robot() -> None:
     finally:
         policy.woken.set()
     assert robot.stopped == says
+
+
+@pytest.mark.parametrize(("told", "shown"), [(None, None), (1, 1.0), (0, 0.0), (1.004, 1.0), (-0.1, 0.0), (0.5, 0.5)])
+def test_viewers_can_read_every_charge_that_a_robot_of_ones_own_tells(told: float | None, shown: float | None) -> None:
+    mind, robot = made(Ahead(), last=0)
+    eyes = Eyes()
+    run_mind(mind, robot, Ears(), eyes)
+    posted: list[bytes] = []
+    TelemetrySender(posted.append).report(Sensed(0, START, charge=told), eyes.seen[0][1], 1.0)
+    assert read(Telemetry, posted[0]).charge == shown

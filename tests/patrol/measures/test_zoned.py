@@ -57,7 +57,7 @@ def test_a_wanted_age_is_a_weight_against_the_best_tour() -> None:
 @pytest.mark.parametrize("order", [1, -1])
 def test_of_two_wishes_for_the_same_ground_the_lesser_age_counts(order: int) -> None:
     """The inner zone lies within the outer one, which weighs more."""
-    zones = [VAULT | {"age": 30}, {"name": "safe", "polygon": box(5, 5, 20, 20), "age": 60}]
+    zones: list[dict[str, Any]] = [VAULT | {"age": 30}, {"name": "safe", "polygon": box(5, 5, 20, 20), "age": 60}]
     ground = ground_of(prepared(*zones[::order]))
     assert [age for age in ground.wanted if age is not None] == [30.0]
 

@@ -156,11 +156,21 @@ def test_a_command_is_obeyed_for_its_time_only() -> None:
     assert one.why == "no command has come"
 
 
-def test_wheels_on_the_spot_change_their_speeds_by_as_much_as_when_driving() -> None:
+@pytest.mark.parametrize(
+    ("command", "wanted", "told"),
+    [
+        (Twist(0.0, 0.0), Twist(0.0, 4.0), (0.0, 0.4)),
+        (Twist(0.0, 0.0), Twist(0.0, -4.0), (0.0, -0.4)),
+        (Twist(1.0, 0.0), Twist(0.5, 0.4), (0.8, 0.4)),
+    ],
+)
+def test_wheels_on_the_spot_change_their_speeds_by_as_much_as_when_driving(
+    command: Twist, wanted: Twist, told: tuple[float, float]
+) -> None:
     """The wheels are 0.5 m from the centre, so 0.2 m/s more are 0.4 rad/s more."""
-    assert nearer(Twist(0.0, 0.0), Twist(0.0, 4.0), 0.2, 0.5) == Twist(0.0, pytest.approx(0.4))
-    assert nearer(Twist(0.0, 0.0), Twist(0.0, -4.0), 0.2, 0.5) == Twist(0.0, pytest.approx(-0.4))
-    assert nearer(Twist(1.0, 0.0), Twist(0.5, 0.4), 0.2, 0.5) == Twist(pytest.approx(0.8), pytest.approx(0.4))
+    reached = nearer(command, wanted, 0.2, 0.5)
+    assert isinstance(reached, Twist)
+    assert reached.numbers == pytest.approx(told)
 
 
 @pytest.mark.parametrize(

@@ -6,6 +6,7 @@ from typing import Any
 
 import pytest
 
+from patrol.closures.ground import ChangingFootprint
 from patrol.exchange import Reply, Sensed
 from patrol.journal import Event
 from patrol.pose import Velocity
@@ -61,7 +62,9 @@ def test_a_robot_that_bumped_feels_what_is_a_step_and_a_point_away(lab: Lab) -> 
         tick(world, 0.0)
         body = world.bodies[1]
         body.bumped = True
-        shown = world.closures.blocked(body, world.truth.footprint)
+        footprint = world.truth.footprint
+        assert isinstance(footprint, ChangingFootprint)
+        shown = world.closures.blocked(body, footprint)
         felt[x] = {divmod(index, world.terrain.width) for index in shown}
     rows = {row for row, col in felt[7.0] if col == 17}
     assert rows == {14}
