@@ -76,6 +76,9 @@ def test_the_tables_show_what_was_seen_where_not_all_was(results: tables.Benchma
     share = present(cells[0].mean(tables.SEEN))
     assert share < 1.0, "30 s are too short"
     assert rows[1][1] == f"({100 * share:.2f} % seen)"
+    shown = {measure.metric: cells[0].text(measure) for measure in tables.MEASURES}
+    assert shown[tables.LATE] == shown[tables.OVER_TOUR] == rows[1][1], "neither is an age"
+    assert "seen" not in shown["fog_mean_s"]
     fog = cells[0].row.metrics["fog_mean_s"]
     assert rows[1][2] == f"{fog.mean:.0f}"
     text = markdown.page(TINY, results, command="fogwatch benchmark", computing_s=60.0)

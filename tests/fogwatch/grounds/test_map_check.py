@@ -138,6 +138,15 @@ def test_unseen_corners_are_not_blamed_on_doors() -> None:
     assert report.unseen_sealed <= report.unseen
 
 
+def test_a_crumb_that_nobody_sees_is_sealed_off_and_no_blind_corner() -> None:
+    free = np.zeros((40, 60), dtype=np.bool_)
+    free[:, :40] = True
+    free[20, 55] = True  # beyond a wall of 1.5 m, and too small for a room
+    report = check_map(Terrain("crumb", free, POINT), 0.3, starts=at(1.0, 1.0))
+    assert report.unseen == pytest.approx(POINT**2)
+    assert report.unseen_sealed == pytest.approx(POINT**2)
+
+
 @pytest.mark.parametrize("seed", range(6))
 def test_rooms_tile_the_free_space_and_doors_split_it(seed: int) -> None:
     rng = np.random.default_rng(seed)

@@ -102,6 +102,13 @@ def test_a_process_is_said_to_have_ended_when_it_has_however_long_it_was_stopped
     assert office.answer("look") == {"problem": "", "state": ENDED}
 
 
+def test_a_process_that_does_not_leave_in_time_is_ended(office: Office, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("fogwatch.launch.child_control.GOODBYE_S", 0.1)
+    assert office.ask("leave") == ""
+    assert office.process.returncode == -signal.SIGTERM
+    assert not office.launch.children.by_name["r1"].killed_by_fault
+
+
 def test_what_cannot_be_done_is_answered_too(office: Office) -> None:
     assert office.ask("kill", robot=2) == "KeyError: 'r2'"
     assert office.ask("tickle") == "KeyError: 'tickle'"

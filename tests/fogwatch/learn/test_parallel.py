@@ -175,6 +175,14 @@ def test_a_reward_of_ones_own_takes_the_records_of_two_ticks() -> None:
     assert [env.step({})[1]["r2"] for _ in range(3)] == [1.0, 0.5, 1.0]
 
 
+def test_an_episode_knows_nothing_of_the_one_before() -> None:
+    env = parallel_env(FLEET, reward=lambda before, _record, _step: float(before is None))
+    for _ in range(2):
+        _, infos = env.reset(seed=3)
+        assert [infos["r1"][fact] for fact in ("ticks", "mfow_s", "mean_age_s")] == [0, 0.0, 0.0]
+        assert [env.step({})[1]["r1"] for _ in range(3)] == [1.0, 0.0, 0.0]
+
+
 def test_robots_see_what_they_believe_and_not_the_truth() -> None:
     """A robot that hears no position believes that nobody but itself has seen anything."""
     deaf = parallel_env({**FLEET, "faults": [{"kind": "loss", "rate": 1.0}]}, inputs=["fog", "heard"], window=101)

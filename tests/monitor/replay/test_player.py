@@ -168,3 +168,13 @@ def test_a_player_refuses_what_makes_no_sense(quiet: Seen, control: dict[str, ob
     answer = Player(quiet.open(), Wall()).control(control)
     assert not answer.done
     assert answer.text
+
+
+def test_all_fogs_are_of_the_tick_that_was_shown_last(faulty: Seen) -> None:
+    """Somebody jumps between a state and the fogs that belong to it."""
+    player = Player(faulty.open(), Wall())
+    at(player, 60)
+    assert player.control({"do": "seek", "k": 20}).done
+    assert player.tick("truth") == player.tick(2) == 60
+    np.testing.assert_array_equal(player.last_seen("truth"), faulty.truth[60])
+    np.testing.assert_array_equal(believed_of(player, 2), faulty.beliefs[60, 2])

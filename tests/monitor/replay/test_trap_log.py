@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import pytest
 
@@ -94,3 +95,17 @@ def test_who_comes_late_does_not_know_since_when(trapped: Seen) -> None:
     known = present(watched(source).robots[1].trapped)
     assert not known.exact
     assert 0.0 < known.since_s < 15.0
+
+
+@pytest.mark.parametrize(("later_s", "exact"), [(1.0, False), (2.0, True)])
+def test_a_stay_is_as_long_as_it_seems_if_its_robot_was_seen_elsewhere_for_more_than_a_second(
+    trapped: Seen, later_s: float, exact: bool
+) -> None:
+    """Places are looked at once a second, so the first look alone does not say when a robot came."""
+    run = trapped.open()
+    first, came = 10, 10 + round(later_s / run.step)
+    watch = TrapWatch(run.prepared, from_start=False)
+    for record in list(run.journal.ticks)[first:389]:
+        rows = [replace(row, x=row.x + 30.0) if row.number == 2 and record.k < came else row for row in record.robots]
+        watch.tick(replace(record, robots=tuple(rows)), lambda: trapped.truth[record.k])  # noqa: B023
+    assert watch.trapped(2) == Trapped(came * run.step, exact)

@@ -220,6 +220,14 @@ def test_runs_side_by_side(quiet: Any, faulty: Any, hazy: Any) -> None:
     assert all(name in page for name in names)
 
 
+def test_a_comparison_draws_how_many_gaps_are_at_least_as_long(quiet: Any) -> None:
+    analysis = analyse(quiet.open())
+    few = replace(analysis.visits, gaps=np.array([0, 3, 0, 1]))  # three of one tick, and one of three
+    made = drawings_of_several([replace(analysis, visits=few)])
+    (line,) = next(drawing for drawing in made if drawing.name == "gaps").figure.axes[0].lines
+    assert np.asarray(line.get_xydata()).tolist() == [[0.0, 100.0], [0.5, 100.0], [1.0, 25.0], [1.5, 25.0]]
+
+
 POLICY = """
 from agent.ports import Stay
 

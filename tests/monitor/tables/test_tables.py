@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections import Counter
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -19,8 +20,8 @@ from monitor.tables.arrow import arrow_table, batches, write_tables
 from monitor.tables.columns import TABLES
 from monitor.tables.table import Table
 from patrol.errors import BadInput
-from patrol.journal.records import DEAD_END
-from tests.monitor.conftest import DOORS, FAULTS, QUIET, Seen, run_of
+from patrol.journal.records import DEAD_END, TickRecord
+from tests.monitor.conftest import DOORS, FAULTS, QUIET, Seen, rewritten, run_of
 from tests.monitor.report.test_report_numbers import ALL_KINDS
 from tests.present import present
 
@@ -213,6 +214,21 @@ def test_pieces_make_the_same_table(faulty: Seen, monkeypatch: pytest.MonkeyPatc
         assert pa.Table.from_batches(some).equals(whole[name])
     assert shares == sorted(shares)
     assert shares[-1] == pytest.approx(1.0)
+
+
+def test_refused_frames_count_from_zero_after_a_restart(quiet: Seen, tmp_path: Path) -> None:
+    """The first process has refused seven frames at its last report, the second one three."""
+    reports = {10: 4, 20: 7, 40: 2, 50: 3}
+
+    def refusing(record: TickRecord) -> TickRecord:
+        first, *others = record.robots
+        return replace(record, robots=(replace(first, rejected=reports.get(record.k)), *others))
+
+    run = open_run(rewritten(quiet, tmp_path / "restarted", refusing))
+    robots = arrow_table(run, "robots").to_pandas()
+    refused = robots[(robots.robot == "r1") & (robots.rejected > 0)]
+    assert dict(zip(refused.tick, refused.rejected, strict=True)) == {10: 4, 20: 3, 40: 2, 50: 1}
+    assert refused.rejected.sum() == run.figures.robots["r1"].rejected == 10
 
 
 def test_an_unknown_table_is_refused(quiet: Seen) -> None:

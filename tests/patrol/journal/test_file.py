@@ -31,6 +31,7 @@ from patrol.journal import (
     read_journal,
 )
 from patrol.journal.file import MAGIC
+from patrol.journal.links import drops_of, links_of
 from patrol.journal.records import FARTHEST
 from patrol.scenario import as_mapping, load_scenario
 from tests.full_disk import full_disk
@@ -130,6 +131,16 @@ def test_what_is_written_is_read_to_the_bit(tmp_path: Path, ticks: list[TickReco
     assert read == ticks
     # Equality calls -0.0 and 0.0 equal; their spelling does not.
     assert repr(read) == repr(ticks)
+
+
+def test_links_in_columns_are_read_as_the_rows_that_they_were_made_of(tmp_path: Path) -> None:
+    """One sender's frames of two ticks arrive in one tick, and a frame is lost for two reasons."""
+    delivered = ((1, 2, 6), (1, 2, 7), (2, 1, 7))
+    lost = ((1, 2, 4, "range:f1"), (1, 2, 5, "range:f1"), (1, 2, 5, "paused"), (2, 1, 5, "paused"))
+    rows = replace(tick(7), deliveries=delivered, dropped=lost)
+    columns = replace(rows, deliveries=links_of(delivered), dropped=drops_of(lost))
+    (read,) = read_journal(write(tmp_path / "journal", columns)).ticks
+    assert (tuple(read.deliveries), tuple(read.dropped)) == (delivered, lost)
 
 
 def test_a_whole_run_is_read(tmp_path: Path) -> None:

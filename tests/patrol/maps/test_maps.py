@@ -144,6 +144,13 @@ def test_quarter_and_half_turns_turn_the_cells_about_the_origin(
     assert terrain.origin == pytest.approx(corner)
 
 
+def test_what_is_transparent_turns_with_the_map(tmp_path: Path) -> None:
+    drawn = Image.new("RGBA", (3, 2), (255, 255, 255, 255))
+    drawn.putpixel((0, 1), (255, 255, 255, 0))  # at the origin, about which a quarter turn to the left turns all
+    path = write_map(tmp_path, drawn, {"image": "plan.png", "origin": [0.0, 0.0, math.pi / 2]})
+    assert free_cells(read_map_file(path)).tolist() == [[True, False], [True, True], [True, True]]
+
+
 @pytest.mark.parametrize("named", ["/maps/of/another/plan.pgm", "C:\\maps\\plan.pgm", "elsewhere/plan.pgm"])
 def test_an_image_beside_the_yaml_file_is_read_where_the_named_one_is_missing(tmp_path: Path, named: str) -> None:
     path = write_map(tmp_path, Image.fromarray(WALLED))

@@ -227,6 +227,15 @@ def test_a_silence_is_asked_about_and_a_pause_of_the_process_is_none() -> None:
     assert robot.waited(0.1, NOW + 71.0) == ()
 
 
+def test_a_pause_of_the_process_makes_no_pose_old() -> None:
+    """It is blind after 2 s, and looked last a second after the pose came."""
+    robot = robot_at("AWAITS_A")
+    assert robot.waited(0.1, NOW + 1.0) == ()
+    assert robot.waited(60.0, NOW + 61.0) == ()
+    assert robot.waited(0.5, NOW + 61.5) == ()
+    assert robot.waited(0.6, NOW + 62.1) == (Halt(),)
+
+
 def test_an_ungreeted_robot_asks_for_a_greeting_and_says_so() -> None:
     asked = Send(HelloReply(1, 77, 0, NO_RUN, HASH))
     robot = RobotEnd(ME, 10.0, 60.0, NOW)

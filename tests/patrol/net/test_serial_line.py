@@ -103,6 +103,15 @@ def test_noise_strangers_and_contacts_of_nobody_are_not_heard(modems: Modems, li
     assert mailbox.get() is None
 
 
+def test_a_stranger_does_not_pass_for_whoever_spoke_before(modems: Modems, lines: list[SerialLine]) -> None:
+    mailbox = box()
+    lines[0].subscribe("f/position/*", mailbox)
+    contact = encode(Position.of_contact(0, 0.0, 3.0, 4.0))
+    modems.say(0, packet(frame_of(2)) + packet(frame_of(9)) + packet(contact) + packet(frame_of(3)))
+    assert take_messages(mailbox, 2) == [(B, frame_of(2)), (C, frame_of(3))]
+    assert mailbox.get() is None
+
+
 def test_what_a_line_does_not_take_is_dropped_and_never_sent_late(pty: tuple[int, int]) -> None:
     master, slave = pty
     with closing(SerialLine(os.ttyname(slave), 13, CALLERS)) as line:

@@ -146,6 +146,13 @@ def test_a_true_stops_whatever_its_senders_clock_says_and_however_many_false_fol
     assert heeded(topic, said(True, 10**18, "early clock"), said(False, 1001, "a")) == (True, False, "")
 
 
+def test_a_true_that_was_sent_before_the_stop_makes_the_stop_no_older() -> None:
+    topic = StopTopic(held=False, clock=lambda: 1000)
+    assert heeded(topic, said(True, 20, "a"), said(True, 10, "b")) == (True, True, "")
+    assert heeded(topic, said(False, 15, "c")) == (False, True, OLDER), "sent before a's true"
+    assert heeded(topic, said(False, 21, "c")) == (False, False, "")
+
+
 def test_one_sender_is_followed_by_its_own_count_even_if_its_clock_is_put_back() -> None:
     topic = StopTopic(held=False, clock=lambda: 1000)
     assert heeded(topic, said(True, 900, "a", 5), said(False, 950, "a", 4)) == (True, True, OLDER)
