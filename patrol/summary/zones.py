@@ -38,13 +38,13 @@ def zone_lines(summary: Summary) -> list[str]:
 
 def _costly_lines(summary: Summary) -> list[str]:
     """Warn of zones that are seen far more often than wanted while other ground gets old, by the run's second half."""
-    rest, tour_s = summary.zones.get(ELSEWHERE), summary.best_tour_s
-    if rest is None or tour_s is None or rest.mfow_late_mean_s <= COSTLY * tour_s:
+    elsewhere, tour_s = summary.zones.get(ELSEWHERE), summary.best_tour_s
+    if elsewhere is None or tour_s is None or elsewhere.mfow_late_mean_s <= COSTLY * tour_s:
         return []
     zones = ((name, zone.mfow_late_mean_s, zone.wanted_s) for name, zone in summary.zones.items())
     return [
         f"            warning: {name} was {late_s:.1f} s old where {wanted_s:g} s are wanted, and the rest "
-        f"{rest.mfow_late_mean_s:.1f} s where the best tour keeps {tour_s:.1f} s: want a higher age, or add a robot"
+        f"{elsewhere.mfow_late_mean_s:.1f} s where the best tour keeps {tour_s:.1f} s: want a higher age, or add a robot"
         for name, late_s, wanted_s in zones
         if wanted_s is not None and late_s * SPARED <= wanted_s
     ]
