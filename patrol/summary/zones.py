@@ -44,7 +44,8 @@ def _costly_lines(summary: Summary) -> list[str]:
     zones = ((name, zone.mfow_late_mean_s, zone.wanted_s) for name, zone in summary.zones.items())
     return [
         f"            warning: {name} was {late_s:.1f} s old where {wanted_s:g} s are wanted, and the rest "
-        f"{elsewhere.mfow_late_mean_s:.1f} s where the best tour keeps {tour_s:.1f} s: want a higher age, or add a robot"
+        f"{elsewhere.mfow_late_mean_s:.1f} s where the best tour keeps {tour_s:.1f} s: want a higher "
+        "age, or add a robot"
         for name, late_s, wanted_s in zones
         if wanted_s is not None and late_s * SPARED <= wanted_s
     ]
