@@ -8,7 +8,7 @@ import pytest
 from agent.belief.blocked import Blocked
 from agent.belief.dilated import Posts
 from patrol.closures.ground import ChangingFootprint
-from patrol.exchange import Sensed
+from patrol.exchange import MOST_BLOCKED, Sensed
 from patrol.ground.fields import compute_fields
 from patrol.ground.sensors import footprint_of
 from patrol.ground.terrain import Terrain
@@ -93,3 +93,13 @@ def test_new_places_to_stand_are_found_for_what_is_in_sight_past_a_box() -> None
 def test_indices_off_the_terrain_are_ignored(blocked: Blocked) -> None:
     blocked.sense(Sensed(0, BEFORE, blocked=(10**6,)))
     assert not blocked.grid.any()
+
+
+@pytest.mark.parametrize(("reported", "stays"), [(MOST_BLOCKED - 1, False), (MOST_BLOCKED, True)])
+def test_a_full_list_says_nothing_of_the_points_that_it_leaves_out(
+    reported: int, stays: bool, blocked: Blocked
+) -> None:
+    box = tuple(row * 30 + col for row in (4, 5, 6) for col in (8, 9, 10))
+    blocked.sense(Sensed(0, BEFORE, blocked=box))
+    blocked.sense(Sensed(1, BEFORE, blocked=(DOOR * MOST_BLOCKED)[:reported]))
+    assert blocked.grid.reshape(-1)[list(box)].any() == stays

@@ -167,3 +167,18 @@ def test_the_smaller_turn_is_at_most_a_quarter_and_leads_there(heading: float, d
     assert abs(turn) <= math.pi / 2 + 1e-12
     driven = heading + turn + (math.pi if sense < 0.0 else 0.0)
     assert wrap(driven - direction) == pytest.approx(0.0, abs=1e-9)
+
+
+def test_a_random_step_behind_the_body_is_driven_in_reverse() -> None:
+    terrain = plan((9.0, 6.0), (0.0, 0.0, 9.0, 6.0))
+    reach = compute_fields(terrain, RADIUS, 3.0, True, []).cspace
+    steering = WheelSteering(
+        RobotSpec(1, "r1", "differential", SPEED, RADIUS, 1.0, None), terrain, Ground(terrain, reach), STEP
+    )
+    pose = Pose(4.5, 3.0, 0.0)
+    twist = steering.turning(pose, 3.0)
+    # Turned by 3.0 - pi, its back looks that way; the wheels' speed that the turn leaves is driven backwards.
+    turn = 3.0 - math.pi
+    assert twist.turn_rate == pytest.approx(turn / STEP)
+    assert twist.speed == pytest.approx(-(SPEED - abs(turn) / STEP * RADIUS))
+    assert advance(pose, twist, STEP).x < pose.x

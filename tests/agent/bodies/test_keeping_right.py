@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from agent.bodies.keeping_right import KeepingRight
+from agent.bodies.keeping_right import KeepingRight, Motion
 from agent.ports import Place
 from agent.routes.ground import Ground
 from patrol.pose import Pose, Velocity
@@ -134,3 +134,9 @@ def test_robots_that_hear_each_other_late_keep_to_the_same_line() -> None:
 
 def moved(pose: Pose, way: float, bearing: float) -> Pose:
     return Pose(pose.x + way * math.cos(bearing), pose.y + way * math.sin(bearing), bearing)
+
+
+@pytest.mark.parametrize(("sequence", "moved"), [(4, 1.0), (5, 0.5), (8, 0.2)])
+def test_a_way_that_took_several_ticks_of_silence_is_that_of_all_of_them(sequence: int, moved: float) -> None:
+    heard = Motion(3, 3, (0.0, 0.0)).after(sequence, (1.0, 0.0), 1.0)
+    assert heard == Motion(sequence, sequence, (1.0, 0.0), (moved, 0.0))

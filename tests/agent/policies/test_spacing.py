@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 
+from agent.kernels.track import JUMP, follow
 from agent.policies.spacing import Spacing
 from agent.routes.ground import Ground
 from patrol.ground.terrain import Terrain
@@ -292,3 +293,24 @@ def test_robots_spread_by_ways_where_there_are_one_way_zones(one_way: int | None
         terrain = with_zones(FIELD, [ZoneSpec.model_validate(zone)])
     seen = replace(at(0, {1: (6.5, 0.5), 2: (26.5, 0.5)}), ground=Ground(terrain, reach))
     assert begin(spacing_on(RING), seen) == pytest.approx(place, abs=1.0)
+
+
+@pytest.mark.parametrize(("tick", "team"), [(40, 2), (41, 1)])
+def test_a_smaller_team_remembers_those_it_does_not_hear_for_longer(tick: int, team: int) -> None:
+    """Half of the time between two robots: the ring takes 160 ticks, so 40 with two robots, 10 with eight."""
+    spacing = spacing_on(RING)
+    spacing.follow_with(frozenset((1, 2)))
+    listen(spacing, at(0, {1: (10.5, 0.5), 2: (20.5, 0.5)}))
+    listen(spacing, at(tick, {1: (10.5, 0.5)}))
+    assert spacing.team == team
+
+
+@pytest.mark.parametrize("place", [0, 1, 5])
+def test_a_robot_that_goes_back_is_followed_over_the_seam_of_the_tour_as_elsewhere(place: int) -> None:
+    sides = [(math.cos(0.1 * math.pi * number), math.sin(0.1 * math.pi * number)) for number in range(20)]
+    tour = np.array([(3.0 * x, 3.0 * y, -y, x) for x, y in sides])
+    costs = np.full(20, JUMP)
+    costs[place] = 0.0
+    before = (place - 1) % 20
+    x, y = tour[before, :2].tolist()
+    assert follow(costs, np.zeros(20), tour, 0.3 * math.pi, 1, x, y, 0.0, 0.0) == before

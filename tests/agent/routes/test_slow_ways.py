@@ -59,3 +59,10 @@ def test_many_points_agree_with_the_whole_ground() -> None:
     ways = ways_to((10.25, 10.25), free, zone)
     assert ways.delay_s((20, 40), {"ward"}) == pytest.approx(10 * 0.5, abs=1.0)
     assert ways.delay_s((40, 40), {"ward"}) == pytest.approx(10 * 0.705, abs=1.0)
+
+
+def test_a_step_is_as_slow_as_the_ground_on_which_it_begins() -> None:
+    free = np.ones((20, 60), dtype=np.bool_)
+    # Half a metre at 0.2 m/s takes 2 s longer than at 1 m/s.
+    assert ways_to((9.75, 5.25), free, WARD).delay_s((10, 20), {"ward"}) == pytest.approx(2.0)
+    assert ways_to((10.25, 5.25), free, WARD).delay_s((10, 19), {"ward"}) == 0.0

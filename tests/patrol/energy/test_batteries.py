@@ -97,3 +97,10 @@ def test_a_robot_that_left_keeps_its_charge_until_it_joins_again_with_that_of_th
     assert batteries.share(1) == pytest.approx((1800.0 - 10 * 5.0) / 3600.0)
     batteries.tick([row(20.0, 20.0)])
     assert batteries.share(1) == pytest.approx((1800.0 - 5.0) / 3600.0)
+
+
+def test_who_was_dead_where_one_goes_on_from_comes_back_with_the_charge_of_the_start() -> None:
+    batteries = Batteries(scenario(2))
+    batteries.resume({1: 0.2, 2: 0.2}, [replace(row(20.0, 20.0), status=Status.DEAD), row(30.0, 20.0, number=2)])
+    batteries.tick([row(20.0, 20.0), row(30.0, 20.0, number=2)])
+    assert batteries.shares == pytest.approx({1: (1800.0 - 5.0) / 3600.0, 2: (720.0 - 5.0) / 3600.0})

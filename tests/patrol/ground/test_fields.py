@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from patrol.errors import BadInput
 from patrol.ground.cspace import cspace_of, parts_of
-from patrol.ground.fields import StaticFields, anchor, compute_fields
+from patrol.ground.fields import StaticFields, anchor, compute_fields, proxies_of
 from patrol.ground.sensors import footprint_of
 from patrol.ground.terrain import BoolGrid, Terrain
 from patrol.pose import Pose
@@ -141,3 +141,10 @@ def test_fields_survive_saving_memory_mapped_and_read_only(tmp_path: Path) -> No
         assert before.dtype == after.dtype
         assert not before.flags.writeable
         assert not after.flags.writeable
+
+
+def test_of_points_as_near_in_one_row_the_first_is_the_proxy_without_line_of_sight() -> None:
+    reach = np.zeros((1, 7), dtype=np.bool_)
+    reach[0, [1, 5]] = True
+    proxy = proxies_of(Terrain("row", np.ones((1, 7), dtype=np.bool_), 0.1), reach, 0.3, False)
+    assert proxy.tolist() == [[1, -1, 1, 1, 5, -1, 5]]

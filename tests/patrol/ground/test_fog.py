@@ -110,3 +110,14 @@ def test_the_stalest_point_is_one_of_the_oldest_and_stays_while_it_is(seed: int,
         assert int(fog.age(tick)[stalest]) == fog.mfow(tick)
         assert stalest == before or not patrolled[before] or fog.last_seen[before] != oldest
         before = stalest
+
+
+def test_what_a_fork_sees_leaves_the_fog_as_it_was() -> None:
+    first, second = view_of(-2, 0, np.ones((3, 3))), view_of(1, 0, np.ones((3, 3)))
+    fog = Fog(np.ones((2, 3), dtype=np.bool_))
+    fog.observe(first, 2)
+    fog.observe(second, 3)
+    fork = fog.fork()
+    fork.observe(first, 7)
+    assert (fork.mfow(9), fork.mean(9)) == (6, 4.0)
+    assert (fog.mfow(9), fog.mean(9)) == (7, 6.5)

@@ -48,3 +48,9 @@ def test_ground_without_a_visit_yet_is_never_come_by() -> None:
     base, _ = ground(35.0)
     gaps_m = longest_gaps_m(base, [VAULT, 1], 1, [[Visit(VAULT, 0, 10.0), Visit(VAULT, 40, 10.0)]])
     assert gaps_m.tolist() == [[50.0, np.inf]]
+
+
+def test_a_visit_counts_in_its_middle_however_long_it_is() -> None:
+    """Visits of 10 m and 30 m at 0 m and 40 m of a round of 80 m: their middles are at 5 m and 65 m of 120 m."""
+    base, _ = ground(35.0)
+    assert longest_gaps_m(base, [VAULT], 1, [[Visit(VAULT, 0, 10.0), Visit(VAULT, 40, 30.0)]]).tolist() == [[60.0]]

@@ -173,3 +173,9 @@ def test_a_line_through_a_corner_needs_all_four_points() -> None:
     assert not is_clear(open_.view(np.uint8), ALL_WAYS, 0, 15)
     assert is_clear(open_.view(np.uint8), ALL_WAYS, 0, 12)
     assert not is_clear(open_.view(np.uint8), ALL_WAYS, 0, 6)
+
+
+def test_a_way_as_long_as_the_limit_is_found_and_a_longer_one_is_not() -> None:
+    field: BoolGrid = np.ones((4, 4), dtype=np.bool_)
+    lengths = lengths_along(field, ALL_WAYS, [(0, 0)], 241)[1:-1, 1:-1]
+    assert lengths.tolist() == [[0, 100, 200, FAR], [100, 141, 241, FAR], [200, 241, FAR, FAR], [FAR] * 4]

@@ -152,3 +152,13 @@ def test_a_scenario_of_the_project_has_a_ground_for_each_robot() -> None:
     for number, own in own_grounds(ready).items():
         assert np.array_equal(own.patrolled, ready.fields[number].patrolled)
         assert np.array_equal(own.reach, ready.fields[number].reach)
+
+
+@pytest.mark.parametrize(("seen_at", "found"), [(4, (10, 30)), (5, None)])
+def test_a_point_seen_in_the_tick_in_which_a_stay_began_is_not_stale(
+    seen_at: int, found: tuple[int, int] | None
+) -> None:
+    ground: BoolGrid = np.zeros((20, 81), dtype=np.bool_)
+    ground[10, 30] = True
+    seen = np.full(ground.shape, seen_at, dtype=np.int32)
+    assert stalest_outside(Stay(5, 5.25, 5.25, 2.0), rooms(), ground, seen) == found

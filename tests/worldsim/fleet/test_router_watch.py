@@ -118,3 +118,16 @@ def test_a_token_that_goes_with_the_router_loses_nobody() -> None:
         k += 1
     assert gone == [1]
     assert net.time < began + 20.0 + RETURN_S + 3.0
+
+
+def test_the_time_of_all_its_silences_counts() -> None:
+    time = [100.0]
+    router = Router(lambda: time[0])
+    for lasts in (2.0, 3.0):
+        router.connected = False
+        assert not router.watch.answers()
+        time[0] += lasts
+        router.connected = True
+        assert router.watch.answers()
+        time[0] += 5.0
+    assert router.watch.silent_s == 5.0

@@ -207,3 +207,10 @@ def test_a_robots_own_frames_follow_each_other_and_do_not_collide() -> None:
     radio = model(shadowing=0.0, edge=0.0, airtime=STEP)
     sequences = np.array([frame_sequence(0, place) for place in range(3)])
     assert not lost(radio, [10.0, 20.0], origins=(1, 1, 1), sequence=sequences).any()
+
+
+def test_a_robot_whose_frame_a_fault_has_dropped_for_all_hears_as_if_it_did_not_send() -> None:
+    radio = model(shadowing=0.0, edge=0.0, airtime=STEP)  # any two frames of a tick overlap
+    assert lost(radio, [0.5, 10.5]).tolist() == [[False, True], [True, False]]
+    silenced = np.array([[False, True], [False, False]])
+    assert not lost(radio, [0.5, 10.5], on_the_way=silenced).any()

@@ -100,3 +100,13 @@ def test_several_faults_of_a_robot_act_one_after_the_other() -> None:
     alone = [a * b for a, b in zip(speeds(noise(one), ticks=50), speeds(noise(OF_ANOTHER, two), ticks=50), strict=True)]
     assert both == pytest.approx(alone)
     assert speeds(noise(one), 1, 5) == [1.0] * 5
+
+
+def test_wheels_veer_by_the_metres_that_they_drive_and_not_by_those_commanded() -> None:
+    veer, jitter = {"veer": 0.1}, {"jitter": {"size": 0.9}}
+    alone, both = noise(veer), noise({**veer, **jitter})
+    for k in range(50):
+        a, b = alone.driven(k, COMMANDS)[2], both.driven(k, COMMANDS)[2]
+        assert isinstance(a, Twist)
+        assert isinstance(b, Twist)
+        assert b.turn_rate - 0.2 == pytest.approx((a.turn_rate - 0.2) * b.speed)
