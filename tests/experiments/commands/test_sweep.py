@@ -60,7 +60,7 @@ def read_until(process: subprocess.Popen[str], done: int) -> list[str]:
     lines = []
     for line in process.stdout:
         lines.append(line)
-        if line.startswith(f"{done}/"):
+        if line.startswith(f"run {done} of "):
             return lines
     assert process.stderr is not None
     raise AssertionError(f"ended early: {lines} {process.stderr.read()}")

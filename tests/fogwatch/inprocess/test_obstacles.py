@@ -57,12 +57,13 @@ class Run:
         model: str = "holonomic",
         policy: str = "stochastic",
         duration: float = 400.0,
+        seed: int = 3,
         **sections: Any,
     ) -> None:
         robots: dict[str, Any] = {"count": 3, "model": model, "radius": 0.3, "speed": 1.0}
         robots |= {"turning_radius": 0.6} if model == "car" else {}
         robots |= {"count": len(starts), "starts": starts} if starts else {}
-        given = {"terrain": {"builtin": "open"}, "point": POINT, "duration": duration, "seed": 3, "robots": robots}
+        given = {"terrain": {"builtin": "open"}, "point": POINT, "duration": duration, "seed": seed, "robots": robots}
         given |= {"sensor": {"range": 3}, "patrol": {"policy": policy}, "faults": list(faults), **sections}
         self.bumps, self.stood = dict.fromkeys(("r1", "r2", "r3"), 0), dict.fromkeys(("r1", "r2", "r3"), 0.0)
         self.into_r2: dict[str, list[float]] = {"r1": [], "r3": []}
@@ -127,9 +128,11 @@ def test_a_robot_that_pauses_is_gone_round_and_then_counted_on_again(model: str)
 @pytest.mark.parametrize("policy", ["stochastic", "committed"])
 def test_robots_that_hear_each_other_late_rarely_bump(policy: str, delay_s: float) -> None:
     late = {"kind": "delay", "at": 0, "for": 400, "delay": {"constant": delay_s}}
-    run = Run(hall(), late, policy=policy)
-    assert max(run.bumps.values()) <= (2 if delay_s < 2.0 else 15)
-    assert max(run.stood.values()) <= 30.0
+    runs = [Run(hall(), late, policy=policy, seed=seed) for seed in (3, 7, 8)]
+    # Where each draws the line from its own true place, the worst robots bump 0, 9 and 10 times with a delay of 1 s.
+    worst = [max(run.bumps.values()) for run in runs]
+    assert sum(worst) <= (5 if delay_s < 2.0 else 12)
+    assert max(max(run.stood.values()) for run in runs) <= 30.0
 
 
 @pytest.mark.parametrize("model", MODELS)
