@@ -173,7 +173,9 @@ class KeepingRight:
             own = self._believed.get(number, self._own)
             # Too far apart to touch within a step, whatever both do.
             near = self._sum_radii(number) + self._stride + self._strides[number]
-            if math.dist((x, y), neighbour.place) >= near + 2.0 * math.dist(own.place, self._own.place):
+            if own is not self._own:
+                near += 2.0 * math.dist(own.place, self._own.place)
+            if math.dist((x, y), neighbour.place) >= near:
                 continue
             across, up, limit = self._find_side(number, own, neighbour)
             # Only as far as the robots before have left free.
