@@ -18,6 +18,7 @@ from importlib.metadata import version
 from typing import TYPE_CHECKING, Any
 
 from experiments.sweeps.results import FAILED, OK
+from patrol.classes.exits import end_now
 from patrol.errors import BadInput
 from patrol.summary.metric import metrics_of as declared
 from patrol.summary.model import Messages, NodeFigures, RobotFigures, Summary, VerdictFacts
@@ -155,7 +156,7 @@ def main() -> None:
 def _read_tasks(tasks: queue.SimpleQueue[Task]) -> None:
     for line in sys.stdin:
         tasks.put(json.loads(line))
-    os._exit(0)
+    end_now(0)
 
 
 if __name__ == "__main__":

@@ -26,6 +26,7 @@ from typing import Any
 from pydantic import BaseModel, ValidationError
 
 from patrol.classes.class_file import check_resolved, class_file, class_source
+from patrol.classes.exits import keep_process
 from patrol.errors import BadInput, did_you_mean
 from patrol.kernel_cache import keep_own
 
@@ -143,6 +144,8 @@ def raised(where: str, error: BaseException) -> BadInput:
 
 def _import_named(named: NamedClass) -> Any:
     """Import whatever the name stands for, of any type."""
+    if named.name not in named.sort.built_in:
+        keep_process()
     module_name, colon, name = named.sort.built_in.get(named.name, named.name).rpartition(":")
     if not colon:
         return _load_entry_point(named)

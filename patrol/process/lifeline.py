@@ -21,6 +21,7 @@ from pathlib import Path
 from types import FrameType
 from typing import NoReturn
 
+from patrol.classes.exits import end_now
 from patrol.errors import BadInput
 from patrol.process.failures import BAD_INPUT, CRASHED, INTERRUPTED, LEAST, allow_files, told
 from patrol.reporting.logs import Log, crashed
@@ -206,11 +207,11 @@ def run_process(main: Callable[[], int]) -> NoReturn:
 
 def leave(code: int) -> NoReturn:
     """End the process now, whatever threads of libraries are doing."""
-    # `os._exit` flushes no stream.
+    # Ending at once flushes no stream.
     for stream in (sys.stdout, sys.stderr):
         with contextlib.suppress(OSError, ValueError):
             stream.flush()
-    os._exit(code)
+    end_now(code)
 
 
 def _hold_lifeline(lifeline: int, ending: Ending, on_death: Callable[[], None]) -> None:
@@ -247,22 +248,12 @@ def die_when_orphaned(lifeline: int | None) -> None:
 def ending_children() -> Iterator[None]:
     """End the processes that foreign code starts in a block, where the system lists a process's children.
 
-    They have `GRACE_S` to leave in order before they are killed. In the block `os._exit` raises SystemExit, as
-    `sys.exit` does: foreign code must not end this process, and certainly not with an exit code that says that all is
-    well. Processes that it forks end as ever.
+    They have `GRACE_S` to leave in order before they are killed.
     """
-    before, own, end_now = _list_children(), os.getpid(), os._exit
-
-    def end_forks_alone(status: int) -> NoReturn:
-        if os.getpid() != own:
-            end_now(status)
-        raise SystemExit(status)
-
-    os._exit = end_forks_alone
+    before = _list_children()
     try:
         yield
     finally:
-        os._exit = end_now
         _end_children(_list_children() - before)
 
 
