@@ -59,9 +59,10 @@ def announce(classes: Iterable[NamedClass]) -> None:
         if named.name in named.sort.built_in or _module_and_name(named)[0] in sys.modules:
             continue
         path = source_file(named)
-        digest = "compiled" if path is None else f"SHA-256 {checked_source(path, named)[1][:12]}"
-        where = "" if class_file(named.name) is not None else f" of {path}"
-        lines.append(f"fogwatch: runs code: {named.field}{where}, {digest}")
+        what = "compiled" if path is None else f"imported from {path}"  # or from byte code beside it
+        if path is not None and class_file(named.name) is not None:
+            what = f"SHA-256 {checked_source(path, named)[1][:12]}"
+        lines.append(f"fogwatch: runs code: {named.field}, {what}")
     for line in lines:
         print(printable(line), file=sys.stderr, flush=True)
 

@@ -151,8 +151,8 @@ def test_each_class_is_named_with_its_file_and_nothing_of_it_runs(
     said = capsys.readouterr().err.splitlines()
     digest = hashlib.sha256(file.read_bytes()).hexdigest()[:12]
     assert said[0] == rf"fogwatch: runs code: patrol.policy = {tmp_path}/mine\x1b.py:Mine, SHA-256 {digest}"
-    assert said[1].startswith("fogwatch: runs code: sensor.kind = examples.elliptic_sensor:Ellipse of /")
-    assert "/examples/elliptic_sensor.py, SHA-256 " in said[1]
+    assert said[1].startswith("fogwatch: runs code: sensor.kind = examples.elliptic_sensor:Ellipse, imported from /")
+    assert said[1].endswith("/examples/elliptic_sensor.py")  # no digest: Python may run byte code beside it
     assert len(said) == 2
     with pytest.raises(BadInput, match="cannot be read"):
         announce([named(POLICIES, file), named(SENSORS, tmp_path / "nowhere.py")])
