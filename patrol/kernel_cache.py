@@ -212,10 +212,13 @@ class _KernelLoader(SourceFileLoader):
             self._execute_module(module, part)
             listed = {file.name: _file_digest(file) for file in part.iterdir()}
             (part / _LIST).write_text(json.dumps(listed), encoding="utf-8")
-            part.rename(entry)
-        except BaseException:
+            try:
+                part.rename(entry)
+            except OSError:
+                if not _is_intact(entry):  # another process was faster, where the lock was deleted in between
+                    raise
+        finally:
             shutil.rmtree(part, ignore_errors=True)
-            raise
 
     def _execute_module(self, module: ModuleType, folder: Path) -> None:
         _register_locator()

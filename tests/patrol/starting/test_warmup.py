@@ -148,6 +148,25 @@ def test_processes_that_import_a_kernel_together_store_it_once(toy: Path) -> Non
     assert len(entry_files(toy)) == 3  # numba's index and data, and the list of both
 
 
+OVERTAKEN_KERNEL = f"""
+import os, subprocess, sys
+from pathlib import Path
+
+if os.environ.pop("OVERTAKEN", None):
+    next(Path(os.environ["NUMBA_CACHE_DIR"]).rglob("lock")).unlink()
+    subprocess.run([sys.executable, "-P", "-c", "import toy.kernels.sums"], check=True)
+{KERNEL}
+"""
+
+
+@pytest.mark.processes
+def test_a_process_that_is_overtaken_where_somebody_has_deleted_its_lock_goes_on(toy: Path) -> None:
+    source_of(toy).write_text(OVERTAKEN_KERNEL, encoding="utf-8")
+    assert said(start(IMPORT, OVERTAKEN="1")) == COMPILED
+    assert said(start(IMPORT)) == LOADED
+    assert len(entry_files(toy)) == FILES_OF_AN_ENTRY
+
+
 @pytest.mark.processes
 def test_a_clone_elsewhere_finds_what_was_compiled(toy: Path) -> None:
     assert said(start(IMPORT)) == COMPILED
