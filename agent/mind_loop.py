@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable
 from dataclasses import replace
@@ -9,6 +10,7 @@ from typing import TYPE_CHECKING
 
 from agent.answers import policy_failure
 from agent.ports import PolicyFailed, Telemetry
+from patrol.errors import printable
 from patrol.messages.telemetry import MAX_TEXT, Traffic, pack_view
 from patrol.messages.telemetry import Telemetry as TelemetryView
 from patrol.process.deadline import Late, deadline
@@ -107,7 +109,7 @@ class TelemetrySender:
 
     def report(self, sensed: Sensed, decision: Decision, decision_ms: float) -> None:
         """Show a decision if the last report is old enough."""
-        now = time.monotonic()
+        now, charge = time.monotonic(), sensed.charge
         self._last = view = TelemetryView(
             k=sensed.k,
             state=str(decision.state),
@@ -117,9 +119,9 @@ class TelemetrySender:
             mfow=decision.mfow,
             decision_ms=decision_ms,
             rejected=decision.rejected,
-            stopped=self.stopped()[:MAX_TEXT],
-            # A robot of one's own may say 1 for 1.0, or a little more: viewers would drop its reports.
-            charge=None if sensed.charge is None else float(min(max(sensed.charge, 0.0), 1.0)),
+            # A robot of one's own may have anything here: viewers would drop its reports.
+            stopped=printable(stopped)[:MAX_TEXT] if isinstance(stopped := self.stopped(), str) else "",
+            charge=None if charge is None or math.isnan(charge) else float(min(max(charge, 0.0), 1.0)),
         )
         if now >= self._due:
             self._due = now + TELEMETRY_S

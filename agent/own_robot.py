@@ -299,7 +299,7 @@ class _Driver:
         robot = make(site)
         telemetry = TelemetrySender(link.publisher(keys.telemetry(name)))
         telemetry.traffic = lambda final: radio.traffic(self.incarnation, final=final)
-        telemetry.stopped = lambda: str(getattr(robot, "stopped", ""))  # of a robot that obeys orders
+        telemetry.stopped = lambda: getattr(robot, "stopped", "")  # of a robot that obeys orders
         limit_s = None if policy_of(scenario).ours else DECISION_LIMIT_S
         latest = None if ticks.epoch_s is not None else lambda: latest_tick(step_s, time.time())
         watched = WatchedRadio(radio, clock, latest, log.warning)

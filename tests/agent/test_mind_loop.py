@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
 import re
 import threading
 from collections import deque
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -138,7 +140,9 @@ def test_a_policy_that_hangs_stops_its_robot() -> None:
     assert robot.stopped == says
 
 
-@pytest.mark.parametrize(("told", "shown"), [(None, None), (1, 1.0), (0, 0.0), (1.004, 1.0), (-0.1, 0.0), (0.5, 0.5)])
+@pytest.mark.parametrize(
+    ("told", "shown"), [(None, None), (1, 1.0), (0, 0.0), (1.004, 1.0), (-0.1, 0.0), (0.5, 0.5), (math.nan, None)]
+)
 def test_viewers_can_read_every_charge_that_a_robot_of_ones_own_tells(told: float | None, shown: float | None) -> None:
     mind, robot = made(Ahead(), last=0)
     eyes = Eyes()
@@ -146,3 +150,17 @@ def test_viewers_can_read_every_charge_that_a_robot_of_ones_own_tells(told: floa
     posted: list[bytes] = []
     TelemetrySender(posted.append).report(Sensed(0, START, charge=told), eyes.seen[0][1], 1.0)
     assert read(Telemetry, posted[0]).charge == shown
+
+
+@pytest.mark.parametrize(
+    ("told", "shown"), [("", ""), ("by hand", "by hand"), ("a\nb", "a\\nb"), (False, ""), (None, ""), (print, "")]
+)
+def test_viewers_can_read_every_reason_for_a_stop_that_a_robot_of_ones_own_tells(told: Any, shown: str) -> None:
+    mind, robot = made(Ahead(), last=0)
+    eyes = Eyes()
+    run_mind(mind, robot, Ears(), eyes)
+    posted: list[bytes] = []
+    sender = TelemetrySender(posted.append)
+    sender.stopped = lambda: told
+    sender.report(Sensed(0, START), eyes.seen[0][1], 1.0)
+    assert read(Telemetry, posted[0]).stopped == shown
