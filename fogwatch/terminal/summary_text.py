@@ -75,10 +75,9 @@ def measures(summary: Summary) -> list[str]:
         return lines
     text = {key: metric.text(getattr(summary, key)) for key, metric in metrics_of(Summary) if metric.title}
     lines.append(f"MFoW        mean {text.pop('mfow_mean_s')}, maximum {text.pop('mfow_max_s')}")
-    if summary.mfow_late_mean_s == 0.0:
-        lines.append(
-            "            all ground stays in sight, so no robot has to move; give --sensor-range if it is less"
-        )
+    if summary.mfow_late_mean_s == 0.0 and summary.seen_share == 1.0:
+        in_sight = "all ground stays in sight, so no robot has to move"
+        lines.append(f"            {in_sight}; give --sensor-range if the sensor sees less")
     lines.append(_bounds_text(summary, text.pop("best_tour_s")))
     lines += [line for feature in FEATURES for line in feature.lines(summary)]
     lines += _stalest_lines(summary)
