@@ -52,6 +52,9 @@ ANNOUNCED = {"": ("point", "step"), "robots": ("model", "radius", "speed", "turn
 FILE = "scenario.yaml"
 """The scenario's file in a run's folder."""
 
+_CHANGES_STEP = frozenset({"point", "radio", "robots", "terrain"})
+"""Sections on which the step of a scenario depends that states none."""
+
 _HASH_FORMAT = "fogwatch-scenario/2"
 _CLASSES = ((PatrolSpec, DEFAULT), (SensorSpec, SECTOR), (RadioSpec, IDEAL))
 """Sections that may name a class of one's own, and what they name by default."""
@@ -129,6 +132,8 @@ def with_spares(scenario: Scenario, spare: int) -> Scenario:
 
 def changed_scenario(scenario: Scenario, overrides: Overrides, called: str = "scenario") -> Scenario:
     """Return a loaded scenario with overrides by dotted field, which knows what its source said."""
+    if "step" in scenario.assumed and not _CHANGES_STEP.isdisjoint(name.partition(".")[0] for name in overrides):
+        overrides = {"step": AUTO, **overrides}
     changed = load_scenario(as_mapping(scenario), overrides, called=called)
     overridden = {field for field in scenario.assumed for name in overrides if f"{field}.".startswith(f"{name}.")}
     return with_notes(changed, scenario.translated, changed.assumed | (scenario.assumed - overridden))

@@ -68,6 +68,15 @@ def test_the_body_that_needs_the_shortest_step_decides(corridors: str) -> None:
     assert load_scenario({"terrain": {"map": corridors}, "robots": [slow, fast]}).step == 0.1
 
 
+def test_a_changed_body_gets_a_step_of_its_own_unless_one_is_stated(corridors: str) -> None:
+    source = open_scenario(corridors, BODY)
+    assert changed_scenario(source, {"robots.speed": 0.5}).step == 0.25
+    assert changed_scenario(source, {"duration": 10}).step == source.step == 0.1
+    assert changed_scenario(source, {"robots.speed": 0.5, "step": 0.1}).step == 0.1
+    stated = open_scenario(corridors, {**BODY, "step": 0.1})
+    assert changed_scenario(stated, {"robots.speed": 0.5}).step == 0.1
+
+
 def test_a_stride_is_at_least_a_point_and_a_step_what_the_radio_needs(corridors: str) -> None:
     assert step_on(corridors, point=0.25) == 0.25
     assert step_on(corridors, **{"radio.model": "path-loss", "radio.options.airtime": 0.15}) == 0.25
