@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
@@ -24,7 +24,6 @@ from experiments.sweeps.cases import (
     partner_text,
     shown_table,
     told_apart,
-    write_latex,
     write_tables,
 )
 from experiments.sweeps.plan import Plan, read_plan
@@ -78,14 +77,16 @@ class Machines:
         if self.workers is not None and self.cluster is not None:
             raise BadInput("--workers and --cluster: a cluster has its own workers; give only one of the two")
 
-    def make_runs(self, plan: Plan, folder: Path, console: Console, estimate_time: bool = True) -> SweepOutcome:
-        """Make a plan's runs with a progress bar.
+    def make_runs(
+        self, plan: Plan, folder: Path, console: Console, estimate_time: bool = True, assumed: Sequence[str] = ()
+    ) -> SweepOutcome:
+        """Make a plan's runs with a progress bar, after the lines `assumed`.
 
         Results are kept in `folder` and looked for there: after Ctrl-C, the next start continues. With `estimate_time`,
         a few runs are tried first, to say how long all will take.
         """
         pool = LocalWorkers(self.workers) if self.cluster is None else ClusterWorkers(self.cluster)
-        with SweepProgress(console, estimate_time=estimate_time) as progress:
+        with SweepProgress(console, estimate_time=estimate_time, assumed=assumed) as progress:
             try:
                 return run_sweep(plan, folder, workers=pool, observer=progress, say=progress.say)
             except KeyboardInterrupt:
@@ -128,17 +129,18 @@ def sweep(
     """
     check_matplotlib("experiments")  # before hours of runs, not after them
     width = _width_inches(figure_width)
-    heads = latex_heads(table)
+    latex_heads(table)  # which refuses columns that there are not
     plan = read_plan(file, seeds)
     find_classes(run.scenario for run in plan.runs)
     folder = out or Path("runs") / file.stem
     console = Console()
-    outcome = machines.make_runs(plan, folder, console, estimate_time=False)
-    for line in assumption_lines(plan.runs[0].scenario):
-        console.print(f"{plan.runs[0].case}: {line}", highlight=False, markup=False, soft_wrap=True)
-    write_tables(outcome, folder)
+    assumed = [f"{plan.runs[0].case}: {line}" for line in assumption_lines(plan.runs[0].scenario)]
+    if len(steps := sorted({run.scenario.step for run in plan.runs})) > 1:
+        texts = ", ".join(f"{step:g}" for step in steps)
+        assumed.append(f"cases have steps of {texts} s; to compare them at one, set step: {steps[0]:g} in base")
+    outcome = machines.make_runs(plan, folder, console, estimate_time=False, assumed=assumed)
+    write_tables(outcome, folder, table)
     rows = case_rows(outcome)
-    write_latex(rows, plan.name, heads, folder / "table.tex")
     _draw_figures(rows, plan.name, folder / "figures", width)
     print_cases(console, rows)
     print_failures(console, outcome)

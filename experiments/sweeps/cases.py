@@ -105,10 +105,11 @@ def _change_in_percent(own: Mapping[int, float], others: Mapping[int, float]) ->
     return estimate([100.0 * (own[seed] - others[seed]) / base for seed in seeds]) if base > 0.0 else None
 
 
-def write_tables(outcome: SweepOutcome, folder: Path) -> tuple[Path, Path]:
+def write_tables(outcome: SweepOutcome, folder: Path, table: str = LATEX) -> tuple[Path, Path]:
     """Write the tables of a sweep, and return the paths of summary.csv and summary.json.
 
-    The others are runs.csv, a row for each run, and comparisons.csv, the paired tests.
+    The others are runs.csv, a row for each run, comparisons.csv, the paired tests, and table.tex, with the columns that
+    `table` names (`latex_heads`).
     """
     rows = case_rows(outcome)
     as_csv, as_json = folder / "summary.csv", folder / "summary.json"
@@ -123,6 +124,7 @@ def write_tables(outcome: SweepOutcome, folder: Path) -> tuple[Path, Path]:
         "failed": [{"case": run.case, "seed": run.seed, "error": run.error} for run in outcome.failed],
     }
     write_text(as_json, json_text(content))
+    write_latex(rows, outcome.plan.name, latex_heads(table), folder / "table.tex")
     return as_csv, as_json
 
 

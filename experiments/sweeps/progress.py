@@ -47,12 +47,18 @@ class SweepProgress:
     """
 
     def __init__(
-        self, console: Console, clock: Callable[[], float] = time.monotonic, estimate_time: bool = False
+        self,
+        console: Console,
+        clock: Callable[[], float] = time.monotonic,
+        estimate_time: bool = False,
+        assumed: Sequence[str] = (),
     ) -> None:
         """Make the bar, without showing it.
 
         `clock` gives the time in s. With `estimate_time`, a few runs are tried first, to say how long all will take.
+        The lines `assumed` say what the runs hold for.
         """
+        self._assumed = assumed
         self._estimate_time = estimate_time
         self._console = console
         self._clock = clock
@@ -83,6 +89,8 @@ class SweepProgress:
     def begin(self, todo: list[Run], done: list[RunResult], workers: int) -> None:
         """Print how many runs there are to make."""
         self._todo, self._there = len(todo), len(done)
+        for line in self._assumed:
+            self.say(line)
         done_text = f", {self._there} done already" if self._there else ""
         self.say(f"{self._todo} runs to make{done_text}; {workers} at a time{self._forecast_text(todo, workers)}")
         self._bar.update(self._task, total=self.total, completed=self.done)

@@ -254,3 +254,14 @@ def test_only_words_that_all_names_share_are_left_out() -> None:
     assert told_apart({"base": ["base"]}) == ({"base": "base"}, "")
     assert told_apart({"open": ["open"], "open 5": ["open", "5"]}) == ({"open": "open", "open 5": "open 5"}, "")
     assert told_apart({"a b": ["a", "b"], "b a": ["b", "a"]}) == ({"a b": "a b", "b a": "b a"}, "")
+
+
+@pytest.mark.processes
+def test_it_begins_with_what_its_runs_hold_for(tmp_path: Path, run: Command) -> None:
+    base = {**BASE, "step": 0.5, "duration": 5}
+    file = write(tmp_path, {"base": base, "grid": {"step": [0.5, 0.25]}, "seeds": 1})
+    said = output(run("sweep", file, "--out", tmp_path / "out", "--workers", "1")).splitlines()
+    assert said[0].endswith("given: holonomic, points of 1 m, steps of 0.5 s")
+    assert said[1].endswith("assumed: radius 1 m, speed 4.4 m/s, sensor of 10 m (all round, stopped by walls)")
+    assert said[2] == "cases have steps of 0.25, 0.5 s; to compare them at one, set step: 0.25 in base"
+    assert said[3] == "2 runs to make; 1 at a time"
