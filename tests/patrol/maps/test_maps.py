@@ -237,6 +237,7 @@ def test_large_maps_are_read_in_strips(tmp_path: Path, monkeypatch: pytest.Monke
     path = write_map(tmp_path, Image.fromarray(cells), {"resolution": 0.03})
     whole = read_terrain(path, 0.1).passable
     monkeypatch.setattr("patrol.maps.load.CELLS_AT_ONCE", 1)
+    monkeypatch.setattr("patrol.maps.load._LAST", {})
     assert np.array_equal(read_terrain(path, 0.1).passable, whole)
 
 
