@@ -207,7 +207,10 @@ class SourceWatch:
     def _is_undecided(self, may_wait: bool) -> bool:
         """Return whether to look on: there is no state yet, or a robot may be silent in a fleet that goes on."""
         look = self._look
-        return look is None or (may_wait and look.state.running and not look.state.gone and bool(look.undecided))
+        if look is None:
+            return True
+        halted = look.static.has_truth and look.state.note  # whom it waits for, or that it has disconnected
+        return may_wait and look.state.running and not halted and bool(look.undecided)
 
     def close(self) -> None:
         """See `FleetWatch`."""
@@ -221,6 +224,8 @@ def fleet_status(look: Look, router: str) -> FleetStatus:
     robots = zip(static.robots, state.robots, strict=True) if state.robots else ()
     world = WorldStatus(state.k, static.ticks, state.time_s, state.running, state.ticks_per_s, state.ended)
     silent = look.undecided
+    stands = simulated and state.running and state.pace is None and look.observed_s == 0.0
+    note = state.note or ("no tick has gone by while this look listened" if stands else "")
     notice = f"whether {', '.join(silent)} can be heard: {look.observed_s:.1f} s of this run are too short to tell"
     return FleetStatus(
         fleet=static.name,
@@ -229,7 +234,7 @@ def fleet_status(look: Look, router: str) -> FleetStatus:
         mfow_s=state.mfow_s,
         robots=tuple(_robot_status(look, *robot) for robot in robots),
         faults=tuple(" ".join(f"{field}={value}" for field, value in fault.items()) for fault in state.faults),
-        warnings=(state.note,) if state.note else (),
+        warnings=(note,) if note else (),
         unknown=(*([notice] if silent else []), *([] if simulated else [_NO_WORLD])),
         has_world=simulated,
     )

@@ -323,7 +323,8 @@ def _entry_path(name: str, source: bytes, processor: tuple[str, str, str]) -> Pa
 @cache
 def _library_versions() -> tuple[str, ...]:
     numpy = ".".join(version("numpy").split(".")[:2])  # numba's code goes by these two
-    python = str(sys.implementation.cache_tag), getattr(sys, "abiflags", "")
+    optimized = "O" * sys.flags.optimize  # numba tells kernels apart by their byte code, which docstrings move
+    python = str(sys.implementation.cache_tag), getattr(sys, "abiflags", "") + optimized
     return (*python, version("numba"), version("llvmlite"), numpy)
 
 

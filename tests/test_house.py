@@ -279,7 +279,7 @@ def test_the_locks_agree_and_rivals_are_in_no_other_installation() -> None:
 
 
 def base_distributions() -> set[str]:
-    """What `pip install fogwatch` installs, without any extra."""
+    """The distributions that `pip install fogwatch` installs, without any extra."""
     pending = ["fogwatch"]
     found: set[str] = set()
     while pending:

@@ -19,7 +19,7 @@ enum {
  *
  * robot: its number from 1, or 0 for an intruder that the sender sees
  * sequence: the fleet's tick
- * time_ms: ms, of the sender's clock
+ * time_ms: ms, of the sender's clock; the most after 49.7 days
  * x_cm: cm, of the robot's centre
  * y_cm: cm, of the robot's centre
  * heading_mrad: mrad, counter-clockwise from the x axis, round the circle

@@ -8,7 +8,7 @@ from pathlib import Path
 
 FOLDER = Path(__file__).parent
 KERNEL = {"display_name": "Python 3", "language": "python", "name": "python3"}
-_CODE = re.compile(r"^```\{code-cell\} ipython3\n(.*?)\n```\n?", re.MULTILINE | re.DOTALL)
+_CODE = re.compile(r"^```\{code-cell\} ipython3\n(?::tags: [^\n]*\n)?(.*?)\n```\n?", re.MULTILINE | re.DOTALL)
 
 
 def notebook(text: str) -> str:

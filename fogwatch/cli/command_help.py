@@ -93,5 +93,5 @@ def command(
 
 def reflowed(function: Callable[..., Any]) -> str:
     """Join each paragraph of a docstring to one line, so that it fits a terminal of any width."""
-    paragraphs = (inspect.getdoc(function) or "").split("\n\n")
+    paragraphs = (inspect.getdoc(function) or "No help: Python runs with PYTHONOPTIMIZE=2.").split("\n\n")
     return "\n\n".join(" ".join(paragraph.split()) for paragraph in paragraphs)

@@ -58,26 +58,9 @@ def named_terrain(what: str, point: float) -> Terrain:
         is_there = False
     if not is_there:
         raise BadInput(f"{what}: no such map file, and no built-in terrain; {did_you_mean(what, tuple(LAYOUTS))}")
-    from patrol.maps.cells import image_size
     from patrol.maps.load import read_terrain
-    from patrol.maps.map_file import read_map_file
 
-    says = read_map_file(Path(what))
-    rows, columns = image_size(says)
-    millions = rows * columns * (says.resolution / point) ** 2 / 1e6
-    if millions > LARGE_MILLIONS:
-        note(
-            f"{what}: {columns} x {rows} pixels make {millions:.0f} million points of {point:g} m, which takes about "
-            f"{millions * MILLION_S:.0f} s; a larger --point is faster"
-        )
     return read_terrain(Path(what), point)
-
-
-LARGE_MILLIONS = 10.0
-"""Million points of a map from which on it is worth a word how long it takes."""
-
-MILLION_S = 0.5
-"""About how long the check of a million points takes, s: 42 million took 19 s of processor time."""
 
 
 @command(app, examples=["fogwatch map check yards --radius 0.5 --picture yards.png"])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import time
 from argparse import Namespace
 from contextlib import nullcontext
 from typing import TYPE_CHECKING, Annotated
@@ -106,13 +107,12 @@ def follow(fleet_watch: FleetWatch, seconds: float, ending: Ending, *, as_json: 
 
 def _open_watch(what: Namespace, silent_s: float, patience_s: float, ending: Ending) -> FleetWatch | None:
     """Connect to the fleet that the options name; None when asked to end meanwhile."""
-    from fogwatch.status import SourceWatch, TokenWatch
+    from fogwatch.status import POLL_S, SourceWatch, TokenWatch
     from monitor.live.attach import NoAnswer, find_fleet
     from monitor.process import source_opener
-    from patrol.messages.stop_orders import robots_there
     from patrol.net.open_links import open_links
     from patrol.reporting.logs import Log
-    from patrol.security.keys import WORLD, check_radio, is_serial
+    from patrol.security.keys import check_radio, is_serial
 
     answer = find_fleet(ending, what.access, what.credentials, what.router, what.fleet, what.wait, shown="status")
     if answer is None:
@@ -135,14 +135,20 @@ def _open_watch(what: Namespace, silent_s: float, patience_s: float, ending: End
     links = open_links(met.router, on_air, what.wait, Log("status").info, lambda: bool(ending), met.credentials)
     if links is None:
         return None
-    has_world, robots = links[0].sees(met.keys.alive(WORLD)), robots_there(links[0], met.keys)
-    if what.scenario is None and (robots or has_world):
-        watch = TokenWatch(*links, met.keys, met.meets_at, ending, silent_s, find_world)
-        watch.find_world()
-        return watch
+    until = time.monotonic() + what.wait
+    while what.scenario is None:
+        if links[0].seen(met.keys.alive("*"), 1):
+            watch = TokenWatch(*links, met.keys, met.meets_at, ending, silent_s, find_world)
+            watch.find_world()
+            return watch
+        if time.monotonic() >= until or ending.wait(POLL_S):  # processes that start meet before they are seen here
+            break
     for link in dict.fromkeys(links):
         link.close()
-    if what.scenario is None:
+    if what.scenario is None and not ending:
         revoked = ", or these credentials were revoked" if met.revocable else ""
-        raise BadInput(f"--fleet {met.keys.fleet}: nothing of this fleet is at {met.meets_at}{revoked}; check both")
-    return open_source()
+        raise BadInput(
+            f"--fleet {met.keys.fleet}: nothing of this fleet is at {met.meets_at} yet; look again if it has just been "
+            f"started, otherwise its name is another{revoked}"
+        )
+    return None if ending else open_source()

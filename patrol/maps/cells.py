@@ -218,7 +218,8 @@ def _open_image(says: MapFile) -> Iterator[Image.Image]:
         raise BadInput(f"{where}: no such file; {remedy}") from None
     except UnidentifiedImageError:
         with open_untrusted(says.image, IMAGE) as file:
-            what = kind_of_bytes(file.read(HEAD)) or "is not a PGM, PNG, BMP or JPEG image; give one"
+            head = file.read(HEAD)
+        what = kind_of_bytes(head) or f"is {'' if head else 'empty, '}not a PGM, PNG, BMP or JPEG image; give one"
         raise BadInput(f"{where}: {what}") from None
     except _Laborious as error:
         raise BadInput(f"{where}: {error}; save it as a PNG") from None

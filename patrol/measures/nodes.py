@@ -185,7 +185,8 @@ def _entropy_rate(moves: Mapping[tuple[int, int], int]) -> float | None:
     begun: Counter[int] = Counter()
     for (begin, _), count in moves.items():
         begun[begin] += count
-    return -sum(count * math.log2(count / begun[begin]) for (begin, _), count in moves.items()) / total
+    bits = sum(count * math.log2(count / begun[begin]) for (begin, _), count in moves.items())
+    return (0.0 - bits) / total  # not -bits, which is -0.0 where every move is certain
 
 
 def node_totals(header: Header) -> NodeTotals | None:

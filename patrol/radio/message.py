@@ -186,7 +186,7 @@ class Position:
 
     robot: Annotated[int, WireField(0, MAX_ROBOT, "", "its number from 1, or 0 for an intruder that the sender sees")]
     sequence: Annotated[int, WireField(0, MAX_SEQUENCE, "", "the fleet's tick")]
-    time_ms: Annotated[int, WireField(0, MAX_TIME_MS, "ms", "of the sender's clock")]
+    time_ms: Annotated[int, WireField(0, MAX_TIME_MS, "ms", "of the sender's clock; the most after 49.7 days")]
     x_cm: Annotated[int, WireField(MIN_CM, MAX_CM, "cm", "of the robot's centre")]
     y_cm: Annotated[int, WireField(MIN_CM, MAX_CM, "cm", "of the robot's centre")]
     heading_mrad: Annotated[
@@ -230,7 +230,7 @@ class Position:
             ValueError: When a number does not fit.
         """
         try:
-            time_ms = round(s_to_ms(time_s))
+            time_ms = min(round(s_to_ms(time_s)), MAX_TIME_MS)  # a patrol that lasts longer goes on
         except (OverflowError, ValueError):
             raise ValueError(f"the time {time_s} s is not finite") from None
         return cls(robot, sequence, time_ms, *_round_pose(pose), trail=trail)

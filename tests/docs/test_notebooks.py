@@ -25,7 +25,7 @@ END = "</div>\n</div>"
 """Of a cell's input or output on a page."""
 
 TAG = re.compile(r"<[^>]+>")
-CELL = re.compile(r"^```(?:\{code-cell\} ipython3|python)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+CELL = re.compile(r"^```(?:\{code-cell\} ipython3(?:\n:tags: [^\n]*)?|python)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 
 RUNNER = """
 import ast, json, sys

@@ -113,6 +113,16 @@ class TestInABrowser:
             colour = seen.evaluate("getComputedStyle(document.body).backgroundColor")
             assert (sum(map(int, re.findall(r"\d+", colour)[:3])) < 200) == (scheme == "dark")
 
+    @pytest.mark.parametrize("notebook", ["first-patrol", "your-policy"])
+    def test_in_the_dark_plots_are_turned_and_maps_of_ages_keep_their_colours(
+        self, chromium: Any, notebook: str
+    ) -> None:
+        with look(chromium, f"docs/notebooks/{notebook}", "dark") as seen:
+            shown = "(where) => [...document.querySelectorAll(where)].map((one) => getComputedStyle(one).filter)"
+            assert seen.page.evaluate(shown, ".tag_map img") == ["brightness(0.85)"]
+            plots = seen.page.evaluate(shown, ".cell:not(.tag_map) img[src$='.png']")
+            assert set(plots) == {"invert(0.92) hue-rotate(180deg)"}
+
     @pytest.mark.parametrize("size", [PHONE, LAPTOP], ids=["phone", "laptop"])
     def test_every_page_fits(self, chromium: Any, size: dict[str, int]) -> None:
         wide = []

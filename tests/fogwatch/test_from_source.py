@@ -134,6 +134,25 @@ def test_a_look_takes_longer_only_while_a_robot_may_be_silent(
     assert story.k == ticks
 
 
+def test_a_world_in_lockstep_without_a_tick_is_not_well_and_a_slow_one_may_be() -> None:
+    assert judged(WELL, observed_s=0.0, pace=None).warnings == ("no tick has gone by while this look listened",)
+    assert judged(WELL, observed_s=0.0, pace=0.1).well
+    assert judged(WELL, observed_s=0.0, pace=None, running=False).well
+
+
+def test_a_look_at_a_world_that_waits_for_robots_says_for_whom_and_not_that_all_is_well() -> None:
+    class Halted(Story):
+        def wait(self, timeout_s: float) -> State:
+            return replace(super().wait(timeout_s), k=1, time_s=0.5, note="world waits for anna")
+
+    halted: Any = Halted(99)
+    status = SourceWatch(halted, "tcp/r:1", Ending(), 30.0, lambda: halted.now_s).look(0.9)
+    assert status is not None
+    assert halted.now_s == pytest.approx(0.9)
+    assert status.warnings == ("world waits for anna",)
+    assert status.as_text().endswith("not well: warnings: 1")
+
+
 def test_a_look_without_a_state_ends_when_asked_to() -> None:
     class Mute(Story):
         def wait(self, timeout_s: float) -> Any:

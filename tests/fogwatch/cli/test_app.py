@@ -17,7 +17,7 @@ from PIL import Image
 from typer.main import get_command
 
 from fogwatch.cli.app import app
-from fogwatch.cli.command_help import PANEL_OF
+from fogwatch.cli.command_help import PANEL_OF, reflowed
 from fogwatch.launch.launcher import PROCESS_GB
 from tests.fleets import python
 from tests.fogwatch.conftest import Refused, Shell
@@ -33,6 +33,10 @@ FILES = {"scenario.yaml", "journal", "ticks.csv", "summary.json"}
 
 def names_in(folder: Path) -> set[str]:
     return {path.name for path in folder.iterdir()}
+
+
+def test_a_command_without_its_docstring_says_why_it_has_no_help() -> None:
+    assert reflowed(lambda: None) == "No help: Python runs with PYTHONOPTIMIZE=2."
 
 
 def test_a_run_in_one_process_from_a_built_in_terrain(shell: Shell, tmp_path: Path) -> None:

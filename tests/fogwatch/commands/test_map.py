@@ -308,16 +308,3 @@ def test_a_maps_own_image_is_not_drawn_over(flat: Path) -> None:
     with pytest.raises(BadInput, match="is a file of the map flat; give another name"):
         CliRunner().invoke(app, ["check", str(flat), "--picture", str(image)], catch_exceptions=False)
     assert image.read_bytes() == content
-
-
-def test_a_large_map_says_at_once_how_long_it_takes(
-    flat: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    map_commands.named_terrain(str(flat), 0.05)
-    assert capsys.readouterr().err == ""
-    monkeypatch.setattr(map_commands, "LARGE_MILLIONS", 0.02)
-    map_commands.named_terrain(str(flat), 0.1)
-    assert capsys.readouterr().err == ""
-    map_commands.named_terrain(str(flat), 0.05)
-    said = capsys.readouterr().err
-    assert "120 x 60 pixels make 0 million points of 0.05 m, which takes about 0 s; a larger --point is faster" in said

@@ -13,7 +13,7 @@ import pytest
 
 from fogwatch.commands.status import follow, once
 from fogwatch.status import FleetStatus, WorldStatus
-from patrol.net.link import open_link
+from patrol.net.link import Link, open_link
 from patrol.pose import Pose
 from patrol.process.lifeline import Ending
 from patrol.radio.message import Position, encode
@@ -76,19 +76,29 @@ def test_a_viewer_of_a_closed_fleet(tmp_path: Path, shell: Shell) -> None:
     assert said.out.endswith("all well\n")
 
 
+def test_a_robot_that_is_just_starting_is_looked_for_again(shell: Shell, monkeypatch: pytest.MonkeyPatch) -> None:
+    seen, too_early = Link.seen, [list[str]()]
+    monkeypatch.setattr(Link, "seen", lambda link, key, most: too_early.pop() if too_early else seen(link, key, most))
+    with routed() as where, robot(where, fleet_keys("real-1")):
+        said = shell("status", "--router", where, "--fleet", "real-1", "--seconds", "2")
+    assert said.code == 0
+    assert not too_early
+    assert "r1     alive" in said.out
+
+
 def test_nothing_of_the_fleet_is_there(shell: Shell, tmp_path: Path) -> None:
     def refused(*words: str | Path) -> str:
-        said = shell("status", *words)
+        said = shell("status", *words, "--wait", "0.1")
         assert said.code == 2
         return said.err
 
     with routed() as where:
         fleet = ("--router", where, "--fleet", "real-1")
-        assert f"nothing of this fleet is at {where}; check both" in refused(*fleet)
+        assert f"nothing of this fleet is at {where} yet; look again if it has just been started" in refused(*fleet)
         assert "give their --scenario FILE as well" in refused(*fleet, "--radio", "serial/dev/ttyUSB0")
         write_access(tmp_path, where)
         assert f"nothing of this fleet is at {where}" in refused(tmp_path)
-    assert "no router answers" in refused("--router", free_endpoint(), "--fleet", "real-1", "--wait", "0.1")
+    assert "no router answers" in refused("--router", free_endpoint(), "--fleet", "real-1")
 
 
 class Looks:

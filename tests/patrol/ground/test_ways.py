@@ -126,7 +126,7 @@ def test_straight_from_corner_to_corner_a_way_leads_against_no_zone(seed: int) -
 
 
 def test_a_way_through_the_corridor_leads_back_through_the_other_one() -> None:
-    """By hand: 2 steps to the east room, 11 up in it, 23 along the upper corridor, 11 down and 2 to the corridor."""
+    """The way back: 2 steps to the east room, 11 up in it, 23 along the upper corridor, 11 down, 2 to the corridor."""
     terrain = ring(zone("aisle", LOWER, 0))
     reach = compute_fields(terrain, 0.3, 4.0, True, [Pose(3.0, 5.0, 0.0)]).reach
     west, east = (4, 10), (4, 29)

@@ -237,6 +237,7 @@ def test_large_maps_are_read_in_strips(tmp_path: Path, monkeypatch: pytest.Monke
     path = write_map(tmp_path, Image.fromarray(cells), {"resolution": 0.03})
     whole = read_terrain(path, 0.1).passable
     monkeypatch.setattr("patrol.maps.load.CELLS_AT_ONCE", 1)
+    monkeypatch.setattr("patrol.maps.load._LAST", {})
     assert np.array_equal(read_terrain(path, 0.1).passable, whole)
 
 
@@ -461,7 +462,7 @@ def test_too_coarse_points_are_not_blamed_where_the_settings_are(tmp_path: Path)
         (b"P5\n40", "cannot be read"),
         (b"P5\n0 0\n255\n", "is not a PGM"),
         (b"P5\n999999 999999\n255\n", "pixels"),
-        (b"", "is not a PGM"),
+        (b"", "is empty, not a PGM"),
         (b"just text", "is not a PGM"),
         (b"\x89PNG\r\n\x1a\n" + bytes(30), "is not a PGM"),
         (b"Pf\n2 1\n-1.0\n" + bytes(8), "floating-point pixels"),

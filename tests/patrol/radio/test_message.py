@@ -87,6 +87,13 @@ def test_a_rounded_pose_is_sent_unchanged(pose: Pose, time_s: float) -> None:
     assert Position.of(1, 5, once.time_ms / 1000.0, once.pose) == once
 
 
+def test_a_clock_that_no_longer_fits_stays_at_the_largest_time() -> None:
+    days_50 = 50 * 86_400.0  # 2**32 ms are 49.71 days
+    for position in (Position.of(1, 9, days_50, Pose(1.0, 2.0, 0.0)), Position.of_contact(9, days_50, 1.0, 2.0)):
+        assert decode(encode(position)).time_ms == 2**32 - 1
+    assert Position.of(1, 9, 4294967.2, Pose(1.0, 2.0, 0.0)).time_ms == 4_294_967_200
+
+
 @pytest.mark.parametrize(
     ("heading", "mrad"),
     [
@@ -116,13 +123,14 @@ def test_a_trail_holds_a_few_small_pairs_only(trail: tuple[tuple[int, int], ...]
         replace(HERE, trail=trail)
 
 
-@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, 1e300])
-def test_a_pose_that_does_not_fit_is_refused(value: float) -> None:
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, 1e300, -1e300])
+def test_a_pose_or_time_that_does_not_fit_is_refused(value: float) -> None:
     for pose in (Pose(value, 0.0, 0.0), Pose(0.0, value, 0.0)):
         with pytest.raises(ValueError, match=r"outside|finite"):
             Position.of(1, 0, 0.0, pose)
-    with pytest.raises(ValueError, match=r"outside|finite"):
-        Position.of(1, 0, value, Pose(0.0, 0.0, 0.0))
+    if value != 1e300:  # see above for a time that is too long
+        with pytest.raises(ValueError, match=r"outside|finite"):
+            Position.of(1, 0, value, Pose(0.0, 0.0, 0.0))
 
 
 @pytest.mark.parametrize("key", [b"", b"x" * 65])

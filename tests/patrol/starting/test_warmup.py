@@ -122,6 +122,12 @@ def test_a_scenario_says_which_seldom_kernels_it_needs(settings: dict[str, objec
     assert bool(expected) == bool(needed)
 
 
+def test_python_without_docstrings_has_entries_of_its_own(toy: Path) -> None:
+    source_of(toy).write_text(KERNEL.replace("    return", '    """Return twice n."""\n    return'), encoding="utf-8")
+    hits = [said(start(IMPORT, PYTHONOPTIMIZE=level)) for level in ("", "2", "", "2")]
+    assert hits == [COMPILED, COMPILED, LOADED, LOADED]
+
+
 def test_a_warm_machine_compiles_and_says_nothing() -> None:
     packages = ("patrol", "agent", "worldsim")
     warm(packages, lambda _line: None)

@@ -23,7 +23,7 @@ class Robot:
 
 
 def made(patch: pytest.MonkeyPatch, **changed: Any) -> dict[str, tuple[Any, ...]]:
-    """What each part was made of."""
+    """Put a robot together, and return the arguments of each part by its name."""
     found: dict[str, tuple[Any, ...]] = {}
 
     def record(name: str, result: Any) -> Any:

@@ -175,7 +175,7 @@ def test_how_a_lost_or_belated_process_ends_says_nothing(run: Result) -> None:
 
 
 def seen(run: Result, *details: str, k: int = 6) -> None:
-    """What was seen of r1 when it was paused, or at tick 9 when that ended."""
+    """Let the launcher have seen this of r1 when it was paused, or at tick 9 when that ended."""
     events = [event for event in run[1].events if (event.kind, event.k) != (LOOKED_AT, k)]
     place = next(place for place, e in enumerate(events) if (e.k, e.robot) == (k, 1) and e.kind in ("paused", "alive"))
     events[place + 1 : place + 1] = [Event(k, LOOKED_AT, 1, detail) for detail in details]

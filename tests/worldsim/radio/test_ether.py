@@ -75,7 +75,7 @@ class Air:
         return self.ticks
 
     def arrivals(self) -> dict[tuple[int, int, int], list[int]]:
-        """When each frame arrived, by link."""
+        """The ticks in which frames arrived, by link."""
         found: dict[tuple[int, int, int], list[int]] = {}
         for k, delivery in enumerate(self.ticks):
             for link in delivery.arrived:
@@ -303,7 +303,7 @@ def test_bandwidth_is_a_bucket_of_a_second(air: Any) -> None:
 
 
 def test_a_frame_that_one_bandwidth_drops_uses_up_nothing_of_another(air: Any) -> None:
-    """What the narrow one drops in tick 1 stays in the wide one, which is then full for tick 2."""
+    """The frame that the narrow one drops in tick 1 stays in the wide one, which is then full for tick 2."""
     wide = {"kind": "bandwidth", "who": "r1", "bytes_per_s": 100.0, "id": "wide"}
     narrow = {"kind": "bandwidth", "who": "r1", "bytes_per_s": 8.0, "id": "narrow", "for": 1.0}
     both = air(wide, narrow, robots=2)

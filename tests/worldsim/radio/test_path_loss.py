@@ -47,7 +47,7 @@ def model(terrain: Terrain | None = None, seed: int = 3, **options: Any) -> Path
 def lost(
     radio: PathLoss, places: Sequence[float], k: int = 0, origins: Sequence[int] | None = None, **more: Any
 ) -> NDArray[np.bool_]:
-    """What is lost of one frame of each robot, (sender, receiver); robots stand in a row at some x."""
+    """The losses of one frame of each robot, (sender, receiver); robots stand in a row at some x."""
     numbers = np.arange(1, len(places) + 1)
     origin = numbers if origins is None else np.array(origins)
     sequence, on_the_way = np.full(origin.size, frame_sequence(k, 0)), origin[:, None] != numbers[None, :]

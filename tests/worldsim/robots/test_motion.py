@@ -41,7 +41,7 @@ def clearance(terrain: Terrain, pose: Pose) -> float:
 
 
 def worst(terrain: Terrain, poses: Sequence[Pose], radii: Sequence[float]) -> float:
-    """How much room is left where it is tightest; negative in an overlap."""
+    """The room that is left where it is tightest, m; negative in an overlap."""
     room = [clearance(terrain, pose) - radius for pose, radius in zip(poses, radii, strict=True)]
     for i, one in enumerate(poses):
         for j, other in enumerate(poses[:i]):
