@@ -17,7 +17,7 @@ from patrol.messages.stop_orders import Order, Outcome
 from patrol.pose import Command, Drive, Pose, Twist, Velocity
 from patrol.reporting.logs import Log
 from patrol.scenario import RobotSpec
-from ros2.robot import localisation, steering
+from ros2.robot import driver, localisation, steering
 from ros2.robot import stops as standing
 from ros2.robot.driver import Objection, Ros2Robot
 from ros2.robot.fence import Fence, Others
@@ -32,6 +32,7 @@ from ros2.wire.goals import GoalServer, Status
 from ros2.wire.messages import AckermannDriveStamped, Bool, Clock, Odometry, TFMessage, Transform, TwistStamped
 from ros2.wire.names import LATCHED
 from tests.present import present
+from tests.ros2.robot.passing import Passing, Waiter
 from tests.ros2_hub import Hub
 
 STILL = messages.Twist(0.0, 0.0, 0.0)
@@ -401,3 +402,34 @@ def test_a_goal_that_nav2_gives_up_is_a_bump() -> None:
         bench.drive()
         server.step(0)
     assert present(bench.driver.sense()).bumped
+
+
+@pytest.mark.parametrize(
+    ("factor", "lasted_s", "begun_s"),
+    [
+        (1.0, [0.0, 0.04, 0.0, 0.0], [0.0, 0.1, 0.2, 0.3]),
+        (1.0, [0.25, 0.0, 0.0, 0.0], [0.0, 0.25, 0.35, 0.45]),  # what it was late it does not make up for
+        (4.0, [0.0, 0.01, 0.0, 0.0], [0.0, 0.025, 0.05, 0.075]),  # a simulation that is faster than our time
+    ],
+)
+def test_commands_come_at_the_hardwares_rate(
+    factor: float, lasted_s: list[float], begun_s: list[float], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    bench = Bench(rate_hz=10.0)
+    bench.hardware.factor = factor
+    passing = Passing()
+    over = Waiter(passing)
+    monkeypatch.setattr(driver, "time", passing)
+    monkeypatch.setattr(bench.driver, "_over", over)
+    begun: list[float] = []
+
+    def cycle() -> None:
+        begun.append(passing.now_s - 100.0)
+        passing.now_s += lasted_s[len(begun) - 1]
+        if len(begun) == len(lasted_s):
+            over.set()
+
+    monkeypatch.setattr(bench.driver, "cycle", cycle)
+    bench.driver.start()
+    bench.until(lambda: bool(bench.hub.sent["/robot1/cmd_vel"]))
+    assert begun == pytest.approx(begun_s)
