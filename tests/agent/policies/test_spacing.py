@@ -191,7 +191,7 @@ def test_nobody_waits_for_ever_for_one_that_does_not_come() -> None:
     assert not all(waited)
 
 
-@pytest.mark.parametrize(("speed", "ticks"), [(1.0, 27), (0.25, 23)])
+@pytest.mark.parametrize(("speed", "ticks"), [(1.0, 27), (0.25, 23), (0.2, 18)])
 def test_a_robot_waits_and_drives_in_turn_for_as_long(speed: float, ticks: int) -> None:
     """Half of the 53 ticks from one of three robots to the next; at most 45 s, which are 22.5 ticks of 2 s."""
     spacing = spacing_at(1, APART)
@@ -355,17 +355,52 @@ def test_wheels_lose_two_radii_for_each_radian_of_the_tour(radius: float, lost_m
     assert spacing_on(RING, spec=Spec(radius=radius)).length_m == 80.0
 
 
-@pytest.mark.parametrize(("tread", "least", "most"), [(1, 11.0, 14.0), (2, 24.0, 36.0)])
+@pytest.mark.parametrize(("tread", "least", "most"), [(2, 11.0, 14.0), (4, 20.0, 28.0)])
 def test_turns_within_two_strides_are_no_turns(tread: int, least: float, most: float) -> None:
-    """Stairs whose treads are as long as a stride are a slope, and the tour turns by 2 pi; others turn at each tread.
+    """Stairs whose treads are as long as a stride of 2 m are a slope, and the tour turns by 2 pi; others turn more.
 
-    Of treads of two strides each of 11 corners between them turns the way of a stride, of two, by a right angle.
+    Of treads of two strides each of 7 corners between them turns the way of a stride, of two, by a right angle.
     """
-    stairs = [(step + side, step) for step in range(0, 12, tread) for side in (0, tread)]
-    laid_out, terrain = round_through(*stairs, (12, 12), (0, 12))
+    stairs = [(step + side, step) for step in range(0, 16, tread) for side in (0, tread)]
+    spacing = wheels_on(round_through(*stairs, (16, 16), (0, 16)))
+    assert least < spacing.length_m - spacing.round.length_m < most
+
+
+def wheels_on(laid_out: tuple[Round, Terrain], stride: float = 2.0) -> Spacing:
+    """The spacing of a body with wheels, 1 m in radius."""
     spec: Any = Spec(radius=1.0, model="differential")
-    spacing = Spacing.on(laid_out, spec, frozenset({1}), 1, 1.0, RANGE, terrain)
-    assert least < spacing.length_m - laid_out.length_m < most
+    return Spacing.on(laid_out[0], spec, frozenset({1}), 1, stride, RANGE, laid_out[1])
+
+
+@pytest.mark.parametrize(("on_the_way_m", "corners"), [(15.0, 0.5), (55.0, 2.5)])
+def test_places_come_after_the_ways_that_turns_before_them_cost(on_the_way_m: float, corners: float) -> None:
+    """Each corner of the ring costs pi m, that at its begin half before it and half after it."""
+    spacing = wheels_on(RING)
+    assert spacing.count == 46
+    apart_m = (80.0 + 4.0 * math.pi) / 46.0
+    place = round((on_the_way_m + math.pi * corners) / apart_m)
+    assert spacing.along_m(place) == pytest.approx(place * apart_m - math.pi * corners, abs=1.1)
+
+
+@pytest.mark.parametrize(("stride", "count"), [(0.25, 8), (1.0, 8), (1.2, 6), (3.0, 4), (50.0, 4)])
+def test_a_tour_has_a_place_for_each_stride_at_least_four_and_no_more_than_points(stride: float, count: int) -> None:
+    laid_out, terrain = round_through((0, 0), (2, 0), (2, 2), (0, 2))
+    spec: Any = Spec()
+    assert Spacing.on(laid_out, spec, frozenset({1}), 1, stride, RANGE, terrain).count == count
+
+
+@pytest.mark.parametrize("place", [0, 7, 33, 79])
+def test_the_nearest_place_to_a_spot(place: int) -> None:
+    x, y = place_of(place)
+    assert spacing_on(RING).nearest((x + 0.3, y - 0.3)) == place
+
+
+def test_who_has_bumped_drives_on_for_five_seconds_whatever_its_speed() -> None:
+    """At 2 m/s a tick of 0.5 m is a quarter of a second."""
+    spacing = spacing_at(1, APART)
+    fast = Spec(speed=2.0)
+    seen = [replace(at(tick, APART), spec=fast, bumped=tick == 6) for tick in range(6, 30)]
+    assert [waits(spacing, view) for view in seen] == [False] * 20 + [True] * 4
 
 
 @pytest.mark.parametrize(("place", "begun_m"), [(0, 0.0), (1, 0.0), (10, 10.0), (30, 30.0)])
@@ -393,12 +428,17 @@ def test_a_silent_robot_is_followed_on_for_20_ticks_at_most(silent: int, far: in
     assert np.flatnonzero(costs <= costs[10])[-1] == far
 
 
-@pytest.mark.parametrize(("driven", "course"), [(0.24, (0.0, 0.0)), (0.25, (1.0, 0.0))])
-def test_a_robot_has_a_course_once_it_has_driven_half_of_a_stride(driven: float, course: tuple[float, float]) -> None:
+@pytest.mark.parametrize(
+    ("driven", "course"),
+    [((0.24, 0.0), (0.0, 0.0)), ((0.25, 0.0), (1.0, 0.0)), ((-0.3, 0.4), (-0.6, 0.8)), ((0.0, -2.0), (0.0, -1.0))],
+)
+def test_a_robot_has_a_course_once_it_has_driven_half_of_a_stride(
+    driven: tuple[float, float], course: tuple[float, float]
+) -> None:
     """Also in several ticks."""
     spacing = spacing_on(RING, robots=1)
-    for tick, x in enumerate((0.5, 0.5 + 0.5 * driven, 0.5 + driven)):
-        note(spacing, at(tick, {1: (x, 0.5)}))
+    for tick, share in enumerate((0.0, 0.01, 1.0)):
+        note(spacing, at(tick, {1: (5.5 + share * driven[0], 5.5 + share * driven[1])}))
     assert spacing.robots[1].course == pytest.approx(course)
 
 
