@@ -10,14 +10,18 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 
-from agent.kernels.track import JUMP, follow
-from agent.policies.spacing import ZONE_SLACK, Spacing
+from agent.kernels.track import follow
+from agent.policies.spacing import Spacing
 from agent.routes.ground import Ground
 from patrol.ground.terrain import Terrain
 from patrol.pose import Pose
 from patrol.tours.round import Round
 from patrol.zones.ground import with_zones
 from patrol.zones.spec import ZoneSpec
+
+# Not the product's own, so that a wrong one there is noticed.
+JUMP = 20.0
+ZONE_SLACK = 0.15
 
 STRIDE = 0.5
 RANGE = 2.0

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from agent.chance import Chance
-from agent.policies.stochastic import STUCK_S, JointPlan, Stochastic
+from agent.policies.stochastic import JointPlan, Stochastic
 from patrol.ground.terrain import Terrain
 from patrol.measures.best_tour import best_tour
 from patrol.pose import MODELS, Pose
@@ -19,6 +19,9 @@ from patrol.random import Purpose
 from tests.agent.minds import STEP
 from tests.agent.plans import Robots, plan, prepared_in
 from tests.present import present
+
+# Not the product's own, so that a wrong one there is noticed.
+STUCK_S = 30.0
 
 BASE = {"radius": 0.3, "speed": 1.0, "turning_radius": 0.6}
 STARTS = [Pose(2.0, 2.0, 0.0), Pose(20.0, 6.0, 3.0)]

@@ -5,9 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from experiments.intruders.predictors import EACH, SIMILAR, Past, predictors_of
+from experiments.intruders.predictors import Past, predictors_of
 from experiments.intruders.watch import Watch
 from tests.experiments.intruders.made_up import ring, watched
+
+# Not the product's own, so that a wrong one there is noticed.
+EACH = 10
+SIMILAR = 5
 
 NOW, AHEAD = 1500, 120
 

@@ -9,7 +9,10 @@ import pytest
 
 from patrol.errors import BadInput
 from ros2.robot import driver
-from ros2.robot.driver import REACTION_S, assemble
+from ros2.robot.driver import assemble
+
+# Not the product's own, so that a wrong one there is noticed.
+REACTION_S = 0.1
 
 PARTS = ("Shown", "Diagnostics", "Fence", "Others", "Response", "Governor", "VelocitySteering", "GoalSteering")
 

@@ -25,7 +25,7 @@ from ros2.robot.governor import Governor, Response
 from ros2.robot.hardware import Hardware
 from ros2.robot.localisation import Fix, LocalisationSettings
 from ros2.robot.options import DriveSettings
-from ros2.robot.steering import ENOUGH_M, GoalSteering, MotionCheck, Steering, VelocitySteering
+from ros2.robot.steering import GoalSteering, MotionCheck, Steering, VelocitySteering
 from ros2.robot.stops import DriverFailed
 from ros2.wire import messages
 from ros2.wire.goals import GoalServer, Status
@@ -34,6 +34,9 @@ from ros2.wire.names import LATCHED
 from tests.present import present
 from tests.ros2.robot.passing import Passing, Waiter
 from tests.ros2_hub import Hub
+
+# Not the product's own, so that a wrong one there is noticed.
+ENOUGH_M = 0.3
 
 STILL = messages.Twist(0.0, 0.0, 0.0)
 AHEAD, PLACE = Twist(0.5, 0.0), Pose(2.0, 5.0, 0.0)

@@ -8,7 +8,13 @@ import pytest
 
 from patrol.ground.swept_path import advance
 from patrol.pose import Command, Drive, Pose, Twist, Velocity
-from ros2.robot.governor import BLIND_M, BLIND_S, ENOUGH_M, ENOUGH_S, Response
+from ros2.robot.governor import Response
+
+# Not the product's own, so that a wrong one there is noticed.
+BLIND_M = 1.0
+BLIND_S = 1.0
+ENOUGH_M = 0.3
+ENOUGH_S = 0.5
 
 PERIOD_S = 0.05
 HERE = Pose(2.0, 5.0, 0.0)
