@@ -436,3 +436,71 @@ def test_commands_come_at_the_hardwares_rate(
     bench.driver.start()
     bench.until(lambda: bool(bench.hub.sent["/robot1/cmd_vel"]))
     assert begun == pytest.approx(begun_s)
+
+
+@pytest.mark.parametrize(
+    ("place", "stopped", "after_s"),
+    [
+        (Pose(-3.0, 5.0, 0.0), False, 10.0),  # its fence holds it
+        (PLACE, True, 1.0),
+        (None, False, 1.0),  # nobody knows where it is
+    ],
+)
+def test_why_a_robot_stands_is_said_after_a_second_and_after_ten_where_it_may_go_round(
+    place: Pose | None, stopped: bool, after_s: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    bench, passing = Bench(), Passing()
+    monkeypatch.setattr(driver, "time", passing)
+    if stopped:
+        bench.stop.send(Bool(True))
+    begun_s = passing.now_s
+    for passed_s, lines in ((0.0, 0), (after_s - 0.01, 0), (after_s, 1), (after_s + 30.0, 1)):
+        passing.now_s = begun_s + passed_s
+        if place is not None:
+            bench.at(place)
+        bench.driver.act(AHEAD)
+        bench.driver.cycle()
+        assert len([line for line in bench.said if line.startswith("stands: ")]) == lines, passed_s
+
+
+@pytest.mark.parametrize(("factor", "passed_s", "counts_s"), [(1.0, 0.1, 0.1), (4.0, 0.05, 0.2), (1.0, 3.0, 0.25)])
+def test_a_late_cycle_counts_as_a_quarter_of_a_second(
+    factor: float, passed_s: float, counts_s: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    bench, passing, counted = Bench(), Passing(), list[float]()
+    bench.hardware.factor = factor
+    monkeypatch.setattr(driver, "time", passing)
+
+    def step(_fix: object, _now_s: float, since_s: float, _stopped: str) -> str:
+        counted.append(since_s)
+        return ""
+
+    monkeypatch.setattr(bench.steering, "step", step)
+    bench.driver.cycle()
+    passing.now_s += passed_s
+    bench.driver.cycle()
+    assert counted[-1] == pytest.approx(counts_s)
+
+
+def test_a_thread_that_hangs_does_not_keep_the_robot_from_being_stopped(monkeypatch: pytest.MonkeyPatch) -> None:
+    bench, waits = Bench(), list[tuple[str, float]]()
+
+    class Taken:
+        """A lock that another thread never releases."""
+
+        def acquire(self, timeout: float) -> bool:
+            waits.append(("lock", timeout))
+            return False
+
+    class Hangs:
+        def is_alive(self) -> bool:
+            return True
+
+        def join(self, timeout: float) -> None:
+            waits.append(("thread", timeout))
+
+    monkeypatch.setattr(bench.driver, "_lock", Taken())
+    monkeypatch.setattr(bench.driver, "_thread", Hangs())
+    bench.driver.stop("over")
+    assert waits == [("thread", 1.0), ("lock", 0.2)]
+    assert bench.told == STILL
