@@ -71,6 +71,16 @@ def test_a_number_that_is_none_or_not_finite_is_named(field: str, value: Any) ->
         assert str(failed.value) == f"returned {kind} with {name} = {value!r}; give a number from -1e9 to 1e9"
 
 
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_numbers_reach_to_a_milliard(sign: float) -> None:
+    for largest in (1e9, 10**9, np.float64(1e9)):
+        assert checked(Place(sign * largest, 1.0)) == Place(sign * 1e9, 1.0)
+    beyond = math.nextafter(1e9, math.inf)
+    for more in (beyond, np.float64(beyond), 10**9 + 1):
+        with pytest.raises(PolicyFailed, match="give a number from -1e9 to 1e9"):
+            checked(Place(1.0, sign * more))
+
+
 def test_numbers_of_numpy_become_pythons() -> None:
     bearing = checked(Bearing(np.array([0.5, 1.0]), near=(np.float32(1.0), 2.0), wander=np.float64(0.25)))  # type: ignore[arg-type]
     assert bearing == Bearing((0.5, 1.0), near=(1.0, 2.0), wander=0.25)
