@@ -26,7 +26,7 @@ def box(left: float, low: float, right: float, high: float, at: tuple[float, flo
 def settings(kind: str, at: tuple[float, float]) -> dict[str, Any]:
     """What a scenario has besides its map, by what is tried."""
     place = [at[0] + 16.0, at[1] + 3.0]
-    return {
+    found: dict[str, dict[str, Any]] = {
         "stochastic": {},
         "tour": {"patrol": {"policy": "committed"}, "robots": {**BODY, "count": 3, "model": "differential"}},
         "paper": {"patrol": {"policy": "potential-field"}},
@@ -50,7 +50,8 @@ def settings(kind: str, at: tuple[float, float]) -> dict[str, Any]:
         },
         "docks": {"robots": {**BODY, "count": 2, "battery": BATTERY}, "docks": [{"place": place}]},
         "walls": {"radio": {"model": "path-loss", "options": {"wall": 10.0, "reference": 70.0}}},
-    }[kind]  # fmt: skip
+    }  # fmt: skip
+    return found[kind]
 
 
 def run(folder: Path, kind: str, at: tuple[float, float]) -> tuple[list[TickRecord], bool]:
