@@ -153,3 +153,11 @@ def test_a_command_is_slowed_down_by_eighths(eighths: int) -> None:
     fence = Fence(Terrain("t", free, 0.1), RADIUS, 0.2, 2.0)
     here = Pose(10.0 - RADIUS - 0.2 * speed - speed**2 / 4.0 - 0.02, 2.0, 0.0)
     assert fence.allowed(here, Twist(2.0, 0.0)) == Twist(speed, 0.0)
+
+
+@pytest.mark.parametrize(("ahead_m", "drives"), [(3.7, True), (3.5, False)])
+def test_one_that_brakes_weakly_looks_as_far_as_it_goes(ahead_m: float, drives: bool) -> None:
+    """At 1 m/s it stands after 0.2 + 2.5 s, and 0.3 s more are kept: it gets within 0.6 m of one 3.6 m ahead."""
+    weak = Fence(FENCE.terrain, RADIUS, 0.2, 0.2)
+    allowed = weak.allowed(HERE, Twist(1.0, 0.0), [other(HERE.x + ahead_m, HERE.y)])
+    assert (allowed == Twist(1.0, 0.0)) is drives
