@@ -327,7 +327,9 @@ def _sensor_identity(sensor: SensorSpec) -> tuple[str, ...] | None:
 def _tour_digest(
     terrain: Terrain, reach: BoolGrid, ground: BoolGrid, footprint: Footprint, identity: tuple[str, ...]
 ) -> str:
-    facts = (VERSION, terrain.shape, terrain.point, footprint.radius, footprint.line_of_sight, *identity)
+    # The corners of a tour are in m; left out where it is (0, 0), as it was at first, so that older files stay known.
+    origin = terrain.origin if any(terrain.origin) else ()
+    facts = (VERSION, terrain.shape, terrain.point, footprint.radius, footprint.line_of_sight, *identity, *origin)
     digest = hashlib.sha256(repr(facts).encode())
     for grid in (terrain.passable, reach, ground):
         digest.update(np.packbits(grid).tobytes())

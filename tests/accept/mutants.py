@@ -2,9 +2,10 @@
 
     python -m tests.accept.mutants --count 40 --seed 1 patrol/zones monitor        # mutants of these files and folders
 
-Each mutant is put into a copy of the working tree, where the quick tests of the file, those of the folder that mirrors
-its, and the pinned outputs (`tests/fogwatch/test_outputs.py`) run. A survivor is printed as ``path:line before ->
-after``. Some survivors change nothing that counts; each of the others wants a test of its kind.
+Each mutant is put into a copy of the working tree, where the quick tests of the file (or else those that import it),
+those of the folder that mirrors its, and the pinned outputs (`tests/fogwatch/test_outputs.py`) run. A survivor is
+printed as ``path:line before -> after``. Some survivors change nothing that counts; each of the others wants a test of
+its kind.
 """
 
 from __future__ import annotations
@@ -140,12 +141,25 @@ class Sites(ast.NodeVisitor):
 
 
 def tests_of(path: str) -> list[str]:
-    """Return what tests a file: its own tests, those in the folder that mirrors its, and the pinned outputs."""
+    """Return what tests a file: its own tests, those in the folder that mirrors its, and the pinned outputs.
+
+    Kernels have no tests of their own: those that import one stand for them.
+    """
     own = Path("tests", path).with_name(f"test_{Path(path).stem.lstrip('_')}.py")
     folder = own.parent
     while not list((ROOT / folder).glob("test_*.py")):
         folder = folder.parent
-    found = [*([str(own)] if (ROOT / own).is_file() else []), *([str(folder)] if len(folder.parts) > 2 else [])]
+    importing = f"from {path.removesuffix('.py').replace('/', '.')} import "
+    own_tests = (
+        [own]
+        if (ROOT / own).is_file()
+        else [
+            test.relative_to(ROOT)
+            for test in sorted((ROOT / "tests").rglob("test_*.py"))
+            if importing in test.read_text(encoding="utf-8")
+        ]
+    )
+    found = [*map(str, own_tests), *([str(folder)] if len(folder.parts) > 2 else [])]
     return found if path.startswith("ros2/") else [*found, PINNED]  # which drives no robot of ROS 2
 
 

@@ -9,10 +9,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from agent.answers import MAX_FAILURE, checked, policy_failure
+from agent.answers import checked, policy_failure
 from agent.ports import Bearing, Intent, Place, PolicyFailed, State, Stay, Steer
 from patrol.messages.phases import MAX_STATE
 from patrol.pose import Drive, Velocity
+
+# Not the product's own, so that a wrong one there is noticed.
+MAX_FAILURE = 300
 
 VALID: list[Intent] = [
     Bearing(()),
@@ -66,6 +69,16 @@ def test_a_number_that_is_none_or_not_finite_is_named(field: str, value: Any) ->
         with pytest.raises(PolicyFailed) as failed:
             checked(intent(value))
         assert str(failed.value) == f"returned {kind} with {name} = {value!r}; give a number from -1e9 to 1e9"
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_numbers_reach_to_a_milliard(sign: float) -> None:
+    for largest in (1e9, 10**9, np.float64(1e9)):
+        assert checked(Place(sign * largest, 1.0)) == Place(sign * 1e9, 1.0)
+    beyond = math.nextafter(1e9, math.inf)
+    for more in (beyond, np.float64(beyond), 10**9 + 1):
+        with pytest.raises(PolicyFailed, match="give a number from -1e9 to 1e9"):
+            checked(Place(1.0, sign * more))
 
 
 def test_numbers_of_numpy_become_pythons() -> None:

@@ -11,14 +11,21 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from agent.own_robot import COMPLAIN_S, FOLLOW_AGAIN_S, LateClock, WatchedRadio
+from agent.own_robot import LateClock, WatchedRadio
 from agent.robots.clock import KeptClock, epoch_of, latest_tick
-from agent.robots.direct import APART, LONG, REMEMBERED, ROOM, DirectRadio, Skew
+from agent.robots.direct import ROOM, DirectRadio, Skew
 from patrol.messages.phases import PHASE_B_SHARE
 from patrol.net.mailbox import FrameMailbox
 from patrol.pose import Pose
 from patrol.radio.message import MAX_SEQUENCE, MAX_TIME_MS, Position, encode, ms_to_s
 from patrol.security.keys import FleetKeys
+
+# Not the product's own, so that a wrong one there is noticed.
+COMPLAIN_S = 10.0
+FOLLOW_AGAIN_S = 300.0
+APART = 2
+LONG = 64
+REMEMBERED = 9
 
 STEP_S = 5.0
 """So long that a test needs few ticks."""

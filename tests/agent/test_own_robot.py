@@ -12,13 +12,15 @@ from pathlib import Path
 import pytest
 
 from agent.own_robot import drive
-from agent.robots.direct import APART
 from examples.my_robot import MyRobot
 from patrol.net.link import open_link
 from patrol.net.mailbox import Mailbox
 from patrol.radio.message import MAX_FRAME, decode
 from patrol.security.keys import fleet_keys, robot_of
 from tests.worldsim.test_fleet_by_hand import Hand
+
+# Not the product's own, so that a wrong one there is noticed.
+APART = 2
 
 ROOT = Path(__file__).parents[2]
 DRIVER = """

@@ -11,7 +11,7 @@ from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 from typer.testing import CliRunner
 
-from experiments.random_building import LEAST_AREA, LEAST_PART, random_building
+from experiments.random_building import random_building
 from fogwatch.cli.app import app
 from patrol.errors import BadInput
 from patrol.ground.cspace import cspace_of
@@ -19,6 +19,10 @@ from patrol.maps.load import load_terrain, read_terrain
 from patrol.scenario import load_scenario
 from patrol.starts import starting_part
 from tests.building_patrols import patrol, random_scenario
+
+# Not the product's own, so that a wrong one there is noticed.
+LEAST_AREA = 25.0
+LEAST_PART = 0.5
 
 SEEDS = st.integers(0, 2**32 - 1)
 

@@ -228,6 +228,34 @@ def test_clocks_that_differ_are_said(age_s: float, words: str) -> None:
     assert f"the robot's clock is {words}" in says(robot.examined(), Level.WARNING)
 
 
+@pytest.mark.parametrize(
+    ("age_s", "level"),
+    [
+        (0.1, Level.OK),
+        (0.11, Level.WARNING),
+        (-0.1, Level.OK),
+        (-0.11, Level.WARNING),
+        (86400.0, Level.WARNING),
+        (86401.0, None),  # the robot's time is that of a simulation
+        (-86401.0, None),
+    ],
+)
+def test_clocks_may_differ_by_a_tenth_of_a_second_and_simulated_ones_by_more_than_a_day(
+    age_s: float, level: Level | None
+) -> None:
+    robot = Robot(RmwZenoh())
+    for topic, message in (("/robot1/odom", ODOMETRY), ("/tf", PLACE), ("/map", MAP)):
+        robot.sends(topic, message, age_s=age_s)
+    found = [one.level for one in robot.examined().findings if one.says.startswith("the robot's clock")]
+    assert found == ([] if level is None else [level])
+
+
+@pytest.mark.parametrize(("rate", "is_few"), [(4.0, True), (5.0, False)])
+def test_odometry_is_few_below_five_messages_a_second(rate: float, is_few: bool) -> None:
+    robot = Robot(RmwZenoh()).whole().sends("/robot1/odom", ODOMETRY, rate=rate)
+    assert ("fewer than 5 are few" in says(robot.examined(), Level.WARNING)) is is_few
+
+
 def test_a_bridge_has_no_clock_but_in_its_stamps() -> None:
     robot = Robot(Bridge()).whole()
     arrive(robot.seen.heard["robot1/odom"], 3.0)

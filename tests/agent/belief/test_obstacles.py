@@ -11,13 +11,16 @@ from hypothesis import strategies as st
 
 from agent.belief.believed import Area, Belief, Beliefs
 from agent.belief.dilated import Posts
-from agent.belief.obstacles import MOST_SPELLS, Obstacles
+from agent.belief.obstacles import Obstacles
 from agent.routes.ground import Spot
 from patrol.ground.sensors import footprint_of
 from patrol.ground.terrain import Terrain
 from patrol.pose import Pose
 from patrol.radio.inbox import Inboxes, Rules
 from patrol.radio.message import Position, encode
+
+# Not the product's own, so that a wrong one there is noticed.
+MOST_SPELLS = 8
 
 STEP = 0.5
 STRIDE = 1.0
@@ -122,6 +125,32 @@ def test_a_bump_into_a_robot_that_is_heard_teaches_nothing() -> None:
     # Both were on their way, so the gap between them may be a step of each.
     assert robot.note(3, Pose(6.7, 10.0, 0.0), Pose(7.7, 10.0, 0.0)) == []
     assert robot.note(3, Pose(6.5, 10.0, 0.0), Pose(7.5, 10.0, 0.0)) != []
+
+
+@pytest.mark.parametrize(("end_x", "late", "explains"), [
+    (7.581, 0, True),  # 2.419 m from it: 1.4 m, a step of 1 m and 0.02 m for rounding
+    (7.579, 0, False),
+    (4.581, 3, True),  # it may have made 3 steps more since it was heard
+    (4.579, 3, False),
+])  # fmt: skip
+def test_a_robot_heard_explains_a_bump_within_its_steps(end_x: float, late: int, explains: bool) -> None:
+    robot = Robot(2)
+    robot.hear(9, (2, (10.0, 10.0)), sent=9 - late)
+    assert (
+        robot.note(9, Pose(end_x - 1.0, 10.0, 0.0), Pose(end_x, 10.0, 0.0)) == []
+        if explains
+        else [(end_x - 0.5 + 1.4, 10.0, 1.4)]
+    )
+
+
+@pytest.mark.parametrize(("off_m", "is_it"), [(1.99, True), (2.01, False)])
+def test_a_bump_within_two_strides_of_a_silent_robot_was_into_it(off_m: float, is_it: bool) -> None:
+    """It should have stopped at (10, 10), and the two touch at 1.4 m."""
+    robot = silent_at_ten()
+    end_x = 10.0 + 1.4 + off_m
+    discs = robot.note(20, Pose(end_x + 1.0, 10.0, 0.0), Pose(end_x, 10.0, 0.0))
+    assert len(discs) == (1 if is_it else 2)
+    assert (discs[0][0] > 10.0) is is_it
 
 
 def test_one_that_was_not_heard_in_the_tick_of_the_bump_is_in_the_way_until_it_is() -> None:

@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from agent.bodies import BODIES
+from agent.bodies.keeping_right import KeepingRight
 from agent.build import build_mind
 from agent.mind import Mind
 from agent.ports import Bearing, Decision, Intent, Place, PolicyFailed, State, Stay, Steer
@@ -18,7 +19,7 @@ from agent.routes.ground import Spot
 from agent.view import View
 from patrol.ground.swept_path import advance, path_is_free
 from patrol.ground.terrain import Terrain
-from patrol.pose import COMMANDS, MODELS, Command, Drive, Limits, Pose, Twist, Velocity, command_of
+from patrol.pose import COMMANDS, MODELS, Command, Drive, Limits, Pose, Twist, Velocity, command_of, is_halt
 from patrol.prepare import Prepared
 from patrol.radio.message import as_received
 from patrol.scenario import load_scenario
@@ -194,6 +195,41 @@ def test_a_wander_into_a_wall_leads_as_far_as_there_is_room(model: str, prepared
     drives = Drives(prepared[model], Place(15.0, 13.9, bend=(15.0, 13.9), wander=math.pi / 2), pose)
     drives.tick()  # which checks walls
     assert drives.pose.y <= 14.0
+
+
+def test_a_holonomic_body_takes_the_first_direction_that_leads_half_a_step_and_a_tenth_is_no_dead_end(
+    prepared: dict[str, Prepared],
+) -> None:
+    """A step is 2.2 m. The nearer to the wall ahead it stands, the less far it gets; to the right there is room."""
+    ways_m, ahead = [], math.pi / 2.0
+    for centimetres in range(0, 300, 5):
+        pose = Pose(10.25, 14.0 - 0.01 * centimetres, 0.0)
+        alone, choosing = (
+            Drives(prepared["holonomic"], Bearing(bearings, state="going"), pose).tick()
+            for bearings in ((ahead,), (ahead, 0.0))
+        )
+        way_m = alone.command.speed_mps * STEP
+        assert (alone.state == "going") is (way_m >= 0.22)
+        assert choosing.direction == (ahead if way_m >= 1.1 else 0.0)
+        ways_m.append(way_m)
+    for least_m, most_m in ((0.11, 0.22), (0.22, 0.44), (0.55, 1.1), (1.1, 2.2)):
+        assert any(least_m <= way_m < most_m for way_m in ways_m)
+
+
+@pytest.mark.parametrize(("model", "stops"), [("holonomic", 4), ("differential", 6), ("car", 6)])
+def test_a_body_that_would_touch_another_stops_for_so_many_ticks_and_then_drives(
+    model: str, stops: int, prepared: dict[str, Prepared], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A bump shows that the other one is there, so the count begins anew."""
+    monkeypatch.setattr(KeepingRight, "room", lambda *_: 0.0)
+    monkeypatch.setattr(KeepingRight, "past", lambda _self, place, _view: place)
+    place = Place(15.0, 5.0, bend=(15.0, 5.0), gives_room=True)
+    drives = Drives(prepared[model], place, Pose(5.0, 5.0, 0.0))
+    moved = [not is_halt(drives.tick().command) for _ in range(stops + 1)]
+    assert moved == [False] * stops + [True]
+    again = Drives(prepared[model], place, Pose(5.0, 5.0, 0.0))
+    moved = [not is_halt(again.tick(bumped=tick == 2).command) for tick in range(2 + stops)]
+    assert not any(moved)
 
 
 # --- Steer -----------------------------------------------------------------------------------------------------------

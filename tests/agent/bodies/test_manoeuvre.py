@@ -11,8 +11,8 @@ import pytest
 from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
-from agent.bodies.manoeuvre import MOST_ARCS, wheel_moves
-from agent.kernels.manoeuvre import CLEARANCE, _fits, _is_free, search
+from agent.bodies.manoeuvre import wheel_moves
+from agent.kernels.manoeuvre import _fits, _is_free, search
 from agent.ports import Place, State
 from agent.routes.ground import Spot
 from agent.routes.path_window import FAR
@@ -23,6 +23,10 @@ from patrol.radio.message import CM_PER_M, as_received
 from patrol.scenario import RobotSpec
 from tests.agent.minds import STEP
 from tests.agent.plans import Robots, plan, prepared_in
+
+# Not the product's own, so that a wrong one there is noticed.
+MOST_ARCS = 256
+CLEARANCE = 1e-3
 
 RADIUS, TURNING, SPEED = 0.5, 1.0, 1.0
 SPEC = RobotSpec(1, "r1", "differential", SPEED, RADIUS, TURNING, None)

@@ -8,19 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from agent.bodies.standoff import (
-    BACKS_OFF_S,
-    CALM_S,
-    GIVES_WAY_S,
-    OFTEN,
-    ROLES,
-    STILL_S,
-    Moves,
-    Role,
-    Situation,
-    StandOff,
-    nearest,
-)
+from agent.bodies.standoff import ROLES, Moves, Role, Situation, StandOff, nearest
 from agent.chance import Chance
 from agent.ports import Bearing, Place
 from agent.routes.ground import Disc, Ground, Spot
@@ -31,6 +19,13 @@ from tests.agent.minds import STEP
 from tests.agent.plans import Robots, plan, prepared_in
 from tests.present import present
 from tests.swaps import TEAMS, random_passage, swap
+
+# Not the product's own, so that a wrong one there is noticed.
+BACKS_OFF_S = 3.0
+CALM_S = 3.0
+GIVES_WAY_S = 3.0, 10.0
+OFTEN = 3
+STILL_S = 4.0
 
 MOST_COLLISIONS = 25
 RADIUS = 0.3

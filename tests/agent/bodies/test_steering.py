@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from agent.bodies.car import ORIENTED, Unstuck
+from agent.bodies.car import Unstuck
 from agent.bodies.steering import CarSteering, Footing, HolonomicSteering
 from agent.build import build_mind
 from agent.ports import Place
@@ -23,6 +23,9 @@ from patrol.scenario import RobotSpec, load_scenario
 from tests.agent.minds import STEP, at
 from tests.agent.plans import Says
 from tests.present import present
+
+# Not the product's own, so that a wrong one there is noticed.
+ORIENTED = math.pi / 8
 
 CAR = RobotSpec(1, "r1", "car", 4.4, 1.0, 3.5, None)
 HOLONOMIC = RobotSpec(1, "r1", "holonomic", 4.4, 1.0, 3.5, None)

@@ -155,9 +155,9 @@ def test_a_policy_that_stands_still_does_not_block_a_dock() -> None:
     assert fleet.step(0.99, (50.5, 50.5), {}) == State.HOLDING
 
 
-def driven(fleet: Fleet, charge: float, own: tuple[float, float]) -> None:
-    """Let robot 2 drive there and back 8 times for 20 m, beside the dock at the end: about half of its charge."""
-    for k in range(320):
+def driven(fleet: Fleet, charge: float, own: tuple[float, float], ticks: int = 320) -> None:
+    """Let robot 2 drive there and back for 20 m, beside the dock at the end: 35 J in each tick, at most all it has."""
+    for k in range(ticks):
         fleet.step(charge, own, {2: (15.5, 10.5 + 20.0 * abs((k / 20.0) % 2.0 - 1.0))})
 
 
@@ -309,3 +309,70 @@ def test_a_robot_does_not_strand_on_a_long_way_through_a_slow_zone(policy: str) 
     assert used is not None
     assert used.charges >= 1
     assert used.least_share > 0.1
+
+
+@pytest.mark.parametrize(("gone_m", "goal"), [(44.0, 10.5), (45.0, 90.5)])
+def test_it_keeps_to_a_dock_that_is_up_to_a_quarter_farther_than_another(gone_m: float, goal: float) -> None:
+    """The docks are 80 m apart: 0.8 * 44 m is less than 36 m, and 0.8 * 45 m is not less than 35 m."""
+    fleet = Fleet(scenario(count=1))
+    assert fleet.step(0.25, (50.5, 10.5), {}) == State.DOCKING
+    assert fleet.goal == (10.5, 10.5)
+    fleet.step(0.25, (10.5 + gone_m, 10.5), {})
+    assert fleet.goal == (goal, 10.5)
+
+
+@pytest.mark.parametrize(("stands", "goal"), [(6, 90.5), (7, 10.5)])
+def test_a_dock_is_wanted_by_one_that_came_at_half_of_its_speed_over_five_seconds(stands: int, goal: float) -> None:
+    """At 1.5 m/s that is 3.75 m: 4 m in the last 10 ticks are enough, 3 m are not."""
+    fleet = Fleet(scenario(count=2))
+    spots = [45.5 - k for k in range(20)] + [26.5] * stands
+    for x in spots[:-1]:
+        fleet.step(0.95, (45.5, 10.5), {2: (x, 10.5)})
+    assert fleet.step(0.25, (45.5, 10.5), {2: (spots[-1], 10.5)}) == State.DOCKING
+    assert fleet.goal == (goal, 10.5)
+
+
+@pytest.mark.parametrize(("off_m", "state"), [(0.008, State.CHARGING), (0.015, State.DOCKING)])
+def test_a_robot_is_at_a_dock_to_within_the_error_of_its_position(off_m: float, state: str) -> None:
+    """The dock's radius is that which is given, and positions are heard to within 0.01 m."""
+    fleet = Fleet(scenario(count=1, docks=[{"place": [10.5, 10.5], "radius": 1.5}]))
+    assert fleet.step(0.15, (12.0 + off_m, 10.5), {}) == state
+
+
+@pytest.mark.parametrize(("step_m", "hidden"), [(0.012, True), (0.018, True), (0.03, False)])
+def test_one_that_waits_beside_a_dock_may_seem_to_move_by_two_roundings(step_m: float, hidden: bool) -> None:
+    fleet = Fleet(scenario(count=2))
+    for k in range(30):
+        fleet.step(1.0, (50.5, 50.5), {2: (10.5, 10.5) if k < 10 else (10.5, 14.0 + step_m * (k % 2))})
+    assert (2 not in fleet.told.views[-1].peers) is hidden
+
+
+@pytest.mark.parametrize(("charge", "goal"), [(0.48, None), (0.47, (10.5, 10.5))])
+def test_one_that_waits_beside_its_dock_charges_again_below_half_of_full(
+    charge: float, goal: tuple[float, float] | None
+) -> None:
+    """Docks charge to 0.95."""
+    others = {2: (50.5, 30.5), 3: (70.5, 30.5)}
+    fleet = charged_while(others)
+    assert fleet.step(charge, (10.5, 13.5), others) == State.DOCKING
+    assert fleet.goal == goal
+
+
+@pytest.mark.parametrize(("charge", "state"), [(0.6, State.CHARGING), (0.613, State.PATROLLING)])
+def test_room_is_made_by_one_with_a_third_of_the_capacity_more(charge: float, state: str) -> None:
+    """The other has driven 220 m in 110 s, and stood for 10 s: 0.278 is left of its charge; 0.35 - 0.02 more: 0.608."""
+    fleet = Fleet(scenario(count=2, docks=DOCKS[:1]), Place(50.0, 50.0))
+    driven(fleet, 0.15, (10.5, 10.5), ticks=220)
+    assert [fleet.step(charge, (10.5, 10.5), {2: (15.5, 10.5)}) for _ in range(20)][-1] == state
+
+
+@pytest.mark.parametrize(
+    ("charge", "x", "state"),
+    [
+        (0.2, 21.5, State.DOCKING),  # 11 m from the dock
+        (0.2, 23.5, State.HOLDING),  # 13 m; 8 s at 1.5 m/s are 12 m
+        (0.21, 21.5, State.HOLDING),  # 0.1 above the reserve is 0.2
+    ],
+)
+def test_it_charges_in_passing_within_eight_seconds_of_a_dock(charge: float, x: float, state: str) -> None:
+    assert Fleet(scenario(count=1)).step(charge, (x, 10.5), {}) == state

@@ -13,7 +13,7 @@ import pytest
 
 from agent.build import build_mind
 from agent.policies.commitment import Commitment
-from agent.policies.pursuit import AT_HAND_S, LEFT_OUT_S, LONGEST_S, MOST_PLACES, NO_NEARER_S, GivenUp, Target
+from agent.policies.pursuit import GivenUp, Target
 from agent.ports import Decision
 from patrol.ground.terrain import Terrain
 from patrol.pose import MODELS, Pose
@@ -21,6 +21,13 @@ from patrol.prepare import Prepared
 from tests.agent.minds import STEP, at
 from tests.agent.plans import POINT, Robots, plan, prepared_in, two_rooms
 from tests.present import present
+
+# Not the product's own, so that a wrong one there is noticed.
+AT_HAND_S = 3.0
+LEFT_OUT_S = 20.0
+LONGEST_S = 960.0
+MOST_PLACES = 64
+NO_NEARER_S = 15.0
 
 BASE = {"radius": 0.3, "speed": 1.0, "turning_radius": 1.0}
 CORNER = Pose(2.0, 2.0, 0.0)

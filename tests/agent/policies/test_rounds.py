@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from agent.policies.committed import BROKEN, PERIOD_S, PERIODS, Committed, Comparison, OnRound
-from agent.policies.pursuit import NO_NEARER_S
+from agent.policies.committed import Committed, Comparison, OnRound
 from experiments.random_building import Building
 from fogwatch.inprocess import run_in_process
 from patrol.pose import MODELS, Pose
@@ -20,6 +19,12 @@ from tests.agent.minds import STEP
 from tests.agent.plans import POINT, Robots, prepared_in, two_rooms
 from tests.present import present
 from worldsim.world import World
+
+# Not the product's own, so that a wrong one there is noticed.
+BROKEN = 1.3
+PERIOD_S = 300.0
+PERIODS = 6
+NO_NEARER_S = 15.0
 
 ROUND = {"robots.count": 3, "robots.model": "holonomic", "point": 1.0, "duration": 400, "sensor.range": 20}
 ROUND |= {"patrol.policy": "committed"}

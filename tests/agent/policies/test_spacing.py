@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 
-from agent.kernels.track import JUMP, follow
+from agent.kernels.track import follow
 from agent.policies.spacing import Spacing
 from agent.routes.ground import Ground
 from patrol.ground.terrain import Terrain
@@ -18,6 +18,10 @@ from patrol.pose import Pose
 from patrol.tours.round import Round
 from patrol.zones.ground import with_zones
 from patrol.zones.spec import ZoneSpec
+
+# Not the product's own, so that a wrong one there is noticed.
+JUMP = 20.0
+ZONE_SLACK = 0.15
 
 STRIDE = 0.5
 RANGE = 2.0
@@ -184,12 +188,6 @@ def test_nobody_waits_while_robots_may_be_on_the_way_to_their_first_places() -> 
     assert min(waited) >= 2 * own_way
 
 
-def test_two_at_the_same_place_do_not_both_wait() -> None:
-    together = {1: (10.5, 0.5), 2: (10.5, 0.5)}
-    both = [waits(spacing_at(number, together), at(6, together, number)) for number in together]
-    assert sorted(both) == [False, True]
-
-
 def test_nobody_waits_for_ever_for_one_that_does_not_come() -> None:
     spacing = spacing_at(1, APART)
     waited = [waits(spacing, at(tick, APART)) for tick in range(6, 400)]
@@ -197,7 +195,7 @@ def test_nobody_waits_for_ever_for_one_that_does_not_come() -> None:
     assert not all(waited)
 
 
-@pytest.mark.parametrize(("speed", "ticks"), [(1.0, 27), (0.25, 23)])
+@pytest.mark.parametrize(("speed", "ticks"), [(1.0, 27), (0.25, 23), (0.2, 18)])
 def test_a_robot_waits_and_drives_in_turn_for_as_long(speed: float, ticks: int) -> None:
     """Half of the 53 ticks from one of three robots to the next; at most 45 s, which are 22.5 ticks of 2 s."""
     spacing = spacing_at(1, APART)
@@ -314,3 +312,147 @@ def test_a_robot_that_goes_back_is_followed_over_the_seam_of_the_tour_as_elsewhe
     before = (place - 1) % 20
     x, y = tour[before, :2].tolist()
     assert follow(costs, np.zeros(20), tour, 0.3 * math.pi, 1, x, y, 0.0, 0.0) == before
+
+
+def place_of(place: int) -> tuple[float, float]:
+    """The middle of a place of the ring, which lie 1 m apart."""
+    row, col = divmod(int(RING[0].places[place % 80]), 40)
+    return col + 0.5, row + 0.5
+
+
+@pytest.mark.parametrize(
+    ("ahead", "behind", "range_m", "most_slack", "waited"),
+    [
+        (10, 30, 39.0, math.inf, True),  # half of a range is 19.5 m
+        (10, 30, 41.0, math.inf, False),
+        (20, 23, 50.0, ZONE_SLACK, False),  # 0.15 of an equal gap is 4 m
+        (20, 25, 50.0, ZONE_SLACK, True),
+    ],
+)
+def test_how_much_more_the_gap_behind_may_be(
+    ahead: int, behind: int, range_m: float, most_slack: float, waited: bool
+) -> None:
+    """Of three robots on 80 m, whose equal gap is 26.7 m."""
+    spots = {1: place_of(10), 2: place_of(10 + ahead), 3: place_of(10 - behind)}
+    spacing = spacing_at(1, spots, robots=3, range_m=range_m, most_slack=most_slack)
+    assert waits(spacing, at(6, spots)) is waited
+
+
+@pytest.mark.parametrize(("behind", "waited"), [(7, False), (8, True)])
+def test_nobody_waits_for_a_gap_of_three_strides(behind: int, waited: bool) -> None:
+    """Strides of 1 m; of 16 robots the equal gap is 5 m, so a tenth of it is no bound."""
+    spots = {1: place_of(20), 2: place_of(24), 3: place_of(20 - behind), **{n: place_of(30 + n) for n in range(4, 17)}}
+    laid_out, terrain = RING
+    spec: Any = Spec()
+    spacing = Spacing.on(laid_out, spec, frozenset(spots), 16, 1.0, 50.0, terrain, 0.0)
+    seen = [replace(at(tick, spots), stride=1.0) for tick in range(7)]
+    for view in seen[:-1]:
+        note(spacing, view)
+    assert waits(spacing, seen[-1]) is waited
+
+
+@pytest.mark.parametrize(("radius", "lost_m"), [(0.5, 6.28), (1.0, 12.57)])
+def test_wheels_lose_two_radii_for_each_radian_of_the_tour(radius: float, lost_m: float) -> None:
+    """The ring turns by 2 pi."""
+    spacing = spacing_on(RING, spec=Spec(radius=radius, model="differential"))
+    assert spacing.length_m == pytest.approx(80.0 + lost_m, abs=0.01)
+    assert spacing_on(RING, spec=Spec(radius=radius)).length_m == 80.0
+
+
+@pytest.mark.parametrize(("tread", "least", "most"), [(2, 11.0, 14.0), (4, 20.0, 28.0)])
+def test_turns_within_two_strides_are_no_turns(tread: int, least: float, most: float) -> None:
+    """Stairs whose treads are as long as a stride of 2 m are a slope, and the tour turns by 2 pi; others turn more.
+
+    Of treads of two strides each of 7 corners between them turns the way of a stride, of two, by a right angle.
+    """
+    stairs = [(step + side, step) for step in range(0, 16, tread) for side in (0, tread)]
+    spacing = wheels_on(round_through(*stairs, (16, 16), (0, 16)))
+    assert least < spacing.length_m - spacing.round.length_m < most
+
+
+def wheels_on(laid_out: tuple[Round, Terrain], stride: float = 2.0) -> Spacing:
+    """The spacing of a body with wheels, 1 m in radius."""
+    spec: Any = Spec(radius=1.0, model="differential")
+    return Spacing.on(laid_out[0], spec, frozenset({1}), 1, stride, RANGE, laid_out[1])
+
+
+@pytest.mark.parametrize(("on_the_way_m", "corners"), [(15.0, 0.5), (55.0, 2.5)])
+def test_places_come_after_the_ways_that_turns_before_them_cost(on_the_way_m: float, corners: float) -> None:
+    """Each corner of the ring costs pi m, that at its begin half before it and half after it."""
+    spacing = wheels_on(RING)
+    assert spacing.count == 46
+    apart_m = (80.0 + 4.0 * math.pi) / 46.0
+    place = round((on_the_way_m + math.pi * corners) / apart_m)
+    assert spacing.along_m(place) == pytest.approx(place * apart_m - math.pi * corners, abs=1.1)
+
+
+@pytest.mark.parametrize(("stride", "count"), [(0.25, 8), (1.0, 8), (1.2, 6), (3.0, 4), (50.0, 4)])
+def test_a_tour_has_a_place_for_each_stride_at_least_four_and_no_more_than_points(stride: float, count: int) -> None:
+    laid_out, terrain = round_through((0, 0), (2, 0), (2, 2), (0, 2))
+    spec: Any = Spec()
+    assert Spacing.on(laid_out, spec, frozenset({1}), 1, stride, RANGE, terrain).count == count
+
+
+@pytest.mark.parametrize("place", [0, 7, 33, 79])
+def test_the_nearest_place_to_a_spot(place: int) -> None:
+    x, y = place_of(place)
+    assert spacing_on(RING).nearest((x + 0.3, y - 0.3)) == place
+
+
+def test_who_has_bumped_drives_on_for_five_seconds_whatever_its_speed() -> None:
+    """At 2 m/s a tick of 0.5 m is a quarter of a second."""
+    spacing = spacing_at(1, APART)
+    fast = Spec(speed=2.0)
+    seen = [replace(at(tick, APART), spec=fast, bumped=tick == 6) for tick in range(6, 30)]
+    assert [waits(spacing, view) for view in seen] == [False] * 20 + [True] * 4
+
+
+@pytest.mark.parametrize(("place", "begun_m"), [(0, 0.0), (1, 0.0), (10, 10.0), (30, 30.0)])
+def test_a_lone_robot_begins_at_the_nearest_of_24_places(place: int, begun_m: float) -> None:
+    """They lie 3.3 m apart."""
+    spacing = spacing_on(RING, robots=1)
+    assert begin(spacing, at(0, {1: place_of(place)})) == begun_m
+
+
+def test_nobody_waits_for_twice_the_time_of_the_longest_straight_way_to_a_first_place() -> None:
+    """Both begin at one spot; one of them goes to the other side of the ring, 10 m away: 20 ticks."""
+    spacing = spacing_on(RING, robots=2)
+    begin(spacing, at(0, {1: place_of(15), 2: place_of(15)}))
+    apart = {1: place_of(15), 2: place_of(25)}
+    assert [waits(spacing, at(tick, apart)) for tick in range(1, 46)] == [False] * 39 + [True] * 6
+
+
+@pytest.mark.parametrize(("silent", "far"), [(10, 10), (19, 19), (20, 20), (21, 20), (40, 20)])
+def test_a_silent_robot_is_followed_on_for_20_ticks_at_most(silent: int, far: int) -> None:
+    """It may be on any place up to so many ahead; on all of them at equal cost, but where the distance counts."""
+    spacing = spacing_on(RING, robots=1)
+    begin(spacing, at(0, {1: place_of(0)}))
+    note(spacing, at(silent - 1, {1: place_of(0)}))
+    costs = spacing.robots[1].costs[:41]
+    assert np.flatnonzero(costs <= costs[10])[-1] == far
+
+
+@pytest.mark.parametrize(
+    ("driven", "course"),
+    [((0.24, 0.0), (0.0, 0.0)), ((0.25, 0.0), (1.0, 0.0)), ((-0.3, 0.4), (-0.6, 0.8)), ((0.0, -2.0), (0.0, -1.0))],
+)
+def test_a_robot_has_a_course_once_it_has_driven_half_of_a_stride(
+    driven: tuple[float, float], course: tuple[float, float]
+) -> None:
+    """Also in several ticks."""
+    spacing = spacing_on(RING, robots=1)
+    for tick, share in enumerate((0.0, 0.01, 1.0)):
+        note(spacing, at(tick, {1: (5.5 + share * driven[0], 5.5 + share * driven[1])}))
+    assert spacing.robots[1].course == pytest.approx(course)
+
+
+def test_of_two_at_the_same_place_the_one_with_the_higher_number_waits() -> None:
+    together = {1: (10.5, 0.5), 2: (10.5, 0.5)}
+    assert [waits(spacing_at(number, together), at(6, together, number)) for number in (1, 2)] == [False, True]
+
+
+def test_the_course_of_a_place_leads_from_the_one_before_to_the_one_behind() -> None:
+    """At a corner between both."""
+    tour = spacing_on(RING).tour
+    assert tour[[10, 35, 50, 75], 2:] == pytest.approx(np.array([[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]]))
+    assert tour[30, 2:] == pytest.approx([math.sqrt(0.5), math.sqrt(0.5)])

@@ -10,13 +10,18 @@ import numpy as np
 import pytest
 
 from agent.chance import Chance
-from agent.policies.stochastic import STUCK_S, JointPlan, Stochastic
+from agent.policies.stochastic import JointPlan, Stochastic
 from patrol.ground.terrain import Terrain
+from patrol.measures.best_tour import best_tour
 from patrol.pose import MODELS, Pose
 from patrol.prepare import Prepared
+from patrol.random import Purpose
 from tests.agent.minds import STEP
 from tests.agent.plans import Robots, plan, prepared_in
 from tests.present import present
+
+# Not the product's own, so that a wrong one there is noticed.
+STUCK_S = 30.0
 
 BASE = {"radius": 0.3, "speed": 1.0, "turning_radius": 0.6}
 STARTS = [Pose(2.0, 2.0, 0.0), Pose(20.0, 6.0, 3.0)]
@@ -84,6 +89,24 @@ def test_other_draws_give_another_order_and_the_same_ones_the_same() -> None:
 def test_a_station_is_drawn_whatever_the_draw(share: float, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Chance, "draw", lambda _self, *_question: share)
     assert stations(Robots(patrol()), 1) != [None]
+
+
+def test_draws_stay_the_same_for_a_tenth_of_the_time_between_two_robots(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two robots at 1.25 m/s: on a tour of L m one passes after another in L / 1.25 / 2 s."""
+    monkeypatch.setitem(BASE, "speed", 1.25)
+    prepared, asked, real = patrol(), list[tuple[int, int]](), Chance.draw
+
+    def draw(self: Chance, purpose: Purpose, *question: int) -> float:
+        if purpose is Purpose.PLAN:
+            asked.append((robots.k, question[0]))
+        return real(self, purpose, *question)
+
+    monkeypatch.setattr(Chance, "draw", draw)
+    robots = Robots(prepared)
+    stations(robots, 200)
+    spell_s = 0.1 * present(best_tour(prepared).length_m) / 1.25 / 2.0
+    assert len({spell for _, spell in asked}) > 10
+    assert {spell - int(tick * STEP / spell_s) for tick, spell in asked} == {0}
 
 
 def mean_oldest(robots: Robots, ticks: int = 800) -> float:

@@ -11,8 +11,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from agent.belief.believed import SAME, Contacts
-from agent.policies.surround import FARTHEST, Stand, Surround, assign, spots_around, spread
+from agent.belief.believed import Contacts
+from agent.policies.surround import Stand, Surround, assign, spots_around, spread
 from agent.ports import Intent, Stay
 from agent.routes.ground import Ground
 from agent.routes.routes import Routes, Way
@@ -27,6 +27,10 @@ from patrol.radio.peers import Peer
 from patrol.scenario import load_scenario
 from tests.agent.minds import prepared_on, setup_of
 from tests.present import present
+
+# Not the product's own, so that a wrong one there is noticed.
+SAME = 2.0
+FARTHEST = 1.25
 
 SPACING = 3.0
 

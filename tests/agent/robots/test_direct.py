@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import pytest
 
-from agent.robots.direct import APART, REMEMBERED, ROOM, DirectRadio, Skew
+from agent.robots.direct import ROOM, DirectRadio, Skew
 from patrol.messages.telemetry import Traffic
 from patrol.net.mailbox import FrameMailbox
 from patrol.pose import Pose
@@ -10,6 +10,10 @@ from patrol.radio.message import Position, encode
 from patrol.reporting.vitals import DROPPED, Vitals
 from patrol.security.keys import FleetKeys
 from tests.present import present
+
+# Not the product's own, so that a wrong one there is noticed.
+APART = 2
+REMEMBERED = 9
 
 KEYS = FleetKeys("f")
 STEP_S = 0.5

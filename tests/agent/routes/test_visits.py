@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import math
+
+import numpy as np
 import pytest
 
 from agent.routes.ground import Ground
 from agent.routes.routes import Routes
 from agent.routes.visits import Visits
 from patrol.ground.fields import compute_fields
+from patrol.ground.terrain import Terrain
 from patrol.pose import Pose, Velocity
+from patrol.zones.ground import with_zones
 from patrol.zones.spec import ZoneSpec
 from tests.ring import LOWER, ring, zone
 
@@ -73,3 +78,30 @@ def test_a_robot_in_the_zone_turns_back_where_all_ahead_is_closed(x: float, befo
         way = routes.way((5, 1 + int(2 * x)), (5, 5))
         assert way.length == pytest.approx(expected)
         assert (way.bend[0] > x) == (expected == 28.82)
+
+
+@pytest.mark.parametrize("origin", [(0.0, 0.0), (-7.5, 3.0)])
+@pytest.mark.parametrize("degrees", [0, 45, 90, 135, 180, 225, 270, 315])
+def test_behind_is_against_the_zones_direction(degrees: int, origin: tuple[float, float]) -> None:
+    """In the middle of a zone of 8 x 8 m the robot may go back by two radii, 0.6 m, and no farther; to the side it may.
+
+    Degrees count from the x axis towards the y axis.
+    """
+    left, low = origin[0] + 1.0, origin[1] + 1.0
+    box = [[left, low], [left + 8.0, low], [left + 8.0, low + 8.0], [left, low + 8.0]]
+    own = zone("hall", box, degrees)
+    field = Terrain("field", np.ones((20, 20), dtype=np.bool_), 0.5, origin=origin)
+    terrain = with_zones(field, [ZoneSpec.model_validate(own)])
+    ground = Ground(terrain, terrain.free)
+    visits = Visits([ZoneSpec.model_validate(own)], ground, RADIUS, STEP)
+    across, up = math.cos(math.radians(degrees)), math.sin(math.radians(degrees))
+    x, y = origin[0] + 5.0, origin[1] + 5.0
+    visits.note(x, y)
+    for back_m, side_m, allowed in ((0.55, 0.0, True), (0.65, 0.0, False), (0.0, 1.0, True), (-2.0, 0.0, True)):
+        step = (-back_m * across - side_m * up, -back_m * up + side_m * across)
+        assert visits.allow(Pose(x, y, 0.0), Velocity(step[0] / STEP, step[1] / STEP)) == allowed
+    assert ground.behind is not None
+    rows, cols = np.indices(terrain.shape)
+    along = (cols * 0.5 - 4.75) * across + (rows * 0.5 - 4.75) * up
+    inside = (rows >= 2) & (rows < 18) & (cols >= 2) & (cols < 18)
+    assert np.array_equal(ground.behind, inside & (along < -0.6))

@@ -6,12 +6,15 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from agent.routes.waiting import KEEP_RADII, Waiting
+from agent.routes.waiting import Waiting
 from patrol.ground.fields import compute_fields
 from patrol.kernels.clearance import label_parts
 from patrol.pose import Pose
 from tests.agent.plans import plan
 from tests.present import present
+
+# Not the product's own, so that a wrong one there is noticed.
+KEEP_RADII = 3.5
 
 RADIUS = 0.3
 TERRAIN = plan((6.0, 8.2), (0.0, 0.0, 6.0, 4.0), (0.0, 4.2, 6.0, 8.2), (2.4, 4.0, 3.6, 4.2))

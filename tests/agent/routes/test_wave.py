@@ -16,11 +16,14 @@ from agent.kernels import wave as kernel
 from agent.kernels.wave import HEMMED, SETTLED, STATUS
 from agent.routes.ground import Ground
 from agent.routes.path_window import FAR
-from agent.routes.wave import ROOM, Wave, box_around, box_between, paths_in
+from agent.routes.wave import Wave, box_around, box_between, paths_in
 from patrol.ground.terrain import Terrain
 from patrol.kernels.footprint import cast
 from patrol.scenario.policies import Ties
 from tests.agent.plans import cluttered
+
+# Not the product's own, so that a wrong one there is noticed.
+ROOM = 2**12
 
 Bools = NDArray[np.bool_]
 Drawn = tuple[int, int, int, float]

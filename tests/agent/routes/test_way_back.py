@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from agent.ports import State, Stay
 from agent.routes.ground import Ground
-from agent.routes.way_back import REACH, WayBack
+from agent.routes.way_back import WayBack
 from patrol.ground.cspace import cspace_of
 from patrol.ground.fields import compute_fields
 from patrol.ground.swept_path import free_fraction
@@ -20,6 +20,9 @@ from patrol.ground.terrain import Terrain
 from patrol.pose import MODELS, Pose
 from tests.agent.plans import Robots, plan, prepared_in
 from tests.present import present
+
+# Not the product's own, so that a wrong one there is noticed.
+REACH = 5.0
 
 RADIUS = 0.3
 

@@ -13,8 +13,9 @@ import pytest
 from typer.main import get_command
 
 from experiments.benchmark.matrix import read_policies
+from experiments.commands.benchmark import Comparison
 from fogwatch.cli.app import app
-from patrol.scenario import load_scenario
+from patrol.scenario import BUILTINS, load_scenario
 from tests.experiments.commands.conftest import Command, output, refuses
 from tests.ring import write_cells
 
@@ -66,6 +67,24 @@ def test_the_policies_of_the_examples_can_be_run() -> None:
     assert any(len(policy.settings) > 1 for policy in policies), "one has an option"
     for policy in policies:
         load_scenario({"terrain": {"builtin": "open"}}, policy.settings)
+
+
+@pytest.mark.parametrize(
+    ("given", "seeds", "duration_s", "point_m"),
+    [
+        ({}, 5, 1200.0, 0.5),
+        ({"quick": True}, 2, 300.0, 1.0),
+        ({"quick": True, "seeds": 7, "duration": 40.0, "point": 0.25}, 7, 40.0, 0.25),
+    ],
+)
+def test_what_is_not_given_is_as_its_help_says(
+    given: dict[str, Any], seeds: int, duration_s: float, point_m: float
+) -> None:
+    matrix = Comparison(policies="cr", **given).matrix()
+    assert (matrix.seeds, matrix.duration_s) == (tuple(range(1, seeds + 1)), duration_s)
+    assert matrix.settings == {"point": point_m, "robots.model": "holonomic"}
+    assert (matrix.teams, matrix.conditions) == ((4,), ("none",))
+    assert [terrain.name for terrain in matrix.terrains] == list(BUILTINS)
 
 
 @pytest.mark.parametrize(

@@ -31,6 +31,32 @@ def test_every_condition_is_a_scenario_of_its_own(setup: cost.FaultSetup) -> Non
         assert len(run.scenario.roster) == (4 if "one robot fewer" in run.case else 5)
 
 
+def test_conditions_are_those_of_the_page(setup: cost.FaultSetup) -> None:
+    tried = cost.conditions(setup)
+    rates, bursts = [0.1, 0.25, 0.5, 0.75, 0.9, 1.0], [0.25, 0.5, 0.75, 0.85]
+    axes = {
+        "loss": rates,
+        "loss with trail": rates,
+        "bursts": bursts,
+        "bursts with trail": bursts,
+        "range": [20, 40, 80],
+    }
+    for group, values in axes.items():
+        found = [condition for condition in tried if condition.group == group]
+        assert [condition.x for condition in found] == values
+        for condition in found:
+            (fault,) = condition.faults
+            assert fault.get("rate", fault.get("reach")) == condition.x
+            assert fault.get("mean_burst") == (8 if group.startswith("bursts") else None)
+            assert condition.settings == ({"radio.trail": 4} if group.endswith("trail") else {})
+    by_name = {condition.name: condition.faults for condition in tried}
+    assert by_name["all positions shifted"][0]["payload"] == {"offset": [25.0, 0.0]}
+    assert by_name["silence for a third"][0] == {"kind": "silence", "who": "all", "at": 1000.0, "for": 1000.0}
+    assert [(fault["who"], fault["at"]) for fault in by_name["two robots join"]] == [("r4", 1000.0), ("r5", 2000.0)]
+    assert [fault["at"] for fault in by_name["one killed and restarted"]] == [600.0, 900.0]
+    assert by_name["old frames sent again"][0]["payload"] == {"replay": 60.0}
+
+
 def test_all_deaths_come_and_go_within_the_run(setup: cost.FaultSetup) -> None:
     (in_turn,) = [condition for condition in cost.conditions(setup) if condition.name.startswith("each killed")]
     acts = [(fault["kind"], fault["who"], fault["at"]) for fault in in_turn.faults]

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from experiments.intruders import game as game_module
 from experiments.intruders.game import Game, gain_of, infiltration, share_of
 from experiments.intruders.infiltrator import Infiltrator
 from patrol.errors import BadInput
@@ -91,6 +92,32 @@ def test_a_stay_counts_from_its_whole_time_on(monkeypatch: pytest.MonkeyPatch) -
         broken = np.insert(way, 10, target - 1)
         monkeypatch.setattr(game.planner, "plan", lambda *_, way=broken: way)
         assert not game.once(game.predictors["blind"], now, target).succeeded, "it must not go away meanwhile"
+
+
+@pytest.mark.parametrize(("sighted", "is_taken"), [(0.29, True), (0.31, False)])
+def test_a_way_that_is_planned_again_after_a_second_is_taken_if_much_better(
+    sighted: float, is_taken: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Plans come at ticks 0, 2, 4, ... of half a second; the second way would be seen so often, the old one once."""
+    unseen = np.full((1000, 1, 2), math.nan)
+    unseen[:10] = 12.0
+    game = Game(watched(unseen, 24, range_m=20.0), INTRUDER)
+    now, target = game.trials[0]
+    ways = [np.full(game.within, point, dtype=np.int32) for point in (target - 1, target - 2)]
+    asked: list[tuple[int, int]] = []
+
+    def predictor(tick: int, ahead: int) -> Any:
+        asked.append((tick - now, ahead))
+        return None
+
+    monkeypatch.setattr(game_module, "sightings", lambda _, way: sighted if way[0] == target - 2 else 1.0)
+    monkeypatch.setattr(
+        game.planner, "plan", lambda *_: ways[min(len(asked) - 1, 1)][: game.within - 2 * (len(asked) - 1)]
+    )
+    attempt = game.again(predictor, now, target)
+    assert asked == [(tick, game.within - tick) for tick in range(0, game.within, 2)]
+    later = target - 2 if is_taken else target - 1
+    assert attempt.way.tolist() == [target - 1] * 2 + [later] * (game.within - 2)
 
 
 def test_the_same_seed_gives_the_same_attempts() -> None:

@@ -5,8 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from experiments.intruders.ground import MOST_POINTS, IntruderGround, ground_of
+from experiments.intruders.ground import IntruderGround, ground_of
 from tests.present import present
+
+# Not the product's own, so that a wrong one there is noticed.
+MOST_POINTS = 10_000
 
 
 def drawn(*lines: str) -> np.ndarray:
@@ -69,3 +72,11 @@ def test_larger_ground_has_larger_squares() -> None:
     ground = ground_of(np.ones((400, 300), dtype=np.bool_), 1.0)
     assert ground.point_m == 4.0
     assert len(ground.rows) == 7500 <= MOST_POINTS
+
+
+def test_neighbours_are_in_the_order_of_the_moves() -> None:
+    """Up, down, left, right, and the diagonals from the upper left to the lower right; rows come one after another."""
+    ground = ground_of(np.ones((3, 4), dtype=np.bool_), 1.0)
+    assert ground.neighbours[5].tolist() == [1, 9, 4, 6, 0, 2, 8, 10]
+    assert ground.neighbours[0].tolist() == [-1, 4, -1, 1, -1, -1, -1, 5]
+    assert ground.neighbours[11].tolist() == [7, -1, 10, -1, 6, -1, -1, -1]

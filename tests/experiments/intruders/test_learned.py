@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+from typing import ClassVar
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from experiments.intruders import learned
 from experiments.intruders.learned import Learned, Trials, Watched, first_attack, learned_games
-from experiments.intruders.network import WINDOW
 from experiments.intruders.standing import Seen
 from patrol.errors import BadInput
 from tests.present import present
+
+# Not the product's own, so that a wrong one there is noticed.
+WINDOW = 10
 
 
 def blind(seen: Seen, step: float = 1.0) -> Watched:
@@ -115,3 +120,80 @@ def test_it_attacks_at_the_first_chance_for_which_it_is_armed(outputs: list[floa
     remaining = in_time - np.arange(seconds, dtype=np.float64)
     found = first_attack(np.array([outputs], dtype=np.float32), np.array(times), remaining)
     assert found.tolist() == [expected]
+
+
+class Watching:
+    """Networks that note what they are trained on, and expect nothing until a second that a test sets."""
+
+    trained: ClassVar[list[tuple[np.ndarray, np.ndarray, np.ndarray]]] = []
+    outcomes: ClassVar[list[float]] = []
+
+    def __init__(self, weights: object) -> None:
+        del weights
+        type(self).trained = []
+
+    def train(self, windows: np.ndarray, unseen: np.ndarray, weight: np.ndarray) -> None:
+        self.trained.append((windows.copy(), unseen.copy(), weight.copy()))
+
+    def outputs(self, windows: np.ndarray) -> np.ndarray:
+        likely = np.zeros((windows.shape[0], 1, windows.shape[-1]), dtype=np.float32)
+        likely[:, :, 1] = self.outcomes.pop(0) if self.outcomes else 0.0
+        return likely
+
+
+def test_each_second_it_is_trained_on_four_windows_whose_attack_is_over(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Attacks of 5 s, and windows of 10 s: the first is known at second 14, whose labels are those of second 9."""
+    monkeypatch.setattr(learned, "Networks", Watching)
+    seen = np.random.default_rng(4).random((60, 3)) < 0.15
+    learned_games(blind(seen), [5.0], Trials((60.0,), 1))
+    assert len(Watching.trained) == 60 - 14
+    succeeds = np.array([[not seen[t + 1 : t + 6, place].any() for place in range(3)] for t in range(55)])
+    for second, (windows, labels, weight) in enumerate(Watching.trained, start=14):
+        assert windows.shape == (1, 3, WINDOW, 4, 3)
+        known = succeeds[9 : second - 4]
+        # Of the odds against an attack, a quarter of what they are above 1.
+        odds = (known.size - known.sum()) / max(known.sum(), 1)
+        assert weight[0] == pytest.approx(0.25 * odds + 0.75)
+        for place_in_batch in range(4):
+            assert any((labels[0, place_in_batch] == one).all() for one in known)
+    assert Watching.trained[0][1][0].tolist() == [succeeds[9].tolist()] * 4
+
+
+@pytest.mark.parametrize("step", [1.0, 0.5])
+def test_a_window_shows_the_last_ten_seconds(step: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A place that was never seen is idle since the watch began; idleness counts in attacks, of 5 s."""
+    monkeypatch.setattr(learned, "Networks", Watching)
+    ticks = round(60 / step)
+    near = np.arange(ticks * 2, dtype=np.float32).reshape(ticks, 2)
+    watched = Watched(np.zeros((ticks, 2), dtype=np.bool_), near, -near, step)
+    learned_games(watched, [5.0], Trials((60.0,), 1))
+    first = Watching.trained[0][0][0, :, :, 0, :]
+    stride = round(1.0 / step)
+    assert first[0, :, 0] == pytest.approx(np.arange(10) / 5.0)
+    assert first[1] == pytest.approx(near[: 10 * stride : stride])
+    assert first[2] == pytest.approx(-near[: 10 * stride : stride])
+
+
+@pytest.mark.parametrize(("begun", "attacked"), [(38, 0.0), (39, 0.0), (50, 1.0), (54, 1.0), (55, 0.0)])
+def test_it_attacks_in_the_second_half_while_an_attack_is_over_in_time(
+    begun: int, attacked: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of 80 s; attacks take 25 s, and ticks 40 to 54 are the first and the last. Chances before make it wait.
+
+    In 0.9 * 80 - 25 = 47 s it wants to be done, so from second 47 on it takes any chance.
+    """
+    monkeypatch.setattr(learned, "Networks", Watching)
+    monkeypatch.setattr(Watching, "outcomes", [0.0] * (begun - 9) + [1.0])
+    (found,) = learned_games(blind(np.zeros((80, 3), dtype=np.bool_)), [25.0], Trials((80.0,), 1))
+    assert found.attacked == attacked
+
+
+def test_where_there_is_always_a_chance_it_waits_until_nine_tenths_of_the_horizon(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Another chance is sure until second 0.9 * 80 - 25 = 47; the place is unseen from tick 48 to tick 72 alone."""
+    monkeypatch.setattr(learned, "Networks", Watching)
+    monkeypatch.setattr(Watching, "outcomes", [1.0] * 80)
+    seen = np.ones((80, 3), dtype=np.bool_)
+    seen[48:73, 1] = False
+    assert learned_games(blind(seen), [25.0], Trials((80.0,), 1)) == [Learned(80.0, 25.0, 1.0, 1.0)]

@@ -8,17 +8,15 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from experiments.intruders.network import (
-    DECAY_OF_SQUARES,
-    LEAST_ROOT,
-    PENALTY,
-    RATE,
-    WINDOW,
-    Floats,
-    Networks,
-    drawn_weights,
-)
+from experiments.intruders.network import Floats, Networks, drawn_weights
 from patrol.kernels.elementary import log10
+
+# Not the product's own, so that a wrong one there is noticed.
+DECAY_OF_SQUARES = 0.999
+LEAST_ROOT = 1e-7
+PENALTY = 0.1
+RATE = 1e-3
+WINDOW = 10
 
 NETWORKS, WINDOWS, PLACES = 2, 3, 4
 

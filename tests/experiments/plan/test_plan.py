@@ -69,6 +69,9 @@ def test_tours_alone_name_the_least_number_that_keeps_an_age(rooms: Path) -> Non
     assert enough is not None
     assert fewer is not None
     assert enough <= 25.0 < fewer
+    on_one_tour = {size.robots: present(size.tour_s) for size in planned(rooms, None, range(1, 8), quick=True).sizes}
+    looked_at = [number for number, tour_s in on_one_tour.items() if tour_s <= 2.0 * 25.0]
+    assert list(ages) == list(range(min(looked_at), plan.chosen + 2)), "and one robot more"
     assert all(size.simulated is None for size in plan.sizes)
 
 
@@ -125,6 +128,25 @@ def test_the_search_begins_at_tours(needed: int, by_tours: int, rooms: Path, mon
     assert plan.chosen == needed
     assert {needed, needed - 1} <= set(runs)
     assert len([number for number in runs if number != needed]) == len({*runs} - {needed})
+
+
+@pytest.mark.parametrize(("kept_open", "tried"), [(True, [2, 3, 4]), (False, [2, 3, 4, 5, 6])])
+def test_two_more_are_tried_where_what_closes_is_the_reason(
+    kept_open: bool, tried: list[int], rooms: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Otherwise robots are added up to the most that there may be."""
+    runs = pretend(monkeypatch, lambda run: kept_open and not run.closures, 2)
+    monkeypatch.setattr(module, "MOST_ROBOTS", 6)
+    plan = make_plan(ground(rooms, closures=[DOOR]), 20.0, None, silent, duration_s=400.0)
+    assert plan.chosen is None
+    assert list(dict.fromkeys(len(run.roster) for run in runs if run.closures)) == tried
+
+
+def test_a_fleet_is_run_with_three_seeds(rooms: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    runs = pretend(monkeypatch, lambda _: True)
+    make_plan(ground(rooms), None, [2], silent, duration_s=60.0)
+    first = ground(rooms).seed
+    assert [run.seed for run in runs if run.name.endswith("-2")] == [first, first + 1, first + 2]
 
 
 def test_a_number_has_to_keep_the_age_with_every_seed(rooms: Path, monkeypatch: pytest.MonkeyPatch) -> None:

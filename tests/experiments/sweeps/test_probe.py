@@ -11,11 +11,15 @@ import pytest
 
 from experiments.sweeps import progress
 from experiments.sweeps.plan import Base, Case, Run, make_plan
-from experiments.sweeps.progress import LOADING_TICKS, TICKS, seconds_per_run
+from experiments.sweeps.progress import seconds_per_run
 from experiments.sweeps.worker import run_task
 from fogwatch.inprocess import Outcome, run_in_process
 from patrol.prepare import Prepared
 from patrol.scenario import Scenario, as_mapping
+
+# Not the product's own, so that a wrong one there is noticed.
+LOADING_TICKS = 2
+TICKS = 100
 
 ROBOTS = {"count": 2, "model": "holonomic"}
 BASE = {"terrain": {"builtin": "open"}, "point": 1, "step": 0.5, "duration": 400, "robots": ROBOTS}

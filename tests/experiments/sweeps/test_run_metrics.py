@@ -10,12 +10,15 @@ import pytest
 import fogwatch
 from experiments.intruders.infiltrator import Infiltrator
 from experiments.intruders.on_run import Moving, games_of
-from experiments.intruders.standing import ATTACKS_S
-from experiments.sweeps.run_metrics import EVERY, GAINED, INTRUDERS, BeliefError, game_metric, moving_metric
+from experiments.sweeps.run_metrics import GAINED, INTRUDERS, BeliefError, game_metric, moving_metric
 from experiments.sweeps.worker import run_scenario
 from fogwatch.inprocess import run_in_process
 from monitor.replay.run import open_run
 from patrol.scenario import load_scenario
+
+# Not the product's own, so that a wrong one there is noticed.
+ATTACKS_S = (25.0, 50.0, 75.0, 100.0, 125.0, 150.0)
+EVERY = 50
 
 
 def error_with(*faults: dict[str, Any], ticks: int = 6 * EVERY) -> dict[str, float | None]:

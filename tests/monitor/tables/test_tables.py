@@ -20,6 +20,7 @@ from monitor.tables.arrow import arrow_table, batches, write_tables
 from monitor.tables.columns import TABLES
 from monitor.tables.table import Table
 from patrol.errors import BadInput
+from patrol.journal import read_journal
 from patrol.journal.records import DEAD_END, TickRecord
 from tests.monitor.conftest import DOORS, FAULTS, QUIET, Seen, rewritten, run_of
 from tests.monitor.report.test_report_numbers import ALL_KINDS
@@ -229,6 +230,33 @@ def test_refused_frames_count_from_zero_after_a_restart(quiet: Seen, tmp_path: P
     refused = robots[(robots.robot == "r1") & (robots.rejected > 0)]
     assert dict(zip(refused.tick, refused.rejected, strict=True)) == {10: 4, 20: 3, 40: 2, 50: 1}
     assert refused.rejected.sum() == run.figures.robots["r1"].rejected == 10
+
+
+def test_a_link_has_a_row_for_each_cause_and_its_frames_count_once(quiet: Seen, tmp_path: Path) -> None:
+    """In one tick what robot 1 sent is lost for two causes; in the next it sends nothing, and older frames are lost."""
+    lost = {10: ["loss:f1", "range", "loss:f1"], 11: ["range", "wall"]}
+
+    def losing(record: TickRecord) -> TickRecord:
+        causes = lost.get(record.k)
+        if causes is None:
+            return record
+        deliveries = tuple(one for one in record.deliveries if one[0] != 1)
+        frames = tuple(one for one in record.frames if one[0] != 1) if record.k == 11 else record.frames
+        dropped = tuple((1, 2, number, cause) for number, cause in enumerate(causes))
+        return replace(record, frames=frames, deliveries=deliveries, dropped=dropped)
+
+    run = open_run(rewritten(quiet, tmp_path / "lost", losing))
+    links = arrow_table(run, "links").to_pandas()
+    rows = links[(links.sender == "r1") & (links.receiver == "r2") & links.tick.isin(lost)]
+    records = {record.k: record for record in read_journal(quiet.folder / "journal").ticks}
+    sent = sum(source == 1 for source, _ in records[10].frames)
+    columns = ["tick", "sent", "delivered", "dropped", "cause"]
+    assert list(rows[columns].itertuples(index=False, name=None)) == [
+        (10, sent, 0, 2, "loss:f1"),
+        (10, 0, 0, 1, "range"),
+        (11, 0, 0, 1, "range"),
+        (11, 0, 0, 1, "wall"),
+    ]
 
 
 def test_an_unknown_table_is_refused(quiet: Seen) -> None:

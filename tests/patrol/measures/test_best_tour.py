@@ -22,15 +22,19 @@ ALIKE = (1.0, 1.0)
 
 
 def prepared(
-    door: bool = True, radii: tuple[float, float] = (0.3, 0.3), speeds: tuple[float, float] = (1.0, 2.0), **sensor: Any
+    door: bool = True,
+    radii: tuple[float, float] = (0.3, 0.3),
+    speeds: tuple[float, float] = (1.0, 2.0),
+    origin: tuple[float, float] = (0.0, 0.0),
+    **sensor: Any,
 ) -> Prepared:
     """Two rooms of 10 x 10 m and a robot in each."""
     free = np.ones((20, 41), dtype=np.bool_)
     free[:, 20] = False
     if door:
         free[8:12, 20] = True
-    terrain = Terrain("rooms", free, 0.5)
-    starts = (Pose(5.0, 5.0, 0.0), Pose(15.0, 5.0, 0.0))
+    terrain = Terrain("rooms", free, 0.5, origin=origin)
+    starts = tuple(Pose(origin[0] + x, origin[1] + 5.0, 0.0) for x in (5.0, 15.0))
     robots = [
         {"name": f"r{number}", "model": "holonomic", "radius": radius, "speed": speed}
         for number, (radius, speed) in enumerate(zip(radii, speeds, strict=True), start=1)
@@ -61,6 +65,17 @@ def test_robots_of_one_part_share_a_tour_at_the_speed_of_the_slowest() -> None:
     assert tour.bound_s({1: 1.0, 2: 1.0}) == metres(part.length_m) / 2.0
     assert tour.bound_s({1: 1.0, 2: 0.5}) == metres(part.length_m) / 1.5
     assert tour.bound_s({}) is None
+
+
+@pytest.mark.parametrize("origin", [(0.5, 0.0), (0.0, -0.5), (-64.0, 32.0)])
+def test_a_tour_lies_where_its_map_does(origin: tuple[float, float], monkeypatch: pytest.MonkeyPatch) -> None:
+    """Also if the same ground elsewhere is known, to this process or from the cache."""
+    (there,) = best_tour(prepared()).parts
+    for known in (module._known, {}):
+        monkeypatch.setattr(module, "_known", known)
+        (here,) = best_tour(prepared(origin=origin)).parts
+        assert here.length_m == pytest.approx(there.length_m)
+        assert here.way == pytest.approx(np.array(there.way) + np.array(origin))
 
 
 SQUARE = """

@@ -9,7 +9,10 @@ import pytest
 
 from patrol.errors import BadInput
 from ros2.robot import driver
-from ros2.robot.driver import REACTION_S, assemble
+from ros2.robot.driver import assemble
+
+# Not the product's own, so that a wrong one there is noticed.
+REACTION_S = 0.1
 
 PARTS = ("Shown", "Diagnostics", "Fence", "Others", "Response", "Governor", "VelocitySteering", "GoalSteering")
 
@@ -60,7 +63,7 @@ def test_fence_response_and_governor_know_the_robots_body_brakes_and_times(monke
     assert found["Others"] == ("peers", "radii", 0.25, "foreseen")
     model, limits, acceleration, hold_s, fence = found["Governor"]
     assert (model, limits, acceleration, fence.part) == ("differential", "its limits", 0.7, "Fence")
-    assert hold_s == driver.HOLD_STEPS * 0.25
+    assert hold_s == 1.5 * 0.25
     _, governor, peers, response = found["VelocitySteering"]
     assert (governor.part, peers.part, response.part) == ("Governor", "Others", "Response")
     _, steering, clock, step, _, orders, log, objections = found["Ros2Robot"]

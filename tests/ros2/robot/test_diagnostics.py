@@ -19,6 +19,7 @@ from ros2.robot.localisation import LocalisationSettings
 from ros2.robot.options import DriveSettings
 from ros2.wire.messages import DiagnosticArray, DiagnosticLevel, Odometry, TFMessage, Transform
 from ros2.wire.messages import Twist as RosTwist
+from tests.ros2.robot.passing import Passing, Waiter
 from tests.ros2_hub import Hub
 
 PATIENCE_S = 300.0
@@ -120,6 +121,30 @@ def test_ages_and_lost_ticks_are_counted() -> None:
         bench.decide(tick)
         assert (bench.values["ticks lost"], bench.part("patrol")) == ("3", part)
         bench.now_s += 10.0
+
+
+def test_robots_are_listed_by_name_up_to_32() -> None:
+    bench = Bench(replace(FACTS, names={number: f"r{number}" for number in range(1, 41)}))
+    bench.peers.update({number: Peer(7, Pose(0.0, 0.0, 0.0), 3) for number in range(2, 41)})
+    bench.decide(5)
+    listed = [name for name in bench.values if name.startswith("age of the position of ")]
+    assert len(listed) == 32
+    assert bench.part("radio") == (OK, "hears 39 of 39 other robots")
+
+
+def test_it_is_published_once_a_second(monkeypatch: pytest.MonkeyPatch) -> None:
+    bench, passing = Bench(), Passing()
+    over = Waiter(passing)
+    monkeypatch.setattr(bench.diagnostics, "_over", over)
+    sent = bench.hub.sent["/diagnostics"]
+
+    def stopped() -> str:
+        if len(sent) == 3:
+            over.set()
+        return ""
+
+    bench.diagnostics._publish_diagnostics(stopped)
+    assert passing.waits == [1.0] * 3
 
 
 @pytest.mark.parametrize(("topics", "topic"), [({}, "/diagnostics"), ({"diagnostics": "own"}, "/robot1/own")])

@@ -17,7 +17,7 @@ from patrol.messages.stop_orders import Order, Outcome
 from patrol.pose import Command, Drive, Pose, Twist, Velocity
 from patrol.reporting.logs import Log
 from patrol.scenario import RobotSpec
-from ros2.robot import localisation, steering
+from ros2.robot import driver, localisation, steering
 from ros2.robot import stops as standing
 from ros2.robot.driver import Objection, Ros2Robot
 from ros2.robot.fence import Fence, Others
@@ -25,14 +25,18 @@ from ros2.robot.governor import Governor, Response
 from ros2.robot.hardware import Hardware
 from ros2.robot.localisation import Fix, LocalisationSettings
 from ros2.robot.options import DriveSettings
-from ros2.robot.steering import ENOUGH_M, GoalSteering, MotionCheck, Steering, VelocitySteering
+from ros2.robot.steering import GoalSteering, MotionCheck, Steering, VelocitySteering
 from ros2.robot.stops import DriverFailed
 from ros2.wire import messages
 from ros2.wire.goals import GoalServer, Status
 from ros2.wire.messages import AckermannDriveStamped, Bool, Clock, Odometry, TFMessage, Transform, TwistStamped
 from ros2.wire.names import LATCHED
 from tests.present import present
+from tests.ros2.robot.passing import Passing, Waiter
 from tests.ros2_hub import Hub
+
+# Not the product's own, so that a wrong one there is noticed.
+ENOUGH_M = 0.3
 
 STILL = messages.Twist(0.0, 0.0, 0.0)
 AHEAD, PLACE = Twist(0.5, 0.0), Pose(2.0, 5.0, 0.0)
@@ -401,3 +405,102 @@ def test_a_goal_that_nav2_gives_up_is_a_bump() -> None:
         bench.drive()
         server.step(0)
     assert present(bench.driver.sense()).bumped
+
+
+@pytest.mark.parametrize(
+    ("factor", "lasted_s", "begun_s"),
+    [
+        (1.0, [0.0, 0.04, 0.0, 0.0], [0.0, 0.1, 0.2, 0.3]),
+        (1.0, [0.25, 0.0, 0.0, 0.0], [0.0, 0.25, 0.35, 0.45]),  # what it was late it does not make up for
+        (4.0, [0.0, 0.01, 0.0, 0.0], [0.0, 0.025, 0.05, 0.075]),  # a simulation that is faster than our time
+    ],
+)
+def test_commands_come_at_the_hardwares_rate(
+    factor: float, lasted_s: list[float], begun_s: list[float], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    bench = Bench(rate_hz=10.0)
+    bench.hardware.factor = factor
+    passing = Passing()
+    over = Waiter(passing)
+    monkeypatch.setattr(driver, "time", passing)
+    monkeypatch.setattr(bench.driver, "_over", over)
+    begun: list[float] = []
+
+    def cycle() -> None:
+        begun.append(passing.now_s - 100.0)
+        passing.now_s += lasted_s[len(begun) - 1]
+        if len(begun) == len(lasted_s):
+            over.set()
+
+    monkeypatch.setattr(bench.driver, "cycle", cycle)
+    bench.driver.start()
+    bench.until(lambda: bool(bench.hub.sent["/robot1/cmd_vel"]))
+    assert begun == pytest.approx(begun_s)
+
+
+@pytest.mark.parametrize(
+    ("place", "stopped", "after_s"),
+    [
+        (Pose(-3.0, 5.0, 0.0), False, 10.0),  # its fence holds it
+        (PLACE, True, 1.0),
+        (None, False, 1.0),  # nobody knows where it is
+    ],
+)
+def test_why_a_robot_stands_is_said_after_a_second_and_after_ten_where_it_may_go_round(
+    place: Pose | None, stopped: bool, after_s: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    bench, passing = Bench(), Passing()
+    monkeypatch.setattr(driver, "time", passing)
+    if stopped:
+        bench.stop.send(Bool(True))
+    begun_s = passing.now_s
+    for passed_s, lines in ((0.0, 0), (after_s - 0.01, 0), (after_s, 1), (after_s + 30.0, 1)):
+        passing.now_s = begun_s + passed_s
+        if place is not None:
+            bench.at(place)
+        bench.driver.act(AHEAD)
+        bench.driver.cycle()
+        assert len([line for line in bench.said if line.startswith("stands: ")]) == lines, passed_s
+
+
+@pytest.mark.parametrize(("factor", "passed_s", "counts_s"), [(1.0, 0.1, 0.1), (4.0, 0.05, 0.2), (1.0, 3.0, 0.25)])
+def test_a_late_cycle_counts_as_a_quarter_of_a_second(
+    factor: float, passed_s: float, counts_s: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    bench, passing, counted = Bench(), Passing(), list[float]()
+    bench.hardware.factor = factor
+    monkeypatch.setattr(driver, "time", passing)
+
+    def step(_fix: object, _now_s: float, since_s: float, _stopped: str) -> str:
+        counted.append(since_s)
+        return ""
+
+    monkeypatch.setattr(bench.steering, "step", step)
+    bench.driver.cycle()
+    passing.now_s += passed_s
+    bench.driver.cycle()
+    assert counted[-1] == pytest.approx(counts_s)
+
+
+def test_a_thread_that_hangs_does_not_keep_the_robot_from_being_stopped(monkeypatch: pytest.MonkeyPatch) -> None:
+    bench, waits = Bench(), list[tuple[str, float]]()
+
+    class Taken:
+        """A lock that another thread never releases."""
+
+        def acquire(self, timeout: float) -> bool:
+            waits.append(("lock", timeout))
+            return False
+
+    class Hangs:
+        def is_alive(self) -> bool:
+            return True
+
+        def join(self, timeout: float) -> None:
+            waits.append(("thread", timeout))
+
+    monkeypatch.setattr(bench.driver, "_lock", Taken())
+    monkeypatch.setattr(bench.driver, "_thread", Hangs())
+    bench.driver.stop("over")
+    assert waits == [("thread", 1.0), ("lock", 0.2)]
+    assert bench.told == STILL

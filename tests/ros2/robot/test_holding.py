@@ -10,10 +10,13 @@ from patrol.messages.stop_orders import Order, Outcome
 from patrol.pose import Pose
 from patrol.reporting.health import HealthReading, health_line
 from patrol.reporting.vitals import ODOMETRY_AGE, STOPPED, UNUSABLE, Vitals
-from ros2.robot.driver import HELD_AFTER_S, Sayer
+from ros2.robot.driver import Sayer
 from ros2.robot.governor import OFF_GROUND, TOO_NEAR
 from ros2.wire.messages import Bool
 from tests.ros2.robot.test_driver import AHEAD, PATIENCE_S, STILL, Bench
+
+# Not the product's own, so that a wrong one there is noticed.
+HELD_AFTER_S = 10.0
 
 
 def test_a_robot_whose_odometry_hangs_stands_says_so_and_goes_on_when_an_operator_releases_it() -> None:

@@ -9,11 +9,15 @@ import pytest
 
 from patrol.errors import BadInput
 from patrol.pose import Pose
-from ros2.robot.initial import AGAIN_S, SETTLED_S, InitialPose, read_initial_pose
-from ros2.robot.localisation import VARIANCES
+from ros2.robot.initial import InitialPose, read_initial_pose
 from ros2.wire.codec import decode, encode
 from ros2.wire.messages import PoseWithCovarianceStamped
 from tests.ros2_hub import Hub
+
+# Not the product's own, so that a wrong one there is noticed.
+AGAIN_S = 2.0
+SETTLED_S = 1.0
+VARIANCES = (0.25, 0.25, (math.pi / 12.0) ** 2)
 
 ECHOED = """header:
   stamp:

@@ -6,20 +6,17 @@ from typing import Any
 import pytest
 
 from patrol.pose import Limits, Pose
-from ros2.robot.localisation import (
-    CORRECTED_M,
-    CORRECTION_S,
-    LONGEST_S,
-    SETTLED_S,
-    SLOW_GAPS,
-    Fix,
-    Localisation,
-    LocalisationSettings,
-    Source,
-)
+from ros2.robot.localisation import Fix, Localisation, LocalisationSettings, Source
 from ros2.robot.options import DriveSettings
 from ros2.wire.frames import composed
 from ros2.wire.messages import Odometry, PoseWithCovarianceStamped, TFMessage, Transform, Twist
+
+# Not the product's own, so that a wrong one there is noticed.
+CORRECTED_M = 10.0
+CORRECTION_S = 5.0
+LONGEST_S = 0.5
+SETTLED_S = 1.0
+SLOW_GAPS = 3
 
 NOW = 1_700_000_000.0
 STILL, AHEAD = Twist(0.0, 0.0, 0.0), Twist(1.0, 0.0, 0.0)

@@ -15,7 +15,10 @@ from patrol.pose import Command, Drive, Pose, Twist, Velocity, is_halt
 from patrol.prepare import prepare
 from patrol.radio.peers import Peer
 from patrol.scenario import load_scenario
-from ros2.robot.fence import CARRIED_S, Fence, Other, Others
+from ros2.robot.fence import Fence, Other, Others
+
+# Not the product's own, so that a wrong one there is noticed.
+CARRIED_S = 1.0
 
 RADIUS = 0.3
 STEP_S = 0.5
@@ -128,3 +131,33 @@ def test_bodies_keep_as_far_apart_as_both_are_wide(apart_m: float, drives: bool)
     """Radii of 0.3 and 0.4 m; it passes the other on a straight line."""
     passed = Other(HERE.x + 0.1, HERE.y + apart_m, 0.0, 0.0, 0.4, 0.0)
     assert (FENCE.allowed(HERE, Velocity(0.4, 0.0), (passed,)) == Velocity(0.4, 0.0)) is drives
+
+
+@pytest.mark.parametrize("share", [0.25, 0.5, 0.75, 1.0])
+def test_one_that_crosses_at_each_quarter_of_the_time_until_it_stands_is_seen(share: float) -> None:
+    """At 1 m/s it stands after 0.2 + 0.25 s, and the other 0.3 s later: 0.75 s, in which it crosses at 8 m/s."""
+    crosses_s = 0.75 * share
+    crossing = Other(5.0 + crosses_s, 5.0 - 8.0 * crosses_s, 0.0, 8.0, RADIUS, 0.0)
+    assert FENCE.allowed(HERE, Twist(1.0, 0.0), [crossing]) != Twist(1.0, 0.0)
+    slow_s = (0.2 + 0.25 * 0.125 + 0.3) * share
+    crossing = Other(5.0 + 0.125 * slow_s, 5.0 - 8.0 * slow_s, 0.0, 8.0, RADIUS, 0.0)
+    assert FENCE.allowed(HERE, Twist(0.125, 0.0), [crossing]) != Twist(0.125, 0.0)
+
+
+@pytest.mark.parametrize("eighths", range(9))
+def test_a_command_is_slowed_down_by_eighths(eighths: int) -> None:
+    """At v m/s it needs 0.2 v + v^2 / 4 m, so that at 2 m/s it needs 1.4 m and at an eighth of that 0.066 m."""
+    speed = 2.0 * eighths / 8.0
+    free = np.ones((40, 200), dtype=np.bool_)
+    free[:, 100:] = False
+    fence = Fence(Terrain("t", free, 0.1), RADIUS, 0.2, 2.0)
+    here = Pose(10.0 - RADIUS - 0.2 * speed - speed**2 / 4.0 - 0.02, 2.0, 0.0)
+    assert fence.allowed(here, Twist(2.0, 0.0)) == Twist(speed, 0.0)
+
+
+@pytest.mark.parametrize(("ahead_m", "drives"), [(3.7, True), (3.5, False)])
+def test_one_that_brakes_weakly_looks_as_far_as_it_goes(ahead_m: float, drives: bool) -> None:
+    """At 1 m/s it stands after 0.2 + 2.5 s, and 0.3 s more are kept: it gets within 0.6 m of one 3.6 m ahead."""
+    weak = Fence(FENCE.terrain, RADIUS, 0.2, 0.2)
+    allowed = weak.allowed(HERE, Twist(1.0, 0.0), [other(HERE.x + ahead_m, HERE.y)])
+    assert (allowed == Twist(1.0, 0.0)) is drives

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from itertools import count
 from threading import Event
 from types import SimpleNamespace
@@ -13,10 +14,12 @@ from patrol.errors import BadInput
 from patrol.pose import Pose
 from ros2.robot import process as ros2_process
 from ros2.robot.initial import InitialPose
-from ros2.robot.localisation import VARIANCES
 from ros2.wire.messages import PoseWithCovarianceStamped
 from tests.present import present
 from tests.ros2_hub import Hub
+
+# Not the product's own, so that a wrong one there is noticed.
+VARIANCES = (0.25, 0.25, (math.pi / 12.0) ** 2)
 
 START, ELSEWHERE = Pose(6.0, 4.5, 0.0), Pose(1.5, 1.5, 0.3)
 LOOK_S = 0.1

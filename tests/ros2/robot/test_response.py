@@ -8,7 +8,13 @@ import pytest
 
 from patrol.ground.swept_path import advance
 from patrol.pose import Command, Drive, Pose, Twist, Velocity
-from ros2.robot.governor import BLIND_M, BLIND_S, ENOUGH_M, ENOUGH_S, Response
+from ros2.robot.governor import Response
+
+# Not the product's own, so that a wrong one there is noticed.
+BLIND_M = 1.0
+BLIND_S = 1.0
+ENOUGH_M = 0.3
+ENOUGH_S = 0.5
 
 PERIOD_S = 0.05
 HERE = Pose(2.0, 5.0, 0.0)
@@ -113,3 +119,22 @@ def test_a_stopped_robot_goes_on_once_its_pose_has_moved_by_so_much(moved: tuple
     assert response.why
     response.told(Velocity(0.0, 0.0), Pose(moved[0], 0.0, moved[1]), 0.125)
     assert (not response.why) is drives
+
+
+def test_a_robot_that_turns_on_the_spot_is_judged_by_radians() -> None:
+    """Each trial takes 1 rad, here 7 steps of 0.15 rad, which count as 0.4 m each: 1 m is reached with the third."""
+    response, calls = Response(0.4, 0.0), 0
+    while not response.why and calls < 100:
+        response.told(Twist(0.0, 1.2), HERE, 0.125)
+        calls += 1
+    assert calls == 1 + 3 * 7
+
+
+@pytest.mark.parametrize(("turned", "stops"), [(0.26, False), (0.24, True)])
+def test_a_robot_turns_that_has_come_a_quarter_of_a_radian(turned: float, stops: bool) -> None:
+    """In each trial of 8 steps, at 1 rad/s, it turns so far, to the right although it is told to turn left."""
+    response, heading, calls = Response(0.25, 0.0), 3.0, 0
+    while not response.why and calls < 60:
+        response.told(Twist(0.0, 1.0), Pose(2.0, 5.0, heading), 0.125)
+        heading, calls = heading - turned / 8.0, calls + 1
+    assert bool(response.why) is stops

@@ -3,10 +3,16 @@
 from __future__ import annotations
 
 import threading
+from types import SimpleNamespace
+from typing import Any
 
+import pytest
+
+from ros2.robot import hardware
 from ros2.robot.hardware import Rivals, rivals
 from ros2.wire.messages import Twist
 from ros2.wire.names import Entity, EntityKind, NodeName
+from tests.ros2.robot.passing import Passing
 from tests.ros2_hub import Hub
 
 TOPIC = "/robot1/cmd_vel"
@@ -58,3 +64,45 @@ def test_one_that_goes_soon_is_waited_for() -> None:
     assert ours.why == ""
     going.join()
     ours.close()
+
+
+class Graph:
+    """A link whose graph always shows another driver, and how long a look may take."""
+
+    def __init__(self, passing: Passing) -> None:
+        self._passing = passing
+        self.node = SimpleNamespace(name="fogwatch")
+        self.looks: list[tuple[float, float]] = []
+
+    def resolve(self, name: str) -> str:
+        return f"/robot1/{name}"
+
+    def is_ours(self, one: Entity) -> bool:
+        return one.session == OURS
+
+    def graph(self, limit_s: float) -> list[Entity]:
+        self.looks.append((self._passing.now_s - 100.0, limit_s))
+        return [entity(EntityKind.PUBLISHER, "teleop", topic=TOPIC)]
+
+
+def test_another_driver_is_waited_for_four_seconds_and_looked_for_each_second_after_that(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    passing = Passing()
+    passing.put_into(monkeypatch, hardware, "Event")
+    link: Any = Graph(passing)
+    ours = Rivals(link, TOPIC)
+    assert ours.are_there() == ["/robot1/teleop on /robot1/cmd_vel"]
+    assert [limit_s for _, limit_s in link.looks] == [2.0] * len(link.looks)
+    assert [at_s for at_s, _ in link.looks] == pytest.approx([0.2 * look for look in range(21)])
+    passing.waits.clear()
+    looks = link.looks = []
+
+    def graph(limit_s: float) -> list[Entity]:
+        if len(looks) == 2:
+            ours.close()
+        return Graph.graph(link, limit_s)
+
+    link.graph = graph
+    ours._watch_graph()  # in this thread
+    assert passing.waits == [1.0] * 3

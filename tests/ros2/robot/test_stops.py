@@ -2,18 +2,23 @@ from __future__ import annotations
 
 import os
 import stat
+import threading
 import time
 from pathlib import Path
 
 import pytest
 
 from patrol.errors import BadInput
+from patrol.pose import Pose
+from ros2.robot import stops as stops_module
 from ros2.robot.hardware import Hardware
+from ros2.robot.localisation import Fix
 from ros2.robot.options import DriveSettings
-from ros2.robot.stops import OLDER, TIMELESS, StopFiles, Stopper, Stops, StopTopic, state_folder
+from ros2.robot.stops import OLDER, TIMELESS, Standing, StopFiles, Stopper, Stops, StopTopic, moves, state_folder
 from ros2.wire.mailbox import Received
-from ros2.wire.messages import Bool
+from ros2.wire.messages import Bool, Twist
 from ros2.wire.names import LATCHED
+from tests.ros2.robot.passing import Passing
 from tests.ros2_hub import Hub
 
 PATIENCE_S = 300.0
@@ -222,3 +227,66 @@ def test_refusals_are_said_once_for_each_reason() -> None:
     for _ in range(2):
         hardware.fix()
         assert lines == ["refused: a", "refused: c"]
+
+
+def fix(vx: float = 0.0, vy: float = 0.0, turn_rate: float = 0.0) -> Fix:
+    return Fix(Pose(0.0, 0.0, 0.0), Twist(vx, vy, turn_rate))
+
+
+@pytest.mark.parametrize(
+    ("twist", "is_moving"),
+    [
+        ((0.03, 0.04, 0.0), False),  # 0.05
+        ((0.03, 0.041, 0.0), True),
+        ((0.03, 0.0, 0.02), False),
+        ((-0.03, 0.0, -0.021), True),
+        ((0.0, 0.0, -0.06), True),
+    ],
+)
+def test_a_robot_moves_by_more_than_the_noise_of_its_odometry(
+    twist: tuple[float, float, float], is_moving: bool
+) -> None:
+    assert moves(fix(*twist)) is is_moving
+
+
+@pytest.mark.parametrize(("factor", "stands_s"), [(1.0, 0.6), (4.0, 0.15)])
+def test_a_robot_stands_once_all_odometry_since_the_stop_has_said_so(
+    factor: float, stands_s: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """For 0.6 s of its own time, from when it was told, or moved last, or was last unheard."""
+    Passing().put_into(monkeypatch, stops_module, "Condition")
+    standing = Standing(factor)
+    for begun_s, interrupt in ((0.0, fix(0.1)), (10.0, None), (20.0, "told")):
+        if interrupt == "told":
+            standing.told()
+        else:
+            standing.look(interrupt, "", begun_s - 0.01)  # type: ignore[arg-type]
+        standing.look(fix(), "its goal", begun_s)
+        standing.look(fix(), "its goal", begun_s + stands_s - 0.01)
+        assert standing.doubt() == "it has not come to rest yet"
+        standing.look(fix(), "its goal", begun_s + stands_s + 0.01)
+        assert standing.doubt() == "its goal"
+        standing.look(fix(), "", begun_s + stands_s + 0.02)
+        assert standing.doubt() == ""
+
+
+def test_an_operator_waits_for_three_seconds_from_the_stop_and_one_later(monkeypatch: pytest.MonkeyPatch) -> None:
+    passing = Passing()
+    passing.put_into(monkeypatch, stops_module, "Condition")
+    standing = Standing(1.0)
+    passing.now_s += 50.0
+    standing.told()
+    for passed_s in (0.5, 0.0, 60.0):
+        passing.now_s += passed_s
+        assert standing.doubt() == "it has not come to rest yet"
+    assert passing.waits == [2.5, 1.0, 1.0]
+
+
+def test_a_source_of_a_stop_waits_a_second_for_the_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    passing = Passing()
+    passing.put_into(monkeypatch, stops_module, "Condition")
+    monkeypatch.setattr(stops_module, "Thread", lambda **_how: threading.Thread())  # a disk that hangs
+    stops = Stops("/stop", StopFiles(tmp_path, "r1"))
+    stops.hold(Stopper.OPERATOR)
+    assert stops.unsaved() == "the disk is slow"
+    assert passing.waits == [1.0]

@@ -17,7 +17,7 @@ from ros2.sim.nav2 import Navigator
 from ros2.sim.node import Habits, RobotNode
 from ros2.sim.odometry import DriftingOdometry, Errors
 from ros2.sim.robot import Build, SimulatedRobot
-from ros2.sim.simulation import STEP_S, Simulation
+from ros2.sim.simulation import Simulation
 from ros2.wire import messages as ros
 from ros2.wire.frames import composed
 from ros2.wire.goals import GoalClient, Going
@@ -27,6 +27,9 @@ from ros2.wire.names import LATCHED
 from tests.present import present
 from tests.ros2_hub import Hub
 from worldsim.truth import Truth
+
+# Not the product's own, so that a wrong one there is noticed.
+STEP_S = 0.02
 
 EPOCH_S = 1_700_000_000.0
 PLACE = Pose(2.0, 5.0, 0.0)

@@ -22,7 +22,7 @@ from patrol.pose import Pose
 from ros2.doctor import examine, survey
 from ros2.robot.localisation import LocalisationSettings, Source
 from ros2.robot.options import DriveSettings
-from ros2.wire.access import COMMAND_HZ, agent_rights, robot_router, viewer_rights
+from ros2.wire.access import agent_rights, robot_router, viewer_rights
 from ros2.wire.formats import Bridge, Format, RmwZenoh
 from ros2.wire.goals import GoalClient, GoalServer, Going
 from ros2.wire.link import ZenohRos2Link, open_ros2
@@ -32,6 +32,9 @@ from ros2.wire.names import LATCHED, USUAL, EntityKind, NodeName, Qos
 from tests.present import present
 from tests.ros2_site import M, Site, command, odometry, reach
 from tests.routers import PATIENCE_S, make_local_fleet, needs_openssl
+
+# Not the product's own, so that a wrong one there is noticed.
+COMMAND_HZ = 100.0
 
 pytestmark = needs_openssl
 

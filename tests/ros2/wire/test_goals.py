@@ -8,7 +8,7 @@ import pytest
 
 from patrol.pose import Pose
 from ros2.wire.formats import Bridge, Format, RmwZenoh
-from ros2.wire.goals import ACCEPT_S, CANCEL_S, GoalClient, GoalServer, Going, Status
+from ros2.wire.goals import GoalClient, GoalServer, Going, Status
 from ros2.wire.link import ZenohRos2Link, open_ros2
 from ros2.wire.mailbox import RosMailbox
 from ros2.wire.messages import CancelResponse, GoalStatusArray, PoseStamped
@@ -16,6 +16,10 @@ from ros2.wire.names import LATCHED, NodeName
 from tests.present import present
 from tests.ros2_hub import Hub
 from tests.routers import PATIENCE_S, routed
+
+# Not the product's own, so that a wrong one there is noticed.
+ACCEPT_S = 5.0
+CANCEL_S = 0.25
 
 THERE = PoseStamped(1, "map", Pose(3.0, 4.0, 0.0))
 ELSEWHERE = PoseStamped(1, "map", Pose(-3.0, 4.0, 0.0))

@@ -19,13 +19,16 @@ from tests.worldsim.conftest import Lab
 from worldsim.checks.arrivals import DelaysAsAsked, LinkDraws, LossesAsAsked, alarm_of
 from worldsim.checks.check import unexplained
 from worldsim.checks.journal import FaultsOnTime
-from worldsim.checks.reach import GRAZING_M, Sightlines
+from worldsim.checks.reach import Sightlines
 from worldsim.faults import Timeline
 from worldsim.output.record import header_of
 from worldsim.radio import rules
 from worldsim.radio.rules import RadioRules, arrival
 from worldsim.run_record import MemoryJournal
 from worldsim.world import World
+
+# Not the product's own, so that a wrong one there is noticed.
+GRAZING_M = 1e-5
 
 NEAR = {"kind": "range", "reach": 8.0, "id": "near"}
 SEEN = {"kind": "range", "reach": 100.0, "through_walls": False, "id": "seen"}

@@ -13,8 +13,12 @@ from patrol.scenario import load_scenario
 from patrol.scenario.controls import Answer, Pause, read_control
 from tests.worldsim.fleet.net import NAMES, heard, lockstep, paced, sensed, tick
 from tests.worldsim.test_operator import SMALL, Rests
-from worldsim.controls import MOST_DEFERRED, MOST_DURING, ControlRequest, Operator
+from worldsim.controls import ControlRequest, Operator
 from worldsim.world import World
+
+# Not the product's own, so that a wrong one there is noticed.
+MOST_DEFERRED = 64
+MOST_DURING = 8
 
 
 class Asked:

@@ -28,7 +28,11 @@ from patrol.messages.session import GRACE_S, RETURN_S
 from patrol.pose import Pose, Velocity
 from patrol.process.deadline import ANSWER_S
 from tests.worldsim.fleet.net import HASH, NAMES, RUN, Net, heard, lockstep, paced, sensed, tick
-from worldsim.fleet.sessions import DISMISSAL_S, RECOVERY_S, Interrupted, Missing
+from worldsim.fleet.sessions import Interrupted, Missing
+
+# Not the product's own, so that a wrong one there is noticed.
+DISMISSAL_S = 10.0
+RECOVERY_S = 5.0
 
 # --- gathering -------------------------------------------------------------------------------------------------------
 

@@ -8,7 +8,12 @@ from patrol.exchange import Reply
 from patrol.messages.phases import ReplyA, ReplyB
 from patrol.pose import Velocity
 from tests.worldsim.fleet.net import NAMES, RUN, heard, paced, sensed, tick
-from worldsim.fleet.paced import COMMAND_SHARE, LOOK_S, WAKING_S, PacedFleet
+from worldsim.fleet.paced import PacedFleet
+
+# Not the product's own, so that a wrong one there is noticed.
+COMMAND_SHARE = 0.5
+LOOK_S = 0.005
+WAKING_S = 0.002
 
 STEP_S = 0.5
 

@@ -10,7 +10,12 @@ from patrol.messages.session import RETURN_S
 from tests.worldsim.fleet.net import NAMES, RUN, Net, sensed, tick
 from worldsim.fleet.lockstep import LockstepFleet
 from worldsim.fleet.paced import PacedFleet
-from worldsim.fleet.router_watch import EVERY_S, SETTLING_S, SILENT_S, RouterWatch
+from worldsim.fleet.router_watch import RouterWatch
+
+# Not the product's own, so that a wrong one there is noticed.
+EVERY_S = 1.0
+SETTLING_S = 2.0
+SILENT_S = 1.0
 
 
 class Router:

@@ -12,9 +12,12 @@ from shapely import LineString, box
 
 from patrol.ground.terrain import Terrain
 from patrol.kernels.swept_path import free_fraction_line
-from worldsim.checks.reach import GRAZING_M, Sightlines
+from worldsim.checks.reach import Sightlines
 from worldsim.kernels.radio import walls_between, walls_on_line
-from worldsim.radio.rules import BEAM
+
+# Not the product's own, so that a wrong one there is noticed.
+GRAZING_M = 1e-5
+BEAM = 1e-6
 
 POINT, ORIGIN = 0.5, (-1.0, 2.0)
 HEIGHT, WIDTH = 9, 13
