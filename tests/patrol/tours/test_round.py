@@ -12,7 +12,7 @@ from patrol.pose import Pose
 from patrol.tours.round import ARRAYS, SLACK, Round, lay_out
 from patrol.tours.search import find_tour
 from tests.patrol.ground.masks import on_terrain
-from tests.patrol.ground.test_tour import building
+from tests.patrol.tours.test_search import building
 
 RANGE_M = 4.0
 
