@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
+import json
 import os
 import signal
+import socket
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
-from fogwatch.launch.child_control import state_of
+from fogwatch.launch.child_control import ProcessControlServer, state_of
 from fogwatch.launch.children import Child, Children, Forked
 from patrol.errors import BadInput
 from patrol.process.failures import LEAST
+from worldsim.fleet.process_control import ENDED, Request
 
 
 class Process:
@@ -172,3 +176,54 @@ def test_a_fleet_needs_memory_for_those_that_are_there(
     else:
         with pytest.raises(BadInput, match=r"21 robots as processes need about 3 GB of memory, and .* has 3 GB"):
             launcher.check_limits(robots, spares)
+
+
+class Office:
+    """A control server for two robots without processes, and the world's end of its socket."""
+
+    def __init__(self) -> None:
+        self.one, self.two = Process(KILL, TERM), Process(KILL, TERM)
+        self.started: list[tuple[int, int]] = []
+        ours, self.end = socket.socketpair()
+        self.lines = self.end.makefile("rb")
+        self.children = fleet(r1=self.one, r2=self.two)
+        self.server = ProcessControlServer(ours, self.children, ["r1", "r2"], lambda *what: self.started.append(what))
+
+    def ask(self, do: str, robot: int, incarnation: int = 0) -> dict[str, str]:
+        self.end.sendall(Request(do, robot, incarnation).line())
+        answer: dict[str, str] = json.loads(self.lines.readline())
+        return answer
+
+
+@pytest.fixture
+def office(clock: list[float]) -> Iterator[Office]:
+    assert clock == [0.0]
+    office = Office()
+    yield office
+    office.lines.close()
+    office.end.close()
+    office.server.close()
+
+
+DONE = {"problem": "", "state": ""}
+
+
+def test_a_request_concerns_the_robot_of_its_number_alone(office: Office) -> None:
+    assert office.ask("kill", 2) == DONE
+    assert (office.one.got, office.two.got) == ([], [KILL])
+    assert [child.killed_by_fault for child in office.children.by_name.values()] == [False, True]
+    assert office.ask("look", 1) == DONE
+    assert office.ask("look", 2) == DONE | {"state": ENDED}
+    assert office.ask("start", 2, 3) == DONE
+    assert office.started == [(2, 3)]
+    assert office.ask("resume", 1) == DONE
+    assert office.one.got == [CONT]
+    assert office.ask("leave", 1) == DONE
+    assert office.one.got == [CONT, TERM]
+    assert not office.children.by_name["r1"].killed_by_fault
+
+
+def test_who_leaves_is_given_half_a_minute(office: Office, clock: list[float]) -> None:
+    office.ask("leave", 1)
+    assert clock[0] == pytest.approx(30.0, abs=0.02)
+    assert office.one.got == [TERM]
