@@ -59,7 +59,8 @@ def test_a_roster_has_each_robots_own_values_in_order() -> None:
     one, two, three = load_scenario({**OPEN, "robots": robots}).roster
     assert (one.number, one.name, one.section, one.spare) == (1, "one", "robots.0", False)
     assert (one.model, one.speed, one.radius, one.turning_radius) == ("car", 1.5, 0.5, 2.5)
-    assert one.start == Pose(1.0, 2.0, pytest.approx(4.0 - math.tau))
+    assert one.start is not None
+    assert (one.start.x, one.start.y, one.start.heading) == pytest.approx((1.0, 2.0, 4.0 - math.tau))
     assert (two.number, two.name, two.speed, two.radius) == (2, "r2", 2.5, 0.25)
     assert two.start == Pose(3.0, 4.0, 0.0)
     assert (three.name, three.spare, three.start, three.section) == ("r3", True, None, "robots.2")
