@@ -18,7 +18,7 @@ from patrol.wire import read
 HEAD = [1, 2, 3, 4]
 """Incarnation, instance, tick and run."""
 
-PHASE_A = [1, *HEAD, 1.0, 2.0, 0.5, False, [], 1.5, None, [], None, []]
+PHASE_A: list[Any] = [1, *HEAD, 1.0, 2.0, 0.5, False, [], 1.5, None, [], None, []]
 STOP = [3, *HEAD, True, "over"]
 HELLO_REPLY = [0, *HEAD, "hash", 8]
 REPLY_A = [1, *HEAD, [b"frame"]]
@@ -110,9 +110,10 @@ TELEMETRY: dict[str, Any] = {
     "rejected": 0,
     "traffic": None,
 }
-NUMBER = ([-1e12, 1e12, 0.0], [-1.1e12, 1.1e12, math.nan, "1"])
-AMOUNT = ([0.0, 1e12], [-1e-9, 1.1e12, math.inf])
-TEXT = (["", "t" * 500], ["t" * 501, "a\nb", None])
+Values = tuple[list[Any], list[Any]]
+NUMBER: Values = ([-1e12, 1e12, 0.0], [-1.1e12, 1.1e12, math.nan, "1"])
+AMOUNT: Values = ([0.0, 1e12], [-1e-9, 1.1e12, math.inf])
+TEXT: Values = (["", "t" * 500], ["t" * 501, "a\nb", None])
 VIEWS: list[tuple[type[Any], dict[str, Any], str, tuple[list[Any], list[Any]]]] = [
     (Metrics, METRICS, "k", ([1, 10], [0, 11])),
     (Metrics, METRICS, "ticks", ([3], [2])),
