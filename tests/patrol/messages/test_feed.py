@@ -4,6 +4,7 @@ import tracemalloc
 import zlib
 from array import array
 from collections.abc import Iterator
+from dataclasses import fields
 from typing import Any
 
 import msgpack
@@ -16,9 +17,12 @@ from patrol.messages.feed import (
     MAX_EVENTS,
     MAX_RECORDS,
     Batch,
+    Ground,
+    SoFar,
     batch_bytes,
     longest_record,
     read_so_far,
+    so_far_bytes,
     thinned,
 )
 from patrol.wire import read_sparingly
@@ -119,3 +123,53 @@ def test_an_answer_must_fit_what_is_known(answer: dict[str, Any]) -> None:
         read_so_far(msgpack.packb({**answer, "header": b"other"}), first)
     with pytest.raises(Malformed, match="another size"):
         read_so_far(payload, fits=lambda *_: False)
+
+
+def test_a_run_so_far_comes_back_as_it_was() -> None:
+    """Grids whose sides differ, areas that overlap in part, and other numbers for each field."""
+    passable, keep_out = np.ones((3, 5), dtype=np.bool_), np.zeros((3, 5), dtype=np.bool_)
+    passable[0, 4], keep_out[2, 1] = False, True
+    one, two = np.zeros((3, 5), dtype=np.bool_), np.zeros((3, 5), dtype=np.bool_)
+    one[:2, :3] = two[1:, 2:4] = True
+    last_seen = np.full((3, 5), -1, dtype=np.int32)
+    last_seen[one | two] = [4, -1, 0, 5, 3, 2, 1, 5, 4]
+    so_far = SoFar(
+        number=11,
+        header=b"header",
+        last=b"last",
+        last_seen=last_seen,
+        events=(b"e1", b"e2"),
+        event=7,
+        asked=(b"asked",),
+        every=2,
+        mfow=np.array([1.0, 2.5, 3.0], dtype=np.float32),
+        fog_mean=np.array([0.5, 1.5, 2.0], dtype=np.float32),
+        running=False,
+        pace=2.5,
+        charge={1: 0.25, 9: 1.0},
+        ground=Ground(passable, keep_out, (one, two), {1: 0, 9: 1}),
+    )
+    again = read_so_far(so_far_bytes(so_far))
+    for field in fields(SoFar):
+        before, after = getattr(so_far, field.name), getattr(again, field.name)
+        if isinstance(before, np.ndarray):
+            assert np.array_equal(after, before), field.name
+            assert after.dtype == before.dtype
+        elif field.name != "ground":
+            assert after == before, field.name
+    grids = (again.ground.passable, again.ground.keep_out, *again.ground.areas)
+    assert all(np.array_equal(*pair) for pair in zip(grids, (passable, keep_out, one, two), strict=True))
+    assert again.ground.area_of == {1: 0, 9: 1}
+    assert np.array_equal(again.ground.patrolled, one | two)
+
+
+@pytest.mark.parametrize(("every", "values"), [(1, [0.0, 1.0, 2.0]), (2, [0.0, 2.0]), (3, [0.0])])
+def test_every_n_th_value_is_kept_from_the_first_on(every: int, values: list[float]) -> None:
+    assert thinned(array("f", [0.0, 1.0, 2.0]), every).tolist() == values
+
+
+@pytest.mark.parametrize(
+    ("robots", "size"), [(0, 131_072), (1, 131_072 + 2048 + 64), (10, 131_072 + 20_480 + 6400), (10_000, MAX_BATCH)]
+)
+def test_the_longest_record_grows_with_the_square_of_the_fleet(robots: int, size: int) -> None:
+    assert longest_record(robots) == size
