@@ -76,7 +76,7 @@ def test_the_shortest_way_may_be_along_a_side_of_the_second_alone() -> None:
 
 @pytest.mark.parametrize(("depth", "marked"), [(4e-7, False), (6e-7, True), (0.4, True), (-0.4, False)])
 def test_a_corner_that_juts_in_is_marked(depth: float, marked: bool) -> None:
-    """In the middle of a side of 10 a corner lies so far inside; its sides part by twice that, and a millionth counts."""
+    """A corner in the middle of a side of 10 lies so far inside; its sides part by twice that. A millionth counts."""
     polygon = np.array([[0.0, 0.0], [5.0, depth], [10.0, 0.0], [10.0, 5.0], [0.0, 5.0]])
     assert dents(polygon).tolist() == [False, marked, False, False, False]
 
