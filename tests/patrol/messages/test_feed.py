@@ -77,7 +77,7 @@ def test_what_is_no_batch_is_garbled(says: list[object]) -> None:
     ("field", "value"),
     [
         *(("every", every) for every in (1 << 62, 0, 1 << 25)),
-        *(("number", number) for number in (-1, 1)),
+        *(("number", number) for number in (-1, 1, 2)),
         *(("shape", shape) for shape in ([1 << 20, 1 << 20], [4, 9], [-4, -5], [5], [4.0, 5.0])),
         *(("areas", areas) for areas in ([], [1])),
         *(("area_of", [[1, 1]]), ("area_of", [[1]]), ("area_of", {})),
@@ -85,6 +85,7 @@ def test_what_is_no_batch_is_garbled(says: list[object]) -> None:
         ("seen", zlib.compress(b"")),
         ("seen", zlib.compress(np.full(20, 2**31 - 1, dtype="<i4").tobytes())),
         ("seen", zlib.compress(np.full(20, -2, dtype="<i4").tobytes())),
+        *(("seen", zlib.compress(np.array([2] * 19 + [tick], dtype="<i4").tobytes())) for tick in (-2, 3)),
         ("mfow", bytes(4)),
         ("mfow", np.full(3, np.nan, dtype="<f4").tobytes()),
         ("mfow", bytes(1 << 20)),
@@ -99,6 +100,13 @@ def test_what_is_no_batch_is_garbled(says: list[object]) -> None:
 def test_an_answer_that_cannot_be_is_garbled(field: str, value: object, answer: dict[str, Any]) -> None:
     with pytest.raises(Malformed):
         read_so_far(msgpack.packb({**answer, field: value}))
+
+
+@pytest.mark.parametrize("tick", [-1, 0, 2])
+def test_points_seen_up_to_the_last_tick_or_never(tick: int, answer: dict[str, Any]) -> None:
+    ages = [2] * 19 + [tick]
+    packed = zlib.compress(np.array(ages, dtype="<i4").tobytes())
+    assert read_so_far(msgpack.packb({**answer, "number": 3, "seen": packed})).last_seen.ravel().tolist() == ages
 
 
 @pytest.mark.usefixtures("frugal")
