@@ -17,6 +17,7 @@ from monitor.figures.style import ACCENT, ALERT
 from monitor.observation.fault_bands import INTRUDER, Band
 from monitor.replay.run import open_run
 from monitor.report.charts import (
+    MOST_BINS,
     MOST_POINTS,
     STATES,
     belief_chart,
@@ -180,6 +181,30 @@ def test_the_link_from_each_robot_to_each_other_is_written_where_it_belongs() ->
 def test_waits_are_marked_at_their_median_and_at_95_percent(gaps: list[int], median: str, most: str) -> None:
     texts = [text.get_text() for text in gaps_chart(np.array(gaps), 0.5).axes[0].texts]
     assert texts == [f"median {median} s", f"95 % {most} s"]
+
+
+@pytest.mark.parametrize(
+    ("gaps", "lefts", "width", "shares"),
+    [
+        ([0, 1, 0, 3], [-0.25, 0.25, 0.75, 1.25], 0.5, [0, 25, 0, 75]),
+        ([1, *[0] * (MOST_BINS - 2), 1], [0.5 * k - 0.25 for k in range(MOST_BINS)], 0.5, None),
+        ([1, *[0] * (MOST_BINS - 1), 3], [1.0 * k - 0.25 for k in range(MOST_BINS // 2 + 1)], 1.0, None),
+    ],
+)
+def test_bars_show_the_share_of_waits_by_their_length(
+    gaps: list[int], lefts: list[float], width: float, shares: list[float] | None
+) -> None:
+    axes = gaps_chart(np.array(gaps), 0.5).axes[0]
+    bars = [bar for bar in axes.patches if isinstance(bar, Rectangle)]
+    assert [bar.get_x() for bar in bars] == pytest.approx(lefts)
+    assert [bar.get_width() for bar in bars] == pytest.approx([width] * len(lefts))
+    expected = shares or [100 * gaps[0] / sum(gaps), *[0] * (len(lefts) - 2), 100 * gaps[-1] / sum(gaps)]
+    assert [bar.get_height() for bar in bars] == pytest.approx(expected)
+    assert axes.get_xlim()[0] == 0.0
+    notes: Any = axes.texts
+    assert [tuple(line.get_xdata()) for line in axes.lines] == [(text.xy[0],) * 2 for text in notes]
+    assert [text.xy[1] for text in notes] == [1.0, 1.0]
+    assert [text.get_position() for text in notes] == [(4, -9), (4, -21)]
 
 
 def test_long_lines_keep_the_largest_value_of_each_interval_at_its_time() -> None:
