@@ -105,3 +105,24 @@ def rewritten_anyhow(seen: Any, folder: Path, change: Callable[[TickRecord], Tic
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("tests.monitor.conftest.write_summary", lambda *_: None)
         return rewritten(seen, folder, change)
+
+
+@pytest.mark.parametrize(
+    ("tagged", "key", "keyless"), [(False, None, False), (False, b"k", False), (True, None, True), (True, b"k", False)]
+)
+def test_a_run_is_keyless_if_its_messages_are_tagged_and_nobody_gave_the_key(
+    quiet: Any, tagged: bool, key: bytes | None, keyless: bool
+) -> None:
+    run = quiet.open()
+    scenario = run.prepared.scenario
+    radio = scenario.radio.model_copy(update={"key": Path("fleet.key") if tagged else None})
+    prepared = replace(run.prepared, scenario=scenario.model_copy(update={"radio": radio}))
+    assert replace(run, prepared=prepared, key=key).keyless is keyless
+    assert not run.direct
+
+
+def test_a_run_over_direct_radio_says_so(quiet: Any) -> None:
+    run = quiet.open()
+    scenario = run.prepared.scenario
+    radio = scenario.radio.model_copy(update={"via": "direct"})
+    assert replace(run, prepared=replace(run.prepared, scenario=scenario.model_copy(update={"radio": radio}))).direct

@@ -202,7 +202,8 @@ def test_bars_show_the_share_of_waits_by_their_length(
     assert [bar.get_height() for bar in bars] == pytest.approx(expected)
     assert axes.get_xlim()[0] == 0.0
     notes: Any = axes.texts
-    assert [tuple(line.get_xdata()) for line in axes.lines] == [(text.xy[0],) * 2 for text in notes]
+    lines: Any = axes.lines
+    assert [tuple(line.get_xdata()) for line in lines] == [(text.xy[0],) * 2 for text in notes]
     assert [text.xy[1] for text in notes] == [1.0, 1.0]
     assert [text.get_position() for text in notes] == [(4, -9), (4, -21)]
 
