@@ -86,3 +86,17 @@ def test_a_root_that_others_may_enter_is_not_used(root: Path, tmp_path: Path, mo
     second.chmod(0o755)
     with pytest.raises(BadInput, match=rf"neither {root} nor {second} is; remove one of them"):
         Secrets("fleet-1", ["r1"])
+
+
+@pytest.mark.usefixtures("root")
+def test_removing_twice_closes_no_file_of_anybody_else() -> None:
+    secrets = Secrets("fleet-1", ["r1"])
+    kept = [os.dup(number) for number in range(3)]
+    secrets.remove()
+    secrets.remove()
+    still = [Path(f"/proc/self/fd/{number}").exists() for number in range(3)]
+    for number, copy in enumerate(kept):
+        os.dup2(copy, number)
+        os.close(copy)
+    assert still == [True] * 3
+    assert not secrets.path.exists()
