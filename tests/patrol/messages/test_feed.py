@@ -88,6 +88,7 @@ def test_what_is_no_batch_is_garbled(says: list[object]) -> None:
         *(("seen", zlib.compress(np.array([2] * 19 + [tick], dtype="<i4").tobytes())) for tick in (-2, 3)),
         ("mfow", bytes(4)),
         ("mfow", np.full(3, np.nan, dtype="<f4").tobytes()),
+        *((field, np.array([0, 1, np.nan], dtype="<f4").tobytes()) for field in ("mfow", "fog_mean")),
         ("mfow", bytes(1 << 20)),
         ("events", [b""] * (MAX_EVENTS + 1)),
         ("events", [[]]),
