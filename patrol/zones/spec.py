@@ -290,6 +290,8 @@ def holds_tick(span: Span, step: float) -> bool:
     k = math.ceil(first / step)
     if (k - 1) * step >= first:  # the quotient was rounded up
         k -= 1
+    elif k * step < first:  # it was rounded down
+        k += 1
     return k * step < end
 
 

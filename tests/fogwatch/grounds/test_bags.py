@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import zstandard
+from mcap.reader import make_reader
 from mcap.writer import CompressionType
 from mcap.writer import Writer as McapWriter
 from rosbags.rosbag2 import StoragePlugin, Writer
@@ -110,6 +111,22 @@ def refused(bag: Path, out: Path, words: str) -> None:
         extract_map(bag, out)
     assert "\n" not in str(error.value)
     assert not out.exists()
+
+
+@pytest.mark.parametrize("compression", [CompressionType.ZSTD, CompressionType.LZ4])
+def test_a_chunk_may_have_as_many_bytes_as_the_limit(
+    tmp_path: Path, compression: CompressionType, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    bag = mcap_file(tmp_path / "bag.mcap", compression, newest())
+    with bag.open("rb") as file:
+        summary = make_reader(file).get_summary()
+    assert summary is not None
+    (chunk,) = summary.chunk_indexes
+    monkeypatch.setattr(bags, "MOST_BYTES", chunk.uncompressed_size)
+    extract_map(bag, tmp_path / "out")
+    assert read_terrain(tmp_path / "out" / "bag.yaml", 0.1).passable.any()
+    monkeypatch.setattr(bags, "MOST_BYTES", chunk.uncompressed_size - 1)
+    refused(bag, tmp_path / "other", f"at most {chunk.uncompressed_size - 1}")
 
 
 TOPICS = "CREATE TABLE topics (id, name, type)"

@@ -107,8 +107,19 @@ def test_the_ground_outside_a_building_is_named_as_in_a_run(ring: int) -> None:
         (slice(20, 35), slice(0, 15), True),
         (slice(20, 35), slice(-15, None), True),
         (slice(20, 35), slice(20, 35), False),
+        (slice(1, 15), slice(20, 35), False),
+        (slice(-15, -1), slice(20, 35), False),
+        (slice(20, 35), slice(1, 15), False),
+        (slice(20, 35), slice(-16, -1), False),
     ],
-    ids=["bottom", "top", "left", "right", "inside"],
+    ids=[
+        "bottom",
+        "top",
+        "left",
+        "right",
+        "inside",
+        *(f"one off the {edge}" for edge in ("bottom", "top", "left", "right")),
+    ],
 )
 def test_a_part_at_any_edge_of_the_map_is_at_the_border(rows: slice, columns: slice, at_border: bool) -> None:
     free = np.zeros((60, 70), dtype=np.bool_)

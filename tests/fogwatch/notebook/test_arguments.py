@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
+from pathlib import Path
+from types import ModuleType
 from typing import Any, cast
 
 import numpy as np
@@ -11,7 +14,7 @@ import pytest
 
 import fogwatch
 from fogwatch.learn import one_env, parallel_env
-from fogwatch.notebook.arguments import plain
+from fogwatch.notebook.arguments import checked_arguments, plain, policy_name, with_names
 from patrol.errors import BadInput
 
 BASE = {"terrain": {"builtin": "open"}, "point": 2.0, "duration": 5, "robots": {"model": "holonomic"}}
@@ -55,3 +58,62 @@ def test_a_wrong_argument_is_one_line_with_its_remedy(call: Callable[[], object]
     with pytest.raises(BadInput) as error:
         call()
     assert words in str(error.value)
+
+
+class Own:
+    def decide(self, view: object) -> object:
+        return view
+
+
+def test_a_class_is_named_so_that_the_processes_that_need_it_find_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    module, file = Own.__module__, Path(__file__)
+    monkeypatch.setattr(sys, "path", ["/nowhere", *sys.path])
+    monkeypatch.chdir("/")
+    assert policy_name(Own, in_process=True) == policy_name(Own, in_process=False) == f"{module}:Own"
+    monkeypatch.chdir(file.parent)
+    assert policy_name(Own, in_process=False) == f"{file}:Own"
+    assert policy_name(Own, in_process=True) == f"{module}:Own"
+    monkeypatch.chdir("/")
+    monkeypatch.setattr(sys, "path", [str(file.parent), *sys.path])
+    assert policy_name(Own, in_process=False) == f"{file}:Own"
+
+
+def test_a_class_of_the_main_program_is_for_its_own_process(monkeypatch: pytest.MonkeyPatch) -> None:
+    main = ModuleType("__main__")
+    mine = type("Mine", (Own,), {"__module__": "__main__", "__qualname__": "Mine"})
+    main.Mine = mine  # type: ignore[attr-defined]
+    monkeypatch.setitem(sys.modules, "__main__", main)
+    assert policy_name(mine, in_process=True) == "__main__:Mine"
+    with pytest.raises(BadInput, match=r"policy = Mine: was defined here, where other processes cannot import it"):
+        policy_name(mine, in_process=False)
+
+
+def test_classes_among_settings_get_their_names_wherever_they_stand(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sys, "path", ["/nowhere", *sys.path])
+    monkeypatch.chdir("/")
+    name = f"{Own.__module__}:Own"
+    labelled = {"label": "mine", "patrol.policy": Own}
+    given = {"a": Own, "b": ["cr", Own], "c": [labelled], "d": {"x": 1}, "e": range(2), "f": None}
+    assert with_names(given) == {
+        "a": name,
+        "b": ["cr", name],
+        "c": [{"label": "mine", "patrol.policy": name}],
+        "d": {"x": 1},
+        "e": [0, 1],
+        "f": None,
+    }
+
+
+def test_a_checked_function_is_called_with_plain_arguments_in_their_places() -> None:
+    @checked_arguments
+    def noted(scenario: object, *rest: object, out: object = None, progress: object = None, **more: object) -> object:
+        return scenario, rest, out, progress, more
+
+    folder = Path("runs")
+    found = noted(np.int64(1), np.arange(2), out=folder, progress=print, other=np.float64(0.5))
+    assert found == (1, ([0, 1],), folder, print, {"other": 0.5})
+    assert noted.__name__ == "noted"
+    with pytest.raises(BadInput, match=r'progress = "print": expected a function'):
+        noted(1, progress="print")
+    with pytest.raises(BadInput, match=r"out = 3: expected a folder"):
+        noted(1, out=3)

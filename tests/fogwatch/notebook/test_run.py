@@ -93,6 +93,16 @@ def test_the_fog_is_that_of_the_last_tick_before(ran: fogwatch.Run, time_s: floa
     assert np.count_nonzero(~np.isnan(fog)) == ran.ground.num_rows
 
 
+@pytest.mark.parametrize(
+    ("time_s", "k"), [(0.0, 0), (0.49, 0), (0.5, 1), (14.5, 29), (14.6, 29), (15.0, 29), (1e9, 29)]
+)
+def test_the_fog_after_the_end_is_that_of_the_end(ran: fogwatch.Run, time_s: float, k: int) -> None:
+    fog = ran.fog(time_s)
+    assert np.nanmax(fog) == ran.mfow_s[k]
+    assert np.array_equal(fog, ran.fog(0.5 * k + 0.1), equal_nan=True)
+    assert np.array_equal(ran.fog(), ran.fog(14.5), equal_nan=True)
+
+
 def test_the_fog_lies_where_the_ground_table_says(ran: fogwatch.Run) -> None:
     fog, ground = ran.fog(), ran.ground.to_pandas()
     assert np.array_equal(fog[ground.row, ground.col], ground.age_end_s)

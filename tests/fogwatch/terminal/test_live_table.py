@@ -332,3 +332,78 @@ def test_a_robot_without_progress_is_told_as_a_sentence() -> None:
 def test_the_report_of_a_run_without_ticks() -> None:
     empty = summary(ticks=0, simulated_s=0.0, wall_s=None, ended=None, mfow_mean_s=None)
     assert measures(empty) == ["five: 0 s in 0 ticks, cut off"]
+
+
+@pytest.mark.parametrize(
+    ("seconds", "words"),
+    [
+        (59.4, "59 s"),
+        (59.5, "1 min 00 s"),
+        (60, "1 min 00 s"),
+        (3599, "59 min 59 s"),
+        (3600, "1 h 00 min"),
+        (7259, "2 h 00 min"),
+        (7260, "2 h 01 min"),
+    ],
+)
+def test_durations_turn_to_minutes_and_hours_at_sixty(seconds: float, words: str) -> None:
+    assert duration_text(seconds) == words
+
+
+@pytest.mark.parametrize(
+    ("changed", "ending"),
+    [
+        ({"k": 2, "time_s": 1.0}, "40.0 ticks/s, 20.0 x real time; 15 s to go"),
+        ({"k": 600, "time_s": 300.0}, "40.0 ticks/s, 20.0 x real time"),
+        ({"ticks_per_s": 481.0 / 1e9}, "0.0 ticks/s, 0.0 x real time; 277200 h 16 min to go"),
+        ({"ticks_per_s": 479.0 / 1e9}, "0.0 ticks/s, 0.0 x real time"),
+    ],
+)
+def test_the_time_to_go_follows_from_the_rate(changed: dict[str, Any], ending: str) -> None:
+    assert headline(replace(METRICS, **changed)).endswith(f"; {ending}")
+
+
+def test_all_that_became_of_robots_is_counted() -> None:
+    statuses = [*[Status.ALIVE] * 3, Status.PAUSED, *[Status.DEAD] * 2, Status.LEFT, *[Status.ABSENT] * 4]
+    views = tuple(RobotView(f"r{n}", status, "", 0.0, 0.0, 0.0) for n, status in enumerate(statuses))
+    assert "; 3/7 robots (1 paused, 2 dead, 1 left); " in headline(replace(METRICS, robots=views))
+    assert "; 3/3 robots; " in headline(replace(METRICS, robots=views[:3]))
+
+
+def test_plain_lines_come_every_five_seconds_and_at_the_end(monkeypatch: pytest.MonkeyPatch) -> None:
+    now = [100.0]
+    monkeypatch.setattr("fogwatch.terminal.live_table.time.monotonic", lambda: now[0])
+    text = io.StringIO()
+    plain = PlainDisplay(Console(file=text, width=80))
+    for now[0], k in ((100.0, 10), (104.9, 20), (105.0, 30), (106.0, 599), (106.5, 600)):
+        plain.metrics(replace(METRICS, k=k))
+    assert [line.split()[1] for line in text.getvalue().splitlines()] == ["10/600", "30/600", "600/600"]
+
+
+@pytest.mark.parametrize(("robots", "more"), [(20, ""), (21, "and 1 more robots")])
+def test_up_to_twenty_robots_are_in_the_table(robots: int, more: str) -> None:
+    table = Terminal()
+    table.metrics(
+        replace(METRICS, robots=tuple(RobotView(f"r{n}", 1, "holding", 0.0, 0.0, 0.0) for n in range(robots)))
+    )
+    shown = table.shown()
+    assert shown.count("holding") == 20
+    assert ("more robots" in shown) == bool(more)
+    assert more in shown
+
+
+def test_the_table_has_each_robots_own_place_and_state() -> None:
+    views = (
+        RobotView("anna", Status.ALIVE, "", 1.26, 2.34, 0.0),
+        RobotView("bert", Status.PAUSED, "patrolling", 3.0, 4.0, 0.0),
+        RobotView("carl", Status.ALIVE, "dead-end", 5.0, 6.0, 0.0),
+    )
+    table = Terminal()
+    table.metrics(replace(METRICS, robots=views))
+    rows = [line.split() for line in table.shown().splitlines()]
+    for row in (
+        ["anna", "waiting", "1.3", "2.3"],
+        ["bert", "paused", "3.0", "4.0"],
+        ["carl", "dead-end", "5.0", "6.0"],
+    ):
+        assert row in rows

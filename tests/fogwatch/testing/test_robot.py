@@ -156,3 +156,56 @@ def test_what_a_robot_raises_is_the_cause() -> None:
     with pytest.raises(RuleBroken) as found:
         check_robot(StopsOnce)
     assert isinstance(found.value.__cause__, RuntimeError)
+
+
+class Off(Fake):
+    """Is found so many metres further along x from some tick on."""
+
+    further = 0.0
+    since = 0
+
+    def changed(self, sensed: Sensed) -> Any:
+        pose = sensed.pose
+        moved = self.further if sensed.k >= self.since else 0.0
+        return replace(sensed, pose=Pose(pose.x + moved, pose.y, pose.heading))
+
+
+@pytest.mark.parametrize(
+    "since", [1, 2, 3, 8, 9], ids=["driving", "driving again", "standing", "after a gap", "stopped"]
+)
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_place_may_be_off_by_five_centimetres(since: int, sign: float) -> None:
+    check_robot(type("Near", (Off,), {"further": sign * 0.049, "since": since}))
+    with pytest.raises(RuleBroken, match=rf"at tick {since} (it|the robot) has moved"):
+        check_robot(type("Far", (Off,), {"further": sign * 0.051, "since": since}))
+
+
+def test_a_robot_is_told_to_drive_in_four_ticks_and_asked_in_all_and_twice_at_the_end() -> None:
+    calls: list[str] = []
+
+    class Noted(OnAir):
+        def sense(self) -> Any:
+            sensed = super().sense()
+            calls.append("none" if sensed is None else str(sensed.k))
+            return sensed
+
+        def act(self, command: Command) -> None:
+            calls.append(f"act {command.numbers[0]:g}")
+            super().act(command)
+
+        def send(self, frames: tuple[bytes, ...]) -> None:
+            super().send(frames)
+            calls.append("send")
+
+        def hear(self) -> Any:
+            calls.append("hear")
+            return None
+
+        def stop(self, reason: str) -> None:
+            calls.append("stop")
+            super().stop(reason)
+
+    check_robot(Noted)
+    drive = [f"{k} send hear act 1" for k in (0, 1)] + ["2 send hear", "3 send hear"]
+    drive += [f"{k} send hear act 1" for k in (7, 8)]
+    assert " ".join(calls) == " ".join(["stop stop", *drive, "stop 9 10 none none send hear stop"])

@@ -113,3 +113,44 @@ def test_the_example_of_the_documentation_holds() -> None:
         test()
     assert isinstance(names["draw_situation"]("1.a", ages={"a": 5}), Situation)
     assert np.all(names["draw_situation"]("1.a").view.age == 0)
+
+
+def test_a_drawing_holds_forty_thousand_characters_and_ages_a_million_seconds() -> None:
+    line = "1" + "." * 199
+    others = "\n".join(["." * 200] * 199)
+    with pytest.raises(BadInput, match="has more than 40000 characters"):
+        draw_situation(f"{line}\n{others}\n{'.' * 200}")
+    assert draw_situation("1a", ages={"a": 1e6}).view.time_s == 1e6
+    with pytest.raises(BadInput, match="ages: a = 1000001: expected s from 0 to 1e"):
+        draw_situation("1a", ages={"a": 1_000_001})
+
+
+def test_each_character_is_five_by_five_points_and_bodies_are_three_tenths_of_it() -> None:
+    situation = draw_situation("#1#\n..a\n###", side=2.0)
+    terrain = situation.view.ground.terrain
+    assert (terrain.shape, terrain.point) == ((15, 15), 0.4)
+    assert situation.view.spec.radius == pytest.approx(0.6)
+    free = np.zeros((15, 15), dtype=np.bool_)
+    free[5:10], free[10:15, 5:10] = True, True
+    assert np.array_equal(terrain.passable, free)
+    for x, y, character in ((0.0, 0.0, "#"), (5.99, 5.99, "#"), (2.0, 4.0, "1"), (4.0, 3.99, "a"), (3.99, 2.0, ".")):
+        assert situation.character_at(x, y) == character
+    for x, y in ((-0.01, 0.0), (0.0, -0.01), (6.0, 0.0), (0.0, 6.0)):
+        with pytest.raises(ValueError, match="is not on the drawing"):
+            situation.character_at(x, y)
+
+
+def test_of_several_squares_of_a_name_the_uppermost_and_leftmost_gives_its_place() -> None:
+    assert draw_situation("1.a\naa.").places == {"1": (0.5, 1.5), "a": (2.5, 1.5)}
+    assert draw_situation("1a.a").places["a"] == (1.5, 0.5)
+
+
+def test_each_robot_was_heard_as_long_ago_as_asked_for() -> None:
+    situation = draw_situation("1.2.3.4", heard={"2": 3, "4": 10}, ages={".": 5})
+    step = situation.setup.fleet.step
+    ago_s = {number: (situation.view.tick - peer.tick) * step for number, peer in situation.view.peers.items()}
+    assert ago_s == {2: 3.0, 3: 0.0, 4: 10.0}
+    assert [peer.pose.x for _, peer in sorted(situation.view.peers.items())] == [2.5, 4.5, 6.5]
+    age_s = situation.view.age * step
+    assert age_s[situation.view.point_of((1.5, 0.5))] == 5.0
+    assert age_s[situation.view.point_of((2.5, 0.5))] == 0.0

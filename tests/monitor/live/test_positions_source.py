@@ -129,3 +129,58 @@ def test_a_robot_that_an_operator_has_stopped_is_stopped_and_not_trapped() -> No
     assert not source.events(0)
     released = go_on(402, "")
     assert (released.status, released.state, released.trapped) == (Status.ALIVE, "patrolling", None)
+
+
+def test_a_robot_is_lost_once_it_has_been_silent_for_longer_than_others_remember_it() -> None:
+    ears, clock = Ears(), [0.0]
+    source = source_of(ears, clock)
+    forget_s = prepare(load_scenario(SCENARIO)).scenario.radio.forget_after
+    ears.subscribed[KEYS.alive("*")].put(KEYS.alive("bert"), Presence(True))
+    hear(ears, "anna", 0, Pose(50.0, 20.0, 0.5))
+    found = {}
+    state: Any = None
+    for k in range(round(forget_s) + 3):
+        clock[0] = k + 0.25
+        state = present(source.wait(0.0))
+        found[k] = [(robot.status, robot.heard_s) for robot in state.robots]
+        assert (state.k, state.time_s, state.ticks_per_s, state.pace) == (k, float(k), 1.0, 1.0)
+    assert found[0] == [(Status.ALIVE, 0.0), (Status.LOST, None)]
+    assert found[round(forget_s)][0] == (Status.ALIVE, forget_s)
+    assert found[round(forget_s) + 1][0] == (Status.LOST, forget_s + 1.0)
+    pose = state.robots[0].pose
+    assert (pose.x, pose.y, pose.heading) == (50.0, 20.0, 0.5)
+    assert source.events(0)[0].kind == "connected"
+    ears.subscribed[KEYS.alive("*")].put(KEYS.alive("bert"), Presence(False))
+    clock[0] += 1.0
+    assert present(source.wait(0.0)).robots[1].status is Status.ABSENT
+    assert [event.kind for event in source.events(1)] == ["disconnected"]
+
+
+def test_what_a_robot_reports_is_shown_and_the_measures_are_of_what_was_heard() -> None:
+    ears, clock = Ears(), [0.0]
+    source = source_of(ears, clock)
+    assert present(source.wait(0.0)).note == "no position received yet"
+    report = Telemetry(1, "holding", (1.0, 2.0), None, None, 9, 1.5, 0, charge=0.25)
+    hear(ears, "anna", 0, Pose(50.0, 20.0, 0.0))
+    ears.subscribed[KEYS.telemetry("*")].deliver(KEYS.telemetry("anna"), pack_view(report))
+    clock[0] = 1.5
+    state = present(source.wait(0.0))
+    anna = state.robots[0]
+    assert (anna.state, anna.goal, anna.decision_ms, anna.charge) == ("holding", (1.0, 2.0), 1.5, 0.25)
+    assert state.note == ""
+    refined = Telemetry(2, "holding", (1.0, 2.0), (3.0, 4.0), None, 9, 1.5, 0)
+    ears.subscribed[KEYS.telemetry("*")].deliver(KEYS.telemetry("anna"), pack_view(refined))
+    clock[0] = 4.0
+    state = present(source.wait(0.0))
+    assert state.robots[0].goal == (3.0, 4.0)
+    series = source.series(-1)
+    assert series.ticks.tolist() == [0, 1, 4]
+    assert series.mfow_s.tolist() == [0.0, 1.0, 4.0]  # most was never seen
+    assert (state.mfow_s, state.fog_mean_s) == (4.0, series.fog_mean_s[-1])
+    assert source.series(0).ticks.tolist() == [1, 4]
+    assert source.series(4).ticks.tolist() == []
+    assert source.last_seen("heard").max() == 0
+    assert source.last_seen("truth") is None
+    assert (source.tick("heard"), source.since("heard")) == (4, 0)
+    shape = source.static().robots[1]
+    assert (shape.number, shape.name, shape.model, shape.spare) == (2, "bert", "car", True)

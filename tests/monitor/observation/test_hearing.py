@@ -2,6 +2,8 @@ from __future__ import annotations
 
 from typing import Any
 
+import pytest
+
 from monitor.observation.hearing import ENOUGH, Hearing
 from patrol.messages.telemetry import Traffic
 
@@ -61,4 +63,25 @@ def test_counts_begin_anew_with_a_robot_s_next_process() -> None:
     fleet.ticks(ENOUGH, {"anna": "carl"}, incarnation=1)
     assert fleet.wrong() == ["", "", ""]
     fleet.tick({"anna": "carl"}, incarnation=1)
+    assert fleet.wrong() == ["does not hear carl", "", ""]
+
+
+@pytest.mark.parametrize(("unheard", "suffix"), [(8, ""), (9, ", ...")])
+def test_up_to_eight_senders_are_named_in_order(unheard: int, suffix: str) -> None:
+    hearing, names = Hearing(), [f"s{n}" for n in range(unheard)]
+    for _ in range(2 * ENOUGH):
+        for name in names:
+            hearing.sent(name)
+        hearing.take("anna", Traffic(0, 0, dict.fromkeys(reversed(names), 0), 0, False))
+    assert hearing.wrong("anna", names) == f"does not hear {', '.join(names[:8])}{suffix}"
+    assert hearing.wrong("bert", names) == ""
+
+
+def test_a_frame_that_is_heard_in_the_end_begins_the_count_anew() -> None:
+    fleet = Fleet()
+    fleet.ticks(ENOUGH, {"anna": "carl"})
+    fleet.tick()
+    fleet.ticks(ENOUGH - 1, {"anna": "carl"})
+    assert fleet.wrong() == ["", "", ""]
+    fleet.tick({"anna": "carl"})
     assert fleet.wrong() == ["does not hear carl", "", ""]

@@ -153,7 +153,9 @@ def test_a_control_comes_before_playing_by_itself(quiet: Seen) -> None:
     assert at(player, 31).running is False
 
 
-@pytest.mark.parametrize(("duration_s", "pace"), [(40, 1.0), (91, 2.0), (3600, 50.0), (50_000, 100.0)])
+@pytest.mark.parametrize(
+    ("duration_s", "pace"), [(40, 1.0), (90, 1.0), (91, 2.0), (1800, 20.0), (3600, 50.0), (50_000, 100.0)]
+)
 def test_a_long_run_plays_faster(quiet: Seen, duration_s: int, pace: float, monkeypatch: pytest.MonkeyPatch) -> None:
     run = quiet.open()
     monkeypatch.setattr(type(run), "step", duration_s / run.ticks)
@@ -178,3 +180,69 @@ def test_all_fogs_are_of_the_tick_that_was_shown_last(faulty: Seen) -> None:
     assert player.tick("truth") == player.tick(2) == 60
     np.testing.assert_array_equal(player.last_seen("truth"), faulty.truth[60])
     np.testing.assert_array_equal(believed_of(player, 2), faulty.beliefs[60, 2])
+
+
+def test_each_robots_state_is_its_own_at_the_tick(faulty: Seen) -> None:
+    run = faulty.open()
+    player = Player(run, Wall())
+    player.read_all()
+    for k in (0, 40, 46, 57, 79):
+        state = at(player, k)
+        heard = present(state.links).heard
+        for index, robot in enumerate(state.robots):
+            assert (robot.number, robot.state) == (run.numbers[index], run.labels[run.states[k, index]])
+            goal = tuple(run.goals[k, index].tolist())
+            has_goal = robot.status is Status.ALIVE and not np.isnan(goal).any()
+            assert robot.goal == (goal if has_goal else None)
+            took = float(run.decision_ms[k, index])
+            assert robot.decision_ms == (None if np.isnan(took) else took)
+            last = max(int(tick) for tick in heard[index])
+            assert robot.heard_s == (None if last < 0 else (k - last) * run.step)
+            assert robot.charge is None
+        assert (state.time_s, state.fog_mean_s) == (k * run.step, run.fog_mean[k] * run.step)
+    shapes = player.static().robots
+    assert [(shape.number, shape.name, shape.radius) for shape in shapes] == [(n, f"r{n}", 1.0) for n in (1, 2, 3)]
+    assert player.static().ticks == run.ticks == 80
+
+
+def test_series_and_events_go_on_from_where_they_were_asked_for(faulty: Seen) -> None:
+    run = faulty.open()
+    player = Player(run, Wall())
+    for after, first in ((-1, 0), (0, 1), (77, 78), (79, 80)):
+        series = player.series(after)
+        assert series.ticks.tolist() == list(range(first, 80))
+        assert series.mfow_s.tolist() == (run.mfow[first:] * run.step).tolist()
+        assert series.fog_mean_s.tolist() == (run.fog_mean[first:] * run.step).tolist()
+    assert [*player.events(0)] == [*run.events]
+    assert [*player.events(3)] == [*run.events[3:]]
+    assert [*player.events(len(run.events))] == []
+
+
+@pytest.mark.parametrize(
+    ("k", "pace", "stepped"), [(5, 1.0, 6), (5, -1.0, 4), (0, -2.0, 0), (79, 2.0, 79), (-3, 1.0, 1), (1000, -1.0, 78)]
+)
+def test_a_step_is_one_tick_the_way_that_it_plays_and_no_further_than_the_ends(
+    quiet: Seen, k: int, pace: float, stepped: int
+) -> None:
+    player = Player(quiet.open(), Wall())
+    for control in ({"do": "pace", "factor": pace}, {"do": "seek", "k": k}, {"do": "step"}):
+        assert player.control(control).done
+    state = present(player.wait(1.0))
+    assert (state.k, state.running, state.pace) == (stepped, False, pace)
+
+
+@pytest.mark.parametrize(
+    ("factor", "done"), [(1000.0, True), (1000.1, False), (-1000.0, True), (-1000.1, False), (0.0, False)]
+)
+def test_a_pace_is_at_most_a_thousand_and_never_none(quiet: Seen, factor: float, done: bool) -> None:
+    assert Player(quiet.open(), Wall()).control({"do": "pace", "factor": factor}).done is done
+
+
+def test_who_goes_on_at_the_end_begins_anew_and_backwards_does_not(quiet: Seen) -> None:
+    for pace, begins in ((1.0, 0), (-1.0, 78)):
+        player = Player(quiet.open(), Wall())
+        for control in ({"do": "pace", "factor": pace}, {"do": "seek", "k": 79}, {"do": "go"}):
+            player.control(control)
+        state = present(player.wait(1.0))
+        assert state.running
+        assert state.k == begins

@@ -52,6 +52,7 @@ SCENARIOS: dict[str, dict[str, Any]] = {
         "docks": [{"place": [10, 10]}],
     },
 }
+COMMANDS = ("velocity_x_m_s", "velocity_y_m_s", "speed_m_s", "turn_rate_rad_s", "curvature_1_m")
 
 
 @pytest.fixture(scope="module", params=SCENARIOS)
@@ -169,9 +170,65 @@ def test_commands_have_the_columns_of_their_body(tables: dict[str, pd.DataFrame]
     assert np.allclose(driven.driven_m, way_m.where(~driven.bumped, 0.0), rtol=1e-12)
 
 
+def test_robots_are_those_of_the_journal_row_by_row(seen: Seen, tables: dict[str, pd.DataFrame]) -> None:
+    run = seen.open()
+    names = dict(zip(run.numbers, run.names, strict=True))
+    rows = iter(tables["robots"].replace({np.nan: None}).to_dict("records"))
+    for record in run.journal.ticks:
+        for robot in (robot for robot in record.robots if robot.number in names):
+            row = next(rows)
+            assert (row["tick"], row["time_s"]) == (record.k, record.k * run.step)
+            assert (row["robot"], row["status"]) == (names[robot.number], robot.status.name.lower())
+            assert (row["x_m"], row["y_m"], row["heading_rad"]) == (robot.x, robot.y, robot.heading)
+            given = [row[name] for name in COMMANDS if row[name] is not None]
+            assert given == [robot.c0, robot.c1]
+            assert (row["bumped"], row["refused"], row["state"] or "") == (robot.bumped, robot.refused, robot.state)
+            assert (row["goal_x_m"], row["goal_y_m"]) == (robot.goal or (None, None))
+            assert row["decision_ms"] == robot.decision_ms
+            sizes = [len(frame) for source, frame in record.frames if source == robot.number]
+            assert (row["frames"], row["frame_bytes"]) == (len(sizes), sum(sizes))
+    assert next(rows, None) is None
+
+
+def test_ticks_are_those_of_the_journal_row_by_row(seen: Seen, tables: dict[str, pd.DataFrame]) -> None:
+    run = seen.open()
+    points = np.count_nonzero(run.prepared.patrolled)
+    for record, (_, row) in zip(run.journal.ticks, tables["ticks"].iterrows(), strict=True):
+        standing = Counter(robot.status.name for robot in record.robots)
+        counts = [standing[name] for name in ("ALIVE", "PAUSED", "DEAD", "LOST")]
+        assert row[["alive", "paused", "dead", "lost", "away"]].tolist() == [*counts, len(record.robots) - sum(counts)]
+        assert row.collisions == sum(robot.bumped for robot in record.robots)
+        figures = (record.k, record.k * run.step, record.mfow * run.step, record.fog_mean * run.step)
+        assert tuple(row[["tick", "time_s", "mfow_s", "fog_mean_s"]]) == pytest.approx(figures, **ROUNDED)
+        assert row.seen_share == pytest.approx(record.seen / points, **ROUNDED)
+
+
+def test_the_ground_has_each_patrolled_point_where_it_lies(seen: Seen, tables: dict[str, pd.DataFrame]) -> None:
+    run, ground = seen.open(), tables["ground"]
+    patrolled, terrain = run.prepared.patrolled, run.prepared.terrain
+    assert [tuple(cell) for cell in np.argwhere(patrolled).tolist()] == list(zip(ground.row, ground.col, strict=True))
+    centres = [terrain.centre(int(row), int(col)) for row, col in zip(ground.row[::97], ground.col[::97], strict=True)]
+    assert np.allclose(ground[["x_m", "y_m"]][::97], centres, rtol=0, atol=1e-9)
+    assert (ground.age_mean_s <= ground.age_max_s).all()
+    assert (ground.age_end_s <= ground.age_max_s).all()
+
+
+def test_visits_lie_at_their_vertices(seen: Seen, tables: dict[str, pd.DataFrame]) -> None:
+    run, visits = seen.open(), tables["visits"]
+    last: dict[int, float] = {}
+    for _, row in visits.iterrows():
+        assert [row.x_m, row.y_m] == GRAPH["vertices"][row.vertex]
+        assert row.time_s == row.tick * run.step
+        assert row["first"] == (row.vertex not in last)
+        assert 0 < row.idle_s <= row.time_s - last.get(row.vertex, 0.0)  # it may have stayed
+        last[row.vertex] = row.time_s
+
+
 def test_events_are_those_of_the_journal(seen: Seen, tables: dict[str, pd.DataFrame]) -> None:
     run = seen.open()
     assert tables["events"].kind.tolist() == [event.kind for event in run.events]
+    assert tables["events"].tick.tolist() == [event.k for event in run.events]
+    assert tables["events"].detail.tolist() == [event.detail for event in run.events]
     assert tables["events"].time_s.tolist() == [event.k * run.step for event in run.events]
     assert Counter(tables["events"].robot.dropna()) == Counter(
         run.journal.header.robots[event.robot - 1].name for event in run.events if event.robot

@@ -82,3 +82,34 @@ def test_a_slit_that_takes_no_body_is_out_of_sight() -> None:
 def test_where_vertices_are_patrolled_they_count_and_no_ground_is_left_out() -> None:
     terrain = {"builtin": "open", "graph": {"vertices": [[1.0, 1.0], [2.0, 2.0]]}, "patrolled": "vertices"}
     assert left_out(three_rooms(), terrain=terrain) is None
+
+
+def hall_with(*closets: tuple[int, int]) -> np.ndarray:
+    """A hall of 9 x 9 m, and closets of so many rows and columns, walled off, on points of 0.1 m."""
+    free = np.zeros((94, 200), dtype=np.bool_)
+    free[2:92, 2:92] = True
+    for number, (rows, columns) in enumerate(closets):
+        top, left = 2 + 15 * (number // 4), 96 + 25 * (number % 4)
+        free[top : top + rows, left : left + columns] = True
+    return free
+
+
+def test_a_part_counts_by_itself_from_one_square_metre_on() -> None:
+    left = some_left_out(hall_with((10, 10), (9, 11)))
+    # The second one is 0.99 m², above 1 % of the 82.99 m² that are free: small parts count together.
+    assert (left.parts, left.small_parts, left.area_m2, left.largest_m2) == (2, 1, 1.99, 1.0)
+    assert left.text.startswith("2 m² of free ground in 2 parts, 1 of them of less than 1 m², which no robot sees; the")
+    alone = some_left_out(hall_with((10, 10), (5, 5)))  # 0.25 m² are below a hundredth
+    assert (alone.parts, alone.small_parts, alone.area_m2) == (1, 0, 1.0)
+    assert alone.text.startswith("1 m² of free ground, which no robot sees; it is around (")
+
+
+def test_small_parts_count_together_from_a_hundredth_of_the_free_ground_on() -> None:
+    """With 81 m² in the hall, a hundredth of all is 0.81 m² and a hundredth of the parts."""
+    enough = hall_with((9, 9), (1, 1), (1, 1))
+    free_m2 = np.count_nonzero(enough) / 100.0
+    assert np.count_nonzero(enough) / 100.0 - 81.0 >= 0.01 * free_m2
+    left = some_left_out(enough)
+    assert (left.parts, left.small_parts, left.area_m2) == (3, 3, 0.83)
+    assert left_out(hall_with((9, 9))) is None
+    assert "0.81 m², is around" in left.text

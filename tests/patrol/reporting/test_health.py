@@ -10,17 +10,23 @@ import pytest
 from patrol.reporting.health import HealthLines, HealthReading, facts_of, health_line
 from patrol.reporting.logs import Log
 from patrol.reporting.vitals import (
+    COMMANDS,
     CONNECTIONS,
     DECISION,
     DROPPED,
     MEMORY,
     MFOW,
+    ODOMETRY_AGE,
+    PAGES,
     PEERS,
     QUEUE,
     REFUSED,
     ROBOTS,
+    ROUTER_SILENT,
     SINCE_TICK,
+    STOPPED,
     TICK,
+    UNUSABLE,
     Figure,
     Value,
     Vitals,
@@ -53,8 +59,19 @@ def test_a_robots_line() -> None:
         ({QUEUE: 0}, "no tick yet, messages waiting: 0"),
         ({CONNECTIONS: 5, MEMORY: 33e6}, "connections: 5, 33 MB"),
         ({ROBOTS: {"alive": 4, "dead": 1, "lost": 0}}, "robots: 4 alive and 1 dead"),
+        (
+            {ODOMETRY_AGE: 1.26, STOPPED: 1, UNUSABLE: {"late": 2}, ROUTER_SILENT: 3.6},
+            "router silent for 4 s in all, stopped, odometry 1.3 s ago, robot's messages refused: 2 late",
+        ),
+        (
+            {PAGES: 2, COMMANDS: {"r1": 7, "r2": 9}, STOPPED: 0},
+            "may drive, commands received: 7 r1 and 9 r2, pages open: 2",
+        ),
     ],
-    ids=["no rate at first", "before the first tick", "a router has no ticks", "only robots that there are"],
+    ids=[
+        *("no rate at first", "before the first tick", "a router has no ticks", "only robots that there are"),
+        *("a driver", "others"),
+    ],
 )
 def test_the_first_line(figures: dict[Figure, Value], line: str) -> None:
     assert health_line(HealthReading(1.0, figures), None) == f"health: {line}"

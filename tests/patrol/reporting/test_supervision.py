@@ -33,10 +33,17 @@ def test_what_is_asked_for_and_by_default_nothing() -> None:
     assert supervision.counts
 
 
-@pytest.mark.parametrize("words", ["--health 0", "--health -1", "--health nan", "--health inf", "--health 1e9"])
+@pytest.mark.parametrize("words", ["0", "0.0999", "-1", "nan", "inf", "86400.1", "1e9"])
 def test_health_lines_come_at_times_that_make_sense(words: str) -> None:
+    assert [take_supervision(parsed("--health", limit)).health for limit in ("0.1", "86400")] == [0.1, 86400.0]
     with pytest.raises(BadInput, match=r"^--health \S+: give from 0.1 to 86400 seconds$"):
-        take_supervision(parsed(*words.split()))
+        take_supervision(parsed("--health", words))
+
+
+@pytest.mark.parametrize("words", ["--health 5", "--metrics 127.0.0.1:0", "--log-level debug"])
+def test_each_of_these_alone_wants_each_ticks_figures(words: str) -> None:
+    assert take_supervision(parsed(*words.split())).counts
+    assert not take_supervision(parsed("--log-level", "error")).counts
 
 
 def test_open_metrics_need_metrics() -> None:

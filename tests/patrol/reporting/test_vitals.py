@@ -1,17 +1,28 @@
 from __future__ import annotations
 
+import re
+import threading
+import time
+from typing import Any
+
+import patrol.reporting.vitals
 from patrol.net.mailbox import Mailbox
 from patrol.reporting.vitals import (
     DROPPED,
+    FILES,
     MEMORY,
     MFOW,
     PAGES,
     PROCESSOR,
     QUEUE,
     SINCE_TICK,
+    STARTED,
+    THREADS,
     TICK,
     TICKS,
     VERSION,
+    Figure,
+    Kind,
     Vitals,
 )
 from tests.fresh_memory import fresh_memory
@@ -74,3 +85,28 @@ def test_the_memory_is_that_of_this_process() -> None:
     before = Vitals().read()[MEMORY]
     with fresh_memory(64 << 20):
         assert Vitals().read()[MEMORY] > before + 0.5 * (64 << 20)  # type: ignore[operator]
+
+
+def test_figures_are_named_as_prometheus_wants_it() -> None:
+    """Base units in names, `_total` for counters alone, and one line with the unit that the name has."""
+    figures = [value for value in vars(patrol.reporting.vitals).values() if isinstance(value, Figure)]
+    assert len({figure.name for figure in figures}) == len(figures) > 20
+    for figure in figures:
+        assert re.fullmatch(r"(fogwatch|process)(_[a-z]+)+", figure.name)
+        assert figure.kind is (Kind.COUNTER if figure.name.endswith("_total") else Kind.GAUGE), figure.name
+        assert re.fullmatch(r"[A-Z1].*\.", figure.says)
+        assert re.fullmatch(r"[a-z]*", figure.label)
+        unit = {"seconds": ", s.", "bytes": ", bytes."}.get(figure.name.removesuffix("_total").rpartition("_")[2], "")
+        assert figure.says.endswith(unit), figure.name
+
+
+def test_the_process_itself_is_measured_in_the_units_that_the_names_say() -> None:
+    began_s, used_s = time.time(), time.process_time()
+    vitals = Vitals()
+    known: dict[Figure, Any] = vitals.read()
+    assert began_s <= known[STARTED] <= time.time()
+    assert used_s <= known[PROCESSOR] <= time.process_time()
+    assert known[THREADS] == threading.active_count()
+    assert known[FILES] >= 3  # standard input, output and error
+    assert list(known[VERSION].values()) == [1]
+    assert vitals.read()[STARTED] == known[STARTED]

@@ -11,7 +11,8 @@ from patrol.journal import RobotTick, Status
 from patrol.journal.records import CHARGING, DOCKING
 from patrol.scenario import load_scenario
 from patrol.scenario.load import as_mapping
-from patrol.summary.batteries import BatteryTotals, battery_lines
+from patrol.summary.batteries import BatteryTotals, battery_lines, battery_table
+from patrol.summary.model import BatteryFigures, RobotFigures, Summary
 
 CAPACITY_J = 3600.0
 BATTERY = {"capacity": 1.0, "idle": 10.0, "drive": 100.0, "charge": 210.0, "start": 0.2}
@@ -84,3 +85,28 @@ def test_the_share_on_patrol_counts_the_time_in_which_a_robot_missed_decisions()
     summary: Any = SimpleNamespace(robots={"a": robot(300, 600, 0.75), "b": robot(100, 0, 1.0)})
     (line,) = battery_lines(summary)
     assert line.endswith(", 78 % of the time on patrol")  # (0.75 * 900 + 100) / 1000
+
+
+def test_line_and_table_say_each_robots_charge() -> None:
+    full = BatteryFigures(least_share=0.6, end_share=0.9, charges=2, docked_s=30.4)
+    low = BatteryFigures(least_share=0.0, end_share=0.156, charges=5, docked_s=99.6, patrol_share=0.75, empty_s=12.5)
+    spare = BatteryFigures(least_share=1.0, end_share=1.0, patrol_share=None)
+    robots = {
+        "a": RobotFigures(battery=full, decisions=10, missed=0),
+        "b": RobotFigures(battery=low, decisions=10, missed=0),
+        "c": RobotFigures(battery=spare),
+        "d": RobotFigures(),
+    }
+    summary = Summary(robots=robots)
+    (line,) = battery_lines(summary)
+    assert line == "batteries   least charge 0 % (b), charged 7 times, 88 % of the time on patrol; empty: b"
+    table = battery_table(summary, load_scenario({"terrain": {"builtin": "open"}}), 60.0)
+    assert table.rows == [
+        ("a", "60", "90", "2", "30", "100", "never"),
+        ("b", "0", "16", "5", "100", "75", "12.5"),
+        ("c", "100", "100", "0", "0", "-", "never"),
+    ]
+    assert [table.heads[column] for column in table.numbers] == list(table.heads[1:])
+    assert battery_lines(Summary(robots={"d": RobotFigures()})) == []
+    (line,) = battery_lines(Summary(robots={f"e{n}": RobotFigures(battery=low) for n in range(41)}))
+    assert line.partition("empty: ")[2].split(", ") == [f"e{n}" for n in range(40)]

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Any
 
@@ -169,11 +170,28 @@ def test_when_a_zone_is_in_force() -> None:
 
 @pytest.mark.parametrize(
     ("span", "step", "holds"),
-    [((1.1, 1.2), 0.1, True), ((1.11, 1.19), 0.1, False), ((0.0, 0.1), 0.5, True), ((0.6, 1.0), 0.5, False)],
+    [
+        ((1.1, 1.2), 0.1, True),
+        ((1.11, 1.19), 0.1, False),
+        ((0.0, 0.1), 0.5, True),
+        ((0.6, 1.0), 0.5, False),
+        ((11.9, 12.2), 0.7, False),
+    ],
 )
 def test_times_between_two_ticks(span: tuple[float, float], step: float, holds: bool) -> None:
     assert holds_tick(span, step) == holds
     assert any(span[0] <= k * step < span[1] for k in range(100)) == holds
+
+
+@pytest.mark.parametrize("step", [0.05, 0.1, 0.3, 0.5, 0.7])
+def test_a_span_of_an_instant_holds_the_tick_it_begins_at(step: float) -> None:
+    for k in range(200):
+        tick = k * step
+        before, after = math.nextafter(tick, -math.inf), math.nextafter(tick, math.inf)
+        assert holds_tick((tick, after), step)
+        assert holds_tick((before, after), step)
+        assert not holds_tick((before, tick), step)
+        assert not holds_tick((after, tick + step / 2), step)
 
 
 def test_a_mask_without_a_mark_and_cells_of_another_number_are_refused(tmp_path: Path) -> None:

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -8,11 +9,12 @@ import pytest
 from patrol.ground.fields import StaticFields, compute_fields
 from patrol.ground.sensors import footprint_of
 from patrol.ground.terrain import Terrain
+from patrol.ground.ways import lengths_along
 from patrol.pose import Pose
-from patrol.tours.round import ARRAYS, SLACK, Round, lay_out
+from patrol.tours.round import ARRAYS, SLACK, STRETCH, Round, Tour, lay_out
 from patrol.tours.search import find_tour
 from tests.patrol.ground.masks import on_terrain
-from tests.patrol.ground.test_tour import building
+from tests.patrol.tours.test_search import building
 
 RANGE_M = 4.0
 
@@ -77,3 +79,63 @@ def test_what_is_saved_is_loaded(tmp_path: Path) -> None:
     assert again.length_m == laid_out.length_m
     for name in ARRAYS:
         assert np.array_equal(getattr(again, name), getattr(laid_out, name))
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_stations_are_short_stretches_that_share_out_all_points(seed: int) -> None:
+    terrain = building(seed)
+    laid_out, fields = round_in(terrain)
+    stations = laid_out.stations
+    assert stations is not None
+    assert (stations.begins[0], stations.begins[-1]) == (0, len(laid_out.points))
+    assert (np.diff(stations.begins) > 0).all()
+    longest_m = STRETCH * RANGE_M
+    heads = []
+    for number, (begin, end) in enumerate(pairwise(stations.begins.tolist())):
+        stops = np.unique(laid_out.place_of[begin:end])
+        along = laid_out.along[stops]
+        assert along[-1] - along[0] <= longest_m
+        assert stations.spots[number] == laid_out.places[stops[len(stops) // 2]]
+        assert (stations.around.flat[laid_out.points[begin:end]] == number).all()
+        heads.append(along[0])
+    assert (np.diff(heads) > longest_m).all(), "no two could be one"
+    assert np.count_nonzero(stations.around >= 0) == np.count_nonzero(fields.patrolled)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_stations_are_as_far_apart_as_the_ways_between_them(seed: int) -> None:
+    """Longer ways than four ranges are those through other stations."""
+    terrain = building(seed)
+    laid_out, fields = round_in(terrain)
+    stations = laid_out.stations
+    assert stations is not None
+    apart_m = []
+    for spot in stations.spots.tolist():
+        lengths = lengths_along(fields.reach, terrain.against, [divmod(spot, terrain.width)], 2**30)[1:-1, 1:-1]
+        apart_m.append(lengths.reshape(-1)[stations.spots] * (terrain.point / 100.0))
+    exact_m = np.array(apart_m)
+    through_m = np.where(exact_m <= 4.0 * RANGE_M, exact_m, np.inf)
+    for by in range(len(through_m)):
+        through_m = np.minimum(through_m, through_m[:, by : by + 1] + through_m[by])
+    np.testing.assert_allclose(stations.apart_m, through_m)
+    assert (stations.apart_m >= exact_m - 1e-9).all()
+
+
+def test_places_are_at_most_a_fiftieth_of_the_range_apart_and_lengths_add_up(tmp_path: Path) -> None:
+    """A square tour of 8 m on points of 0.1 m, with a sensor of 10 m: places 0.2 m apart."""
+    terrain = Terrain("hall", np.ones((60, 60), dtype=np.bool_), 0.1)
+    every = np.ones(terrain.shape, dtype=np.bool_)
+    proxy = np.full(terrain.shape, -1, dtype=np.int32)
+    corners = ((2.05, 2.05), (4.05, 2.05), (4.05, 4.05), (2.05, 4.05))
+    laid_out = lay_out(terrain, every, every, proxy, footprint_of(terrain, 10.0), Tour(8.0, corners))
+    assert laid_out.length_m == pytest.approx(8.0)
+    np.testing.assert_allclose(laid_out.along, 0.2 * np.arange(40))
+    places = [terrain.centre(*divmod(place, terrain.width)) for place in laid_out.places.tolist()]
+    assert [places[at] for at in (0, 10, 20, 30)] == [pytest.approx(corner) for corner in corners]
+    assert np.array_equal(np.sort(laid_out.points), np.arange(3600))
+    laid_out.save(tmp_path)
+    again = Round.load(tmp_path)
+    assert laid_out.stations is not None
+    assert again.stations is not None
+    for name in ("spots", "begins", "apart_m", "around"):
+        assert np.array_equal(getattr(again.stations, name), getattr(laid_out.stations, name))
