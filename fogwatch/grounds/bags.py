@@ -46,7 +46,11 @@ def extract_map(bag: Path, out: Path, topic: str | None = None) -> tuple[Path, O
 
     The map's file has the bag's name. Without a topic the bag must have grids of one topic alone.
     """
-    files = sorted(file for file in bag.iterdir() if file.suffix in _ENDINGS) if bag.is_dir() else [bag]
+    bag = bag.resolve()  # a map needs its name, which "." has not
+    try:
+        files = sorted(file for file in bag.iterdir() if file.suffix in _ENDINGS) if bag.is_dir() else [bag]
+    except OSError as error:
+        raise BadInput(f"{bag}: cannot be read ({error.strerror})") from None
     newest: Found | None = None
     topics: set[str] = set()
     for stamped in chain.from_iterable(map(_grids_of, files)):

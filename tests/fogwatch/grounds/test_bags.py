@@ -191,3 +191,16 @@ def test_the_messages_of_a_small_file_are_bounded(
                 writer.add_message(channel, time, b"", time)
             writer.finish()  # type: ignore[no-untyped-call]
         refused(bag, tmp_path / "out", "too many for its size")
+
+
+def test_a_bag_is_extracted_from_within_its_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(ros_bag(tmp_path / "site", StoragePlugin.MCAP, ("/map", newest())))
+    assert extract_map(Path(), tmp_path / "maps")[0] == tmp_path / "maps" / "site.yaml"
+
+
+def test_a_folder_that_cannot_be_listed_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(_: Path) -> None:
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr(Path, "iterdir", refuse)
+    refused(tmp_path, tmp_path / "out", r"cannot be read \(Permission denied\)")
