@@ -16,11 +16,14 @@ from tests.patrol.maps.test_maps import WHITE, write_map
     [
         ("map.pgm", ["plan.pgm", "other.png"], "plan.pgm"),
         ("map.pgm", ["Map.PNG", "plan.pgm"], "Map.PNG"),
-        ("map.pgm", ["floor.bmp"], "floor.bmp"),
+        ("map.pgm", ["floor.bmp"], ""),
+        ("images/lab.pgm", ["plan.png", "images/LAB.png", "images/plan.png"], "images/LAB.png"),
+        ("images/lab.pgm", ["lab.png", "images/other.png"], "lab.png"),
         ("map.pgm", ["a.png", "b.png"], ""),
     ],
 )
 def test_an_image_of_another_ending_or_case_is_named(tmp_path: Path, named: str, there: list[str], meant: str) -> None:
+    (tmp_path / "images").mkdir()
     path = write_map(tmp_path, WHITE, {"image": named})
     (tmp_path / named).unlink()
     for name in there:
