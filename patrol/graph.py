@@ -27,6 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from patrol.errors import BadInput, printable
+from patrol.files.foreign import BUILDING, kind_of_mapping
 from patrol.files.untrusted import GRAPH
 from patrol.files.yaml_text import parse_yaml, read_text
 
@@ -247,6 +248,8 @@ def _read_lanes(path: Path) -> dict[str, Any]:
     features = content.get("features") if isinstance(content, dict) else None
     try:
         if isinstance(levels, dict):
+            if kind_of_mapping(content).startswith(BUILDING):
+                raise BadInput(f"{path}: {BUILDING}, in pixels; give the navigation graph that is made from it")
             if len(levels) != 1:
                 raise BadInput(f"{path}: levels: has {', '.join(map(str, levels))}; leave one, that of the map")
             (level,) = levels.values()

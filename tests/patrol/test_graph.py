@@ -185,6 +185,7 @@ def test_navigation_graphs_of_open_rmf_and_route_graphs_of_nav2_are_read(tmp_pat
     ("text", "old", "new", "says"),
     [
         (RMF, "  L1:", "  L0: {}\n  L1:", "has L0, L1; leave one"),
+        (RMF, "building_name: shop", "lifts: {}", "is a building of Open-RMF's traffic editor, in pixels"),
         (RMF, "[1, 2, {}]", "[1, 3, {}]", "is no graph of lanes"),
         (RMF, "7.5", ".nan", "at most 1e+06 m away"),
         (RMF, "7.5, {}", "up, {}", "is no graph of lanes"),
