@@ -20,6 +20,7 @@ import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -27,6 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from patrol.errors import BadInput, printable
+from patrol.files.foreign import BUILDING, kind_of_mapping
 from patrol.files.untrusted import GRAPH
 from patrol.files.yaml_text import parse_yaml, read_text
 
@@ -247,8 +249,11 @@ def _read_lanes(path: Path) -> dict[str, Any]:
     features = content.get("features") if isinstance(content, dict) else None
     try:
         if isinstance(levels, dict):
+            if kind_of_mapping(content).startswith(BUILDING):
+                raise BadInput(f"{path}: {BUILDING}, in pixels; give the navigation graph that is made from it")
             if len(levels) != 1:
-                raise BadInput(f"{path}: levels: has {', '.join(map(str, levels))}; leave one, that of the map")
+                there = ", ".join(map(str, levels)) or "none"
+                raise BadInput(f"{path}: levels: has {there}; expected one, that of the map")
             (level,) = levels.values()
             places = {number: vertex[:2] for number, vertex in enumerate(level["vertices"])}
             lanes = [lane[:2] for lane in level["lanes"]]
@@ -261,6 +266,8 @@ def _read_lanes(path: Path) -> dict[str, Any]:
             lanes = [(way["startid"], way["endid"]) for way in ways]
         else:
             raise BadInput(f"{path}: expected the levels of Open-RMF's navigation graph, or the features of GeoJSON")
+        if any(isinstance(value, bool) for value in chain(*places.values(), *lanes)):
+            raise TypeError("true or false instead of a number")
         numbers = {name: number for number, name in enumerate(places)}
         vertices = [(float(x), float(y)) for x, y in places.values()]
         pairs = {(min(a, b), max(a, b)): None for a, b in ((numbers[a], numbers[b]) for a, b in lanes)}

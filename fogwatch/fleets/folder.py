@@ -33,7 +33,7 @@ from fogwatch.fleets.certificates import facts, issue, make_authority, problem
 from patrol.errors import BadInput
 from patrol.process import failures as exhausted
 from patrol.security.credentials import AUTHORITY, CERTIFICATE, KEY, MEMBER, ROUTER, Credentials, as_json, router_json
-from patrol.security.keys import check_locator, fleet_keys, is_loopback
+from patrol.security.keys import check_locator, fleet_keys, is_loopback, is_no_host
 from patrol.security.mesh import MESH, Mesh, mesh_json, read_mesh
 from patrol.security.private_files import check_private, read_object, replace_private, write_private
 from patrol.security.roles import (
@@ -67,7 +67,6 @@ LOCAL = ("127.0.0.1", "localhost")
 
 _LABEL = r"[A-Za-z0-9_](?:[A-Za-z0-9_-]{0,61}[A-Za-z0-9_])?"
 _NAME = re.compile(rf"(?=.{{1,253}}\Z){_LABEL}(?:\.{_LABEL})*")
-_NUMBERS = re.compile(r"[0-9.]*")
 _WITH_PORT = re.compile(r"(?:[^:]+|\[.*\]):[0-9]+")
 
 
@@ -409,7 +408,7 @@ def _check_host(host: str, called: str) -> str:
         address = ipaddress.ip_address(bare)
     except ValueError:
         return _checked_name(host, called)
-    if address.is_unspecified or address.is_multicast or (address.version == 4 and address.is_reserved):
+    if address.is_unspecified or is_no_host(bare):
         raise BadInput(f"{called} {host}: is no machine's own address; give the one that members reach it at")
     if "%" in bare:
         interface = bare[bare.index("%") :]
@@ -421,7 +420,7 @@ def _checked_name(host: str, called: str) -> str:
     if _WITH_PORT.fullmatch(host):
         name, _, port = host.rpartition(":")
         raise BadInput(f"{called} {host!r}: holds a port; write {name} here, and --port {port}")
-    if not _NAME.fullmatch(host) or _NUMBERS.fullmatch(host):
+    if not _NAME.fullmatch(host) or is_no_host(host):
         raise BadInput(f"{called} {host!r}: not the name or address of a machine; write it as in 192.168.1.10")
     return host
 

@@ -9,12 +9,11 @@ import sqlite3
 import struct
 from collections.abc import Iterator
 from contextlib import closing
-from dataclasses import replace
 from itertools import chain
 from pathlib import Path
-from typing import TYPE_CHECKING, BinaryIO
+from typing import BinaryIO
 
-from monitor.recording.mcap_file import make_reader
+from monitor.recording.mcap_file import make_reader, unpack_record
 from patrol.errors import BadInput, Malformed, quoted
 from patrol.files.untrusted import BAG, open_untrusted
 from patrol.files.whole_file import writing
@@ -22,18 +21,21 @@ from ros2.robot.shown import write_map
 from ros2.wire.codec import decode
 from ros2.wire.messages import OccupancyGrid
 
-if TYPE_CHECKING:
-    from mcap.records import Chunk
-
 MOST_BYTES = 1 << 28
-"""Bytes of the largest message, and of the largest chunk of messages, 256 MiB."""
+"""Bytes of the largest message, and of the largest chunk of messages when it is decompressed, 256 MiB."""
 MOST_STEPS = 10**9
 """Steps that SQLite may take over a bag, some tens of seconds: its tables can be made to have no end."""
+MOST_EXPANDED, _MOST_TIMES, _EACH = 1 << 32, 256, 4096
+"""Bytes that all messages may take, 4 GiB and 256 times the file; each counts as 4 KiB more, for the time it takes."""
 
 _GRID = "nav_msgs/msg/OccupancyGrid"
 _ENDINGS = {".mcap", ".db3", ".zstd"}
-_FOUND = """SELECT messages.timestamp, topics.name, messages.data
-FROM topics JOIN messages ON messages.topic_id = topics.id WHERE topics.type = ?"""
+_PLAIN = ("CREATE TABLE ", "CREATE INDEX ", "CREATE UNIQUE INDEX ")
+"""What SQLite calls what is no view, trigger or virtual table: these could make far more than the file holds."""
+_TOPICS = "SELECT id, name FROM topics WHERE type = ?"
+_MESSAGES = "SELECT topic_id, timestamp, data FROM messages WHERE topic_id IN"
+_LONGEST_NAME = 255
+"""Characters that are kept of a topic's name."""
 
 Found = tuple[int, str, bytes]
 """Time in ns, topic and bytes of a grid."""
@@ -44,7 +46,11 @@ def extract_map(bag: Path, out: Path, topic: str | None = None) -> tuple[Path, O
 
     The map's file has the bag's name. Without a topic the bag must have grids of one topic alone.
     """
-    files = sorted(file for file in bag.iterdir() if file.suffix in _ENDINGS) if bag.is_dir() else [bag]
+    bag = bag.resolve()  # a map needs its name, which "." has not
+    try:
+        files = sorted(file for file in bag.iterdir() if file.suffix in _ENDINGS) if bag.is_dir() else [bag]
+    except OSError as error:
+        raise BadInput(f"{bag}: cannot be read ({error.strerror})") from None
     newest: Found | None = None
     topics: set[str] = set()
     for stamped in chain.from_iterable(map(_grids_of, files)):
@@ -80,7 +86,13 @@ def _grids_of(path: Path) -> Iterator[Found]:
                 raise BadInput(f"{path}: is compressed; unpack it with: zstd -d {path}")
             if not head.startswith((b"\x89MCAP0\r\n", b"SQLite format 3\0")):
                 raise BadInput(f"{path}: is no bag; expected an .mcap or .db3 file, or the folder of one")
-            yield from (_in_mcap if head.startswith(b"\x89") else _in_sqlite)(file)
+            left = MOST_EXPANDED + _MOST_TIMES * path.stat().st_size
+            for size, grid in (_in_mcap if head.startswith(b"\x89") else _in_sqlite)(file):
+                left -= size + _EACH
+                if left < 0:
+                    raise ValueError("its messages are too many for its size")
+                if grid:
+                    yield grid
     except ImportError:
         raise BadInput("bags need mcap; install it with: pip install 'fogwatch[monitor]'") from None
     except OSError as error:
@@ -89,52 +101,43 @@ def _grids_of(path: Path) -> Iterator[Found]:
         raise BadInput(f"{path}: is no whole bag ({type(error).__name__}: {quoted(str(error))})") from None
 
 
-def _in_sqlite(file: BinaryIO) -> Iterator[Found]:
+def _in_sqlite(file: BinaryIO) -> Iterator[tuple[int, Found | None]]:
     with closing(sqlite3.connect(f"file:/proc/self/fd/{file.fileno()}?mode=ro&immutable=1", uri=True)) as database:
         database.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, MOST_BYTES)
+        database.setlimit(sqlite3.SQLITE_LIMIT_FUNCTION_ARG, 0)  # a column may be generated, such as by zeroblob(N)
         database.set_progress_handler(lambda: 1, MOST_STEPS)
-        for row in database.execute(_FOUND, (_GRID,)):
+        for (statement,) in database.execute("SELECT sql FROM sqlite_master WHERE sql NOT NULL"):
+            if not statement.startswith(_PLAIN):
+                raise ValueError(f"only plain tables are read, not {statement[:_LONGEST_NAME]}")
+        topics = {key: name[:_LONGEST_NAME] for key, name in database.execute(_TOPICS, (_GRID,))}
+        for key, *stamped in database.execute(f"{_MESSAGES} ({', '.join('?' * len(topics))})", (*topics,)):
+            row = (stamped[0], topics[key], stamped[1])
             if list(map(type, row)) != [int, str, bytes]:
                 raise ValueError("a message without time, topic or bytes")
-            yield row
+            yield len(row[2]), row
 
 
-def _expand(chunk: Chunk) -> Chunk:
-    """Return a chunk whose records are not compressed."""
-    from lz4.frame import LZ4FrameDecompressor  # here: they come with an extra
-    from zstandard import ZstdDecompressor, ZstdError
-
-    data = chunk.data
-    try:
-        if chunk.compression == "zstd":
-            data = ZstdDecompressor().stream_reader(data).read(MOST_BYTES + 1)
-        elif chunk.compression == "lz4":
-            data = LZ4FrameDecompressor().decompress(data, MOST_BYTES + 1)
-    except ZstdError as error:
-        raise ValueError(str(error)) from None
-    if len(data) != chunk.uncompressed_size or len(data) > MOST_BYTES:
-        raise ValueError(f"a chunk of {chunk.uncompressed_size} bytes; at most {MOST_BYTES}, and as many as it says")
-    return replace(chunk, compression="", data=data)
-
-
-def _in_mcap(file: BinaryIO) -> Iterator[Found]:
+def _in_mcap(file: BinaryIO) -> Iterator[tuple[int, Found | None]]:
     from mcap.exceptions import McapError  # here: its library is an extra
     from mcap.records import Channel, Chunk, Message, Schema
-    from mcap.stream_reader import breakup_chunk
+    from zstandard import ZstdError
 
     def damaged(error: Exception) -> None:
         raise error
 
-    schemas: dict[int, str] = {}
+    grids: dict[int, bool] = {}
     topics: dict[int, str] = {}
     try:
         for outer in make_reader(file, False, damaged, MOST_BYTES).records:
-            for record in breakup_chunk(_expand(outer)) if isinstance(outer, Chunk) else (outer,):
+            yield outer.uncompressed_size if isinstance(outer, Chunk) else 0, None
+            for record in unpack_record(outer, MOST_BYTES):
+                grid = None
                 if isinstance(record, Schema):
-                    schemas[record.id] = record.name
-                elif isinstance(record, Channel) and schemas.get(record.schema_id) == _GRID:
-                    topics[record.id] = record.topic
+                    grids[record.id] = record.name == _GRID
+                elif isinstance(record, Channel) and grids.get(record.schema_id):
+                    topics[record.id] = record.topic[:_LONGEST_NAME]
                 elif isinstance(record, Message) and record.channel_id in topics:
-                    yield record.log_time, topics[record.channel_id], record.data
-    except McapError as error:
+                    grid = record.log_time, topics[record.channel_id], record.data
+                yield 0, grid
+    except (McapError, ZstdError) as error:
         raise ValueError(str(error) or type(error).__name__) from None

@@ -243,9 +243,10 @@ class FeedSource:
 
     def _begin_state(self, so_far: SoFar) -> None:
         """Start, or start again, from the state so far."""
-        self._batteries = Batteries(self._given)
-        if so_far.charge.keys() != set(self._batteries.numbers):
+        batteries = Batteries(self._given)
+        if so_far.charge.keys() != set(batteries.numbers):
             raise Malformed("the charge of other robots than have batteries")
+        self._batteries = batteries
         self._number = so_far.number
         self._lost = False
         self._running, self._pace = so_far.running, so_far.pace

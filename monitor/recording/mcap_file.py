@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from io import BytesIO
 from itertools import chain
@@ -127,7 +127,7 @@ def _read_records(path: Path, contents: Contents, checks_all: bool = True) -> It
 def _whole_records(record: Any, contents: Contents) -> Iterator[Any]:
     """Yield the records in a record; of a damaged chunk none, or those before the damage."""
     try:
-        yield from _unpack_record(record)
+        yield from unpack_record(record)
     except Exception as error:  # noqa: BLE001 - as in `_read_records`
         _note_damage(contents, error)
 
@@ -177,13 +177,13 @@ def make_reader(
     return RecordByRecord(file, emit_chunks=True, validate_crcs=checks_all, record_size_limit=longest)
 
 
-def _unpack_record(record: Any) -> Iterator[Any]:
-    """Yield a record, or those in a chunk, one at a time.
+def unpack_record(record: Any, most: int = MOST_RECORD) -> Iterator[Any]:
+    """Yield a record, or those in a chunk, one at a time; what is no schema, channel or message in it, as bytes.
 
-    A chunk that is larger than a record may be is not decompressed: it raises ValueError, and so does a compression
-    that fogwatch does not use.
+    A chunk of more than `most` bytes is not decompressed: it raises ValueError, and so does an unknown compression.
     """
     import zstandard
+    from lz4.frame import LZ4FrameDecompressor
     from mcap.opcode import Opcode
     from mcap.records import Channel, Chunk, Message, Schema
     from mcap.stream_reader import get_chunk_data_stream
@@ -191,14 +191,16 @@ def _unpack_record(record: Any) -> Iterator[Any]:
     if not isinstance(record, Chunk):
         yield record
         return
-    if record.compression not in ("", "zstd"):
+    if record.compression not in ("", "zstd", "lz4"):
         raise ValueError(f"compression {record.compression}")
     size = record.uncompressed_size
-    if record.compression:
+    if record.compression == "zstd":
         declared = zstandard.get_frame_parameters(record.data).content_size
         size = max(size, 0 if declared == zstandard.CONTENTSIZE_UNKNOWN else declared)
-    if size > MOST_RECORD:
-        raise ValueError(f"a chunk of {size} bytes")
+    if size > most:
+        raise ValueError(f"a chunk of {size} bytes; at most {most}")
+    if record.compression == "lz4":
+        record = replace(record, compression="", data=LZ4FrameDecompressor().decompress(record.data, size))
     stream, length = get_chunk_data_stream(record, validate_crc=True)
     while stream.count < length:
         opcode, size = stream.read1(), stream.read8()
@@ -210,7 +212,7 @@ def _unpack_record(record: Any) -> Iterator[Any]:
             case Opcode.SCHEMA:
                 yield Schema.read(stream)
             case _:
-                stream.read(size)
+                yield stream.read(size)
 
 
 class _Copy:

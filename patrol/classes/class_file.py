@@ -10,8 +10,11 @@ from typing import Any, ClassVar, Self
 from pydantic import ValidationError, ValidationInfo, ValidatorFunctionWrapHandler, WrapValidator
 
 from patrol.errors import BadInput
-from patrol.files.untrusted import OWN_CLASS, WEIGHTS, Kind, read_untrusted
+from patrol.files.untrusted import KIB, OWN_CLASS, WEIGHTS, Kind, read_untrusted
 from patrol.values import Section, absolute, unexpected, wrong
+
+LONGEST = 256 * KIB
+"""Bytes of the longest source that is parsed; a parsed one takes some hundred times as much memory."""
 
 _MOST_OFFERED = 5
 
@@ -45,7 +48,8 @@ def _offer_classes(value: Any, info: ValidationInfo) -> str:
     if not (isinstance(value, str) and value.endswith(".py") and info.context and info.context["opens_classes"]):
         return ""
     try:
-        module = ast.parse(read_untrusted(Path(absolute(value, info) or value), OWN_CLASS))
+        source = read_untrusted(Path(absolute(value, info) or value), OWN_CLASS)
+        module = ast.parse(source if len(source) <= LONGEST else "")
         classes = [node.name for node in module.body if isinstance(node, ast.ClassDef)]
     except (OSError, BadInput, SyntaxError, ValueError, RecursionError, MemoryError):
         classes = []

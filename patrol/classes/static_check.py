@@ -13,7 +13,7 @@ from collections.abc import Iterable, Iterator
 from importlib.machinery import ModuleSpec, PathFinder
 from pathlib import Path
 
-from patrol.classes.class_file import class_file
+from patrol.classes.class_file import LONGEST, class_file
 from patrol.classes.named_class import (
     NamedClass,
     absent_class,
@@ -24,10 +24,6 @@ from patrol.classes.named_class import (
     raised,
 )
 from patrol.errors import printable
-from patrol.files.untrusted import KIB
-
-LONGEST = 256 * KIB
-"""Bytes of the longest source that is parsed; a parsed one takes some hundred times as much memory."""
 
 _Function = ast.FunctionDef | ast.AsyncFunctionDef
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import hashlib
 import math
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -156,17 +157,20 @@ def _existing_image(path: Path, image: str) -> Path:
 
 
 def similar_image(says: MapFile) -> str:
-    """Return the name of the image that is probably meant where the named one is missing; empty without one.
+    """Return the path of the image that is probably meant where the named one is missing; empty without one.
 
-    That is the one with its name but for case and ending, with the YAML file's name, or else the only one there.
+    That is the one in its folder, or in the YAML file's, with its name but for case and ending, or else with the YAML
+    file's name.
     """
+    folders = dict.fromkeys((says.image.parent, says.path.parent))
     try:
-        images = sorted(file.name for file in says.path.parent.iterdir() if file.suffix.lower() in IMAGE_ENDINGS)
+        there = [file for folder in folders if folder.is_dir() for file in sorted(folder.iterdir())]
     except OSError:
         return ""
-    stems = [Path(name).stem.lower() for name in (says.image.name, says.path.name)]
-    near = [name for stem in stems for name in images if Path(name).stem.lower() == stem]
-    return near[0] if near else images[0] if len(images) == 1 else ""
+    images = [file for file in there if file.suffix.lower() in IMAGE_ENDINGS]
+    stems = [says.image.stem.lower(), says.path.stem.lower()]
+    near = [os.path.relpath(file, says.path.parent) for stem in stems for file in images if file.stem.lower() == stem]
+    return near[0] if near else ""
 
 
 def _value_of(path: Path, says: Mapping[str, Any], key: str, what: str) -> Any:

@@ -27,8 +27,8 @@ WORLD = ".world"
 _FLEET = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,127}")
 _RELIABILITY = r"(?:rel|mixed_rel)=[01]"
 _LOCATOR = re.compile(rf"(?:tcp|udp|tls|quic|ws)/[^\s/#?,]+:(\d{{1,5}})(?:\?{_RELIABILITY}(?:;{_RELIABILITY})*)?")
-_NO_HOST = re.compile(r"(?:22[4-9]|2[3-5]\d)(?:\.\d{1,3}){3}")
-"""Groups, and addresses that no machine has, such as 255.255.255.255."""
+_NUMBERS = re.compile(r"[0-9.]+|0[xX][0-9A-Fa-f]+")
+"""What systems take for an IPv4 address in another notation, such as 4294967295, and never for a name."""
 _LOSSLESS_DECLARATIONS = "?rel=1;mixed_rel=1"
 """What a locator of udp ends with, so that only what may be lost is sent unreliably."""
 DEFAULT_BAUD = 57600
@@ -114,7 +114,7 @@ def check_locator(locator: str, option: str, least_port: int = 1) -> str:
     match = _LOCATOR.fullmatch(locator)
     if match is None or not least_port <= int(match[1]) < 65536:
         raise BadInput(f"{option} {locator!r}: not a router's address; write tcp/HOST:PORT, such as tcp/127.0.0.1:7447")
-    if _NO_HOST.fullmatch(address_of(locator)[0]):
+    if is_no_host(address_of(locator)[0]):
         raise BadInput(f"{option} {locator!r}: no machine has that address; write the one of the router's machine")
     return locator
 
@@ -130,6 +130,15 @@ def address_of(locator: str) -> tuple[str, int]:
     """Return host and port of a locator, such as ``quic/[::1]:7447?mixed_rel=1``."""
     host, _, port = locator.partition("/")[2].partition("?")[0].rpartition(":")
     return host.strip("[]"), int(port)
+
+
+def is_no_host(host: str) -> bool:
+    """Return True if a host is an address that no machine has, such as a group's, or numbers that are no address."""
+    try:
+        address = ipaddress.ip_address(host)
+    except ValueError:
+        return _NUMBERS.fullmatch(host) is not None
+    return address.is_multicast or (address.version == 4 and address.is_reserved)
 
 
 def is_loopback(host: str) -> bool:

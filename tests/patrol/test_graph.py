@@ -184,7 +184,11 @@ def test_navigation_graphs_of_open_rmf_and_route_graphs_of_nav2_are_read(tmp_pat
 @pytest.mark.parametrize(
     ("text", "old", "new", "says"),
     [
-        (RMF, "  L1:", "  L0: {}\n  L1:", "has L0, L1; leave one"),
+        (RMF, "  L1:", "  L0: {}\n  L1:", "levels: has L0, L1; expected one, that of the map"),
+        ("levels: {L1: {}}", "L1: {}", "", "levels: has none; expected one, that of the map"),
+        (RMF, "building_name: shop", "lifts: {}", "is a building of Open-RMF's traffic editor, in pixels"),
+        (RMF, "[2.0, 3.0,", "[true, 3.0,", "true or false instead of a number"),
+        (RMF, "[1, 0, {}]", "[true, 0, {}]", "true or false instead of a number"),
         (RMF, "[1, 2, {}]", "[1, 3, {}]", "is no graph of lanes"),
         (RMF, "7.5", ".nan", "at most 1e+06 m away"),
         (RMF, "7.5, {}", "up, {}", "is no graph of lanes"),

@@ -19,7 +19,7 @@ from agent.policies.found import POLICIES, policy_of
 from agent.policies.potential_field import PotentialField
 from agent.policies.stochastic import Stochastic
 from agent.ports import PolicyFailed, State
-from patrol.classes.class_file import file_digest
+from patrol.classes.class_file import LONGEST, file_digest
 from patrol.errors import BadInput
 from patrol.pose import Pose
 from patrol.prepare import prepare
@@ -149,12 +149,10 @@ def test_a_file_without_a_class_is_answered_with_its_classes(write: Write) -> No
     path = write("./guard.py")
     with pytest.raises(BadInput, match=re.escape('"./guard.py": expected ./guard.py:Still or ./guard.py:Silent')):
         load_scenario(path)
-    (path.parent / "guard.py").write_text("raise SystemExit\n", encoding="utf-8")
-    with pytest.raises(BadInput, match=re.escape("expected ./guard.py:Class")):
-        load_scenario(path)
-    (path.parent / "guard.py").write_text("class A:\n", encoding="utf-8")
-    with pytest.raises(BadInput, match=re.escape("expected ./guard.py:Class")):
-        load_scenario(path)
+    for source in ("raise SystemExit\n", "class A:\n", f"class A: pass\n{'#' * LONGEST}"):
+        (path.parent / "guard.py").write_text(source, encoding="utf-8")
+        with pytest.raises(BadInput, match=re.escape("expected ./guard.py:Class")):
+            load_scenario(path)
 
 
 def test_a_strangers_scenario_opens_no_file_for_its_error(write: Write) -> None:

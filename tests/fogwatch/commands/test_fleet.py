@@ -261,6 +261,8 @@ def test_a_check_finds_what_is_wrong(made: Path, shell: Shell) -> None:
         (["init", "new", "--robots", "r1", "--host", "224.0.0.1"], "is no machine's own address"),
         (["init", "new", "--robots", "r1", "--host", "255.255.255.255"], "is no machine's own address"),
         (["init", "new", "--robots", "r1=255.255.255.255"], "is no machine's own address"),
+        (["init", "new", "--robots", "r1", "--host", "ff02::1"], "is no machine's own address"),
+        (["init", "new", "--robots", "r1", "--host", "0xe0000001"], "not the name or address of a machine"),
         (["init", "new", "--robots", "r1", "--host", "fe80::1%eth0"], "leave %eth0 out"),
         (["init", "new", "--robots", "r1", "--port", "99999"], "--port 99999: ports go from 1 to 65535"),
         (["init", "new", "--robots", "r1", "--port", "0"], "--port 0: ports go from 1 to 65535"),

@@ -157,10 +157,67 @@ def test_hostile_bags_are_refused_in_one_line(tmp_path: Path, monkeypatch: pytes
     refused(sqlite_bag(tmp_path / "b.db3", TOPICS, A_TOPIC, messages, words), out, "without time, topic or bytes")
     huge = "INSERT INTO messages VALUES (1, 1, zeroblob(20000))"
     refused(sqlite_bag(tmp_path / "c.db3", TOPICS, A_TOPIC, messages, huge), out, "too big")
-    monkeypatch.setattr(bags, "MOST_STEPS", 100_000)
-    endless = "WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n) SELECT 2, i, x'00' FROM n"
-    view = f"CREATE VIEW messages (topic_id, timestamp, data) AS {endless}"
-    refused(sqlite_bag(tmp_path / "d.db3", TOPICS, A_TOPIC, view), out, "interrupted")
     cut = base.read_bytes()
     base.write_bytes(cut[: len(cut) // 2])
     refused(base, out, "no whole bag")
+
+
+MESSAGES = "CREATE TABLE messages (topic_id, timestamp, data)"
+ENDLESS = "WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n) SELECT {} FROM n"
+
+
+def tampered(made: str) -> str:
+    """Let a table be made in another way, which SQLite does when it opens the file."""
+    return f"UPDATE sqlite_master SET sql = '{made}' WHERE name = 'messages'"
+
+
+@pytest.mark.parametrize(
+    ("statements", "words"),
+    [
+        (["CREATE VIEW messages AS SELECT 1 AS topic_id, 2 AS timestamp, x'03' AS data"], "only plain tables"),
+        (["CREATE VIRTUAL TABLE messages USING fts5(topic_id, timestamp, data)"], "only plain tables"),
+        ([MESSAGES, "PRAGMA writable_schema = ON", tampered("CREATE/**/TABLE messages (data)")], "only plain tables"),
+        (["CREATE TABLE messages (topic_id, timestamp, data AS (zeroblob(topic_id * 9)))"], "too many argu"),
+        ([MESSAGES, f"INSERT INTO messages {ENDLESS.format('2, i, 3')} LIMIT 5000"], "interrupted"),
+        ([MESSAGES, f"INSERT INTO messages {ENDLESS.format('1, i, zeroblob(9)')} LIMIT 500"], "too many for its size"),
+    ],
+)
+def test_what_an_sqlite_bag_makes_is_bounded(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, statements: list[str], words: str
+) -> None:
+    monkeypatch.setattr(bags, "MOST_STEPS", 10_000)
+    monkeypatch.setattr(bags, "MOST_EXPANDED", 1_000_000)
+    monkeypatch.setattr(bags, "_MOST_TIMES", 1)
+    refused(sqlite_bag(tmp_path / "a.db3", TOPICS, A_TOPIC, *statements), tmp_path / "out", words)
+
+
+@pytest.mark.parametrize("compression", list(CompressionType))
+def test_the_messages_of_a_small_file_are_bounded(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, compression: CompressionType
+) -> None:
+    """Messages count as 4 KiB each, in one chunk as in several; 500 of them are more than 1 MB and the file."""
+    monkeypatch.setattr(bags, "MOST_EXPANDED", 1_000_000)
+    monkeypatch.setattr(bags, "_MOST_TIMES", 1)
+    bag = tmp_path / "a.mcap"
+    for chunk_size in (1 << 20, 1 << 10):
+        with bag.open("wb") as file:
+            writer = McapWriter(file, chunk_size=chunk_size, compression=compression, use_statistics=False)
+            writer.start()
+            channel = writer.register_channel("/ready", "cdr", writer.register_schema("Bool", "ros2msg", b""))
+            for time in range(500):
+                writer.add_message(channel, time, b"", time)
+            writer.finish()  # type: ignore[no-untyped-call]
+        refused(bag, tmp_path / "out", "too many for its size")
+
+
+def test_a_bag_is_extracted_from_within_its_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(ros_bag(tmp_path / "site", StoragePlugin.MCAP, ("/map", newest())))
+    assert extract_map(Path(), tmp_path / "maps")[0] == tmp_path / "maps" / "site.yaml"
+
+
+def test_a_folder_that_cannot_be_listed_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(_: Path) -> None:
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr(Path, "iterdir", refuse)
+    refused(tmp_path, tmp_path / "out", r"cannot be read \(Permission denied\)")

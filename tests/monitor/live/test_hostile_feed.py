@@ -21,7 +21,7 @@ from patrol.journal import pack, unpack
 from patrol.journal.records import End, Event, Status, TickRecord
 from patrol.messages.feed import Batch, read_so_far, so_far_bytes
 from patrol.scenario import as_mapping, load_scenario
-from tests.monitor.conftest import QUIET, Seen
+from tests.monitor.conftest import QUIET, Seen, run_of
 from tests.monitor.live.test_feed_source import FakeFeed, watched
 
 
@@ -166,6 +166,21 @@ def test_an_answer_of_another_run_changes_nothing(quiet: Seen) -> None:
     assert wire.answers == 2
     assert state.mfow_s != 7.0 * quiet.open().step
     np.testing.assert_array_equal(source.last_seen("truth"), quiet.truth[state.k])
+
+
+def test_an_answer_with_the_charge_of_other_robots_changes_nothing(tmp_path: Path) -> None:
+    """A battery of 1 Wh that starts at 90 % and gives 36 W has lost 1 % of it a second, in 20 ticks of 0.5 s 10 %."""
+    battery = {"capacity": 1.0, "start": 0.9, "idle": 36.0, "drive": 0.0, "charge": 100.0}
+    robots = [{"name": "r1", "model": "holonomic", "battery": battery}]
+    wire = FakeFeed(run_of(tmp_path, {**QUIET, "duration": 15, "step": 0.5, "robots": robots}))
+    wire.number = 21
+    source = wire.source()
+    wire.number = 1
+    forged = so_far_bytes(replace(wire.answer(), charge={7: 0.5}))
+    wire.so_far = lambda: [forged]  # type: ignore[method-assign]
+    wire.batches.append(Batch(30, (), running=True, pace=None))
+    wire.now += AGAIN_S
+    assert watched(source).robots[0].charge == pytest.approx(0.8)
 
 
 def test_the_key_that_a_feed_names_is_never_opened(quiet: Seen, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -7,7 +7,8 @@ from textwrap import dedent
 import pytest
 
 from agent.policies.found import policy_named
-from patrol.classes.static_check import LONGEST, check_without_running
+from patrol.classes.class_file import LONGEST
+from patrol.classes.static_check import check_without_running
 from patrol.scenario import Scenario, load_scenario
 from tests.agent.policies.test_found import PATIENT, STILL, Write, installed, named, write
 from tests.hostile.files.looks import one_line

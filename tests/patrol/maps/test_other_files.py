@@ -16,11 +16,14 @@ from tests.patrol.maps.test_maps import WHITE, write_map
     [
         ("map.pgm", ["plan.pgm", "other.png"], "plan.pgm"),
         ("map.pgm", ["Map.PNG", "plan.pgm"], "Map.PNG"),
-        ("map.pgm", ["floor.bmp"], "floor.bmp"),
+        ("map.pgm", ["floor.bmp"], ""),
+        ("images/lab.pgm", ["plan.png", "images/LAB.png", "images/plan.png"], "images/LAB.png"),
+        ("images/lab.pgm", ["lab.png", "images/other.png"], "lab.png"),
         ("map.pgm", ["a.png", "b.png"], ""),
     ],
 )
 def test_an_image_of_another_ending_or_case_is_named(tmp_path: Path, named: str, there: list[str], meant: str) -> None:
+    (tmp_path / "images").mkdir()
     path = write_map(tmp_path, WHITE, {"image": named})
     (tmp_path / named).unlink()
     for name in there:
@@ -45,11 +48,16 @@ FOREIGN = [
     (b"type octile\nheight 1\nwidth 1\nmap\n.\n", "a grid of MovingAI"),
     (b"<svg xmlns='http://www.w3.org/2000/svg'/>", "an SVG drawing"),
     (b"<?xml version='1.0'?>\n<sdf version='1.6'/>", "a world of Gazebo"),
+    (b"\xef\xbb\xbf<svg xmlns='http://www.w3.org/2000/svg'/>", "an SVG drawing"),
     (b"  0\nSECTION\n  2\nHEADER\n", "a DXF drawing"),
+    (b"  0\r\nSECTION\r\n  2\r\nHEADER\r\n", "a DXF drawing"),
+    (b"999\r\ndrawn by hand\r\n  0\r\nSECTION\r\n", "a DXF drawing"),
+    (b"AutoCAD Binary DXF\r\n\x1a\0" + bytes(range(256)), "a DXF drawing"),
     (b'{"verts": [[0, 0]], "room_category": {}, "room_num": 1}', "a floor plan of HouseExpo"),
     (b'{"type": "FeatureCollection", "features": []}', "a route graph in GeoJSON.*terrain.graph"),
     (b"building_name: shop\nlevels: {}\nlifts: {}\n", "a navigation graph of Open-RMF.*terrain.graph"),
     (b"coordinate_system: reference_image\nlevels: {}\nlifts: {}\n", "a building of Open-RMF"),
+    (b"levels: {}\nlifts: {}\nname: shop\n", "a building of Open-RMF"),
     (b"coordinate_system: reference_image\ngraphs: {}\nlevels: {}\n", "a building of Open-RMF"),
 ]
 

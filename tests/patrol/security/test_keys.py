@@ -60,6 +60,23 @@ def test_other_addresses_are_bad_input(locator: str) -> None:
         check_locator(locator, "--router")
 
 
+@pytest.mark.parametrize(
+    "host",
+    [
+        *("224.0.0.1", "239.255.255.255", "240.0.0.0", "255.255.255.255", "[ff02::1]", "[ff02::1%eth0]"),
+        *("4294967295", "0377.0377.0377.0377", "255.255.255.255.", "300.1.1.1", "10.1", "0xffffffff", "[1]"),
+    ],
+)
+def test_what_no_machine_has_as_its_address_is_bad_input(host: str) -> None:
+    with pytest.raises(BadInput, match=r"--router .*: no machine has that address"):
+        check_locator(f"tcp/{host}:7447", "--router")
+
+
+@pytest.mark.parametrize("host", ["223.255.255.255", "0.0.0.0", "[::]", "[fe80::1%eth0]", "10.example", "0x1.example"])
+def test_what_a_machine_can_have_or_listen_at_is_no_such_address(host: str) -> None:
+    check_locator(f"tcp/{host}:7447", "--router")
+
+
 def test_routers_that_are_tried_in_turn() -> None:
     both = "tls/a:7447,quic/[::1]:7448?mixed_rel=1"
     assert check_locators(both, "--router") == both
