@@ -36,7 +36,7 @@ BUMPED_S = 20.0
 """Time for which ground is closed after a bump into something that is not known, s."""
 
 MOST_SPELLS = 8
-"""Longest time for which ground is closed after a bump, in times for which that of a silent robot is at first."""
+"""Longest closure after a bump, as a multiple of the first one around a silent robot."""
 
 OFF_STRIDES = 2.0
 """Largest distance of a silent robot from where it should have stopped, in its strides: it may have turned."""

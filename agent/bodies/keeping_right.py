@@ -155,7 +155,7 @@ class KeepingRight:
                 self._believed[number] = own
 
     def _predict_own(self, tick: int, late: int, was: Motion | None) -> Motion | None:
-        """Return this robot's motion as one predicts it that hears it `late` ticks late; None at the beginning."""
+        """Predict this robot's motion as a robot does that hears it `late` ticks late; None at the beginning."""
         sent = tick - late
         place, before = self._past.get(sent), self._past.get(sent - 1)
         if place is None or before is None:

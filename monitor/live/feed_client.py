@@ -26,7 +26,7 @@ ROOM_BYTES = 1 << 26
 """Bytes of the batches that wait: more than two of the longest."""
 FOG_S = 20.0
 WAITS_S = 7.0
-"""Time for which the world's word counts that it waits for robots, s: it repeats it."""
+"""How long a notice that the world waits counts, s; the world repeats it."""
 CONTROL_S = 15.0
 """Longest wait for a world's answer, s of wall time: for the fog so far, and for a control."""
 

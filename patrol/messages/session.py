@@ -80,7 +80,7 @@ RETURN_S = 12.0
 """The same for a robot that no launcher has started and that has not said farewell, s. One that was cut off may have
 10 s left of an attempt to connect when the network is back, and the next begins half a second later."""
 MESH_RETURN_S = 120.0
-"""The same in a mesh at a pace, where one that is cut off loses its token within seconds and holds up nobody, s."""
+"""The same in a mesh at a pace, s. A robot that is cut off loses its token within seconds there, and delays none."""
 OLDEST = 256
 """Age of the oldest tick whose answer a world still takes."""
 

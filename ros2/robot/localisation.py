@@ -298,7 +298,7 @@ BACK_S = 0.1
 """Least step back of arrivals that means that a clock was set back, s."""
 
 SLOW_GAPS = 3
-"""So many times in a row odometry must come later than it stays fresh to count as too slow; one may get lost."""
+"""Number of late messages in a row that mean slow odometry; one alone may get lost."""
 
 REMEMBERED = 256
 """Messages that are remembered."""
