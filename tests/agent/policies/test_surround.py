@@ -183,3 +183,15 @@ def test_others_close_by_push_a_little_and_those_far_off_do_not() -> None:
     assert 6.0 < y < 9.5
     assert surround.pushed(pose, {2: Peer(0, Pose(10.0, 40.0, 0.0), 0)}, bend) == pytest.approx(bend)
     assert surround.pushed(pose, {}, (10.0, 10.0)) == (10.0, 10.0)
+
+
+def test_places_are_as_far_apart_as_the_widest_body_of_the_fleet_needs() -> None:
+    """Two of 0.3 m and one of 1 m stand 2 m apart and more, though only one of them is wide."""
+    robots = [{"model": "holonomic", "radius": radius} for radius in (0.3, 0.3, 1.0)]
+    given_ = {"terrain": {"builtin": "open"}, "point": 0.5, "robots": robots, "sensor": {"range": 5}}
+    scenario = load_scenario(given_)
+    prepared = prepared_on(scenario, field(), [Pose(20.0, 10.0, 0.0)] * 3)
+    for number in (1, 2, 3):
+        stands = Surround(setup_of(prepared, number), Otherwise())._ring_of((20.0, 20.0), 60).stands
+        places = [(stand.x, stand.y) for stand in stands]
+        assert min(math.dist(*two) for two in itertools.combinations(places, 2)) >= 2.0

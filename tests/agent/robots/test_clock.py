@@ -102,3 +102,14 @@ def test_a_position_tells_when_tick_0_was() -> None:
     assert epoch_of(frame(2, 40), EPOCH_S + 20.0, STEP_S) == pytest.approx(EPOCH_S)
     assert epoch_of(encode(Position.of_contact(40, 20.0, 1.0, 2.0)), EPOCH_S, STEP_S) is None
     assert epoch_of(b"junk", EPOCH_S, STEP_S) is None
+
+
+def test_long_ticks_are_no_clock_that_was_set_back() -> None:
+    day = Day()
+    clock = KeptClock(30.0, EPOCH_S, lambda: day.now, day.leave, day.said.append)
+    for k in range(4):
+        assert clock.tick() == k
+    assert day.said == []
+    day.now -= 2.0
+    assert clock.tick() == 4
+    assert day.said, "the clock was set back by more than a second"

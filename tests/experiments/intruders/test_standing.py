@@ -109,3 +109,18 @@ def test_an_attack_at_once_begins_in_the_last_tick_that_is_seen() -> None:
     seen = np.arange(400)[:, None] % 8 < 3
     (found,) = intruder_games(seen, 1.0, [5.0])
     assert found.statistical == 1.0
+
+
+@pytest.mark.parametrize(("times", "won"), [(5, 1.0), (4, 0.5)])
+def test_a_place_that_was_unseen_five_times_is_judged_by_those(times: int, won: float) -> None:
+    """For an attack of 8 ticks 9 unseen ones say: at once. Those of both places say: after 10, when 2 are left here."""
+    seen = np.ones((861, 2), dtype=np.bool_)
+    begins = np.cumsum([0, *[10] * times])
+    seen[: begins[-1], 0] = False
+    seen[begins, 0] = True
+    seen[430:, 0] = np.arange(431) % 13 == 0
+    seen[:, 1] = False
+    seen[np.cumsum([0, *([3] * 4 + [31]) * 20]), 1] = True
+    assert [best_wait(unseen_times(seen[:430, place]), 8) for place in (0, 1)] == [0, 3]
+    (found,) = intruder_games(seen, 1.0, [8.0])
+    assert found.statistical == won

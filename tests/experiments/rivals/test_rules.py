@@ -183,6 +183,9 @@ def test_er_expects_the_idleness_at_its_arrival() -> None:
     assert [list(rule.route(known(draw=draw))) for draw in (0.0, 0.6)] == [[0], [2]]
     # Another robot, 4 m from 0, is there at 104: |110 - 104| / 10 = 0.6.
     assert list(rule.route(known(going_to(0, at=3, place=(12.0, 9.0))))) == [2]
+    # Of two that go there, the later one counts, wherever it is listed: at 170, |110 - 170| / 10 = 6.
+    near, far = going_to(0, at=3, place=(12.0, 9.0)), going_to(0, at=3, place=(12.0, 75.0))
+    assert [list(rule.route(known(*two))) for two in ((near, far), (far, near))] == [[0], [0]]
 
 
 def test_mns_sums_three_parts() -> None:

@@ -74,3 +74,13 @@ def test_a_run_is_tried_as_it_will_be_made(monkeypatch: pytest.MonkeyPatch, game
     seconds_per_run([replace(run, games=games)])
     assert how == [how[0]] * 3
     assert how[0] == {"keep": False, "verify_fog": False, "look": True, "watch": games}
+
+
+def test_runs_are_tried_all_over_the_list(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Six of twelve, every second one: they last 200, 400, ... 1,200 s, with two ticks a second."""
+    machine = Machine()
+    monkeypatch.setattr(progress, "run_scenario", machine.run)
+    monkeypatch.setattr(progress, "ENOUGH_S", 1e9)
+    cases: list[dict[str, object]] = [{"duration": 200 + 100 * number} for number in range(12)]
+    listed = runs(*cases)
+    assert seconds_per_run(listed, lambda: machine.now) == pytest.approx(2 * 700 * TICK_S)

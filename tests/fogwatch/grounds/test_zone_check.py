@@ -118,6 +118,19 @@ def test_one_way_zones_that_are_refused(tmp_path: Path, zones: tuple[dict[str, A
         check_ring(tmp_path, *zones)
 
 
+@pytest.mark.parametrize("speeds", [(0.5, 4.4), (4.4, 0.5)])
+def test_the_fastest_robot_of_a_width_decides_how_long_a_one_way_zone_must_be(
+    speeds: tuple[float, float], tmp_path: Path
+) -> None:
+    """Of 3 m in its direction: enough at 0.5 m/s, which takes 2.1 m, and not at 4.4 m/s, which takes 6.3 m."""
+    robots = [{"model": "holonomic", "radius": 0.3, "speed": speed} for speed in speeds]
+    aisle = zone("aisle", [[6, 1], [9, 1], [9, 3], [6, 3]], 0)
+    says = {"terrain": {"map": str(write_ring(tmp_path))}, "point": 0.5, "step": 0.5, "zones": [aisle]}
+    prepare(load_scenario(says | {"robots": [robot | {"speed": 0.5} for robot in robots]}))
+    with pytest.raises(BadInput, match=r"is 3\.00 m long .* at least 6\."):
+        prepare(load_scenario(says | {"robots": robots}))
+
+
 def test_a_one_way_zone_that_goes_up_by_corners_is_as_long_as_it_looks(tmp_path: Path) -> None:
     marked = np.zeros((20, 40), dtype=np.bool_)
     for step in range(8):

@@ -290,14 +290,17 @@ def test_refused_frames_count_from_zero_after_a_restart(quiet: Seen, tmp_path: P
 
 
 def test_a_link_has_a_row_for_each_cause_and_its_frames_count_once(quiet: Seen, tmp_path: Path) -> None:
-    """In one tick what robot 1 sent is lost for two causes; in the next it sends nothing, and older frames are lost."""
-    lost = {10: ["loss:f1", "range", "loss:f1"], 11: ["range", "wall"]}
+    """In one tick what robot 1 sent is lost for two causes; in the next it sends nothing, and older frames are lost.
+
+    In the third, two older frames are lost, and that of the tick arrives.
+    """
+    lost = {10: ["loss:f1", "range", "loss:f1"], 11: ["range", "wall"], 12: ["range", "wall"]}
 
     def losing(record: TickRecord) -> TickRecord:
         causes = lost.get(record.k)
         if causes is None:
             return record
-        deliveries = tuple(one for one in record.deliveries if one[0] != 1)
+        deliveries = tuple(one for one in record.deliveries if one[0] != 1 or record.k == 12)
         frames = tuple(one for one in record.frames if one[0] != 1) if record.k == 11 else record.frames
         dropped = tuple((1, 2, number, cause) for number, cause in enumerate(causes))
         return replace(record, frames=frames, deliveries=deliveries, dropped=dropped)
@@ -313,6 +316,8 @@ def test_a_link_has_a_row_for_each_cause_and_its_frames_count_once(quiet: Seen, 
         (10, 0, 0, 1, "range"),
         (11, 0, 0, 1, "range"),
         (11, 0, 0, 1, "wall"),
+        (12, 1, 1, 1, "range"),
+        (12, 0, 0, 1, "wall"),
     ]
 
 

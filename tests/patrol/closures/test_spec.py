@@ -84,3 +84,20 @@ def test_closures_off_the_ground_and_on_starts_or_docks_are_refused() -> None:
     robots |= {"starts": [[30, 15]], "battery": {"capacity": 6.0, "idle": 10.0, "charge": 130.0}}
     with pytest.raises(BadInput, match=r"closures\.0\.polygon: gate lies on docks\.0; move one of them"):
         prepare(load_scenario(YARDS | {"robots": robots, "closures": [closure()], "docks": [{"place": [12.5, 12.5]}]}))
+
+
+@pytest.mark.parametrize(("radius", "fits"), [(0.4, True), (1.2, False)])
+def test_a_dock_needs_room_for_the_widest_body_that_charges(radius: float, fits: bool) -> None:
+    """The gate ends 0.5 m from the middle of the dock."""
+    battery = {"capacity": 6.0, "idle": 10.0, "charge": 130.0}
+    robots = [
+        {"model": "holonomic", "radius": width, "battery": battery, "start": [30, 15 + 10 * number]}
+        for number, width in enumerate((0.4, radius))
+    ]
+    gate = closure(polygon=[[13, 10], [14, 10], [14, 15], [13, 15]])
+    says = YARDS | {"robots": robots, "closures": [gate], "docks": [{"place": [12.5, 12.5]}]}
+    if fits:
+        prepare(load_scenario(says))
+    else:
+        with pytest.raises(BadInput, match=r"closures\.0\.polygon: gate lies on docks\.0; move one of them"):
+            prepare(load_scenario(says))

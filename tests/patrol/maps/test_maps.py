@@ -260,8 +260,12 @@ PLAN = """
 22222222
 22122222
 21222222
+22222222
+00000000
+00010000
+00000000
 """
-"""Free ground 2, unknown 1, occupied 0. Specks: alone in the open, at a wall's end, not in a wall's gap or a group."""
+"""Free ground 2, unknown 1, occupied 0. Specks: alone in the open, at a wall's end; not in a gap, a group or a wall."""
 
 
 @pytest.mark.parametrize(

@@ -171,3 +171,11 @@ def test_measures_of_random_ways_are_those_of_the_visits() -> None:
         key: value if isinstance(value, list) and not value else pytest.approx(value) for key, value in expected.items()
     }
     assert idle[:half].max() > idle[half:].max(), "so that the wrong half shows"
+
+
+def test_a_robot_that_comes_back_elsewhere_has_visited_nothing_on_the_way() -> None:
+    totals = NodeTotals(GRAPH, {1: 0.4}, 1.0)
+    totals.tick(record(0, (0.0, 0.0)))
+    totals.tick(record(1))
+    totals.tick(record(2, (20.0, 0.0)))
+    assert [(visit.vertex, visit.at_s) for visit in totals.visits] == [(0, 0.0), (2, 2.0)]

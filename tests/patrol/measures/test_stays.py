@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 
 from patrol.measures.stays import TRAPPED_S, Place, Stay, Stays, roaming_radius
 from patrol.scenario import load_scenario
+from tests.present import present
 
 R = 3.0001234567  # which no sum of round numbers hits, so that rounding decides nothing
 LONG = int(TRAPPED_S)
@@ -143,3 +144,12 @@ def test_a_robot_at_just_the_diameter_from_where_it_stood_still_stays() -> None:
     path = [(0.0, 0.0)] * (3 * LONG) + [(6.0, 0.0)]
     assert tracked(path, radius=3.0)[-1] == Stay(0, 3.0, 0.0, 3.0)
     assert tracked([*path[:-1], (6.01, 0.0)], radius=3.0)[-1].since == 3 * LONG
+
+
+@pytest.mark.parametrize("gone", [False, True])
+def test_a_robot_that_is_free_or_gone_between_two_looks_begins_anew(gone: bool) -> None:
+    stays = Stays({1: R}, 0.25)  # looked at in each fourth tick
+    for k in range(13):
+        between = k == 6
+        stays.tick(k, {} if between and gone else {1: (0.0, 0.0)}, free=[1] if between and not gone else [])
+    assert present(stays.stay(1)).since == 8

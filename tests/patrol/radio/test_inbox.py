@@ -373,3 +373,13 @@ def test_peers_are_those_heard_since_a_tick_with_their_places(since: int, expect
     assert list(box.inboxes.peers(1).silent(1)) == [3]
     assert box.inboxes.peers(1).oldest(7) == 0
     assert box.inboxes.peers(1).lately(2).oldest(7) == 7
+
+
+def test_a_contact_may_be_as_late_as_the_frames_of_any_robot() -> None:
+    """Those of r2 take ten steps, those of r3 none; so do the contacts that each reports."""
+    box = inbox(ahead=None)
+    late = {2: 10, 3: 0}
+    frames = [(frame(k - late[n], 10.0 * n, robot=n), k * STEP) for k in range(10, 41) for n in late]
+    assert verdicts(box, *frames) == "+" * len(frames)
+    judged = ((contact(sequence, 30.0), 40 * STEP) for sequence in (25, 26, 30, 34, 35, 36, 40, 44, 45))
+    assert verdicts(box, *judged) == "-+++-+++-"

@@ -49,6 +49,8 @@ def test_a_robot_goes_on_as_its_trail_shows_to_the_first_wall(
 def test_places_may_be_several_ticks_apart_and_the_error_is_the_distance_to_the_robot() -> None:
     pose = Predictor(field(), 3, horizon=8).pose(said(2.0, 15.0, (-300, 0)), 2)
     assert (pose.x, pose.y) == pytest.approx((4.0, 15.0))
+    pose = Predictor(field(), 3, horizon=6).pose(said(2.0, 15.0, (-150, 0)), 99)
+    assert (pose.x, pose.y) == pytest.approx((5.0, 15.0)), "the horizon is in ticks: two steps of the trail"
     predictor = Predictor(field(), 1, horizon=8)
     last = said(2.0, 15.0, (-100, 0))
     assert predictor.error(last, said(5.0, 15.0, k=13)) == pytest.approx(0.0)

@@ -113,3 +113,21 @@ def test_lines_come_until_they_are_closed() -> None:
     health.close()
     assert all(line.startswith("health: tick 4") for line in log.lines)
     assert not any(thread.name == "health" for thread in threading.enumerate())
+
+
+def test_the_rate_of_ticks_is_that_since_the_line_before() -> None:
+    """100 ticks before the second line, and none after it."""
+
+    class Counting(Listening):
+        def info(self, msg: object, *args: object, **facts: Any) -> None:
+            vitals.beat(100, {})
+            super().info(msg, *args, **facts)
+
+    log, vitals = Counting(4), Vitals()
+    vitals.beat(0, {})
+    health = HealthLines(vitals, log, 0.01)
+    assert log.there.wait(300.0)
+    health.close()
+    assert "ticks/s" not in log.lines[0]
+    assert " 0.0 ticks/s" not in log.lines[1]
+    assert all("tick 100, 0.0 ticks/s" in line for line in log.lines[2:])

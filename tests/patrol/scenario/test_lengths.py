@@ -174,3 +174,8 @@ def test_whatever_the_body_its_lengths_can_be_stated(radius: float, speed: float
     given_ = {**OPEN, "point": point, "sensor": {"range": 1e9}, "robots": {"radius": radius, "speed": speed}}
     scenario = load_scenario({**given_, "patrol": {"goal_distance": goal}})
     assert load_scenario(as_mapping(scenario)) == scenario
+
+
+def test_the_widest_body_of_a_team_decides_wherever_it_is_listed() -> None:
+    for robots in (MIXED["robots"], MIXED["robots"][::-1]):
+        assert load_scenario({**MIXED, "robots": robots}).patrol.surround_distance == 8.0

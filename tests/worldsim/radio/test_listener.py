@@ -250,3 +250,13 @@ DRIFT, LOSS = {"kind": "drift", "who": "one", "bias": [1, 0]}, {"kind": "loss", 
 def test_what_a_direct_radio_cannot_have_is_refused(more: dict[str, Any], problem: str) -> None:
     with pytest.raises(BadInput, match=problem):
         load_scenario(direct(**more))
+
+
+def test_the_counts_of_every_process_of_a_robot_add_up() -> None:
+    scene = Scene()
+    for incarnation in range(1, 5):
+        scene.say("r1", incarnation=incarnation, sent=10**incarnation, r2=incarnation)
+        scene.listener.frames(incarnation)
+    scene.say("r2")
+    said = scene.listener.notes()["direct"]["said"]["r1"]
+    assert said == {"sent": 11110, "heard": {"r2": 10}, "refused": 4, "final": True}

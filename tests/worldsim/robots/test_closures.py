@@ -134,3 +134,10 @@ def test_rates_close_and_open_as_often_as_they_say(lab: Lab) -> None:
         list(world.close_and_open())
         closed += len(world.closures.closed)
     assert 0.28 < closed / 4000 < 0.39  # a third of the time
+
+
+def test_a_closure_that_waits_for_several_names_them_all_and_bears_the_first_ones_number(lab: Lab) -> None:
+    starts = [(3.0, 7.0, 0.0), (8.5, 7.0, 0.0), (8.5, 10.0, 0.0)]
+    world = lab.world([DISC] * 3, starts, duration=4.0, closures=[strip(closed=[[0, 3]])])
+    events = [event for _ in range(3) for event in tick(world, 0.0)[0]]
+    assert events == [Event(0, "waiting", 2, "strip waits to close: r2, r3 in it")]

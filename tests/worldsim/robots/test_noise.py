@@ -114,3 +114,21 @@ def test_wheels_veer_by_the_metres_that_they_drive_and_not_by_those_commanded() 
         assert isinstance(a, Twist)
         assert isinstance(b, Twist)
         assert b.turn_rate - 0.2 == pytest.approx((a.turn_rate - 0.2) * b.speed)
+
+
+@pytest.mark.parametrize("number", COMMANDS)
+def test_a_body_veers_by_the_way_that_it_drives_however_its_speed_is_disturbed(number: int) -> None:
+    def veered(command: Command) -> float:
+        """In rad per m."""
+        if isinstance(command, Drive):
+            return command.curvature - 0.1
+        if isinstance(command, Twist):
+            return (command.turn_rate - 0.2) / command.speed
+        assert isinstance(command, Velocity)
+        return (math.atan2(command.vy, command.vx) - math.atan2(0.8, 0.6)) / (command.speed_mps * STEP)
+
+    calm, disturbed = noise({"veer": 0.1}), noise({"veer": 0.1, "jitter": {"size": 0.5}})
+    for k in range(20):
+        one, other = (of.driven(k, COMMANDS)[number] for of in (calm, disturbed))
+        assert one.speed_mps != pytest.approx(other.speed_mps)
+        assert veered(one) == pytest.approx(veered(other))
