@@ -28,7 +28,7 @@ class ExpectedReactive(GraphPatrol):
     def route(self, known: Known) -> Sequence[int]:
         """Choose the neighbour with the greatest |t - L| / (t - now).
 
-        t is the robot's arrival there, and L the vertex's last visit, or the arrival of another robot that is going
+        t is the robot's arrival there, and L the vertex's last visit, or the last arrival of the robots that are going
         there.
         """
         arrivals: dict[int, float] = {}
