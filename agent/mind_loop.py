@@ -119,7 +119,7 @@ class TelemetrySender:
             mfow=decision.mfow,
             decision_ms=decision_ms,
             rejected=decision.rejected,
-            # A robot of one's own may have anything here: viewers would drop its reports.
+            # A robot of one's own may tell NaN, more than 1, or no text: viewers would drop its reports.
             stopped=printable(stopped)[:MAX_TEXT] if isinstance(stopped := self.stopped(), str) else "",
             charge=None if charge is None or math.isnan(charge) else float(min(max(charge, 0.0), 1.0)),
         )

@@ -215,7 +215,7 @@ class _KernelLoader(SourceFileLoader):
             try:
                 part.rename(entry)
             except OSError:
-                if not _is_intact(entry):  # another process was faster, where the lock was deleted in between
+                if not _is_intact(entry):  # another process has stored it: the lock file had been deleted
                     raise
         finally:
             shutil.rmtree(part, ignore_errors=True)

@@ -129,16 +129,18 @@ def sweep(
     """
     check_matplotlib("experiments")  # before hours of runs, not after them
     width = _width_inches(figure_width)
-    latex_heads(table)  # which refuses columns that there are not
+    latex_heads(table)  # refuses unknown columns before the runs
     plan = read_plan(file, seeds)
     find_classes(run.scenario for run in plan.runs)
     folder = out or Path("runs") / file.stem
     console = Console()
     assumed = [f"{plan.runs[0].case}: {line}" for line in assumption_lines(plan.runs[0].scenario)]
-    if len(steps := sorted({run.scenario.step for run in plan.runs})) > 1:
+    if len(steps := sorted({run.scenario.step for run in plan.runs if "step" in run.scenario.assumed})) > 1:
         texts = ", ".join(f"{step:g}" for step in steps)
-        assumed.append(f"cases have steps of {texts} s; to compare them at one, set step: {steps[0]:g} in base")
+        assumed.append(f"automatic steps differ: {texts} s; for one step in all cases, set step: {steps[0]:g} in base")
     outcome = machines.make_runs(plan, folder, console, estimate_time=False, assumed=assumed)
+    for line in () if outcome.made else assumed:
+        console.print(line, highlight=False, markup=False, soft_wrap=True)
     write_tables(outcome, folder, table)
     rows = case_rows(outcome)
     _draw_figures(rows, plan.name, folder / "figures", width)

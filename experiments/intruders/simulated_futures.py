@@ -27,6 +27,7 @@ from experiments.intruders.predictors import SIMILAR, code_predictor
 from experiments.intruders.sightings import Sightings
 from experiments.sweeps.run_metrics import GameLog
 from fogwatch.inprocess import check_in_process, fleet_of
+from patrol.classes.exits import end_now
 from patrol.errors import BadInput
 from patrol.prepare import Prepared, sensor_footprint
 from worldsim.fleet.loop import run_ticks
@@ -95,13 +96,13 @@ def simulated_futures(
         run_ticks(world, fleet, look, lambda _event: None, fork_or_end, fleet)
         if output is not None:
             output.send_bytes(sightings.watched().words[ends - game.within :].tobytes())
-            os._exit(0)
+            end_now(0)
     except BaseException as error:
         if output is None:
             raise
         if isinstance(error, Exception):
             traceback.print_exc()
-        os._exit(1)
+        end_now(1)
     while copies:
         _take_in(*copies.popleft())
     return futures

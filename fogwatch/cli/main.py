@@ -9,7 +9,7 @@ from __future__ import annotations
 import os
 import signal
 import sys
-from os import _exit  # foreign code is not to change it
+from os import _exit  # kept before foreign code may replace it
 
 
 def _leave_process(_number: int, _frame: object) -> None:

@@ -146,9 +146,9 @@ def _open_watch(what: Namespace, silent_s: float, patience_s: float, ending: End
     for link in dict.fromkeys(links):
         link.close()
     if what.scenario is None and not ending:
-        revoked = ", or these credentials were revoked" if met.revocable else ""
+        revoked = "; or these credentials were revoked" if met.revocable else ""
         raise BadInput(
-            f"--fleet {met.keys.fleet}: nothing of this fleet is at {met.meets_at} yet; look again if it has just been "
-            f"started, otherwise its name is another{revoked}"
+            f"--fleet {met.keys.fleet}: nothing of this fleet is at {met.meets_at} yet; if it has just been started, "
+            f"look again, otherwise correct its name{revoked}"
         )
     return None if ending else open_source()

@@ -202,6 +202,8 @@ def unpack_record(record: Any, most: int = MOST_RECORD) -> Iterator[Any]:
     if record.compression == "lz4":
         record = replace(record, compression="", data=LZ4FrameDecompressor().decompress(record.data, size))
     stream, length = get_chunk_data_stream(record, validate_crc=True)
+    if length != record.uncompressed_size:
+        raise ValueError(f"a chunk of {length} bytes, which says {record.uncompressed_size}")
     while stream.count < length:
         opcode, size = stream.read1(), stream.read8()
         match opcode:

@@ -212,9 +212,7 @@ def _open_image(says: MapFile) -> Iterator[Image.Image]:
                 yield image
     except FileNotFoundError:
         near = similar_image(says)
-        remedy = (
-            f"set image: {near}, which lies there" if near else "correct 'image', which is relative to the YAML file"
-        )
+        remedy = f"set image: {near}, which exists" if near else "correct 'image', which is relative to the YAML file"
         raise BadInput(f"{where}: no such file; {remedy}") from None
     except UnidentifiedImageError:
         with open_untrusted(says.image, IMAGE) as file:

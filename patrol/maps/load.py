@@ -28,7 +28,7 @@ CELLS_AT_ONCE = 16_000_000
 """Cells of a map that are made points at a time, which bounds the memory that this takes."""
 
 LARGE_S = 10.0
-"""Time that the check of a map takes, or a run before it begins, from which on it is worth a word, s."""
+"""Shortest reading time of a map that is announced, s."""
 
 POINTS_S, CELLS_S = 1.2e-6, 0.08e-6
 """Of that, the time for each point and for each cell, s: 25 million points of 100 million cells took 38 s."""
@@ -100,7 +100,7 @@ def read_terrain(path: Path, point: float, within: Path | None = None) -> Terrai
     if (takes := shape[0] * shape[1] * POINTS_S + rows * columns * CELLS_S) > LARGE_S:
         logging.getLogger("fogwatch").warning(
             f"{printable(str(path))}: {columns} x {rows} pixels make {shape[0] * shape[1] / 1e6:.0f} million points of "
-            f"{point:g} m, which takes about {takes:.0f} s; a larger --point is faster"
+            f"{point:g} m, which takes about {takes:.0f} s; a larger point is faster"
         )
     image = read_image(says)
     passable = _passable_points(image, says, point, (shape[0], shape[1]))

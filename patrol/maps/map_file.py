@@ -9,6 +9,7 @@ import hashlib
 import math
 import os
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -150,10 +151,8 @@ def _existing_image(path: Path, image: str) -> Path:
     """Return the image that a YAML file names, or the one of that name beside it where there is none."""
     named = path.parent / image
     beside = path.parent / image.replace("\\", "/").rsplit("/", 1)[-1]
-    try:
-        return beside if not named.exists() and beside.is_file() else named
-    except OSError:  # such as a name that is too long
-        return named
+    # Unlike `Path.exists`, these take a folder that may not be read, or a name that is too long, for one without it.
+    return beside if not os.path.exists(named) and os.path.isfile(beside) else named  # noqa: PTH110, PTH113
 
 
 def similar_image(says: MapFile) -> str:
@@ -163,10 +162,10 @@ def similar_image(says: MapFile) -> str:
     file's name.
     """
     folders = dict.fromkeys((says.image.parent, says.path.parent))
-    try:
-        there = [file for folder in folders if folder.is_dir() for file in sorted(folder.iterdir())]
-    except OSError:
-        return ""
+    there: list[Path] = []
+    for folder in folders:
+        with suppress(OSError):
+            there += sorted(folder.iterdir())
     images = [file for file in there if file.suffix.lower() in IMAGE_ENDINGS]
     stems = [says.image.stem.lower(), says.path.stem.lower()]
     near = [os.path.relpath(file, says.path.parent) for stem in stems for file in images if file.stem.lower() == stem]

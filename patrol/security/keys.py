@@ -27,7 +27,7 @@ WORLD = ".world"
 _FLEET = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,127}")
 _RELIABILITY = r"(?:rel|mixed_rel)=[01]"
 _LOCATOR = re.compile(rf"(?:tcp|udp|tls|quic|ws)/[^\s/#?,]+:(\d{{1,5}})(?:\?{_RELIABILITY}(?:;{_RELIABILITY})*)?")
-_NUMBERS = re.compile(r"[0-9.]+|0[xX][0-9A-Fa-f]+")
+_NUMBERS = re.compile(r"(?:0[xX][0-9A-Fa-f]+|[0-9.])+")
 """What systems take for an IPv4 address in another notation, such as 4294967295, and never for a name."""
 _LOSSLESS_DECLARATIONS = "?rel=1;mixed_rel=1"
 """What a locator of udp ends with, so that only what may be lost is sent unreliably."""
@@ -115,7 +115,7 @@ def check_locator(locator: str, option: str, least_port: int = 1) -> str:
     if match is None or not least_port <= int(match[1]) < 65536:
         raise BadInput(f"{option} {locator!r}: not a router's address; write tcp/HOST:PORT, such as tcp/127.0.0.1:7447")
     if is_no_host(address_of(locator)[0]):
-        raise BadInput(f"{option} {locator!r}: no machine has that address; write the one of the router's machine")
+        raise BadInput(f"{option} {locator!r}: not the address of one machine; write four numbers, as in 192.168.1.10")
     return locator
 
 

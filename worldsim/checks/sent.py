@@ -19,6 +19,7 @@ from patrol.journal.records import FORGED
 from patrol.pose import Pose
 from patrol.radio.message import (
     MAX_ROBOT,
+    MAX_TIME_MS,
     MAX_TRAIL,
     Position,
     Rejected,
@@ -388,7 +389,7 @@ class SpoofsAsAsked(Check):
         sent = None if victim is None else self._sent_by(victim.number)
         stamp = position.time_ms if sent is None else sent.time_ms
         if victim is None:
-            stamp = round(s_to_ms(k * self._step))
+            stamp = min(round(s_to_ms(k * self._step)), MAX_TIME_MS)
         if position.time_ms != stamp:
             return f"time {position.time_ms} ms instead of {stamp} ms"
         pose = (position.x_cm, position.y_cm, position.heading_mrad)

@@ -16,10 +16,12 @@ from itertools import product
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 import yaml
 from rich.console import Console
 
+from bench.grounds import write_map
 from experiments.commands.sweep import print_cases
 from experiments.sweeps.cases import SHOWN, CaseRow, told_apart
 from experiments.sweeps.plan import Run, read_plan
@@ -257,11 +259,18 @@ def test_only_words_that_all_names_share_are_left_out() -> None:
 
 
 @pytest.mark.processes
-def test_it_begins_with_what_its_runs_hold_for(tmp_path: Path, run: Command) -> None:
-    base = {**BASE, "step": 0.5, "duration": 5}
-    file = write(tmp_path, {"base": base, "grid": {"step": [0.5, 0.25]}, "seeds": 1})
-    said = output(run("sweep", file, "--out", tmp_path / "out", "--workers", "1")).splitlines()
-    assert said[0].endswith("given: holonomic, points of 1 m, steps of 0.5 s")
-    assert said[1].endswith("assumed: radius 1 m, speed 4.4 m/s, sensor of 10 m (all round, stopped by walls)")
-    assert said[2] == "cases have steps of 0.25, 0.5 s; to compare them at one, set step: 0.25 in base"
-    assert said[3] == "2 runs to make; 1 at a time"
+def test_it_says_what_its_runs_hold_for_before_them_and_where_none_is_left(tmp_path: Path, run: Command) -> None:
+    passable = np.zeros((14, 60), dtype=np.bool_)
+    passable[1:-1, 1:-1] = True  # a corridor of 1.2 m
+    ground = {"map": str(write_map(passable, 0.1, tmp_path / "corridor.yaml"))}
+    base = {"terrain": ground, "point": 0.1, "duration": 5, "robots": {"count": 1, "radius": 0.3}}
+    file = write(tmp_path, {"base": base, "grid": {"robots.speed": [0.2, 1.0]}, "seeds": 1})
+    steps = "automatic steps differ: 0.1, 0.5 s; for one step in all cases, set step: 0.1 in base"
+    for beginning in ("2 runs to make; 1 at a time", None):
+        said = output(run("sweep", file, "--out", tmp_path / "out", "--workers", "1")).splitlines()
+        assert said[0].endswith("given: radius 0.3 m, speed 0.2 m/s, points of 0.1 m")
+        assert "assumed: " in said[1]
+        assert said[2] == steps
+        assert beginning is None or said[3] == beginning
+    stated = write(tmp_path, {"base": {**BASE, "duration": 5}, "grid": {"step": [0.5, 0.25]}, "seeds": 1})
+    assert "steps differ" not in output(run("sweep", stated, "--out", tmp_path / "stated", "--workers", "1"))

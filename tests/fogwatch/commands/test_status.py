@@ -94,7 +94,7 @@ def test_nothing_of_the_fleet_is_there(shell: Shell, tmp_path: Path) -> None:
 
     with routed() as where:
         fleet = ("--router", where, "--fleet", "real-1")
-        assert f"nothing of this fleet is at {where} yet; look again if it has just been started" in refused(*fleet)
+        assert f"nothing of this fleet is at {where} yet; if it has just been started, look again" in refused(*fleet)
         assert "give their --scenario FILE as well" in refused(*fleet, "--radio", "serial/dev/ttyUSB0")
         write_access(tmp_path, where)
         assert f"nothing of this fleet is at {where}" in refused(tmp_path)

@@ -23,7 +23,7 @@ def test_a_large_map_says_at_once_how_long_it_takes_and_is_read_once(
     assert capsys.readouterr().err == ""
     terrain = read_terrain(path, 0.05)
     said = capsys.readouterr().err
-    assert "60 x 30 pixels make 0 million points of 0.05 m, which takes about 0 s; a larger --point is faster" in said
+    assert "60 x 30 pixels make 0 million points of 0.05 m, which takes about 0 s; a larger point is faster" in said
     again = read_terrain(copy, 0.05)
     assert capsys.readouterr().err == ""
     assert (again.source, again.bounds) == (copy, terrain.bounds)

@@ -30,7 +30,7 @@ def test_an_image_of_another_ending_or_case_is_named(tmp_path: Path, named: str,
         WHITE.save(tmp_path / name)
     with pytest.raises(BadInput) as error:
         read_terrain(path, 0.1)
-    assert (f"set image: {meant}, which lies there" if meant else "correct 'image'") in str(error.value)
+    assert (f"set image: {meant}, which exists" if meant else "correct 'image'") in str(error.value)
 
 
 def test_an_image_that_is_a_git_lfs_pointer_is_named(tmp_path: Path) -> None:

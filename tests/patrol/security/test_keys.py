@@ -68,7 +68,7 @@ def test_other_addresses_are_bad_input(locator: str) -> None:
     ],
 )
 def test_what_no_machine_has_as_its_address_is_bad_input(host: str) -> None:
-    with pytest.raises(BadInput, match=r"--router .*: no machine has that address"):
+    with pytest.raises(BadInput, match=r"--router .*: not the address of one machine"):
         check_locator(f"tcp/{host}:7447", "--router")
 
 
