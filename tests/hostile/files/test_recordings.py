@@ -54,6 +54,7 @@ CUT: dict[str, Callable[[], bytes]] = {
     "a map of more entries than its record": lambda: record(METADATA, text("x") + struct.pack("<I", 1 << 31)),
     "a bomb": lambda: chunk(LARGE),
     "a bomb that says it is small": lambda: chunk(LARGE, size=100),
+    "a chunk that holds more than it says": lambda: chunk(record(255, bytes(MOST_RECORD // 4)), size=0),
     "a large chunk": lambda: chunk(LARGE, ""),
     "a compression that nothing here uses": lambda: chunk(HELLO, "gzip"),
     "text that is none": lambda: record(CHANNEL, struct.pack("<HHI", 2, 1, 2) + b"\xff\xfe"),
