@@ -55,7 +55,7 @@ class Says:
 
 @pytest.fixture(scope="module")
 def prepared() -> dict[str, Prepared]:
-    """By model."""
+    """One robot on open ground, for each model."""
     mapping = {"terrain": {"builtin": "open"}, "point": 0.5}
     return {
         model: prepared_on(load_scenario({**mapping, "robots": {"count": 2, "model": model}}), walled(), [FIRST])

@@ -68,7 +68,7 @@ def test_manoeuvres_keep_off_what_lies_behind() -> None:
 
 @pytest.mark.parametrize(("x", "before", "closed"), [(10.25, 28.82, 8.0), (4.25, 2.0, 2.0)])
 def test_a_robot_in_the_zone_turns_back_where_all_ahead_is_closed(x: float, before: float, closed: float) -> None:
-    """By hand, to x = 2.25: 11 steps to the east room, 11 up, 23 along the corridor, and 7 and 4 aslant down again."""
+    """To x = 2.25 it takes 11 steps to the east room, 11 up, 23 along the corridor, and 7 and 4 aslant down again."""
     ground = ground_of()
     visits, routes = visits_of(ground), Routes(ground)
     for discs, expected in (((), before), ((AHEAD,), closed), ((), before)):

@@ -1,4 +1,4 @@
-"""Where a map's origin lies is no matter: all that robots and world do there is the same, only elsewhere."""
+"""Runs on a map with another origin: robots and world do the same there, only elsewhere."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def box(left: float, low: float, right: float, high: float, at: tuple[float, flo
 
 
 def settings(kind: str, at: tuple[float, float]) -> dict[str, Any]:
-    """What a scenario has besides its map, by what is tried."""
+    """Return what a scenario has besides its map, by what is tried."""
     place = [at[0] + 16.0, at[1] + 3.0]
     found: dict[str, dict[str, Any]] = {
         "stochastic": {},

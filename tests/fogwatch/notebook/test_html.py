@@ -1,4 +1,4 @@
-"""What notebooks show of a run and of a table."""
+"""Runs and tables as notebooks show them."""
 
 from __future__ import annotations
 

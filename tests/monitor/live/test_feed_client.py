@@ -1,4 +1,4 @@
-"""What a viewer knows of its world by the world's own messages."""
+"""A viewer's knowledge of its world, from the world's own messages."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Whose beliefs begin anew, and what each robot sees and hears, from the records of ticks."""
+"""Beliefs that begin anew, and all that each robot sees and hears, from the records of ticks."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a live recording holds of the states of a source that is told here."""
+"""Messages of a live recording, for the states of a source that is told here."""
 
 from __future__ import annotations
 

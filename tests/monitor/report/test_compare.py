@@ -19,7 +19,7 @@ def run_with(scenario: dict[str, Any], name: str = "run") -> Any:
 
 
 def texts_of(*values: Any) -> list[str]:
-    """How the values of a field are shown beside each other."""
+    """Return the values of a field as they are shown beside each other."""
     ((field, *texts),) = differences([run_with({"patrol": {"what": value}}) for value in values])
     assert field == "patrol.what"
     return texts

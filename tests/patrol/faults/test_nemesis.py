@@ -1,4 +1,4 @@
-"""What a nemesis draws: within what bounds, and the same in each version."""
+"""The draws of a nemesis: within their bounds, and the same in each version."""
 
 from __future__ import annotations
 

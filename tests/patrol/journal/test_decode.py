@@ -1,4 +1,4 @@
-"""How much a record may hold, by the size of its fleet."""
+"""Limits of a record, by the size of its fleet."""
 
 from __future__ import annotations
 

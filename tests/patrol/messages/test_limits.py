@@ -26,7 +26,7 @@ REPLY_B = [2, *HEAD, 2, 1.0, 2.0, "patrolling", None, 1.5, 7]
 
 
 def is_taken(message: list[Any], place: int, value: Any, decode: Any) -> bool:
-    """Whether a message with a value in one place is decoded."""
+    """Return True if a message with a value in one place is decoded."""
     try:
         decode(msgpack.packb([*message[:place], value, *message[place + 1 :]]))
     except Malformed:
