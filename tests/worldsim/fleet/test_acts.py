@@ -105,6 +105,23 @@ def test_it_waits_until_its_place_is_free(lab: Lab) -> None:
     assert failures((world, journal)) == {}
 
 
+def test_each_wait_for_its_start_is_told(lab: Lab) -> None:
+    """r2 has come and left; when it joins again, r1 has just appeared at the same place, and r2 waits a second time."""
+    faults = [
+        fault("kill", "r1", 0),
+        fault("join", "r2", 2),
+        fault("restart", "r1", 4),
+        fault("leave", "r2", 14),
+        fault("kill", "r1", 15, wreck="removed"),
+        fault("restart", "r1", 16),
+        fault("join", "r2", 16),
+    ]
+    world = lab.world([DISC, DISC], [(3.0, 3.0, 0.0), (3.1, 3.0, 0.0)], duration=11.0, faults=faults)
+    told = [entry for entry in news(lab.run(world)) if entry[2] == 2]
+    assert [entry[1] for entry in told] == ["waiting", "alive", "left", "waiting", "alive"]
+    assert [entry[0] for entry in told if entry[1] == "waiting"] == [2, 16]
+
+
 def test_a_robot_that_leaves_is_gone_and_may_join_again(lab: Lab) -> None:
     journal, done = run(lab, [fault("leave", "r2", 3)])
     assert statuses(journal, 2) == [A] * 3 + [G] * 9
