@@ -42,7 +42,6 @@ class Purpose(IntEnum):
     STRANGER = 12
     ODOMETRY = 13
     RADIO = 14
-    INTRUDER = 15
     PLAN = 16
     MOTION = 17
     CLOSURE = 18

@@ -10,7 +10,6 @@ from pathlib import Path
 
 import numpy as np
 
-from experiments.random_building import TEAM, random_building
 from fogwatch.inprocess import run_in_process
 from patrol.journal import Status, TickRecord
 from patrol.measures.best_tour import own_grounds
@@ -19,6 +18,7 @@ from patrol.measures.stays import SAMPLE_S, Stay
 from patrol.prepare import Prepared, prepare
 from patrol.scenario import Scenario, load_scenario
 from patrol.values import Kind
+from tests.random_building import TEAM, random_building
 from worldsim.world import World
 
 ROAMS = (4.0, 120.0)

@@ -46,9 +46,7 @@ ELSEWHERE: dict[Purpose, str] = {
     Purpose.RADIO: "drawn again, draw for draw: tests/worldsim/checks/test_path_loss.py, tests/worldsim/radio",
     **dict.fromkeys((Purpose.RANDOM_MOVE, Purpose.GIVE_WAY, Purpose.UNSTUCK, Purpose.TIES, Purpose.PLAN), MIND),
     **dict.fromkeys((Purpose.CHAOS, Purpose.STRANGER), SEQUENCE),
-    **dict.fromkeys(
-        (Purpose.INTRUDER, Purpose.INFILTRATION), "a number for each place of its question: test_random.py"
-    ),
+    Purpose.INFILTRATION: "a number for each place of its question: test_random.py",
 }
 
 

@@ -23,12 +23,9 @@ if TYPE_CHECKING:
     from rich.progress import Progress
 
     from experiments.intruders.game import Game, Infiltration, Percent
-    from experiments.intruders.learned import Learned
     from experiments.intruders.standing import Successes
 
 ATTACKS = ",".join(f"{attack_s:g}" for attack_s in ATTACKS_S)
-HORIZONS = "300"
-TRIALS = 50
 
 
 @command(
@@ -38,27 +35,11 @@ TRIALS = 50
         "fogwatch intruder RUN --again --attempts 50",
         "fogwatch intruder RUN --code --attempts 50",
         "fogwatch intruder RUN --attacks 30,90,180 --json",
-        "fogwatch intruder RUN --attacks 30,90,180 --learned --horizon 300,1200,3600",
     ]
 )
 def intruder(
     run: RunFolder,
     attacks: Annotated[str, option("S,S,...", "Durations of attacks, simulated seconds.")] = ATTACKS,
-    learned: Annotated[
-        bool, option("", "Play the learned intruder too: 0.1 to 0.3 ms for each second of each trial.", "--learned")
-    ] = False,
-    horizon: Annotated[
-        str | None,
-        option(
-            "S,S,...",
-            "How long the learned intruder watches and attacks, simulated seconds; the paper's are 300,1200,3600 "
-            f"(default: {HORIZONS}).",
-        ),
-    ] = None,
-    trials: Annotated[
-        int | None,
-        option("N", f"Trials of the learned intruder, spread over the run (default: {TRIALS}).", min=1, max=1000),
-    ] = None,
     *,
     infiltrator: Infiltrator,
     again: Annotated[
@@ -89,28 +70,18 @@ def intruder(
     the place until it is over. The games are also played on the vertices of terrain.graph, or of the graph made from
     the ground, where a robot must come within `terrain.graph.visit` (0.4 m), as in the literature.
 
-    Learned is a neural network that watches for half of its horizon, then attacks once, where and when it expects
-    success. With six durations, 50 trials of 300 s take half a minute; the paper's durations and horizons four minutes.
-
     The moving intruder has watched from the start. At a random moment it plans a way from outside to a random place and
     a stay there, on which it expects to be seen least; it gets in if no robot sees it until its stay is over. The gain
     of watching says how many more attempts in a hundred succeed than without any knowledge: 0 is a patrol that
     watching does not help against. It needs a run of 600 s or more.
     """
-    durations = _read_seconds("--attacks", attacks, ATTACKS)
-    for name, value in (("--horizon", horizon), ("--trials", trials)):
-        if value is not None and not learned:
-            raise BadInput(f"{name} {value}: only the learned intruder has it; add --learned")
-    horizons = _read_seconds("--horizon", horizon or HORIZONS, HORIZONS)
+    durations = _read_durations(attacks)
     opened, going = open_folder(run)
-    from experiments.intruders.learned import Trials
     from experiments.intruders.on_run import Moving, games_of
 
     if code:
         find_classes([opened.prepared.scenario])
-    played = Trials(tuple(horizons), trials or TRIALS) if learned else None
     with _progress_bar() as bar:
-        task = bar.add_task("learned intruder, %", total=100, visible=learned)
         futures = bar.add_task("simulated futures, %", total=100, visible=code)
         moves = bar.add_task("moving intruder, %", total=100)
 
@@ -121,36 +92,32 @@ def intruder(
                 add_code(game, opened.prepared, lambda share: bar.update(futures, completed=100.0 * share))
 
         moving = Moving(infiltrator, again, lambda share: bar.update(moves, completed=100.0 * share), prepare)
-        games = games_of(opened, durations, played, lambda share: bar.update(task, completed=100.0 * share), moving)
+        games = games_of(opened, durations, moving)
     if games.no_moving and (infiltrator != Infiltrator() or again or code):
         raise BadInput(games.no_moving)
     if as_json:
         typer.echo(json.dumps(asdict(games), indent=2))
         return
     print_state(opened, going)
-    _print_shares(f"{games.points} points of the ground", games.ground, games.learned_ground)
-    _print_shares(f"{games.vertices} vertices of the graph", games.nodes, games.learned_nodes)
-    if learned:
-        where = f"{games.learned_points} of the points and all vertices"
-        counted = "one trial, which" if trials == 1 else f"{trials or TRIALS} trials, each of which"
-        typer.echo(f"learned: share of {counted} attacks one place, on {where}")
+    _print_shares(f"{games.points} points of the ground", games.ground)
+    _print_shares(f"{games.vertices} vertices of the graph", games.nodes)
     if games.moving is not None:
         _print_moving(games.moving, infiltrator)
     if games.no_moving:
         typer.echo(printable(games.no_moving), err=True)
 
 
-def _read_seconds(option: str, text: str, example: str) -> list[float]:
-    seconds = []
+def _read_durations(text: str) -> list[float]:
+    durations = []
     for word in text.split(","):
         try:
             value = float(word)
         except ValueError:
             value = math.nan
         if not 0.0 < value <= 1e6:
-            raise BadInput(f"{option} {printable(text)}: expected seconds above 0, such as {example}")
-        seconds.append(value)
-    return seconds
+            raise BadInput(f"--attacks {printable(text)}: expected seconds above 0, such as {ATTACKS}")
+        durations.append(value)
+    return durations
 
 
 def _progress_bar() -> Progress:
@@ -159,18 +126,15 @@ def _progress_bar() -> Progress:
     return bar_on()
 
 
-def _print_shares(where: str, shares: Sequence[Successes], learned: Sequence[Learned]) -> None:
+def _print_shares(where: str, shares: Sequence[Successes]) -> None:
     from rich.console import Console
     from rich.table import Table
 
     table = Table(title=f"attacks that succeed, on {where}", title_justify="left")
-    horizons = list(dict.fromkeys(outcome.horizon_s for outcome in learned))
-    headings = [f"learned {horizon_s:g} s" for horizon_s in horizons]
-    for heading in ("attack", "random", "waiting", "statistical", "worst", *headings):
+    for heading in ("attack", "random", "waiting", "statistical", "worst"):
         table.add_column(heading, justify="right")
-    for row, share in enumerate(shares):
+    for share in shares:
         numbers = [share.random, share.waiting, share.statistical, share.worst]
-        numbers += [learned[number * len(shares) + row].success for number in range(len(horizons))]
         table.add_row(f"{share.attack_s:g} s", *("-" if number is None else f"{number:.1%}" for number in numbers))
     Console(highlight=False).print(table)
 

@@ -29,7 +29,7 @@ from fogwatch.commands import (  # noqa: F401 - each adds its commands
     scenario,
     status,
 )
-from fogwatch.commands.map import app as map_app
+from fogwatch.commands import map as map_commands  # noqa: F401 - likewise
 from patrol.errors import BadInput
 from patrol.extras import study
 
@@ -64,17 +64,17 @@ def version() -> None:
 
 
 def add_studies() -> None:
-    """Add the studies' commands; without the studies, those of `PANELS` that are missing so far, and ``map random``."""
+    """Add the studies' commands; without the studies, refusals in place of those of `PANELS` that are missing."""
     try:
         study("commands")
     except BadInput as missing:
         names = {command.name for command in app.registered_commands}
         names |= {group.name for group in app.registered_groups}
-        absent = [(app, name, panel) for name, panel in PANEL_OF.items() if name not in names]
-        for group, name, panel in [*absent, (map_app, "random", None)]:
-            accept_all = {"allow_extra_args": True, "ignore_unknown_options": True, "help_option_names": []}
-            refuse = _make_refusal(missing)
-            group.command(name, help=f"{missing}.", context_settings=accept_all, rich_help_panel=panel)(refuse)
+        accept_all = {"allow_extra_args": True, "ignore_unknown_options": True, "help_option_names": []}
+        refuse = _make_refusal(missing)
+        for name, panel in PANEL_OF.items():
+            if name not in names:
+                app.command(name, help=f"{missing}.", context_settings=accept_all, rich_help_panel=panel)(refuse)
 
 
 def _make_refusal(missing: BadInput) -> Callable[[typer.Context], None]:

@@ -33,9 +33,7 @@ if TYPE_CHECKING:
     from patrol.scenario import DockSpec
 
 app = group(
-    "map",
-    "Check what a robot can reach and see on a map, split it into regions, find where it lies on another, or make maps "
-    "of random buildings.",
+    "map", "Check what a robot can reach and see on a map, split it into regions, or find where it lies on another."
 )
 
 MOST_LINES = 20

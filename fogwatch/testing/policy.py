@@ -41,7 +41,7 @@ SITUATIONS: Mapping[str, Mapping[str, Any]] = {
     "at a wall": {"robots.count": 1, "robots.starts": [[1.6, 1.6, 3.9]]},
     "with nothing in view": {"sensor.range": 1.0, "robots.speed": 2.0},
     "off the ground that it knows": {
-        "faults": [{"kind": "drift", "at": 5, "for": 10, "who": ["r1"], "bias": [0, 40], "noise": 3}]
+        "faults": [{"kind": "drift", "at": 5, "for": 10, "who": ["r1"], "bias": [1000, 1000], "noise": 3}]
     },
     "after a restart": {
         "faults": [{"kind": "kill", "at": 5, "who": ["r1"]}, {"kind": "restart", "at": 10, "who": ["r1"]}]

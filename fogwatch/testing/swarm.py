@@ -11,7 +11,7 @@ Theory of operation
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +19,6 @@ import numpy as np
 
 from agent.policies.found import POLICIES
 from patrol.errors import NotPrepared
-from patrol.extras import study
 from patrol.faults.kinds import PROCESS_KINDS
 from patrol.faults.nemesis import DRAWN
 from patrol.ground.doors import Rooms
@@ -59,17 +58,32 @@ MOST_TRIES = 40
 KEY = b"a hunt has no secrets"
 """The key of fleets that have one."""
 
+BUILDINGS = Path(__file__).with_name("buildings")
+"""Maps of buildings that were drawn at random, for two sides of a point and two bodies each."""
 
-def random_fleet(seed: int, folder: Path, settings: Mapping[str, Any] | None = None) -> Prepared:
+DrawBuilding = Callable[[Draws, float, float], Path]
+"""Returns a map that a body patrols: `draw_stored(dice, radius, point)`, with the point's side in m."""
+
+
+def draw_stored(dice: Draws, radius: float, point: float) -> Path:
+    """Draw one of the stored buildings, whose openings are about as wide as a body of 0.3 or 0.4 m."""
+    body = 0.3 if radius <= 0.3 else 0.4
+    return dice.choice(*sorted(BUILDINGS.glob(f"point{point}-radius{body}-*.yaml")))
+
+
+def random_fleet(
+    seed: int, folder: Path, settings: Mapping[str, Any] | None = None, draw_building: DrawBuilding = draw_stored
+) -> Prepared:
     """Draw a short scenario with faults, on ground that has room for it.
 
         random_fleet(7, folder, {"patrol.policy": "./mine.py:Mine", "terrain": {"map": "office.yaml"}})
 
     Args:
         seed: Decides everything.
-        folder: An existing folder, for what the scenario names: the map of a random building, a key, a network.
+        folder: An existing folder, for what the scenario names: a key, a network.
         settings: Fields of the scenario that are not drawn, by dotted name. A section of which one is given is not
             drawn at all, but for `robots`.
+        draw_building: Draws the maps of scenarios in buildings.
 
     Raises:
         BadInput: The settings are wrong, or leave no room.
@@ -77,7 +91,7 @@ def random_fleet(seed: int, folder: Path, settings: Mapping[str, Any] | None = N
     problem = NotPrepared("")
     for attempt in range(MOST_TRIES):
         try:
-            return prepare(_Drawing(seed, attempt, folder, settings or {}).scenario())
+            return prepare(_Drawing(seed, attempt, folder, settings or {}, draw_building).scenario())
         except NotPrepared as refused:
             problem = refused
     raise problem
@@ -86,11 +100,14 @@ def random_fleet(seed: int, folder: Path, settings: Mapping[str, Any] | None = N
 class _Drawing:
     """One scenario in the making."""
 
-    def __init__(self, seed: int, attempt: int, folder: Path, settings: Mapping[str, Any]) -> None:
+    def __init__(
+        self, seed: int, attempt: int, folder: Path, settings: Mapping[str, Any], draw_building: DrawBuilding
+    ) -> None:
         self._seed = seed
         self._dice = Draws(seed, Purpose.CHAOS, attempt)
         self._folder = folder
         self._settings = settings
+        self._draw_building = draw_building
         self._given = {field.partition(".")[0] for field in settings} - {"robots"}
         features = set(_half_of(FEATURES, seed, 1))
         self._rule = Draws(seed, Purpose.CHAOS, -1).choice("age", "one_way", "", "", "") if "zones" in features else ""
@@ -163,9 +180,8 @@ class _Drawing:
         point = dice.choice(0.25, 0.4)
         if "terrain" in self._given:
             return {"point": point, "robots": robots}
-        building = study("random_building").random_building(dice.whole(0, 10**6), radii[0], point)
-        name = f"building-{dice.whole(0, 10**9)}"
-        return {"terrain": {"map": str(building.write(self._folder, name))}, "point": point, "robots": robots}
+        building = self._draw_building(dice, radii[0], point)
+        return {"terrain": {"map": str(building)}, "point": point, "robots": robots}
 
     def _draw_battery(self) -> dict[str, Any]:
         dice = self._dice

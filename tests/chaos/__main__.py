@@ -20,6 +20,7 @@ from patrol.errors import BadInput
 from patrol.scenario import Scenario, dump_scenario
 from tests.chaos.examine import Breakage, Examiner, TooSlow, without_needless_faults
 from tests.chaos.table import SEEDS, missing, read_lines
+from tests.random_building import draws_into
 
 ROOT = Path(__file__).resolve().parents[2]
 NOTHING: Mapping[str, str] = MappingProxyType({})
@@ -71,7 +72,7 @@ def hunt(
     folder.mkdir(parents=True, exist_ok=True)
     line: dict[str, object] = {"seed": seed, "processes": processes}
     try:
-        prepared = random_fleet(seed, folder, given)
+        prepared = random_fleet(seed, folder, given, draws_into(folder))
     except BadInput as refused:
         print(f"seed {seed} is refused: {refused}\n  {again}", flush=True)
         return {**line, "cpu_s": 0.0, "broke": f"not drawn: {refused}", "met": []}

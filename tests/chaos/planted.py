@@ -22,6 +22,7 @@ from patrol.prepare import Prepared
 from tests.chaos.bugs import BUGS, Bug
 from tests.chaos.coverage import of_scenario
 from tests.chaos.examine import TRACES_DIFFER
+from tests.random_building import draws_into
 
 MOST_SEEDS = 60
 """Seeds after which a fault that was not found has survived."""
@@ -38,7 +39,7 @@ class Seeds:
         """Return a scenario, and its features and kinds of faults."""
         key = seed, repr(settings)
         if key not in self._drawn:
-            prepared = random_fleet(seed, self._folder, settings)
+            prepared = random_fleet(seed, self._folder, settings, draws_into(self._folder))
             met = of_scenario(prepared.scenario) | {fault.kind for fault in prepared.scenario.faults}
             self._drawn[key] = prepared, met
         return self._drawn[key]

@@ -20,6 +20,7 @@ from tests.chaos.coverage import SINGLES
 from tests.chaos.examine import Breakage, Ran, attempt
 from tests.chaos.planted import Seeds, find
 from tests.chaos.table import ENOUGH, ENOUGH_FOR_PAIRS, missing
+from tests.random_building import draws_into
 from worldsim.checks.check import CheckResult
 from worldsim.run_record import COMPLETED, INTERRUPTED
 from worldsim.verdict.judge import CHECKS, Verdict
@@ -81,7 +82,9 @@ def test_a_seed_that_breaks_leaves_its_scenario_with_few_faults_and_the_command(
 
 
 def _leaves(seed: int, folder: Path) -> bool:
-    return any(fault.kind == "leave" for fault in random_fleet(seed, folder).scenario.faults)
+    return any(
+        fault.kind == "leave" for fault in random_fleet(seed, folder, draw_building=draws_into(folder)).scenario.faults
+    )
 
 
 def test_what_takes_too_long_is_no_success(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -74,7 +74,6 @@ SHORTER = {
     "fogwatch reproduce faults": f"{SHORT_TABLE} --only quiet",
     "fogwatch reproduce table 4": f"{SHORT_TABLE} --columns 1",
     "fogwatch reproduce table": f"{SHORT_TABLE} --rows f3 --columns g4",
-    "fogwatch intruder .* --learned": "--horizon 60 --trials 2",
     "fogwatch sweep": "--seeds 1 --cluster HERE",
 }
 """How a command begins (the first that fits), and what is added to make it short: the last of two options counts.

@@ -199,12 +199,7 @@ QUICK: Mapping[str, Case] = {
 REST: Mapping[str, Case] = {
     "tour": Case(
         {"tour.yaml": TOUR},
-        (
-            f"run tour.yaml --out run {RUN}",
-            "judge run",
-            "export run --format csv",
-            "intruder run --attacks 10,25 --learned --horizon 60 --trials 5",
-        ),
+        (f"run tour.yaml --out run {RUN}", "judge run", "export run --format csv", "intruder run --attacks 10,25"),
     ),
     "recovery": Case(
         {"yards.yaml": YARDS},

@@ -47,7 +47,6 @@ def test_a_run_needs_no_study_and_its_report_says_what_it_lacks(tmp_path: Path) 
     "words",
     [
         *NAMES,
-        "map random maps",
         "sweep plan.yaml --seeds 5 --help",
         "run open --preset paper",
         "run open --set patrol.policy=gbs --point 1 --in-process",

@@ -11,13 +11,13 @@ import numpy as np
 import pytest
 
 from agent.policies.committed import Committed, Comparison, OnRound
-from experiments.random_building import Building
 from fogwatch.inprocess import run_in_process
 from patrol.pose import MODELS, Pose
 from patrol.scenario import load_scenario, open_scenario
 from tests.agent.minds import STEP
 from tests.agent.plans import POINT, Robots, prepared_in, two_rooms
 from tests.present import present
+from tests.random_building import Building
 from worldsim.world import World
 
 # Not the product's own, so that a wrong one there is noticed.

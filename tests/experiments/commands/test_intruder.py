@@ -61,20 +61,6 @@ def test_points_are_seen_when_they_are_in_view(ran: Path) -> None:
     assert found.random == pytest.approx(expected)
 
 
-def test_the_learned_intruder_plays_where_it_is_asked_to(ran: Path, run: Command) -> None:
-    options = ("--attacks", "2,25", "--learned", "--horizon", "30,60", "--trials", "2")
-    shown = output(run("intruder", ran, *options))
-    assert "learned" in shown
-    assert "2 trials" in shown
-    games = json.loads(output(run("intruder", ran, *options, "--json")))
-    for outcomes in (games["learned_ground"], games["learned_nodes"]):
-        assert [(each["horizon_s"], each["attack_s"]) for each in outcomes] == [(30, 2), (30, 25), (60, 2), (60, 25)]
-        assert outcomes[1]["success"] is None
-        for each in (outcomes[0], *outcomes[2:]):
-            assert 0.0 <= each["success"] <= each["attacked"] <= 1.0
-    assert games["learned_points"] <= 100
-
-
 @pytest.fixture(scope="module")
 def watched(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A run that is long enough for a moving intruder that plans over 20 s."""
@@ -136,11 +122,7 @@ def test_a_report_shows_an_attempt_that_succeeds_and_one_that_does_not(watched: 
         (["--entries", "0,0 9,9"], "--entries 0,0 9,9: expected edge, doors, or three corners or more"),
         (["--zone", "hall"], "zone hall: there is no such zone; this scenario has none"),
         *((["--attacks", attacks], "expected seconds above 0") for attacks in ("", "x", "5,-1", "nan", "1e9")),
-        (["--horizon", "30"], "--horizon 30: only the learned intruder has it; add --learned"),
-        (["--trials", "5"], "--trials 5: only the learned intruder has it; add --learned"),
-        (["--learned", "--horizon", "30,-1"], "--horizon 30,-1: expected seconds above 0"),
-        (["--learned", "--horizon", "30,9"], "horizon of 9 s: the intruder first watches for 10 s; choose a longer"),
-        (["--learned", "--horizon", "30,90"], "horizon of 90 s: the run has only 60 s; choose a shorter horizon"),
+        (["--learned"], "--learned: no such option"),
     ],
 )
 def test_intruders_that_cannot_be_are_one_line(ran: Path, run: Command, options: list[str], message: str) -> None:

@@ -17,10 +17,10 @@ from pydantic import BaseModel
 
 from agent.ports import Bearing, Intent, Place, PolicySetup, Stay, Steer
 from agent.view import View
-from experiments.random_building import random_building
 from fogwatch.testing import RuleBroken, check_policy
 from patrol.errors import BadInput
 from patrol.pose import Drive
+from tests.random_building import random_building
 
 EXAMPLE = Path(__file__).parents[3] / "examples" / "my_policy.py"
 ONE = ("holonomic",)

@@ -6,9 +6,12 @@ from pathlib import Path
 
 import pytest
 
-from fogwatch.testing.swarm import FAULT_KINDS, random_fleet
+from fogwatch.testing.swarm import FAULT_KINDS, draw_stored, random_fleet
 from patrol.errors import BadInput
+from patrol.maps.load import read_terrain
+from patrol.random import Draws
 from patrol.scenario import as_mapping
+from patrol.starts import starting_part
 
 
 def test_the_seed_decides_the_scenario(tmp_path: Path) -> None:
@@ -38,3 +41,13 @@ def test_settings_stay_as_given(tmp_path: Path) -> None:
 def test_settings_that_leave_no_room_are_bad_input(tmp_path: Path) -> None:
     with pytest.raises(BadInput, match="radius"):
         random_fleet(1, tmp_path, {"robots.radius": 60.0})
+
+
+@pytest.mark.parametrize("point", [0.25, 0.4])
+@pytest.mark.parametrize("radius", [0.2, 0.3, 0.31, 0.4])
+def test_there_are_stored_buildings_with_room_for_each_body(radius: float, point: float) -> None:
+    dice = Draws(1)
+    drawn = {draw_stored(dice, radius, point) for _ in range(30)}
+    assert len(drawn) == 3
+    for path in drawn:
+        assert starting_part(read_terrain(path, point), radius).sum() * point**2 >= 25.0

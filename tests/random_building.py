@@ -3,6 +3,8 @@
 A building has rooms side by side, along a corridor, or scattered and joined by slanting corridors. In and around its
 rooms are pillars, pockets, slits, closets and dead ends. Many stand askew on the grid, so that every wall is a stair.
 Results name buildings by their seed, so the same seed, radius and point must give the same building in every version.
+
+`STORED` lists those that are kept as maps; ``python -m tests.random_building`` draws them again.
 """
 
 from __future__ import annotations
@@ -15,12 +17,13 @@ from pathlib import Path
 import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
+from PIL import Image
 
-from experiments.random_limits import check_building
+from fogwatch.testing.swarm import BUILDINGS, DrawBuilding
 from patrol.errors import BadInput
-from patrol.files.untrusted import IMAGE, MAP, read_untrusted
 from patrol.ground.cspace import cspace_of
 from patrol.ground.terrain import BoolGrid, Terrain
+from patrol.random import Draws
 from patrol.scenario import RobotSpec
 from patrol.starts import place_starts, starting_part
 
@@ -41,6 +44,21 @@ MOST_TRIES = 1000
 
 Gap = str
 """How wide an opening is: ``wide``, ``fits`` (a few points to spare) or ``narrow`` (a few points too narrow)."""
+
+MAPS = Path(__file__).parents[1] / "examples" / "maps"
+
+STORED = {
+    **{MAPS / f"random{seed}.yaml": (seed, 0.3, 0.1) for seed in range(101, 107)},
+    **{MAPS / f"random{seed}-radius0.2.yaml": (seed, 0.2, 0.1) for seed in (1, 2)},
+    **{MAPS / f"random{seed}-point0.25.yaml": (seed, 0.3, 0.25) for seed in (1, 2, 4, 5, 6, 13)},
+    **{
+        BUILDINGS / f"point{point}-radius{radius}-{seed}.yaml": (seed, radius, point)
+        for point in (0.25, 0.4)
+        for radius in (0.3, 0.4)
+        for seed in (1, 2, 3)
+    },
+}
+"""Seed, body's radius and point's side of the stored maps: those of results and pages, and those of `check_policy`."""
 
 
 @dataclass(frozen=True)
@@ -90,31 +108,33 @@ class Building:
     def write(self, folder: Path, name: str = "building") -> Path:
         """Write the building as a map in ROS map_server's format, and return the map's YAML file.
 
-        The folder must exist. A file of this name is refused if it holds something else.
+        The folder must exist.
         """
-        height, width = self.free.shape
-        cells = np.where(self.free[::-1], 254, 0).astype(np.uint8)
-        description = (
-            f"image: {name}.pgm\nresolution: {self.point}\norigin: [0, 0, 0]\nnegate: 0\n"
-            "occupied_thresh: 0.65\nfree_thresh: 0.196\n"
-        )
+        Image.fromarray(np.where(self.free[::-1], 254, 0).astype(np.uint8)).save(folder / f"{name}.png", optimize=True)
         path = folder / f"{name}.yaml"
-        image = b"P5 %d %d 255\n" % (width, height) + cells.tobytes()
-        files = {folder / f"{name}.pgm": (IMAGE, image), path: (MAP, description.encode())}
-        for file, (kind, content) in files.items():
-            if file.exists() and read_untrusted(file, kind) != content:
-                raise BadInput(f"{file}: exists already, with other content; choose another folder")
-        for file, (_, content) in files.items():
-            file.write_bytes(content)
+        path.write_text(
+            f"image: {name}.png\nresolution: {self.point}\norigin: [0, 0, 0]\nnegate: 0\n"
+            "occupied_thresh: 0.65\nfree_thresh: 0.196\n",
+            encoding="utf-8",
+        )
         return path
+
+
+def draws_into(folder: Path) -> DrawBuilding:
+    """Return what draws a new building for each random scenario, and writes its map into a folder."""
+
+    def draw_building(dice: Draws, radius: float, point: float) -> Path:
+        building = random_building(dice.whole(0, 10**6), radius, point)
+        return building.write(folder, f"building-{dice.whole(0, 10**9)}")
+
+    return draw_building
 
 
 def random_building(seed: int, radius: float, point: float) -> Building:
     """Draw a building that a few robots can patrol most of; `radius` and `point` are in m.
 
-    `point` is the side of a point. BadInput also if no building was good enough.
+    `point` is the side of a point. Raises BadInput if no building was good enough.
     """
-    check_building(seed, radius, point)
     architect = Architect(np.random.default_rng(seed), radius, point)
     robots = [RobotSpec(n, f"r{n}", "holonomic", 1.0, radius, 1.0, None) for n in range(1, TEAM + 1)]
     for _ in range(MOST_TRIES):
@@ -400,3 +420,8 @@ def _inside_slab(slab: Slab, x: NDArray[np.float64], y: NDArray[np.float64]) -> 
     across = (y - slab.y) * cos - (x - slab.x) * sin
     inside: BoolGrid = (np.abs(along) <= 0.5 * slab.length) & (np.abs(across) <= 0.5 * slab.width)
     return inside
+
+
+if __name__ == "__main__":
+    for path, (seed, radius, point) in STORED.items():
+        random_building(seed, radius, point).write(path.parent, path.stem)
