@@ -1,28 +1,19 @@
-"""The state of a fleet: from what a page would show of it, or without a world from the processes that are there."""
+"""The state of a fleet, from what a page would show of it."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass
-from functools import partial
-from typing import Any, Protocol
+from typing import Any
 
 from fogwatch.cli.columns import aligned
 from fogwatch.terminal.live_table import duration_text
-from monitor.live.positions_source import MAX_TELEMETRY, stop_text
-from monitor.observation.hearing import Hearing
+from monitor.live.attach import NoAnswer
 from monitor.observation.source import RobotShape, RobotState, Source, State, Static
-from patrol.errors import Malformed, printable
+from patrol.errors import printable
 from patrol.journal.records import Status
-from patrol.messages.stop_orders import robots_there
-from patrol.messages.telemetry import Telemetry
-from patrol.net.link import Link
-from patrol.net.mailbox import Air, Mailbox
 from patrol.process.lifeline import Ending
-from patrol.radio.message import CONTACT, MAX_FRAME, Position, Rejected, decode
-from patrol.security.keys import WORLD, FleetKeys
-from patrol.wire import read
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,7 +26,6 @@ class RobotStatus:
     # age of its last position, with a world as other robots heard it; None if none was heard
     heard_s: float | None = None
     place: tuple[float, float] | None = None  # x and y, m; None when unknown
-    tick: int | None = None  # last one that it has reported; None when unknown
     wrong: str = ""  # what is wrong with it, and since when; empty if nothing is
 
 
@@ -59,7 +49,7 @@ class FleetStatus:
     router: str  # locator of its router, which answers
     world: WorldStatus | None  # None where there is none
     mfow_s: float | None  # the true one; without a world, by the positions heard since the look began
-    robots: tuple[RobotStatus, ...]  # in roster order or, without a roster, by name
+    robots: tuple[RobotStatus, ...]  # in roster order; none while a world gives no answer
     faults: tuple[str, ...] = ()  # those in force that operators have requested, as in a scenario
     warnings: tuple[str, ...] = ()  # what is wrong with the fleet as a whole
     unknown: tuple[str, ...] = ()  # what this look cannot tell, and what would
@@ -105,18 +95,6 @@ class FleetStatus:
         wrong, warnings = sum(bool(robot.wrong) for robot in self.robots), len(self.warnings)
         robots = [f"{wrong} of {len(self.robots)} robots"] if wrong else []
         return ", ".join([*robots, *([f"warnings: {warnings}"] if warnings else [])])
-
-
-class FleetWatch(Protocol):
-    """Looks at a fleet, again and again."""
-
-    def look(self, seconds: float) -> FleetStatus | None:
-        """Listen, then return the state; None when asked to end before there was one."""
-        ...
-
-    def close(self) -> None:
-        """Disconnect."""
-        ...
 
 
 def _world_text(world: WorldStatus | None) -> str:
@@ -167,39 +145,46 @@ class Look:
         return [shape.name for shape, robot in robots if robot.status is maybe and robot.heard_s is None]
 
 
-class SourceWatch:
-    """Looks at a source."""
+class FleetWatch:
+    """Looks at a fleet, again and again."""
 
     def __init__(
         self,
-        source: Source,
+        open_source: Callable[[], Source | None],
+        fleet: str,
         router: str,
         ending: Ending,
         patience_s: float = 0.0,
         now: Callable[[], float] = time.monotonic,
     ) -> None:
-        """Take over a source, which `close` closes.
+        """Looks call `open_source` until it returns a source, which `close` closes; it returns None when asked to end.
 
-        The first look may take `patience_s` longer while a robot has not been heard. `ending` ends a look early. `now`
-        gives the wall clock in s.
+        It raises NoAnswer for a world that is there and gives no answer yet. The first look may take `patience_s`
+        longer while a robot has not been heard. `ending` ends a look early. `now` gives the wall clock in s.
         """
-        self._source, self._router, self._ending, self._now = source, router, ending, now
-        self._patience_s = patience_s
-        self._static = source.static()
+        self._open_source, self._fleet, self._router, self._ending = open_source, fleet, router, ending
+        self._now, self._patience_s = now, patience_s
+        self._source: Source | None = None
         self._look: Look | None = None
         self._first_s: float | None = None
 
     def look(self, seconds: float) -> FleetStatus | None:
-        """See `FleetWatch`."""
-        until = self._now() + seconds
+        """Listen, then return the state; None when asked to end before there was one."""
+        try:
+            source = self._source = self._source or self._open_source()
+        except NoAnswer as known:
+            return FleetStatus(self._fleet, self._router, None, None, (), warnings=(known.waits,))
+        if source is None:
+            return None
+        static, until = source.static(), self._now() + seconds
         longest = until + self._patience_s
         self._patience_s = 0.0
         while (now := self._now()) < until or self._is_undecided(now < longest):
-            state = self._source.wait(min(max(until - now, 0.01), POLL_S))
+            state = source.wait(min(max(until - now, 0.01), POLL_S))
             if state is not None:
                 if self._first_s is None:
                     self._first_s = state.time_s
-                self._look = Look(self._static, state, state.time_s - self._first_s)
+                self._look = Look(static, state, state.time_s - self._first_s)
             if self._ending:
                 break
         return None if self._look is None else fleet_status(self._look, self._router)
@@ -213,8 +198,9 @@ class SourceWatch:
         return may_wait and look.state.running and not halted and bool(look.undecided)
 
     def close(self) -> None:
-        """See `FleetWatch`."""
-        self._source.close()
+        """Disconnect."""
+        if self._source is not None:
+            self._source.close()
 
 
 def fleet_status(look: Look, router: str) -> FleetStatus:
@@ -275,156 +261,3 @@ def _robot_problem(look: Look, shape: RobotShape, robot: RobotState) -> str:
         before = "" if robot.trapped.exact else "before "
         return f"trapped since {before}{duration_text(robot.trapped.since_s)}"
     return robot.radio_wrong
-
-
-_UNKNOWN = "frames' tags, MFoW and trapped robots: give --scenario FILE"
-_UNKNOWN_AT_A_ROUTER = f"robots that should be here and are not, {_UNKNOWN}"
-
-_TAKE_S = 0.1
-
-
-class _Heard:
-    """The position and the reports that were heard of a robot."""
-
-    def __init__(self, link: Link, air: Air, keys: FleetKeys, name: str, now: float) -> None:
-        self.followed_since, self._name = now, name
-        position, telemetry = keys.position(name), keys.telemetry(name)
-        self._frames: Mailbox[Position] = Mailbox([position], _decode_position, MAX_FRAME)
-        self._reports: Mailbox[Telemetry] = Mailbox([telemetry], partial(read, Telemetry), MAX_TELEMETRY)
-        self.position: Position | None = None
-        self.position_at = 0.0
-        self.report: Telemetry | None = None
-        air.subscribe(position, self._frames)
-        link.subscribe(telemetry, self._reports)
-
-    def take(self, now: float, hearing: Hearing) -> None:
-        """Take in what has arrived."""
-        while (frame := self._frames.get()) is not None:
-            hearing.sent(self._name)
-            if frame[1].robot != CONTACT:
-                self.position, self.position_at = frame[1], now
-        while (report := self._reports.get()) is not None:
-            self.report = report[1]
-            hearing.take(self._name, self.report.traffic)
-
-
-class TokenWatch:
-    """Looks at the processes of a fleet."""
-
-    def __init__(
-        self,
-        link: Link,
-        air: Air,
-        keys: FleetKeys,
-        router: str,
-        ending: Ending,
-        silent_s: float,
-        find_world: Callable[[], FleetWatch | str | None],
-        now: Callable[[], float] = time.monotonic,
-    ) -> None:
-        """Take over the connections, which `close` closes.
-
-        `find_world` opens a watch of a world that is there; it returns what is known of one that gives no answer, and
-        None when asked to end.
-
-        `link` leads to the fleet's router, `air` to where the robots send positions; they may be the same. A robot
-        without a position for `silent_s` is silent. `ending` ends a look early. `now` gives the wall clock in s.
-        """
-        self._link, self._air, self._keys, self._router = link, air, keys, router
-        self._ending, self._silent_s, self._now = ending, silent_s, now
-        self._find_world = find_world
-        self._world: FleetWatch | None = None
-        self._waits: str | None = None  # of a world that has given no answer just now
-        self._robots: dict[str, _Heard] = {}
-        self._hearing = Hearing()
-
-    def look(self, seconds: float) -> FleetStatus | None:
-        """See `FleetWatch`."""
-        if self._world is not None:
-            return self._world.look(seconds)
-        self._follow_robots()
-        until = self._now() + seconds
-        while (remaining_s := until - self._now()) > 0.0 and not self._ending.wait(min(remaining_s, _TAKE_S)):
-            self._take_messages()
-        self._take_messages()
-        present, mesh = self._follow_robots(), self._link.mesh
-        names = sorted({*self._robots, *(() if mesh is None else mesh.robots)})
-        robots = tuple(self._robot_status(name, present) for name in names)
-        new = [robot.name for robot in robots if robot.heard_s is None and not robot.wrong]
-        unknown = [f"whether {', '.join(new)} can be heard: followed for less than {self._silent_s:g} s"] if new else []
-        unknown.append(_UNKNOWN_AT_A_ROUTER if mesh is None else _UNKNOWN)
-        if self._waits is None:
-            self.find_world()
-            if self._world is not None:
-                return self._world.look(seconds)
-        waits, self._waits = self._waits, None
-        warnings, has_world = (waits,) if waits else (), waits is not None
-        return FleetStatus(
-            self._keys.fleet, self._router, None, None, robots, (), warnings, tuple(unknown), has_world=has_world
-        )
-
-    def find_world(self) -> None:
-        """Look for the fleet's world, which may be met later than its robots; from then on, look at it."""
-        if not self._link.sees(self._keys.alive(WORLD)):
-            return
-        answer = self._find_world()
-        self._world, self._waits = (None, answer) if isinstance(answer, str) else (answer, None)
-
-    def close(self) -> None:
-        """See `FleetWatch`."""
-        if self._world is not None:
-            self._world.close()
-        self._link.close()
-        if self._air is not self._link:
-            self._air.close()
-
-    def _follow_robots(self) -> list[str]:
-        """List the robots that are there, and listen to those that are new."""
-        present = robots_there(self._link, self._keys)
-        for name in present:
-            if name not in self._robots:
-                self._robots[name] = _Heard(self._link, self._air, self._keys, name, self._now())
-        return present
-
-    def _take_messages(self) -> None:
-        for watched in self._robots.values():
-            watched.take(self._now(), self._hearing)
-
-    def _robot_status(self, name: str, there: Collection[str]) -> RobotStatus:
-        if name not in self._robots:
-            return RobotStatus(name, "absent", wrong="is not there")
-        watched = self._robots[name]
-        position, report = watched.position, watched.report
-        now = self._now()
-        heard_s = None if position is None else now - watched.position_at
-        is_new = position is None and now - watched.followed_since < self._silent_s
-        wrong = ""
-        if name not in there:
-            wrong = "its process has gone"
-        elif is_new:
-            pass
-        elif position is None and report is None:
-            wrong = f"has sent nothing for {self._silent_s:g} s"
-        elif heard_s is None or heard_s > self._silent_s:
-            wrong = f"no position for {self._silent_s:g} s"
-            if heard_s is None:
-                wrong += " here; if robots hear each other elsewhere, give --radio"
-        else:
-            wrong = (report and stop_text(report.stopped)) or self._hearing.wrong(name, there)
-        return RobotStatus(
-            name=name,
-            status="alive" if name in there else "gone",
-            doing="" if report is None else stop_text(report.stopped) or report.state,
-            heard_s=heard_s,
-            place=None if position is None else (position.pose.x, position.pose.y),
-            tick=None if report is None else report.k,
-            wrong=wrong,
-        )
-
-
-def _decode_position(frame: bytes) -> Position:
-    """Decode a frame; its tag is not checked."""
-    try:
-        return decode(frame)
-    except Rejected as rejected:
-        raise Malformed(str(rejected)) from None

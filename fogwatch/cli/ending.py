@@ -19,7 +19,6 @@ from patrol.reporting.logs import crashed
 OLD_WORDS = {
     "key new": "fleet key",
     "key": "fleet key",
-    "recording": "record --check",
     "experiment": "reproduce",
     "paper all": "reproduce table",
     "paper": "reproduce",
@@ -29,8 +28,14 @@ OLD_WORDS = {
 BARE = ("paper", "experiment", "paper table")
 """Old words that asked for more where nothing followed them; their new words alone would list or run all."""
 
-GONE = {"chaos": "`fogwatch chaos` is now `make chaos` in a clone of fogwatch"}
-"""Commands of fogwatch 1.0 that have gone, and the remedy."""
+_MCAP = "the tool mcap does that: mcap doctor FILE inspects a recording, mcap recover FILE -o NEW saves a damaged one"
+GONE = {
+    "chaos": "`fogwatch chaos` is now `make chaos` in a clone of fogwatch",
+    "recording": f"`fogwatch recording` is gone; {_MCAP}",
+    "record --check": f"`fogwatch record --check` is gone; {_MCAP}",
+    "record --repair": f"`fogwatch record --repair` is gone; {_MCAP}",
+}
+"""Commands and options of fogwatch 1 that have gone, and the remedy."""
 
 
 def find_old_words(words: Sequence[str]) -> str | None:
@@ -46,8 +51,11 @@ def renew_words(words: Sequence[str]) -> list[str]:
 
 def _translate(words: Sequence[str]) -> list[str]:
     """Return a command line in new words; tell which ones where it has old ones."""
-    if words and words[0] in GONE:
-        raise BadInput(GONE[words[0]])
+    options = {word.partition("=")[0] for word in words}
+    for old_words, remedy in GONE.items():
+        command, *option = old_words.split()
+        if words[:1] == [command] and options.issuperset(option):
+            raise BadInput(remedy)
     if (old := find_old_words(words)) is not None:
         complain(f"`fogwatch {old}` is now `fogwatch {OLD_WORDS[old]}`; the old words go with fogwatch 2")
         if (line := " ".join(words)) in BARE:

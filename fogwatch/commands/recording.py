@@ -18,7 +18,6 @@ from patrol.process.lifeline import heed
 from patrol.starting.warmup import warm
 
 TABLES = "tables"
-BROKEN = 1
 
 
 @command(
@@ -66,40 +65,24 @@ def export(
         "fogwatch record runs/yards-20260101-120000 --out yards.mcap",
         "fogwatch record --credentials yards-1/viewer",
         "fogwatch record --router tcp/192.168.1.10:7447 --fleet yards-1",
-        "fogwatch record --check yards.mcap --repair repaired.mcap",
     ],
-    exit_codes="0 the recording is complete, or was repaired; 1 it is cut off or damaged; 2 bad input; 130 interrupted "
-    "before a fleet answered",
+    exit_codes="0 the recording is complete, 2 bad input, 130 interrupted before a fleet answered",
 )
 def record(
-    run: Annotated[Path | None, argument("[RUN|FILE.mcap]", "Folder of a run; with --check, a recording.")] = None,
+    run: Annotated[Path | None, argument("[RUN]", "Folder of a run.")] = None,
     out: Annotated[
         Path | None, option("FILE", "File to write (default: recording.mcap in the run's folder, or FLEET.mcap).")
     ] = None,
     *,
     fleet: FleetOptions,
     wait: Wait = WAIT_S,
-    check: Annotated[
-        bool, option("", "Record nothing: print what a recording holds and whether it is complete.", "--check")
-    ] = False,
-    repair: Annotated[
-        Path | None, option("NEW.mcap", "With --check: write a complete file with all that can be read.")
-    ] = None,
 ) -> int:
     """Write a recording: an MCAP file of ROS 2 messages for Foxglove, Lichtblick, Rerun or PlotJuggler.
 
     Given the folder of a run, it holds the whole run so far. Given a running fleet (--credentials, or --router and
-    --fleet), it holds what happens from now on, until the run ends, its world is gone, or Ctrl-C is pressed. With
-    --check, a recording that is there is inspected, and with --repair saved where it is damaged.
+    --fleet), it holds what happens from now on, until the run ends, its world is gone, or Ctrl-C is pressed. The tool
+    `mcap` inspects recordings, and makes one whole that was cut off: mcap recover FILE --output NEW.
     """
-    if check:
-        if run is None:
-            raise BadInput("FILE.mcap is missing; for example: fogwatch record --check yards.mcap")
-        if out is not None or fleet != FleetOptions():
-            raise BadInput("--check: records nothing; leave --out and the options of fleets out")
-        return _inspect_recording(run, repair)
-    if repair is not None:
-        raise BadInput(f"--repair {repair}: mends a recording that is there; add --check")
     fleet.check_one_fleet("record", run)
     if run is not None:
         if fleet.scenario is not None or fleet.radio is not None:
@@ -165,25 +148,3 @@ def _record_run(run: Path, out: Path | None) -> None:
     every = key_frame_ticks(opened) * opened.step
     megabytes = file.stat().st_size / 1e6
     say(f"recording: {file}, {megabytes:.1f} MB, {opened.ticks * opened.step:g} s, a whole grid every {every:g} s")
-
-
-def _inspect_recording(file: Path, repair: Path | None) -> int:
-    """Print what a recording holds and whether it is complete, and repair a damaged one; the exit code."""
-    from monitor.recording.mcap_file import inspect_recording
-
-    contents = inspect_recording(file, repair)
-    facts = contents.facts
-    by = facts.get("software") or facts.get("told_by")
-
-    say(f"{facts.get('scenario', '?')}: {contents.begin_s:g} to {contents.end_s:g} s, by {by}")
-    scale = facts.get("fog_scale_s", "?")
-    unit = " s" if scale[:1].isdigit() else ""
-    say(f"  in /fog, 100 stands for {scale}{unit}; the run: {facts.get('ended')}")
-    for topic, count in sorted(contents.messages.items()):
-        say(f"  {count:8} {topic}")
-    if not contents.why_cut:
-        say("complete, checksums right")
-        return 0
-    saved = f"; repaired copy: {repair}" if repair else "; --repair NEW.mcap saves what can be read"
-    say(f"cut off: {contents.why_cut}{saved}")
-    return 0 if repair else BROKEN

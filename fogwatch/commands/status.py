@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import time
-from argparse import Namespace
 from contextlib import nullcontext
 from typing import TYPE_CHECKING, Annotated
 
@@ -13,13 +11,12 @@ import typer
 from fogwatch.cli.command_help import command
 from fogwatch.cli.options import option
 from fogwatch.commands.fleet import LISTEN_S, FleetOptions, RunningFleet, Seconds, Wait
-from patrol.errors import BadInput
 from patrol.process.failures import INTERRUPTED
 
 if TYPE_CHECKING:
     from fogwatch.status import FleetWatch
+    from monitor.observation.source import Source
     from patrol.process.lifeline import Ending
-    from patrol.process.options import Meeting
 
 WRONG = 1
 WAIT_S = 5.0
@@ -50,21 +47,29 @@ def status(
     """Say how a running fleet does: its world, its robots, and what is wrong. It changes nothing.
 
     Wrong are robots that are dead, paused, lost, trapped or silent, and what a page would warn of. With a world, a
-    robot is silent when no other robot has heard it for radio.forget_after. Without a world, --scenario says which
-    robots should be there; without it, in a mesh, all of its members, and at a router the look shows the processes
-    that are there and what they send. A robot is then silent that sends no position for --seconds. Wrong is also a
-    robot that reports not to hear another one.
+    robot is silent when no other robot has heard it for radio.forget_after. Robots without a world need their
+    --scenario, which says which of them should be there. A robot is then silent that sends no position for
+    radio.forget_after. Wrong is also a robot that reports not to hear another one.
     """
+    from fogwatch.status import FleetWatch
+    from monitor.live.attach import find_fleet
+    from monitor.process import source_opener
     from patrol.process.lifeline import heed
     from patrol.scenario import load_scenario
 
-    source = fleet.as_source("status", run, wait)
+    what = fleet.as_source("status", run, wait)
     if fleet.scenario is not None:
         load_scenario(fleet.scenario)
     ending = heed(None, patience=1)
-    fleet_watch = _open_watch(source, seconds, 0.0 if watch else PATIENCE_S, ending)
-    if fleet_watch is None:
+    answer = find_fleet(ending, what.access, what.credentials, what.router, what.fleet, wait, shown="status")
+    if answer is None:
         return INTERRUPTED
+    met = answer[0]
+
+    def open_source() -> Source | None:
+        return next(iter(source_opener(what, ending)()), None)
+
+    fleet_watch = FleetWatch(open_source, met.keys.fleet, met.meets_at, ending, 0.0 if watch else PATIENCE_S)
     try:
         look = follow if watch else once
         return look(fleet_watch, seconds, ending, as_json=as_json)
@@ -103,52 +108,3 @@ def follow(fleet_watch: FleetWatch, seconds: float, ending: Ending, *, as_json: 
             if seen.is_over:
                 return 0 if seen.well else WRONG
             seconds = EVERY_S
-
-
-def _open_watch(what: Namespace, silent_s: float, patience_s: float, ending: Ending) -> FleetWatch | None:
-    """Connect to the fleet that the options name; None when asked to end meanwhile."""
-    from fogwatch.status import POLL_S, SourceWatch, TokenWatch
-    from monitor.live.attach import NoAnswer, find_fleet
-    from monitor.process import source_opener
-    from patrol.net.open_links import open_links
-    from patrol.reporting.logs import Log
-    from patrol.security.keys import check_radio, is_serial
-
-    answer = find_fleet(ending, what.access, what.credentials, what.router, what.fleet, what.wait, shown="status")
-    if answer is None:
-        return None
-    met: Meeting = answer[0]
-
-    def open_source() -> SourceWatch | None:
-        sources = source_opener(what, ending)()
-        return SourceWatch(sources[0], met.meets_at, ending, patience_s) if sources else None
-
-    def find_world() -> SourceWatch | str | None:
-        try:
-            return open_source()
-        except NoAnswer as known:
-            return known.waits
-
-    on_air = None if what.scenario is not None else check_radio(what.radio, "--radio", "direct")
-    if on_air is not None and is_serial(on_air):
-        raise BadInput(f"--radio {on_air}: robots have no names on a serial line; give their --scenario FILE as well")
-    links = open_links(met.router, on_air, what.wait, Log("status").info, lambda: bool(ending), met.credentials)
-    if links is None:
-        return None
-    until = time.monotonic() + what.wait
-    while what.scenario is None:
-        if links[0].seen(met.keys.alive("*"), 1):
-            watch = TokenWatch(*links, met.keys, met.meets_at, ending, silent_s, find_world)
-            watch.find_world()
-            return watch
-        if time.monotonic() >= until or ending.wait(POLL_S):  # processes that start meet before they are seen here
-            break
-    for link in dict.fromkeys(links):
-        link.close()
-    if what.scenario is None and not ending:
-        revoked = "; or these credentials were revoked" if met.revocable else ""
-        raise BadInput(
-            f"--fleet {met.keys.fleet}: nothing of this fleet is at {met.meets_at} yet; if it has just been started, "
-            f"look again, otherwise correct its name{revoked}"
-        )
-    return None if ending else open_source()

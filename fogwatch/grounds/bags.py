@@ -13,7 +13,7 @@ from itertools import chain
 from pathlib import Path
 from typing import BinaryIO
 
-from monitor.recording.mcap_file import make_reader, unpack_record
+from fogwatch.grounds.mcap_records import make_reader, unpack_record
 from patrol.errors import BadInput, Malformed, quoted
 from patrol.files.untrusted import BAG, open_untrusted
 from patrol.files.whole_file import writing
@@ -46,11 +46,13 @@ def extract_map(bag: Path, out: Path, topic: str | None = None) -> tuple[Path, O
 
     The map's file has the bag's name. Without a topic the bag must have grids of one topic alone.
     """
-    bag = bag.resolve()  # a map needs its name, which "." has not
     try:
+        bag = bag.resolve()  # a map needs its name, which "." has not
         files = sorted(file for file in bag.iterdir() if file.suffix in _ENDINGS) if bag.is_dir() else [bag]
     except OSError as error:
         raise BadInput(f"{bag}: cannot be read ({error.strerror})") from None
+    except RuntimeError:
+        raise BadInput(f"{bag}: is a link that leads back to itself; name the bag") from None
     newest: Found | None = None
     topics: set[str] = set()
     for stamped in chain.from_iterable(map(_grids_of, files)):
@@ -122,13 +124,10 @@ def _in_mcap(file: BinaryIO) -> Iterator[tuple[int, Found | None]]:
     from mcap.records import Channel, Chunk, Message, Schema
     from zstandard import ZstdError
 
-    def damaged(error: Exception) -> None:
-        raise error
-
     grids: dict[int, bool] = {}
     topics: dict[int, str] = {}
     try:
-        for outer in make_reader(file, False, damaged, MOST_BYTES).records:
+        for outer in make_reader(file, MOST_BYTES).records:
             yield outer.uncompressed_size if isinstance(outer, Chunk) else 0, None
             for record in unpack_record(outer, MOST_BYTES):
                 grid = None

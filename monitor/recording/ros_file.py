@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from monitor.recording import ros_messages as ros
-from monitor.recording.mcap_file import METADATA
 from patrol.errors import BadInput
 
 if TYPE_CHECKING:
@@ -19,6 +18,8 @@ if TYPE_CHECKING:
 
     from patrol.pose import Pose
 
+METADATA = "fogwatch"
+"""Name of the metadata that marks a recording as one of fogwatch."""
 PROFILE = "ros2"
 _LEVELS = {"dead": ros.WARN, "fault": ros.WARN, "lost": ros.ERROR}
 

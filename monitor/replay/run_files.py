@@ -10,9 +10,8 @@ from pathlib import Path
 from pydantic import ValidationError
 
 from patrol.errors import BadInput, quoted
-from patrol.files.untrusted import RECORDING as RECORDING_FILE
 from patrol.files.untrusted import SUMMARY as SUMMARY_FILE
-from patrol.files.untrusted import leads_out, open_untrusted, read_untrusted, refuse_half_characters
+from patrol.files.untrusted import leads_out, read_untrusted, refuse_half_characters
 from patrol.journal import Journal, read_journal
 from patrol.summary.model import Summary
 
@@ -24,8 +23,6 @@ REPORT = "report.html"
 
 MOST_REPLAYS = 2
 """Runs that a page shows side by side."""
-
-_MCAP = b"\x89MCAP0\r\n"
 
 
 def check_out(out: Path, example: str) -> None:
@@ -53,13 +50,7 @@ def check_runs(folders: Sequence[Path]) -> None:
 def journal_in(folder: Path) -> Journal:
     """Open the journal of a run, without reading its ticks yet."""
     if folder.is_file():
-        try:
-            with open_untrusted(folder, RECORDING_FILE) as file:
-                recording = file.read(len(_MCAP)) == _MCAP
-        except OSError as error:
-            raise BadInput(f"{folder}: cannot be read ({error.strerror}); name the run's folder") from None
-        kind = "is a recording; inspect it with `fogwatch record --check`, or" if recording else "is a file;"
-        raise BadInput(f"{folder}: {kind} name the run's folder")
+        raise BadInput(f"{folder}: is a file; name the run's folder")
     if not folder.is_dir():
         raise BadInput(f"{folder}: no such folder; name the folder of a run, such as runs/yards-20260101-120000")
     for name, why in ((JOURNAL, "its run has not started"), (SCENARIO, "its run is incomplete")):

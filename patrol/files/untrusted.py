@@ -50,7 +50,6 @@ WEIGHTS = Kind("a trained network", 64 * MIB)
 SUMMARY = Kind("a summary", 8 * MIB)
 JOURNAL = Kind("a journal", 64 * GIB)
 BAG = Kind("a bag", 64 * GIB)
-RECORDING = Kind("a recording", 64 * GIB)
 RESULTS = Kind("a sweep's results", GIB)
 
 _NAMES = (
@@ -68,7 +67,7 @@ class FileRefused(Unusable, OSError):
 def open_untrusted(path: Path, kind: Kind) -> BinaryIO:
     """Open a file for reading.
 
-    Journals and recordings, which are read piece by piece, have limits of their own for each piece. Raises FileRefused,
+    Journals and bags, which are read piece by piece, have limits of their own for each piece. Raises FileRefused,
     an OSError, for anything but a regular file, and for one larger than its kind may be.
     """
     try:

@@ -16,7 +16,7 @@ import yaml
 
 from patrol.errors import BadInput
 from patrol.files.foreign import BAG_FOLDER, HEAD, kind_of_bytes
-from patrol.files.untrusted import RECORDING, SCENARIO, Kind, open_untrusted, read_untrusted, refuse_half_characters
+from patrol.files.untrusted import BAG, SCENARIO, Kind, open_untrusted, read_untrusted, refuse_half_characters
 
 MOST_NODES = 100_000
 """Keys, values and lists of one text, those that an alias stands for included: what takes about two seconds to read."""
@@ -141,7 +141,7 @@ _Loader.add_constructor(f"{_TAG}int", _read_integer)
 def read_text(path: Path, kind: Kind = SCENARIO) -> str:
     """Read the text of a file in UTF-8, or else in Latin-1, as old maps' comments are."""
     try:
-        with open_untrusted(path, RECORDING) as file:  # a bag is larger than any text
+        with open_untrusted(path, BAG) as file:  # a bag is larger than any text
             head = file.read(HEAD)
         if what := kind_of_bytes(head):
             raise BadInput(f"{path}: {what}")

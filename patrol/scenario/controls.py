@@ -144,13 +144,6 @@ class AddIntruder(Section):
     place: Corner
     stay: Positive | None = Field(None, alias="for")
 
-    @model_validator(mode="before")
-    @classmethod
-    def _as_in_older_journals(cls, says: Any) -> Any:
-        if isinstance(says, Mapping) and "stay" in says and "for" not in says:
-            return {("for" if name == "stay" else name): value for name, value in says.items()}
-        return says
-
 
 class SwitchZone(Section):
     """Put a zone in force from now on to the end, or no longer; or give it another weight from now on."""

@@ -31,6 +31,12 @@ from patrol.values import BUILTINS, Section
 MEANT = {"time": "at", "begin": "at", "start": "at", "duration": "for", "robot": "who", "robots": "who"}
 """What people call some keys of faults."""
 
+GONE = {
+    "commitment": f"patrol.policy to {DEFAULT} or {PAPER}",
+    **{name: f"patrol.options.{name}" for name in PotentialFieldOptions.model_fields},
+}
+"""Settings that stood in the section `patrol` before 1.0, and what took their place."""
+
 
 def _section_alternatives(annotation: Any, tag: str = "") -> Iterator[tuple[str, type[Section]]]:
     """Yield the sections that a field of some type may hold, each with its tag, such as ``=list``."""
@@ -186,8 +192,8 @@ def _known_at(location: Sequence[int | str]) -> tuple[type[Section], str]:
 
 
 def _unknown_key(key: str, section: type[Section]) -> str:
-    if key == "commitment" and issubclass(section, PatrolSpec):
-        return f"is target or none in files of 0.2; since then set patrol.policy to {DEFAULT} or {PAPER}"
+    if issubclass(section, PatrolSpec) and key in GONE:
+        return f"is no setting of patrol; set {GONE[key]}"
     for options, policy in ((StochasticOptions, STOCHASTIC), (CommittedOptions, COMMITTED)):
         if section is options and key in PotentialFieldOptions.model_fields:
             return f"does nothing for the policy {policy}; leave it out, or set patrol.policy to {PAPER}"

@@ -37,7 +37,7 @@ from patrol.scenario.dump import dump_section, notes_on_lengths
 from patrol.scenario.explain import SECTIONS, one_line
 from patrol.scenario.lengths import FIELDS
 from patrol.scenario.model import Scenario
-from patrol.scenario.older import translate_field, translate_overrides, translate_patrol
+from patrol.scenario.older import translate_patrol
 from patrol.scenario.policies import DEFAULT, OPTION_LENGTHS, PatrolOptions, PatrolSpec
 from patrol.scenario.radio_spec import IDEAL, RadioSpec
 from patrol.scenario.sections import SECTOR, RobotEntry, RobotGroup, SensorSpec
@@ -153,7 +153,7 @@ def parse_overrides(settings: Sequence[str]) -> dict[str, object]:
         field, equals, value = setting.partition("=")
         if not equals or not field.strip():
             raise BadInput(f"--set {setting}: expected FIELD=VALUE, for example patrol.give_way=false")
-        name = translate_field(field.strip())
+        name = field.strip()
         overrides.pop(name, None)
         overrides[name] = value
     return overrides
@@ -222,7 +222,6 @@ def _resolve_scenario(
     if isinstance(raw.get("patrol"), dict):
         raw["patrol"] = translate_patrol(raw["patrol"], notes)
     patrol = raw.get("patrol")
-    overrides = translate_overrides(overrides, patrol)
     for section, default in _CLASSES:
         top, _, field = section.NAMED.partition(".")
         entry = raw.get(top)
@@ -251,7 +250,7 @@ def _resolve_scenario(
             scenario = Scenario.model_validate(raw, context=context)
         scenario = _with_lengths(written_out(scenario))
     except ValidationError as error:
-        places = (lambda _: None) if text is None else partial(_line_of_field, text)
+        places = (lambda _: None) if text is None else partial(line_of, text)
         raise BadInput(one_line(error, source, tuple(overrides), places, aliases or {})) from None
     return with_notes(scenario, tuple(f"{source}: {note}" for note in notes), assumed)
 
@@ -266,12 +265,6 @@ def _left_out(scenario: Scenario) -> frozenset[str]:
         for section, name in fields
         if any(name not in part.model_fields_set for part in parts[section])
     )
-
-
-def _line_of_field(text: str, location: Sequence[int | str]) -> int | None:
-    """Find the line of a field, or of the one around it; in 0.2, a policy's settings stand in the section `patrol`."""
-    places = [location, [*location[:1], *location[2:]]] if location[1:2] == ["options"] else [location]
-    return max((line for location_part in places if (line := line_of(text, location_part)) is not None), default=None)
 
 
 def _read_mapping(path: Path) -> tuple[dict[str, Any], str]:

@@ -77,7 +77,9 @@ def test_the_default_algorithm_is_the_same_both_ways(terrain: str, model: str, t
 )
 def test_a_decision_at_ten_centimetres_is_quick(terrain: str, separation: str, limit_ms: float) -> None:
     """CPU time of one thread, so that a busy machine is no failure."""
-    prepared = prepare(load_scenario({"terrain": {"builtin": terrain}, "patrol": {"separation": separation}}))
+    prepared = prepare(
+        load_scenario({"terrain": {"builtin": terrain}, "patrol": {"options": {"separation": separation}}})
+    )
     minds = make_minds(prepared)
     world = World(prepared)
     spent = []

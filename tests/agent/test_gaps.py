@@ -17,8 +17,7 @@ from tests.agent.plans import Robots
 def pair_of(model: str) -> Robots:
     """Two robots in one room of 30 x 20 m."""
     terrain = Terrain("room", np.ones((40, 60), dtype=np.bool_), 0.5)
-    patrol = {"dilatation": 2.0, "separation": "claims", "commitment": "none", "manoeuvres": False}
-    patrol |= {"random_move": 0.1, "random_move_for": "holonomic"}
+    patrol = {"policy": "potential-field", "manoeuvres": False, "options": {"dilatation": 2.0, "separation": "claims"}}
     facts = {"terrain": {"builtin": "open"}, "point": 0.5, "robots": {"count": 2, "model": model}, "patrol": patrol}
     radio = {"trail": 2, "forget_after": 5}
     scenario = load_scenario({**facts, "radio": radio, "sensor": {"range": 4.0}})

@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from fogwatch.status import Look, SourceWatch, fleet_status
+from fogwatch.status import FleetWatch, Look, fleet_status
+from monitor.live.attach import NoAnswer
 from monitor.observation.source import RobotShape, RobotState, State, Static, Trapped
 from patrol.journal.records import Status
 from patrol.pose import Pose
@@ -107,7 +108,7 @@ class Story:
     """A source whose world does a tick in each wait, and in which a robot is first heard in some tick."""
 
     def __init__(self, heard_from: int) -> None:
-        self.k, self.heard_from, self.now_s = 0, heard_from, 0.0
+        self.k, self.heard_from, self.now_s, self.closed = 0, heard_from, 0.0, 0
 
     def static(self) -> Static:
         return STATIC
@@ -118,6 +119,9 @@ class Story:
         robot = replace(WELL, heard_s=0.0 if self.k >= self.heard_from else None)
         return replace(STATE, k=self.k, time_s=self.k * 0.5, robots=(robot, OTHER))
 
+    def close(self) -> None:
+        self.closed += 1
+
 
 @pytest.mark.parametrize(
     ("heard_from", "patience_s", "ticks", "well"),
@@ -127,7 +131,7 @@ def test_a_look_takes_longer_only_while_a_robot_may_be_silent(
     heard_from: int, patience_s: float, ticks: int, well: bool
 ) -> None:
     story: Any = Story(heard_from)
-    watch = SourceWatch(story, "tcp/r:1", Ending(), patience_s, lambda: story.now_s)
+    watch = FleetWatch(lambda: story, "yards-1", "tcp/r:1", Ending(), patience_s, lambda: story.now_s)
     status = watch.look(0.9)
     assert status is not None
     assert status.well is well
@@ -146,7 +150,7 @@ def test_a_look_at_a_world_that_waits_for_robots_says_for_whom_and_not_that_all_
             return replace(super().wait(timeout_s), k=1, time_s=0.5, note="world waits for anna")
 
     halted: Any = Halted(99)
-    status = SourceWatch(halted, "tcp/r:1", Ending(), 30.0, lambda: halted.now_s).look(0.9)
+    status = FleetWatch(lambda: halted, "yards-1", "tcp/r:1", Ending(), 30.0, lambda: halted.now_s).look(0.9)
     assert status is not None
     assert halted.now_s == pytest.approx(0.9)
     assert status.warnings == ("world waits for anna",)
@@ -161,4 +165,39 @@ def test_a_look_without_a_state_ends_when_asked_to() -> None:
 
     ending, mute = Ending(), Mute(0)
     source: Any = mute
-    assert SourceWatch(source, "tcp/r:1", ending, 30.0, lambda: mute.now_s).look(0.9) is None
+    assert FleetWatch(lambda: source, "yards-1", "tcp/r:1", ending, 30.0, lambda: mute.now_s).look(0.9) is None
+
+
+def test_a_world_that_gives_no_answer_is_there_and_what_it_waits_for_is_said_until_it_does() -> None:
+    story: Any = Story(0)
+    answers: list[Any] = [NoAnswer("yards-1", "world waits for bert"), story]
+
+    def open_source() -> Any:
+        answer = answers.pop(0)
+        if isinstance(answer, NoAnswer):
+            raise answer
+        return answer
+
+    watch = FleetWatch(open_source, "yards-1", "tcp/r:1", Ending(), now=lambda: story.now_s)
+    status = watch.look(3.0)
+    assert status is not None
+    assert (status.warnings, status.well) == (("world waits for bert",), False)
+    assert "world   is there" in status.as_text()
+    watch.close()
+    assert story.closed == 0
+    for _ in range(2):
+        status = watch.look(1.0)
+        assert status is not None
+        assert status.well
+    watch.close()
+    assert story.closed == 1
+
+
+def test_a_look_that_is_to_end_before_there_is_a_source_sees_nothing() -> None:
+    watch = FleetWatch(lambda: None, "yards-1", "tcp/r:1", Ending())
+    assert watch.look(1.0) is None
+    watch.close()
+
+
+def test_what_strangers_say_does_not_act_on_a_terminal() -> None:
+    assert "\x1b" not in judged(WELL, note="a\x1b[2J").as_text()

@@ -122,8 +122,7 @@ def test_the_fog_of_a_run_can_be_recomputed() -> None:
 
 def test_everyone_patrols_and_hears_everyone() -> None:
     seen: list[TickRecord] = []
-    papers = {"commitment": "none", "separation": "none", "random_move": 0.1, "random_move_for": "holonomic"}
-    outcome = run_in_process(scenario(patrol=papers), progress=seen.append)
+    outcome = run_in_process(scenario(patrol={"policy": "potential-field"}), progress=seen.append)
     assert [record.k for record in seen] == list(range(30))
     assert outcome.summary.messages.delivered == 30 * 3 * 2
     assert outcome.summary.messages.rejected == 0

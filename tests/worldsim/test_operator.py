@@ -148,7 +148,7 @@ EVERYTHING: dict[int, list[dict[str, Any]]] = {
         {"do": "fault", "fault": {"kind": "loss", "id": "slid", "rate": 1.0}},
         {"do": "fault", "fault": {"kind": "loss", "rate": 0.5, "mean_burst": 3}, "instead": "slid"},
     ],
-    20: [{"do": "intruder", "place": [60, 30]}, {"do": "intruder", "place": [10, 20], "stay": None}],
+    20: [{"do": "intruder", "place": [60, 30]}, {"do": "intruder", "place": [10, 20], "for": None}],
     21: [{"do": "heal", "id": "nap"}, {"do": "heal", "id": "op6"}],
     22: [{"do": "fault", "fault": {"kind": "silence", "who": "minority", "direction": "in", "for": 4}}],
     23: [{"do": "fault", "fault": {"kind": "drift", "who": "half", "noise": 0.4}}],
@@ -394,7 +394,7 @@ def test_events_of_controls_are_in_words() -> None:
     controls: dict[str, dict[str, Any]] = {
         "loss: rate 0.5, who [r1, r2], instead of f1": LOSS | {"instead": "f1"},
         "ends intruder1": {"do": "heal", "id": "intruder1"},
-        "places an intruder at (30, 30) for 3 s": {"do": "intruder", "place": [30, 30], "stay": 3},
+        "places an intruder at (30, 30) for 3 s": {"do": "intruder", "place": [30, 30], "for": 3},
     }
     for words, control in controls.items():
         assert worded(Event(3, OPERATOR, None, as_detail(read_control(control)))).detail == words

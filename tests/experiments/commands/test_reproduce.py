@@ -24,7 +24,7 @@ DOCS = Path(__file__).parents[3] / "docs"
 PICTURE = re.compile(r"(?:!\[[^\]]*\]\(|\bsrc=\"|\bsrcset=\")([^)\"\s]+\.(?:png|svg|webp|gif))")
 
 MADE_BY = re.compile(r"Made by `([^`]*)`|^    (fogwatch [^#\n]*?) *(?:#.*)?$", re.MULTILINE)
-AS_MEASURED = " --set patrol.random_move_for=holonomic"
+AS_MEASURED = " --set patrol.options.random_move_for=holonomic"
 """An addition that a page of faults says is needed today."""
 
 

@@ -228,7 +228,6 @@ def test_every_command_names_the_argument_its_value_and_the_remedy(
     [
         ("key new", "fleet key"),
         ("key", "fleet key"),
-        ("recording", "record --check"),
         ("paper table", "reproduce table"),
         ("paper all", "reproduce table"),
         ("paper calibrate", "reproduce calibrate"),
@@ -249,6 +248,9 @@ def test_words_of_1_0_work_and_the_new_ones_are_told(old: str, new: str, shell: 
     ("words", "error"),
     [
         ("chaos", "is now `make chaos` in a clone"),
+        ("recording a.mcap", "`fogwatch recording` is gone; the tool mcap does that: mcap doctor FILE"),
+        ("record --check a.mcap --repair b.mcap", "`fogwatch record --check` is gone; the tool mcap"),
+        ("record a.mcap --repair=b.mcap", "mcap recover FILE -o NEW saves a damaged one"),
         ("paper", "say which one"),
         ("paper table", "say which one"),
         ("experiment", "say which one"),

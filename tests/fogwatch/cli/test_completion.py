@@ -15,7 +15,6 @@ from fogwatch.cli.app import app
         ("fogwatch run --se", {"--seed", "--sensor-range", "--set"}),
         ("fogwatch map ch", {"check"}),
         ("fogwatch reproduce ta", {"table"}),
-        ("fogwatch recording --re", {"--repair"}),
         ("fogwatch paper ta", {"table"}),
         ("fogwatch key new --h", {"--help"}),
     ],

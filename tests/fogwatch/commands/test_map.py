@@ -270,7 +270,7 @@ def test_bad_input_for_regions_is_one_line(arguments: tuple[str, ...], problem: 
     ("more", "problem"),
     [
         (
-            "patrol: {policy: potential-field, regions: [[[0, 0], [100, 0], [100, 80], [0, 80]]]}",
+            "patrol: {policy: potential-field, options: {regions: [[[0, 0], [100, 0], [100, 80], [0, 80]]]}}",
             r"patrol.options.regions: 800.00 m2 of free ground lie in no region",
         ),
         (

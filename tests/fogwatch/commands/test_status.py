@@ -8,12 +8,13 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from fogwatch.commands.status import follow, once
 from fogwatch.status import FleetStatus, WorldStatus
-from patrol.net.link import Link, open_link
+from patrol.net.link import open_link
 from patrol.pose import Pose
 from patrol.process.lifeline import Ending
 from patrol.radio.message import Position, encode
@@ -56,34 +57,42 @@ def robot(router: str, keys: FleetKeys, credentials: Credentials | None = None) 
         assert link.close(PATIENCE_S)
 
 
-def test_a_robot_without_a_world(shell: Shell) -> None:
+@pytest.fixture(autouse=True)
+def no_niceness(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("os.nice", lambda _: 0)  # it would hold for all tests after this one
+
+
+@pytest.fixture
+def scenario(tmp_path: Path) -> Path:
+    """Of the robot r1 and another one, which is not there."""
+    file = tmp_path / "real.yaml"
+    file.write_text("terrain: {builtin: open}\npoint: 1\nrobots: {count: 2}\n", encoding="utf-8")
+    return file
+
+
+def test_robots_without_a_world(shell: Shell, scenario: Path) -> None:
     with routed() as where, robot(where, fleet_keys("real-1")):
-        said = shell("status", "--router", where, "--fleet", "real-1", "--seconds", "2", "--json")
+        of = ("--router", where, "--fleet", "real-1", "--scenario", scenario)
+        said = shell("status", *of, "--seconds", "2", "--json")
+        assert "give --scenario FILE for robots without a world" in shell("status", *of[:4], "--wait", "0.1").err
     status = json.loads(said.out)
-    assert said.code == 0
-    assert status["well"]
-    assert status["world"] is None
-    assert [(one["name"], one["place"]) for one in status["robots"]] == [("r1", [2.0, 3.0])]
+    assert said.code == 1
+    assert not status["well"]
+    assert (status["world"], status["has_world"]) == (None, False)
+    r1, r2 = status["robots"]
+    assert (r1["name"], r1["status"], r1["place"], r1["wrong"]) == ("r1", "alive", [2.0, 3.0], "")
+    assert (r2["name"], r2["status"], r2["wrong"]) == ("r2", "absent", "is not there")
 
 
 @needs_openssl
-def test_a_viewer_of_a_closed_fleet(tmp_path: Path, shell: Shell) -> None:
+def test_a_viewer_of_a_closed_fleet(tmp_path: Path, shell: Shell, scenario: Path) -> None:
     fleet = make_local_fleet(tmp_path / "f", ["r1"])
-    with guarded_by_certificates(fleet) as of, robot(of.router, of.keys, of.credentials["robot-r1"]):
-        said = shell("status", "--credentials", tmp_path / "f" / "viewer", "--seconds", "2")
-    assert said.code == 0
+    of = ("--credentials", tmp_path / "f" / "viewer", "--scenario", scenario)
+    with guarded_by_certificates(fleet) as where, robot(where.router, where.keys, where.credentials["robot-r1"]):
+        said = shell("status", *of, "--seconds", "2")
+    assert said.code == 1
     assert "r1     alive" in said.out
-    assert said.out.endswith("all well\n")
-
-
-def test_a_robot_that_is_just_starting_is_looked_for_again(shell: Shell, monkeypatch: pytest.MonkeyPatch) -> None:
-    seen, too_early = Link.seen, [list[str]()]
-    monkeypatch.setattr(Link, "seen", lambda link, key, most: too_early.pop() if too_early else seen(link, key, most))
-    with routed() as where, robot(where, fleet_keys("real-1")):
-        said = shell("status", "--router", where, "--fleet", "real-1", "--seconds", "2")
-    assert said.code == 0
-    assert not too_early
-    assert "r1     alive" in said.out
+    assert said.out.endswith("not well: 1 of 2 robots\n")
 
 
 def test_nothing_of_the_fleet_is_there(shell: Shell, tmp_path: Path) -> None:
@@ -94,10 +103,13 @@ def test_nothing_of_the_fleet_is_there(shell: Shell, tmp_path: Path) -> None:
 
     with routed() as where:
         fleet = ("--router", where, "--fleet", "real-1")
-        assert f"nothing of this fleet is at {where} yet; if it has just been started, look again" in refused(*fleet)
+        none = (
+            f"no world of this fleet answers at {where}; check both, or give --scenario FILE for robots without a world"
+        )
+        assert none in refused(*fleet)
         assert "give their --scenario FILE as well" in refused(*fleet, "--radio", "serial/dev/ttyUSB0")
         write_access(tmp_path, where)
-        assert f"nothing of this fleet is at {where}" in refused(tmp_path)
+        assert none in refused(tmp_path)
     assert "no router answers" in refused("--router", free_endpoint(), "--fleet", "real-1")
 
 
@@ -118,9 +130,10 @@ class Looks:
 def test_watching_ends_with_the_run(warnings: tuple[str, ...], code: int, capsys: pytest.CaptureFixture[str]) -> None:
     running = FleetStatus("f", "tcp/r:1", WorldStatus(1, 2, 0.5, True, 2.0), 1.0, ())
     ended = replace(running, world=WorldStatus(2, 2, 1.0, False, 0.0, "duration"), warnings=warnings)
-    assert follow(Looks(running, ended), 1.0, Ending(), as_json=True) == code
-    looks = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
-    assert [(look["world"]["ended"], look["well"]) for look in looks] == [(None, True), ("duration", code == 0)]
+    looks: Any = Looks(running, ended)
+    assert follow(looks, 1.0, Ending(), as_json=True) == code
+    shown = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+    assert [(look["world"]["ended"], look["well"]) for look in shown] == [(None, True), ("duration", code == 0)]
 
 
 @pytest.mark.parametrize("look", [once, follow])

@@ -17,6 +17,10 @@ from tests.fleets import end_of
 from worldsim.world import World
 
 TICKS = 24
+DILATED: dict[str, Any] = {
+    "policy": "potential-field",
+    "options": {"separation": "claims", "random_move": 0.02, "random_move_for": "all"},
+}
 
 FAULTS: Mapping[str, list[dict[str, Any]]] = {
     "none": [],
@@ -83,7 +87,7 @@ def compared(given: Scenario) -> tuple[Watched, Watched]:
     return watched[0], watched[1]
 
 
-@pytest.mark.parametrize("policy", [{"commitment": "none"}, {}], ids=["dilated", "default"])
+@pytest.mark.parametrize("policy", [DILATED, {}], ids=["dilated", "default"])
 @pytest.mark.parametrize("kind", FAULTS)
 def test_under_every_fault_minds_believe_the_same(kind: str, policy: dict[str, Any]) -> None:
     shared, alone = compared(scenario(FAULTS[kind], patrol=policy))
@@ -115,17 +119,17 @@ def test_whatever_else_there_is_they_do_the_same_under_losses(more: dict[str, An
 
 
 def test_as_long_as_all_arrives_there_is_one_belief_and_those_that_missed_something_part() -> None:
-    shared, alone = compared(scenario(FAULTS["none"], patrol={"commitment": "none"}))
+    shared, alone = compared(scenario(FAULTS["none"], patrol=DILATED))
     assert set(shared.groups) == {1}
     assert set(alone.groups) == {5}
-    shared, _ = compared(scenario(FAULTS["silence"], patrol={"commitment": "none"}))
+    shared, _ = compared(scenario(FAULTS["silence"], patrol=DILATED))
     assert shared.groups[0] == 1
     assert shared.groups[-1] == 2  # r2 on the one side, all others on the other
 
 
 @pytest.mark.parametrize("kind", ["none", "short loss", "pause"])
 def test_minds_that_decide_at_once_in_several_threads_share_beliefs_too(kind: str) -> None:
-    given = scenario(FAULTS[kind], patrol={"commitment": "none"})
+    given = scenario(FAULTS[kind], patrol=DILATED)
     together, alone = run_in_process(given, threads=3), run_in_process(given, share=False)
     assert end_of(together.journal) == end_of(alone.journal)
 

@@ -14,7 +14,7 @@ from patrol.scenario import load_scenario
 
 FAR = 12.0
 WIDE = 45.0
-PAPERS = {"commitment": "none", "separation": "none", "random_move": 0.1, "random_move_for": "holonomic"}
+PAPERS = {"policy": "potential-field"}
 """A patrol that finds the intruder in time: a direction chosen anew at each tick, as in the paper."""
 
 

@@ -13,7 +13,6 @@ import pytest
 
 import fogwatch
 from fogwatch.launch import child_control
-from monitor.recording.mcap_file import inspect_recording
 from monitor.replay.player import Player
 from monitor.replay.replay import play
 from monitor.replay.run import open_run
@@ -22,6 +21,7 @@ from patrol.starting.forking import can_fork
 from tests.fleets import COARSE, one_and_many
 from tests.fogwatch.conftest import Run
 from tests.fogwatch.processes.test_feed import attached
+from tests.recordings import read_recording
 from worldsim.faults import LOOKED_AT, STOPPED
 
 pytestmark = pytest.mark.processes
@@ -262,8 +262,8 @@ def test_a_dead_world_ends_the_run_unjudged_whatever_is_under_way(pace: str | fl
         state = player.wait(60.0)
         assert state is not None
         assert (state.k, state.mfow_s) == (k, killed.mfow[k] * killed.step)
-    recorded = inspect_recording(run.folder / "recording.mcap")
-    assert not recorded.why_cut
+    recorded = read_recording(run.folder / "recording.mcap")
+    assert recorded.is_whole
     assert recorded.facts["ended"] == "cut off"
-    assert recorded.messages["/mfow"] == recorded.messages["/r1/pose"] == killed.ticks
+    assert len(recorded.topics["/mfow"]) == len(recorded.topics["/r1/pose"]) == killed.ticks
     assert "The run was cut off" in (run.folder / "report.html").read_text(encoding="utf-8")

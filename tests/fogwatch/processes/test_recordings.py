@@ -5,22 +5,17 @@ from __future__ import annotations
 import signal
 import subprocess
 import sys
-from collections import defaultdict
 from collections.abc import Callable, Iterator
-from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 import pytest
-from mcap.reader import make_reader
-from mcap_ros2.decoder import DecoderFactory
 
-from monitor.recording.mcap_file import inspect_recording
-from patrol.errors import BadInput
 from patrol.journal import read_journal
 from patrol.security.access import FILE
 from tests.fleets import COARSE
 from tests.fogwatch.conftest import Run
+from tests.recordings import Topics, decoded, read_recording
 
 pytestmark = pytest.mark.processes
 
@@ -30,9 +25,6 @@ DIRECT["radio"] = {"via": "direct"}
 PATIENCE_S = 300.0
 ENOUGH = 8
 """Messages of a robot's pose that a recording is to have: those of some seconds, as every half second has one."""
-
-Topics = dict[str, list[tuple[float, Any]]]
-"""By topic (time in s, message)."""
 
 
 class Recording:
@@ -51,11 +43,7 @@ class Recording:
         """The messages by now; the file is cut off wherever its writer is."""
         size = self.out.stat().st_size if self.out.exists() else 0
         if size != self._read:
-            copy = self.out.with_suffix(".so-far")
-            with suppress(BadInput):  # nothing is whole yet
-                inspect_recording(self.out, copy)
-                self._topics = decoded(copy)
-            copy.unlink(missing_ok=True)
+            self._topics = read_recording(self.out).topics
             self._read = size
         return self._topics
 
@@ -66,16 +54,6 @@ class Recording:
         self.process.send_signal(number)
         self.said, self.errors = self.process.communicate(timeout=PATIENCE_S)
         return self.process.returncode
-
-
-def decoded(path: Path) -> Topics:
-    """All messages, read by mcap's own reader with its checksums tested."""
-    found: Topics = defaultdict(list)
-    with path.open("rb") as file:
-        reader = make_reader(file, validate_crcs=True, decoder_factories=[DecoderFactory()])
-        for _, channel, message, value in reader.iter_decoded_messages():
-            found[channel.topic].append((message.log_time / 1e9, value))
-    return found
 
 
 def both_heard(topics: Topics) -> bool:
@@ -118,15 +96,14 @@ def test_a_fleet_is_recorded_while_it_goes_on(
     run.until(lambda: heard.poses("b_2") > ENOUGH and both_heard(heard.so_far()))
 
     killed.end(signal.SIGKILL)
-    torn = inspect_recording(killed.out, tmp_path / "mended.mcap")
-    assert torn.why_cut
-    assert torn.messages["/anna/pose"] > ENOUGH
-    assert len(decoded(tmp_path / "mended.mcap")["/anna/pose"]) == torn.messages["/anna/pose"]
+    torn = read_recording(killed.out)
+    assert not torn.is_whole
+    assert len(torn.topics["/anna/pose"]) > ENOUGH
 
     for one in (heard, fed):
         assert one.end(signal.SIGINT) == 0, one.errors
         assert one.said.startswith(f"recording: {one.out}, ")
-        assert not inspect_recording(one.out).why_cut
+        assert read_recording(one.out).is_whole
     run.interrupt()
 
     ticks = list(read_journal(run.folder / "journal").ticks)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
@@ -17,7 +18,7 @@ from hypothesis import strategies as st
 
 from experiments.sweeps.plan import read_plan
 from experiments.sweeps.results import FILE, open_results
-from monitor.recording.mcap_file import inspect_recording
+from fogwatch.grounds.bags import extract_map
 from monitor.replay.run import open_run
 from monitor.report.analysis import analyse
 from monitor.report.document import report_html
@@ -85,16 +86,17 @@ def of_map(run: Path) -> Case:
     return Case(contents, files, (lambda: read_terrain(files[0], 1.0),))
 
 
-def of_recording(run: Path) -> Case:
-    file, repaired = run / "recording.mcap", run / "repaired.mcap"
+def of_bag(run: Path) -> Case:
+    """A recording is a bag with grids."""
+    file, maps = run / "recording.mcap", run / "maps"
 
-    def repair() -> None:
+    def read() -> None:
         try:
-            inspect_recording(file, repaired)
+            extract_map(file, maps, "/map")
         finally:
-            repaired.unlink(missing_ok=True)
+            shutil.rmtree(maps, ignore_errors=True)
 
-    return case(strange_bytes(file.read_bytes()), file, lambda: inspect_recording(file), repair)
+    return case(strange_bytes(file.read_bytes()), file, read)
 
 
 def of_sweep(run: Path) -> Case:
@@ -118,9 +120,7 @@ def of_key_or_access(run: Path) -> Case:
 
 
 @often
-@pytest.mark.parametrize(
-    "make", [of_journal, of_summary, of_scenario, of_map, of_recording, of_sweep, of_key_or_access]
-)
+@pytest.mark.parametrize("make", [of_journal, of_summary, of_scenario, of_map, of_bag, of_sweep, of_key_or_access])
 def test_no_file_gives_anything_but_a_value_or_a_line(
     make: Callable[[Path], Case], examples: int, strange: Path
 ) -> None:

@@ -18,7 +18,7 @@ import pytest
 
 from experiments.sweeps.plan import read_plan
 from experiments.sweeps.results import FILE, open_results
-from monitor.recording.mcap_file import inspect_recording
+from fogwatch.grounds.bags import extract_map
 from monitor.replay.run import open_run
 from patrol.classes.class_file import file_digest
 from patrol.errors import BadInput
@@ -90,7 +90,7 @@ READERS: dict[str, Callable[[Path], object]] = {
     "journal": lambda path: open_run(folder_of(path, "journal")),
     "run's scenario": lambda path: open_run(folder_of(path, "scenario.yaml")),
     "run's summary": lambda path: open_run(folder_of(path, "summary.json")),
-    "recording": inspect_recording,
+    "bag": lambda path: extract_map(path, Path("maps")),
     "results": results_of,
 }
 
@@ -102,7 +102,7 @@ def test_only_regular_files_of_a_bearable_size_are_read(
 ) -> None:
     """A pipe would be waited for, a device has no end, and neither would end on SIGTERM."""
     monkeypatch.chdir(strange.parent)
-    if reader in ("journal", "recording") and kind == "huge":
+    if reader == "journal" and kind == "huge":
         pytest.skip("read piece by piece, whatever its size")
     one_line(lambda: READERS[reader](special(kind, tmp_path)))
 

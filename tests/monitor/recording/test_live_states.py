@@ -16,7 +16,7 @@ from monitor.recording.live_recorder import LiveRecorder, record_live
 from patrol.journal.records import Event, Status
 from patrol.pose import Pose
 from patrol.scenario import as_mapping, load_scenario
-from tests.monitor.recording.test_run_recorder import decoded
+from tests.recordings import decoded
 
 NAMES = ("anna", "bert")
 PATROLLED = np.ones((2, 3), dtype=np.bool_)

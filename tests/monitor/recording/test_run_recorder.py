@@ -1,8 +1,6 @@
 from __future__ import annotations
 
 import math
-import re
-from collections import defaultdict
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -10,18 +8,16 @@ from typing import Any
 import numpy as np
 import pytest
 from mcap.reader import make_reader
-from mcap.writer import Writer
-from mcap_ros2.decoder import DecoderFactory
 from rosbags.interfaces import QosDurability, QosHistory, QosReliability
 from rosbags.rosbag2.metadata import parse_qos
 
-from monitor.recording.mcap_file import inspect_recording
 from monitor.recording.run_recorder import Recorder, grid_values, key_frame_ticks, ros_names, scale_of
 from monitor.replay.replay import play
 from monitor.replay.run import Run, open_run
 from patrol.errors import BadInput
 from patrol.ground.fog import Fog
 from tests.monitor.conftest import QUIET, cut, run_of
+from tests.recordings import decoded, read_recording
 
 
 def record(run: Run, out: Path) -> Path:
@@ -29,17 +25,6 @@ def record(run: Run, out: Path) -> Path:
     assert play(run, [recorder]) is None
     recorder.close()
     return out
-
-
-def decoded(path: Path) -> dict[str, list[tuple[float, Any]]]:
-    """Messages by topic, each with its time in s, read by mcap's own reader with its checksums tested."""
-    found: dict[str, list[tuple[float, Any]]] = defaultdict(list)
-    with path.open("rb") as file:
-        reader = make_reader(file, validate_crcs=True, decoder_factories=[DecoderFactory()])
-        for _, channel, message, value in reader.iter_decoded_messages():
-            assert message.log_time == message.publish_time
-            found[channel.topic].append((message.log_time / 1e9, value))
-    return found
 
 
 def test_a_recording_says_what_the_run_was(faulty: Any, tmp_path: Path) -> None:
@@ -139,23 +124,17 @@ def test_no_robot_is_called_as_the_map_or_a_topic(tmp_path: Path) -> None:
 
 def test_who_plays_a_recording_again_offers_what_we_did(quiet: Any, tmp_path: Path) -> None:
     """Read by rosbags, as rosbag2 keeps it: a map that whoever comes late gets, and all else as it happens."""
-    whole = record(quiet.open(), tmp_path / "out.mcap")
-    look_at = whole.read_bytes()
-    torn = tmp_path / "torn.mcap"
-    torn.write_bytes(look_at[: int(0.9 * len(look_at))])
-    inspect_recording(torn, tmp_path / "saved.mcap")
-    for path in (whole, tmp_path / "saved.mcap"):
-        with path.open("rb") as file:
-            summary = make_reader(file).get_summary()
-        assert summary is not None
-        offers = {one.topic: parse_qos(one.metadata["offered_qos_profiles"]) for one in summary.channels.values()}
-        assert {len(profiles) for profiles in offers.values()} == {1}
-        latched = {topic for topic, [offer] in offers.items() if offer.durability is QosDurability.TRANSIENT_LOCAL}
-        assert latched == {"/map"}
-        assert {offer.reliability for [offer] in offers.values()} == {QosReliability.RELIABLE}
-        assert {offer.history for [offer] in offers.values()} == {QosHistory.KEEP_LAST}
-        kinds = {QosDurability.TRANSIENT_LOCAL, QosDurability.VOLATILE}
-        assert all(offer.durability in kinds and offer.depth > 0 for [offer] in offers.values())
+    with record(quiet.open(), tmp_path / "out.mcap").open("rb") as file:
+        summary = make_reader(file).get_summary()
+    assert summary is not None
+    offers = {one.topic: parse_qos(one.metadata["offered_qos_profiles"]) for one in summary.channels.values()}
+    assert {len(profiles) for profiles in offers.values()} == {1}
+    latched = {topic for topic, [offer] in offers.items() if offer.durability is QosDurability.TRANSIENT_LOCAL}
+    assert latched == {"/map"}
+    assert {offer.reliability for [offer] in offers.values()} == {QosReliability.RELIABLE}
+    assert {offer.history for [offer] in offers.values()} == {QosHistory.KEEP_LAST}
+    kinds = {QosDurability.TRANSIENT_LOCAL, QosDurability.VOLATILE}
+    assert all(offer.durability in kinds and offer.depth > 0 for [offer] in offers.values())
 
 
 def test_grids_are_fewer_in_a_long_run_of_a_large_map(quiet: Any, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -182,75 +161,12 @@ def test_nothing_half_written_is_left(quiet: Any, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("share", [0.5, 0.9, 0.999])
-def test_a_recording_that_was_cut_off_is_saved(faulty: Any, tmp_path: Path, share: float) -> None:
-    whole = record(faulty.open(), tmp_path / "out.mcap")
-    torn, saved = tmp_path / "torn.mcap", tmp_path / "saved.mcap"
+def test_a_recording_that_was_cut_off_is_read_up_to_there(faulty: Any, tmp_path: Path, share: float) -> None:
+    """Half of it has its map too, so that tools such as `mcap recover` save both."""
+    whole, torn = record(faulty.open(), tmp_path / "out.mcap"), tmp_path / "torn.mcap"
     torn.write_bytes(whole.read_bytes()[: int(whole.stat().st_size * share)])
-    contents = inspect_recording(torn, saved)
-    assert contents.why_cut
-    assert inspect_recording(torn).messages == contents.messages
-    again = inspect_recording(saved)
-    assert not again.why_cut
-    assert again.messages == contents.messages
-    assert again.facts == contents.facts
-    assert len(decoded(saved)["/mfow"]) == contents.messages["/mfow"] > 0
-    with pytest.raises(BadInput, match="exists already"):
-        inspect_recording(torn, saved)
-
-
-def test_half_a_recording_has_its_map_and_where_none_is_left_the_run_is_named(
-    faulty: Any, copied: Callable[..., Path]
-) -> None:
-    folder = copied(faulty)
-    whole = record(faulty.open(), folder / "out.mcap")
-    data = whole.read_bytes()
-    whole.write_bytes(data[: len(data) // 2])
-    assert inspect_recording(whole).messages["/map"] == 1
-    assert inspect_recording(whole).messages["/mfow"] > 0
-    whole.write_bytes(data[:600])
-    with pytest.raises(BadInput, match=re.escape(f"fogwatch record {folder}")):
-        inspect_recording(whole)
-
-
-def test_what_lies_behind_a_damaged_chunk_is_saved(faulty: Any, tmp_path: Path) -> None:
-    """Also where the first chunk is damaged, which describes all topics."""
-    data = record(faulty.open(), tmp_path / "out.mcap").read_bytes()
-    place = data.index(b"\x28\xb5\x2f\xfd") + 100  # in the first chunk's compressed content
-    (tmp_path / "flipped.mcap").write_bytes(data[:place] + bytes([data[place] ^ 1]) + data[place + 1 :])
-    saved = inspect_recording(tmp_path / "flipped.mcap", tmp_path / "saved.mcap")
-    assert saved.why_cut.startswith("after 0 s (")
-    assert 0 < saved.messages["/mfow"] < inspect_recording(tmp_path / "out.mcap").messages["/mfow"]
-    assert saved.end_s == 39.5
-    assert inspect_recording(tmp_path / "saved.mcap").messages == saved.messages
-
-
-def test_damage_anywhere_is_found_or_harmless(quiet: Any, tmp_path: Path) -> None:
-    """A flipped byte in a chunk is found by its checksum; wherever it is, nothing but BadInput is raised."""
-    whole = record(quiet.open(), tmp_path / "out.mcap").read_bytes()
-    damaged = tmp_path / "damaged.mcap"
-    found = 0
-    for place in range(10, len(whole), len(whole) // 40):
-        damaged.write_bytes(whole[:place] + bytes([whole[place] ^ 0x55]) + whole[place + 1 :])
-        try:
-            found += bool(inspect_recording(damaged).why_cut)
-        except BadInput:
-            found += 1
-    assert found > 15
-
-
-def test_foreign_files_are_refused(quiet: Any, tmp_path: Path) -> None:
-    foreign, empty = tmp_path / "foreign.mcap", tmp_path / "empty.mcap"
-    with foreign.open("wb") as file:
-        writer = Writer(file)
-        writer.start("ros2", "somebody")
-        writer.finish()  # type: ignore[no-untyped-call]
-    empty.write_bytes(b"")
-    for path, words in (
-        (foreign, "not one of fogwatch"),
-        (quiet.folder / "journal", "is not an MCAP file"),
-        (empty, "is not an MCAP file"),
-        (tmp_path / "none.mcap", "cannot be read"),
-    ):
-        with pytest.raises(BadInput, match=words):
-            inspect_recording(path, tmp_path / "saved.mcap")
-    assert not (tmp_path / "saved.mcap").exists()
+    recording = read_recording(torn)
+    assert not recording.is_whole
+    assert recording.facts == read_recording(whole).facts
+    assert len(recording.topics["/map"]) == 1
+    assert 0 < len(recording.topics["/mfow"]) <= len(decoded(whole)["/mfow"])

@@ -26,7 +26,7 @@ from monitor.report.map_charts import paths_chart
 from patrol.faults.kinds import KINDS
 from patrol.journal.records import TickRecord
 from tests.monitor.conftest import DOORS, QUIET, SPOOF, rewritten, run_of
-from tests.monitor.recording.test_run_recorder import decoded
+from tests.recordings import decoded
 
 ALL_KINDS: list[dict[str, Any]] = [
     {"kind": "loss", "rate": 0.3, "at": 1, "for": 30},

@@ -33,7 +33,7 @@ FIELDS = ("who", "at", "for", "rate", "id", "from", "to", "groups", "delay", "re
 faults = st.fixed_dictionaries({"kind": st.sampled_from(sorted(KINDS))}, optional=dict.fromkeys(FIELDS, values))
 controls = st.fixed_dictionaries(
     {"do": st.sampled_from(CONTROLS)},
-    optional={"fault": faults, **dict.fromkeys(("instead", "id", "place", "stay", "factor", "ticks"), values)},
+    optional={"fault": faults, **dict.fromkeys(("instead", "id", "place", "for", "factor", "ticks"), values)},
 )
 
 
@@ -139,7 +139,7 @@ def test_an_order_at_a_closure_ends_the_one_before_it() -> None:
 
 
 def test_intruders_come_in_the_tick_and_are_named_by_their_place_in_the_list() -> None:
-    found, text = after(7, {"do": "intruder", "place": [20, 21], "stay": 5})
+    found, text = after(7, {"do": "intruder", "place": [20, 21], "for": 5})
     assert [(i.place, i.at, i.stay) for i in found.intruders[2:]] == [((20.0, 21.0), 3.5, 5.0)]
     assert text == "intruder3 at (20, 21) from tick 7 on"
     there = {k: [name for _, _, name in intruders_there(found, k)] for k in (5, 6, 7, 12, 13, 14, 16, 17)}
