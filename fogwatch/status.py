@@ -84,7 +84,7 @@ class FleetStatus:
             heard_text = "-" if robot.heard_s is None else f"{robot.heard_s:.1f} s ago"
             x, y = ("-", "-") if robot.place is None else (f"{robot.place[0]:.1f}", f"{robot.place[1]:.1f}")
             rows.append((robot.name, robot.status, robot.doing or "-", heard_text, x, y, robot.wrong))
-        yield from aligned(rows)
+        yield from aligned(rows if self.robots else [])
         yield ""
         yield from (f"fault in force: {fault}" for fault in self.faults)
         yield from (f"warning: {warning}" for warning in self.warnings)

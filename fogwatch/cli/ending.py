@@ -34,6 +34,11 @@ GONE = {
     "recording": f"`fogwatch recording` is gone; {_MCAP}",
     "record --check": f"`fogwatch record --check` is gone; {_MCAP}",
     "record --repair": f"`fogwatch record --repair` is gone; {_MCAP}",
+    "map random": "`fogwatch map random` is gone; a clone of fogwatch has such buildings in examples/maps",
+    **{
+        f"intruder {option}": f"`fogwatch intruder {option}` is gone, and so is the learned intruder; leave it out"
+        for option in ("--learned", "--horizon", "--trials")
+    },
 }
 """Commands and options of fogwatch 1 that have gone, and the remedy."""
 
@@ -53,8 +58,8 @@ def _translate(words: Sequence[str]) -> list[str]:
     """Return a command line in new words; tell which ones where it has old ones."""
     options = {word.partition("=")[0] for word in words}
     for old_words, remedy in GONE.items():
-        command, *option = old_words.split()
-        if words[:1] == [command] and options.issuperset(option):
+        commands = [word for word in old_words.split() if not word.startswith("-")]
+        if list(words[: len(commands)]) == commands and options.issuperset(old_words.split()[len(commands) :]):
             raise BadInput(remedy)
     if (old := find_old_words(words)) is not None:
         complain(f"`fogwatch {old}` is now `fogwatch {OLD_WORDS[old]}`; the old words go with fogwatch 2")

@@ -33,7 +33,7 @@ EVERY_S = 1.0
         "fogwatch status --router tcp/192.168.1.20:7447 --fleet patrol",
         "fogwatch status --router tcp/192.168.1.20:7447 --fleet patrol --scenario hall.yaml --json",
     ],
-    exit_codes="0 all well, 1 something is wrong, 2 bad input, or nothing of the fleet is there, 130 interrupted",
+    exit_codes="0 all well, 1 something is wrong, 2 bad input, or no world of the fleet answers, 130 interrupted",
 )
 def status(
     run: RunningFleet = None,

@@ -135,6 +135,11 @@ def _of_a_world(
             client.batch(0.0)  # learns whether the world is there
             if client.present:
                 raise NoAnswer(keys.fleet, client.waits or "the world is there, and gives no answer")
+            if token is not None:
+                raise BadInput(
+                    f"the run {keys.fleet}: its world does not answer at {met.meets_at}; if it has just been started, "
+                    "look again; otherwise its logs say what happened"
+                )
             revoked = ", or these credentials were revoked" if met.revocable else ""
             raise BadInput(
                 f"--fleet {keys.fleet}: no world of this fleet answers at {met.meets_at}{revoked}; check both, or give "

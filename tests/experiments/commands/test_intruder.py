@@ -122,7 +122,6 @@ def test_a_report_shows_an_attempt_that_succeeds_and_one_that_does_not(watched: 
         (["--entries", "0,0 9,9"], "--entries 0,0 9,9: expected edge, doors, or three corners or more"),
         (["--zone", "hall"], "zone hall: there is no such zone; this scenario has none"),
         *((["--attacks", attacks], "expected seconds above 0") for attacks in ("", "x", "5,-1", "nan", "1e9")),
-        (["--learned"], "--learned: no such option"),
     ],
 )
 def test_intruders_that_cannot_be_are_one_line(ran: Path, run: Command, options: list[str], message: str) -> None:
