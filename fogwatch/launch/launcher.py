@@ -63,6 +63,8 @@ PROCESS_GB = 0.15
 """Memory of one agent's process, GB."""
 LOOPBACK_S = 2.0
 """Longest wait for a connection of this machine with itself, s."""
+LAST_WORDS_S = 2.0
+"""Longest wait for a notice of a world that has failed."""
 _TICK_S = 0.05
 
 
@@ -257,10 +259,11 @@ class Launch:
                 self.display.metrics(arrived[1])
             self._show_notices(notices)
             self._check_children()
-        self._show_notices(notices)
+        # Why a world has failed may still be on its way, and its log may be full.
+        self._show_notices(notices, LAST_WORDS_S if self.children.by_name[WORLD].code else 0.0)
 
-    def _show_notices(self, notices: Mailbox[Notice]) -> None:
-        while (news := notices.get()) is not None:
+    def _show_notices(self, notices: Mailbox[Notice], wait_s: float = 0.0) -> None:
+        while (news := notices.get(wait_s)) is not None:
             self.display.notice(news[1])
 
     def _check_children(self) -> None:
