@@ -240,15 +240,16 @@ class KeepingRight:
         direct = view.routes.way(view.start, target, self._expected)
         longest = direct.length + LONGER * radii
         self._expected = math.ceil(100.0 * (longest + self._stride) / point)
-        for discs in self._list_barriers(meeting, (view.pose.x, view.pose.y)):
+        # Both must lead to the place itself: a way that ends before it may be short as well.
+        barriers = self._list_barriers(meeting, (view.pose.x, view.pose.y))
+        for discs in barriers if direct.place == ground.centre(*target) else ():
             closed = Ground(self._ground.terrain, ground.open_now, ground)
             closed.begin(discs)
             start = closed.join(view.pose.x, view.pose.y)
             if start is None:
                 continue
-            way = Routes(closed).way(start, target, self._expected)
-            # Both must lead to the place itself: a way that ends before it may be short as well.
-            if way.place == direct.place == ground.centre(*target) and way.length <= longest:
+            way = Routes(closed).way_within(start, target, self._expected)
+            if way is not None and way.length <= longest:
                 ground.close(discs)
                 return replace(place, bend=way.bend)
         return meeting.other if meeting.comes else place

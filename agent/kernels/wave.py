@@ -11,6 +11,10 @@ Only neighbours that can lie on a new shortest path are tried: where all eight n
 straight goes on straight, and one that came diagonally goes on diagonally or turns into either of its components.
 Next to an obstacle all eight are tried. Lengths stay exact.
 
+On the way to one goal, points that lie too far off are passed over: those whose length, and from there the least
+length to the goal, together exceed the limit. That least length, the one without obstacles, changes by no more than a
+step from point to point, so no shortest path within the limit leads over such a point.
+
 A path's first bend is its last point that is in sight of the start and no farther than without obstacles; of the path
 to such a point, it is the point itself.
 
@@ -104,11 +108,12 @@ def _predecessor(status, lengths, here, stride, found, draw):
 @njit(
     types.boolean(
         STATE, GRID, NUMBERS, NUMBERS, QUEUES, STARTS, int64, int64, int64, int64, int64, int64, uint64, int64, int64,
+        int64,
     ),
     cache=True,
     nogil=True,
 )
-def settle(state, sight, length, bend, queues, starts, limit, top, bottom, left, right, found, key, row0, col0):
+def settle(state, sight, length, bend, queues, starts, limit, top, bottom, left, right, found, key, row0, col0, goal):
     """Settle every point whose path is at most ``limit`` long.
 
     Args:
@@ -129,6 +134,9 @@ def settle(state, sight, length, bend, queues, starts, limit, top, bottom, left,
         key: Of the draws.
         row0: Row of the terrain's point under row 0, for draws.
         col0: Column of the terrain's point under column 0.
+        goal: Flat index of the only point whose path is asked for, or -1. Points from which no path to it can be within
+            the limit are passed over, and nothing is settled after it. What is settled on a shortest path to it is the
+            same as without a goal.
 
     Returns:
         Whether there was room enough in ``queues``; if not, nothing that was written has any meaning.
@@ -146,7 +154,7 @@ def settle(state, sight, length, bend, queues, starts, limit, top, bottom, left,
     # Ten less: one point adds at most four steps to a queue, and so room is checked once for each point.
     turn, room = uint64(queues.shape[1] - 1), queues.shape[1] - 10
     next_diagonal, end_diagonal, next_straight, end_straight = 0, 0, 0, starts.size
-    start_row, start_col = 0, 0
+    start_row, start_col, goal_row, goal_col = 0, 0, goal // stride, goal % stride
     for place in range(min(starts.size, room)):
         start = starts[place]
         lengths[index(start)] = 0
@@ -170,12 +178,16 @@ def settle(state, sight, length, bend, queues, starts, limit, top, bottom, left,
         # An older entry: a shorter path has reached the point since.
         if flags & STATUS == SETTLED:
             continue
+        row = int64(index(here) // index(stride))
+        if goal >= 0:
+            up, across = abs(row - goal_row), abs(here - row * stride - goal_col)
+            if far + 100 * max(up, across) + 41 * min(up, across) > limit:
+                continue
         status[index(here)] = flags | SETTLED
         if bends.size != 0:
             before, is_bend = here, came == NOWHERE
             if not is_bend:
                 before = here - step[came]
-                row = int64(index(here) // index(stride))
                 if found != FIRST_BENDS:
                     draw = _mixed(_mixed(key, uint64(row0 + row)), uint64(col0 + here - row * stride))
                     before = _predecessor(status, lengths, here, stride, found, draw)
@@ -184,6 +196,8 @@ def settle(state, sight, length, bend, queues, starts, limit, top, bottom, left,
                     up, across = abs(row - start_row), abs(here - row * stride - start_col)
                     is_bend = far == 100 * max(up, across) + 41 * min(up, across)
             bends[index(here)] = here if is_bend else bends[index(before)]
+        if here == goal:
+            return True
         on, aslant = far + 100, far + 141
         if came == NOWHERE or flags & HEMMED != 0:
             for way in range(4):

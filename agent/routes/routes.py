@@ -16,6 +16,9 @@ from patrol.ground.ways import first_bend
 STRAIGHT_OVER = 2**16
 """Points between two places among which a closed one is looked for before a wave."""
 
+SLACK = 8
+"""A way is looked for first within a limit longer by one part in so many than the way without obstacles."""
+
 Element = tuple[int, int]
 """Row and column in `Ground.state`: one more than those of the terrain's point."""
 
@@ -84,39 +87,46 @@ class Routes:
         `expected` is a likely upper bound of the way's length, in hundredths of a point. The search goes beyond it only
         if needed.
         """
-        ground = self._ground
+        way = self.way_within(start, target, LONGEST, expected)
+        if way is None:
+            height, width = self._ground.terrain.shape
+            paths = paths_in(self._ground, [(start[0] - 1, start[1] - 1)], (0, height, 0, width), LONGEST)
+            row, col = _nearest_in(paths, (target[0] - 1, target[1] - 1))
+            way = self.way_within(start, (row + 1, col + 1), LONGEST)
+        assert way is not None, "a point that a path has reached"
+        return way
+
+    def way_within(self, start: Element, target: Element, limit: int, expected: int | None = None) -> Way | None:
+        """Return the way from an open element of the ground to another one; None where none is as short as a limit.
+
+        `limit` and `expected` are in hundredths of a point; `expected` is a likely upper bound of the way's length.
+        """
+        ground, least = self._ground, unhindered(start, target)
+        if least > limit:
+            return None
         if start == target or self._is_straight(start, target):
             spot = ground.centre(*target)
-            return Way(spot, spot, float(unhindered(start, target)) * ground.terrain.point / 100.0)
-        here, goal = (start[0] - 1, start[1] - 1), (target[0] - 1, target[1] - 1)
-        if ground.against.size:
-            return self._way_along(here, goal, expected)
-        shape = ground.terrain.shape
-        if expected is not None:
-            box = box_between(here, goal, expected // 100 + 1, shape)
-            paths = paths_in(ground, [here], box, expected, bends=True)
-            if paths.length_to(*goal) < FAR:
-                return self._way_in(paths, *goal)
-        paths = paths_in(ground, [here], (0, shape[0], 0, shape[1]), LONGEST, bends=True)
-        if paths.length_to(*goal) < FAR:
-            return self._way_in(paths, *goal)
-        return self._way_in(paths, *_nearest_in(paths, goal))
-
-    def _way_along(self, here: Place, there: Place, expected: int | None) -> Way:
-        """Return the way from one point of the terrain to another on ground with one-way zones, as `way`."""
-        ground, shape = self._ground, self._ground.terrain.shape
-        full_box = 0, shape[0], 0, shape[1]
-        if ground.open_now[there]:
-            if expected is not None:
-                box = box_between(here, there, expected // 100 + 1, shape)
-                paths = paths_in(ground, [there], box, expected, back=True)
+            return Way(spot, spot, float(least) * ground.terrain.point / 100.0)
+        here, goal, shape = (start[0] - 1, start[1] - 1), (target[0] - 1, target[1] - 1), ground.terrain.shape
+        if not ground.open_now[goal]:
+            return None
+        # Most ways are shorter than a walk along two sides of the terrain; the others are looked for without a limit.
+        long = 100 * sum(shape)
+        reach = max(expected or 0, least + least // SLACK)
+        while True:
+            reach = min(limit, reach if reach < long else LONGEST)
+            box = box_between(here, goal, reach // 100 + 1, shape)
+            if ground.against.size:
+                paths = paths_in(ground, [goal], box, reach, back=True)
                 if paths.length_to(*here) < FAR:
-                    return self._way_down(paths, here, there)
-            paths = paths_in(ground, [there], full_box, LONGEST, back=True)
-            if paths.length_to(*here) < FAR:
-                return self._way_down(paths, here, there)
-        there = _nearest_in(paths_in(ground, [here], full_box, LONGEST), there)
-        return self._way_down(paths_in(ground, [there], full_box, LONGEST, back=True), here, there)
+                    return self._way_down(paths, here, goal)
+            else:
+                paths = paths_in(ground, [here], box, reach, bends=True, goal=goal)
+                if paths.length_to(*goal) < FAR:
+                    return self._way_in(paths, *goal)
+            if reach == limit:
+                return None
+            reach += reach // 2
 
     def _way_down(self, paths: BoxPaths, here: Place, there: Place) -> Way:
         """Return the way between two points of the terrain, down the lengths of paths to the second one."""

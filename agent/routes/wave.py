@@ -76,14 +76,22 @@ def box_between(first: tuple[int, int], second: tuple[int, int], steps: int, sha
 
 
 def paths_in(
-    ground: Ground, starts: Sequence[Place], box: Box, limit: int, *, bends: bool = False, back: bool = False
+    ground: Ground,
+    starts: Sequence[Place],
+    box: Box,
+    limit: int,
+    *,
+    bends: bool = False,
+    back: bool = False,
+    goal: Place | None = None,
 ) -> BoxPaths:
     """Find the paths from the nearest of several starts, over a box of the ground.
 
     Starts are open points (row, col) of the terrain within the box; `limit` is in hundredths of a point, at most
     `LONGEST`. Paths that leave the box are not known, and on ground with one-way zones no path leads against them.
     `bends` takes a single start; on ground with one-way zones it finds none, and `agent.routes.routes.Routes.way` does.
-    With `back` the paths lead to the nearest start instead.
+    With `back` the paths lead to the nearest start instead. With a goal, an open point within the box, only the path to
+    it is sure to be found; ground with one-way zones takes no goal.
     """
     top, bottom, left, right = box
     shape = rows, cols = bottom - top + 2, right - left + 2
@@ -104,7 +112,8 @@ def paths_in(
         cast(state, *places[0], float(max(ground.terrain.shape)), sight, 0, 0)
     begin = np.array([row * cols + col for row, col in places], dtype=np.int64)
     grids = state, sight, length, bend
-    while not settle(*grids, np.empty((2, room), dtype=np.uint64), begin, limit, *window, FIRST_BENDS, 0, 0, 0):
+    end = -1 if goal is None else (goal[0] - top + 1) * cols + goal[1] - left + 1
+    while not settle(*grids, np.empty((2, room), dtype=np.uint64), begin, limit, *window, FIRST_BENDS, 0, 0, 0, end):
         room *= 4
     return BoxPaths(length, bend, top - 1, left - 1, limit)
 
@@ -153,6 +162,6 @@ class Wave(PathWindow):
         cast(self.state, self.start_row, self.start_col, look, self._sight, 0, 0)
         grids, box = (self.state, self._sight, self.length, self.bend), (top, bottom, left, right)
         start = np.array([self.start_row * cols + self.start_col])
-        how = FOUND[self._ties], self.key, self.row0, self.col0
+        how = FOUND[self._ties], self.key, self.row0, self.col0, -1
         while not settle(*grids, self._queues, start, limit, *box, *how):
             self._queues = np.zeros((2, 4 * self._queues.shape[1]), dtype=np.uint64)
