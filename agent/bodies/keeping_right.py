@@ -40,16 +40,21 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from agent.belief.obstacles import HEARD_M
 from agent.bodies.standoff import STILL, disc_round
+from agent.kernels.motions import MOTION, note_motions
 from agent.routes.ground import Ground
 from agent.routes.routes import Routes
 from patrol.ground.swept_path import advance
 from patrol.pose import Pose
 from patrol.radio.message import SPAN
-from patrol.radio.peers import go_on, places_of, sequences_of, ticks_of
+from patrol.radio.peers import Columns, columns_of, go_on
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from agent.ports import Place
     from agent.routes.ground import Disc, Spot
     from agent.view import View
@@ -90,27 +95,37 @@ class Meeting:
 
 @dataclass(frozen=True, slots=True)
 class Motion:
-    """Another robot's place and movement, as far as they were heard."""
+    """A robot's place and movement, as far as they were heard."""
 
-    sequence: int  # of its newest position
-    tick: int
     place: Spot
-    moved: Spot = (0.0, 0.0)  # in a tick; (0, 0) for a robot heard once, or one whose position was wrong
+    moved: Spot  # in a tick; (0, 0) for a robot heard once, or one whose position was wrong
 
-    def after(self, sequence: int, place: Spot, stride: float) -> Motion:
-        """Return the motion a tick later; the same where nothing was heard and no place was predicted.
 
-        For example, (0, 0) in tick 3 and (1, 0) in tick 5 are a movement of (0.5, 0) in a tick.
+class Motions:
+    """The motions of some robots, from note to note. A robot that is not in a note is forgotten.
 
-        `place` is the one heard, or the one predicted for then. `stride` is the robot's longest way in a step, m.
+    For example, a robot that is at (0, 0) in tick 3, and then heard at (1, 0) in tick 5, moves by (0.5, 0) in a tick.
+    """
+
+    def __init__(self, fastest: NDArray[np.float64], reach: NDArray[np.float64]) -> None:
+        """Start without robots.
+
+        `fastest`, float64 (m,), is the longest movement in a tick that can be true, m, by number. Of robots that are
+        heard at once, only those within `reach` are told of, float64 (m,), m.
         """
-        if sequence == self.sequence and place == self.place:
-            return self
-        # A predicted place moves the tick on without a new sequence, so a frame that comes then may lie behind it.
-        tick = self.tick + 1 if sequence == self.sequence else max(sequence, self.tick + 1)
-        ticks = tick - self.tick
-        moved = (place[0] - self.place[0]) / ticks, (place[1] - self.place[1]) / ticks
-        return Motion(sequence, tick, place, moved if math.hypot(*moved) <= FASTEST * stride else (0.0, 0.0))
+        self._fastest = fastest
+        self._reach = reach
+        self._table = np.zeros(fastest.size, dtype=MOTION)
+        self._found = np.empty(fastest.size, dtype=np.int64)
+        self._notes = 1
+
+    def note(self, robots: Columns, x: float, y: float) -> dict[int, Motion]:
+        """Take note of where robots are; return the motions of those near a place (m) by number, ascending."""
+        self._notes += 1
+        kept = self._fastest, self._reach, x, y, self._notes, self._table, self._found
+        near = self._found[: note_motions(*robots, *kept)]
+        rows = self._table[near].tolist()
+        return {number: Motion(row[2:4], row[4:6]) for number, row in zip(near.tolist(), rows, strict=True)}
 
 
 class KeepingRight:
@@ -130,51 +145,62 @@ class KeepingRight:
         self._step = step
         self._strides = strides
         self._stride = strides[number]
-        self._own = Motion(0, 0, (0.0, 0.0))
-        self._others: dict[int, Motion] = {}
+        fastest, reach = np.zeros((2, 1 + max(strides)))
+        for other, stride in strides.items():
+            fastest[other] = FASTEST * stride
+            ticks = self._look_ahead(self._sum_radii(other))
+            # As far as both can get until then, and a point more, which is more than rounding.
+            reach[other] = self._sum_radii(other) + 2.0 * self._margin + ticks * (self._stride + fastest[other])
+        self._motions = Motions(fastest, reach)
+        self._others: dict[int, Motion] = {}  # those that may be met, by number
         self._past: dict[int, Spot] = {}  # own places by tick
-        self._believed: dict[int, Motion] = {}  # own motion as robots that are heard late predict it, by their number
+        self._own_motions = Motions(np.full_like(fastest, fastest[number]), np.full_like(reach, np.inf))
+        # Own motion, by own number, and as robots that are heard late predict it, by their numbers.
+        self._own: dict[int, Motion] = {}
         self._expected: int | None = None
 
     def note(self, view: View) -> None:
         """Take note of where the others are, and of how each has moved since it was last heard."""
         here = view.reported.x, view.reported.y
-        self._own = self._own.after(view.tick, here, self._stride)
         self._past[view.tick] = here
         self._past.pop(view.tick - SPAN, None)
-        # Robots that are no longer heard are forgotten, and with them how they moved.
-        before, self._others = self._others, {}
-        believed, self._believed = self._believed, {}
-        # By columns: a fleet of 1,000 spends most of its time here if each peer is made an object.
-        columns = sequences_of(view.peers).tolist(), ticks_of(view.peers).tolist(), places_of(view.peers).tolist()
-        for number, sequence, tick, (x, y) in zip(sorted(view.peers), *columns, strict=True):
-            spot = x, y
-            was = before.get(number) or Motion(sequence, sequence, spot)
-            self._others[number] = was.after(sequence, spot, self._strides[number])
-            if tick > sequence and (own := self._predict_own(view.tick, tick - sequence, believed.get(number))):
-                self._believed[number] = own
+        robots = columns_of(view.peers)
+        self._others = self._motions.note(robots, view.pose.x, view.pose.y)
+        late = robots.ticks - robots.sequences
+        is_late = late > 0
+        own = [(self._number, view.tick, here)]
+        if is_late.any():
+            heard = zip(robots.numbers[is_late].tolist(), late[is_late].tolist(), strict=True)
+            predicted = {ticks: self._predict_own(view.tick - ticks, ticks) for ticks in set(late[is_late].tolist())}
+            own += [(number, view.tick - ticks, end) for number, ticks in heard if (end := predicted[ticks])]
+        numbers, ticks, ends = zip(*own, strict=True)
+        columns = Columns(np.array(numbers), np.array(ticks), np.array(ticks), np.array(ends))
+        self._own = self._own_motions.note(columns, *here)
 
-    def _predict_own(self, tick: int, late: int, was: Motion | None) -> Motion | None:
-        """Predict this robot's motion as a robot does that hears it `late` ticks late; None at the beginning."""
-        sent = tick - late
+    def _predict_own(self, sent: int, late: int) -> Spot | None:
+        """Predict where this robot is, as a robot does that hears it `late` ticks late; None at the beginning."""
         place, before = self._past.get(sent), self._past.get(sent - 1)
         if place is None or before is None:
             return None
         end = go_on(self._ground.terrain, Pose(*place, 0.0), (place[0] - before[0], place[1] - before[1]), late)
-        return (was or Motion(sent, sent, place)).after(sent, (end.x, end.y), self._stride)
+        return end.x, end.y
+
+    def _look_ahead(self, radii: float) -> float:
+        """Return for how many ticks this robot looks ahead for another one, by the radii of both together, m."""
+        return LOOK_AHEAD + LOOK_AHEAD_BODIES * radii / self._stride
 
     def room(self, command: Command, view: View) -> float:
         """Return the share of a step that stays on this robot's side of a line between it and each other one.
 
         Both robots find the same line, so two that do so never touch, whatever each of them does next.
         """
-        free, x, y = SAMPLES, view.pose.x, view.pose.y
+        free, x, y, here = SAMPLES, view.pose.x, view.pose.y, self._own[self._number]
         for number, neighbour in self._others.items():
-            own = self._believed.get(number, self._own)
+            own = self._own.get(number, here)
             # Too far apart to touch within a step, whatever both do.
             near = self._sum_radii(number) + self._stride + self._strides[number]
-            if own is not self._own:
-                near += 2.0 * math.dist(own.place, self._own.place)
+            if own is not here:
+                near += 2.0 * math.dist(own.place, here.place)
             if math.dist((x, y), neighbour.place) >= near:
                 continue
             across, up, limit = self._find_side(number, own, neighbour)
@@ -221,7 +247,8 @@ class KeepingRight:
         spare = gap - mine - their_share
         # Never 0 / 0: spare is below 0 only where one of them comes nearer.
         limit = mine + 0.5 * spare if spare >= 0.0 else gap * mine / (mine + their_share)
-        ahead_x, ahead_y = own_motion.place[0] - self._own.place[0], own_motion.place[1] - self._own.place[1]
+        here = self._own[self._number].place
+        ahead_x, ahead_y = own_motion.place[0] - here[0], own_motion.place[1] - here[1]
         # A robot that is not where it is predicted may have crossed the line: it goes no farther.
         return across, along, max(limit + ahead_x * across + ahead_y * along, 0.0)
 
@@ -271,7 +298,7 @@ class KeepingRight:
             radii, speed = self._sum_radii(number), closer_x**2 + closer_y**2
             ticks = -(apart_x * closer_x + apart_y * closer_y) / speed if speed > 0.0 else 0.0
             # Not above 0 where they move apart.
-            if not 0.0 < ticks <= LOOK_AHEAD + LOOK_AHEAD_BODIES * radii / self._stride:
+            if not 0.0 < ticks <= self._look_ahead(radii):
                 continue
             if math.hypot(apart_x + ticks * closer_x, apart_y + ticks * closer_y) < radii + self._margin:
                 here, corner = (

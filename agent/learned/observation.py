@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from agent.kernels.surroundings import count_free, fill_features, fill_heard, fill_window, sum_ages
 from patrol.pose import TAU
-from patrol.radio.peers import places_of, ticks_of
+from patrol.radio.peers import columns_of, places_of
 
 if TYPE_CHECKING:
     from agent.view import View
@@ -113,7 +113,7 @@ class Observer:
 
     def _others_input(self, view: View) -> Grid:
         rows = np.empty(self.shapes["heard"], dtype=np.float32)
-        places, ticks = places_of(view.peers), ticks_of(view.peers)
+        _, _, ticks, places = columns_of(view.peers)
         fill_heard(places, ticks, view.pose.x, view.pose.y, self._longest, view.tick, HEARD_S / self._step, rows)
         return rows
 

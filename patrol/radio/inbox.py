@@ -57,7 +57,7 @@ from patrol.kernels.hear import (
 )
 from patrol.pose import Pose
 from patrol.radio.message import CM_PER_M, CONTACT, SPAN, Position, Rejected, RejectReason, cm_to_m, decode, m_to_cm
-from patrol.radio.peers import Peer
+from patrol.radio.peers import Columns, Peer
 
 
 class Heard(Mapping[int, list[bytes]]):
@@ -165,6 +165,7 @@ class Inboxes:
         """Begin with nothing heard; a listener with the number of no robot only listens."""
         self.rules = rules
         self._column = {number: column for column, number in enumerate(sorted(rules.roster))}
+        self._numbers = np.array(list(self._column), dtype=np.int64)
         self._row = {number: row for row, number in enumerate(listeners)}
         self._own = np.array([self._column.get(number, NO_ROBOT) for number in listeners], dtype=np.int64)
         self._cells = np.zeros((len(listeners), len(self._column)), dtype=CELL)
@@ -191,7 +192,7 @@ class Inboxes:
 
     def peers(self, number: int, since: int = 0) -> Peers:
         """Return the robots that a listener has heard at a tick or later."""
-        return Peers(self._column, self._cells[self._row[number]], since)
+        return Peers(self._column, self._numbers, self._cells[self._row[number]], since)
 
     def hear(self, tick: int, heard: Mapping[int, Sequence[bytes]]) -> Intake:
         """Take in a tick's frames, those that reach each listener by its number, in their order.
@@ -259,13 +260,16 @@ class Inboxes:
 class Peers(Mapping[int, Peer]):
     """The robots that one listener has heard of, by number, as far as they were heard at some tick or later."""
 
-    def __init__(self, column: Mapping[int, int], cells: NDArray[np.void], since: int = 0) -> None:
+    def __init__(
+        self, column: Mapping[int, int], numbers: NDArray[np.int64], cells: NDArray[np.void], since: int = 0
+    ) -> None:
         """Show the robots that a listener has heard at tick `since` or later.
 
-        `column` has the robots' columns by number, both ascending. `cells` is the listener's row, CELL (columns,), and
-        is not copied: what is heard later shows.
+        `column` has the robots' columns by number, both ascending, and `numbers`, int64 (columns,), the numbers by
+        column. `cells` is the listener's row, CELL (columns,), and is not copied: what is heard later shows.
         """
         self._column = column
+        self._numbers = numbers
         self._cells = cells
         self._since = since
 
@@ -305,18 +309,15 @@ class Peers(Mapping[int, Peer]):
         return places[: places_heard(self._cells, self._since, CM_PER_M, places)]
 
     @property
-    def ticks(self) -> NDArray[np.int64]:
-        """int64 (len,), the tick at which each was heard, by number."""
-        return self._cells["at"][self._is_known].astype(np.int64)
-
-    @property
-    def sequences(self) -> NDArray[np.int64]:
-        """int64 (len,), the newest sequence of each, by number."""
-        return self._cells["sequence"][self._is_known].astype(np.int64)
+    def columns(self) -> Columns:
+        """The same robots in columns."""
+        known = np.flatnonzero(self._is_known)
+        sequences, ticks = self._cells["sequence"][known], self._cells["at"][known]
+        return Columns(self._numbers[known], sequences, ticks, self.places)
 
     def lately(self, since: int) -> Peers:
         """List those that were heard at a tick or later."""
-        return Peers(self._column, self._cells, since)
+        return Peers(self._column, self._numbers, self._cells, since)
 
     def silent(self, since: int) -> Iterator[int]:
         """List the numbers of those that were not heard at a tick or later, ascending."""

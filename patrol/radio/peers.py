@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,36 +30,31 @@ class Peer:
     tick: int  # at which that was heard
 
 
-def places_of(peers: Mapping[int, Peer]) -> NDArray[np.float64]:
-    """Return the places of some robots, float64 (n, 2), x and y in m, ascending by number.
+class Columns(NamedTuple):
+    """Some robots, ascending by number; the arrays are the caller's own."""
 
-    A mapping that has them as the column `places` gives them faster.
-    """
-    columns: NDArray[np.float64] | None = getattr(peers, "places", None)
+    numbers: NDArray[np.int64]  # (n,)
+    sequences: NDArray[np.int64]  # (n,), their newest
+    ticks: NDArray[np.int64]  # (n,), when those were heard
+    places: NDArray[np.float64]  # (n, 2), x and y in m
+
+
+def columns_of(peers: Mapping[int, Peer]) -> Columns:
+    """Return some robots in columns; a mapping that has them as `columns` gives them faster."""
+    columns: Columns | None = getattr(peers, "columns", None)
     if columns is not None:
         return columns
-    places = [(peer.pose.x, peer.pose.y) for _, peer in sorted(peers.items())]
-    return np.array(places, dtype=np.float64).reshape(-1, 2)
+    ordered = sorted(peers.items())
+    heard = [(number, peer.sequence, peer.tick) for number, peer in ordered]
+    numbers, sequences, ticks = np.array(heard, dtype=np.int64).reshape(-1, 3).T.copy()
+    places = [(peer.pose.x, peer.pose.y) for _, peer in ordered]
+    return Columns(numbers, sequences, ticks, np.array(places, dtype=np.float64).reshape(-1, 2))
 
 
-def ticks_of(peers: Mapping[int, Peer]) -> NDArray[np.int64]:
-    """Return the ticks at which some robots were heard last, int64 (n,), ascending by number.
-
-    The array is the caller's own. A mapping that has them as the column `ticks` gives them faster.
-    """
-    return _column_of(peers, "ticks", "tick")
-
-
-def sequences_of(peers: Mapping[int, Peer]) -> NDArray[np.int64]:
-    """Return the newest sequences of some robots, as `ticks_of` does; the column is `sequences`."""
-    return _column_of(peers, "sequences", "sequence")
-
-
-def _column_of(peers: Mapping[int, Peer], column: str, field: str) -> NDArray[np.int64]:
-    values: NDArray[np.int64] | None = getattr(peers, column, None)
-    if values is not None:
-        return values
-    return np.array([getattr(peer, field) for _, peer in sorted(peers.items())], dtype=np.int64)
+def places_of(peers: Mapping[int, Peer]) -> NDArray[np.float64]:
+    """Return the places of some robots, as `columns_of` does; a mapping that has them as `places` gives them faster."""
+    places: NDArray[np.float64] | None = getattr(peers, "places", None)
+    return columns_of(peers).places if places is None else places
 
 
 # The predicted place is for the centre of a body: a point passes wherever some body does.

@@ -6,12 +6,16 @@ import math
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
-from agent.bodies.keeping_right import KeepingRight, Motion
+from agent.bodies.keeping_right import KeepingRight, Motion, Motions
 from agent.ports import Place
 from agent.routes.ground import Ground
 from patrol.pose import Pose, Velocity
+from patrol.radio.peers import Columns
 from patrol.random import Purpose, draw
 from tests.agent.plans import Robots, Says, plan, prepared_in
 
@@ -136,7 +140,49 @@ def moved(pose: Pose, way: float, bearing: float) -> Pose:
     return Pose(pose.x + way * math.cos(bearing), pose.y + way * math.sin(bearing), bearing)
 
 
+FASTEST_M = 3.0
+REACH_M = 4.0
+
+
+def columns(rows: list[tuple[int, int, int, float, float]]) -> Columns:
+    numbers, sequences, ticks = np.array([row[:3] for row in rows], dtype=np.int64).reshape(-1, 3).T.copy()
+    return Columns(numbers, sequences, ticks, np.array([row[3:] for row in rows], dtype=np.float64).reshape(-1, 2))
+
+
 @pytest.mark.parametrize(("sequence", "moved"), [(4, 1.0), (5, 0.5), (8, 0.2)])
 def test_a_way_that_took_several_ticks_of_silence_is_that_of_all_of_them(sequence: int, moved: float) -> None:
-    heard = Motion(3, 3, (0.0, 0.0)).after(sequence, (1.0, 0.0), 1.0)
-    assert heard == Motion(sequence, sequence, (1.0, 0.0), (moved, 0.0))
+    motions = Motions(np.full(2, 1.0), np.full(2, REACH_M))
+    motions.note(columns([(1, 3, 3, 0.0, 0.0)]), 0.0, 0.0)
+    heard = motions.note(columns([(1, sequence, sequence, 1.0, 0.0)]), 0.0, 0.0)
+    assert heard == {1: Motion((1.0, 0.0), (moved, 0.0))}
+
+
+LOOK = st.tuples(st.integers(0, 9), st.integers(0, 2), st.integers(-6, 6), st.integers(-6, 6))
+NOTES = st.lists(st.dictionaries(st.integers(1, 5), LOOK, max_size=5), min_size=1, max_size=12)
+
+
+@given(NOTES)
+def test_motions_are_those_of_each_robot_followed_by_itself(notes: list[dict[int, tuple[int, int, int, int]]]) -> None:
+    """A sequence may lag behind, stay, or jump; a robot may be away; movements may be too fast to be true."""
+    motions = Motions(np.full(6, FASTEST_M), np.full(6, REACH_M))
+    known: dict[int, tuple[int, int, float, float, float, float]] = {}
+    for heard in notes:
+        before, known = known, {}
+        near = {}
+        for number, (sequence, late, x, y) in sorted(heard.items()):
+            was = before.get(number)
+            if was is None:
+                known[number] = sequence, sequence, x, y, 0.0, 0.0
+            elif was[0] == sequence and was[2:4] == (x, y):
+                known[number] = was
+            else:
+                tick = was[1] + 1 if sequence == was[0] else max(sequence, was[1] + 1)
+                right, up = (x - was[2]) / (tick - was[1]), (y - was[3]) / (tick - was[1])
+                true = math.hypot(right, up) <= FASTEST_M
+                known[number] = sequence, tick, x, y, right if true else 0.0, up if true else 0.0
+            if late > 0 or math.hypot(x - 1.0, y + 1.0) <= REACH_M:
+                near[number] = Motion((x, y), known[number][4:])
+        rows = [
+            (n, sequence, sequence + late, float(x), float(y)) for n, (sequence, late, x, y) in sorted(heard.items())
+        ]
+        assert motions.note(columns(rows), 1.0, -1.0) == near

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from patrol.pose import Pose
 from patrol.radio.inbox import Inboxes, Intake, Rules
 from patrol.radio.message import SPAN, Position, RejectReason, encode
-from patrol.radio.peers import places_of, sequences_of, ticks_of
+from patrol.radio.peers import columns_of, places_of
 
 SPEED = 4.0
 STEP = 0.5
@@ -366,9 +366,9 @@ def test_peers_are_those_heard_since_a_tick_with_their_places(since: int, expect
     peers = box.inboxes.peers(1, since)
     assert list(peers) == expected
     assert places_of(peers).tolist() == [[peer.pose.x, peer.pose.y] for peer in peers.values()]
-    assert sequences_of(peers).tolist() == [peer.sequence for peer in peers.values()]
-    assert sequences_of(dict(peers)).tolist() == sequences_of(peers).tolist()
-    assert ticks_of(peers).tolist() == ticks_of(dict(peers)).tolist() == [peer.tick for peer in peers.values()]
+    for column, of_objects in zip(columns_of(peers), columns_of(dict(peers)), strict=True):
+        assert column.tolist() == of_objects.tolist()
+        assert column.dtype == of_objects.dtype
     assert [robot in peers for robot in (2, 3, 4, 9)] == [robot in expected for robot in (2, 3, 4, 9)]
     assert list(box.inboxes.peers(1).silent(1)) == [3]
     assert box.inboxes.peers(1).oldest(7) == 0

@@ -10,25 +10,25 @@ import pytest
 
 from patrol.ground.terrain import Terrain
 from patrol.pose import Pose
-from patrol.radio.peers import Peer, go_on, places_of, sequences_of, ticks_of
+from patrol.radio.peers import Columns, Peer, columns_of, go_on, places_of
 
 PEERS = {n: Peer(10 * n, Pose(float(n), 0.1 * n, 0.2), 100 * n) for n in (9, 2, 5)}
 
 
 def test_columns_are_by_number_whatever_the_order_in_which_robots_were_heard() -> None:
-    assert places_of(PEERS).tolist() == [[2.0, 0.2], [5.0, 0.5], [9.0, 0.9]]
-    assert ticks_of(PEERS).tolist() == [200, 500, 900]
-    assert sequences_of(PEERS).tolist() == [20, 50, 90]
-    assert (places_of({}).shape, ticks_of({}).shape, sequences_of({}).shape) == ((0, 2), (0,), (0,))
+    numbers, sequences, ticks, places = columns_of(PEERS)
+    assert (numbers.tolist(), sequences.tolist(), ticks.tolist()) == ([2, 5, 9], [20, 50, 90], [200, 500, 900])
+    assert places.tolist() == places_of(PEERS).tolist() == [[2.0, 0.2], [5.0, 0.5], [9.0, 0.9]]
+    assert [column.shape for column in columns_of({})] == [(0,), (0,), (0,), (0, 2)]
 
 
 def test_columns_that_a_mapping_has_are_taken_as_they_are() -> None:
-    columns: Any = SimpleNamespace(
-        places=np.array([[1.0, 2.0]]), ticks=np.array([3], dtype=np.int64), sequences=np.array([4], dtype=np.int64)
-    )
-    assert places_of(columns) is columns.places
-    assert ticks_of(columns) is columns.ticks
-    assert sequences_of(columns) is columns.sequences
+    ones = np.ones(1, dtype=np.int64)
+    has: Any = SimpleNamespace(columns=Columns(ones, ones, ones, np.array([[1.0, 2.0]])))
+    assert columns_of(has) is has.columns
+    assert places_of(has) is has.columns.places
+    has.places = np.array([[3.0, 4.0]])
+    assert places_of(has) is has.places
 
 
 @pytest.mark.parametrize(
