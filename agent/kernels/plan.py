@@ -14,6 +14,9 @@ PATROLLED = types.Array(types.boolean, 2, "C", readonly=True)
 TICKS = types.Array(types.int32, 2, "C", readonly=True)
 WEIGHTS = types.Array(types.float64, 2, "C", readonly=True)
 AGES = types.Array(types.float64, 1, "C")
+WITNESSES = types.Array(types.int64, 2, "C")
+uint64 = index = types.uint64
+"""Also for indices: unsigned, so that numba skips the negative-index check."""
 
 
 @njit(types.void(POINTS, PATROLLED, TICKS, TICKS, WEIGHTS, int64, float64, AGES), cache=True, nogil=True)
@@ -32,16 +35,48 @@ def weighted_ages(points, patrolled, last_seen, looked, weights, tick, step, age
         step: Length of a tick, s.
         ages: float64 (n,), overwritten: s.
     """
+    # Flat, since a division for each point would take longer than all the rest.
+    has_age, seen, viewed, weight = patrolled.ravel(), last_seen.ravel(), looked.ravel(), weights.ravel()
     for i in range(points.size):
-        row, col = divmod(points[i], last_seen.shape[1])
+        point = index(points[i])
         ages[i] = 0.0
-        if patrolled[row, col] and looked[row, col] != tick:
-            ages[i] = (tick - max(np.int64(last_seen[row, col]), 0)) * step
-            if weights.size:
-                ages[i] *= weights[row, col]
+        if has_age[point] and viewed[point] != tick:
+            ages[i] = (tick - max(int64(seen[point]), 0)) * step
+            if weight.size:
+                ages[i] *= weight[point]
 
 
-uint64 = types.uint64
+@njit(types.void(POINTS, POINTS, PATROLLED, TICKS, int64, float64, WITNESSES, AGES), cache=True, nogil=True)
+def oldest_ages(points, begins, patrolled, last_seen, tick, step, witnesses, ages):
+    """Find how long ago the oldest point of each station was last seen.
+
+    Each station has a witness, a point that is as old as any of it. As long as it has not been seen again, it still is,
+    since points only become fresher; so the others are not looked at.
+
+    Args:
+        points: int64 (n,), flat indices, station by station.
+        begins: int64 (s + 1,), where the points of each station begin, and where the last ones end.
+        patrolled: bool (h, w), the points that have an age; the same ones as when the witnesses were found.
+        last_seen: int32 (h, w), when each point was last seen; never less than when the witnesses were found.
+        tick: Now.
+        step: Length of a tick, s.
+        witnesses: int64 (s, 2), kept from call to call: each station's witness and when it was seen; the witness is -1
+            at first, and for a station without a point that has an age.
+        ages: float64 (s,), overwritten: s, 0 for a station without a point that has an age.
+    """
+    has_age, seen = patrolled.ravel(), last_seen.ravel()
+    for station in range(begins.size - 1):
+        point, since = witnesses[station]
+        if point < 0 or max(int64(seen[index(point)]), 0) != since:
+            point, since = -1, tick
+            for i in range(begins[station], begins[station + 1]):
+                at = max(int64(seen[index(points[i])]), 0)
+                if has_age[index(points[i])] and (point < 0 or at < since):
+                    point, since = points[i], at
+            witnesses[station, 0], witnesses[station, 1] = point, since
+        ages[station] = (tick - since) * step
+
+
 ROUTES = types.Array(types.int64, 2, "C")
 COUNTS = types.Array(types.int64, 1, "C")
 NUMBERS = types.Array(types.int64, 1, "C", readonly=True)

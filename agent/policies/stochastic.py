@@ -37,7 +37,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from agent.kernels.plan import compare, improve, weighted_ages
+from agent.kernels.plan import compare, improve, oldest_ages, weighted_ages
 from agent.policies.pursuit import STILL_STALE, Target
 from agent.policies.shared_round import Loss, RoundStands, SharedRound
 from patrol.measures.best_tour import most_planned
@@ -133,6 +133,9 @@ class KnownStations:
         # Each station is the nearest to itself.
         self.near = np.ascontiguousarray(nearest[:, 1 : NEAR + 1] if len(nearest) > 1 else nearest)
         self._spots = np.array([terrain.centre(*divmod(spot, self._width)) for spot in stations.spots.tolist()])
+        self._leaves_age = setup.ground.sight.leaves_age
+        self._patrolled: NDArray[np.bool_] | None = None  # for which the witnesses were found
+        self._witnesses = np.empty((len(self), 2), dtype=np.int64)
         self._weights = NO_WEIGHTS if weights is None else weights / weights.reshape(-1)[self._points].min()
 
     def __len__(self) -> int:
@@ -151,7 +154,15 @@ class KnownStations:
 
     def oldest_s(self, view: View) -> Ages:
         """Return the weighted age of the oldest point of each station, s."""
-        return np.maximum.reduceat(self.ages_s(view, slice(None)), self._stations.begins[:-1])
+        fog, begins = view.fog, self._stations.begins
+        if not self._weights.size and not self._leaves_age:
+            if fog.patrolled is not self._patrolled:
+                self._patrolled, self._witnesses[:] = fog.patrolled, -1
+            ages = np.empty(len(self))
+            at = view.tick, self._step, self._witnesses
+            oldest_ages(self._points, begins, fog.patrolled, fog.last_seen, *at, ages)
+            return ages
+        return np.maximum.reduceat(self.ages_s(view, slice(None)), begins[:-1])
 
     def ways_s(self, view: View, pose: Pose) -> NDArray[np.float64]:
         """Return about how long a robot takes from a pose to each station, s."""

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from agent.kernels.plan import compare, improve
+from agent.kernels.plan import compare, improve, oldest_ages, weighted_ages
 
 Whole = NDArray[np.int64]
 NOT_PINNED = np.zeros(8, dtype=np.bool_)
@@ -102,3 +102,21 @@ def test_a_small_plan_is_nearly_the_best_of_all() -> None:
         orders = (np.array([order]) for order in itertools.permutations(range(6)))
         best = min(fleet.cost(order, counts) for order in orders)
         assert fleet.cost(routes, counts) ** (1 / 8) <= 1.05 * best ** (1 / 8)
+
+
+@given(st.integers(0, 2**32 - 1))
+def test_the_oldest_points_of_stations_are_those_of_all_their_points_whatever_was_seen_between(seed: int) -> None:
+    dice = np.random.default_rng(seed)
+    shape = 3, 7
+    points = dice.permutation(21)[:16]
+    begins = np.array([0, 1, 5, 5 + int(dice.integers(1, 10)), 16])
+    patrolled = dice.random(shape) < 0.7
+    last_seen = dice.integers(-1, 3, shape).astype(np.int32)
+    witnesses, ages = np.full((4, 2), -1, dtype=np.int64), np.full(4, np.nan)
+    for tick in range(4, 30):
+        oldest_ages(points, begins, patrolled, last_seen, tick, 0.5, witnesses, ages)
+        each = np.empty(16)
+        weighted_ages(points, patrolled, last_seen, last_seen, np.zeros((0, 0)), tick, 0.5, each)
+        assert ages.tolist() == np.maximum.reduceat(each, begins[:-1]).tolist()
+        looked = np.where(dice.random(shape) < 0.2, np.int32(tick - dice.integers(0, 2)), np.int32(-1))
+        np.maximum(last_seen, looked, out=last_seen)
