@@ -183,7 +183,7 @@ def build_mind(
     if moves_posts:
         posts = Posts(fields.proxy)
     belief = beliefs.join(number, shared.area_of(fields, patrol, _dilation_points(scenario, terrain, lengths, kind)))
-    ground = Ground(terrain, fields.reach, shared.ground_of(terrain, fields) if shared.beliefs else None)
+    ground = shared.ground_of(terrain, fields).over()
     policy = _policy_of(
         kind,
         PolicySetup(

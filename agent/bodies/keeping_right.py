@@ -270,8 +270,7 @@ class KeepingRight:
         # Both must lead to the place itself: a way that ends before it may be short as well.
         barriers = self._list_barriers(meeting, (view.pose.x, view.pose.y))
         for discs in barriers if direct.place == ground.centre(*target) else ():
-            closed = Ground(self._ground.terrain, ground.open_now, ground)
-            closed.begin(discs)
+            closed = ground.over(discs)
             start = closed.join(view.pose.x, view.pose.y)
             if start is None:
                 continue

@@ -412,10 +412,7 @@ class StandOff:
 
     def _close_disc(self, disc: Disc) -> Ground:
         """Return the ground with nothing closed but a disc."""
-        static = self._ground.static
-        ground = Ground(static.terrain, static.open_now, static)
-        ground.begin([disc])
-        return ground
+        return self._ground.static.over([disc])
 
     def _make_disc(self, here: Pose, there: Pose, other: int) -> Disc:
         return disc_round((there.x, there.y), (here.x, here.y), self._sum_radii(other), self._ground.terrain.point)

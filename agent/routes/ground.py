@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import copy
 import math
 from collections.abc import Sequence
+from threading import get_ident
 
 import numpy as np
 from numpy.typing import NDArray
 
-from agent.kernels.wave import BLOCKED, HEMMED, OPEN
+from agent.kernels.closing import close_discs, encode
 from patrol.ground.fields import anchor
-from patrol.ground.terrain import ALL_WAYS, Terrain
+from patrol.ground.terrain import ALL_WAYS, BoolGrid, Terrain
 
 Spot = tuple[float, float]
 """x and y in m."""
@@ -41,45 +43,109 @@ class Area:
         self.mask = area[top:bottom, left:right].copy()
 
 
+Closed = tuple[tuple[Disc, ...], tuple[Area, ...]]
+"""The discs and areas in the way."""
+
+NOTHING: Closed = (), ()
+
+
+class _Grids:
+    """The points of a ground with some discs and areas closed, framed by one blocked point on every side."""
+
+    def __init__(self, terrain: Terrain, reach: BoolGrid) -> None:
+        self._terrain = terrain
+        self._reach = reach
+        self._closed = NOTHING
+        self.is_open = np.pad(reach, 1)
+        self._state = np.zeros(self.is_open.shape, dtype=np.uint8)
+        self.state = _read_only(self._state)  # kernels rely on its frame, and policies have access to it
+        height, width = self.is_open.shape
+        encode(self.is_open, self._state, np.array([(0, height, 0, width)]))
+
+    def show(self, closed: Closed) -> None:
+        """Close some discs and areas, and open all others."""
+        if closed is self._closed or closed == self._closed:
+            return
+        (before, areas_before), self._closed = self._closed, closed
+        discs, areas = closed
+        places = np.array([self._locate(disc) for disc in discs]).reshape(-1, 3)
+        bounds = [self._bound(disc) for disc in discs]
+        boxes = [*map(self._bound, before), *bounds, *(area.box for area in (*areas_before, *areas))]
+        changed = np.array(boxes, dtype=np.int64)
+        close_discs(self._reach, self.is_open, changed, places, np.array(bounds, dtype=np.int64).reshape(-1, 4))
+        for area in areas:
+            top, bottom, left, right = area.box
+            self.is_open[top:bottom, left:right] &= ~area.mask
+        encode(self.is_open, self._state, changed)
+
+    def _locate(self, disc: Disc) -> tuple[float, float, float]:
+        """Return a disc's row, column and radius in points of the grids."""
+        x, y, radius = disc
+        ox, oy = self._terrain.origin
+        point = self._terrain.point
+        return (y - oy) / point + 1.0, (x - ox) / point + 1.0, radius / point
+
+    def _bound(self, disc: Disc) -> tuple[int, int, int, int]:
+        """Return a disc's bounds in the grids: first row, end row, first column, end column; ends are exclusive."""
+        row, col, radius = self._locate(disc)
+        rows, cols = self.is_open.shape
+        top, bottom = _clip_range(math.floor(row - radius), math.ceil(row + radius) + 1, rows)
+        left, right = _clip_range(math.floor(col - radius), math.ceil(col + radius) + 1, cols)
+        return top, bottom, left, right
+
+
+class _Shared:
+    """The grids of all grounds with the same points: one with nothing closed, and one for each thread to close on."""
+
+    def __init__(self, terrain: Terrain, reach: BoolGrid) -> None:
+        self._terrain, self._reach = terrain, reach
+        self._plain = _Grids(terrain, reach)
+        self._spares: dict[int, _Grids] = {}
+        self.beside: dict[Spot, tuple[int, int] | None] = {}  # elements that places off the open points join
+
+    def grids(self, closed: Closed) -> _Grids:
+        """Return the grids with something closed, as they are until this thread asks for others."""
+        if closed is NOTHING:
+            return self._plain
+        spare = self._spares.get(get_ident())
+        if spare is None:
+            spare = self._spares[get_ident()] = _Grids(self._terrain, self._reach)
+        spare.show(closed)
+        return spare
+
+
 class Ground:
     """The points on which a robot's centre may be, minus the discs and areas in the way at this tick.
 
     `begin` sets the obstacles of the robot's body each tick. A policy may `close` more for that tick, which affects its
     own routes and the body alike. Elements are numbered like those of `state`.
 
+    Grounds that were made by `over` share their grids, so what `state` and `open_now` return holds until another of
+    them is looked at.
+
     `against`, uint8 (h, w), holds the steps that lead against one-way zones (`patrol.ground.terrain.Terrain.against`);
     it is `ALL_WAYS` where ways may lead in all directions. `behind`, bool (h, w), holds the points of one-way zones
     that lie behind the robot, on which manoeuvres keep off; it is None for none.
     """
 
-    def __init__(
-        self, terrain: Terrain, reach: NDArray[np.bool_], base: Ground | None = None, *, one_way: bool = True
-    ) -> None:
+    def __init__(self, terrain: Terrain, reach: BoolGrid, *, one_way: bool = True) -> None:
         """Start with nothing closed; `reach`, bool (h, w), holds the points on which the robot's centre may be.
 
-        `base` is the same ground, on which nothing is ever closed; then this one has grids of its own only while
-        something is closed on it. Without `one_way` the terrain's one-way zones do not count.
+        Without `one_way` the terrain's one-way zones do not count.
         """
         self.against = terrain.against if one_way else ALL_WAYS
-        self.behind: NDArray[np.bool_] | None = None
+        self.behind: BoolGrid | None = None
         self.terrain = terrain
-        self._borrows = base is not None
-        self._beside: dict[tuple[float, float], tuple[int, int] | None] = {}
+        self._shared = _Shared(terrain, reach)
+        self._below = self._closed = NOTHING
         self._joined: tuple[float, float, tuple[int, int] | None] | None = None
-        self._static = base
-        self._wanted: tuple[tuple[Disc, ...], tuple[Area, ...]] = (), ()
-        self._closed: tuple[tuple[Disc, ...], tuple[Area, ...]] = (), ()
-        self._reach = reach
-        self._is_open: NDArray[np.bool_]
-        self._state: NDArray[np.uint8]
-        if base is not None:
-            self._borrow_grids(base)
-            return
-        self._is_open = np.pad(reach, 1)
-        height, width = terrain.shape
-        self._state = np.zeros((height + 2, width + 2), dtype=np.uint8)
-        self._shown = _read_only(self._state)  # kernels rely on its frame, and policies have access to it
-        self._encode_box((0, height + 2, 0, width + 2))
+
+    def over(self, discs: Sequence[Disc] = ()) -> Ground:
+        """Return the same ground with more discs closed for itself alone."""
+        ground = copy.copy(self)
+        ground._below, ground._joined, ground.behind = self._closed, None, None
+        ground.begin(discs)
+        return ground
 
     @property
     def state(self) -> NDArray[np.uint8]:
@@ -88,25 +154,28 @@ class Ground:
         Read-only. Element (row + 1, col + 1) belongs to the terrain's point (row, col). The two low bits are OPEN or
         BLOCKED; HEMMED is set beside a blocked point.
         """
-        self._apply_changes()
-        return self._shown
+        return self._grids.state
 
     @property
-    def open_now(self) -> NDArray[np.bool_]:
+    def open_now(self) -> BoolGrid:
         """The terrain's points on which the robot's centre may be now: bool (h, w), read-only."""
-        self._apply_changes()
-        is_open = self._is_open[1:-1, 1:-1]
+        is_open = self._grids.is_open[1:-1, 1:-1]
         is_open.flags.writeable = False
         return is_open
 
     @property
     def static(self) -> Ground:
-        """The same ground with nothing closed; while something is closed, a copy made on first use."""
-        if self._wanted == ((), ()):
+        """The same ground with nothing closed."""
+        if self._closed is NOTHING:
             return self
-        if self._static is None:
-            self._static = Ground(self.terrain, self._reach)
-        return self._static
+        ground = copy.copy(self)
+        ground._below = ground._closed = NOTHING
+        ground._joined = None
+        return ground
+
+    @property
+    def _grids(self) -> _Grids:
+        return self._shared.grids(self._closed)
 
     def is_closed(self, row: int, col: int) -> bool:
         """Return True if the robot's centre may be on a point of the terrain, but not at this tick."""
@@ -114,7 +183,9 @@ class Ground:
 
     def begin(self, discs: Sequence[Disc]) -> None:
         """Begin a tick: open everything again, then close the points whose centres lie within some discs."""
-        self._wanted = tuple(discs), ()
+        self._closed = self._below
+        self._joined = None
+        self.close(discs)
 
     def close(self, discs: Sequence[Disc] = (), areas: Sequence[Area] = ()) -> None:
         """Close more for this tick: the points whose centres lie within some discs, and whole areas.
@@ -124,35 +195,9 @@ class Ground:
         for disc in discs:
             if not all(map(math.isfinite, disc)):
                 raise ValueError(f"the disc {disc} to be closed has a number that is not finite")
-        self._wanted = (*self._wanted[0], *discs), (*self._wanted[1], *areas)
-
-    def _apply_changes(self) -> None:
-        """Bring the grids up to date with the discs and areas to be closed."""
-        if self._wanted == self._closed:
-            return
-        before, self._closed = self._closed, self._wanted
-        self._joined = None
-        discs, areas = self._closed
-        if self._borrows and self._static is not None:
-            if not discs and not areas:
-                self._borrow_grids(self._static)
-                return
-            if self._state is self._static._state:
-                self._is_open, self._state = self._is_open.copy(), self._state.copy()
-                self._shown = _read_only(self._state)
-        boxes = [self._bound_disc(disc) for disc in (*before[0], *discs)]
-        boxes += [area.box for area in (*before[1], *areas)]
-        inside, reach = self._is_open[1:-1, 1:-1], self._reach
-        for top, bottom, left, right in boxes:
-            rows, cols = slice(max(top - 1, 0), max(bottom - 1, 0)), slice(max(left - 1, 0), max(right - 1, 0))
-            inside[rows, cols] = reach[rows, cols]
-        for disc in discs:
-            self._block_disc(disc)
-        for area in areas:
-            top, bottom, left, right = area.box
-            self._is_open[top:bottom, left:right] &= ~area.mask
-        for box in boxes:
-            self._encode_box(box)
+        if discs or areas:
+            self._closed = (*self._closed[0], *discs), (*self._closed[1], *areas)
+            self._joined = None
 
     def join(self, x: float, y: float) -> tuple[int, int] | None:
         """Return (row, col) of the open element of `state` through which a body joins the reachable points.
@@ -160,7 +205,6 @@ class Ground:
         That is the body's own point, or, where that is not open, a neighbouring one that a straight line leads to; None
         if there is none.
         """
-        self._apply_changes()
         joined = self._joined  # one attribute, because several threads may ask at once
         if joined is None or joined[0] != x or joined[1] != y:
             joined = self._joined = x, y, self._find_join(x, y)
@@ -168,9 +212,10 @@ class Ground:
 
     def _find_join(self, x: float, y: float) -> tuple[int, int] | None:
         row, col = self.terrain.point_at(x, y)
-        if self.terrain.inside(row, col) and self._is_open[row + 1, col + 1]:
+        is_open = self._grids.is_open
+        if self.terrain.inside(row, col) and is_open[row + 1, col + 1]:
             return row + 1, col + 1
-        beside = anchor(self.terrain, self._is_open[1:-1, 1:-1], x, y)
+        beside = anchor(self.terrain, is_open[1:-1, 1:-1], x, y)
         return None if beside is None else (beside[0] + 1, beside[1] + 1)
 
     def join_each(self, places: NDArray[np.float64]) -> NDArray[np.int64]:
@@ -179,65 +224,24 @@ class Ground:
         The places are float64 (n, 2), x and y of the bodies' centres in m. The result is int64 (k, 2), row and column
         as of `join`, in the order of the bodies; those that do not join are left out.
         """
-        self._apply_changes()
-        if self._static is not None and self._state is self._static._state:
-            return self._static.join_each(places)  # which remembers for all that borrow its grids
+        is_open, known = self._grids.is_open, self._shared.beside
         # The frame, which is closed, stands for all that lies off the terrain.
-        outside = np.array(self._is_open.shape) - 1
+        outside = np.array(is_open.shape) - 1
         points = np.floor((places - self.terrain.origin)[:, ::-1] / self.terrain.point) + 1.0
         elements: NDArray[np.int64] = np.clip(points, 0, outside).astype(np.int64)
-        for index in np.flatnonzero(~self._is_open[elements[:, 0], elements[:, 1]]):
+        for index in np.flatnonzero(~is_open[elements[:, 0], elements[:, 1]]):
             x, y = places[index].tolist()
-            beside = self._beside.get((x, y), _UNKNOWN) if self._closed == ((), ()) else self.join(x, y)
+            beside = known.get((x, y), _UNKNOWN) if self._closed is NOTHING else self.join(x, y)
             if beside == _UNKNOWN:
                 beside = self.join(x, y)
-                if len(self._beside) < _REMEMBERED:
-                    self._beside[x, y] = beside
+                if len(known) < _REMEMBERED:
+                    known[x, y] = beside
             elements[index] = (-1, -1) if beside is None else beside
         return elements[elements[:, 0] >= 0]
 
     def centre(self, row: int, col: int) -> tuple[float, float]:
         """Return the centre (x, y) in m of element (row, col) of `state`."""
         return self.terrain.centre(row - 1, col - 1)
-
-    def _borrow_grids(self, base: Ground) -> None:
-        self._is_open, self._state, self._shown = base._is_open, base._state, base._shown
-
-    def _locate_disc(self, disc: Disc) -> tuple[float, float, float]:
-        """Return a disc's row, column and radius in points of `state`."""
-        x, y, radius = disc
-        ox, oy = self.terrain.origin
-        point = self.terrain.point
-        return (y - oy) / point + 1.0, (x - ox) / point + 1.0, radius / point
-
-    def _bound_disc(self, disc: Disc) -> tuple[int, int, int, int]:
-        """Return a disc's bounds in `state`: first row, end row, first column, end column; ends are exclusive."""
-        row, col, radius = self._locate_disc(disc)
-        rows, cols = self._state.shape
-        top, bottom = _clip_range(math.floor(row - radius), math.ceil(row + radius) + 1, rows)
-        left, right = _clip_range(math.floor(col - radius), math.ceil(col + radius) + 1, cols)
-        return top, bottom, left, right
-
-    def _block_disc(self, disc: Disc) -> None:
-        row, col, radius = self._locate_disc(disc)
-        top, bottom, left, right = self._bound_disc(disc)
-        up = np.arange(top, bottom) + 0.5 - row
-        across = np.arange(left, right) + 0.5 - col
-        self._is_open[top:bottom, left:right] &= up[:, None] ** 2 + across[None, :] ** 2 >= radius**2
-
-    def _encode_box(self, box: tuple[int, int, int, int]) -> None:
-        """Bring `state` up to date in a box and one point around it; the frame stays blocked."""
-        rows, cols = self._state.shape
-        top, bottom = max(1, box[0] - 1), min(rows - 1, box[1] + 1)
-        left, right = max(1, box[2] - 1), min(cols - 1, box[3] + 1)
-        if bottom <= top or right <= left:
-            return
-        is_open = self._is_open[top:bottom, left:right]
-        surrounded = is_open.copy()
-        for up in (-1, 0, 1):
-            for across in (-1, 0, 1):
-                surrounded &= self._is_open[top + up : bottom + up, left + across : right + across]
-        self._state[top:bottom, left:right] = np.where(surrounded, OPEN, np.where(is_open, OPEN | HEMMED, BLOCKED))
 
 
 def _read_only(grid: NDArray[np.uint8]) -> NDArray[np.uint8]:

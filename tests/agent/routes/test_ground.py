@@ -125,7 +125,7 @@ def test_several_bodies_join_the_ground_as_each_of_them_does() -> None:
     terrain = Terrain("t", np.ones((20, 30), dtype=np.bool_), 0.5, (-3.0, 2.0))
     base = Ground(terrain, is_open)
     places = dice.uniform((-6.0, 0.0), (15.0, 14.0), (200, 2))
-    for ground in (base, Ground(terrain, is_open, base)):
+    for ground in (base, base.over()):
         for discs in ([], [(1.0, 5.0, 2.0)], []):
             ground.close(discs) if discs else ground.begin([])
             each = [ground.join(x, y) for x, y in places.tolist()]
