@@ -102,30 +102,31 @@ class Motion:
 
 
 class Motions:
-    """The motions of some robots, from note to note. A robot that is not in a note is forgotten.
+    """The motions of one robot and the others, from note to note. A robot that is not in a note is forgotten.
 
     For example, a robot that is at (0, 0) in tick 3, and then heard at (1, 0) in tick 5, moves by (0.5, 0) in a tick.
     """
 
-    def __init__(self, fastest: NDArray[np.float64], reach: NDArray[np.float64]) -> None:
+    def __init__(self, number: int, fastest: NDArray[np.float64], reach: NDArray[np.float64]) -> None:
         """Start without robots.
 
         `fastest`, float64 (m,), is the longest movement in a tick that can be true, m, by number. Of robots that are
         heard at once, only those within `reach` are told of, float64 (m,), m.
         """
+        self._number = number
         self._fastest = fastest
         self._reach = reach
         self._table = np.zeros(fastest.size, dtype=MOTION)
         self._found = np.empty(fastest.size, dtype=np.int64)
         self._notes = 1
 
-    def note(self, robots: Columns, x: float, y: float) -> dict[int, Motion]:
-        """Take note of where robots are; return the motions of those near a place (m) by number, ascending."""
+    def note(self, robots: Columns, tick: int, here: Spot) -> dict[int, Motion]:
+        """Take note of where other robots are, and of this one; return motions by number, ascending, its own last."""
         self._notes += 1
-        kept = self._fastest, self._reach, x, y, self._notes, self._table, self._found
-        near = self._found[: note_motions(*robots, *kept)]
-        rows = self._table[near].tolist()
-        return {number: Motion(row[2:4], row[4:6]) for number, row in zip(near.tolist(), rows, strict=True)}
+        kept = self._fastest, self._reach, self._number, tick, *here, self._notes, self._table, self._found
+        told = self._found[: note_motions(*robots, *kept)]
+        rows = self._table[told].tolist()
+        return {number: Motion(row[2:4], row[4:6]) for number, row in zip(told.tolist(), rows, strict=True)}
 
 
 class KeepingRight:
@@ -151,12 +152,13 @@ class KeepingRight:
             ticks = self._look_ahead(self._sum_radii(other))
             # As far as both can get until then, and a point more, which is more than rounding.
             reach[other] = self._sum_radii(other) + 2.0 * self._margin + ticks * (self._stride + fastest[other])
-        self._motions = Motions(fastest, reach)
+        self._motions = Motions(number, fastest, reach)
         self._others: dict[int, Motion] = {}  # those that may be met, by number
+        self._own = Motion((0.0, 0.0), (0.0, 0.0))
         self._past: dict[int, Spot] = {}  # own places by tick
-        self._own_motions = Motions(np.full_like(fastest, fastest[number]), np.full_like(reach, np.inf))
-        # Own motion, by own number, and as robots that are heard late predict it, by their numbers.
-        self._own: dict[int, Motion] = {}
+        # Own motion as robots that are heard late predict it, by their numbers.
+        self._predictions = Motions(number, np.full_like(fastest, fastest[number]), np.full_like(reach, np.inf))
+        self._predicted: dict[int, Motion] = {}
         self._expected: int | None = None
 
     def note(self, view: View) -> None:
@@ -165,17 +167,17 @@ class KeepingRight:
         self._past[view.tick] = here
         self._past.pop(view.tick - SPAN, None)
         robots = columns_of(view.peers)
-        self._others = self._motions.note(robots, view.pose.x, view.pose.y)
+        self._others = self._motions.note(robots, view.tick, here)
+        self._own = self._others.pop(self._number)
         late = robots.ticks - robots.sequences
-        is_late = late > 0
-        own = [(self._number, view.tick, here)]
-        if is_late.any():
-            heard = zip(robots.numbers[is_late].tolist(), late[is_late].tolist(), strict=True)
-            predicted = {ticks: self._predict_own(view.tick - ticks, ticks) for ticks in set(late[is_late].tolist())}
-            own += [(number, view.tick - ticks, end) for number, ticks in heard if (end := predicted[ticks])]
-        numbers, ticks, ends = zip(*own, strict=True)
-        columns = Columns(np.array(numbers), np.array(ticks), np.array(ticks), np.array(ends))
-        self._own = self._own_motions.note(columns, *here)
+        if not (late > 0).any():
+            self._predicted = {}
+            return
+        ends = {ticks: self._predict_own(view.tick - ticks, ticks) for ticks in set(late.tolist()) if ticks > 0}
+        known = [row for row, ticks in enumerate(late.tolist()) if ends.get(ticks)]
+        sent = view.tick - late[known]
+        places = np.array([ends[ticks] for ticks in late[known].tolist()], dtype=np.float64).reshape(-1, 2)
+        self._predicted = self._predictions.note(Columns(robots.numbers[known], sent, sent, places), view.tick, here)
 
     def _predict_own(self, sent: int, late: int) -> Spot | None:
         """Predict where this robot is, as a robot does that hears it `late` ticks late; None at the beginning."""
@@ -194,13 +196,13 @@ class KeepingRight:
 
         Both robots find the same line, so two that do so never touch, whatever each of them does next.
         """
-        free, x, y, here = SAMPLES, view.pose.x, view.pose.y, self._own[self._number]
+        free, x, y = SAMPLES, view.pose.x, view.pose.y
         for number, neighbour in self._others.items():
-            own = self._own.get(number, here)
+            own = self._predicted.get(number, self._own)
             # Too far apart to touch within a step, whatever both do.
             near = self._sum_radii(number) + self._stride + self._strides[number]
-            if own is not here:
-                near += 2.0 * math.dist(own.place, here.place)
+            if own is not self._own:
+                near += 2.0 * math.dist(own.place, self._own.place)
             if math.dist((x, y), neighbour.place) >= near:
                 continue
             across, up, limit = self._find_side(number, own, neighbour)
@@ -247,8 +249,7 @@ class KeepingRight:
         spare = gap - mine - their_share
         # Never 0 / 0: spare is below 0 only where one of them comes nearer.
         limit = mine + 0.5 * spare if spare >= 0.0 else gap * mine / (mine + their_share)
-        here = self._own[self._number].place
-        ahead_x, ahead_y = own_motion.place[0] - here[0], own_motion.place[1] - here[1]
+        ahead_x, ahead_y = own_motion.place[0] - self._own.place[0], own_motion.place[1] - self._own.place[1]
         # A robot that is not where it is predicted may have crossed the line: it goes no farther.
         return across, along, max(limit + ahead_x * across + ahead_y * along, 0.0)
 

@@ -11,6 +11,7 @@ PATROLLED = types.Array(types.boolean, 2, "C", readonly=True)
 TICKS = types.Array(types.int32, 2, "C", readonly=True)
 WORTH = types.Array(types.float64, 1, "C", readonly=True)
 PLACES = types.Array(types.int64, 2, "C", readonly=True)
+SPOTS = types.Array(types.float64, 2, "C", readonly=True)
 int64 = types.int64
 float64 = types.float64
 index = types.uint64
@@ -134,3 +135,39 @@ def oldest_that_may_win(patrolled, last_seen, tick, row, col, reach, gap, worth,
             if oldest >= most:
                 return oldest
     return oldest
+
+
+@njit(types.boolean(SPOTS, float64, float64, float64), cache=True, nogil=True)
+def any_nearer(spots, x, y, longest):
+    """Return True if the way from one of some spots to another one, with nothing in between, is shorter than m.
+
+    Args:
+        spots: float64 (n, 2), x and y in m.
+        x: Of the other one, m.
+        y: Likewise.
+        longest: Of the way over the eight neighbours of points, m.
+    """
+    for spot in range(spots.shape[0]):
+        across, up = abs(spots[spot, 0] - x), abs(spots[spot, 1] - y)
+        if max(across, up) + 0.41 * min(across, up) < longest:
+            return True
+    return False
+
+
+@njit(types.Array(int64, 1, "C")(SPOTS, float64, float64, float64, float64), cache=True, nogil=True)
+def those_within(spots, left, bottom, right, top):
+    """Return which of some spots lie inside of a rectangle, int64 (k,), ascending.
+
+    Args:
+        spots: float64 (n, 2), x and y in m.
+        left: Least x, m; a spot on the rim is not inside.
+        bottom: Least y, m.
+        right: Greatest x, m.
+        top: Greatest y, m.
+    """
+    inside, count = np.empty(spots.shape[0], dtype=np.int64), 0
+    for spot in range(spots.shape[0]):
+        if left < spots[spot, 0] < right and bottom < spots[spot, 1] < top:
+            inside[count] = spot
+            count += 1
+    return inside[:count]

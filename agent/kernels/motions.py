@@ -24,17 +24,34 @@ MOTION = np.dtype(
 _F, _I = types.float64, types.int64
 _INTEGERS, _FLOATS = types.Array(_I, 1, "C", readonly=True), types.Array(_F, 1, "C", readonly=True)
 _PLACES = types.Array(_F, 2, "C", readonly=True)
-_MOTIONS = types.Array(from_dtype(MOTION), 1, "C")
+_MOTION = from_dtype(MOTION)
+_MOTIONS = types.Array(_MOTION, 1, "C")
 _FOUND = types.Array(_I, 1, "C")
 
 
-@njit(
-    _I(_INTEGERS, _INTEGERS, _INTEGERS, _PLACES, _FLOATS, _FLOATS, _F, _F, _I, _MOTIONS, _FOUND), cache=True, nogil=True
-)
-def note_motions(numbers, sequences, ticks, places, fastest, reach, x, y, note, motions, found):
-    """Bring motions up to date with what was heard, and find the robots that may be met.
+@njit(types.void(_MOTION, _I, _F, _F, _F, _I), cache=True, nogil=True)
+def _go_on(motion, sequence, x, y, fastest, note):
+    """Bring one motion up to date."""
+    if motion.noted != note - 1:
+        motion.sequence = motion.tick = sequence
+        motion.x, motion.y, motion.right, motion.up = x, y, 0.0, 0.0
+    elif motion.sequence != sequence or motion.x != x or motion.y != y:
+        # A place that was predicted moves the tick on without a new sequence, so a frame that comes then may lie
+        # behind it.
+        tick = motion.tick + 1 if sequence == motion.sequence else max(sequence, motion.tick + 1)
+        right, up = (x - motion.x) / (tick - motion.tick), (y - motion.y) / (tick - motion.tick)
+        motion.right, motion.up = (right, up) if math.hypot(right, up) <= fastest else (0.0, 0.0)
+        motion.sequence, motion.tick, motion.x, motion.y = sequence, tick, x, y
+    motion.noted = note
 
-    A place that was predicted moves the tick on without a new sequence, so a frame that comes then may lie behind it.
+
+@njit(
+    _I(_INTEGERS, _INTEGERS, _INTEGERS, _PLACES, _FLOATS, _FLOATS, _I, _I, _F, _F, _I, _MOTIONS, _FOUND),
+    cache=True,
+    nogil=True,
+)
+def note_motions(numbers, sequences, ticks, places, fastest, reach, own, now, x, y, note, motions, found):
+    """Bring motions up to date with what was heard, and find the robots that may be met.
 
     Args:
         numbers: int64 (n,), of the robots that are heard.
@@ -43,9 +60,11 @@ def note_motions(numbers, sequences, ticks, places, fastest, reach, x, y, note, 
         places: float64 (n, 2), x and y of the place heard, or of the one predicted for now, m.
         fastest: float64 (m,), by number: the longest movement in a tick that can be true, m.
         reach: float64 (m,), by number: robots farther away than this cannot be met, m.
+        own: The robot's own number, which is found last.
+        now: The tick.
         x: Where the robot itself is, m.
         y: Likewise.
-        note: Which call this is, counting up from 2: who was not there in the one before is new.
+        note: Which call this is, counting up from 2: a robot that was not there in the one before is new.
         motions: MOTION (m,), by number, changed in place; zeros before the first call.
         found: int64 (m,), filled in: the numbers of those that may be met, or were heard late, in the given order.
 
@@ -54,19 +73,11 @@ def note_motions(numbers, sequences, ticks, places, fastest, reach, x, y, note, 
     """
     count = 0
     for i in range(numbers.size):
-        number, sequence = numbers[i], sequences[i]
-        motion = motions[number]
-        there_x, there_y = places[i, 0], places[i, 1]
-        if motion.noted != note - 1:
-            motion.sequence = motion.tick = sequence
-            motion.x, motion.y, motion.right, motion.up = there_x, there_y, 0.0, 0.0
-        elif motion.sequence != sequence or motion.x != there_x or motion.y != there_y:
-            tick = motion.tick + 1 if sequence == motion.sequence else max(sequence, motion.tick + 1)
-            right, up = (there_x - motion.x) / (tick - motion.tick), (there_y - motion.y) / (tick - motion.tick)
-            motion.right, motion.up = (right, up) if math.hypot(right, up) <= fastest[number] else (0.0, 0.0)
-            motion.sequence, motion.tick, motion.x, motion.y = sequence, tick, there_x, there_y
-        motion.noted = note
-        if ticks[i] > sequence or math.hypot(there_x - x, there_y - y) <= reach[number]:
+        number = numbers[i]
+        _go_on(motions[number], sequences[i], places[i, 0], places[i, 1], fastest[number], note)
+        if ticks[i] > sequences[i] or math.hypot(places[i, 0] - x, places[i, 1] - y) <= reach[number]:
             found[count] = number
             count += 1
-    return count
+    _go_on(motions[own], now, x, y, fastest[own], note)
+    found[count] = own
+    return count + 1

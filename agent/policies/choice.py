@@ -24,7 +24,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from agent.kernels.best import best_of, oldest_that_may_win
+from agent.kernels.best import any_nearer, best_of, oldest_that_may_win, those_within
 from agent.policies.pursuit import TRIES, Target, age_of
 from agent.routes.wave import LONGEST, NO_PATHS, Box, BoxPaths, box_around, paths_in
 from patrol.measures.zoned import zoned_ground
@@ -219,9 +219,9 @@ class FreeChoice:
 def _paths_of_rivals(view: View, rivals: NDArray[np.float64], box: Box, limit: int) -> BoxPaths:
     """Find the paths from the other robots in a box."""
     ground, (top, bottom, left, right) = view.ground.static, box
-    low, high = np.array(ground.terrain.centre(top, left)), np.array(ground.terrain.centre(bottom, right))
+    (x_min, y_min), (x_max, y_max) = ground.terrain.centre(top, left), ground.terrain.centre(bottom, right)
     beside = BESIDE_POINTS * ground.terrain.point
-    close = rivals[((rivals > low - beside) & (rivals < high + beside)).all(axis=1)]
+    close = rivals[those_within(rivals, x_min - beside, y_min - beside, x_max + beside, y_max + beside)]
     elements = [(row - 1, col - 1) for row, col in ground.join_each(close).tolist()]
     starts = [(row, col) for row, col in elements if top <= row < bottom and left <= col < right]
     return paths_in(ground, starts, box, limit) if starts else NO_PATHS
@@ -232,6 +232,5 @@ def _may_be_nearer(view: View, rivals: NDArray[np.float64], best: Best) -> bool:
 
     No score grows by the rivals' ways. So the best point without them is the best one where this is False.
     """
-    away = np.sort(np.abs(rivals - view.place_of(best.stand)), axis=1)
-    ways_m = away[:, 1] + 0.41 * away[:, 0]
-    return bool((ways_m < view.ground.terrain.point * (best.length / 100.0 + 1.5 * BESIDE_POINTS)).any())
+    longest_m = view.ground.terrain.point * (best.length / 100.0 + 1.5 * BESIDE_POINTS)
+    return bool(any_nearer(rivals, *view.place_of(best.stand), longest_m))

@@ -268,15 +268,21 @@ def hear(cells, refused, rows, own, frames, reaches, tick, step, speed, knows_ti
     return past
 
 
-@njit(_I(types.Array(_CELL, 1, "C", readonly=True), _I, _F, _PLACES), cache=True, nogil=True)
-def places_heard(row, since, per_m, places):
-    """Put together where the robots are that a listener has heard since a tick.
+@njit(
+    _I(types.Array(_CELL, 1, "C", readonly=True), _ROWS, _I, _F, _ROWS, _ROWS, _ROWS, _PLACES), cache=True, nogil=True
+)
+def columns_heard(row, names, since, per_m, numbers, sequences, ticks, places):
+    """Put together in columns the robots that a listener has heard since a tick.
 
     Args:
         row: CELL (s,), the listener's.
+        names: int64 (s,), the senders' numbers.
         since: The tick.
         per_m: cm in a metre.
-        places: float64 (s, 2), x and y in m; the first rows are filled in, in the order of the senders.
+        numbers: int64 (s,); the first rows of this and the next three are filled in, in the order of the senders.
+        sequences: int64 (s,), of the newest position of each.
+        ticks: int64 (s,), when that was heard.
+        places: float64 (s, 2), x and y in m.
 
     Returns:
         How many robots they are.
@@ -285,6 +291,7 @@ def places_heard(row, since, per_m, places):
     for column in range(row.size):
         cell = row[column]
         if cell.sequence != NOTHING and cell.at >= since:
+            numbers[count], sequences[count], ticks[count] = names[column], cell.sequence, cell.at
             places[count, 0] = cell.x / per_m
             places[count, 1] = cell.y / per_m
             count += 1

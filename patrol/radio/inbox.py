@@ -52,8 +52,8 @@ from patrol.kernels.hear import (
     THEN,
     TOO_FAST,
     UNKNOWN,
+    columns_heard,
     hear,
-    places_heard,
 )
 from patrol.pose import Pose
 from patrol.radio.message import CM_PER_M, CONTACT, SPAN, Position, Rejected, RejectReason, cm_to_m, decode, m_to_cm
@@ -303,17 +303,13 @@ class Peers(Mapping[int, Peer]):
         return bool((self._is_known & (self._cells["at"] > self._cells["sequence"])).any())
 
     @property
-    def places(self) -> NDArray[np.float64]:
-        """float64 (len, 2), x and y of each in m, by number."""
-        places = np.empty((len(self._column), 2), dtype=np.float64)
-        return places[: places_heard(self._cells, self._since, CM_PER_M, places)]
-
-    @property
     def columns(self) -> Columns:
         """The same robots in columns."""
-        known = np.flatnonzero(self._is_known)
-        sequences, ticks = self._cells["sequence"][known], self._cells["at"][known]
-        return Columns(self._numbers[known], sequences, ticks, self.places)
+        numbers, sequences, ticks = np.empty((3, len(self._column)), dtype=np.int64)
+        places = np.empty((len(self._column), 2), dtype=np.float64)
+        of_cells = self._cells, self._numbers, self._since, CM_PER_M
+        count = columns_heard(*of_cells, numbers, sequences, ticks, places)
+        return Columns(numbers[:count], sequences[:count], ticks[:count], places[:count])
 
     def lately(self, since: int) -> Peers:
         """List those that were heard at a tick or later."""

@@ -245,7 +245,7 @@ def test_what_is_heard(heard: list[tuple[int, int]]) -> None:
     inboxes = Inboxes([1], Rules((1, 2, 3), (0.0, 0.0, 9.0, 9.0), 10.0))
     for tick in (9, 10):
         inboxes.hear(tick, {1: [encode(Position.of(number, k, 0.0, Pose(4.0, 4.0, 0.0))) for number, k in heard]})
-        assert len(inboxes.peers(1).places) == len({number for number, _ in heard} & {2, 3})
+        assert len(inboxes.peers(1).columns.places) == len({number for number, _ in heard} & {2, 3})
 
 
 @given(seed=SEEDS, free=grids(9), half=st.integers(0, 6), up=st.integers(-3, 12), across=st.integers(-3, 12))

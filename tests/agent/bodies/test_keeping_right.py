@@ -151,10 +151,10 @@ def columns(rows: list[tuple[int, int, int, float, float]]) -> Columns:
 
 @pytest.mark.parametrize(("sequence", "moved"), [(4, 1.0), (5, 0.5), (8, 0.2)])
 def test_a_way_that_took_several_ticks_of_silence_is_that_of_all_of_them(sequence: int, moved: float) -> None:
-    motions = Motions(np.full(2, 1.0), np.full(2, REACH_M))
-    motions.note(columns([(1, 3, 3, 0.0, 0.0)]), 0.0, 0.0)
-    heard = motions.note(columns([(1, sequence, sequence, 1.0, 0.0)]), 0.0, 0.0)
-    assert heard == {1: Motion((1.0, 0.0), (moved, 0.0))}
+    motions = Motions(0, np.full(2, 1.0), np.full(2, REACH_M))
+    motions.note(columns([(1, 3, 3, 0.0, 0.0)]), 3, (0.0, 0.0))
+    heard = motions.note(columns([(1, sequence, sequence, 1.0, 0.0)]), sequence, (0.0, 0.0))
+    assert heard == {1: Motion((1.0, 0.0), (moved, 0.0)), 0: Motion((0.0, 0.0), (0.0, 0.0))}
 
 
 LOOK = st.tuples(st.integers(0, 9), st.integers(0, 2), st.integers(-6, 6), st.integers(-6, 6))
@@ -164,9 +164,9 @@ NOTES = st.lists(st.dictionaries(st.integers(1, 5), LOOK, max_size=5), min_size=
 @given(NOTES)
 def test_motions_are_those_of_each_robot_followed_by_itself(notes: list[dict[int, tuple[int, int, int, int]]]) -> None:
     """A sequence may lag behind, stay, or jump; a robot may be away; movements may be too fast to be true."""
-    motions = Motions(np.full(6, FASTEST_M), np.full(6, REACH_M))
+    motions = Motions(0, np.full(6, FASTEST_M), np.full(6, REACH_M))
     known: dict[int, tuple[int, int, float, float, float, float]] = {}
-    for heard in notes:
+    for now, heard in enumerate(notes):
         before, known = known, {}
         near = {}
         for number, (sequence, late, x, y) in sorted(heard.items()):
@@ -185,4 +185,4 @@ def test_motions_are_those_of_each_robot_followed_by_itself(notes: list[dict[int
         rows = [
             (n, sequence, sequence + late, float(x), float(y)) for n, (sequence, late, x, y) in sorted(heard.items())
         ]
-        assert motions.note(columns(rows), 1.0, -1.0) == near
+        assert motions.note(columns(rows), now, (1.0, -1.0)) == {**near, 0: Motion((1.0, -1.0), (0.0, 0.0))}

@@ -27,8 +27,6 @@ def test_columns_that_a_mapping_has_are_taken_as_they_are() -> None:
     has: Any = SimpleNamespace(columns=Columns(ones, ones, ones, np.array([[1.0, 2.0]])))
     assert columns_of(has) is has.columns
     assert places_of(has) is has.columns.places
-    has.places = np.array([[3.0, 4.0]])
-    assert places_of(has) is has.places
 
 
 @pytest.mark.parametrize(
