@@ -155,6 +155,7 @@ def settle(state, sight, length, bend, queues, starts, limit, top, bottom, left,
     turn, room = uint64(queues.shape[1] - 1), queues.shape[1] - 10
     next_diagonal, end_diagonal, next_straight, end_straight = 0, 0, 0, starts.size
     start_row, start_col, goal_row, goal_col = 0, 0, goal // stride, goal % stride
+    needs_row = goal >= 0 or bends.size != 0
     for place in range(min(starts.size, room)):
         start = starts[place]
         lengths[index(start)] = 0
@@ -178,7 +179,7 @@ def settle(state, sight, length, bend, queues, starts, limit, top, bottom, left,
         # An older entry: a shorter path has reached the point since.
         if flags & STATUS == SETTLED:
             continue
-        row = int64(index(here) // index(stride))
+        row = int64(index(here) // index(stride)) if needs_row else 0
         if goal >= 0:
             up, across = abs(row - goal_row), abs(here - row * stride - goal_col)
             if far + 100 * max(up, across) + 41 * min(up, across) > limit:
