@@ -61,6 +61,7 @@ class RunOptions(RunChoices):
         stop: Asked from then on whether to end early.
         urgent: Asked from then on whether to end by force.
         over: Called when the ticks are over. From then on KeyboardInterrupt ends the run's end.
+        judged: Called with the summary when the run has been judged, before files are made from its journal.
         show_kernels: Shows how far compiling the kernels is; None for a line every few seconds.
     """
 
@@ -69,6 +70,7 @@ class RunOptions(RunChoices):
     stop: Callable[[], bool] = lambda: False
     urgent: Callable[[], bool] = lambda: False
     over: Callable[[], None] = lambda: None
+    judged: Callable[[Summary], None] = lambda _summary: None
     show_kernels: Callable[[Compiled], None] | None = None
 
 
@@ -390,6 +392,8 @@ def _write_result(
     except OSError as error:
         options.display.say(f"{folder.summary}: cannot be written ({error.strerror}); the summary is shown only")
     interrupted = journal.end is not None and journal.end.reason == INTERRUPTED
+    options.display.close()  # until the next progress is shown
+    options.judged(summary)
     if summary.ticks:
         interrupted |= not write_files(folder, prepared, journal, summary, options, options.display)
     announced = tuple(options.display.announced)

@@ -67,7 +67,7 @@ def run(
     from fogwatch.api import RunOptions, execute
     from fogwatch.launch.launcher import LaunchFailed
     from fogwatch.terminal.live_table import kernel_bar, make_display
-    from fogwatch.terminal.summary_text import print_summary
+    from fogwatch.terminal.summary_text import print_files, print_summary
     from patrol.summary.model import Summary
 
     def begin() -> None:
@@ -75,6 +75,11 @@ def run(
 
     def over() -> None:
         ending.patience = ending.times  # one more, and no more files are written
+
+    def judged(summary: Summary) -> None:
+        if not quiet:
+            with _readers_may_leave():
+                print_summary(Console(), summary)
 
     display = make_display(quiet)
     if changes.preset is not None:
@@ -86,6 +91,7 @@ def run(
         stop=lambda: bool(ending),
         urgent=lambda: ending.times > 1,
         over=over,
+        judged=judged,
         show_kernels=None if quiet else kernel_bar(Console(stderr=True)),
     )
     try:
@@ -98,7 +104,7 @@ def run(
         if quiet:
             print(printable(str(result.folder)))
         else:
-            print_summary(Console(), Summary.model_validate(result.summary), result.folder)
+            print_files(Console(), result.folder)
     return INTERRUPTED if ending else result.verdict.exit_code
 
 

@@ -26,8 +26,8 @@ MOST_WARNINGS = 20
 ABSENT = Status.ABSENT.name.lower()
 
 
-def print_summary(console: Console, summary: Summary, folder: Path) -> None:
-    """Print the summary of a run: the measures, the robots, the verdict, and the files of the run folder."""
+def print_summary(console: Console, summary: Summary) -> None:
+    """Print the summary of a run: the measures, the robots and the verdict."""
     for line in measures(summary):
         console.print(line, markup=False, highlight=False, soft_wrap=True)
     present = {name: robot for name, robot in summary.robots.items() if robot.status != ABSENT}
@@ -38,6 +38,10 @@ def print_summary(console: Console, summary: Summary, folder: Path) -> None:
         print_verdict(console, summary.verdict)
     if summary.trace_hash:  # a run that was cut off has none
         console.print(f"trace       {summary.trace_hash}", markup=False, highlight=False, soft_wrap=True)
+
+
+def print_files(console: Console, folder: Path) -> None:
+    """Print the files of a run folder."""
     files = ", ".join(sorted(path.name for path in folder.iterdir()))
     console.print(printable(f"files       {folder}: {files}"), markup=False, highlight=False, soft_wrap=True)
 

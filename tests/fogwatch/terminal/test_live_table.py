@@ -18,7 +18,7 @@ from fogwatch.terminal.live_table import (
     headline,
     make_display,
 )
-from fogwatch.terminal.summary_text import measures, print_summary
+from fogwatch.terminal.summary_text import measures, print_files, print_summary
 from patrol.journal import Status
 from patrol.messages.telemetry import FREE, TRAPPED, Metrics, Notice, RobotView
 from patrol.summary.model import Summary
@@ -50,7 +50,9 @@ def summary(**changed: Any) -> Summary:
 
 def printed(of: Summary, folder: Path, width: int = 80) -> str:
     text = io.StringIO()
-    print_summary(Console(file=text, width=width), of, folder)
+    console = Console(file=text, width=width)
+    print_summary(console, of)
+    print_files(console, folder)
     return text.getvalue()
 
 

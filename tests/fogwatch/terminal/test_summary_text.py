@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from rich.console import Console
 
-from fogwatch.terminal.summary_text import measures, print_summary
+from fogwatch.terminal.summary_text import measures, print_files, print_summary
 from patrol.summary.model import (
     CheckFacts,
     Deadlines,
@@ -36,7 +36,9 @@ def test_a_fleet_that_had_nothing_to_do_is_named(late_s: float, seen_share: floa
 
 def printed(summary: Summary, folder: Path) -> list[str]:
     text = io.StringIO()
-    print_summary(Console(file=text, width=100), summary, folder)
+    console = Console(file=text, width=100)
+    print_summary(console, summary)
+    print_files(console, folder)
     return text.getvalue().splitlines()
 
 
