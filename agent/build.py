@@ -70,13 +70,13 @@ class Shared:
     # by identity of a body's static fields, which live as long as the scenario, and dilatation
     areas: dict[tuple[int, int], Area] = field(default_factory=dict)
     posts: dict[int, Posts] = field(default_factory=dict)  # by identity of the static fields
-    grounds: dict[int, Ground] = field(default_factory=dict)  # likewise, with nothing closed
+    grounds: dict[tuple[int, int], Ground] = field(default_factory=dict)  # likewise, and by group, with nothing closed
 
-    def ground_of(self, terrain: Terrain, fields: StaticFields) -> Ground:
-        """Return the ground of one kind of body, on which nothing is ever closed."""
-        if id(fields) not in self.grounds:
-            self.grounds[id(fields)] = Ground(terrain, fields.reach)
-        return self.grounds[id(fields)]
+    def ground_of(self, terrain: Terrain, fields: StaticFields, group: int) -> Ground:
+        """Return the ground of one kind of body in a group of minds, with nothing closed."""
+        if (id(fields), group) not in self.grounds:
+            self.grounds[id(fields), group] = Ground(terrain, fields.reach)
+        return self.grounds[id(fields), group]
 
     def posts_of(self, fields: StaticFields, patrol: PatrolSpec) -> Posts:
         """Return the posts of one kind of body; on straight paths, which know no walls, each point is its own."""
@@ -175,7 +175,7 @@ def build_mind(
     patrol, spec = scenario.patrol, scenario.roster[number - 1]
     kind = kind or policy_of(scenario)
     lengths = scenario.lengths[spec.number].with_options(kind.options)
-    scratch = shared.scratches[group_of(number, len(shared.scratches))]
+    group = group_of(number, len(shared.scratches))
     chance = shared.chance.of_robot(number, incarnation)
     beliefs = shared.beliefs or Beliefs(inboxes_of(scenario, [number], terrain.bounds, shared.key), sight)
     posts = shared.posts_of(fields, patrol)
@@ -183,12 +183,12 @@ def build_mind(
     if moves_posts:
         posts = Posts(fields.proxy)
     belief = beliefs.join(number, shared.area_of(fields, patrol, _dilation_points(scenario, terrain, lengths, kind)))
-    ground = shared.ground_of(terrain, fields).over()
+    ground = shared.ground_of(terrain, fields, group).over()
     policy = _policy_of(
         kind,
         PolicySetup(
             RobotSetup(spec, lengths),
-            GroundSetup(terrain, fields, posts, sight, shared.known, scratch),
+            GroundSetup(terrain, fields, posts, sight, shared.known, shared.scratches[group]),
             shared.fleet,
             kind.options,
         ),

@@ -123,10 +123,10 @@ class Motions:
     def note(self, robots: Columns, tick: int, here: Spot) -> dict[int, Motion]:
         """Take note of where other robots are, and of this one; return motions by number, ascending, its own last."""
         self._notes += 1
-        kept = self._fastest, self._reach, self._number, tick, *here, self._notes, self._table, self._found
-        told = self._found[: note_motions(*robots, *kept)]
-        rows = self._table[told].tolist()
-        return {number: Motion(row[2:4], row[4:6]) for number, row in zip(told.tolist(), rows, strict=True)}
+        limits, table = (self._fastest, self._reach), (self._notes, self._table, self._found)
+        numbers = self._found[: note_motions(*robots, *limits, self._number, tick, *here, *table)]
+        rows = self._table[numbers].tolist()
+        return {number: Motion(row[2:4], row[4:6]) for number, row in zip(numbers.tolist(), rows, strict=True)}
 
 
 class KeepingRight:

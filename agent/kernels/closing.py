@@ -1,14 +1,11 @@
-"""Kernels of closing: points within discs are taken from the ground, and the wave's encoding follows."""
+"""Kernel of closing: points within discs are taken from the ground."""
 
 from __future__ import annotations
 
 from numba import njit, types
 
-from agent.kernels.wave import BLOCKED, HEMMED, OPEN
-
 REACH = types.Array(types.boolean, 2, "A", readonly=True)
 POINTS = types.Array(types.boolean, 2, "C")
-STATE = types.Array(types.uint8, 2, "C")
 BOXES = types.Array(types.int64, 2, "C", readonly=True)
 DISCS = types.Array(types.float64, 2, "C", readonly=True)
 
@@ -37,24 +34,3 @@ def close_discs(reach, is_open, boxes, discs, bounds):
                 across = col + 0.5 - col_at
                 if up * up + across * across < radius * radius:
                     is_open[row, col] = False
-
-
-@njit(types.void(POINTS, STATE, BOXES), cache=True, nogil=True)
-def encode(is_open, state, boxes):
-    """Bring the encoding up to date in some boxes and one point around each.
-
-    Args:
-        is_open: bool (m, n), framed by one closed point on every side.
-        state: uint8 (m, n), changed in place: `agent.kernels.wave.HEMMED`; its frame stays blocked.
-        boxes: int64 (b, 4), first row, end row, first column and end column; ends are exclusive.
-    """
-    for top, bottom, left, right in boxes:
-        for row in range(max(top - 1, 1), min(bottom + 1, state.shape[0] - 1)):
-            for col in range(max(left - 1, 1), min(right + 1, state.shape[1] - 1)):
-                if not is_open[row, col]:
-                    state[row, col] = BLOCKED
-                    continue
-                surrounded = True
-                for up in range(row - 1, row + 2):
-                    surrounded &= is_open[up, col - 1] and is_open[up, col] and is_open[up, col + 1]
-                state[row, col] = OPEN if surrounded else OPEN | HEMMED

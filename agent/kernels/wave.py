@@ -64,6 +64,31 @@ index = types.uint64
 """Unsigned, so that numba skips the negative-index check."""
 
 
+@njit(
+    types.void(types.Array(types.boolean, 2, "C"), STATE, types.Array(types.int64, 2, "C", readonly=True)),
+    cache=True,
+    nogil=True,
+)
+def encode(is_open, state, boxes):
+    """Bring the encoding up to date in some boxes and one point around each.
+
+    Args:
+        is_open: bool (m, n), framed by one closed point on every side.
+        state: uint8 (m, n), changed in place: see HEMMED; its frame stays blocked.
+        boxes: int64 (b, 4), first row, end row, first column and end column; ends are exclusive.
+    """
+    for top, bottom, left, right in boxes:
+        for row in range(max(top - 1, 1), min(bottom + 1, state.shape[0] - 1)):
+            for col in range(max(left - 1, 1), min(right + 1, state.shape[1] - 1)):
+                if not is_open[row, col]:
+                    state[row, col] = BLOCKED
+                    continue
+                surrounded = True
+                for up in range(row - 1, row + 2):
+                    surrounded &= is_open[up, col - 1] and is_open[up, col] and is_open[up, col + 1]
+                state[row, col] = OPEN if surrounded else OPEN | HEMMED
+
+
 @njit(int64(FLAT, FLAT_NUMBERS, QUEUE, int64, int64, int64, int64, int64), cache=True, nogil=True)
 def _put(status, lengths, queue, end, there, way, away, limit):
     """Put a step into a queue if it leads to a point sooner than all others so far; returns the queue's new end."""

@@ -5,12 +5,12 @@ from __future__ import annotations
 import copy
 import math
 from collections.abc import Sequence
-from threading import get_ident
 
 import numpy as np
 from numpy.typing import NDArray
 
-from agent.kernels.closing import close_discs, encode
+from agent.kernels.closing import close_discs
+from agent.kernels.wave import encode
 from patrol.ground.fields import anchor
 from patrol.ground.terrain import ALL_WAYS, BoolGrid, Terrain
 
@@ -95,23 +95,22 @@ class _Grids:
 
 
 class _Shared:
-    """The grids of all grounds with the same points: one with nothing closed, and one for each thread to close on."""
+    """The grids of all grounds over each other: some with nothing closed, and some to close on, made on first use."""
 
     def __init__(self, terrain: Terrain, reach: BoolGrid) -> None:
         self._terrain, self._reach = terrain, reach
         self._plain = _Grids(terrain, reach)
-        self._spares: dict[int, _Grids] = {}
+        self._spare: _Grids | None = None
         self.beside: dict[Spot, tuple[int, int] | None] = {}  # elements that places off the open points join
 
     def grids(self, closed: Closed) -> _Grids:
-        """Return the grids with something closed, as they are until this thread asks for others."""
+        """Return the grids with something closed, as they are until others are asked for."""
         if closed is NOTHING:
             return self._plain
-        spare = self._spares.get(get_ident())
-        if spare is None:
-            spare = self._spares[get_ident()] = _Grids(self._terrain, self._reach)
-        spare.show(closed)
-        return spare
+        if self._spare is None:
+            self._spare = _Grids(self._terrain, self._reach)
+        self._spare.show(closed)
+        return self._spare
 
 
 class Ground:
@@ -121,7 +120,7 @@ class Ground:
     own routes and the body alike. Elements are numbered like those of `state`.
 
     Grounds that were made by `over` share their grids, so what `state` and `open_now` return holds until another of
-    them is looked at.
+    them is looked at, and no two of them are looked at in two threads at once.
 
     `against`, uint8 (h, w), holds the steps that lead against one-way zones (`patrol.ground.terrain.Terrain.against`);
     it is `ALL_WAYS` where ways may lead in all directions. `behind`, bool (h, w), holds the points of one-way zones

@@ -101,18 +101,18 @@ class Routes:
 
         `limit` and `expected` are in hundredths of a point; `expected` is a likely upper bound of the way's length.
         """
-        ground, least = self._ground, unhindered(start, target)
-        if least > limit:
+        ground, direct = self._ground, unhindered(start, target)
+        if direct > limit:
             return None
         if start == target or self._is_straight(start, target):
             spot = ground.centre(*target)
-            return Way(spot, spot, float(least) * ground.terrain.point / 100.0)
+            return Way(spot, spot, float(direct) * ground.terrain.point / 100.0)
         here, goal, shape = (start[0] - 1, start[1] - 1), (target[0] - 1, target[1] - 1), ground.terrain.shape
         if not ground.open_now[goal]:
             return None
         # Most ways are shorter than a walk along two sides of the terrain; the others are looked for without a limit.
         long = 100 * sum(shape)
-        reach = max(expected or 0, least + least // SLACK)
+        reach = max(expected or 0, direct + direct // SLACK)
         while True:
             reach = min(limit, reach if reach < long else LONGEST)
             box = box_between(here, goal, reach // 100 + 1, shape)

@@ -45,8 +45,8 @@ def columns_of(peers: Mapping[int, Peer]) -> Columns:
     if columns is not None:
         return columns
     ordered = sorted(peers.items())
-    heard = [(number, peer.sequence, peer.tick) for number, peer in ordered]
-    numbers, sequences, ticks = np.array(heard, dtype=np.int64).reshape(-1, 3).T.copy()
+    rows = [(number, peer.sequence, peer.tick) for number, peer in ordered]
+    numbers, sequences, ticks = np.array(rows, dtype=np.int64).reshape(-1, 3).T.copy()
     places = [(peer.pose.x, peer.pose.y) for _, peer in ordered]
     return Columns(numbers, sequences, ticks, np.array(places, dtype=np.float64).reshape(-1, 2))
 
