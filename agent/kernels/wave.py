@@ -29,6 +29,7 @@ straight ones in any order:
 
 from __future__ import annotations
 
+import numpy as np
 from numba import njit, types
 
 BLOCKED = 0
@@ -50,6 +51,9 @@ EMPTY = 2**63
 FIRST_BENDS, DIAGONAL_LAST, DRAWN = 0, 1, 2
 """Results besides lengths: first bends, or first steps by the predecessor of a diagonal step, or by a draw."""
 
+ROOM = 2**12
+"""Entries for which the queues of a new wave have room, a power of two; it makes more as needed."""
+
 GRID = types.Array(types.uint8, 2, "C", readonly=True)
 STATE = types.Array(types.uint8, 2, "C")
 NUMBERS = types.Array(types.int32, 2, "C")
@@ -58,6 +62,7 @@ FLAT = types.Array(types.uint8, 1, "C")
 FLAT_NUMBERS = types.Array(types.int32, 1, "C")
 QUEUE = types.Array(types.uint64, 1, "C")
 STARTS = types.Array(types.int64, 1, "C", readonly=True)
+FOUND = types.UniTuple(NUMBERS, 2)  # type: ignore[no-untyped-call]
 int64 = types.int64
 uint64 = types.uint64
 index = types.uint64
@@ -246,3 +251,52 @@ def settle(state, sight, length, bend, queues, starts, limit, top, bottom, left,
 
 
 # fmt: on
+
+
+@njit(STATE(GRID, int64, int64, int64, int64), cache=True, nogil=True)
+def framed_box(state, top, bottom, left, right):
+    """Copy a box of a ground, and frame it by one blocked point on every side.
+
+    Args:
+        state: uint8 (h + 2, w + 2), `agent.routes.ground.Ground.state`.
+        top: First row of the terrain.
+        bottom: End row, exclusive.
+        left: First column.
+        right: End column, exclusive.
+
+    Returns:
+        uint8 (bottom - top + 2, right - left + 2).
+    """
+    box = np.zeros((bottom - top + 2, right - left + 2), dtype=np.uint8)
+    box[1:-1, 1:-1] = state[top + 1 : bottom + 1, left + 1 : right + 1]
+    return box
+
+
+@njit(FOUND(STATE, GRID, types.Array(int64, 2, "A", readonly=True), int64, int64), cache=True, nogil=True)
+def settle_box(state, sight, starts, limit, goal):
+    """Settle every point of a box whose path from the nearest of some starts is at most `limit` long.
+
+    Args:
+        state: uint8 (m, n), as of `settle`.
+        sight: uint8 (m, n), as of `settle`; (0, 0) for lengths alone.
+        starts: int64 (s, 2), rows and columns in `state`; those that are not in the box or not open are passed over.
+        limit: As of `settle`.
+        goal: As of `settle`.
+
+    Returns:
+        `length` and `bend` of `settle`; `bend` is (0, 0) for lengths alone.
+    """
+    rows, cols = state.shape
+    length = np.empty((rows, cols), dtype=np.int32)
+    bend = np.empty(sight.shape, dtype=np.int32)
+    inside, count = np.empty(starts.shape[0], dtype=np.int64), 0
+    for start in range(starts.shape[0]):
+        row, col = starts[start]
+        if 0 < row < rows - 1 and 0 < col < cols - 1 and state[row, col] != BLOCKED:
+            inside[count] = row * cols + col
+            count += 1
+    queues = np.empty((2, ROOM), dtype=np.uint64)
+    key, box = uint64(0), (0, rows, 0, cols)
+    while not settle(state, sight, length, bend, queues, inside[:count], limit, *box, FIRST_BENDS, key, 0, 0, goal):
+        queues = np.empty((2, 4 * queues.shape[1]), dtype=np.uint64)
+    return length, bend

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from agent.kernels.wave import DIAGONAL_LAST, DRAWN, FIRST_BENDS, settle
+from agent.kernels.wave import DIAGONAL_LAST, DRAWN, FIRST_BENDS, ROOM, framed_box, settle, settle_box
 from agent.routes.ground import Ground
 from agent.routes.path_window import FAR, Lengths, PathWindow, Place
 from patrol.ground.ways import lengths_along
@@ -20,9 +20,6 @@ LONGEST = 2**26
 
 MOST_POINTS = 2**28
 """Points of the largest window whose indices fit an entry."""
-
-ROOM = 2**12
-"""Entries for which a new wave has room, a power of two; it makes more as needed."""
 
 NEXT_TO = 1.5
 """How far a look reaches to the eight neighbours, and no farther, in points."""
@@ -94,7 +91,7 @@ def paths_in(
     it is sure to be found; ground with one-way zones takes no goal.
     """
     top, bottom, left, right = box
-    shape = rows, cols = bottom - top + 2, right - left + 2
+    rows, cols = bottom - top + 2, right - left + 2
     if rows * cols > MOST_POINTS:
         raise ValueError(f"a box of {rows * cols} points is larger than {MOST_POINTS}")
     if ground.against.size:
@@ -102,19 +99,14 @@ def paths_in(
         places = [(row - top, col - left) for row, col in starts]
         along = lengths_along(is_open, against, places, limit, back=back)
         return BoxPaths(along, NO_BENDS, top - 1, left - 1, limit)
-    state, length, bend, room = np.zeros(shape, np.uint8), np.empty(shape, np.int32), NO_BENDS, ROOM
-    state[1:-1, 1:-1] = ground.state[top + 1 : bottom + 1, left + 1 : right + 1]
-    places, window = [(row - top + 1, col - left + 1) for row, col in sorted(set(starts))], (0, rows, 0, cols)
-    sight = NO_SIGHT
+    state, sight = framed_box(ground.state, top, bottom, left, right), NO_SIGHT
+    begins = np.array(starts, dtype=np.int64).reshape(-1, 2) - (top - 1, left - 1)
     if bends:
-        sight, bend = np.zeros(shape, np.uint8), np.empty(shape, np.int32)
+        sight, (row, col) = np.zeros((rows, cols), np.uint8), begins[0].tolist()
         # A look reaches as far as the terrain is long.
-        cast(state, *places[0], float(max(ground.terrain.shape)), sight, 0, 0)
-    begin = np.array([row * cols + col for row, col in places], dtype=np.int64)
-    grids = state, sight, length, bend
+        cast(state, row, col, float(max(ground.terrain.shape)), sight, 0, 0)
     end = -1 if goal is None else (goal[0] - top + 1) * cols + goal[1] - left + 1
-    while not settle(*grids, np.empty((2, room), dtype=np.uint64), begin, limit, *window, FIRST_BENDS, 0, 0, 0, end):
-        room *= 4
+    length, bend = settle_box(state, sight, begins, limit, end)
     return BoxPaths(length, bend, top - 1, left - 1, limit)
 
 

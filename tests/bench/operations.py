@@ -18,6 +18,7 @@ from typing import Any
 from unittest.mock import patch
 
 import numpy as np
+from numpy.typing import NDArray
 
 from agent.bodies import keeping_right
 from agent.kernels.wave import SETTLED, STATUS
@@ -78,12 +79,13 @@ def count(scenario: Mapping[str, Any]) -> dict[str, float]:
 def _counting(counted: dict[str, int]) -> Iterator[None]:
     """Count what kernels do within the context."""
 
-    def settle(*arguments: Any) -> bool:
-        done = bool(original(*arguments))
-        state, (top, bottom, left, right) = arguments[0], arguments[7:11]
-        settled = state[top:bottom, left:right] & STATUS == SETTLED
-        counted["points settled"] += int(np.count_nonzero(settled))
-        return done
+    def settling(kernel: Callable[..., Any]) -> Callable[..., Any]:
+        def settle(state: NDArray[np.uint8], *rest: Any) -> Any:
+            found = kernel(state, *rest)
+            counted["points settled"] += int(np.count_nonzero(state & STATUS == SETTLED))
+            return found
+
+        return settle
 
     def looking(kernel: Callable[..., Any]) -> Callable[..., Any]:
         def look(robots: Any, *rest: Any) -> Any:
@@ -92,10 +94,10 @@ def _counting(counted: dict[str, int]) -> Iterator[None]:
 
         return look
 
-    original: Callable[..., Any] = vars(wave)["settle"]
     kernels = [(keeping_right, "note_motions"), (choice, "any_nearer"), (choice, "those_within")]
     with ExitStack() as patches:
-        patches.enter_context(patch.object(wave, "settle", settle))
+        for kernel in ("settle", "settle_box"):
+            patches.enter_context(patch.object(wave, kernel, settling(getattr(wave, kernel))))
         for module, kernel in kernels:
             patches.enter_context(patch.object(module, kernel, looking(getattr(module, kernel))))
         yield
