@@ -222,9 +222,9 @@ def _paths_of_rivals(view: View, rivals: NDArray[np.float64], box: Box, limit: i
     (x_min, y_min), (x_max, y_max) = ground.terrain.centre(top, left), ground.terrain.centre(bottom, right)
     beside = BESIDE_POINTS * ground.terrain.point
     close = rivals[those_within(rivals, x_min - beside, y_min - beside, x_max + beside, y_max + beside)]
-    elements = [(row - 1, col - 1) for row, col in ground.join_each(close).tolist()]
-    starts = [(row, col) for row, col in elements if top <= row < bottom and left <= col < right]
-    return paths_in(ground, starts, box, limit) if starts else NO_PATHS
+    # A few may lie outside of the box.
+    starts = ground.join_each(close) - 1
+    return paths_in(ground, starts, box, limit) if starts.size else NO_PATHS
 
 
 def _may_be_nearer(view: View, rivals: NDArray[np.float64], best: Best) -> bool:

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from agent.kernels.closing import close_discs
+from agent.kernels.ground import close_discs, open_elements
 from agent.kernels.wave import encode
 from patrol.ground.fields import anchor
 from patrol.ground.terrain import ALL_WAYS, BoolGrid, Terrain
@@ -223,12 +223,11 @@ class Ground:
         The places are float64 (n, 2), x and y of the bodies' centres in m. The result is int64 (k, 2), row and column
         as of `join`, in the order of the bodies; those that do not join are left out.
         """
-        is_open, known = self._grids.is_open, self._shared.beside
-        # The frame, which is closed, stands for all that lies off the terrain.
-        outside = np.array(is_open.shape) - 1
-        points = np.floor((places - self.terrain.origin)[:, ::-1] / self.terrain.point) + 1.0
-        elements: NDArray[np.int64] = np.clip(points, 0, outside).astype(np.int64)
-        for index in np.flatnonzero(~is_open[elements[:, 0], elements[:, 1]]):
+        known = self._shared.beside
+        elements: NDArray[np.int64] = open_elements(
+            self._grids.is_open, places, *self.terrain.origin, self.terrain.point
+        )
+        for index in np.flatnonzero(elements[:, 0] < 0):
             x, y = places[index].tolist()
             beside = known.get((x, y), _UNKNOWN) if self._closed is NOTHING else self.join(x, y)
             if beside == _UNKNOWN:

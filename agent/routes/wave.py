@@ -74,7 +74,7 @@ def box_between(first: tuple[int, int], second: tuple[int, int], steps: int, sha
 
 def paths_in(
     ground: Ground,
-    starts: Sequence[Place],
+    starts: Sequence[Place] | NDArray[np.int64],
     box: Box,
     limit: int,
     *,
@@ -84,11 +84,11 @@ def paths_in(
 ) -> BoxPaths:
     """Find the paths from the nearest of several starts, over a box of the ground.
 
-    Starts are open points (row, col) of the terrain within the box; `limit` is in hundredths of a point, at most
-    `LONGEST`. Paths that leave the box are not known, and on ground with one-way zones no path leads against them.
-    `bends` takes a single start; on ground with one-way zones it finds none, and `agent.routes.routes.Routes.way` does.
-    With `back` the paths lead to the nearest start instead. With a goal, an open point within the box, only the path to
-    it is sure to be found; ground with one-way zones takes no goal.
+    Starts are open points (row, col) of the terrain; those outside of the box do not count. `limit` is in hundredths of
+    a point, at most `LONGEST`. Paths that leave the box are not known, and on ground with one-way zones no path leads
+    against them. `bends` takes a single start; on ground with one-way zones it finds none, and
+    `agent.routes.routes.Routes.way` does. With `back` the paths lead to the nearest start instead. With a goal, an open
+    point within the box, only the path to it is sure to be found; ground with one-way zones takes no goal.
     """
     top, bottom, left, right = box
     rows, cols = bottom - top + 2, right - left + 2
@@ -96,7 +96,7 @@ def paths_in(
         raise ValueError(f"a box of {rows * cols} points is larger than {MOST_POINTS}")
     if ground.against.size:
         is_open, against = ground.open_now[top:bottom, left:right], ground.against[top:bottom, left:right]
-        places = [(row - top, col - left) for row, col in starts]
+        places = [(row - top, col - left) for row, col in starts if top <= row < bottom and left <= col < right]
         along = lengths_along(is_open, against, places, limit, back=back)
         return BoxPaths(along, NO_BENDS, top - 1, left - 1, limit)
     state, sight = framed_box(ground.state, top, bottom, left, right), NO_SIGHT
@@ -135,8 +135,8 @@ class Wave(PathWindow):
         self._find_window(ground, row, col)
         rows, cols = self.state.shape
         box = self.row0 + 1, self.row0 + rows - 1, self.col0 + 1, self.col0 + cols - 1
-        inside = [(r - 1, c - 1) for r, c in starts if self._holds_point(r - self.row0 - 1, c - self.col0 - 1)]
-        return paths_in(ground, inside, box, min(limit, LONGEST)).length
+        points = [(row - 1, col - 1) for row, col in starts]
+        return paths_in(ground, points, box, min(limit, LONGEST)).length
 
     def extend(self, limit: int) -> None:
         """Settle paths as `PathWindow.extend`; a larger limit than before takes another wave."""

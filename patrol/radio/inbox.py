@@ -272,6 +272,7 @@ class Peers(Mapping[int, Peer]):
         self._numbers = numbers
         self._cells = cells
         self._since = since
+        self._lately: Columns | None = None
 
     def __getitem__(self, number: int) -> Peer:
         newest = self.said(number)
@@ -305,6 +306,8 @@ class Peers(Mapping[int, Peer]):
     @property
     def columns(self) -> Columns:
         """The same robots in columns."""
+        if self._lately is not None:
+            return self._lately
         numbers, sequences, ticks = np.empty((3, len(self._column)), dtype=np.int64)
         places = np.empty((len(self._column), 2), dtype=np.float64)
         of_cells = self._cells, self._numbers, self._since, CM_PER_M
@@ -312,8 +315,10 @@ class Peers(Mapping[int, Peer]):
         return Columns(numbers[:count], sequences[:count], ticks[:count], places[:count])
 
     def lately(self, since: int) -> Peers:
-        """List those that were heard at a tick or later."""
-        return Peers(self._column, self._numbers, self._cells, since)
+        """List those that were heard at a tick or later; their columns are those of now."""
+        peers = Peers(self._column, self._numbers, self._cells, since)
+        peers._lately = peers.columns
+        return peers
 
     def silent(self, since: int) -> Iterator[int]:
         """List the numbers of those that were not heard at a tick or later, ascending."""

@@ -31,7 +31,7 @@ class Peer:
 
 
 class Columns(NamedTuple):
-    """Some robots, ascending by number; the arrays are the caller's own."""
+    """Some robots, ascending by number. The arrays are only read."""
 
     numbers: NDArray[np.int64]  # (n,)
     sequences: NDArray[np.int64]  # (n,), their newest

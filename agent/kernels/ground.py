@@ -1,13 +1,15 @@
-"""Kernel of closing: points within discs are taken from the ground."""
+"""Kernels of the ground: closing the points within discs, and finding the points on which bodies are."""
 
 from __future__ import annotations
 
+import numpy as np
 from numba import njit, types
 
 REACH = types.Array(types.boolean, 2, "A", readonly=True)
 POINTS = types.Array(types.boolean, 2, "C")
 BOXES = types.Array(types.int64, 2, "C", readonly=True)
-DISCS = types.Array(types.float64, 2, "C", readonly=True)
+DISCS = PLACES = types.Array(types.float64, 2, "C", readonly=True)
+FLOAT = types.float64
 
 
 @njit(types.void(REACH, POINTS, BOXES, DISCS, BOXES), cache=True, nogil=True)
@@ -34,3 +36,30 @@ def close_discs(reach, is_open, boxes, discs, bounds):
                 across = col + 0.5 - col_at
                 if up * up + across * across < radius * radius:
                     is_open[row, col] = False
+
+
+@njit(
+    types.Array(types.int64, 2, "C")(types.Array(types.boolean, 2, "A", readonly=True), PLACES, FLOAT, FLOAT, FLOAT),
+    cache=True,
+    nogil=True,
+)
+def open_elements(is_open, places, x0, y0, point):
+    """Find the open elements on which some places lie.
+
+    Args:
+        is_open: bool (m, n), framed by closed points, which stand for all that lies off the terrain.
+        places: float64 (k, 2), x and y in m.
+        x0: The terrain's origin, m.
+        y0: Likewise.
+        point: The side of its points, m.
+
+    Returns:
+        int64 (k, 2), row and column; -1 where the element is closed.
+    """
+    elements = np.full((places.shape[0], 2), -1, dtype=np.int64)
+    for place in range(places.shape[0]):
+        row = np.floor((places[place, 1] - y0) / point) + 1.0
+        col = np.floor((places[place, 0] - x0) / point) + 1.0
+        if 0.0 < row < is_open.shape[0] and 0.0 < col < is_open.shape[1] and is_open[int(row), int(col)]:
+            elements[place, 0], elements[place, 1] = int(row), int(col)
+    return elements
