@@ -137,6 +137,24 @@ def oldest_that_may_win(patrolled, last_seen, tick, row, col, reach, gap, worth,
     return oldest
 
 
+@njit(int64(LENGTHS, LENGTHS, int64), cache=True, nogil=True)
+def longest_own_way(own, rival, limit):
+    """Return the length of the longest way within a limit that no rival has a shorter way for, 0 without any.
+
+    Args:
+        own: int32 (m, k), path lengths from the robot (`agent.routes.wave.BoxPaths`).
+        rival: int32 (m, k), path lengths from the nearest rival; (0, 0) without any.
+        limit: Longest way that counts, in hundredths of a point.
+    """
+    longest = int64(0)
+    for row in range(own.shape[0]):
+        for col in range(own.shape[1]):
+            length = int64(own[row, col])
+            if longest < length <= limit and (rival.size == 0 or length <= rival[row, col]):
+                longest = length
+    return longest
+
+
 @njit(types.boolean(SPOTS, float64, float64, float64), cache=True, nogil=True)
 def any_nearer(spots, x, y, longest):
     """Return True if the way from one of some spots to another one, with nothing in between, is shorter than m.

@@ -40,7 +40,9 @@ def _go_on(motion, sequence, x, y, fastest, note):
         # behind it.
         tick = motion.tick + 1 if sequence == motion.sequence else max(sequence, motion.tick + 1)
         right, up = (x - motion.x) / (tick - motion.tick), (y - motion.y) / (tick - motion.tick)
-        motion.right, motion.up = (right, up) if math.hypot(right, up) <= fastest else (0.0, 0.0)
+        # Squares are faster than a length; the length decides where rounding might.
+        is_true = right * right + up * up < 0.99 * fastest * fastest or math.hypot(right, up) <= fastest
+        motion.right, motion.up = (right, up) if is_true else (0.0, 0.0)
         motion.sequence, motion.tick, motion.x, motion.y = sequence, tick, x, y
     motion.noted = note
 
@@ -75,7 +77,8 @@ def note_motions(numbers, sequences, ticks, places, fastest, reach, own, now, x,
     for i in range(numbers.size):
         number = numbers[i]
         _go_on(motions[number], sequences[i], places[i, 0], places[i, 1], fastest[number], note)
-        if ticks[i] > sequences[i] or math.hypot(places[i, 0] - x, places[i, 1] - y) <= reach[number]:
+        across, along = places[i, 0] - x, places[i, 1] - y
+        if ticks[i] > sequences[i] or across * across + along * along <= reach[number] * reach[number]:
             found[count] = number
             count += 1
     _go_on(motions[own], now, x, y, fastest[own], note)

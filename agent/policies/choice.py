@@ -24,7 +24,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from agent.kernels.best import any_nearer, best_of, oldest_that_may_win, those_within
+from agent.kernels.best import any_nearer, best_of, longest_own_way, oldest_that_may_win, those_within
 from agent.policies.pursuit import TRIES, Target, age_of
 from agent.routes.wave import LONGEST, NO_PATHS, Box, BoxPaths, box_around, paths_in
 from patrol.measures.zoned import zoned_ground
@@ -172,10 +172,7 @@ class FreeChoice:
                     continue
             enough = 2 * reach
             if best.score > 0.0:
-                own_ways = own_paths.length <= limit
-                if rival is not NO_PATHS:
-                    own_ways &= own_paths.length <= rival.length
-                patch_ends = 2 * own_paths.length.max(where=own_ways, initial=0) <= limit
+                patch_ends = 2 * longest_own_way(own_paths.length, rival.length, limit) <= limit
                 to_beat = best.score / OTHERS if patch_ends else best.score
                 enough = self._find_reach(ages, here, worth, to_beat, 2 * reach)
             if limit == LONGEST or reach >= enough:

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from agent.kernels.best import best_of, oldest_that_may_win
+from agent.kernels.best import any_nearer, best_of, longest_own_way, oldest_that_may_win, those_within
 from agent.policies import choice
 from agent.policies.choice import Best, FreeChoice
 from agent.policies.pursuit import GivenUp
@@ -186,3 +186,29 @@ def test_a_count_of_weeks_makes_no_table_of_weeks(jump: int, monkeypatch: pytest
     assert targets[0] == targets[1]
     bounded, unbounded = (max(sizes) for sizes in ages)
     assert (bounded, unbounded) == (min(jump + 2, round(MOST_AGE)) + 1, jump + 3)
+
+
+@given(st.integers(0, 2**32 - 1), st.integers(0, 6))
+def test_kernels_over_other_robots_find_what_arrays_find(seed: int, robots: int) -> None:
+    dice = np.random.default_rng(seed)
+    spots, (x, y, longest) = dice.integers(-4, 5, (robots, 2)).astype(np.float64), dice.integers(-3, 6, 3).tolist()
+    away = np.sort(np.abs(spots - (x, y)), axis=1)
+    assert any_nearer(spots, x, y, longest) == (away[:, 1] + 0.41 * away[:, 0] < longest).any()
+    low, high = np.sort(dice.integers(-4, 5, (2, 2)), axis=0).astype(np.float64)
+    inside = ((spots > low) & (spots < high)).all(axis=1)
+    assert those_within(spots, *low.tolist(), *high.tolist()).tolist() == np.flatnonzero(inside).tolist()
+
+
+@given(st.integers(0, 2**32 - 1), st.booleans())
+def test_the_longest_way_of_ones_own_is_that_of_the_whole_grid(seed: int, has_rival: bool) -> None:
+    dice = np.random.default_rng(seed)
+    own, rival = dice.integers(0, 9, (2, 4, 5)).astype(np.int32)
+    is_own = (own <= 6) & ((own <= rival) | (not has_rival))
+    found = longest_own_way(own, rival if has_rival else np.zeros((0, 0), np.int32), 6)
+    assert found == own.max(where=is_own, initial=0)
+
+
+def test_a_length_just_over_the_limit_is_no_way() -> None:
+    own = np.array([[6, 7]], dtype=np.int32)
+    assert longest_own_way(own, np.zeros((0, 0), np.int32), 7) == 7
+    assert longest_own_way(own, np.array([[5, 6]], dtype=np.int32), 7) == 0
