@@ -101,7 +101,7 @@ class Routes:
 
         `limit` and `expected` are in hundredths of a point; `expected` is a likely upper bound of the way's length.
         """
-        ground, direct = self._ground, unhindered(start, target)
+        ground, direct, limit = self._ground, unhindered(start, target), min(limit, LONGEST)
         if direct > limit:
             return None
         if start == target or self._is_straight(start, target):

@@ -12,8 +12,9 @@ from hypothesis import strategies as st
 
 from agent.kernels.wave import SETTLED, STATUS
 from agent.routes.ground import Ground
+from agent.routes.path_window import FAR
 from agent.routes.routes import Routes, Way
-from agent.routes.wave import Wave
+from agent.routes.wave import Wave, paths_in
 from patrol.ground.terrain import Terrain
 
 # Not the product's own, so that a wrong one there is noticed.
@@ -176,6 +177,24 @@ def test_a_way_to_what_cannot_be_reached_leads_to_the_nearest_that_can(seed: int
         assert np.isfinite(dijkstra(is_open, row, col)[there])
         nearest = np.sqrt(((reached - (r, c)) ** 2).sum(axis=1)).min()
         assert math.dist(there, (r, c)) == pytest.approx(nearest)
+
+
+@settings(max_examples=60)
+@given(seed=seeds, expected=st.sampled_from([None, 100, 900]))
+def test_a_way_within_a_limit_is_that_of_the_wave_over_all_ground(seed: int, expected: int | None) -> None:
+    is_open, (row, col) = grid_of(seed)
+    ground, routes = routes_of(is_open)
+    whole = paths_in(ground, [(row, col)], (0, is_open.shape[0], 0, is_open.shape[1]), LONGEST, bends=True)
+    for r, c in np.argwhere(is_open)[::3].tolist():
+        target, length = (r + 1, c + 1), whole.length_to(r, c)
+        bend = divmod(int(whole.bend[target]), whole.bend.shape[1])
+        for limit in (length - 1, length, length + 1, LONGEST):
+            way = routes.way_within((row + 1, col + 1), target, limit, expected)
+            if length == FAR or limit < length:
+                assert way is None
+            else:
+                assert way == Way(ground.centre(*target), ground.centre(*bend), length * POINT / 100.0)
+    assert routes.way_within((row + 1, col + 1), (row + 1, col + 1), 0) == Way(centre(row, col), centre(row, col), 0.0)
 
 
 def test_a_way_bends_at_a_corner() -> None:
