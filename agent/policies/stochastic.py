@@ -42,6 +42,7 @@ from agent.policies.pursuit import STILL_STALE, Target
 from agent.policies.shared_round import Loss, RoundStands, SharedRound
 from patrol.measures.best_tour import most_planned
 from patrol.measures.zoned import zoned_ground
+from patrol.radio.peers import columns_of
 from patrol.scenario import StochasticOptions
 from patrol.zones.division import KEPT
 
@@ -51,9 +52,9 @@ if TYPE_CHECKING:
     from agent.policies.commitment import Choice
     from agent.policies.pursuit import GivenUp, Pursuit
     from agent.ports import PolicySetup
+    from agent.routes.ground import Spot
     from agent.routes.routes import Element, Way
     from agent.view import View
-    from patrol.pose import Pose
     from patrol.tours.round import Round, Stations
     from patrol.zones.division import Group, ZonedGround
 
@@ -145,9 +146,9 @@ class KnownStations:
         """Return where the points of a station are among those of the round."""
         return slice(*self._stations.begins[station : station + 2].tolist())
 
-    def ages_s(self, view: View, span: slice) -> Ages:
+    def ages_s(self, view: View, some: slice | Sequence[int]) -> Ages:
         """Return the weighted ages of some of the round's points, s; 0 for those in view or out of reach now."""
-        points, fog = self._points[span], view.fog
+        points, fog = self._points[some], view.fog
         ages = np.empty(points.size)
         weighted_ages(points, fog.patrolled, fog.last_seen, fog.looked, self._weights, view.tick, self._step, ages)
         return ages
@@ -164,14 +165,16 @@ class KnownStations:
             return ages
         return np.maximum.reduceat(self.ages_s(view, slice(None)), begins[:-1])
 
-    def ways_s(self, view: View, pose: Pose) -> NDArray[np.float64]:
-        """Return about how long a robot takes from a pose to each station, s."""
-        away = np.sqrt((self._spots[:, 0] - pose.x) ** 2 + (self._spots[:, 1] - pose.y) ** 2)
-        here = int(self._stations.around[view.point_of((pose.x, pose.y))])
-        here = here if here >= 0 else int(away.argmin())
+    def ways_s(self, view: View, places: Sequence[Spot]) -> NDArray[np.float64]:
+        """Return about how long a robot takes from each of some places to each station, float64 (places, stations)."""
+        x, y = np.array(places).T[:, :, None]
+        away = np.sqrt((self._spots[:, 0] - x) ** 2 + (self._spots[:, 1] - y) ** 2)
+        seen_from = [int(self._stations.around[view.point_of(place)]) for place in places]
+        stations = [here if here >= 0 else int(row.argmin()) for here, row in zip(seen_from, away, strict=True)]
+        apart, first = self._apart_m[stations], away[np.arange(len(stations)), stations][:, None]
         # The way by the station from which the place is seen, and the shortest that there could be.
-        longest = np.minimum(self._apart_m[here] + away[here], NO_WAY_M)
-        return np.asarray(0.5 * (longest + np.maximum(away, self._apart_m[here] - away[here])) * self._pace)
+        longest = np.minimum(apart + first, NO_WAY_M)
+        return np.asarray(0.5 * (longest + np.maximum(away, apart - first)) * self._pace)
 
     def visit(self, view: View, station: int, given_up: GivenUp) -> Target | None:
         """Return the oldest point of a station that the robot has not given up; None where there is none."""
@@ -255,7 +258,12 @@ class JointPlan:
 
     def _go_on(self, view: View) -> None:
         """Draw the next station of each robot that has seen its own."""
-        neighbours = [number for number in view.peers if number in self._robots and not self._is_stuck(view, number)]
+        numbers, _, _, heard_at = columns_of(view.peers)
+        # A peer as an object takes longer than all that is asked of it here.
+        heard = zip(numbers.tolist(), map(tuple, heard_at.tolist()), strict=True)
+        places: dict[int, Spot] = {number: place for number, place in heard if number in self._robots}
+        neighbours = [number for number, place in places.items() if not self._is_stuck(view, number, place)]
+        places[self._number] = view.reported.x, view.reported.y
         robots = sorted({self._number, *neighbours})
         period = int(view.tick * self._step / PERIOD_S)
         self._loss.note(view, neighbours)
@@ -264,12 +272,12 @@ class JointPlan:
             self.parts = {}
             return
         self._interval_s = self._length_m * self._pace / len(robots)
+        leads = self._known.ways_s(view, [places[number] for number in robots])
         if robots != sorted(self.parts) or period != self._period:
             self._period = period
-            self._begin_plan(view, robots)
+            self._begin_plan(view, robots, leads)
             return
-        arrived = [number for number in robots if self._is_done(view, self.parts[number])]
-        leads = self._leads_s(view, robots)
+        arrived = self._list_arrived(view, robots)
         ways = dict(zip(robots, leads, strict=True))
         turned = [
             number for number in robots if number not in arrived and self._has_turned(self.parts[number], ways[number])
@@ -279,28 +287,34 @@ class JointPlan:
             drawing = sorted([*arrived, *turned, *idle])
             self._draw_stations(view, drawing, arrived, self._known.oldest_s(view), leads)
 
-    def _is_done(self, view: View, part: Part) -> bool:
-        """Return True if a robot's station has been seen, or is taken as given up."""
-        if not part.route:
-            return False
-        if view.tick >= part.until:
-            return True
-        all_points = self._known.points_of(part.route[0])
+    def _list_arrived(self, view: View, robots: Sequence[int]) -> list[int]:
+        """Return the robots whose station has been seen, or is taken as given up."""
+        parts = [self.parts[number] for number in robots]
         # Most often a look at one point shows that the station is not done.
-        looks = [slice(part.oldest, part.oldest + 1)] if all_points.start <= part.oldest < all_points.stop else []
-        for points in (*looks, all_points):
-            ages = self._known.ages_s(view, points)
-            part.oldest = points.start + int(ages.argmax())
-            oldest_s = float(ages.max())
-            if oldest_s >= STILL_STALE * part.age_s and oldest_s > self._least_s:
-                return False
-        return True
+        oldest_s = self._known.ages_s(view, [part.oldest for part in parts]).tolist()
+        return [
+            number
+            for number, part, age_s in zip(robots, parts, oldest_s, strict=True)
+            if part.route and (view.tick >= part.until or self._is_done(view, part, age_s))
+        ]
 
-    def _is_stuck(self, view: View, number: int) -> bool:
+    def _is_done(self, view: View, part: Part, oldest_s: float) -> bool:
+        """Return True if a robot's station has been seen; `oldest_s` is the age of the point that was its oldest."""
+        points = self._known.points_of(part.route[0])
+        if points.start <= part.oldest < points.stop and self._is_stale(part, oldest_s):
+            return False
+        ages = self._known.ages_s(view, points)
+        part.oldest = points.start + int(ages.argmax())
+        return not self._is_stale(part, float(ages.max()))
+
+    def _is_stale(self, part: Part, age_s: float) -> bool:
+        return age_s >= STILL_STALE * part.age_s and age_s > self._least_s
+
+    def _is_stuck(self, view: View, number: int, place: Spot) -> bool:
         """Return True if another robot has stood still for long: it will not see the stations left to it."""
-        pose, (x, y, since) = view.peers[number].pose, self._stood.get(number, (math.inf, math.inf, 0))
-        if math.hypot(pose.x - x, pose.y - y) > view.stride:
-            self._stood[number] = pose.x, pose.y, view.tick
+        x, y, since = self._stood.get(number, (math.inf, math.inf, 0))
+        if math.hypot(place[0] - x, place[1] - y) > view.stride:
+            self._stood[number] = *place, view.tick
             return False
         return (view.tick - since) * self._step > STUCK_S
 
@@ -312,9 +326,9 @@ class JointPlan:
         part.least_way_s = min(part.least_way_s, way_s)
         return way_s > part.least_way_s + self._turned_s
 
-    def _begin_plan(self, view: View, robots: Sequence[int]) -> None:
+    def _begin_plan(self, view: View, robots: Sequence[int], leads: NDArray[np.float64]) -> None:
         """Make a new plan: always the robot that is free first goes to the best station that is left."""
-        ages, leads = self._known.oldest_s(view), self._leads_s(view, robots)
+        ages = self._known.oldest_s(view)
         rows: list[list[int]] = [[] for _ in robots]
         free_at = np.zeros(len(robots))
         unassigned = np.ones(len(ages), dtype=np.bool_)
@@ -329,18 +343,13 @@ class JointPlan:
         self.parts = {number: Part(row) for number, row in zip(robots, rows, strict=True)}
         self._draw_stations(view, robots, (), ages, leads, MOVES_FIRST * len(ages))
 
-    def _leads_s(self, view: View, robots: Sequence[int]) -> NDArray[np.float64]:
-        """Return about how long each robot takes to each station, float64 (robots, stations), s."""
-        poses = [view.reported if number == self._number else view.peers[number].pose for number in robots]
-        return np.array([self._known.ways_s(view, pose) for pose in poses])
-
     def _draw_stations(
         self,
         view: View,
         drawing: Sequence[int],
         done: Sequence[int],  # those of them that have seen their station, or given it up
         ages: Ages,  # of all stations
-        leads: NDArray[np.float64],  # of `_leads_s`, for all robots
+        leads: NDArray[np.float64],  # of `KnownStations.ways_s`, for all robots
         moves_first: int = 0,  # moves by which the plan is improved before
     ) -> None:
         """Draw the next station of some robots, one after the other."""
