@@ -258,10 +258,10 @@ class JointPlan:
 
     def _go_on(self, view: View) -> None:
         """Draw the next station of each robot that has seen its own."""
-        numbers, _, _, heard_at = columns_of(view.peers)
         # A peer as an object takes longer than all that is asked of it here.
-        heard = zip(numbers.tolist(), map(tuple, heard_at.tolist()), strict=True)
-        places: dict[int, Spot] = {number: place for number, place in heard if number in self._robots}
+        peers = columns_of(view.peers)
+        rows = zip(peers.numbers.tolist(), peers.places.tolist(), strict=True)
+        places: dict[int, Spot] = {number: (x, y) for number, (x, y) in rows if number in self._robots}
         neighbours = [number for number, place in places.items() if not self._is_stuck(view, number, place)]
         places[self._number] = view.reported.x, view.reported.y
         robots = sorted({self._number, *neighbours})
