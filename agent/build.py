@@ -183,7 +183,8 @@ def build_mind(
     if moves_posts:
         posts = Posts(fields.proxy)
     belief = beliefs.join(number, shared.area_of(fields, patrol, _dilation_points(scenario, terrain, lengths, kind)))
-    ground = shared.ground_of(terrain, fields, group).over()
+    # Where closures change it, the terrain is the mind's own.
+    ground = Ground(terrain, fields.reach) if scenario.closures else shared.ground_of(terrain, fields, group).over()
     policy = _policy_of(
         kind,
         PolicySetup(

@@ -392,7 +392,7 @@ def _write_result(
     except OSError as error:
         options.display.say(f"{folder.summary}: cannot be written ({error.strerror}); the summary is shown only")
     interrupted = journal.end is not None and journal.end.reason == INTERRUPTED
-    options.display.close()  # until the next progress is shown
+    options.display.pause()
     options.judged(summary)
     if summary.ticks:
         interrupted |= not write_files(folder, prepared, journal, summary, options, options.display)

@@ -120,6 +120,15 @@ class Motions:
         self._found = np.empty(fastest.size, dtype=np.int64)
         self._notes = 1
 
+    def expect(self, number: int, sequence: int, place: Spot) -> None:
+        """Take a robot that was not in the last note to have been at a place (m) with some sequence."""
+        if self._table["noted"][number] != self._notes:
+            self._table[number] = sequence, sequence, *place, 0.0, 0.0, self._notes
+
+    def skip(self) -> None:
+        """Take note of no robot."""
+        self._notes += 1
+
     def note(self, robots: Columns, tick: int, here: Spot) -> dict[int, Motion]:
         """Take note of where other robots are, and of this one; return motions by number, ascending, its own last."""
         self._notes += 1
@@ -150,9 +159,10 @@ class KeepingRight:
         for other, stride in strides.items():
             fastest[other] = FASTEST * stride
             ticks = self._look_ahead(self._sum_radii(other))
-            # As far as both can get until then, and a point more, which is more than rounding.
+            # As far as both can get until then, and half a point more, which is more than rounding.
             reach[other] = self._sum_radii(other) + 2.0 * self._margin + ticks * (self._stride + fastest[other])
         self._motions = Motions(number, fastest, reach)
+        self._motions.expect(number, 0, (0.0, 0.0))
         self._others: dict[int, Motion] = {}  # those that may be met, by number
         self._own = Motion((0.0, 0.0), (0.0, 0.0))
         self._past: dict[int, Spot] = {}  # own places by tick
@@ -172,11 +182,14 @@ class KeepingRight:
         late = robots.ticks - robots.sequences
         if not (late > 0).any():
             self._predicted = {}
+            self._predictions.skip()
             return
         ends = {ticks: self._predict_own(view.tick - ticks, ticks) for ticks in set(late.tolist()) if ticks > 0}
         known = [row for row, ticks in enumerate(late.tolist()) if ends.get(ticks)]
         sent = view.tick - late[known]
         places = np.array([ends[ticks] for ticks in late[known].tolist()], dtype=np.float64).reshape(-1, 2)
+        for number, tick in zip(robots.numbers[known].tolist(), sent.tolist(), strict=True):
+            self._predictions.expect(number, tick, self._past[tick])
         self._predicted = self._predictions.note(Columns(robots.numbers[known], sent, sent, places), view.tick, here)
 
     def _predict_own(self, sent: int, late: int) -> Spot | None:

@@ -279,7 +279,7 @@ def settle_box(state, sight, starts, limit, goal):
     Args:
         state: uint8 (m, n), as of `settle`.
         sight: uint8 (m, n), as of `settle`; (0, 0) for lengths alone.
-        starts: int64 (s, 2), rows and columns in `state`; those that are not in the box or not open are passed over.
+        starts: int64 (s, 2), rows and columns in `state`; those that are not in the box are passed over.
         limit: As of `settle`.
         goal: As of `settle`.
 
@@ -292,7 +292,7 @@ def settle_box(state, sight, starts, limit, goal):
     inside, count = np.empty(starts.shape[0], dtype=np.int64), 0
     for start in range(starts.shape[0]):
         row, col = starts[start]
-        if 0 < row < rows - 1 and 0 < col < cols - 1 and state[row, col] != BLOCKED:
+        if 0 < row < rows - 1 and 0 < col < cols - 1:
             inside[count] = row * cols + col
             count += 1
     queues = np.empty((2, ROOM), dtype=np.uint64)

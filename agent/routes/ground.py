@@ -55,7 +55,7 @@ class _Grids:
     def __init__(self, terrain: Terrain, reach: BoolGrid) -> None:
         self._terrain = terrain
         self._reach = reach
-        self._closed = NOTHING
+        self._closed: Closed | None = NOTHING  # None: not known, since an area that does not fit has raised an error
         self.is_open = np.pad(reach, 1)
         self._state = np.zeros(self.is_open.shape, dtype=np.uint8)
         self.state = _read_only(self._state)  # kernels rely on its frame, and policies have access to it
@@ -66,17 +66,22 @@ class _Grids:
         """Close some discs and areas, and open all others."""
         if closed is self._closed or closed == self._closed:
             return
-        (before, areas_before), self._closed = self._closed, closed
+        before, self._closed = self._closed, None
         discs, areas = closed
         places = np.array([self._locate(disc) for disc in discs]).reshape(-1, 3)
         bounds = [self._bound(disc) for disc in discs]
-        boxes = [*map(self._bound, before), *bounds, *(area.box for area in (*areas_before, *areas))]
+        boxes = [*bounds, *(area.box for area in areas)]
+        if before is None:
+            boxes.append((0, self.is_open.shape[0], 0, self.is_open.shape[1]))
+        else:
+            boxes += [*map(self._bound, before[0]), *(area.box for area in before[1])]
         changed = np.array(boxes, dtype=np.int64)
         close_discs(self._reach, self.is_open, changed, places, np.array(bounds, dtype=np.int64).reshape(-1, 4))
         for area in areas:
             top, bottom, left, right = area.box
             self.is_open[top:bottom, left:right] &= ~area.mask
         encode(self.is_open, self._state, changed)
+        self._closed = closed
 
     def _locate(self, disc: Disc) -> tuple[float, float, float]:
         """Return a disc's row, column and radius in points of the grids."""
@@ -97,8 +102,9 @@ class _Grids:
 class _Shared:
     """The grids of all grounds over each other: some with nothing closed, and some to close on, made on first use."""
 
-    def __init__(self, terrain: Terrain, reach: BoolGrid) -> None:
+    def __init__(self, terrain: Terrain, reach: BoolGrid, against: NDArray[np.uint8]) -> None:
         self._terrain, self._reach = terrain, reach
+        self.against = against  # as of `Ground`, for a robot that no one-way zone has shut in
         self._plain = _Grids(terrain, reach)
         self._spare: _Grids | None = None
         self.beside: dict[Spot, tuple[int, int] | None] = {}  # elements that places off the open points join
@@ -135,15 +141,22 @@ class Ground:
         self.against = terrain.against if one_way else ALL_WAYS
         self.behind: BoolGrid | None = None
         self.terrain = terrain
-        self._shared = _Shared(terrain, reach)
+        self._shared = _Shared(terrain, reach, self.against)
         self._below = self._closed = NOTHING
         self._joined: tuple[float, float, tuple[int, int] | None] | None = None
 
     def over(self, discs: Sequence[Disc] = ()) -> Ground:
         """Return the same ground with more discs closed for itself alone."""
-        ground = copy.copy(self)
-        ground._below, ground._joined, ground.behind = self._closed, None, None
+        ground = self._with(self._closed)
         ground.begin(discs)
+        return ground
+
+    def _with(self, closed: Closed) -> Ground:
+        """Return a ground over the same points on which something is always closed."""
+        ground = copy.copy(self)
+        ground.against, ground.behind = self._shared.against, None
+        ground._below = ground._closed = closed
+        ground._joined = None
         return ground
 
     @property
@@ -165,12 +178,7 @@ class Ground:
     @property
     def static(self) -> Ground:
         """The same ground with nothing closed."""
-        if self._closed is NOTHING:
-            return self
-        ground = copy.copy(self)
-        ground._below = ground._closed = NOTHING
-        ground._joined = None
-        return ground
+        return self if self._closed is NOTHING else self._with(NOTHING)
 
     @property
     def _grids(self) -> _Grids:

@@ -108,7 +108,7 @@ class Routes:
             spot = ground.centre(*target)
             return Way(spot, spot, float(direct) * ground.terrain.point / 100.0)
         here, goal, shape = (start[0] - 1, start[1] - 1), (target[0] - 1, target[1] - 1), ground.terrain.shape
-        if not ground.open_now[goal]:
+        if not ground.terrain.inside(*goal) or not ground.open_now[goal]:
             return None
         # Most ways are shorter than a walk along two sides of the terrain; the others are looked for without a limit.
         long = 100 * sum(shape)

@@ -63,6 +63,9 @@ class RunDisplay:
         Several may go on at once. `share` is how much of it is done, 0 to 1; None when unknown.
         """
 
+    def pause(self) -> None:
+        """Leave the terminal to others until something is shown again."""
+
     def close(self) -> None:
         """Stop showing: the run is over."""
 
@@ -131,9 +134,13 @@ class LiveTable(PlainDisplay):
             del self._steps[step]
         self._show_content(_StepBars(self._steps))
 
-    def close(self) -> None:
+    def pause(self) -> None:
         """Remove the table."""
         self._live.stop()
+
+    def close(self) -> None:
+        """Remove the table."""
+        self.pause()
 
     def _show_content(self, content: RenderableType) -> None:
         self._live.start()

@@ -1,4 +1,4 @@
-"""Decisions take no more operations than they did: at most a fifth more than what was written down."""
+"""Decisions take as many operations as they did: at most a fifth more or less than what was written down."""
 
 from __future__ import annotations
 
@@ -14,10 +14,12 @@ ALLOWED: Mapping[str, Mapping[str, float]] = json.loads(WRITTEN.read_text(encodi
 
 
 @pytest.mark.parametrize("name", ALLOWED)
-def test_a_robots_tick_takes_no_more_operations_than_were_written_down(
+def test_a_robots_tick_takes_as_many_operations_as_were_written_down(
     name: str, tmp_path_factory: pytest.TempPathFactory
 ) -> None:
     counted = count(fleets(tmp_path_factory.mktemp("operations"))[name])
     assert counted.keys() == ALLOWED[name].keys()
-    more = {what: (now, ALLOWED[name][what]) for what, now in counted.items() if now > MOST * ALLOWED[name][what]}
-    assert not more, "`python -m tests.bench.operations` writes them down anew, if that is what is wanted"
+    written = ALLOWED[name]
+    # Far less shows that something is not counted any more.
+    other = {what: (now, written[what]) for what, now in counted.items() if not 1 / MOST <= now / written[what] <= MOST}
+    assert not other, "`python -m tests.bench.operations` writes them down anew, if that is what is wanted"

@@ -13,9 +13,10 @@ from hypothesis import strategies as st
 
 from agent.bodies.keeping_right import KeepingRight, Motion, Motions
 from agent.ports import Place
-from agent.routes.ground import Ground
+from agent.routes.ground import Ground, Spot
+from patrol.ground.terrain import Terrain
 from patrol.pose import Pose, Velocity
-from patrol.radio.peers import Columns
+from patrol.radio.peers import Columns, go_on
 from patrol.random import Purpose, draw
 from tests.agent.plans import Robots, Says, plan, prepared_in
 
@@ -186,3 +187,56 @@ def test_motions_are_those_of_each_robot_followed_by_itself(notes: list[dict[int
             (n, sequence, sequence + late, float(x), float(y)) for n, (sequence, late, x, y) in sorted(heard.items())
         ]
         assert motions.note(columns(rows), now, (1.0, -1.0)) == {**near, 0: Motion((1.0, -1.0), (0.0, 0.0))}
+
+
+Followed = tuple[int, int, Spot, Spot]  # sequence, tick, place and movement in a tick
+
+
+def followed(was: Followed, sequence: int, place: Spot) -> Followed:
+    """A motion a tick later, in plain Python."""
+    if sequence == was[0] and place == was[2]:
+        return was
+    tick = was[1] + 1 if sequence == was[0] else max(sequence, was[1] + 1)
+    right, up = ((there - here) / (tick - was[1]) for here, there in zip(was[2], place, strict=True))
+    return sequence, tick, place, (right, up) if math.hypot(right, up) <= 1.0 else (0.0, 0.0)
+
+
+LATE = st.lists(st.dictionaries(st.integers(2, 4), st.integers(0, 3), max_size=3), min_size=4, max_size=14)
+
+
+@given(LATE, st.integers(0, 2**32 - 1))
+def test_own_motion_is_what_each_robot_that_is_heard_late_predicts(heard: list[dict[int, int]], seed: int) -> None:
+    """Robots may be late in one tick and not in the next, away for a while, or late by more or less than before."""
+    dice = np.random.default_rng(seed)
+    terrain = Terrain("t", np.ones((40, 40), dtype=np.bool_), 0.5)
+    strides = dict.fromkeys((1, 2, 3, 4), 0.5)
+    right = KeepingRight(1, dict.fromkeys(strides, 0.3), strides, Ground(terrain, terrain.passable), 1.0)
+    places: dict[int, Spot] = {}
+    own: Followed = (0, 0, (0.0, 0.0), (0.0, 0.0))
+    predicted: dict[int, Followed] = {}
+    x, y = 8.0, 8.0
+    for tick, lateness in enumerate(heard):
+        x, y = x + dice.integers(-3, 4) / 10.0, y + dice.integers(-3, 4) / 10.0
+        places[tick] = x, y
+        own = followed(own, tick, (x, y))
+        before, predicted = predicted, {}
+        for number, late in lateness.items():
+            sent = tick - late
+            if late == 0 or sent - 1 not in places:
+                continue
+            moved = tuple(now - then for now, then in zip(places[sent], places[sent - 1], strict=True))
+            end = go_on(terrain, Pose(*places[sent], 0.0), (moved[0], moved[1]), late)
+            predicted[number] = followed(
+                before.get(number, (sent, sent, places[sent], (0.0, 0.0))), sent, (end.x, end.y)
+            )
+        peers = {
+            number: SimpleNamespace(pose=Pose(9.0 + number, 9.0, 0.0), sequence=tick - late, tick=tick)
+            for number, late in lateness.items()
+        }
+        pose = Pose(x, y, 0.0)
+        note: Any = SimpleNamespace(tick=tick, pose=pose, reported=pose, peers=peers, obstacles=())
+        right.note(note)
+        state = vars(right)
+        assert state["_own"] == Motion(own[2], own[3])
+        ahead = {number: motion for number, motion in state["_predicted"].items() if number != 1}
+        assert ahead == {number: Motion(motion[2], motion[3]) for number, motion in sorted(predicted.items())}

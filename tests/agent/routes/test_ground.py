@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from agent.kernels.wave import HEMMED, OPEN, STATUS
 from agent.routes.ground import Area, Disc, Ground
-from patrol.ground.terrain import Terrain
+from patrol.ground.terrain import ALL_WAYS, Terrain
 from tests.present import present
 
 
@@ -143,3 +143,44 @@ def test_what_a_place_joins_is_looked_up_anew_when_something_closes() -> None:
     assert ground.join(4.5, 4.5) not in (None, (5, 5))
     ground.begin([])
     assert ground.join(4.5, 4.5) == (5, 5)
+
+
+def test_grounds_over_each_other_each_have_what_they_close() -> None:
+    is_open = np.random.default_rng(3).random((20, 24)) < 0.9
+    part = np.zeros_like(is_open)
+    part[4:9, 3:7] = True
+    base = Ground(Terrain("t", is_open, 0.5), is_open)
+    one, other = base.over([(3.0, 3.0, 1.5)]), base.over()
+    other.close([(8.0, 6.0, 2.0)], [Area(part)])
+    above = other.over([(2.0, 8.0, 1.0)])
+    for _ in range(2):
+        assert np.array_equal(one.state, fresh(is_open, [(3.0, 3.0, 1.5)]))
+        assert np.array_equal(other.state, fresh(is_open & ~part, [(8.0, 6.0, 2.0)]))
+        assert np.array_equal(above.state, fresh(is_open & ~part, [(8.0, 6.0, 2.0), (2.0, 8.0, 1.0)]))
+        assert np.array_equal(above.static.state, fresh(is_open, []))
+        assert np.array_equal(base.state, fresh(is_open, []))
+    above.begin([])
+    assert np.array_equal(above.state, other.state)
+
+
+def test_an_area_that_does_not_fit_spoils_no_ground_of_another_robot() -> None:
+    is_open = np.ones((20, 24), dtype=np.bool_)
+    base = Ground(Terrain("t", is_open, 0.5), is_open)
+    one, other, wide = base.over(), base.over([(3.0, 3.0, 1.5)]), Area(np.ones((30, 40), dtype=np.bool_))
+    one.close([(6.0, 5.0, 2.0)], [wide])
+    for _ in range(2):
+        with pytest.raises(ValueError, match="broadcast"):
+            _ = one.state
+        assert np.array_equal(other.state, fresh(is_open, [(3.0, 3.0, 1.5)]))
+
+
+def test_one_way_zones_count_again_on_grounds_over_one_that_is_shut_in() -> None:
+    is_open = np.ones((6, 6), dtype=np.bool_)
+    against = np.full((6, 6), 3, dtype=np.uint8)
+    terrain = Terrain("t", is_open, 0.5, against=against)
+    ground = Ground(terrain, is_open)
+    ground.close([(1.0, 1.0, 0.5)])
+    ground.against, ground.behind = ALL_WAYS, is_open
+    for above in (ground.over(), ground.static):
+        assert np.array_equal(above.against, against)
+        assert above.behind is None

@@ -197,6 +197,20 @@ def test_a_way_within_a_limit_is_that_of_the_wave_over_all_ground(seed: int, exp
     assert routes.way_within((row + 1, col + 1), (row + 1, col + 1), 0) == Way(centre(row, col), centre(row, col), 0.0)
 
 
+def test_a_way_to_a_place_beyond_the_terrain_leads_to_the_nearest_place() -> None:
+    ground, routes = routes_of(np.ones((8, 9), dtype=np.bool_))
+    assert routes.way((2, 2), (2, 30)) == Way(ground.centre(2, 9), ground.centre(2, 9), 7 * POINT)
+    assert routes.way((2, 2), (-9, 2)) == Way(ground.centre(1, 2), ground.centre(1, 2), POINT)
+    assert routes.way_within((2, 2), (2, 30), LONGEST) is None
+
+
+def test_a_way_sets_out_from_a_closed_place() -> None:
+    is_open = np.ones((8, 9), dtype=np.bool_)
+    is_open[1, 1] = False
+    ground, routes = routes_of(is_open)
+    assert routes.way((2, 2), (2, 6)).place == ground.centre(2, 6)
+
+
 def test_a_way_bends_at_a_corner() -> None:
     passable = np.ones((20, 20), dtype=np.bool_)
     passable[10, :15] = False
