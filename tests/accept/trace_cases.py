@@ -131,6 +131,30 @@ TARGETS_VARIANTS: Mapping[str, Mapping[str, Any]] = {
     "stochastic-charging": {"patrol.policy": "stochastic", **SMALL, **CHARGING},
 }
 
+CROWD: Mapping[str, Any] = {"point": 1.0, "duration": 80, "robots.count": 16}
+BLOCKS = ((10, 30), (60, 40), (15, 60), (30, 10), (40, 50), (70, 20), (24, 24))
+CLOSURES = tuple(
+    {
+        "name": f"block{number}",
+        "polygon": [(x, y), (x + 4, y), (x + 4, y + 4), (x, y + 4)],
+        "closes": 0.05,
+        "opens": 0.02,
+    }
+    for number, (x, y) in enumerate(BLOCKS)
+)
+YARDS: Mapping[str, Mapping[str, Any]] = {
+    "crowd-late": {**CROWD, "faults": [{"kind": "delay", "at": 5, "for": 70, "delay": {"exponential": 0.6}}]},
+    "closures": {"point": 0.5, "duration": 80, "robots.count": 6, "closures": CLOSURES},
+    "closures-paper": {
+        "point": 0.5,
+        "duration": 80,
+        "robots.count": 6,
+        "closures": CLOSURES,
+        "patrol.policy": "potential-field",
+    },
+}
+"""Robots that are heard late, and ground that closes and opens again."""
+
 PLACES = {"open": [45, 40], "yards": [40, 22], "clutter": [50, 50], "site": [230, 127]}
 """Places of an intruder and of docks, m, on passable ground of each terrain."""
 
@@ -153,6 +177,9 @@ def cases() -> Iterator[tuple[str, dict[str, Any]]]:
                     x, y = PLACES[terrain]
                     chosen["docks"] = [{"place": [x, y + above]} for above in (0, 4)]
                 yield f"{terrain} {body} {variant}", {"terrain": terrain, **chosen}
+    for body in TARGETS_BODIES:
+        for variant, settings in YARDS.items():
+            yield f"yards {body} {variant}", {"terrain": "yards", "robots.model": body, **settings}
 
 
 def trace_of(case: tuple[str, dict[str, Any]]) -> tuple[str, str]:
