@@ -267,8 +267,9 @@ def framed_box(state, top, bottom, left, right):
     Returns:
         uint8 (bottom - top + 2, right - left + 2).
     """
-    box = np.zeros((bottom - top + 2, right - left + 2), dtype=np.uint8)
-    box[1:-1, 1:-1] = state[top + 1 : bottom + 1, left + 1 : right + 1]
+    height, width = bottom - top, right - left
+    box = np.zeros((height + 2, width + 2), dtype=np.uint8)
+    box[1 : height + 1, 1 : width + 1] = state[top + 1 : bottom + 1, left + 1 : right + 1]
     return box
 
 
