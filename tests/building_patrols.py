@@ -39,7 +39,7 @@ POINTS = (0.1, 0.15, 0.2, 0.25, 0.3)
 
 @dataclass(frozen=True)
 class Findings:
-    """How a patrol went.
+    """The course of a patrol.
 
     Attributes:
         what: The patrol, in one line.
@@ -63,7 +63,7 @@ class Findings:
 
     @property
     def stuck(self) -> list[str]:
-        """What no patrol may show."""
+        """Findings that no patrol may have."""
         trapped = [warning for warning in self.warnings if "trapped" in warning]
         too_often = [f"dead ends: {self.dead_ends:.0%}"] if self.dead_ends > DEAD_ENDS[self.model] else []
         return [*self.invalid, *trapped, *self.halts, *too_often]
@@ -146,7 +146,7 @@ class LongStays:
                     self._look(row.number, radius, longest_s, been)
 
     def lines(self, within: float) -> tuple[str, ...]:
-        """What was found, one line for each robot.
+        """The findings, one line for each robot.
 
         Args:
             within: Radius of the circles, m.

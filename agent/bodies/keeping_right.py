@@ -155,12 +155,13 @@ class KeepingRight:
         self._step = step
         self._strides = strides
         self._stride = strides[number]
-        fastest, reach = np.zeros((2, 1 + max(strides)))
-        for other, stride in strides.items():
-            fastest[other] = FASTEST * stride
-            ticks = self._look_ahead(self._sum_radii(other))
-            # As far as both can get until then, and half a point more, which is more than rounding.
-            reach[other] = self._sum_radii(other) + 2.0 * self._margin + ticks * (self._stride + fastest[other])
+        numbers = list(strides)
+        fastest, both = np.zeros((2, 1 + max(numbers)))
+        fastest[numbers] = FASTEST * np.array(list(strides.values()))
+        both[numbers] = radii[number] + np.array([radii[other] for other in numbers])
+        # As far as both can get in the ticks looked ahead, and half a point more, which is more than rounding.
+        ticks = LOOK_AHEAD + LOOK_AHEAD_BODIES * both / self._stride
+        reach = both + 2.0 * self._margin + ticks * (self._stride + fastest)
         self._motions = Motions(number, fastest, reach)
         self._motions.expect(number, 0, (0.0, 0.0))
         self._others: dict[int, Motion] = {}  # those that may be met, by number
@@ -199,10 +200,6 @@ class KeepingRight:
             return None
         end = go_on(self._ground.terrain, Pose(*place, 0.0), (place[0] - before[0], place[1] - before[1]), late)
         return end.x, end.y
-
-    def _look_ahead(self, radii: float) -> float:
-        """Return for how many ticks this robot looks ahead for another one, by the radii of both together, m."""
-        return LOOK_AHEAD + LOOK_AHEAD_BODIES * radii / self._stride
 
     def room(self, command: Command, view: View) -> float:
         """Return the share of a step that stays on this robot's side of a line between it and each other one.
@@ -311,7 +308,7 @@ class KeepingRight:
             radii, speed = self._sum_radii(number), closer_x**2 + closer_y**2
             ticks = -(apart_x * closer_x + apart_y * closer_y) / speed if speed > 0.0 else 0.0
             # Not above 0 where they move apart.
-            if not 0.0 < ticks <= self._look_ahead(radii):
+            if not 0.0 < ticks <= LOOK_AHEAD + LOOK_AHEAD_BODIES * radii / self._stride:
                 continue
             if math.hypot(apart_x + ticks * closer_x, apart_y + ticks * closer_y) < radii + self._margin:
                 here, corner = (

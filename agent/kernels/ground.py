@@ -38,11 +38,7 @@ def close_discs(reach, is_open, boxes, discs, bounds):
                     is_open[row, col] = False
 
 
-@njit(
-    types.Array(types.int64, 2, "C")(types.Array(types.boolean, 2, "A", readonly=True), PLACES, FLOAT, FLOAT, FLOAT),
-    cache=True,
-    nogil=True,
-)
+@njit(types.Array(types.int64, 2, "C")(REACH, PLACES, FLOAT, FLOAT, FLOAT), cache=True, nogil=True)
 def open_elements(is_open, places, x0, y0, point):
     """Find the open elements on which some places lie.
 

@@ -68,15 +68,16 @@ class _Grids:
             return
         before, self._closed = self._closed, None
         discs, areas = closed
-        places = np.array([self._locate(disc) for disc in discs]).reshape(-1, 3)
-        bounds = [self._bound(disc) for disc in discs]
+        places = [self._locate(disc) for disc in discs]
+        bounds = [self._bound(place) for place in places]
         boxes = [*bounds, *(area.box for area in areas)]
         if before is None:
             boxes.append((0, self.is_open.shape[0], 0, self.is_open.shape[1]))
         else:
-            boxes += [*map(self._bound, before[0]), *(area.box for area in before[1])]
+            boxes += [*map(self._bound, map(self._locate, before[0])), *(area.box for area in before[1])]
         changed = np.array(boxes, dtype=np.int64)
-        close_discs(self._reach, self.is_open, changed, places, np.array(bounds, dtype=np.int64).reshape(-1, 4))
+        bounded = np.array(bounds, dtype=np.int64).reshape(-1, 4)
+        close_discs(self._reach, self.is_open, changed, np.array(places).reshape(-1, 3), bounded)
         for area in areas:
             top, bottom, left, right = area.box
             self.is_open[top:bottom, left:right] &= ~area.mask
@@ -90,9 +91,9 @@ class _Grids:
         point = self._terrain.point
         return (y - oy) / point + 1.0, (x - ox) / point + 1.0, radius / point
 
-    def _bound(self, disc: Disc) -> tuple[int, int, int, int]:
-        """Return a disc's bounds in the grids: first row, end row, first column, end column; ends are exclusive."""
-        row, col, radius = self._locate(disc)
+    def _bound(self, located: tuple[float, float, float]) -> tuple[int, int, int, int]:
+        """Return a located disc's bounds: first row, end row, first column, end column; ends are exclusive."""
+        row, col, radius = located
         rows, cols = self.is_open.shape
         top, bottom = _clip_range(math.floor(row - radius), math.ceil(row + radius) + 1, rows)
         left, right = _clip_range(math.floor(col - radius), math.ceil(col + radius) + 1, cols)

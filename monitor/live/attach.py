@@ -135,7 +135,7 @@ def _of_a_world(
             client.batch(0.0)  # learns whether the world is there
             if client.present:
                 raise NoAnswer(keys.fleet, client.waits or "the world is there, and gives no answer")
-            if token is not None:
+            if own is not None:  # an operator's credentials may be those of robots without a world
                 raise BadInput(
                     f"the run {keys.fleet}: its world does not answer at {met.meets_at}; if it has just been started, "
                     "look again; otherwise its logs say what happened"

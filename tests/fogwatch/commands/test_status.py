@@ -110,6 +110,8 @@ def test_nothing_of_the_fleet_is_there(shell: Shell, tmp_path: Path) -> None:
         assert none in refused(*fleet)
         assert "give their --scenario FILE as well" in refused(*fleet, "--radio", "serial/dev/ttyUSB0")
         write_access(tmp_path, where)
+        assert none in refused(tmp_path), "without a scenario it may be an operator's of robots without a world"
+        (tmp_path / "scenario.yaml").write_text("terrain: {builtin: open}\n", encoding="utf-8")
         of_run = refused(tmp_path)
         assert f"its world does not answer at {where}; if it has just been started, look again" in of_run
         assert "--scenario" not in of_run

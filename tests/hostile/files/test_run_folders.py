@@ -180,7 +180,7 @@ def test_escape_sequences_do_not_reach_the_terminal(
 
 
 def test_a_journal_that_was_cut_off_anywhere_is_read(strange: Path) -> None:
-    """What a kill leaves is no attack."""
+    """A folder that a kill leaves is no attack."""
     whole = (strange / "journal").read_bytes()
     (strange / "summary.json").write_text('{"verdict": {"val', encoding="utf-8")
     for length in (len(whole) - 1, len(whole) * 2 // 3, len(whole) // 2):

@@ -114,7 +114,7 @@ def test_a_key_that_is_a_pipe_is_named(tmp_path: Path) -> None:
 
 
 def bombs(folder: Path) -> dict[str, Callable[[], object]]:
-    """By name, calls that meet a small file, or one of a bearable size, that stands for much."""
+    """Calls, by name, that meet a small file, or one of a bearable size, that stands for much."""
 
     def scenario(name: str, text: str) -> Callable[[], object]:
         path = folder / f"{name}.yaml"

@@ -1,4 +1,4 @@
-"""What faults do to robots between ticks: who takes part, who stands in the way, who comes back where."""
+"""Faults of robots between ticks: which take part, which stand in the way, where they come back."""
 
 from __future__ import annotations
 
