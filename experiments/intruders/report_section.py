@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-from functools import cached_property
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from experiments.intruders.game import Attempt, Game, Infiltration, Percent, infiltration
+from experiments.intruders.game import Attempt, Infiltration, Percent, infiltration
+from experiments.intruders.ground import IntruderGround
 from experiments.intruders.infiltrator import KNOWLEDGE, WATCHING, Infiltrator
-from experiments.intruders.on_run import Looks
+from experiments.intruders.on_run import moving_game
 from monitor.figures.style import ALERT, INK, colour
 from monitor.replay.run import Run
 from monitor.report import html
 from monitor.report.map_charts import PANEL_WIDTH, ground_panels
-from patrol.ground.footprint import Footprint
 from patrol.journal.records import Status
 
 if TYPE_CHECKING:
@@ -26,66 +27,37 @@ REPORTED = Infiltrator(attempts=30)
 """The intruder of reports: fewer attempts, as a report is written at the end of every run."""
 
 
-class MovingWatch(Looks):
-    """Notes the sightings for the game of a report."""
-
-    def __init__(self, run: Run, footprint: Footprint) -> None:
-        super().__init__(run, None, REPORTED, footprint)
-
-    def game(self) -> MovingIntruder:
-        """Return the game after the last tick; raise BadInput where it cannot be played."""
-        return MovingIntruder(self._run, self.sightings.game())
-
-
+@dataclass(frozen=True, eq=False)
 class MovingIntruder:
-    """The game on a run, played when it is first asked for."""
+    """The game on a run, played."""
 
-    def __init__(self, run: Run, game: Game) -> None:
-        self.run = run
-        self.game = game
-
-    @cached_property
-    def outcome(self) -> Infiltration:
-        """The share of attempts in which the intruder gets in."""
-        return infiltration(self.game)
-
-    @cached_property
-    def examples(self) -> list[Attempt]:
-        """The first attempt that succeeded and the first that did not, of the predictor that watches better."""
-        better = max(WATCHING, key=lambda name: self.outcome.once[name].percent)
-        examples: dict[bool, Attempt] = {}
-        for now, target in self.game.trials:
-            attempt = self.game.once(self.game.predictors[better], now, target)
-            # Without a way in time there is nothing to draw.
-            if attempt.way.size:
-                examples.setdefault(attempt.succeeded, attempt)
-            if len(examples) == 2:
-                break
-        return [examples[succeeded] for succeeded in (True, False) if succeeded in examples]
+    outcome: Infiltration
+    examples: Sequence[Attempt]  # the first that succeeded and the first that did not, of the predictor that does best
+    ground: IntruderGround
 
     def table(self) -> str:
         """Return the table of successes as HTML."""
-        outcome, infiltrator = self.outcome, self.game.infiltrator
+        outcome = self.outcome
         rows = [(words, *_share_cells(outcome.once[name])) for name, words in KNOWLEDGE.items() if name in outcome.once]
         gain = _share_cells(outcome.gain.watching)
         rows.append(("gain of watching: the better of the two that watch, less the last", *gain))
         heads = ("an intruder that", "gets in (%)", "95 % interval")
         note = (
             f"{outcome.attempts} attempts in the second half of the run, planned once: at {outcome.speed:.3g} m/s from "
-            f"the edge to a random place at least {outcome.depth_m:.0f} m inside, and {infiltrator.stay_s:g} s there, "
-            f"within {infiltrator.within_s:g} s. `fogwatch intruder` makes more attempts, and plays other intruders."
+            f"the edge to a random place at least {outcome.depth_m:.0f} m inside, and {REPORTED.stay_s:g} s there, "
+            f"within {REPORTED.within_s:g} s. `fogwatch intruder` makes more attempts, and plays other intruders."
         )
         return html.table(heads, rows, numbers=(1, 2)) + html.text(note, "note")
 
-    def chart(self) -> Figure:
+    def chart(self, run: Run) -> Figure:
         """Draw the examples."""
-        chart, panels = ground_panels(self.run.prepared.terrain, len(self.examples), PANEL_WIDTH)
+        chart, panels = ground_panels(run.prepared.terrain, len(self.examples), PANEL_WIDTH)
         for axes, attempt in zip(panels, self.examples, strict=True):
-            self._draw_attempt(axes, attempt)
+            self._draw_attempt(axes, attempt, run)
         return chart
 
-    def _draw_attempt(self, axes: Axes, attempt: Attempt) -> None:
-        run, ground, terrain = self.run, self.game.watch.ground, self.run.prepared.terrain
+    def _draw_attempt(self, axes: Axes, attempt: Attempt, run: Run) -> None:
+        ground, terrain = self.ground, run.prepared.terrain
         last = attempt.now + len(attempt.way)
         for index in range(len(run.names)):
             track = run.poses[attempt.now : last + 1, index, :2].copy()
@@ -102,6 +74,23 @@ class MovingIntruder:
         else:
             axes.plot(x[-2], y[-2], marker="X", markersize=9, color=ALERT, markeredgecolor=INK)
             axes.set_title(f"fails: seen at {attempt.seen * run.step:g} s", color=INK)
+
+
+def play_on(run: Run, infiltrator: Infiltrator = REPORTED) -> MovingIntruder:
+    """Play the game on a run; raise BadInput where it cannot be played."""
+    game = moving_game(run, infiltrator)
+    outcome = infiltration(game)
+    better = max(WATCHING, key=lambda name: outcome.once[name].percent)
+    examples: dict[bool, Attempt] = {}
+    for now, target in game.trials:
+        attempt = game.once(game.predictors[better], now, target)
+        # Without a way in time there is nothing to draw.
+        if attempt.way.size:
+            examples.setdefault(attempt.succeeded, attempt)
+        if len(examples) == 2:
+            break
+    shown = [examples[succeeded] for succeeded in (True, False) if succeeded in examples]
+    return MovingIntruder(outcome, shown, game.watch.ground)
 
 
 def _share_cells(value: Percent) -> tuple[str, str]:

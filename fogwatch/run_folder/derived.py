@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, nullcontext, suppress
+from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from patrol.errors import BadInput
 from patrol.journal import Journal
+from patrol.process.aside import Aside
 from patrol.process.failures import told
 from patrol.process.lifeline import InterruptedBySignal
 from patrol.security.private_files import fleet_key
@@ -40,8 +41,27 @@ def same_scenario(loaded: Scenario, journal: Journal) -> bool:
     return same_but_for_files(loaded, load_scenario(written, base=base, called="journal", opens_classes=False))
 
 
+def drawing_picture(
+    folder: RunFolder, prepared: Prepared, files: RunChoices
+) -> AbstractContextManager[Aside[None] | None]:
+    """Draw the picture of a run that has ended, if it is wanted, beside what is done in this context."""
+
+    def draw() -> None:
+        from fogwatch.pictures.run_end import run_picture
+
+        run_picture(folder.path, folder.picture, prepared)
+
+    return Aside(draw) if files.picture else nullcontext()
+
+
 def write_files(
-    folder: RunFolder, prepared: Prepared, journal: Journal, summary: Summary, files: RunChoices, display: RunDisplay
+    folder: RunFolder,
+    prepared: Prepared,
+    journal: Journal,
+    summary: Summary,
+    files: RunChoices,
+    display: RunDisplay,
+    picture: Aside[None] | None,
 ) -> bool:
     """Write the files of a run that has ended, and show the progress; False when a signal has ended it."""
     try:
@@ -49,12 +69,10 @@ def write_files(
         report = folder.report if files.report else None
         if files.recording or files.report:
             derive(journal, prepared, summary, recording, report, display)
-        if files.picture:
+        if picture is not None:
             display.progress(PICTURE)
             try:
-                from fogwatch.pictures.run_end import run_picture
-
-                run_picture(folder.path, folder.picture, prepared)
+                picture.result()
             except ImportError as error:
                 display.say(f"no picture: {error.name} is not installed (pip install 'fogwatch[sim]')")
             except (BadInput, OSError, MemoryError) as error:

@@ -73,8 +73,9 @@ class Drawing:
         with drawn():
             return self.make()
 
+    @cached_property
     def page_svg(self) -> str:
-        """Return the figure as an <svg> element without a fixed size, whose colours follow the page's theme."""
+        """The figure as an <svg> element without a fixed size, whose colours follow the page's theme."""
         out = io.StringIO()
         with drawn():
             self.figure.savefig(

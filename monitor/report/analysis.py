@@ -18,6 +18,7 @@ from patrol.errors import BadInput, quoted
 from patrol.extras import study
 from patrol.measures.best_tour import NO_BOUND, best_tour
 from patrol.prepare import sensor_footprint
+from patrol.process.aside import Aside
 from patrol.summary.metric import Metric, metrics_of
 from patrol.summary.model import RobotFigures, Summary, ground_text, unsettled
 
@@ -35,16 +36,8 @@ class MovingIntruder(Protocol):
         """Return the table of successes as HTML."""
         ...
 
-    def chart(self) -> Figure:
+    def chart(self, run: Run) -> Figure:
         """Draw examples of attempts."""
-        ...
-
-
-class MovingWatch(Watcher, Protocol):
-    """A watcher that notes the sightings for the moving intruder's game."""
-
-    def game(self) -> MovingIntruder:
-        """Return the game after the last tick; raise BadInput where it cannot be played."""
         ...
 
 
@@ -72,22 +65,18 @@ def analyse(run: Run, watchers: Sequence[Watcher] = ()) -> Analysis:
     if not run.direct and not exact_by_construction(run):
         untested = run.keyless
         beliefs = BeliefWatcher(run, footprint, run.key)
-    watch: MovingWatch | None = None
-    moving, no_moving = None, ""
-    try:
-        watch = study("intruders.report_section").MovingWatch(run, footprint)
-    except BadInput as why:
-        no_moving = str(why)
-    along: list[Watcher] = [visits, *([watch] if watch else []), *([beliefs] if beliefs else []), *watchers]
-    wrong = play(run, along, footprint)
+    along: list[Watcher] = [visits, *([beliefs] if beliefs else []), *watchers]
+    moving: MovingIntruder | None = None
+    no_moving = ""
+    with Aside[MovingIntruder](lambda: study("intruders.report_section").play_on(run)) as game:
+        wrong = play(run, along, footprint)
+        try:
+            moving = game.result()
+        except BadInput as why:
+            no_moving = str(why)
     end_s = run.ticks * run.step
     bands = bands_of(run.events, run.step, end_s)
     intruders = intruder_bands(run.prepared.scenario, end_s)
-    if watch is not None:
-        try:
-            moving = watch.game()
-        except BadInput as why:
-            no_moving = str(why)
     errors = beliefs.result() if beliefs else None
     return Analysis(run, bands, intruders, visits.result(), errors, untested, wrong, moving, no_moving)
 

@@ -22,9 +22,11 @@ from monitor.report import charts, html, map_charts
 from monitor.report.analysis import Analysis, disagreement, measures, outcome_of, state_of, warnings_of
 from monitor.report.radio_section import links_section
 from patrol.errors import BadInput
+from patrol.extras import check_matplotlib
 from patrol.files.whole_file import write_whole, writing
 from patrol.files.yaml_text import read_text
 from patrol.measures.best_tour import best_tour
+from patrol.process.aside import Aside
 from patrol.scenario.patrols import describe_patrol
 from patrol.summary.features import FEATURES, Feature
 from patrol.summary.metric import metrics_of
@@ -94,12 +96,13 @@ def drawings(analysis: Analysis) -> list[Drawing]:
     if errors is not None and len(errors.ticks):
         caption = f"Mean over all points of |believed age - true age|, at {len(errors.ticks)} ticks.{red}"
         figures.append(Drawing("belief", "Belief error", caption, lambda: charts.belief_chart(run, errors, bands)))
-    if analysis.moving is not None:
+    moving = analysis.moving
+    if moving is not None:
         caption = (
             "An attempt that succeeds and one that does not, of the better predictor that watches. Dashed: the "
             "intruder's way to its target (star). Lines: robots meanwhile, up to the dots. Red: where it was seen."
         )
-        figures.append(Drawing("moving", "A moving intruder", caption, analysis.moving.chart))
+        figures.append(Drawing("moving", "A moving intruder", caption, lambda: moving.chart(run)))
     if not np.isnan(run.decision_ms).all():
         caption = "Bar: 25th to 75th percentile; line: 1st to 99th percentile; vertical mark: median; cross: maximum."
         figures.append(Drawing("decisions", "Decision times", caption, lambda: charts.decisions_chart(run)))
@@ -170,10 +173,24 @@ def write_report(analysis: Analysis, out: Path, going: bool = False, figures: Pa
     """
     check_out(out, REPORT)
     drawn = drawings(analysis)
+    _draw_figures(drawn)
     write_page(report_html(analysis, drawn, going, out.parent), out)
     for drawing in drawn if figures is not None else ():
         drawing.save(figures)  # type: ignore[arg-type]
     return drawn
+
+
+def _draw_figures(drawn: Sequence[Drawing]) -> None:
+    """Draw figures for a page, every other one in another process meanwhile."""
+    check_matplotlib("monitor")  # loads it for both
+    with Aside(lambda: _page_svgs(drawn[1::2])) as others:
+        _page_svgs(drawn[::2])
+        for drawing, svg in zip(drawn[1::2], others.result(), strict=True):
+            vars(drawing)["page_svg"] = svg
+
+
+def _page_svgs(drawn: Sequence[Drawing]) -> list[str]:
+    return [drawing.page_svg for drawing in drawn]
 
 
 def write_page(document: str, out: Path) -> None:

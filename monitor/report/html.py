@@ -120,7 +120,7 @@ def figure(drawing: Drawing | None, heading: bool = False) -> str:
     if drawing is None:
         return ""
     above = f"<b>{escape(drawing.heading)}.</b> " if heading else ""
-    return f"<figure>\n{drawing.page_svg()}\n<figcaption>{above}{escape(drawing.caption)}</figcaption>\n</figure>"
+    return f"<figure>\n{drawing.page_svg}\n<figcaption>{above}{escape(drawing.caption)}</figcaption>\n</figure>"
 
 
 def side_by_side(*content: str) -> str:

@@ -13,8 +13,8 @@ import pytest
 
 import fogwatch
 from experiments.intruders.infiltrator import Infiltrator
-from experiments.intruders.on_run import games_of, moving_game
-from experiments.intruders.report_section import MovingIntruder
+from experiments.intruders.on_run import games_of
+from experiments.intruders.report_section import play_on
 from monitor.replay.replay import Replay
 from monitor.replay.run import open_run
 from patrol.errors import BadInput
@@ -105,9 +105,9 @@ def test_an_intruder_with_the_code_simulates_the_run(watched: Path, run: Command
 
 def test_a_report_shows_an_attempt_that_succeeds_and_one_that_does_not(watched: Path) -> None:
     run = open_run(watched)
-    moving = MovingIntruder(run, moving_game(run, Infiltrator(speed=4.0, within_s=20.0, stay_s=5.0, attempts=40)))
+    moving = play_on(run, Infiltrator(speed=4.0, within_s=20.0, stay_s=5.0, attempts=40))
     assert [attempt.succeeded for attempt in moving.examples] == [True, False]
-    titles = [axes.get_title(loc="left") or axes.get_title() for axes in moving.chart().axes]
+    titles = [axes.get_title(loc="left") or axes.get_title() for axes in moving.chart(run).axes]
     assert [title.split(":")[0] for title in titles] == ["gets in", "fails"]
     assert re.search("<td[^>]*>gain of watching", moving.table())
 

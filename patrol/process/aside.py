@@ -1,0 +1,74 @@
+"""Work that a copy of this process does meanwhile, on another processor.
+
+A copy begins with all that this process has loaded and computed, so that nothing is handed over but the result. It
+leads a session of its own, so that Ctrl-C reaches this process alone, and dies with it. Where no copy can be made, and
+where one ends without a result, as by an exception, this process does the work when the result is asked for: errors are
+raised as if there were no copy.
+"""
+
+from __future__ import annotations
+
+import os
+import pickle
+import signal
+import threading
+import warnings
+from collections.abc import Callable
+from contextlib import suppress
+from multiprocessing import Pipe
+from multiprocessing.connection import Connection
+from typing import Generic, NoReturn, Self, TypeVar
+
+from patrol.classes.exits import end_now
+from patrol.process.lifeline import die_when_orphaned, interrupt
+from patrol.starting.forking import can_fork
+
+_Result = TypeVar("_Result")
+
+
+class Aside(Generic[_Result]):
+    """Some work, whose result can be pickled. Leaving the context ends a copy that still works at it."""
+
+    def __init__(self, work: Callable[[], _Result]) -> None:
+        """Begin."""
+        self._work = work
+        self._copy = 0  # its process id; 0 without one
+        if not can_fork() or threading.current_thread() is not threading.main_thread():
+            return  # what another thread has locked would stay locked in the copy
+        self._source, sink = Pipe(duplex=False)
+        parent = os.getpid()
+        with sink, suppress(OSError), warnings.catch_warnings():
+            # Since Python 3.12 it warns where libraries have threads. A copy uses none of theirs.
+            warnings.simplefilter("ignore", DeprecationWarning)
+            if (copy := os.fork()) == 0:
+                _work_in_copy(work, sink, parent)
+            self._copy = copy
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._copy:
+            copy, self._copy = self._copy, 0
+            os.kill(copy, signal.SIGTERM)
+            os.waitpid(copy, 0)
+            self._source.close()
+
+    def result(self) -> _Result:
+        """Return the result of the work, once."""
+        with self:
+            if self._copy:
+                with suppress(EOFError, OSError):
+                    result: _Result = pickle.loads(self._source.recv_bytes())
+                    return result
+        return self._work()
+
+
+def _work_in_copy(work: Callable[[], object], sink: Connection, parent: int) -> NoReturn:
+    with suppress(BaseException):  # the parent does the work again
+        os.setsid()
+        signal.signal(signal.SIGTERM, interrupt)
+        die_when_orphaned(None)
+        if os.getppid() == parent:
+            sink.send_bytes(pickle.dumps(work()))
+    end_now(0)
