@@ -1,7 +1,8 @@
 """The best tour found: how small a fleet that knew everything could keep the MFoW, as a yardstick for patrols.
 
-A tour is computed once for each ground, body and sensor, and kept in the user's cache folder; a file there that is
-missing or damaged is made again. Wheels for x86-64 hold those of the built-in terrains (deploy/wheels.py).
+A tour is computed once for each ground, body and sensor, and kept in the user's cache folder, beside what takes longest
+of laying it out as a round; a file there that is missing or damaged is made again. Wheels for x86-64 hold those of the
+built-in terrains (deploy/wheels.py).
 """
 
 from __future__ import annotations
@@ -72,7 +73,7 @@ def _seen_from(fields: StaticFields, part: BoolGrid) -> BoolGrid:
 
 
 VERSION = 2
-"""Version of the search: a change of `patrol.tours` that gives other tours adds 1."""
+"""Version of the search: a change of `patrol.tours` that gives other tours or rounds adds 1."""
 
 MOST_ROBOTS = 24
 """Robots of the largest fleet that follows rounds. Each follows all others along the tour, so the time that a fleet
@@ -225,7 +226,9 @@ def _rounds_of(prepared: Prepared) -> dict[int, Round | None]:
             if tour is None or tour.length_m == 0.0:
                 of_ground[id(ground)] = None
             else:
-                of_ground[id(ground)] = lay_out(terrain, ground.reach, ground.patrolled, proxy, footprint, tour)
+                digest = _tour_digest(terrain, ground.reach, ground.patrolled, footprint, (*identity, repr(tour)))
+                file = _tour_file(f"{digest}.npz")
+                of_ground[id(ground)] = lay_out(terrain, ground.reach, ground.patrolled, proxy, footprint, tour, file)
         rounds[number] = of_ground[id(ground)]
     return rounds
 

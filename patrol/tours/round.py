@@ -18,13 +18,18 @@ robot that drives along it sees all points that belong to it, so a station is vi
 from __future__ import annotations
 
 import math
+import zlib
+from contextlib import suppress
 from dataclasses import dataclass, replace
+from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING
+from zipfile import BadZipFile
 
 import numpy as np
 from numpy.typing import NDArray
 
+from patrol.files.whole_file import replacing
 from patrol.ground.fields import load_grid
 from patrol.ground.terrain import BoolGrid, Terrain
 from patrol.ground.ways import framed, lengths_along
@@ -83,16 +88,29 @@ class Round:
 
 
 def lay_out(
-    terrain: Terrain, reach: BoolGrid, ground: BoolGrid, proxy: NDArray[np.int32], footprint: Footprint, tour: Tour
+    terrain: Terrain,
+    reach: BoolGrid,
+    ground: BoolGrid,
+    proxy: NDArray[np.int32],
+    footprint: Footprint,
+    tour: Tour,
+    file: Path | None = None,
 ) -> Round:
     """Lay a tour out over ground that is all seen from it, by a sensor that looks all around.
 
     `reach` marks where the body's centre may be; `proxy` holds the flat index of the post of each point on which no
-    body fits.
+    body fits. `file`, of the same arguments alone, keeps what takes longest to compute; it need not exist.
     """
     width = terrain.width
     places, along, length_m = _tour_places(terrain, reach, tour, max(terrain.point, PLACES * footprint.range_m))
-    owner = _assign_stops(terrain, ground, places, along, Looks(terrain, footprint), SLACK * footprint.range_m)
+    owner = np.full(terrain.shape, -1, dtype=np.int64)
+    try:
+        arrays = np.load(BytesIO(b"" if file is None else file.read_bytes()))
+        owner[ground], apart_m = arrays["stops"], arrays["apart_m"]
+    except (OSError, ValueError, LookupError, EOFError, BadZipFile, zlib.error):
+        owner = _assign_stops(terrain, ground, places, along, Looks(terrain, footprint), SLACK * footprint.range_m)
+        apart_m = None
+    stops = owner[ground].astype(np.min_scalar_type(-len(places)))
     flat_owner = owner.reshape(-1)
     stands = np.where(flat_owner >= 0, places[np.maximum(flat_owner, 0)], -1)
     for point in np.flatnonzero(ground.reshape(-1) & (flat_owner < 0)).tolist():
@@ -102,7 +120,13 @@ def lay_out(
     points = np.flatnonzero(ground.reshape(-1) & (stands >= 0))
     points = points[np.argsort(flat_owner[points], kind="stable")]
     laid_out = Round(length_m, places, along, points, flat_owner[points], stands[points])
-    return replace(laid_out, stations=stations_of(laid_out, terrain, reach, footprint.range_m))
+    stations = stations_of(laid_out, terrain, reach, footprint.range_m, apart_m)
+    if apart_m is None and file is not None:
+        with suppress(OSError):
+            file.parent.mkdir(parents=True, exist_ok=True)
+            with replacing(file) as part, part.open("wb") as output:
+                np.savez_compressed(output, stops=stops, apart_m=stations.apart_m)
+    return replace(laid_out, stations=stations)
 
 
 def _assign_stops(
@@ -203,8 +227,13 @@ class Stations:
         return Stations(*(load_grid(folder / f"{name}.npy") for name in STATION_ARRAYS)) if folder.is_dir() else None
 
 
-def stations_of(laid_out: Round, terrain: Terrain, reach: BoolGrid, range_m: float) -> Stations:
-    """Put the stops of a round together into stations; `reach` marks where the body's centre may be."""
+def stations_of(
+    laid_out: Round, terrain: Terrain, reach: BoolGrid, range_m: float, apart_m: NDArray[np.float64] | None = None
+) -> Stations:
+    """Put the stops of a round together into stations; `reach` marks where the body's centre may be.
+
+    `apart_m` is given where the lengths of the ways between them are known.
+    """
     along, place_of = laid_out.along, laid_out.place_of
     stops, firsts = np.unique(place_of, return_index=True)
     heads: list[int] = []
@@ -217,7 +246,9 @@ def stations_of(laid_out: Round, terrain: Terrain, reach: BoolGrid, range_m: flo
     begins = np.append(firsts[heads], len(place_of))
     around = np.full(terrain.shape, -1, dtype=np.int32)
     around.flat[laid_out.points] = np.repeat(np.arange(len(spots), dtype=np.int32), np.diff(begins))
-    return Stations(spots, begins, _distances_between(terrain, reach, spots, NEAR * range_m), around)
+    if apart_m is None:
+        apart_m = _distances_between(terrain, reach, spots, NEAR * range_m)
+    return Stations(spots, begins, apart_m, around)
 
 
 def _distances_between(terrain: Terrain, reach: BoolGrid, spots: Flat, near_m: float) -> NDArray[np.float64]:

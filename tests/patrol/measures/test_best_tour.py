@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+import patrol.tours.round
 import patrol.tours.search
 from patrol.ground.fields import compute_fields
 from patrol.ground.terrain import Terrain
@@ -17,6 +18,7 @@ from patrol.own_sensor import allow_sensor
 from patrol.pose import Pose
 from patrol.prepare import Prepared
 from patrol.scenario import load_scenario
+from patrol.tours.round import ARRAYS, STATION_ARRAYS, Round
 
 ALIKE = (1.0, 1.0)
 
@@ -177,6 +179,29 @@ def test_a_damaged_file_is_made_again(cache: Path, monkeypatch: pytest.MonkeyPat
     monkeypatch.setattr(module, "_known", {})
     assert best_tour(prepared()) == tour
     assert file.read_text() == whole
+
+
+def test_a_round_is_laid_out_once_and_read_afterwards(cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    first = round_of(prepared(speeds=ALIKE), 1)
+    (file,) = cache.glob("*.npz")
+    for content in (file.read_bytes(), b"damaged", file.read_bytes()[:-40]):
+        file.write_bytes(content)
+        again = round_of(prepared(speeds=ALIKE), 1)
+        assert_same_round(first, again)
+    monkeypatch.setattr(patrol.tours.round, "_assign_stops", None)
+    monkeypatch.setattr(patrol.tours.round, "_distances_between", None)
+    assert_same_round(first, round_of(prepared(speeds=ALIKE), 1))
+
+
+def assert_same_round(first: Round | None, other: Round | None) -> None:
+    assert first is not None
+    assert other is not None
+    assert first.stations is not None
+    assert other.stations is not None
+    for name in ARRAYS:
+        np.testing.assert_array_equal(getattr(first, name), getattr(other, name), strict=True)
+    for name in STATION_ARRAYS:
+        np.testing.assert_array_equal(getattr(first.stations, name), getattr(other.stations, name), strict=True)
 
 
 def test_a_cache_that_cannot_be_written_is_done_without(cache: Path) -> None:
