@@ -179,8 +179,9 @@ def grid_values(fog: Fog, k: int, scale: float) -> NDArray[np.int8]:
     """
     oldest = min(math.ceil(scale), k + 1)  # no age is greater at tick k, whatever scale the journal comes to
     by_age = np.minimum(np.rint(np.arange(oldest + 1) * (100.0 / scale)), 100.0).astype(np.int8)
-    shown: NDArray[np.int8] = by_age[np.clip(fog.age(k), 0, oldest)]
-    shown[fog.patrolled == 0] = ros.UNKNOWN
+    shown = np.full(fog.patrolled.shape, ros.UNKNOWN, dtype=np.int8)
+    counted = fog.patrolled.view(np.bool_)
+    shown[counted] = by_age.take(k - np.maximum(fog.last_seen[counted], 0), mode="clip")
     return shown
 
 
