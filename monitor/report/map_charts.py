@@ -33,8 +33,8 @@ _LONGEST = 1600
 PANEL_WIDTH = 4.7
 """Width of one of two panels, inches."""
 
-MAP_EDGE, PANEL_EDGE = 3, 5
-"""Width of a wall's edge in these pixels, on a map and on the smaller panels of paths."""
+MAP_EDGE, PANEL_EDGE = 3, 3
+"""Width of a wall's edge in pixels, on a map and on the smaller panels of paths, which have half as many."""
 
 
 def fog_chart(
@@ -127,9 +127,9 @@ def _frame_axes(axes: Axes, terrain: Terrain) -> None:
 
 
 def _draw_ground(axes: Axes, terrain: Terrain) -> None:
-    every = -(-max(terrain.shape) // (_LONGEST // 2))
-    walls = _thin_grid(~terrain.passable, every)
-    paint(axes, terrain, np.zeros((*walls.shape, 4), dtype=np.uint8), walls, _LONGEST, PANEL_EDGE)
+    longest = _LONGEST // 2
+    walls = _thin_grid(~terrain.passable, -(-max(terrain.shape) // longest))
+    paint(axes, terrain, np.zeros((*walls.shape, 4), dtype=np.uint8), walls, longest, PANEL_EDGE)
 
 
 def _draw_path(axes: Axes, run: Run, place: int, width: float) -> None:
