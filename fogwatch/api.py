@@ -35,7 +35,6 @@ from patrol.starting.warmup import seldom_kernels, warm
 if TYPE_CHECKING:
     from patrol.journal import Event, Journal, TickRecord
     from patrol.prepare import Prepared
-    from patrol.process.aside import Aside
     from patrol.starting.compiling import Compiled
     from patrol.summary.model import Summary
     from worldsim.run_record import RunRecord
@@ -176,7 +175,6 @@ def _begin_run(options: RunOptions) -> None:
 
 def _in_this_process(scenario: Scenario, folder: RunFolder, options: RunOptions) -> Run:
     from fogwatch.inprocess import run_in_process
-    from fogwatch.run_folder.derived import drawing_picture
     from patrol.prepare import prepare
     from worldsim.output.live_progress import LiveProgress
     from worldsim.output.ticks_table import TicksTable
@@ -231,8 +229,7 @@ def _in_this_process(scenario: Scenario, folder: RunFolder, options: RunOptions)
 
             raise LaunchFailed(str(unwritten)) from None
     options.over()
-    with drawing_picture(folder, prepared, options) as picture:
-        return _write_result(folder, prepared, outcome.journal, outcome.verdict, outcome.summary, options, picture)
+    return _write_result(folder, prepared, outcome.journal, outcome.verdict, outcome.summary, options)
 
 
 def _as_processes(scenario: Scenario, folder: RunFolder, options: RunOptions) -> Run:
@@ -280,7 +277,7 @@ def _as_processes(scenario: Scenario, folder: RunFolder, options: RunOptions) ->
 def _judge_ended(folder: RunFolder, prepared: Prepared, codes: Mapping[str, int | None], options: RunOptions) -> Run:
     """Judge a run whose processes have ended, and write its files."""
     from fogwatch.launch.launcher import LaunchFailed
-    from fogwatch.run_folder.derived import JUDGING, drawing_picture, show_progress
+    from fogwatch.run_folder.derived import JUDGING, show_progress
     from patrol.journal import read_journal
     from worldsim.output.summary import summarise
     from worldsim.verdict.judge import Judge
@@ -290,20 +287,19 @@ def _judge_ended(folder: RunFolder, prepared: Prepared, codes: Mapping[str, int 
     except BadInput as bad:
         raise LaunchFailed(str(bad)) from None
     operated = prepared.as_operated(journal.events)
-    with drawing_picture(folder, operated, options) as picture:
-        try:
-            options.display.progress(JUDGING)
-            judging = Judge(journal, codes, operated, baseline_s=_baseline_mfow(operated, options))
-            for count, record in enumerate(journal.ticks, 1):
-                judging.tick(record)
-                show_progress(options.display, JUDGING, count, operated.scenario.ticks)
-            summary, verdict = summarise(journal, judging.verdict(), operated)
-            options.display.progress(JUDGING, 1.0)
-        except InterruptedBySignal:
-            options.display.say(f"interrupted before the run was judged; `fogwatch judge {folder.path}` judges it")
-            raise
-        summary = summary.model_copy(update={"exit_codes": dict(codes)})
-        return _write_result(folder, operated, journal, verdict, summary, options, picture)
+    try:
+        options.display.progress(JUDGING)
+        judging = Judge(journal, codes, operated, baseline_s=_baseline_mfow(operated, options))
+        for count, record in enumerate(journal.ticks, 1):
+            judging.tick(record)
+            show_progress(options.display, JUDGING, count, operated.scenario.ticks)
+        summary, verdict = summarise(journal, judging.verdict(), operated)
+        options.display.progress(JUDGING, 1.0)
+    except InterruptedBySignal:
+        options.display.say(f"interrupted before the run was judged; `fogwatch judge {folder.path}` judges it")
+        raise
+    summary = summary.model_copy(update={"exit_codes": dict(codes)})
+    return _write_result(folder, operated, journal, verdict, summary, options)
 
 
 def _announce_run(prepared: Prepared, folder: RunFolder, options: RunOptions) -> None:
@@ -376,13 +372,7 @@ def _scenario_changed(folder: RunFolder, journal: Journal) -> bool:
 
 
 def _write_result(
-    folder: RunFolder,
-    prepared: Prepared,
-    journal: RunRecord,
-    verdict: Verdict,
-    summary: Summary,
-    options: RunOptions,
-    picture: Aside[None] | None,
+    folder: RunFolder, prepared: Prepared, journal: RunRecord, verdict: Verdict, summary: Summary, options: RunOptions
 ) -> Run:
     """Write the summary and the files that are made from the journal."""
     from fogwatch.run_folder.derived import write_files
@@ -405,6 +395,6 @@ def _write_result(
     options.display.pause()
     options.judged(summary)
     if summary.ticks:
-        interrupted |= not write_files(folder, prepared, journal, summary, options, options.display, picture)
+        interrupted |= not write_files(folder, prepared, journal, summary, options, options.display)
     announced = tuple(options.display.announced)
     return Run(folder.path, summary=summary, verdict=verdict, interrupted=interrupted, announced=announced)

@@ -6,7 +6,6 @@ Commands import the heavy libraries that they need, so that help and errors are 
 from __future__ import annotations
 
 import platform
-import sys
 from collections.abc import Callable
 from importlib import metadata
 from typing import Annotated
@@ -85,8 +84,7 @@ def _make_refusal(missing: BadInput) -> Callable[[typer.Context], None]:
     return refuse
 
 
-if sys.argv[1:2] not in (["demo"], ["run"]):  # these two begin sooner without
-    add_studies()
+add_studies()
 
 
 def main() -> int:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
+from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -41,43 +41,31 @@ def same_scenario(loaded: Scenario, journal: Journal) -> bool:
     return same_but_for_files(loaded, load_scenario(written, base=base, called="journal", opens_classes=False))
 
 
-def drawing_picture(
-    folder: RunFolder, prepared: Prepared, files: RunChoices
-) -> AbstractContextManager[Aside[None] | None]:
-    """Draw the picture of a run that has ended, if it is wanted, beside what is done in this context."""
+def write_files(
+    folder: RunFolder, prepared: Prepared, journal: Journal, summary: Summary, files: RunChoices, display: RunDisplay
+) -> bool:
+    """Write the files of a run that has ended, and show the progress; False when a signal has ended it."""
 
     def draw() -> None:
         from fogwatch.pictures.run_end import run_picture
 
         run_picture(folder.path, folder.picture, prepared)
 
-    return Aside(draw) if files.picture else nullcontext()
-
-
-def write_files(
-    folder: RunFolder,
-    prepared: Prepared,
-    journal: Journal,
-    summary: Summary,
-    files: RunChoices,
-    display: RunDisplay,
-    picture: Aside[None] | None,
-) -> bool:
-    """Write the files of a run that has ended, and show the progress; False when a signal has ended it."""
     try:
         recording = folder.recording if files.recording else None
         report = folder.report if files.report else None
-        if files.recording or files.report:
-            derive(journal, prepared, summary, recording, report, display)
-        if picture is not None:
-            display.progress(PICTURE)
-            try:
-                picture.result()
-            except ImportError as error:
-                display.say(f"no picture: {error.name} is not installed (pip install 'fogwatch[sim]')")
-            except (BadInput, OSError, MemoryError) as error:
-                display.say(f"no picture: {told(error) if isinstance(error, MemoryError) else error}")
-            display.progress(PICTURE, 1.0)
+        with Aside(draw) if files.picture else nullcontext() as picture:
+            if files.recording or files.report:
+                derive(journal, prepared, summary, recording, report, display)
+            if picture is not None:
+                display.progress(PICTURE)
+                try:
+                    picture.result()
+                except ImportError as error:
+                    display.say(f"no picture: {error.name} is not installed (pip install 'fogwatch[sim]')")
+                except (BadInput, OSError, MemoryError) as error:
+                    display.say(f"no picture: {told(error) if isinstance(error, MemoryError) else error}")
+                display.progress(PICTURE, 1.0)
     except InterruptedBySignal:
         commands = f"`fogwatch report {folder.path}` and `fogwatch record {folder.path}` write report and recording"
         display.say(f"interrupted: not all files are written; {commands}")
