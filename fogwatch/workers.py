@@ -13,6 +13,7 @@ from traceback import format_exception
 from typing import TYPE_CHECKING, Any
 
 from patrol.errors import BadInput
+from patrol.radio.inbox import heard_by
 from worldsim.fleet.process_control import NotStarted
 
 if TYPE_CHECKING:
@@ -52,8 +53,8 @@ class Workers:
             pipe, other = context.Pipe()
             part = [number for number in numbers if number % count == worker]
             self._pipes.append(pipe)
-            given = (other, self._pipes, part, make)
-            process = context.Process(target=_serve_calls, args=given, name=f"worker {worker}")
+            ends = (other, self._pipes)
+            process = context.Process(target=_serve_calls, args=(*ends, part, make), name=f"worker {worker}")
             process.daemon = True  # ended with this process, where that comes to an end of its own
             process.start()
             other.close()
@@ -62,11 +63,15 @@ class Workers:
 
     def phase_a(self, k: int, reports: Mapping[int, Sensed]) -> Mapping[int, Sequence[bytes]]:
         """Return the frames that every mind sends."""
-        return self._ask_all("phase_a", k, reports)
+        frames: dict[int, Sequence[bytes]] = self._ask_all(
+            "phase_a", k, reports, lambda part: {number: reports[number] for number in part}
+        )
+        return frames
 
     def phase_b(self, k: int, heard: Mapping[int, list[bytes]]) -> Mapping[int, Reply]:
         """Return every mind's command."""
-        return self._ask_all("phase_b", k, heard)
+        replies: dict[int, Reply] = self._ask_all("phase_b", k, heard, lambda part: heard_by(part, heard))
+        return replies
 
     def lost(self) -> Sequence[tuple[int, Status, str]]:
         """Return the robots whose policy has failed in this tick."""
@@ -111,12 +116,12 @@ class Workers:
         for process in self._processes:
             process.join()
 
-    def _ask_all(self, method: str, k: int, given: Mapping[int, object]) -> dict[int, Any]:
-        """Call a method of every worker with its part of what is given by robot number, and join the answers."""
+    def _ask_all(self, method: str, k: int, numbers: Iterable[int], part_of: Callable[[list[int]], object]) -> Any:
+        """Call a method of every worker with what `part_of` makes for its robots, and join the answers."""
         for worker in range(count := len(self._pipes)):
-            self._send(worker, method, k, {n: value for n, value in given.items() if n % count == worker})
+            self._send(worker, method, k, part_of([number for number in numbers if number % count == worker]))
         answers = {number: answer for part in self._answers() for number, answer in part.items()}
-        return {number: answers[number] for number in given if number in answers}
+        return {number: answers[number] for number in numbers if number in answers}
 
     def _ask(self, number: int, method: str, *arguments: object) -> Any:
         """Call a method of the worker that has a robot's mind."""

@@ -253,6 +253,7 @@ def test_words_of_1_0_work_and_the_new_ones_are_told(old: str, new: str, shell: 
         ("record a.mcap --repair=b.mcap", "mcap recover FILE -o NEW saves a damaged one"),
         ("map random a.yaml --seed 1", "`fogwatch map random` is gone; a clone of fogwatch has such buildings in"),
         ("intruder runs/a --trials 5", "`fogwatch intruder --trials` is gone, and so is the learned intruder"),
+        ("run open --in-process --threads 2", "`fogwatch run --threads` is gone; give --workers"),
         ("intruder --horizon=9 runs/a", "`fogwatch intruder --horizon` is gone"),
         ("paper", "say which one"),
         ("paper table", "say which one"),
