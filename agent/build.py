@@ -6,7 +6,7 @@ Robots' processes, fleets in one process, tests and benchmarks all come here, so
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
 from types import MappingProxyType
@@ -63,20 +63,19 @@ class Shared:
     speed_limits: SpeedLimits
     key: bytes | None  # of the fleet's tags, or None
     chance: Chance
-    # working memory of each group of minds (`group_of`); those of one never think at once
-    scratches: Sequence[dict[str, PathWindow]] = field(default_factory=lambda: ({},))
+    scratch: dict[str, PathWindow] = field(default_factory=dict)  # working memory
     # what the minds believe and have heard; None where each has its own, as in a process
     beliefs: Beliefs | None = None
     # by identity of a body's static fields, which live as long as the scenario, and dilatation
     areas: dict[tuple[int, int], Area] = field(default_factory=dict)
     posts: dict[int, Posts] = field(default_factory=dict)  # by identity of the static fields
-    grounds: dict[tuple[int, int], Ground] = field(default_factory=dict)  # likewise, and by group, with nothing closed
+    grounds: dict[int, Ground] = field(default_factory=dict)  # likewise, with nothing closed
 
-    def ground_of(self, terrain: Terrain, fields: StaticFields, group: int) -> Ground:
-        """Return the ground of one kind of body in a group of minds, with nothing closed."""
-        if (id(fields), group) not in self.grounds:
-            self.grounds[id(fields), group] = Ground(terrain, fields.reach)
-        return self.grounds[id(fields), group]
+    def ground_of(self, terrain: Terrain, fields: StaticFields) -> Ground:
+        """Return the ground of one kind of body, with nothing closed."""
+        if id(fields) not in self.grounds:
+            self.grounds[id(fields)] = Ground(terrain, fields.reach)
+        return self.grounds[id(fields)]
 
     def posts_of(self, fields: StaticFields, patrol: PatrolSpec) -> Posts:
         """Return the posts of one kind of body; on straight paths, which know no walls, each point is its own."""
@@ -96,18 +95,12 @@ class Shared:
 
 
 def shared_by(
-    prepared: Prepared,
-    footprint: Footprint | None = None,
-    *,
-    psi: Psi | None = None,
-    groups: int = 1,
-    believe: bool = False,
+    prepared: Prepared, footprint: Footprint | None = None, *, psi: Psi | None = None, believe: bool = False
 ) -> Shared:
     """Make the parts that the minds of a scenario can share; `footprint` and `psi` are computed unless given.
 
-    Up to `groups` minds may think at the same time, one of each group (`group_of`). With `believe` they share what they
-    believe, where that is the same and no ground closes; then the caller lets `Shared.beliefs` hear for all of them,
-    and then each decide.
+    With `believe` they share what they believe, where that is the same and no ground closes; then the caller lets
+    `Shared.beliefs` hear for all of them, and then each decide.
     """
     scenario = prepared.scenario
     key = fleet_key(scenario.radio.key)
@@ -115,7 +108,7 @@ def shared_by(
     beliefs = None
     if believe and not sensor.changes:
         inboxes = inboxes_of(scenario, [spec.number for spec in scenario.roster], prepared.terrain.bounds, key)
-        beliefs = Beliefs(inboxes, sensor, shares=True, at_once=groups > 1)
+        beliefs = Beliefs(inboxes, sensor, shares=True)
     chance = Chance(scenario.seed, key)
     return Shared(
         known=known_to_robots(prepared),
@@ -127,7 +120,6 @@ def shared_by(
         speed_limits=SpeedLimits(scenario.zones, prepared.terrain),
         key=key,
         chance=chance,
-        scratches=tuple({} for _ in range(groups)),
         beliefs=beliefs,
     )
 
@@ -154,11 +146,6 @@ def strides_of(scenario: Scenario) -> Mapping[int, float]:
     return MappingProxyType({spec.number: spec.speed * scenario.step for spec in scenario.roster})
 
 
-def group_of(number: int, groups: int) -> int:
-    """Return the group of a robot's mind, from 0 on. The minds of one group share working memory."""
-    return number % groups
-
-
 def build_mind(
     prepared: Prepared, number: int, incarnation: int = 1, shared: Shared | None = None, kind: PolicyKind | None = None
 ) -> Mind:
@@ -175,7 +162,6 @@ def build_mind(
     patrol, spec = scenario.patrol, scenario.roster[number - 1]
     kind = kind or policy_of(scenario)
     lengths = scenario.lengths[spec.number].with_options(kind.options)
-    group = group_of(number, len(shared.scratches))
     chance = shared.chance.of_robot(number, incarnation)
     beliefs = shared.beliefs or Beliefs(inboxes_of(scenario, [number], terrain.bounds, shared.key), sight)
     posts = shared.posts_of(fields, patrol)
@@ -184,12 +170,12 @@ def build_mind(
         posts = Posts(fields.proxy)
     belief = beliefs.join(number, shared.area_of(fields, patrol, _dilation_points(scenario, terrain, lengths, kind)))
     # Where closures change it, the terrain is the mind's own.
-    ground = Ground(terrain, fields.reach) if scenario.closures else shared.ground_of(terrain, fields, group).over()
+    ground = Ground(terrain, fields.reach) if scenario.closures else shared.ground_of(terrain, fields).over()
     policy = _policy_of(
         kind,
         PolicySetup(
             RobotSetup(spec, lengths),
-            GroundSetup(terrain, fields, posts, sight, shared.known, shared.scratches[group]),
+            GroundSetup(terrain, fields, posts, sight, shared.known, shared.scratch),
             shared.fleet,
             kind.options,
         ),

@@ -175,6 +175,7 @@ def _begin_run(options: RunOptions) -> None:
 
 def _in_this_process(scenario: Scenario, folder: RunFolder, options: RunOptions) -> Run:
     from fogwatch.inprocess import run_in_process
+    from fogwatch.workers import WorkerEnded
     from patrol.prepare import prepare
     from worldsim.output.live_progress import LiveProgress
     from worldsim.output.ticks_table import TicksTable
@@ -220,14 +221,14 @@ def _in_this_process(scenario: Scenario, folder: RunFolder, options: RunOptions)
                     watch=watch,
                     events=on_event,
                     stop=options.stop,
-                    threads=min(len(scenario.roster), options.threads),
+                    workers=min(len(scenario.roster), options.workers),
                     baseline_s=baseline_s,
                     failure=on_failure,
                 )
-        except Unwritten as unwritten:
+        except (Unwritten, WorkerEnded) as ended:
             from fogwatch.launch.launcher import LaunchFailed
 
-            raise LaunchFailed(str(unwritten)) from None
+            raise LaunchFailed(str(ended)) from None
     options.over()
     return _write_result(folder, prepared, outcome.journal, outcome.verdict, outcome.summary, options)
 

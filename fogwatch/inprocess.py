@@ -4,18 +4,17 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from concurrent.futures import Executor, ThreadPoolExecutor
 from contextlib import nullcontext, suppress
 from dataclasses import dataclass, replace
-from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from agent.answers import policy_failure
-from agent.build import Shared, group_of, mind_maker, shared_by
+from agent.build import Shared, mind_maker, shared_by
 from agent.mind import MakeMind, Mind
 from agent.policies.found import PolicyKind, policy_of
 from agent.ports import PolicyFailed
+from fogwatch.workers import Workers
 from patrol.errors import BadInput
 from patrol.exchange import FIRST_INCARNATION, Reply, Sensed
 from patrol.journal import Event, JournalWriter, Status, TickRecord, read_journal
@@ -69,7 +68,6 @@ class InProcessFleet:
         self,
         minds: Mapping[int, Mind],
         make: MakeMind | None = None,
-        threads: int = 1,
         limit_s: float | None = None,
         beliefs: Beliefs | None = None,
         failure: PolicyFailure = lambda _number, _reason, _error: None,
@@ -77,21 +75,17 @@ class InProcessFleet:
     ) -> None:
         """Take in minds by robot number; `make` makes a new one by robot number and incarnation.
 
-        With several `threads`, one mind of each group (`agent.build.group_of`) steps at a time. Their answers are put
-        in roster order, so the trace does not depend on it. A decision that takes longer than `limit_s` of wall time
-        counts as failed; this holds with one thread only. `beliefs` is what the minds believe, where they share it.
-        `failure` is told of each policy that fails.
+        A decision that takes longer than `limit_s` of wall time counts as failed. `beliefs` is what the minds believe,
+        where they share it. `failure` is told of each policy that fails.
         """
         self.chance = chance
         self._beliefs = beliefs
         self._failure = failure
         self._minds = dict(minds)
-        self._limit_s = limit_s if threads == 1 else None
+        self._limit_s = limit_s
         self._failed: dict[int, str] = {}
         self._unmade: dict[int, str] = {}
         self._make = make
-        self._threads = threads
-        self._pool: Executor | None = ThreadPoolExecutor(threads, "mind") if threads > 1 else None
         self._sensed: Mapping[int, Sensed] = {}
         self._views: Mapping[int, View] = {}
 
@@ -122,17 +116,9 @@ class InProcessFleet:
         """Return every mind's command."""
         if not self._views:
             self._hear_beliefs(k, heard)
-
-        def step_robots(numbers: Iterable[int]) -> dict[int, Reply | None]:
-            return {number: self._step_robot(k, number, heard) for number in numbers}
-
-        if self._pool is None:
-            replies = step_robots(heard)
-        else:
-            groups = [[n for n in heard if group_of(n, self._threads) == group] for group in range(self._threads)]
-            replies = dict(chain.from_iterable(some.items() for some in self._pool.map(step_robots, groups)))
+        replies = {number: reply for number in heard if (reply := self._step_robot(k, number, heard)) is not None}
         self._views = {}
-        return {number: reply for number in heard if (reply := replies[number]) is not None}
+        return replies
 
     def lost(self) -> Sequence[tuple[int, Status, str]]:
         """Return the robots whose policy has failed in this tick; any other error of a mind fails the run."""
@@ -185,10 +171,8 @@ class InProcessFleet:
         """Do nothing: no mind is held."""
 
     def finish(self, k: int) -> None:
-        """Let the threads go."""
+        """Do nothing: the minds go with this object."""
         del k
-        if self._pool is not None:
-            self._pool.shutdown(cancel_futures=True)
 
     def _hear_beliefs(self, k: int, heard: Mapping[int, list[bytes]]) -> None:
         """Let the minds that share what they believe hear."""
@@ -231,30 +215,28 @@ def fleet_of(
     footprint: Footprint,
     *,
     kind: PolicyKind | None = None,
-    threads: int = 1,
     share: bool = True,
     failure: PolicyFailure = lambda _number, _reason, _error: None,
+    numbers: Iterable[int] | None = None,
 ) -> InProcessFleet:
     """Make the fleet of a world before its first tick.
 
-    `footprint` is the world's sensor. `kind` makes the robots' policies in place of the scenario's. The other options
-    are as for `run_in_process`.
+    `footprint` is the world's sensor. `kind` makes the robots' policies in place of the scenario's. Unless given,
+    `numbers` are those of all living robots. The other options are as for `run_in_process`.
     """
     prepared = world.prepared
     kind = kind or policy_of(prepared.scenario)
-    if not kind.ours:
-        threads = 1  # so that one which hangs can be stopped
-    shared = shared_by(prepared, footprint, groups=threads, believe=share)
+    shared = shared_by(prepared, footprint, believe=share)
     make = mind_maker(prepared, shared, kind)
     minds: dict[int, Mind] = {}
-    for number in world.living:
+    for number in world.living if numbers is None else numbers:
         try:
             minds[number] = make(number, FIRST_INCARNATION)
         except PolicyFailed as failed:
             failure(number, str(failed), failed.__cause__)
             raise BadInput(str(failed)) from failed
     limit_s = None if kind.ours else DECISION_LIMIT_S
-    return InProcessFleet(minds, make, threads, limit_s, shared.beliefs, failure, shared.chance)
+    return InProcessFleet(minds, make, limit_s, shared.beliefs, failure, shared.chance)
 
 
 def run_in_process(
@@ -265,7 +247,7 @@ def run_in_process(
     progress: Callable[[TickRecord], None] | None = None,
     events: Callable[[Event], None] | None = None,
     stop: Callable[[], bool] = lambda: False,
-    threads: int = 1,
+    workers: int = 1,
     keep: bool = True,
     verify_fog: bool = True,
     look: Callable[[World, Mapping[int, Mind]], None] | None = None,
@@ -284,21 +266,32 @@ def run_in_process(
     before its first tick, what takes each tick's record after `progress`. `look` is called after each tick with the
     world and the minds by robot number, to compare what is with what they believe; it must change nothing.
 
-    `threads` is how many minds step at once; one where the policy is not ours. With `share`, minds whose beliefs are
-    equal share them, which changes no trace. `baseline_s` is what `fault_free_mfow` gives, for the verdict to judge
-    recovery by. `started` is the wall time for the journal's header, ISO 8601. `failure` is told of each policy that
-    fails, so that its traceback can be kept. Any other error that a mind raises ends the run and is passed on.
+    With several `workers` the minds are in as many processes, and `look` gets none of them. With `share`, minds whose
+    beliefs are equal share them, which changes no trace. `baseline_s` is what `fault_free_mfow` gives, for the verdict
+    to judge recovery by. `started` is the wall time for the journal's header, ISO 8601. `failure` is told of each
+    policy that fails, so that its traceback can be kept. Any other error that a mind raises ends the run and is passed
+    on.
     """
     prepared = scenario if isinstance(scenario, Prepared) else prepare(scenario)
     check_in_process(prepared.scenario)
     world = World(prepared, footprint=(footprint := sensor_footprint(prepared.scenario, prepared.terrain)))
-    fleet = fleet_of(world, footprint, threads=threads, share=share, failure=failure)
+    fleet: InProcessFleet | Workers
+    minds: Mapping[int, Mind] = {}
+    if workers > 1:
+
+        def make_part(numbers: Sequence[int], failure: PolicyFailure) -> InProcessFleet:
+            return fleet_of(world, footprint, share=share, failure=failure, numbers=numbers)
+
+        fleet = Workers(workers, world.living, make_part, failure)
+    else:
+        fleet = fleet_of(world, footprint, share=share, failure=failure)
+        minds = fleet.minds
     header = header_of(world, started)
     watchers: list[Callable[[TickRecord], None]] = [] if progress is None else [progress]
     if watch is not None:
         watchers.append(watch(world))
     if look is not None:
-        watchers.append(lambda _: look(world, fleet.minds))
+        watchers.append(lambda _: look(world, minds))
     if journal is None and not keep:
         memory = MemoryJournal(header, keep)
         judging = Judge(memory, {}, prepared, verify_fog=verify_fog, baseline_s=baseline_s, fog=world.truth.fog)
@@ -326,7 +319,7 @@ def fault_free_mfow(prepared: Prepared, stop: Callable[[], bool] = lambda: False
 
 def _run_ticks(
     world: World,
-    fleet: InProcessFleet,
+    fleet: InProcessFleet | Workers,
     writer: Writer,
     watchers: Sequence[Callable[[TickRecord], None]],
     events: Callable[[Event], None] | None,

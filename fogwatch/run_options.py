@@ -53,7 +53,7 @@ def chosen_settings(overrides: Mapping[str, object], patrol: str | None, preset:
     return settings | patrol_settings(patrol, settings)
 
 
-MOST_THREADS = 64
+MOST_WORKERS = 64
 
 _PATROL = f"{PRICES}. Short for --set patrol.policy={'|'.join(patrol.policy for patrol in PATROLS.values())}."
 _PRESET = f"{'; '.join(map(': '.join, PRESETS.items()))}. Other options and --set hold over it."
@@ -61,7 +61,7 @@ _SPARE = "Robots that may join during the run (default: 2 with a live page, else
 _START = "Start of the next robot in m; X,Y,HEADING gives the heading too, in rad. Repeatable."
 _PACE = "As fast as possible, in real time, or X times as fast as real time."
 _IN_PROCESS = "Run in one process, without Zenoh; the trace is the same."
-_THREADS = "Robots that decide at once with --in-process; more than 1 is seldom faster."
+_WORKERS = "Processes for the robots' decisions with --in-process; faster from about 100 robots."
 _RECOVERY = "Run the scenario without its faults as well, to judge the recovery."
 _PAGE = "Serve a live page while the processes run (never with --in-process or --quiet)."
 _SET = "Set any field of the scenario, such as patrol.options.separation=none. Repeatable."
@@ -125,7 +125,7 @@ class RunChoices:
 
     out: Annotated[Path | None, _of_output("DIR", "Run folder, new or empty (default: runs/NAME-TIME).")] = None
     in_process: Annotated[bool, _of_run("", _IN_PROCESS, "--in-process")] = False
-    threads: Annotated[int, _of_run("N", _THREADS, min=1, max=MOST_THREADS)] = 1
+    workers: Annotated[int, _of_run("N", _WORKERS, min=1, max=MOST_WORKERS)] = 1
     port: Annotated[int | None, _of_run("N", "TCP port of the router (default: a free one).")] = None
     recovery: Annotated[bool, _of_run("", _RECOVERY, "--recovery")] = False
     page: Annotated[bool, _of_output("", _PAGE, "--page/--no-page")] = True
@@ -134,12 +134,12 @@ class RunChoices:
     report: Annotated[bool, _of_output("", "Write report.html at the end.", "--report/--no-report")] = True
 
     def __post_init__(self) -> None:
-        """Raise BadInput for a port that is none, and for threads that nothing uses."""
+        """Raise BadInput for a port that is none, and for workers that nothing uses."""
         if self.port is not None and not 0 < self.port < 65536:
             raise BadInput(f"--port {self.port}: is not a TCP port; give one from 1 to 65535")
-        if self.threads > 1 and not self.in_process:
+        if self.workers > 1 and not self.in_process:
             why = "each robot is a process of its own"
-            raise BadInput(f"--threads {self.threads}: {why}; leave it out, or give --in-process")
+            raise BadInput(f"--workers {self.workers}: {why}; leave it out, or give --in-process")
 
 
 def overrides_of(

@@ -121,10 +121,7 @@ class BelievedFog:
         return self.fog.last_seen if self._dilated is None else self._dilated.within(box, self._tick)
 
     def refresh(self) -> NDArray[np.int32]:
-        """Bring all of the dilated fog up to date, and return it as `dilated_within` does.
-
-        Until the next look, several threads may then read it at once.
-        """
+        """Bring all of the dilated fog up to date, and return it as `dilated_within` does."""
         height, width = self.fog.last_seen.shape
         return self.dilated_within((0, height - 1, 0, width - 1))
 
@@ -215,17 +212,12 @@ class Belief:
 class Beliefs:
     """The beliefs of all minds of a process."""
 
-    def __init__(self, inboxes: Inboxes, footprint: Footprint, *, shares: bool = False, at_once: bool = False) -> None:
-        """Start without minds.
-
-        `shares` lets minds share a fog, where a look leaves no age. `at_once` says that minds decide at once in several
-        threads, so that their shared fog must be up to date before.
-        """
+    def __init__(self, inboxes: Inboxes, footprint: Footprint, *, shares: bool = False) -> None:
+        """Start without minds; `shares` lets them share a fog, where a look leaves no age."""
         self.inboxes = inboxes
         self.shares = shares and not footprint.leaves_age
         self.straight_on = Predictor(footprint.terrain, 1, SPAN)
         self._footprint = footprint
-        self._at_once = at_once
         self._minds: dict[int, Belief] = {}
         self._blank: dict[Area, BelievedFog] = {}
 
@@ -271,9 +263,6 @@ class Beliefs:
         for fog in {id(mind.shared): mind.shared for mind in minds.values()}.values():
             for part, chosen_looks in self._part_group(fog, learnt):
                 part.see_some(looks, np.frombuffer(chosen_looks, dtype=np.uint8), tick)
-                part.fog.mfow(tick)  # computed now, so that minds that decide at once in several threads only read
-                if self._at_once and len(part.members) > 1:
-                    part.refresh()
 
     def _part_group(self, fog: BelievedFog, learnt: Mapping[int, bytes]) -> list[tuple[BelievedFog, bytes]]:
         """Part a group by the looks that its minds have learnt; minds without part in the tick keep their belief."""

@@ -103,8 +103,6 @@ class Dilated:
         fork._carried, fork._grid = self._carried.copy(), self._grid.copy()
         fork._outdated, fork._due = self._outdated.copy(), self._due.copy()
         fork._freshest = self._freshest.copy()
-        # Both may compute at once, in several threads.
-        fork._boxes, fork._scratch = np.zeros_like(self._boxes), np.zeros_like(self._scratch)
         return fork
 
     def changed(self, looks: list[Box]) -> None:

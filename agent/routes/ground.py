@@ -127,7 +127,7 @@ class Ground:
     own routes and the body alike. Elements are numbered like those of `state`.
 
     Grounds that were made by `over` share their grids, so what `state` and `open_now` return holds until another of
-    them is looked at, and no two of them are looked at in two threads at once.
+    them is looked at.
 
     `against`, uint8 (h, w), holds the steps that lead against one-way zones (`patrol.ground.terrain.Terrain.against`);
     it is `ALL_WAYS` where ways may lead in all directions. `behind`, bool (h, w), holds the points of one-way zones
@@ -213,7 +213,7 @@ class Ground:
         That is the body's own point, or, where that is not open, a neighbouring one that a straight line leads to; None
         if there is none.
         """
-        joined = self._joined  # one attribute, because several threads may ask at once
+        joined = self._joined
         if joined is None or joined[0] != x or joined[1] != y:
             joined = self._joined = x, y, self._find_join(x, y)
         return joined[2]

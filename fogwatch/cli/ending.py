@@ -34,6 +34,7 @@ GONE = {
     "recording": f"`fogwatch recording` is gone; {_MCAP}",
     "record --check": f"`fogwatch record --check` is gone; {_MCAP}",
     "record --repair": f"`fogwatch record --repair` is gone; {_MCAP}",
+    "run --threads": "`fogwatch run --threads` is gone; give --workers, which makes processes and is faster",
     "map random": "`fogwatch map random` is gone; a clone of fogwatch has such buildings in examples/maps",
     **{
         f"intruder {option}": f"`fogwatch intruder {option}` is gone, and so is the learned intruder; leave it out"

@@ -41,10 +41,10 @@ def trace(outcome: Outcome) -> str:
 
 
 @pytest.mark.parametrize("robots", [CARS, DISCS, BASES], ids=["cars", "holonomic", "differential"])
-def test_the_same_seed_gives_the_same_trace_whatever_the_threads_and_another_does_not(robots: dict[str, Any]) -> None:
+def test_the_same_seed_gives_the_same_trace_whatever_the_workers_and_another_does_not(robots: dict[str, Any]) -> None:
     first, again, other, three = (
-        trace(run_in_process(scenario(robots=robots, seed=seed), threads=threads))
-        for seed, threads in ((1, 1), (1, 1), (2, 1), (1, 3))
+        trace(run_in_process(scenario(robots=robots, seed=seed), workers=workers))
+        for seed, workers in ((1, 1), (1, 1), (2, 1), (1, 3))
     )
     assert three == first == again != other
 
@@ -59,7 +59,7 @@ def test_with_a_key_the_seed_tells_nobody_where_the_robots_go(tmp_path: Path) ->
     for name in ("a", "b"):
         (tmp_path / name).write_text(f"the key of fleet {name}", encoding="ascii")
     first, other = str(tmp_path / "a"), str(tmp_path / "b")
-    assert places(first) == places(first, threads=3) == places(first, share=False)
+    assert places(first) == places(first, workers=3) == places(first, share=False)
     assert places(first) != places(other) != places(None) != places(first)
 
 
@@ -188,10 +188,10 @@ PROCESS_FAULTS = [
 
 
 @pytest.mark.parametrize("robots", [CARS, DISCS, BASES], ids=["cars", "holonomic", "differential"])
-def test_process_faults_repeat_whatever_the_threads_and_are_judged_as_they_go(robots: dict[str, Any]) -> None:
+def test_process_faults_repeat_whatever_the_workers_and_are_judged_as_they_go(robots: dict[str, Any]) -> None:
     faulty = scenario(robots=robots, faults=PROCESS_FAULTS)
     first = run_in_process(faulty)
-    assert trace(first) == trace(run_in_process(faulty, threads=3)) == trace(run_in_process(faulty, keep=False))
+    assert trace(first) == trace(run_in_process(faulty, workers=3)) == trace(run_in_process(faulty, keep=False))
     assert trace(first) != trace(run_in_process(scenario(robots=robots)))
     assert [facts.status for facts in first.summary.robots.values()] == 3 * ["alive"]
 
@@ -296,8 +296,8 @@ def test_a_policy_that_cannot_be_made_is_bad_input(tmp_path: Path) -> None:
         run_in_process(made)
 
 
-def test_a_failure_repeats_whatever_the_threads(tmp_path: Path) -> None:
-    ends = [end_of(run_in_process(failing(tmp_path), threads=threads).journal) for threads in (1, 3)]
+def test_a_failure_repeats_whatever_the_workers(tmp_path: Path) -> None:
+    ends = [end_of(run_in_process(failing(tmp_path), workers=workers).journal) for workers in (1, 3)]
     assert ends[0] == ends[1]
 
 

@@ -121,7 +121,7 @@ def run(
 
 def again(prepared: Prepared, journal: MemoryJournal) -> Outcome:
     """The run once more, with what the operator asked for as faults: valid, and with the same end."""
-    outcome = run_in_process(prepared.as_operated(journal.events), threads=1)
+    outcome = run_in_process(prepared.as_operated(journal.events))
     assert outcome.verdict.valid, outcome.verdict.failed
     assert end_of(outcome.journal) == end_of(journal)
     return outcome
@@ -428,7 +428,7 @@ def test_a_spare_robot_can_be_called_and_is_replayed() -> None:
     assert there[3:] == [Status.ABSENT, Status.ALIVE]
     assert len({(row.x, row.y) for record in journal.records[6:] for row in record.robots[4:]}) > 5
     again(prepared, journal)
-    without = run_in_process(prepare(load_scenario({**SMALL, "robots": {"count": 3}, "faults": faults})), threads=1)
+    without = run_in_process(prepare(load_scenario({**SMALL, "robots": {"count": 3}, "faults": faults})))
     assert end_of(without.journal) == end_of(unasked)
 
 

@@ -62,7 +62,7 @@ def test_the_options_override_the_scenario_and_quiet_prints_the_folder_alone(she
         assert words in header
     for words in ("turning_radius: 1.5", "range: 7.0"):
         assert words in header
-    assert shell("run", out / "scenario.yaml", "--threads", "2", *quiet, tmp_path / "two").code == 0
+    assert shell("run", out / "scenario.yaml", "--workers", "2", *quiet, tmp_path / "two").code == 0
     hashes = {json.loads((tmp_path / name / "summary.json").read_text())["trace_hash"] for name in ("out", "two")}
     assert len(hashes) == 1
 
@@ -204,8 +204,8 @@ def test_a_scenario_that_does_not_fit_its_ground_is_named(command: list[str], sh
         (["repot"], "repot: no such command; did you mean report?"),
         (["map", "check", "yards", "--range", "far"], "--range far: expected a number in m, such as --range 10"),
         (["control", "RUN", "go", "--wait", "1m"], "--wait 1m: expected a number in s, such as --wait 15"),
-        (["run", "open", "--threads", "0"], "--threads 0: expected 1 or more"),
-        (["run", "open", "--threads", "2"], "--threads 2: each robot is a process of its own; leave it out, or give"),
+        (["run", "open", "--workers", "0"], "--workers 0: expected 1 or more"),
+        (["run", "open", "--workers", "2"], "--workers 2: each robot is a process of its own; leave it out, or give"),
         (["reproduce", "table", "two"], "N... two: expected a whole number, such as 5"),
         (["sweep"], "FILE is missing; for example: fogwatch sweep"),
         (["map", "check", "nowhere.yaml"], "nowhere.yaml: no such map file"),
@@ -253,6 +253,7 @@ def test_words_of_1_0_work_and_the_new_ones_are_told(old: str, new: str, shell: 
         ("record a.mcap --repair=b.mcap", "mcap recover FILE -o NEW saves a damaged one"),
         ("map random a.yaml --seed 1", "`fogwatch map random` is gone; a clone of fogwatch has such buildings in"),
         ("intruder runs/a --trials 5", "`fogwatch intruder --trials` is gone, and so is the learned intruder"),
+        ("run open --in-process --threads 2", "`fogwatch run --threads` is gone; give --workers"),
         ("intruder --horizon=9 runs/a", "`fogwatch intruder --horizon` is gone"),
         ("paper", "say which one"),
         ("paper table", "say which one"),

@@ -128,9 +128,9 @@ def test_as_long_as_all_arrives_there_is_one_belief_and_those_that_missed_someth
 
 
 @pytest.mark.parametrize("kind", ["none", "short loss", "pause"])
-def test_minds_that_decide_at_once_in_several_threads_share_beliefs_too(kind: str) -> None:
+def test_minds_in_several_workers_share_beliefs_too(kind: str) -> None:
     given = scenario(FAULTS[kind], patrol=DILATED)
-    together, alone = run_in_process(given, threads=3), run_in_process(given, share=False)
+    together, alone = run_in_process(given, workers=3), run_in_process(given, share=False)
     assert end_of(together.journal) == end_of(alone.journal)
 
 

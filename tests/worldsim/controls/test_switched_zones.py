@@ -61,7 +61,7 @@ def test_what_is_switched_is_judged_and_gives_the_same_trace_again() -> None:
     ward = [(20, on, "ward"), (21, off, "ward"), (30, on, "ward")]
     assert turns == [(9, off, "vault"), *ward[:2], (30, on, "vault"), ward[2]]
     again(prepared, journal)
-    assert end_of(run_in_process(prepared, threads=1).journal) != end_of(journal)
+    assert end_of(run_in_process(prepared).journal) != end_of(journal)
 
 
 WEIGHTS = {10: [weigh("vault", 0.2)], 24: [weigh("vault", 30.0)], 40: [switch("vault", False), weigh("vault", 8.0)]}
@@ -80,7 +80,7 @@ def test_a_weight_that_is_changed_is_judged_and_gives_the_same_trace_again() -> 
     assert verdict.valid, verdict.failed
     assert verdict.zones is not None
     np.testing.assert_equal(vars(verdict.zones), vars(again(prepared, journal).verdict.zones))
-    without = run_in_process(prepared, threads=1)
+    without = run_in_process(prepared)
     assert end_of(without.journal) != end_of(journal)
     assert without.verdict.zones is not None
     assert verdict.zones.mfow_weighted_max_s != without.verdict.zones.mfow_weighted_max_s
