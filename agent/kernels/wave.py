@@ -1,11 +1,15 @@
 """Kernel of the wave: path lengths from one point, or several, to all others, and how paths begin (paper, "The wave").
 
 Steps go to the eight neighbours and cost 100 along a row or column and 141 along a diagonal, so that equal lengths are
-equal integers; a diagonal step needs both points beside it. Points are settled nearest first. Two queues hold the steps
-that lead on, one the straight and one the diagonal ones: all steps of a queue cost the same, so the last entry is
-farthest away, and the nearest is at one of the two ends.
+equal integers; a diagonal step needs both points beside it. Points are settled in rounds, each of lengths of 100, so
+that a step never ends in the round in which it begins, and in a round the order does not count.
 
-Of equally long paths to a point, one whose last step is diagonal counts, and then the one that was found first.
+Of equally long paths to a point, one whose last step is diagonal counts, and then the one that is found first where
+points are settled nearest first and go on in the order of the directions, or along the row first where they go on to
+both sides. Which of two that is shows where they part, so both are followed back to there.
+
+While the wave runs, a point's cell holds length * 32 + direction of the last step * 4 + BESIDE, so that cells without
+their four low bits compare as paths do. Directions 0 to 3 are diagonal, 4 to 7 straight. A blocked point's cell is 0.
 
 Only neighbours that can lie on a new shortest path are tried: where all eight neighbours are open, a path that came
 straight goes on straight, and one that came diagonally goes on diagonally or turns into either of its components.
@@ -42,28 +46,26 @@ HEMMED = 4
 FAR = 2**31 - 1
 """The length shown where no path is settled."""
 
-NOWHERE = 8
-"""In place of a direction: the start's. Directions 0 to 3 are diagonal, 4 to 7 straight."""
+BESIDE = 1
+"""In a cell: next to a blocked point, or the start."""
 
-EMPTY = 2**63
-"""In place of an entry: the end of a queue."""
+UNKNOWN = (2**27 - 1) << 5
+"""The cell of a point without a path."""
 
 FIRST_BENDS, DIAGONAL_LAST, DRAWN = 0, 1, 2
 """Results besides lengths: first bends, or first steps by the predecessor of a diagonal step, or by a draw."""
 
 ROOM = 2**12
-"""Entries for which the queues of a new wave have room, a power of two; it makes more as needed."""
+"""Steps of a round for which a new wave has room; it makes more as needed."""
 
 GRID = types.Array(types.uint8, 2, "C", readonly=True)
 STATE = types.Array(types.uint8, 2, "C")
 NUMBERS = types.Array(types.int32, 2, "C")
-QUEUES = types.Array(types.uint64, 2, "C")
-FLAT = types.Array(types.uint8, 1, "C")
-FLAT_NUMBERS = types.Array(types.int32, 1, "C")
-QUEUE = types.Array(types.uint64, 1, "C")
+CELLS = types.Array(types.uint32, 1, "C")
 STARTS = types.Array(types.int64, 1, "C", readonly=True)
 FOUND = types.UniTuple(NUMBERS, 2)  # type: ignore[no-untyped-call]
 int64 = types.int64
+uint32 = types.uint32
 uint64 = types.uint64
 index = types.uint64
 """Unsigned, so that numba skips the negative-index check."""
@@ -94,15 +96,39 @@ def encode(is_open, state, boxes):
                 state[row, col] = OPEN if surrounded else OPEN | HEMMED
 
 
-@njit(int64(FLAT, FLAT_NUMBERS, QUEUE, int64, int64, int64, int64, int64), cache=True, nogil=True)
-def _put(status, lengths, queue, end, there, way, away, limit):
-    """Put a step into a queue if it leads to a point sooner than all others so far; returns the queue's new end."""
-    if status[index(there)] == BLOCKED or away >= lengths[index(there)] or away > limit:
-        return end
-    lengths[index(there)] = away
-    # The queue is a ring whose size is a power of two, so that `&` wraps the index.
-    queue[index(end) & uint64(queue.size - 1)] = away << 32 | there << 4 | way
-    return end + 1
+@njit(int64(int64, int64), cache=True, nogil=True, forceinline=True)
+def _step(way, stride):
+    """Return the step of a direction: what it adds to a flat index."""
+    # Rows and columns of all directions, two bits each and one more than they are: far faster than a tuple of steps.
+    return ((0x190A >> 2 * way & 3) - 1) * stride + (0x4682 >> 2 * way & 3) - 1
+
+
+@njit(types.boolean(CELLS, int64, int64, int64), cache=True, nogil=True)
+def _is_first(cell, here, other, stride):
+    """Return True if of two points with equally long paths the first one is settled first."""
+    while True:
+        way, other_way = int64(cell[index(here)]) >> 2 & 7, int64(cell[index(other)]) >> 2 & 7
+        if way >> 2 != other_way >> 2:
+            return way < other_way
+        here -= _step(way, stride)
+        other -= _step(other_way, stride)
+        # Two starts are equally near.
+        if here == other or cell[index(here)] >> uint32(5) == 0:
+            return way < other_way if cell[index(here)] & BESIDE != 0 else way & 1 == 0
+
+
+@njit(int64(CELLS, CELLS, int64, int64, int64, int64, int64, int64, int64), cache=True, nogil=True, forceinline=True)
+def _put(cell, soon, count, here, there, away, way, limit, stride):
+    """Put a step among those of the next round if its path is the one that counts; returns how many these are."""
+    known, label = int64(cell[index(there)]), away << 5 | way << 2
+    if label >> 4 >= known >> 4 or away > limit:
+        if label >> 4 != known >> 4 or known >> 2 == label >> 2:
+            return count
+        if not _is_first(cell, here, there - _step(known >> 2 & 7, stride), stride):
+            return count
+    cell[index(there)] = label | known & BESIDE
+    soon[index(count)] = there << 3 | way
+    return count + 1
 
 
 @njit(types.uint64(types.uint64, types.uint64), cache=True, nogil=True)
@@ -114,46 +140,44 @@ def _mixed(state, value):
     return z ^ (z >> uint64(31))
 
 
-@njit(int64(FLAT, FLAT_NUMBERS, int64, int64, int64, uint64), cache=True, nogil=True)
-def _predecessor(status, lengths, here, stride, found, draw):
+@njit(int64(CELLS, int64, int64, int64, uint64), cache=True, nogil=True)
+def _predecessor(cell, here, stride, found, draw):
     """Return the predecessor that a point takes: one of a diagonal step where there is one, or that of a draw."""
-    step = (stride + 1, stride - 1, -stride - 1, -stride + 1, 1, stride, -1, -stride)
-    count, ways, far = 0, 0, lengths[index(here)]  # four bits each: their places in the order of the steps
+    count, ways, far = 0, 0, int64(cell[index(here)]) >> 5  # four bits each: their places in the order of the steps
     for way in range(8):
-        before = here - step[way]
-        if lengths[index(before)] + (141 if way < 4 else 100) != far or status[index(before)] & STATUS != SETTLED:
+        before = here - _step(way, stride)
+        known = int64(cell[index(before)])
+        if known == BLOCKED or (known >> 5) + (141 if way < 4 else 100) != far:
             continue
         if way < 4:
             along, above = 1 if way % 3 == 0 else -1, stride if way < 2 else -stride
-            if status[index(here - along)] == BLOCKED or status[index(here - above)] == BLOCKED:
+            if cell[index(here - along)] == BLOCKED or cell[index(here - above)] == BLOCKED:
                 continue
         ways |= way << 4 * count
         count += 1
     # The upper half of the hash, scaled: a division would take longer than all the rest.
     pick = int64((draw >> uint64(32)) * uint64(count) >> uint64(32)) if found == DRAWN else 0
-    return here - step[ways >> 4 * pick & 15]
+    return here - _step(ways >> 4 * pick & 15, stride)
 
 
 # fmt: off
 @njit(
-    types.boolean(
-        STATE, GRID, NUMBERS, NUMBERS, QUEUES, STARTS, int64, int64, int64, int64, int64, int64, uint64, int64, int64,
-        int64,
+    types.void(
+        STATE, GRID, NUMBERS, NUMBERS, STARTS, int64, int64, int64, int64, int64, int64, uint64, int64, int64, int64,
     ),
     cache=True,
     nogil=True,
 )
-def settle(state, sight, length, bend, queues, starts, limit, top, bottom, left, right, found, key, row0, col0, goal):
+def settle(state, sight, length, bend, starts, limit, top, bottom, left, right, found, key, row0, col0, goal):
     """Settle every point whose path is at most ``limit`` long.
 
     Args:
         state: uint8 (m, n), see HEMMED; the outermost points are blocked. SETTLED is set in the box where a path is
             found, and OPEN at all its other open points.
-        sight: uint8 (m, n), 1 where the straight line from the start is free; for first bends.
+        sight: uint8 (m, n), 1 where the straight line from the start is free; for first steps, of its neighbours alone.
         length: int32 (m, n), overwritten in the box: path lengths in hundredths of a point, FAR where none is settled.
-        bend: int32 (m, n), filled in where a path is settled: flat index of its first bend, or of the start's neighbour
-            on it; of size 0 for lengths alone.
-        queues: uint64 (2, k), overwritten, k a power of two: length * 2^32 + index * 16 + direction of the last step.
+        bend: int32 (m, n), overwritten in the box, and where a path is settled the flat index of its first bend, or of
+            the start's neighbour on it; of size 0 for lengths alone.
         starts: int64 (s,), flat indices of the starts, which are open: one, or several for lengths alone.
         limit: Longest path to settle, in hundredths of a point; at most 2**26.
         top: First row of a box around all that is as near as the limit without obstacles.
@@ -165,89 +189,93 @@ def settle(state, sight, length, bend, queues, starts, limit, top, bottom, left,
         row0: Row of the terrain's point under row 0, for draws.
         col0: Column of the terrain's point under column 0.
         goal: Flat index of the only point whose path is asked for, or -1. Points from which no path to it can be within
-            the limit are passed over, and nothing is settled after it. What is settled on a shortest path to it is the
-            same as without a goal.
-
-    Returns:
-        Whether there was room enough in ``queues``; if not, nothing that was written has any meaning.
+            the limit are passed over, and no round begins after its own. What is settled on a shortest path to it is
+            the same as without a goal; other points may be shown as settled that are not.
     """
-    for row in range(top, bottom):
-        flags, unknown = state[row, left:right], length[row, left:right]
-        for k in range(right - left):
-            # SETTLED contains the bit of OPEN, so the mask clears the rest of it and leaves OPEN.
-            flags[k] &= OPEN | HEMMED
-            unknown[k] = FAR
     stride = state.shape[1]
-    step = (stride + 1, stride - 1, -stride - 1, -stride + 1, 1, stride, -1, -stride)
-    status, in_sight, lengths, bends = state.reshape(-1), sight.reshape(-1), length.reshape(-1), bend.reshape(-1)
-    diagonal, straight = queues[0], queues[1]
-    # Ten less: one point adds at most four steps to a queue, and so room is checked once for each point.
-    turn, room = uint64(queues.shape[1] - 1), queues.shape[1] - 10
-    next_diagonal, end_diagonal, next_straight, end_straight = 0, 0, 0, starts.size
+    cells = length.view(np.uint32)
+    cell, bends = cells.reshape(-1), bend.reshape(-1)
+    lists = np.empty((2, max(ROOM, starts.size)), dtype=np.uint32)
+    now, soon, waiting, end = lists[0], lists[1], starts.size, 0
     start_row, start_col, goal_row, goal_col = 0, 0, goal // stride, goal % stride
-    needs_row = goal >= 0 or bends.size != 0
-    for place in range(min(starts.size, room)):
-        start = starts[place]
-        lengths[index(start)] = 0
-        straight[place] = start << 4 | NOWHERE
-        start_row, start_col = start // stride, start % stride
-    while end_diagonal - next_diagonal < room and end_straight - next_straight < room:
-        # The end of each queue reads as the greatest length, so that an empty queue needs no check of its own.
-        diagonal[index(end_diagonal) & turn] = straight[index(end_straight) & turn] = EMPTY
-        entry, straight_entry = diagonal[index(next_diagonal) & turn], straight[index(next_straight) & turn]
-        # At equal lengths the diagonal step comes first: it is the last step that counts.
-        if entry >> uint64(32) <= straight_entry >> uint64(32):
-            if entry == EMPTY:
-                return True
-            next_diagonal += 1
-        else:
-            entry = straight_entry
-            next_straight += 1
-        far, came = int64(entry >> uint64(32)), int64(entry & uint64(15))
-        here = int64(entry >> uint64(4) & uint64(2**28 - 1))
-        flags = status[index(here)]
-        # An older entry: a shorter path has reached the point since.
-        if flags & STATUS == SETTLED:
-            continue
-        row = int64(index(here) // index(stride)) if needs_row else 0
-        if goal >= 0:
-            up, across = abs(row - goal_row), abs(here - row * stride - goal_col)
-            if far + 100 * max(up, across) + 41 * min(up, across) > limit:
-                continue
-        status[index(here)] = flags | SETTLED
+    for place in range(waiting):
+        start_row, start_col = starts[place] // stride, starts[place] % stride
+        now[place] = starts[place] << 3
+    for row in range(top, bottom):
+        flags, line, up = state[row, left:right], cells[row, left:right], abs(row - start_row)
+        for k in range(right - left):
+            line[k] = uint32(UNKNOWN) | uint32(flags[k] & HEMMED) >> uint32(2) if flags[k] & STATUS != BLOCKED else 0
         if bends.size != 0:
-            before, is_bend = here, came == NOWHERE
-            if not is_bend:
-                before = here - step[came]
-                if found != FIRST_BENDS:
+            seen, turn = sight[row, left:right], bend[row, left:right]
+            for k in range(right - left):
+                # Until a point is settled: its length if that makes it a bend.
+                across = abs(left + k - start_col)
+                turn[k] = 100 * max(up, across) + 41 * min(up, across) if seen[k] != 0 else -1
+    for place in range(waiting):
+        cell[index(starts[place])] = BESIDE
+    while waiting > 0:
+        if 8 * waiting > soon.size:
+            lists = np.empty((2, 16 * waiting), dtype=np.uint32)
+            lists[0, :waiting] = now[:waiting]
+            now, soon = lists[0], lists[1]
+        end += 100
+        count = 0
+        for place in range(waiting):
+            entry = int64(now[index(place)])
+            here, came = entry >> 3, entry & 7
+            known = int64(cell[index(here)])
+            # An older entry: a path that counts more has reached the point since.
+            if known >> 2 & 7 != came:
+                continue
+            far = known >> 5
+            if far >= end:
+                soon[index(count)] = entry
+                count += 1
+                continue
+            if goal >= 0:
+                row = int64(index(here) // index(stride))
+                up, across = abs(row - goal_row), abs(here - row * stride - goal_col)
+                if far + 100 * max(up, across) + 41 * min(up, across) > limit:
+                    continue
+            if bends.size != 0:
+                if bends[index(here)] == far:
+                    bends[index(here)] = here
+                elif found == FIRST_BENDS:
+                    bends[index(here)] = bends[index(here - _step(came, stride))]
+                else:
+                    row = int64(index(here) // index(stride))
                     draw = _mixed(_mixed(key, uint64(row0 + row)), uint64(col0 + here - row * stride))
-                    before = _predecessor(status, lengths, here, stride, found, draw)
-                    is_bend = lengths[index(before)] == 0
-                elif in_sight[index(here)] != 0:
-                    up, across = abs(row - start_row), abs(here - row * stride - start_col)
-                    is_bend = far == 100 * max(up, across) + 41 * min(up, across)
-            bends[index(here)] = here if is_bend else bends[index(before)]
-        if here == goal:
-            return True
-        on, aslant = far + 100, far + 141
-        if came == NOWHERE or flags & HEMMED != 0:
-            for way in range(4):
-                along, above = 1 if way % 3 == 0 else -1, stride if way < 2 else -stride
-                if status[index(here + along)] != BLOCKED and status[index(here + above)] != BLOCKED:
-                    ahead = here + step[way]
-                    end_diagonal = _put(status, lengths, diagonal, end_diagonal, ahead, way, aslant, limit)
-            for way in range(4, 8):
-                end_straight = _put(status, lengths, straight, end_straight, here + step[way], way, on, limit)
-        elif came > 3:
-            end_straight = _put(status, lengths, straight, end_straight, here + step[came], came, on, limit)
-        else:
-            along, above = 1 if came % 3 == 0 else -1, stride if came < 2 else -stride
-            way = 4 if came % 3 == 0 else 6
-            end_straight = _put(status, lengths, straight, end_straight, here + along, way, on, limit)
-            way = 5 if came < 2 else 7
-            end_straight = _put(status, lengths, straight, end_straight, here + above, way, on, limit)
-            end_diagonal = _put(status, lengths, diagonal, end_diagonal, here + step[came], came, aslant, limit)
-    return False
+                    bends[index(here)] = bends[index(_predecessor(cell, here, stride, found, draw))]
+            if here == goal:
+                count = 0
+                break
+            if known & BESIDE != 0:
+                for way in range(4):
+                    along, above = 1 if way % 3 == 0 else -1, stride if way < 2 else -stride
+                    if cell[index(here + along)] != BLOCKED and cell[index(here + above)] != BLOCKED:
+                        ahead = here + along + above
+                        count = _put(cell, soon, count, here, ahead, far + 141, way, limit, stride)
+                for way in range(4, 8):
+                    ahead = here + _step(way, stride)
+                    count = _put(cell, soon, count, here, ahead, far + 100, way, limit, stride)
+            elif came > 3:
+                ahead = here + _step(came, stride)
+                count = _put(cell, soon, count, here, ahead, far + 100, came, limit, stride)
+            else:
+                along, above = 1 if came % 3 == 0 else -1, stride if came < 2 else -stride
+                way = 4 if came % 3 == 0 else 6
+                count = _put(cell, soon, count, here, here + along, far + 100, way, limit, stride)
+                way = 5 if came < 2 else 7
+                count = _put(cell, soon, count, here, here + above, far + 100, way, limit, stride)
+                count = _put(cell, soon, count, here, here + along + above, far + 141, came, limit, stride)
+        now, soon, waiting = soon, now, count
+    for row in range(top, bottom):
+        flags, line, lengths = state[row, left:right], cells[row, left:right], length[row, left:right]
+        for k in range(right - left):
+            settled = line[k] != BLOCKED and line[k] < UNKNOWN
+            # SETTLED contains the bit of OPEN.
+            flags[k] = flags[k] & HEMMED | (SETTLED if settled else flags[k] & OPEN)
+            lengths[k] = line[k] >> uint32(5) if settled else FAR
 
 
 # fmt: on
@@ -296,8 +324,5 @@ def settle_box(state, sight, starts, limit, goal):
         if 0 < row < rows - 1 and 0 < col < cols - 1:
             inside[count] = row * cols + col
             count += 1
-    queues = np.empty((2, ROOM), dtype=np.uint64)
-    key, box = uint64(0), (0, rows, 0, cols)
-    while not settle(state, sight, length, bend, queues, inside[:count], limit, *box, FIRST_BENDS, key, 0, 0, goal):
-        queues = np.empty((2, 4 * queues.shape[1]), dtype=np.uint64)
+    settle(state, sight, length, bend, inside[:count], limit, 0, rows, 0, cols, FIRST_BENDS, uint64(0), 0, 0, goal)
     return length, bend

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from agent.kernels.wave import DIAGONAL_LAST, DRAWN, FIRST_BENDS, ROOM, framed_box, settle, settle_box
+from agent.kernels.wave import DIAGONAL_LAST, DRAWN, FIRST_BENDS, framed_box, settle, settle_box
 from agent.routes.ground import Ground
 from agent.routes.path_window import FAR, Lengths, PathWindow, Place
 from patrol.ground.ways import lengths_along
@@ -124,7 +124,6 @@ class Wave(PathWindow):
         if self.state.size > MOST_POINTS:
             raise ValueError(f"a window of {self.state.size} points is larger than {MOST_POINTS}")
         self._sight = np.zeros_like(self.state)
-        self._queues = np.zeros((2, ROOM), dtype=np.uint64)
         self._settled = -1
 
     def _prepare_memory(self) -> None:
@@ -154,6 +153,4 @@ class Wave(PathWindow):
         cast(self.state, self.start_row, self.start_col, look, self._sight, 0, 0)
         grids, box = (self.state, self._sight, self.length, self.bend), (top, bottom, left, right)
         start = np.array([self.start_row * cols + self.start_col])
-        how = FOUND[self._ties], self.key, self.row0, self.col0, -1
-        while not settle(*grids, self._queues, start, limit, *box, *how):
-            self._queues = np.zeros((2, 4 * self._queues.shape[1]), dtype=np.uint64)
+        settle(*grids, start, limit, *box, FOUND[self._ties], self.key, self.row0, self.col0, -1)
