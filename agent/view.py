@@ -52,6 +52,11 @@ class FogView:
         self.posts = posts
 
     @property
+    def belief(self) -> object:
+        """The belief behind the fog; one object for all robots of a process that believe in the same fog."""
+        return self._belief.shared
+
+    @property
     def last_seen(self) -> NDArray[np.int32]:
         """int32, the tick at which each point was last seen; -1 where it never was, which counts as tick 0.
 

@@ -31,7 +31,7 @@ second one first it would cost 0.2 s more, with the third one 2 s. With a spread
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -114,6 +114,26 @@ class Part:
     until: int = 0  # tick from which on the station is taken as given up
     oldest: int = 0  # number in the round of the station's oldest point, when all were looked at last
     least_way_s: float = math.inf  # shortest way to the station that the robot has had since
+
+
+@dataclass(slots=True, eq=False)
+class FleetPlan:
+    """The plan of all robots as of one tick. Robots of one process that have worked out the same one share it."""
+
+    parts: dict[int, Part]  # by robot number; empty before the first tick, and while each choice is free
+    period: int = -1
+    least_s: float = 0.0  # age of a station from which on it is worth a visit
+
+
+NO_PLAN = FleetPlan({})
+
+
+@dataclass(slots=True)
+class WorkedOut:
+    """The plans that the robots of one process have worked out in a tick, by all that they follow from."""
+
+    tick: int = -1
+    plans: dict[tuple[object, ...], FleetPlan] = field(default_factory=dict)
 
 
 class KnownStations:
@@ -205,8 +225,9 @@ class JointPlan:
         most_robots: float,  # that plan; in a larger fleet choices are free
     ) -> None:
         """Begin without a plan."""
-        # By robot number; empty before the first tick, and while each choice is free.
-        self.parts: dict[int, Part] = {}
+        self._plan = NO_PLAN
+        self._worked_out: WorkedOut = setup.ground.scratch.setdefault("plans", WorkedOut())
+        self._round = laid_out
         self._robots, self._team, self._most_robots = robots, team, most_robots
         self._known, self._free = stations, free
         self._number, self._step = setup.robot.spec.number, setup.fleet.step
@@ -214,11 +235,13 @@ class JointPlan:
         self._chance = setup.fleet.chance
         self._spread = SPREAD * setup.options.unpredictability
         self._turned_s = TURNED * setup.ground.sight.range_m * self._pace
-        self._period = -1
-        self._interval_s = math.inf
-        self._least_s = 0.0
         self._stood: dict[int, tuple[float, float, int]] = {}
         self._loss = Loss(setup.fleet.step)
+
+    @property
+    def parts(self) -> dict[int, Part]:
+        """The parts of all robots in the plan, by number."""
+        return self._plan.parts
 
     @property
     def station(self) -> int | None:
@@ -232,7 +255,7 @@ class JointPlan:
 
     def forget(self) -> None:
         """Make a new plan at the next tick."""
-        self.parts = {}
+        self._plan = NO_PLAN
 
     def waits(self, view: View) -> bool:
         """Return False: a robot that is early goes on to its next station."""
@@ -265,50 +288,58 @@ class JointPlan:
         neighbours = [number for number, place in places.items() if not self._is_stuck(view, number, place)]
         places[self._number] = view.reported.x, view.reported.y
         robots = sorted({self._number, *neighbours})
-        period = int(view.tick * self._step / PERIOD_S)
         self._loss.note(view, neighbours)
         if self._loss.is_lossy or len(robots) > self._most_robots:
             # It would leave to others what they take as seen.
-            self.parts = {}
+            self._plan = NO_PLAN
             return
-        self._interval_s = self._length_m * self._pace / len(robots)
-        leads = self._known.ways_s(view, [places[number] for number in robots])
-        if robots != sorted(self.parts) or period != self._period:
-            self._period = period
-            self._begin_plan(view, robots, leads)
-            return
-        arrived = self._list_arrived(view, robots)
+        spots = [places[number] for number in robots]
+        ground = (view.fog.belief, self._round, view.weighing)
+        question = (*ground, self._plan, self._team, view.spec.speed, *robots, *spots)
+        if self._worked_out.tick != view.tick:
+            self._worked_out.tick, self._worked_out.plans = view.tick, {}
+        plans = self._worked_out.plans
+        if question not in plans:
+            plans[question] = self._work_out(view, robots, spots)
+        self._plan = plans[question]
+
+    def _work_out(self, view: View, robots: Sequence[int], spots: Sequence[Spot]) -> FleetPlan:
+        """Return the plan after this one, in which each robot that has seen its station goes to another."""
+        before, period = self._plan, int(view.tick * self._step / PERIOD_S)
+        leads = self._known.ways_s(view, spots)
+        if robots != sorted(before.parts) or period != before.period:
+            return self._begin_plan(view, period, robots, leads)
+        plan = replace(before, parts={number: replace(part) for number, part in before.parts.items()})
+        arrived = self._list_arrived(view, plan, robots)
         ways = dict(zip(robots, leads, strict=True))
         turned = [
-            number for number in robots if number not in arrived and self._has_turned(self.parts[number], ways[number])
+            number for number in robots if number not in arrived and self._has_turned(plan.parts[number], ways[number])
         ]
         if arrived or turned:
-            idle = [number for number in robots if not self.parts[number].route]
+            idle = [number for number in robots if not plan.parts[number].route]
             drawing = sorted([*arrived, *turned, *idle])
-            self._draw_stations(view, drawing, arrived, self._known.oldest_s(view), leads)
+            self._draw_stations(view, plan, drawing, arrived, self._known.oldest_s(view), leads)
+        return plan
 
-    def _list_arrived(self, view: View, robots: Sequence[int]) -> list[int]:
+    def _list_arrived(self, view: View, plan: FleetPlan, robots: Sequence[int]) -> list[int]:
         """Return the robots whose station has been seen, or is taken as given up."""
-        parts = [self.parts[number] for number in robots]
+        parts = [plan.parts[number] for number in robots]
         # Most often a look at one point shows that the station is not done.
         oldest_s = self._known.ages_s(view, [part.oldest for part in parts]).tolist()
         return [
             number
             for number, part, age_s in zip(robots, parts, oldest_s, strict=True)
-            if part.route and (view.tick >= part.until or self._is_done(view, part, age_s))
+            if part.route and (view.tick >= part.until or self._is_done(view, plan, part, age_s))
         ]
 
-    def _is_done(self, view: View, part: Part, oldest_s: float) -> bool:
+    def _is_done(self, view: View, plan: FleetPlan, part: Part, oldest_s: float) -> bool:
         """Return True if a robot's station has been seen; `oldest_s` is the age of the point that was its oldest."""
         points = self._known.points_of(part.route[0])
-        if points.start <= part.oldest < points.stop and self._is_stale(part, oldest_s):
+        if points.start <= part.oldest < points.stop and _is_stale(plan, part, oldest_s):
             return False
         ages = self._known.ages_s(view, points)
         part.oldest = points.start + int(ages.argmax())
-        return not self._is_stale(part, float(ages.max()))
-
-    def _is_stale(self, part: Part, age_s: float) -> bool:
-        return age_s >= STILL_STALE * part.age_s and age_s > self._least_s
+        return not _is_stale(plan, part, float(ages.max()))
 
     def _is_stuck(self, view: View, number: int, place: Spot) -> bool:
         """Return True if another robot has stood still for long: it will not see the stations left to it."""
@@ -326,7 +357,7 @@ class JointPlan:
         part.least_way_s = min(part.least_way_s, way_s)
         return way_s > part.least_way_s + self._turned_s
 
-    def _begin_plan(self, view: View, robots: Sequence[int], leads: NDArray[np.float64]) -> None:
+    def _begin_plan(self, view: View, period: int, robots: Sequence[int], leads: NDArray[np.float64]) -> FleetPlan:
         """Make a new plan: always the robot that is free first goes to the best station that is left."""
         ages = self._known.oldest_s(view)
         rows: list[list[int]] = [[] for _ in robots]
@@ -340,12 +371,14 @@ class JointPlan:
             unassigned[best] = False
             rows[row].append(best)
             free_at[row] += ways[best]
-        self.parts = {number: Part(row) for number, row in zip(robots, rows, strict=True)}
-        self._draw_stations(view, robots, (), ages, leads, MOVES_FIRST * len(ages))
+        plan = FleetPlan({number: Part(row) for number, row in zip(robots, rows, strict=True)}, period)
+        self._draw_stations(view, plan, robots, (), ages, leads, MOVES_FIRST * len(ages))
+        return plan
 
     def _draw_stations(
         self,
         view: View,
+        plan: FleetPlan,  # changed in place
         drawing: Sequence[int],
         done: Sequence[int],  # those of them that have seen their station, or given it up
         ages: Ages,  # of all stations
@@ -353,24 +386,27 @@ class JointPlan:
         moves_first: int = 0,  # moves by which the plan is improved before
     ) -> None:
         """Draw the next station of some robots, one after the other."""
-        robots, size = sorted(self.parts), len(ages)
+        robots, size = sorted(plan.parts), len(ages)
+        interval_s = self._length_m * self._pace / len(robots)
         routes, counts = np.zeros((len(robots), size), dtype=np.int64), np.zeros(len(robots), dtype=np.int64)
-        self._least_s = STALE * min(self._interval_s, float(ages.max()))
+        plan.least_s = STALE * min(interval_s, float(ages.max()))
         for row, number in enumerate(robots):
-            route = self.parts[number].route
-            route = _gone_on(route, ages, self._least_s) if number in done else route
+            route = plan.parts[number].route
+            route = _gone_on(route, ages, plan.least_s) if number in done else route
             routes[row, : len(route)], counts[row] = route, len(route)
         _fill_empty_routes(routes, counts)
         pinned = np.array([number not in drawing for number in robots])
         inputs = (leads, self._known.apart_s, ages, self._known.near)
         if moves_first:
             improve(routes, counts, pinned, *inputs, moves_first, self._make_seed(view, 0))
-        spread_s = self._spread * self._interval_s * len(robots) / len(self._known)
+        spread_s = self._spread * interval_s * len(robots) / len(self._known)
         for number in drawing:
-            row, visited = robots.index(number), self.parts[number].route[:1] if number in done else []
+            row, visited = robots.index(number), plan.parts[number].route[:1] if number in done else []
             # The first stations of the others are theirs, and the one that it has just seen is fresh.
             occupied = [*routes[pinned, 0].tolist(), *visited]
-            choices = np.union1d(self._list_choices(ages, leads, row, occupied), routes[row, : counts[row]][:1])
+            choices = np.union1d(
+                self._list_choices(ages > plan.least_s, leads, row, occupied), routes[row, : counts[row]][:1]
+            )
             if not choices.size:
                 continue  # there are fewer stations than robots
             plans = np.zeros((len(choices), *routes.shape), dtype=np.int64)
@@ -383,14 +419,16 @@ class JointPlan:
             # The robots that draw after it plan with this choice.
             pinned[row] = True
             late_s = LATE * float(leads[row, station]) + LATE_S
-            self.parts[number].age_s, self.parts[number].least_way_s = float(ages[station]), math.inf
-            self.parts[number].until = view.tick + math.ceil(late_s / self._step)
+            plan.parts[number].age_s, plan.parts[number].least_way_s = float(ages[station]), math.inf
+            plan.parts[number].until = view.tick + math.ceil(late_s / self._step)
         for row, number in enumerate(robots):
-            self.parts[number].route = routes[row, : counts[row]].tolist()
+            plan.parts[number].route = routes[row, : counts[row]].tolist()
 
-    def _list_choices(self, ages: Ages, leads: NDArray[np.float64], row: int, taken: Sequence[int]) -> Routes:
+    def _list_choices(
+        self, worth: NDArray[np.bool_], leads: NDArray[np.float64], row: int, taken: Sequence[int]
+    ) -> Routes:
         """Return the nearest stations that are worth a visit and to which no other robot has a shorter way."""
-        worth = (ages > self._least_s) & (leads[row] <= leads.min(axis=0))
+        worth = worth & (leads[row] <= leads.min(axis=0))
         worth[list(taken)] = False
         stations = np.flatnonzero(worth)
         return stations[np.argsort(leads[row, stations], kind="stable")[:CHOICES]]
@@ -409,6 +447,10 @@ class JointPlan:
     def _find_spell(self, view: View) -> int:
         """Return the number of the time in which draws stay the same."""
         return int(view.tick * self._step * self._team / (SPELL * self._length_m * self._pace))
+
+
+def _is_stale(plan: FleetPlan, part: Part, age_s: float) -> bool:
+    return age_s >= STILL_STALE * part.age_s and age_s > plan.least_s
 
 
 def _gone_on(route: list[int], ages: Ages, least_s: float) -> list[int]:
