@@ -279,7 +279,8 @@ class OnRound:
         spacing.listen(view)
         if self._comparison is not None:
             was_followed = self._is_followed
-            self._loss.note(view, spacing.followers & view.peers.keys())
+            followers = spacing.followers & view.peers.keys()
+            self._loss.note(view.tick, [view.peers[number].tick for number in followers])
             self._comparison.note(view, spacing.team, self._loss.is_lossy)
             if not self._is_followed:
                 return True

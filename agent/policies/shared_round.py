@@ -58,9 +58,9 @@ class Loss:
         self._share = 0.0
         self._weight = step / LOSSES_S
 
-    def note(self, view: View, others: Collection[int]) -> None:
-        """Take note of which of some robots, all among `View.peers`, were heard in a tick."""
-        lost = sum(view.peers[number].tick < view.tick for number in others) / max(len(others), 1)
+    def note(self, tick: int, heard: Collection[int]) -> None:
+        """Take note of a tick, by the ticks in which other robots were heard last."""
+        lost = sum(last < tick for last in heard) / max(len(heard), 1)
         self._share += (lost - self._share) * self._weight
         self.is_lossy = self._share > (0.5 * LOSSY if self.is_lossy else LOSSY)
 

@@ -288,7 +288,8 @@ class JointPlan:
         neighbours = [number for number, place in places.items() if not self._is_stuck(view, number, place)]
         places[self._number] = view.reported.x, view.reported.y
         robots = sorted({self._number, *neighbours})
-        self._loss.note(view, neighbours)
+        last_heard = dict(zip(peers.numbers.tolist(), peers.ticks.tolist(), strict=True))
+        self._loss.note(view.tick, [last_heard[number] for number in neighbours])
         if self._loss.is_lossy or len(robots) > self._most_robots:
             # It would leave to others what they take as seen.
             self._plan = NO_PLAN

@@ -29,9 +29,8 @@ from experiments.benchmark.results import (
 from experiments.intruders.standing import ATTACKS_S
 from experiments.sweeps.estimates import Curve, Dot, draw_curves, draw_dots, look, scale
 from experiments.sweeps.run_metrics import GAINED, game_metric
-from monitor.figures.style import INK, MUTED, Drawing, figure, plain
+from monitor.figures.style import INK, MUTED, WIDTH, Drawing, figure, plain
 from monitor.report import html
-from monitor.report.charts import WIDTH
 from monitor.tables.table import Table
 
 if TYPE_CHECKING:

@@ -35,6 +35,7 @@ from fogwatch.cli.command_help import command
 from fogwatch.cli.options import option
 from fogwatch.own_classes import find_classes
 from fogwatch.terminal.live_table import duration_text
+from monitor.figures.style import WIDTH
 from monitor.tables.table import Table as Shown
 from patrol.errors import BadInput
 from patrol.extras import check_matplotlib
@@ -161,8 +162,6 @@ def sweep(
 
 def _width_inches(figure_width_mm: float | None) -> float:
     """Return the width of figures in inches: that of a report's charts, or a narrower one that was asked for."""
-    from monitor.report.charts import WIDTH  # here: it loads libraries that `--help` does without
-
     if figure_width_mm is None:
         return WIDTH
     if not LEAST_WIDTH_MM <= figure_width_mm <= WIDTH * MM_PER_INCH:

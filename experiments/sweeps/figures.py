@@ -24,8 +24,7 @@ from experiments.sweeps.cases import (
 )
 from experiments.sweeps.estimates import Curve, Dot, draw_curves, draw_dots, scale
 from experiments.sweeps.plan import CASE
-from monitor.figures.style import MUTED, Drawing, figure
-from monitor.report.charts import WIDTH
+from monitor.figures.style import MUTED, WIDTH, Drawing, figure
 from patrol.errors import quoted
 
 if TYPE_CHECKING:

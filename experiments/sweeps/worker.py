@@ -7,6 +7,7 @@ answers each with a JSON line. It ends when the input ends, even in the middle o
 from __future__ import annotations
 
 import gc
+import importlib
 import json
 import os
 import queue
@@ -149,6 +150,8 @@ def main() -> None:
     os.dup2(2, 1)  # other output must not mix with the answers
     tasks: queue.SimpleQueue[Task] = queue.SimpleQueue()
     threading.Thread(target=_read_tasks, args=(tasks,), daemon=True).start()
+    importlib.import_module("fogwatch.inprocess")
+    gc.freeze()  # libraries hold many objects, which collecting after each run would look through again
     while True:
         print(json.dumps(run_task(tasks.get()), allow_nan=False), file=out, flush=True)
 

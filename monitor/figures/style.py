@@ -38,6 +38,9 @@ DPI = 200
 PAGE_DPI = 110
 """Resolution of images within SVG."""
 
+WIDTH = 9.4
+"""Width of a chart across the page, inches."""
+
 FLATTEST = 4.2
 """Most that a figure is wider than high: a phone shows all of its width, and it can still be read there."""
 

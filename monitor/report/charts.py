@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from monitor.figures.style import ACCENT, ALERT, GRID, INK, MUTED, colour, figure, logarithmic, plain
+from monitor.figures.style import ACCENT, ALERT, GRID, INK, MUTED, WIDTH, colour, figure, logarithmic, plain
 from monitor.observation.fault_bands import INTRUDER, Band, lanes
 from monitor.replay.belief_errors import BeliefErrors
 from monitor.replay.run import Run
@@ -17,9 +17,6 @@ from patrol.journal.records import CHARGING, DEAD_END, DOCKING, Status
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-
-WIDTH = 9.4
-"""Width of a chart across the page, inches."""
 
 MOST_LANES = 8
 """Most faults with one row each; more faults share a row by kind."""

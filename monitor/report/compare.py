@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from monitor.figures.style import Drawing, colour, figure, plain
+from monitor.figures.style import WIDTH, Drawing, colour, figure, plain
 from monitor.replay.run import Run
 from monitor.report import html
 from monitor.report.analysis import Analysis, disagreement, measures, outcome_of, state_of
-from monitor.report.charts import WIDTH, thinned
+from monitor.report.charts import thinned
 from monitor.report.map_charts import fog_chart, never_seen_note
 from patrol.errors import printable
 
