@@ -107,12 +107,12 @@ def _draw_below(state, limit):
 
 
 @njit(cache=True, nogil=True)
-def _cost(route, count, lead, apart, ages):
+def _cost(route, count, robot, leads, apart, ages):
     """Return the cost of a route: the sum of the eighth powers of the stations' ages when it visits them."""
     cost, arrival = 0.0, 0.0
     for i in range(count):
         here = route[i]
-        arrival = lead[here] if i == 0 else arrival + apart[route[i - 1], here]
+        arrival = leads[robot, here] if i == 0 else arrival + apart[route[i - 1], here]
         age = ages[here] + arrival
         square = age * age
         fourth = square * square
@@ -131,7 +131,7 @@ def _improve(routes, counts, pinned, leads, apart, ages, near, moves, state):
     cost = np.zeros(robots)
     owner, position = np.zeros(size, np.int64), np.zeros(size, np.int64)
     for r in range(robots):
-        cost[r] = _cost(routes[r], counts[r], leads[r], apart, ages)
+        cost[r] = _cost(routes[r], counts[r], r, leads, apart, ages)
         for i in range(counts[r]):
             owner[routes[r, i]], position[routes[r, i]] = r, i
     first, second = np.zeros(size, np.int64), np.zeros(size, np.int64)
@@ -186,11 +186,11 @@ def _improve(routes, counts, pinned, leads, apart, ages, near, moves, state):
                 second_count += 1
         if second_count == 0 or (r != q and first_count == 0):
             continue  # a robot without a route would get none again
-        new = _cost(second, second_count, leads[q], apart, ages)
+        new = _cost(second, second_count, q, leads, apart, ages)
         old = cost[q]
         first_cost = 0.0
         if r != q:
-            first_cost = _cost(first, first_count, leads[r], apart, ages)
+            first_cost = _cost(first, first_count, r, leads, apart, ages)
             old += cost[r]
         # A plan of the same cost is taken too: it may lead on to better ones.
         if new + first_cost > old:

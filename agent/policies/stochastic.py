@@ -283,13 +283,16 @@ class JointPlan:
         """Draw the next station of each robot that has seen its own."""
         # A peer as an object takes longer than all that is asked of it here.
         peers = columns_of(view.peers)
-        rows = zip(peers.numbers.tolist(), peers.places.tolist(), strict=True)
-        places: dict[int, Spot] = {number: (x, y) for number, (x, y) in rows if number in self._robots}
-        neighbours = [number for number, place in places.items() if not self._is_stuck(view, number, place)]
+        rows = zip(peers.numbers.tolist(), peers.places.tolist(), peers.ticks.tolist(), strict=True)
+        heard_at: list[int] = []
+        places: dict[int, Spot] = {}
+        for number, (x, y), tick in rows:
+            if number in self._robots and not self._is_stuck(view, number, (x, y)):
+                heard_at.append(tick)
+                places[number] = x, y
         places[self._number] = view.reported.x, view.reported.y
-        robots = sorted({self._number, *neighbours})
-        last_heard = dict(zip(peers.numbers.tolist(), peers.ticks.tolist(), strict=True))
-        self._loss.note(view.tick, [last_heard[number] for number in neighbours])
+        robots = sorted(places)
+        self._loss.note(view.tick, heard_at)
         if self._loss.is_lossy or len(robots) > self._most_robots:
             # It would leave to others what they take as seen.
             self._plan = NO_PLAN
