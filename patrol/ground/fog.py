@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from patrol.ground.footprint import View
-from patrol.kernels.fog import observe, observe_each, stalest_row
+from patrol.kernels.fog import keep_tracked, observe, observe_each, stalest_row
 
 NEVER = -1
 """``last_seen`` of a point that nobody has seen yet; its age counts from tick 0."""
@@ -27,9 +27,16 @@ class Looks:
     def __init__(self, looks: Sequence[tuple[int, View]]) -> None:
         """Put looks side by side: the tick and the footprint of each, at least one, and all of one sensor."""
         self.views = [view for _, view in looks]
-        self.masks = np.stack([view.mask for view in self.views])
         places = np.array([(view.row0, view.col0, tick) for tick, view in looks], dtype=np.int64)
         self.rows, self.cols, self.ticks = np.ascontiguousarray(places.T)
+        self._masks: dict[int, NDArray[np.uint8]] = {}
+
+    def masks_on(self, patrolled: NDArray[np.uint8]) -> NDArray[np.uint8]:
+        """Return the looks' masks, uint8 (looks, m, m), of patrolled points alone; computed once for each ground."""
+        if id(patrolled) not in self._masks:
+            masks = self._masks[id(patrolled)] = np.stack([view.mask for view in self.views])
+            keep_tracked(masks, patrolled, self.rows, self.cols)
+        return self._masks[id(patrolled)]
 
 
 class Fog:
@@ -79,7 +86,7 @@ class Fog:
         The mean's terms are counted when it is asked for.
         """
         places = looks.rows, looks.cols, looks.ticks
-        observe_each(self.last_seen, self.patrolled, looks.masks, *places, chosen)
+        observe_each(self.last_seen, looks.masks_on(self.patrolled), *places, chosen)
         self._totals = None
 
     def mfow(self, tick: int) -> int:

@@ -13,6 +13,7 @@ TRACKED = types.Array(types.uint8, 2, "C", readonly=True)
 SEEN = types.Array(types.int32, 2, "C")
 VIEW = types.Array(types.uint8, 2, "C", readonly=True)
 VIEWS = types.Array(types.uint8, 3, "C", readonly=True)
+MASKS = types.Array(types.uint8, 3, "C")
 QUALITY = types.Array(types.float64, 2, "C", readonly=True)
 NUMBERS = types.Array(types.int64, 1, "C", readonly=True)
 CHOSEN = types.Array(types.uint8, 1, "C", readonly=True)
@@ -75,14 +76,31 @@ def observe(last_seen, tracked, view, quality, row0, col0, tick):
     return gained, first
 
 
-@njit(types.void(SEEN, TRACKED, VIEWS, NUMBERS, NUMBERS, NUMBERS, CHOSEN), cache=True, nogil=True)
-def observe_each(last_seen, tracked, views, rows, cols, ticks, chosen):
+@njit(types.void(MASKS, TRACKED, NUMBERS, NUMBERS), cache=True, nogil=True)
+def keep_tracked(views, tracked, rows, cols):
+    """Leave the points that do not count out of many footprints.
+
+    Args:
+        views: uint8 (f, m, m), each as of `observe`; changed in place.
+        tracked: uint8 (h, w), 1 for the points that count.
+        rows: int64 (f,), the grid's row under each view's row 0.
+        cols: int64 (f,), the grid's column under its column 0.
+    """
+    height, width = tracked.shape
+    for k in range(views.shape[0]):
+        top, left = rows[k], cols[k]
+        for i in range(max(0, -top), min(views.shape[1], height - top)):
+            for j in range(max(0, -left), min(views.shape[2], width - left)):
+                views[k, i, j] &= tracked[top + i, left + j]
+
+
+@njit(types.void(SEEN, VIEWS, NUMBERS, NUMBERS, NUMBERS, CHOSEN), cache=True, nogil=True)
+def observe_each(last_seen, views, rows, cols, ticks, chosen):
     """Take in some of many footprints of a sensor that leaves nothing of a point's age, and count nothing.
 
     Args:
         last_seen: int32 (h, w); changed in place.
-        tracked: uint8 (h, w), 1 for the points that count.
-        views: uint8 (f, m, m), each as of `observe`.
+        views: uint8 (f, m, m), each as of `observe`, of points that count alone.
         rows: int64 (f,), the grid's row under each view's row 0.
         cols: int64 (f,), the grid's column under its column 0.
         ticks: int64 (f,), of the observations.
@@ -97,10 +115,9 @@ def observe_each(last_seen, tracked, views, rows, cols, ticks, chosen):
         now = np.int32(ticks[k])
         for i in range(max(0, -rows[k]), min(size, height - rows[k])):
             r = rows[k] + i
-            in_view, counts = views[k, i, begin:end], tracked[r, cols[k] + begin : cols[k] + end]
-            row_ticks = last_seen[r, cols[k] + begin : cols[k] + end]
+            in_view, row_ticks = views[k, i, begin:end], last_seen[r, cols[k] + begin : cols[k] + end]
             for j in range(in_view.size):
-                row_ticks[j] = max(row_ticks[j], now) if in_view[j] & counts[j] != 0 else row_ticks[j]
+                row_ticks[j] = max(row_ticks[j], now) if in_view[j] != 0 else row_ticks[j]
 
 
 @njit(int64(SEEN, TRACKED, OLDEST), cache=True, nogil=True)

@@ -76,6 +76,9 @@ class Heard(Mapping[int, list[bytes]]):
     def __getitem__(self, number: int) -> list[bytes]:
         return list(compress(self.frames, self.reaches[self._row[number]].tolist()))
 
+    def __contains__(self, number: object) -> bool:
+        return number in self._row
+
     def __iter__(self) -> Iterator[int]:
         return iter(self.receivers)
 

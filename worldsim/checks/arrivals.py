@@ -283,9 +283,9 @@ class LossesAsAsked(ShareCheck):
             self._lost[entry.index] += hits
             draws = self._draws[entry.index]
             if len(draws) == 1:
-                tried = reached & ~np.isin(_keys(sent), _keys(dropped)[before]) if before.any() else reached
+                tried = reached & ~mark_among(_keys(sent), _keys(dropped)[before]) if before.any() else reached
                 links = np.column_stack((sent.source, sent.destination))
-                draws[0].add(links[tried], np.isin(_keys(sent)[tried], _keys(dropped)[lost]))
+                draws[0].add(links[tried], mark_among(_keys(sent)[tried], _keys(dropped)[lost]))
                 continue
             # All frames of a tick share a link's fate, so the first of each sender tells it.
             first = dropped.sequence == record.k
@@ -441,6 +441,16 @@ def _mark_links(entry: Entry, links: Links | Drops) -> NDArray[np.bool_]:
 def _keys(links: Links | Drops) -> NDArray[np.int64]:
     """Return a number for each link of each frame."""
     return (links.source << 48) | (links.destination << 32) | links.sequence
+
+
+def mark_among(keys: NDArray[np.int64], some: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Mark the keys, none of them there twice, that are among some others; far faster than `isin` where keys ascend."""
+    marks = np.zeros(keys.size, dtype=np.bool_)
+    if keys.size:
+        order = np.argsort(keys, kind="stable")
+        places = order[np.minimum(np.searchsorted(keys, some, sorter=order), keys.size - 1)]
+        marks[places[keys[places] == some]] = True
+    return marks
 
 
 def _list_ends(links: Links | Drops, of: NDArray[np.bool_]) -> set[tuple[int, int]]:

@@ -166,7 +166,8 @@ class DropsExplained(Check):
         sent = origins_of(record, self._run.forgers)
         origins = _find_origins(dropped, sent, record.k)
         right = np.zeros(len(dropped), dtype=np.bool_)
-        for number, why in enumerate(dropped.causes):
+        for number in np.unique(dropped.cause).tolist():
+            why = dropped.causes[number]
             if why in _DEAF:
                 deaf = {row.number for row in record.robots if row.status in _DEAF[why]}
                 deaf |= self._run.lost_in(record.k) if why == RECEIVER_DEAD else set()

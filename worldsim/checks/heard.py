@@ -182,7 +182,10 @@ def _same_links(links: Links, others: Links) -> bool:
     if links == others:
         return True
     mine, theirs = places_of(links), places_of(others)
-    return mine is not None and theirs is not None and np.array_equal(np.sort(mine), np.sort(theirs))
+    if mine is None or theirs is None:
+        return False
+    # Both are made of few ascending parts, which a stable sort takes as they are.
+    return np.array_equal(np.sort(mine, kind="stable"), np.sort(theirs, kind="stable"))
 
 
 @dataclass(frozen=True, slots=True)
@@ -277,9 +280,9 @@ class Hearing(Check):
         self._listening.update(row.number for row in rows)
         intake = self._inboxes.hear(record.k, heard_by([row.number for row in rows], delivery.heard))
         forged: dict[int, list[int]] = defaultdict(list)
-        for source, to, sequence in delivery.arrived:
-            if source != FORGED:
-                break  # forged frames come first
+        arrived = links_of(delivery.arrived)
+        # Forged frames come first.
+        for _, to, sequence in arrived[: np.count_nonzero(arrived.source == FORGED)]:
             forged[to].append(sequence)
         self._collect_forged(record.k, intake, forged)
         for row in rows:
