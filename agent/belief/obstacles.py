@@ -73,7 +73,7 @@ class Obstacles:
         A robot unheard for more than `patience` counts as silent; its ground is closed until `memory` after it was last
         heard or bumped into, and that of anything else for `first` after a bump. Each bump after that time doubles it.
         """
-        self._reaches = {other: radii[number] + radius for other, radius in radii.items()}
+        self._radius, self._radii = radii[number], radii
         # As if it were as large as the robot itself.
         self._unknown_reach = 2.0 * radii[number]
         self._strides = strides
@@ -128,13 +128,13 @@ class Obstacles:
 
     def _place_silent(self, number: int, belief: Belief, until: int) -> Obstacle:
         spot = belief.stopped(number)
-        return Obstacle((spot.x, spot.y), self._reaches[number], until, self._memory)
+        return Obstacle((spot.x, spot.y), self._radius + self._radii[number], until, self._memory)
 
     def _meet(self, tick: int, pose: Pose, end: Pose, peers: Mapping[int, Peer]) -> bool:
         """Return True if a bump was into a robot that is heard; note where that is if it is heard late."""
         gaps = []
         for number, peer in peers.items():
-            late, reach = tick - peer.sequence, self._reaches[number] + HEARD_M
+            late, reach = tick - peer.sequence, self._radius + self._radii[number] + HEARD_M
             # A step of its own may have been cancelled as well.
             gap = _distance_from(pose, end, (peer.pose.x, peer.pose.y)) - reach - (late + 1) * self._strides[number]
             if peer.tick == tick and gap <= 0.0:
@@ -143,7 +143,7 @@ class Obstacles:
             return False
         is_late, _, number = min(gaps)
         if is_late:
-            spot = _find_contact(pose, end, self._reaches[number])
+            spot = _find_contact(pose, end, self._radius + self._radii[number])
             self._met[number] = tick, Pose(*spot, peers[number].pose.heading)
         return True
 

@@ -125,10 +125,6 @@ class Motions:
         if self._table["noted"][number] != self._notes:
             self._table[number] = sequence, sequence, *place, 0.0, 0.0, self._notes
 
-    def skip(self) -> None:
-        """Take note of no robot."""
-        self._notes += 1
-
     def note(self, robots: Columns, tick: int, here: Spot) -> dict[int, Motion]:
         """Take note of where other robots are, and of this one; return motions by number, ascending, its own last."""
         self._notes += 1
@@ -162,13 +158,14 @@ class KeepingRight:
         # As far as both can get in the ticks looked ahead, and half a point more, which is more than rounding.
         ticks = LOOK_AHEAD + LOOK_AHEAD_BODIES * both / self._stride
         reach = both + 2.0 * self._margin + ticks * (self._stride + fastest)
+        self._fastest = fastest
         self._motions = Motions(number, fastest, reach)
         self._motions.expect(number, 0, (0.0, 0.0))
         self._others: dict[int, Motion] = {}  # those that may be met, by number
         self._own = Motion((0.0, 0.0), (0.0, 0.0))
         self._past: dict[int, Spot] = {}  # own places by tick
-        # Own motion as robots that are heard late predict it, by their numbers.
-        self._predictions = Motions(number, np.full_like(fastest, fastest[number]), np.full_like(reach, np.inf))
+        # Own motion as robots that are heard late predict it, by their numbers; None where nobody is heard late.
+        self._predictions: Motions | None = None
         self._predicted: dict[int, Motion] = {}
         self._expected: int | None = None
 
@@ -182,9 +179,11 @@ class KeepingRight:
         self._own = self._others.pop(self._number)
         late = robots.ticks - robots.sequences
         if not (late > 0).any():
-            self._predicted = {}
-            self._predictions.skip()
+            self._predicted, self._predictions = {}, None
             return
+        if self._predictions is None:
+            own, anywhere = (np.full_like(self._fastest, limit) for limit in (self._fastest[self._number], np.inf))
+            self._predictions = Motions(self._number, own, anywhere)
         ends = {ticks: self._predict_own(view.tick - ticks, ticks) for ticks in set(late.tolist()) if ticks > 0}
         known = [row for row, ticks in enumerate(late.tolist()) if ends.get(ticks)]
         sent = view.tick - late[known]
