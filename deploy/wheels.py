@@ -5,8 +5,7 @@
     make wheels PYTHON=python3.13       # after `make clean`, for another Python
 
 pip takes the second where it fits. With the versions of numba, llvmlite and numpy that are locked here, nothing is
-compiled then (`patrol/kernel_cache.py`); with others, and on other machines, the first start compiles. It also holds
-the tours of the built-in terrains for the default body (`patrol/measures/best_tour.py`).
+compiled then (`patrol/kernel_cache.py`); with others, and on other machines, the first start compiles.
 """
 
 from __future__ import annotations
@@ -29,17 +28,11 @@ TAG = "cp{0}{1}-cp{0}{1}{2}-manylinux_2_28_x86_64"
 MAKE = """
 from patrol.starting.warmup import SELDOM, warm
 warm(("patrol", "agent", "worldsim", "monitor", "experiments"), print, SELDOM)
-
-from patrol.measures.best_tour import round_of
-from patrol.prepare import prepare
-from patrol.scenario import BUILTINS, open_scenario
-for name in BUILTINS:
-    round_of(prepare(open_scenario(name, {})), 1)
 """
 
 
 class CompiledWheel(WheelBuilder):
-    """A wheel with entries of the caches of kernels and tours.
+    """A wheel with entries of the cache of kernels.
 
     Attributes:
         entries: Their folder.
@@ -55,7 +48,7 @@ class CompiledWheel(WheelBuilder):
 
 
 def make_entries(folder: Path) -> Path:
-    """Compile all kernels for the processor of wheels, and find the tours.
+    """Compile all kernels for the processor of wheels.
 
     Args:
         folder: An empty one.

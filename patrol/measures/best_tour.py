@@ -1,8 +1,8 @@
 """The best tour found: how small a fleet that knew everything could keep the MFoW, as a yardstick for patrols.
 
 A tour is computed once for each ground, body and sensor, and kept in the user's cache folder, beside what takes longest
-of laying it out as a round; a file there that is missing or damaged is made again. Wheels for x86-64 hold those of the
-built-in terrains (deploy/wheels.py).
+of laying it out as a round; a file there that is missing or damaged is made again. Those of the built-in terrains, for
+the default body, come with the code.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from patrol.ground.cspace import parts_of
 from patrol.ground.fields import StaticFields, anchor
 from patrol.ground.terrain import BoolGrid, frozen_grid
-from patrol.kernel_cache import SHIPPED, user_cache
+from patrol.kernel_cache import user_cache
 from patrol.prepare import sensor_footprint
 from patrol.scenario.sections import BUILT_IN_SENSORS
 from patrol.tours.round import Round, Tour, lay_out
@@ -71,6 +71,9 @@ def _seen_from(fields: StaticFields, part: BoolGrid) -> BoolGrid:
     seen_from_part[hidden] = part.reshape(-1)[fields.proxy[hidden]]
     return frozen_grid(seen_from_part)
 
+
+FOUND = Path(__file__).parent.parent / "tours" / "found"
+"""The folder of the tours that come with the code."""
 
 VERSION = 2
 """Version of the search: a change of `patrol.tours` that gives other tours or rounds adds 1."""
@@ -313,9 +316,8 @@ def _keep_tour(file: Path, tour: Tour | None) -> None:
 
 
 def _tour_file(name: str) -> Path:
-    """Return the file of a tour: the wheel's, or else that in the user's cache, which may not be there."""
-    shipped = SHIPPED / "tours" / name
-    return shipped if shipped.is_file() else (user_cache("tours") or Path(os.devnull)) / name
+    """Return the file of a tour: one that comes with the code, or that in the user's cache, which may not be there."""
+    return known if (known := FOUND / name).is_file() else (user_cache("tours") or Path(os.devnull)) / name
 
 
 def _sensor_identity(sensor: SensorSpec) -> tuple[str, ...] | None:

@@ -16,8 +16,8 @@ from patrol.measures import best_tour as module
 from patrol.measures.best_tour import BestTour, PartTour, best_tour, followers_of, round_of
 from patrol.own_sensor import allow_sensor
 from patrol.pose import Pose
-from patrol.prepare import Prepared
-from patrol.scenario import load_scenario
+from patrol.prepare import Prepared, prepare
+from patrol.scenario import BUILTINS, load_scenario, open_scenario
 from patrol.tours.round import ARRAYS, STATION_ARRAYS, Round
 
 ALIKE = (1.0, 1.0)
@@ -150,16 +150,13 @@ def test_a_tour_is_found_once_and_read_afterwards(cache: Path, monkeypatch: pyte
     assert best_tour(prepared()) == tour
 
 
-def test_the_tour_of_a_wheel_is_taken_and_nothing_is_stored(
-    cache: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize("terrain", BUILTINS)
+def test_the_tour_of_a_built_in_terrain_comes_with_the_code_and_nothing_is_stored(
+    terrain: str, cache: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    tour = best_tour(prepared())
-    (tmp_path / "wheel").mkdir()
-    cache.rename(tmp_path / "wheel" / "tours")
-    monkeypatch.setattr(module, "SHIPPED", tmp_path / "wheel")
     monkeypatch.setattr(module, "_known", {})
     monkeypatch.setattr(patrol.tours.search, "find_tour", None)
-    assert best_tour(prepared()) == tour
+    assert best_tour(prepare(open_scenario(terrain, {}))).length_m
     assert not cache.exists()
 
 
