@@ -12,6 +12,9 @@ LENGTHS = types.Array(types.int32, 2, "C", readonly=True)
 ARCS = types.Array(types.float64, 2, "C", readonly=True)
 FLAGS = types.Array(types.uint8, 1, "C", readonly=True)
 FOUND = types.Array(types.int64, 1, "C")
+BOXES = types.Array(types.int64, 2, "C")
+SHAPE = types.Array(types.float64, 2, "C", readonly=True)
+WRITTEN = types.Array(types.float64, 2, "C")
 float64 = types.float64
 int64 = types.int64
 uint64 = types.uint64
@@ -29,68 +32,132 @@ them a body comes less than that nearer to a wall."""
 TOUCHING = 5e-10
 """Rounding allowed in the distance of a disc that only touches a square, m."""
 
+FITS, OVERLAPS, DEPENDS = 0, 1, 2
+"""A disc with its centre on a point: it fits wherever on the point that is, or nowhere, or only in places."""
 
-@njit(types.boolean(MASK, float64, float64, float64, float64, float64, float64), cache=True, nogil=True)
-def _fits(blocked, point, ox, oy, x, y, radius):
-    """Return True if a disc at (x, y) overlaps no blocked square and stays on the grid; m."""
+KEPT = 128
+"""Rows and columns of points after which the table of what fits there repeats; the latest entry stays."""
+
+
+@njit(types.boolean(MASK, float64, float64, float64, float64, float64, float64, FOUND), cache=True, nogil=True)
+def _fits(blocked, point, ox, oy, x, y, radius, box):
+    """Return True if a disc at (x, y) overlaps no blocked square of a box and stays on the grid; m.
+
+    ``box``, int64 (4,), is first and last row, first and last column; rows and columns off the grid do not count.
+    """
     height, width = blocked.shape
     inner = radius - TOUCHING
     if x - inner < ox or y - inner < oy or x + inner > ox + width * point or y + inner > oy + height * point:
         return False
-    first, last = math.floor((x - radius - ox) / point), math.floor((x + radius - ox) / point)
-    first, last = max(first, 0), min(last, width - 1)
-    for row in range(math.floor((y - radius - oy) / point), math.floor((y + radius - oy) / point) + 1):
-        if row < 0 or row >= height:
-            continue
+    first, last = max(box[2], 0), min(box[3], width - 1)
+    for row in range(max(box[0], 0), min(box[1], height - 1) + 1):
         low = oy + row * point
         up = max(low - y, 0.0, y - low - point)
         line = blocked[row, first : last + 1]
         for k in range(line.size):
             if line[k] == 0:
                 continue
-            left = ox + (first + k) * point
-            across = max(left - x, 0.0, x - left - point)
+            side = ox + (first + k) * point
+            across = max(side - x, 0.0, x - side - point)
             if math.sqrt(up * up + across * across) < inner:
                 return False
     return True
 
 
+@njit(int64(MASK, float64, int64, int64, float64, FOUND), cache=True, nogil=True)
+def _judge(blocked, point, row, col, radius, near):
+    """Return `FITS`, `OVERLAPS` or `DEPENDS` for a disc with its centre on a point; off the grid all is blocked.
+
+    Where it depends, ``near``, int64 (4,), is filled in with the box of the squares that such a disc may overlap: first
+    and last row, first and last column.
+    """
+    height, width = blocked.shape
+    reach = int64(radius / point) + 1
+    verdict = FITS
+    near[0], near[1], near[2], near[3] = row, row, col, col
+    for up in range(-reach, reach + 1):
+        for across in range(-reach, reach + 1):
+            if 0 <= row + up < height and 0 <= col + across < width and blocked[row + up, col + across] == 0:
+                continue
+            # From the far side or corner of the point, and from the near one.
+            if point * math.sqrt(up * up + across * across) < radius - 2.0 * TOUCHING:
+                return OVERLAPS
+            if point * math.sqrt(max(abs(up) - 1, 0) ** 2 + max(abs(across) - 1, 0) ** 2) < radius:
+                verdict = DEPENDS
+                near[0], near[1] = min(near[0], row + up), max(near[1], row + up)
+                near[2], near[3] = min(near[2], col + across), max(near[3], col + across)
+    return verdict
+
+
 @njit(
     types.boolean(
-        MASK, MASK, MASK, float64, float64, float64, float64, float64, float64, float64, float64, int64, float64
+        MASK, MASK, MASK, float64, float64, float64, float64, float64, float64, float64, SHAPE, float64, FOUND, BOXES
     ),
     cache=True,
     nogil=True,
 )
-def _is_free(blocked, room, closed, point, ox, oy, x, y, heading, distance, curvature, samples, radius):
+def _is_free(blocked, room, closed, point, ox, oy, x, y, heading, distance, shape, radius, judged, near):
     """Return True if a disc overlaps no blocked square and its centre no closed point at all samples of an arc.
 
-    Where there is room round a sample, the disc fits there and at the next samples too, as far as there is.
+    Where there is room round a sample, the disc fits there and at the next samples too, as far as there is. ``shape``
+    is as of `_measure`. ``judged``, int64 (KEPT * KEPT,), 0 at first, and ``near``, int64 (KEPT * KEPT, 4), keep what
+    `_judge` has found for this radius.
     """
     height, width = blocked.shape
+    samples = shape.shape[0]
     spacing = abs(distance) / samples
-    sample = 1
-    while sample <= samples:
-        half = 0.5 * distance * sample / samples * curvature
-        chord = distance * sample / samples
-        # sin(u) / u is 0 / 0 on a straight arc; two terms of its series are exact to the last bit for such small u.
-        chord *= math.sin(half) / half if abs(half) > 1e-5 else 1.0 - half * half / 6.0
-        nx = x + chord * math.cos(heading + half)
-        ny = y + chord * math.sin(heading + half)
+    ahead, aside = math.cos(heading), math.sin(heading)
+    sample = 0
+    while sample < samples:
+        # Up to rounding, which is less than what `_judge` and room leave open.
+        nx = x + ahead * shape[sample, 2] - aside * shape[sample, 3]
+        ny = y + aside * shape[sample, 2] + ahead * shape[sample, 3]
         row, col = math.floor((ny - oy) / point), math.floor((nx - ox) / point)
-        spare = -1.0
+        # A disc that is centred off the grid does not fit.
+        spare, verdict, slot = -1.0, OVERLAPS, 0
         if 0 <= row < height and 0 <= col < width:
             spare = (room[row, col] - 1) * point - radius
-        if spare < 0.0 and not _fits(blocked, point, ox, oy, nx, ny, radius):
+            if spare >= 0.0:
+                verdict = FITS
+            else:
+                slot, key = (row & KEPT - 1) * KEPT + (col & KEPT - 1), row * width + col + 1 << 2
+                if judged[slot] >> 2 << 2 != key:
+                    judged[slot] = key + _judge(blocked, point, row, col, radius, near[slot])
+                verdict = judged[slot] & 3
+        if verdict == OVERLAPS:
             return False
+        if verdict == DEPENDS or closed.size > 0:
+            nx = x + shape[sample, 1] * math.cos(heading + shape[sample, 0])
+            ny = y + shape[sample, 1] * math.sin(heading + shape[sample, 0])
+            if verdict == DEPENDS and not _fits(blocked, point, ox, oy, nx, ny, radius, near[slot]):
+                return False
         # Room is measured to walls and not to closed points, so no sample may be skipped.
         if closed.size > 0:
-            if closed[row, col] != 0:
+            if closed[math.floor((ny - oy) / point), math.floor((nx - ox) / point)] != 0:
                 return False
             sample += 1
         else:
             sample += 1 + int(max(spare, 0.0) / spacing)
     return True
+
+
+@njit(types.void(float64, float64, WRITTEN), cache=True, nogil=True)
+def _measure(distance, curvature, shape):
+    """Fill in an arc's samples: half the turn, the chord, and how far ahead and to the left that leads.
+
+    Args:
+        distance: Of the arc, m; negative in reverse.
+        curvature: Of the arc, 1/m.
+        shape: float64 (samples, 4).
+    """
+    samples = shape.shape[0]
+    for k in range(samples):
+        half = 0.5 * distance * (k + 1) / samples * curvature
+        chord = distance * (k + 1) / samples
+        # sin(u) / u is 0 / 0 on a straight arc; two terms of its series are exact to the last bit for such small u.
+        chord *= math.sin(half) / half if abs(half) > 1e-5 else 1.0 - half * half / 6.0
+        shape[k, 0], shape[k, 1] = half, chord
+        shape[k, 2], shape[k, 3] = chord * math.cos(half), chord * math.sin(half)
 
 
 # fmt: off
@@ -159,6 +226,7 @@ def search(
     # 0 is an empty slot: the start, node 0, is never entered.
     nodes = np.zeros(slots, dtype=np.int32)
     cells = np.empty((most, 3), dtype=np.int64)
+    judged, boxes = np.zeros(KEPT * KEPT, dtype=np.int64), np.empty((KEPT * KEPT, 4), dtype=np.int64)
     heap, rank = np.empty(most, dtype=np.int64), np.empty(most)
     heap[0], rank[0] = 0, GREED * first_left
     size = 1
@@ -167,16 +235,15 @@ def search(
     spacing = min(0.5 * point, math.sqrt(8.0 * CLEARANCE / (1.0 / radius + 1.0 / turning)))
     # What of an arc does not depend on where it begins: its samples, half its turn and its chord; and the first arc
     # with the same turn, which ends in the same direction.
-    samples, like = np.empty(arcs.shape[0], dtype=np.int64), np.empty(arcs.shape[0], dtype=np.int64)
+    ends, like = np.zeros(arcs.shape[0] + 1, dtype=np.int64), np.empty(arcs.shape[0], dtype=np.int64)
+    for index in range(arcs.shape[0]):
+        ends[index + 1] = ends[index] + max(math.ceil(abs(arcs[index, 0]) / spacing), 1)
+    shapes = np.empty((ends[arcs.shape[0]], 4))
     halves, chords = np.empty(arcs.shape[0]), np.empty(arcs.shape[0])
     for index in range(arcs.shape[0]):
-        distance, curvature = arcs[index, 0], arcs[index, 1]
-        number = max(math.ceil(abs(distance) / spacing), 1)
-        # The same operations as for the last sample in `_is_free`, so that both end at the same place to the bit.
-        half = 0.5 * distance * number / number * curvature + 0.5 * arcs[index, 2]
-        chord = distance * number / number
-        samples[index], halves[index] = number, half
-        chords[index] = chord * (math.sin(half) / half if abs(half) > 1e-5 else 1.0 - half * half / 6.0)
+        _measure(arcs[index, 0], arcs[index, 1], shapes[ends[index] : ends[index + 1]])
+        halves[index] = shapes[ends[index + 1] - 1, 0] + 0.5 * arcs[index, 2]
+        half, chords[index] = halves[index], shapes[ends[index + 1] - 1, 1]
         like[index] = index
         for earlier in range(index - 1, -1, -1):
             like[index] = earlier if halves[earlier] == half else like[index]
@@ -234,8 +301,8 @@ def search(
             if earlier > 0 and cost[earlier] <= price:
                 continue
             if distance != 0.0 and not _is_free(
-                blocked, room, closed, point, ox, oy, px[node], py[node], ph[node], distance, arcs[index, 1],
-                samples[index], radius + clearance,
+                blocked, room, closed, point, ox, oy, px[node], py[node], ph[node], distance,
+                shapes[ends[index] : ends[index + 1]], radius + clearance, judged, boxes,
             ):
                 continue
             # A turn on the spot leaves the way as long as it was, even between two points.

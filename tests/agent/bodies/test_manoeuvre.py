@@ -12,7 +12,7 @@ from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
 from agent.bodies.manoeuvre import wheel_moves
-from agent.kernels.manoeuvre import _fits, _is_free, search
+from agent.kernels.manoeuvre import KEPT, _fits, _is_free, _measure, search
 from agent.ports import Place, State
 from agent.routes.ground import Spot
 from agent.routes.path_window import FAR
@@ -178,6 +178,12 @@ def heard_point(terrain: Terrain, pose: Pose) -> tuple[int, int]:
     return terrain.point_at(heard.x, heard.y)
 
 
+def fits(terrain: Terrain, x: float, y: float, radius: float) -> bool:
+    """Return True if a disc overlaps no blocked square of the whole grid."""
+    grid = np.array([0, terrain.height - 1, 0, terrain.width - 1])
+    return bool(_fits(terrain.blocked, terrain.point, *terrain.origin, x, y, radius, grid))
+
+
 def found_in(
     terrain: Terrain, pose: Pose, left: np.ndarray, radius: float, *, turns: bool = False
 ) -> list[Drive | Twist]:
@@ -215,7 +221,7 @@ def test_every_arc_found_is_free_and_leads_nearer(
 ) -> None:
     terrain = cluttered(seed, point)
     pose = Pose(x, y, heading)
-    assume(_fits(terrain.blocked, point, *terrain.origin, x, y, radius))
+    assume(fits(terrain, x, y, radius))
     rows, cols = np.mgrid[0 : terrain.height, 0 : terrain.width]
     left = np.hypot((rows + 0.5) * point - 7.0, (cols + 0.5) * point - 7.0)
     start = pose
@@ -241,10 +247,14 @@ def test_an_arc_is_free_where_the_body_fits_at_all_samples_and_none_is_closed(
     free = True
     for sample in range(1, samples + 1):
         end = advance(Pose(x, y, heading), Drive(distance * sample / samples, curvature), 1.0)
-        fits = bool(_fits(terrain.blocked, point, *terrain.origin, end.x, end.y, radius))
-        free = free and fits and not (closes and closed[terrain.point_at(end.x, end.y)])
+        free = free and fits(terrain, end.x, end.y, radius) and not (closes and closed[terrain.point_at(end.x, end.y)])
     grids = (terrain.blocked, terrain.room, closed, point, *terrain.origin)
-    assert bool(_is_free(*grids, x, y, heading, distance, curvature, samples, radius)) == free
+    shape, judged = np.zeros((samples, 4)), np.zeros(KEPT * KEPT, dtype=np.int64)
+    _measure(distance, curvature, shape)
+    memory = (judged, np.zeros((KEPT * KEPT, 4), dtype=np.int64))
+    # What was judged before is kept, and does not change the result.
+    for _ in range(2):
+        assert bool(_is_free(*grids, x, y, heading, distance, shape, radius, *memory)) == free
 
 
 def test_where_no_way_leads_nothing_is_found() -> None:
