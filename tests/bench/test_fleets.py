@@ -34,11 +34,14 @@ def test_ticks_that_are_skipped_are_run(monkeypatch: pytest.MonkeyPatch) -> None
         return outcomes[-1]
 
     monkeypatch.setattr(fleets, "run_in_process", kept)
-    assert fleet_time(lambda _: SMALL, 3, 4, 2) > 0.0
+    assert fleet_time(lambda _: SMALL, 3, 4, 1, 2) > 0.0
     assert [outcome.summary.ticks for outcome in outcomes] == [7, 7]
 
 
-def test_neither_the_first_ticks_nor_what_follows_the_last_one_counts(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize(("workers", "clock"), [(1, "process_time"), (2, "perf_counter")])
+def test_neither_the_first_ticks_nor_what_follows_the_last_one_counts(
+    workers: int, clock: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
     now_s = 0.0
 
     class Valid:
@@ -54,8 +57,10 @@ def test_neither_the_first_ticks_nor_what_follows_the_last_one_counts(monkeypatc
         return Valid
 
     monkeypatch.setattr(fleets, "run_in_process", run)
-    monkeypatch.setattr(fleets, "time", SimpleNamespace(process_time=lambda: now_s))
-    assert fleet_time(lambda _: SMALL, 2, 3, 2) == 6.0
+    monkeypatch.setattr(
+        fleets, "time", SimpleNamespace(**{"process_time": None, "perf_counter": None, clock: lambda: now_s})
+    )
+    assert fleet_time(lambda _: SMALL, 2, 3, workers, 2) == 6.0
 
 
 def test_an_invalid_run_is_no_measurement(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -64,7 +69,7 @@ def test_an_invalid_run_is_no_measurement(monkeypatch: pytest.MonkeyPatch) -> No
 
     monkeypatch.setattr(fleets, "run_in_process", lambda *_, **__: Invalid)
     with pytest.raises(RuntimeError, match="verdict is not valid"):
-        fleet_time(lambda _: SMALL, 1, 1, 1)
+        fleet_time(lambda _: SMALL, 1, 1, 1, 1)
 
 
 def test_a_measured_patrol_goes_where_it_goes_otherwise() -> None:
