@@ -17,8 +17,8 @@ import numpy as np
 from agent.answers import PASSED_ON, failure_of, raised_at
 from agent.belief.believed import Area, Beliefs
 from agent.belief.blocked import Blocked
-from agent.belief.dilated import Posts
 from agent.belief.obstacles import BUMPED_S, Obstacles
+from agent.belief.posts import Posts
 from agent.bodies import BODIES
 from agent.bodies.setup import BodySetup
 from agent.chance import Chance

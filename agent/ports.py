@@ -25,7 +25,7 @@ from patrol.exchange import Sensed
 from patrol.pose import Command
 
 if TYPE_CHECKING:
-    from agent.belief.dilated import Posts
+    from agent.belief.posts import Posts
     from agent.routes.ground import Disc, Spot
     from agent.view import View
     from patrol.graph import Graph

@@ -17,7 +17,7 @@ from patrol.random import Purpose
 
 if TYPE_CHECKING:
     from agent.belief.believed import Belief
-    from agent.belief.dilated import Posts
+    from agent.belief.posts import Posts
     from agent.chance import Draw
     from agent.routes.ground import Disc, Ground, Spot
     from agent.routes.routes import Routes, Way

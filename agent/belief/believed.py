@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from agent.belief.dilated import Posts
+from agent.belief.posts import Posts
 from patrol.ground.fog import AGELESS, Box, Fog, Looks
 from patrol.ground.footprint import Footprint
 from patrol.ground.footprint import View as SensorView

@@ -27,7 +27,7 @@ from patrol.ground.fields import StaticFields, proxies_of
 from patrol.radio.message import as_received
 
 if TYPE_CHECKING:
-    from agent.belief.dilated import Posts
+    from agent.belief.posts import Posts
     from patrol.exchange import Sensed
     from patrol.ground.terrain import BoolGrid
 

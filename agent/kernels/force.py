@@ -46,7 +46,7 @@ def gather(
 
     Args:
         posts: None for the points on which a body can stand, at most ``span`` rows and columns from the robot.
-            Otherwise int32 (n, 4) of `agent.belief.dilated.Posts`: patrolled points on which no body fits, row and
+            Otherwise int32 (n, 4) of `agent.belief.posts.Posts`: patrolled points on which no body fits, row and
             column of each and of its post, as far as they may be near. Such a point pulls from its post, the nearest
             reachable point that sees it, because the robot only needs to go there.
         state: uint8 (m, n), the wave's grid over its window; points that are not settled exert no force.

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from agent.belief.dilated import Posts
+from agent.belief.posts import Posts
 from agent.kernels.force import gather
 from agent.policies.forces import ForceLaw, FuzzySectors, bearings_by_force, bearings_by_vector, repel, sector_table
 from agent.policies.separation import RandomSteps, Separation

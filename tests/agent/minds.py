@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from agent.belief.dilated import Posts
+from agent.belief.posts import Posts
 from agent.build import fleet_setup
 from agent.chance import Chance
 from agent.policies.found import policy_of

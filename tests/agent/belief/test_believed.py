@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from agent.belief.believed import Area, Belief, Beliefs
-from agent.belief.dilated import Posts
+from agent.belief.posts import Posts
 from agent.kernels.dilate import dilate
 from agent.view import FogView
 from patrol.ground.fog import AGELESS, Fog

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from agent.belief.blocked import Blocked
-from agent.belief.dilated import Posts
+from agent.belief.posts import Posts
 from patrol.closures.ground import ChangingFootprint
 from patrol.exchange import MOST_BLOCKED, Sensed
 from patrol.ground.fields import compute_fields

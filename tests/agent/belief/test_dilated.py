@@ -8,7 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from agent.belief.dilated import Dilated, Posts
+from agent.belief.dilated import Dilated
+from agent.belief.posts import Posts
 from agent.kernels.changes import NOTHING, SIDE, carry
 from agent.kernels.dilate import dilate
 from patrol.ground.fog import AGELESS, Box, Fog

@@ -10,8 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from agent.belief.believed import Area, Belief, Beliefs
-from agent.belief.dilated import Posts
 from agent.belief.obstacles import Obstacles
+from agent.belief.posts import Posts
 from agent.routes.ground import Spot
 from patrol.ground.sensors import footprint_of
 from patrol.ground.terrain import Terrain

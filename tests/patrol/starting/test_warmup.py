@@ -122,6 +122,22 @@ def test_a_scenario_says_which_seldom_kernels_it_needs(settings: dict[str, objec
     assert bool(expected) == bool(needed)
 
 
+RUN = """
+import sys
+from fogwatch.inprocess import run_in_process
+from patrol.scenario import load_scenario
+from patrol.starting.warmup import SELDOM, seldom_kernels
+scenario = load_scenario({"terrain": {"builtin": "yards"}, "point": 0.5, "robots": {"count": 2}, "duration": 20})
+run_in_process(scenario)
+print(*sorted(SELDOM.keys() & sys.modules.keys() - set(seldom_kernels(scenario))))
+"""
+
+
+def test_a_default_run_loads_no_kernels_that_are_needed_seldom() -> None:
+    run = subprocess.run([sys.executable, "-c", RUN], capture_output=True, text=True, check=True)
+    assert run.stdout == "\n"
+
+
 def test_python_without_docstrings_has_entries_of_its_own(toy: Path) -> None:
     source_of(toy).write_text(KERNEL.replace("    return", '    """Return twice n."""\n    return'), encoding="utf-8")
     hits = [said(start(IMPORT, PYTHONOPTIMIZE=level)) for level in ("", "2", "", "2")]

@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from agent.belief.dilated import Dilated, Posts
+from agent.belief.dilated import Dilated
+from agent.belief.posts import Posts
 from agent.bodies.base import GoalFinder
 from agent.bodies.car import Unstuck
 from agent.bodies.steering import CarSteering
