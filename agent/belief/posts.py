@@ -1,4 +1,4 @@
-"""Where to stand to see points that no body reaches."""
+"""Posts: the places from which points are seen that no body reaches."""
 
 from __future__ import annotations
 
