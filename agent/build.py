@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
 from types import MappingProxyType
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -42,7 +42,6 @@ from patrol.security.private_files import fleet_key
 from patrol.zones.ground import SpeedLimits
 
 if TYPE_CHECKING:
-    from agent.routes.path_window import PathWindow
     from patrol.ground.fields import StaticFields
     from patrol.ground.terrain import Terrain
     from patrol.prepare import Prepared
@@ -63,7 +62,7 @@ class Shared:
     speed_limits: SpeedLimits
     key: bytes | None  # of the fleet's tags, or None
     chance: Chance
-    scratch: dict[str, PathWindow] = field(default_factory=dict)  # working memory
+    scratch: dict[str, Any] = field(default_factory=dict)  # working memory of policies, by name
     # what the minds believe and have heard; None where each has its own, as in a process
     beliefs: Beliefs | None = None
     # by identity of a body's static fields, which live as long as the scenario, and dilatation

@@ -52,9 +52,9 @@ class FogView:
         self.posts = posts
 
     @property
-    def belief(self) -> object:
-        """The belief behind the fog; one object for all robots of a process that believe in the same fog."""
-        return self._belief.shared
+    def identity(self) -> int:
+        """A number that is the same for all robots of a process that believe in the same fog now."""
+        return id(self._belief.shared)
 
     @property
     def last_seen(self) -> NDArray[np.int32]:

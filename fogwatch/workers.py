@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import signal
 import sys
+from contextlib import suppress
 from multiprocessing import get_context
 from traceback import format_exception
 from typing import TYPE_CHECKING, Any
@@ -29,8 +30,16 @@ if TYPE_CHECKING:
     """Makes the fleet of some robots, given by number; it tells the other argument of each policy that fails."""
 
 
+GRACE_S = 5.0
+"""Wall time in which a worker may end by itself."""
+
+
 class WorkerEnded(Exception):
     """A worker has ended by itself, or was ended; the minds in it are gone."""
+
+
+class FailedInWorker(Exception):
+    """An error of a policy in a worker, whose own class may not go through a pipe: ``str(error)`` is its traceback."""
 
 
 class Workers:
@@ -38,7 +47,7 @@ class Workers:
 
     It implements `worldsim.fleet.loop.Fleet` and `worldsim.fleet.process_control.ProcessControl`. Answers are put in
     roster order, so that a trace does not depend on the number of workers. An error of a worker is raised here, with
-    its traceback as a note.
+    its traceback as a note; policies that fail are told of with `FailedInWorker`.
     """
 
     def __init__(self, count: int, numbers: Iterable[int], make: MakePart, failure: PolicyFailure) -> None:
@@ -59,7 +68,11 @@ class Workers:
             process.start()
             other.close()
             self._processes.append(process)
-        self._answers()
+        try:
+            self._answers()
+        except BaseException:
+            self.finish(0)
+            raise
 
     def phase_a(self, k: int, reports: Mapping[int, Sensed]) -> Mapping[int, Sequence[bytes]]:
         """Return the frames that every mind sends."""
@@ -114,7 +127,8 @@ class Workers:
         for pipe in self._pipes:
             pipe.close()
         for process in self._processes:
-            process.join()
+            process.join(GRACE_S)
+            process.kill()
 
     def _ask_all(self, method: str, k: int, numbers: Iterable[int], part_of: Callable[[list[int]], object]) -> Any:
         """Call a method of every worker with what `part_of` makes for its robots, and join the answers."""
@@ -135,13 +149,13 @@ class Workers:
     def _send(self, worker: int, *call: object) -> None:
         try:
             self._pipes[worker].send(call)
-        except BrokenPipeError:
+        except ConnectionError:
             raise self._ended(worker) from None
 
     def _answer(self, worker: int) -> Any:
         try:
             answer, failures, error = self._pipes[worker].recv()
-        except (EOFError, ConnectionResetError):
+        except (EOFError, ConnectionError):
             raise self._ended(worker) from None
         for failure in failures:
             self._failure(*failure)
@@ -158,12 +172,15 @@ class Workers:
 def _serve_calls(pipe: Connection, others: Sequence[Connection], numbers: Sequence[int], make: MakePart) -> None:
     """Make the minds of some robots, and answer calls of them until the other end of a pipe is closed."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the other end closes the pipe
+    for number in (signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT):  # whose handlers are those of the other end
+        signal.signal(number, signal.SIG_DFL)
     for other in others:  # this process has them as well, which would keep them open
         other.close()
     failures: list[tuple[int, str, BaseException | None]] = []
 
     def note_failure(number: int, reason: str, error: BaseException | None) -> None:
-        failures.append((number, reason, None if error is None else _with_traceback(error)))
+        portable = None if error is None else FailedInWorker("".join(format_exception(error)))
+        failures.append((number, reason, portable))
 
     answer, refused = None, None
     try:
@@ -177,14 +194,10 @@ def _serve_calls(pipe: Connection, others: Sequence[Connection], numbers: Sequen
                 answer = getattr(fleet, method)(*arguments)
             except NotStarted as error:
                 refused = error
-    except (EOFError, BrokenPipeError):
+    except (EOFError, ConnectionError):
         return
     except BaseException as error:
-        pipe.send((None, failures, _with_traceback(error)))
+        error.add_note("".join(format_exception(error)))
+        with suppress(ConnectionError):
+            pipe.send((None, failures, error))
         raise SystemExit(1) from error
-
-
-def _with_traceback(error: BaseException) -> BaseException:
-    """Note an error's traceback, which does not go through a pipe, on it."""
-    error.add_note("".join(format_exception(error)))
-    return error

@@ -120,8 +120,10 @@ def _is_first(cell, here, other, stride):
 @njit(int64(CELLS, CELLS, int64, int64, int64, int64, int64, int64, int64), cache=True, nogil=True, forceinline=True)
 def _put(cell, soon, count, here, there, away, way, limit, stride):
     """Put a step among those of the next round if its path is the one that counts; returns how many these are."""
+    if away > limit:
+        return count
     known, label = int64(cell[index(there)]), away << 5 | way << 2
-    if label >> 4 >= known >> 4 or away > limit:
+    if label >> 4 >= known >> 4:
         if label >> 4 != known >> 4 or known >> 2 == label >> 2:
             return count
         if not _is_first(cell, here, there - _step(known >> 2 & 7, stride), stride):

@@ -298,7 +298,7 @@ class JointPlan:
             self._plan = NO_PLAN
             return
         spots = [places[number] for number in robots]
-        ground = (view.fog.belief, self._round, view.weighing)
+        ground = (view.fog.identity, self._round, view.weighing)
         question = (*ground, self._plan, self._team, view.spec.speed, *robots, *spots)
         if self._worked_out.tick != view.tick:
             self._worked_out.tick, self._worked_out.plans = view.tick, {}

@@ -40,9 +40,14 @@ class Aside(Generic[_Result]):
         with sink, suppress(OSError), warnings.catch_warnings():
             # Since Python 3.12 it warns where libraries have threads. A copy uses none of theirs.
             warnings.simplefilter("ignore", DeprecationWarning)
-            if (copy := os.fork()) == 0:
-                _work_in_copy(work, sink, parent)
-            self._copy = copy
+            # A copy that is ended before it can handle that does so once it can.
+            masked = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGTERM})
+            try:
+                if (copy := os.fork()) == 0:
+                    _work_in_copy(work, sink, parent)
+                self._copy = copy
+            finally:
+                signal.pthread_sigmask(signal.SIG_SETMASK, masked)
 
     def __enter__(self) -> Self:
         return self
@@ -50,8 +55,9 @@ class Aside(Generic[_Result]):
     def __exit__(self, *_: object) -> None:
         if self._copy:
             copy, self._copy = self._copy, 0
-            os.kill(copy, signal.SIGTERM)
-            os.waitpid(copy, 0)
+            with suppress(ProcessLookupError, ChildProcessError):  # where this process does not ask for its children
+                os.kill(copy, signal.SIGTERM)
+                os.waitpid(copy, 0)
             self._source.close()
 
     def result(self) -> _Result:
@@ -65,10 +71,13 @@ class Aside(Generic[_Result]):
 
 
 def _work_in_copy(work: Callable[[], object], sink: Connection, parent: int) -> NoReturn:
-    with suppress(BaseException):  # the parent does the work again
-        os.setsid()
-        signal.signal(signal.SIGTERM, interrupt)
-        die_when_orphaned(None)
-        if os.getppid() == parent:
-            sink.send_bytes(pickle.dumps(work()))
-    end_now(0)
+    try:
+        with suppress(BaseException):  # the parent does the work again
+            os.setsid()
+            signal.signal(signal.SIGTERM, interrupt)
+            signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGTERM})
+            die_when_orphaned(None)
+            if os.getppid() == parent:
+                sink.send_bytes(pickle.dumps(work()))
+    finally:
+        end_now(0)

@@ -103,13 +103,12 @@ def lay_out(
     """
     width = terrain.width
     places, along, length_m = _tour_places(terrain, reach, tour, max(terrain.point, PLACES * footprint.range_m))
-    owner = np.full(terrain.shape, -1, dtype=np.int64)
-    try:
-        arrays = np.load(BytesIO(b"" if file is None else file.read_bytes()))
-        owner[ground], apart_m = arrays["stops"], arrays["apart_m"]
-    except (OSError, ValueError, LookupError, EOFError, BadZipFile, zlib.error):
+    known = _read_kept(file, int(np.count_nonzero(ground)), len(places))
+    if known is None:
         owner = _assign_stops(terrain, ground, places, along, Looks(terrain, footprint), SLACK * footprint.range_m)
-        apart_m = None
+    else:
+        owner = np.full(terrain.shape, -1, dtype=np.int64)
+        owner[ground] = known[0]
     stops = owner[ground].astype(np.min_scalar_type(-len(places)))
     flat_owner = owner.reshape(-1)
     stands = np.where(flat_owner >= 0, places[np.maximum(flat_owner, 0)], -1)
@@ -120,13 +119,29 @@ def lay_out(
     points = np.flatnonzero(ground.reshape(-1) & (stands >= 0))
     points = points[np.argsort(flat_owner[points], kind="stable")]
     laid_out = Round(length_m, places, along, points, flat_owner[points], stands[points])
-    stations = stations_of(laid_out, terrain, reach, footprint.range_m, apart_m)
-    if apart_m is None and file is not None:
+    stations = stations_of(laid_out, terrain, reach, footprint.range_m, None if known is None else known[1])
+    if file is not None and (known is None or stations.apart_m is not known[1]):
         with suppress(OSError):
             file.parent.mkdir(parents=True, exist_ok=True)
             with replacing(file) as part, part.open("wb") as output:
                 np.savez_compressed(output, stops=stops, apart_m=stations.apart_m)
     return replace(laid_out, stations=stations)
+
+
+def _read_kept(file: Path | None, points: int, places: int) -> tuple[NDArray[np.int64], NDArray[np.float64]] | None:
+    """Return the stop of each point, and the ways between stations in m, of a file; None where it holds none."""
+    if file is None:
+        return None
+    try:
+        arrays = np.load(BytesIO(file.read_bytes()))
+        stops, apart_m = arrays["stops"], arrays["apart_m"]
+    except (OSError, ValueError, LookupError, EOFError, BadZipFile, zlib.error, RuntimeError, MemoryError):
+        return None
+    if stops.shape != (points,) or stops.dtype.kind != "i" or stops.min() < -1 or not 0 <= stops.max() < places:
+        return None
+    if apart_m.dtype != np.float64 or apart_m.ndim != 2 or not (apart_m >= 0.0).all():
+        return None
+    return stops.astype(np.int64), apart_m
 
 
 def _assign_stops(
@@ -246,7 +261,7 @@ def stations_of(
     begins = np.append(firsts[heads], len(place_of))
     around = np.full(terrain.shape, -1, dtype=np.int32)
     around.flat[laid_out.points] = np.repeat(np.arange(len(spots), dtype=np.int32), np.diff(begins))
-    if apart_m is None:
+    if apart_m is None or apart_m.shape != (len(spots), len(spots)):
         apart_m = _distances_between(terrain, reach, spots, NEAR * range_m)
     return Stations(spots, begins, apart_m, around)
 

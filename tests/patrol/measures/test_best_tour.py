@@ -2,11 +2,13 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 import patrol.tours.round
 import patrol.tours.search
@@ -188,6 +190,33 @@ def test_a_round_is_laid_out_once_and_read_afterwards(cache: Path, monkeypatch: 
     monkeypatch.setattr(patrol.tours.round, "_assign_stops", None)
     monkeypatch.setattr(patrol.tours.round, "_distances_between", None)
     assert_same_round(first, round_of(prepared(speeds=ALIKE), 1))
+
+
+@pytest.mark.parametrize(
+    ("name", "damage"),
+    [
+        ("stops", lambda stops: np.where(stops == 0, len(stops), stops)),
+        ("stops", lambda stops: np.full_like(stops, -2)),
+        ("stops", lambda stops: np.full_like(stops, -1)),
+        ("stops", lambda stops: stops[0]),
+        ("stops", lambda stops: stops.astype(np.float64)),
+        ("apart_m", lambda apart_m: apart_m[:-1, :-1]),
+        ("apart_m", lambda apart_m: apart_m.reshape(-1)),
+        ("apart_m", lambda apart_m: np.full_like(apart_m, np.nan)),
+        ("apart_m", lambda apart_m: -1.0 - apart_m),
+        ("apart_m", lambda apart_m: apart_m.astype(np.str_)),
+    ],
+)
+def test_a_round_in_a_file_that_cannot_be_one_is_made_again(
+    cache: Path, name: str, damage: Callable[[NDArray[Any]], NDArray[Any]]
+) -> None:
+    first = round_of(prepared(speeds=ALIKE), 1)
+    (file,) = cache.glob("*.npz")
+    arrays = dict(np.load(file))
+    np.savez_compressed(file, **{**arrays, name: damage(arrays[name])})
+    assert_same_round(first, round_of(prepared(speeds=ALIKE), 1))
+    for key, array in np.load(file).items():
+        np.testing.assert_array_equal(array, arrays[key])
 
 
 def assert_same_round(first: Round | None, other: Round | None) -> None:

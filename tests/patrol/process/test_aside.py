@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 import threading
 import time
 from pathlib import Path
@@ -64,3 +65,13 @@ def test_another_thread_makes_no_copy() -> None:
     thread.start()
     thread.join()
     assert found == [os.getpid()]
+
+
+def test_a_result_is_there_where_ended_children_are_forgotten() -> None:
+    before = signal.signal(signal.SIGCHLD, signal.SIG_IGN)
+    try:
+        work = Aside(lambda: 5)
+        time.sleep(0.2)
+        assert work.result() == 5
+    finally:
+        signal.signal(signal.SIGCHLD, before)
