@@ -14,7 +14,7 @@ from agent.build import Shared, mind_maker, shared_by
 from agent.mind import MakeMind, Mind
 from agent.policies.found import PolicyKind, policy_of
 from agent.ports import PolicyFailed
-from fogwatch.workers import Workers
+from fogwatch.workers import WithoutProcesses, Workers
 from patrol.errors import BadInput
 from patrol.exchange import FIRST_INCARNATION, Reply, Sensed
 from patrol.journal import Event, JournalWriter, Status, TickRecord, read_journal
@@ -54,7 +54,7 @@ class Outcome:
     verdict: Verdict
 
 
-class InProcessFleet:
+class InProcessFleet(WithoutProcesses):
     """The minds of a fleet, called directly.
 
     It implements `worldsim.fleet.loop.Fleet` and `worldsim.fleet.process_control.ProcessControl`.
@@ -141,16 +141,6 @@ class InProcessFleet:
         if self._beliefs is not None:
             self._beliefs.leave(number)
 
-    def pause(self, number: int) -> str:
-        """Do nothing: a mind that is not called stands still, and has no process to look at."""
-        del number
-        return ""
-
-    def resume(self, number: int) -> str:
-        """Do nothing: the mind is called again."""
-        del number
-        return ""
-
     def start(self, number: int, incarnation: int) -> None:
         """Make a new mind."""
         if self._make is None:
@@ -166,9 +156,6 @@ class InProcessFleet:
         if (reason := self._unmade.pop(number, None)) is not None:
             raise NotStarted(reason)
         return number in self._minds
-
-    def release(self, paused: Iterable[int]) -> None:
-        """Do nothing: no mind is held."""
 
     def finish(self, k: int) -> None:
         """Do nothing: the minds go with this object."""

@@ -42,7 +42,24 @@ class FailedInWorker(Exception):
     """An error of a policy in a worker, whose own class may not go through a pipe: ``str(error)`` is its traceback."""
 
 
-class Workers:
+class WithoutProcesses:
+    """The part of `worldsim.fleet.process_control.ProcessControl` that does nothing for minds without processes."""
+
+    def pause(self, number: int) -> str:
+        """Do nothing: a mind that is not called stands still, and has no process to look at."""
+        del number
+        return ""
+
+    def resume(self, number: int) -> str:
+        """Do nothing: the mind is called again."""
+        del number
+        return ""
+
+    def release(self, paused: Iterable[int]) -> None:
+        """Do nothing: no mind is held."""
+
+
+class Workers(WithoutProcesses):
     """A fleet in several workers, each of which has every n-th robot's mind.
 
     It implements `worldsim.fleet.loop.Fleet` and `worldsim.fleet.process_control.ProcessControl`. Answers are put in
@@ -100,16 +117,6 @@ class Workers:
         """Drop a mind; it has nothing to put in order."""
         self._ask(number, "leave")
 
-    def pause(self, number: int) -> str:
-        """Do nothing: a mind that is not called stands still, and has no process to look at."""
-        del number
-        return ""
-
-    def resume(self, number: int) -> str:
-        """Do nothing: the mind is called again."""
-        del number
-        return ""
-
     def start(self, number: int, incarnation: int) -> None:
         """Make a new mind."""
         self._ask(number, "start", incarnation)
@@ -117,9 +124,6 @@ class Workers:
     def arrived(self, number: int) -> bool:
         """Return True at once; a mind whose policy cannot be made raises NotStarted."""
         return bool(self._ask(number, "arrived"))
-
-    def release(self, paused: Iterable[int]) -> None:
-        """Do nothing: no mind is held."""
 
     def finish(self, k: int) -> None:
         """End the workers."""
