@@ -126,15 +126,19 @@ class Obstacles:
         self._heard_since = heard.oldest(tick)
         return heard.silent(tick - self._patience) if tick - self._heard_since > self._patience else ()
 
+    def _reach(self, number: int) -> float:
+        """Return how near another robot's centre gets to this one's, m."""
+        return self._radius + self._radii[number]
+
     def _place_silent(self, number: int, belief: Belief, until: int) -> Obstacle:
         spot = belief.stopped(number)
-        return Obstacle((spot.x, spot.y), self._radius + self._radii[number], until, self._memory)
+        return Obstacle((spot.x, spot.y), self._reach(number), until, self._memory)
 
     def _meet(self, tick: int, pose: Pose, end: Pose, peers: Mapping[int, Peer]) -> bool:
         """Return True if a bump was into a robot that is heard; note where that is if it is heard late."""
         gaps = []
         for number, peer in peers.items():
-            late, reach = tick - peer.sequence, self._radius + self._radii[number] + HEARD_M
+            late, reach = tick - peer.sequence, self._reach(number) + HEARD_M
             # A step of its own may have been cancelled as well.
             gap = _distance_from(pose, end, (peer.pose.x, peer.pose.y)) - reach - (late + 1) * self._strides[number]
             if peer.tick == tick and gap <= 0.0:
@@ -143,7 +147,7 @@ class Obstacles:
             return False
         is_late, _, number = min(gaps)
         if is_late:
-            spot = _find_contact(pose, end, self._radius + self._radii[number])
+            spot = _find_contact(pose, end, self._reach(number))
             self._met[number] = tick, Pose(*spot, peers[number].pose.heading)
         return True
 

@@ -182,8 +182,8 @@ class KeepingRight:
             self._predicted, self._predictions = {}, None
             return
         if self._predictions is None:
-            own, anywhere = (np.full_like(self._fastest, limit) for limit in (self._fastest[self._number], np.inf))
-            self._predictions = Motions(self._number, own, anywhere)
+            own = np.full_like(self._fastest, self._fastest[self._number])
+            self._predictions = Motions(self._number, own, np.full_like(own, np.inf))
         ends = {ticks: self._predict_own(view.tick - ticks, ticks) for ticks in set(late.tolist()) if ticks > 0}
         known = [row for row, ticks in enumerate(late.tolist()) if ends.get(ticks)]
         sent = view.tick - late[known]

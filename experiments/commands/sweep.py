@@ -39,7 +39,7 @@ from monitor.figures.style import WIDTH
 from monitor.tables.table import Table as Shown
 from patrol.errors import BadInput
 from patrol.extras import check_matplotlib
-from patrol.process.aside import Aside
+from patrol.process.aside import in_two
 from patrol.scenario.assumptions import assumption_lines
 
 LEFT_OUT = (COMPARED, SHOWN["collisions"], SHOWN["dead_end_percent"], SHOWN["fog_mean_s"], SHOWN["mfow_max_s"])
@@ -177,10 +177,8 @@ def _draw_figures(rows: list[CaseRow], name: str, folder: Path, width: float) ->
     """Write the figures of a sweep, so many inches wide; those of an earlier plan that it no longer has are removed."""
     from experiments.sweeps.figures import drawings  # here: its library is an extra
 
-    drawn = drawings(rows, name, width)
-    with Aside(lambda: [drawing.save(folder) for drawing in drawn[1::2]]) as others:
-        saved = [drawing.save(folder) for drawing in drawn[::2]]
-        written = {file for files in saved + others.result() for file in files}
+    saved = in_two(lambda drawing: drawing.save(folder), drawings(rows, name, width))
+    written = {file for files in saved for file in files}
     for file in folder.glob("*"):
         if file not in written and FIGURE.fullmatch(file.name):
             file.unlink()

@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import os
 import traceback
-import warnings
 from collections import deque
 from collections.abc import Callable, Sequence
 from multiprocessing import Pipe
@@ -30,6 +29,7 @@ from fogwatch.inprocess import check_in_process, fleet_of
 from patrol.classes.exits import end_now
 from patrol.errors import BadInput
 from patrol.prepare import Prepared, sensor_footprint
+from patrol.starting.forking import fork_process
 from worldsim.fleet.loop import run_ticks
 from worldsim.world import World
 
@@ -82,7 +82,7 @@ def simulated_futures(
                 if len(copies) == processors:
                     _take_in(*copies.popleft())
                 source, sink = Pipe(duplex=False)
-                if (process := _fork_process()) == 0:
+                if (process := fork_process()) == 0:
                     source.close()
                     ends, output = now + 1 + game.within, sink
                     chance.key = secret or chance.key
@@ -106,13 +106,6 @@ def simulated_futures(
     while copies:
         _take_in(*copies.popleft())
     return futures
-
-
-def _fork_process() -> int:
-    with warnings.catch_warnings():
-        # Since Python 3.12 it warns where libraries have threads. A copy uses none of theirs.
-        warnings.simplefilter("ignore", DeprecationWarning)
-        return os.fork()
 
 
 def _check_repeated(game: Game, sightings: Sightings, now: int) -> None:

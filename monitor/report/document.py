@@ -26,7 +26,7 @@ from patrol.extras import check_matplotlib
 from patrol.files.whole_file import write_whole, writing
 from patrol.files.yaml_text import read_text
 from patrol.measures.best_tour import best_tour
-from patrol.process.aside import Aside
+from patrol.process.aside import in_two
 from patrol.scenario.patrols import describe_patrol
 from patrol.summary.features import FEATURES, Feature
 from patrol.summary.metric import metrics_of
@@ -183,14 +183,8 @@ def write_report(analysis: Analysis, out: Path, going: bool = False, figures: Pa
 def _draw_figures(drawn: Sequence[Drawing]) -> None:
     """Draw figures for a page, every other one in another process meanwhile."""
     check_matplotlib("monitor")  # loads it for both
-    with Aside(lambda: _page_svgs(drawn[1::2])) as others:
-        _page_svgs(drawn[::2])
-        for drawing, svg in zip(drawn[1::2], others.result(), strict=True):
-            vars(drawing)["page_svg"] = svg
-
-
-def _page_svgs(drawn: Sequence[Drawing]) -> list[str]:
-    return [drawing.page_svg for drawing in drawn]
+    for drawing, svg in zip(drawn, in_two(lambda drawing: drawing.page_svg, drawn), strict=True):
+        vars(drawing)["page_svg"] = svg
 
 
 def write_page(document: str, out: Path) -> None:

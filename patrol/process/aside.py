@@ -12,8 +12,7 @@ import os
 import pickle
 import signal
 import threading
-import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from multiprocessing import Pipe
 from multiprocessing.connection import Connection
@@ -21,8 +20,9 @@ from typing import Generic, NoReturn, Self, TypeVar
 
 from patrol.classes.exits import end_now
 from patrol.process.lifeline import die_when_orphaned, interrupt
-from patrol.starting.forking import can_fork
+from patrol.starting.forking import can_fork, fork_process
 
+_Item = TypeVar("_Item")
 _Result = TypeVar("_Result")
 
 
@@ -37,13 +37,11 @@ class Aside(Generic[_Result]):
             return  # what another thread has locked would stay locked in the copy
         self._source, sink = Pipe(duplex=False)
         parent = os.getpid()
-        with sink, suppress(OSError), warnings.catch_warnings():
-            # Since Python 3.12 it warns where libraries have threads. A copy uses none of theirs.
-            warnings.simplefilter("ignore", DeprecationWarning)
+        with sink, suppress(OSError):
             # A copy that is ended before it can handle that does so once it can.
             masked = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGTERM})
             try:
-                if (copy := os.fork()) == 0:
+                if (copy := fork_process()) == 0:
                     _work_in_copy(work, sink, parent)
                 self._copy = copy
             finally:
@@ -68,6 +66,14 @@ class Aside(Generic[_Result]):
                     result: _Result = pickle.loads(self._source.recv_bytes())
                     return result
         return self._work()
+
+
+def in_two(work: Callable[[_Item], _Result], items: Sequence[_Item]) -> list[_Result]:
+    """Do some work for each item, for every other one in a copy, and return the results in the items' order."""
+    with Aside(lambda: [work(item) for item in items[1::2]]) as others:
+        own = iter([work(item) for item in items[::2]])
+        copied = iter(others.result())
+    return [next(copied if place % 2 else own) for place in range(len(items))]
 
 
 def _work_in_copy(work: Callable[[], object], sink: Connection, parent: int) -> NoReturn:

@@ -29,6 +29,7 @@ import os
 import socket
 import sys
 import threading
+import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass
@@ -53,6 +54,16 @@ class Orders:
 def can_fork() -> bool:
     """Return whether this system is one on which a fork server can work."""
     return sys.platform == "linux"
+
+
+def fork_process() -> int:
+    """Fork this process, whatever threads its libraries have, for a copy that uses none of theirs.
+
+    Returns the copy's process id, and 0 in the copy.
+    """
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", DeprecationWarning)  # of Python 3.12 and later, where there are threads
+        return os.fork()
 
 
 def count_threads() -> int:

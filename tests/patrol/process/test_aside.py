@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from patrol.errors import BadInput
-from patrol.process.aside import Aside
+from patrol.process.aside import Aside, in_two
 from patrol.starting.forking import can_fork
 
 pytestmark = pytest.mark.skipif(not can_fork(), reason="this system makes no copies")
@@ -73,3 +73,10 @@ def test_a_result_is_there_where_ended_children_are_forgotten() -> None:
         assert Aside(lambda: 5).result() == 5
     finally:
         signal.signal(signal.SIGCHLD, before)
+
+
+@pytest.mark.parametrize("count", range(5))
+def test_work_in_two_gives_results_in_order_and_half_of_them_from_a_copy(count: int) -> None:
+    results = in_two(lambda item: (item, os.getpid()), range(count))
+    assert [item for item, _ in results] == list(range(count))
+    assert [process == os.getpid() for _, process in results] == [place % 2 == 0 for place in range(count)]
