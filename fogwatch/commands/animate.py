@@ -11,6 +11,7 @@ from fogwatch.cli.ending import say
 from fogwatch.cli.open_run import Key, RunFolder, open_folder, print_state
 from fogwatch.cli.options import option
 from patrol.errors import BadInput
+from patrol.extras import check_matplotlib
 from patrol.process.lifeline import heed
 
 if TYPE_CHECKING:
@@ -23,7 +24,7 @@ MOST_FRAMES = 100_000
 LENGTH_S = 15.0
 """Length of a film whose speed is not given, s: the whole run, or real time if that is shorter."""
 
-MOST_FPS = 50.0
+MOST_FPS = 50
 """Frames per second of the fastest GIF: browsers slow down faster ones."""
 
 LEAST_WIDTH, MOST_WIDTH = 320, 1920
@@ -41,7 +42,7 @@ def animate(
     speed: Annotated[
         float | None, option("X", f"Times real time (default: the whole run in {LENGTH_S:g} s).", show_default=False)
     ] = None,
-    fps: Annotated[float, option("N", "Frames per second.")] = 10.0,
+    fps: Annotated[int, option("N", "Frames per second.")] = 10,
     begin: Annotated[float, option("S", "Simulated time to begin at, in s.", "--from")] = 0.0,
     end: Annotated[
         float | None, option("S", "Simulated time to end at, in s (default: the end).", "--to", show_default=False)
@@ -56,38 +57,41 @@ def animate(
     kind = out.suffix.lower()
     if kind not in (".gif", ".mp4"):
         raise BadInput(f"--out {out}: films are GIF or MP4; name a file that ends in .gif or .mp4")
-    most_fps = MOST_FPS if kind == ".gif" else 1000.0
-    if not 0.0 < fps <= most_fps:
-        raise BadInput(f"--fps {fps:g}: expected more than 0 and at most {most_fps:g} for {kind}, such as --fps 10")
+    most_fps = MOST_FPS if kind == ".gif" else 1000
+    if not 0 < fps <= most_fps:
+        raise BadInput(f"--fps {fps}: expected 1 to {most_fps} for {kind}, such as --fps 10")
     if speed is not None and not 0.0 < speed < math.inf:
         raise BadInput(f"--speed {speed:g}: expected a number above 0, such as --speed 20")
     if not LEAST_WIDTH <= width <= MOST_WIDTH:
         raise BadInput(f"--width {width}: expected {LEAST_WIDTH} to {MOST_WIDTH} pixels, such as --width 480")
-    from fogwatch.pictures.film import check_length, find_ffmpeg, frame_count, frame_ticks, write_gif, write_mp4
+    check_matplotlib("sim")
+    from matplotlib.animation import FFMpegWriter
 
-    ffmpeg = find_ffmpeg(out) if kind == ".mp4" else ""
+    if kind == ".mp4" and not FFMpegWriter.isAvailable():
+        raise BadInput(f"{out}: MP4 needs the program ffmpeg, which is not on PATH; install it, or name a .gif file")
     heed(None, patience=0)  # any signal raises KeyboardInterrupt, after which no half file stays
     opened, going = open_folder(run, key)
     first, last = _tick_span(opened, begin, end)
     pace = speed or max(math.ceil((last - first) * opened.step / LENGTH_S), 1)
-    if frame_count(first, last, opened.step, pace, fps) > MOST_FRAMES:
+    apart = pace / (fps * opened.step)
+    if (count := int((last - first) / apart) + 1) > MOST_FRAMES:
         raise BadInput(
             f"--speed {pace:g}: makes more than {MOST_FRAMES} frames; give a higher --speed, a lower --fps, or a part "
             "of the run by --from and --to"
         )
-    ticks = frame_ticks(first, last, opened.step, pace, fps)
-    from fogwatch.pictures.film_frames import FilmFrames
+    ticks = [first + round(number * apart) for number in range(count)]
+    ticks += [last] if ticks[-1] != last else []
+    from fogwatch.pictures.film import MOST_PIXELS, Film, write_film
     from fogwatch.terminal.live_table import bar_on
 
-    film = FilmFrames(opened, width, max(int(opened.mfow[first : last + 1].max()), 1))
-    if kind == ".gif":
-        check_length(len(ticks), film.size)
+    film = Film(opened, width, max(int(opened.mfow[first : last + 1].max()), 1))
+    if kind == ".gif" and len(ticks) > (frame_limit := max(MOST_PIXELS // math.prod(film.size), 1)):
+        raise BadInput(
+            f"{len(ticks)} frames of {film.size[0]} x {film.size[1]} pixels are more than a GIF is written with here; give a "
+            f"higher --speed, or a lower --fps or --width, for at most {frame_limit} frames, or name an .mp4 file"
+        )
     with bar_on() as bar:
-        frames = map(film.frame, bar.track(ticks, description="frames"))
-        if kind == ".gif":
-            write_gif(out, frames, len(ticks), film.palette, fps)
-        else:
-            write_mp4(out, frames, film.palette, fps, ffmpeg)
+        write_film(film, out, bar.track(ticks, description="frames"), fps)
     print_state(opened, going)
     shown = f"{first * opened.step:g} to {last * opened.step:g} s at {pace:g} times real time"
     say(f"film: {out}, {out.stat().st_size / 1e6:.1f} MB, {len(ticks)} frames, {shown}")

@@ -1,116 +1,171 @@
-"""Films of runs: which ticks their frames show, and how they are written, as animated GIF or, by ffmpeg, as MP4."""
+"""A film of a run: the true fog, the robots with their trails, zones and closures, drawn and written by matplotlib."""
 
 from __future__ import annotations
 
+import math
 import subprocess
-from collections.abc import Iterable, Iterator, Sequence
-from itertools import pairwise
+from collections.abc import Iterable
 from pathlib import Path
-from shutil import which
-from tempfile import TemporaryFile
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from PIL import Image
 
+from fogwatch.pictures.run_end import MOST_NAMES, RECENT_S
+from monitor.figures import ground as figures
+from monitor.replay.replay import Replay
+from monitor.replay.run import Run
 from patrol.errors import BadInput, printable
 from patrol.files.whole_file import replacing, writing
+from patrol.ground.fog import NEVER
+from patrol.ground.marks import outline
+from patrol.journal.records import Status
+from patrol.palette import LIGHT, MARKS, NEVER_SEEN, ROBOTS, UNCOUNTED, rgb, with_walls
+from patrol.scenario.marks import looks_at, marks_of
 
-Pixels = NDArray[np.uint8]
-
-MOST_PIXELS = 400_000_000
+MOST_PIXELS = 200_000_000
 """Pixels of all frames of a GIF, which are kept in memory until the file is complete."""
 
+STRIP = 0.3
+"""Height of the lines above and below the map, inches."""
 
-def frame_ticks(first: int, last: int, step: float, speed: float, fps: float) -> list[int]:
-    """Return the tick that each frame shows, ascending, from the first to the last, which is always shown.
+LEAST_RADIUS = 4.0
+"""Radius of the smallest disc for a robot, font points."""
 
-    `step` is in s, `speed` is simulated time per time of the film. If frames follow each other faster than ticks,
-    several show the same one.
+DPI = 100
+
+_POINTS_PER_INCH = 72.0
+_GONE = (Status.DEAD, Status.LOST)
+
+
+class Film:
+    """Draws a run's ticks, one after the other, into one figure.
+
+    `size` is width and height of a frame, pixels.
     """
-    apart = speed / (fps * step)
-    ticks = [first + round(number * apart) for number in range(frame_count(first, last, step, speed, fps))]
-    return ticks if ticks[-1] == last else [*ticks, last]
 
+    def __init__(self, run: Run, width: int, oldest: int) -> None:
+        """Draw what is the same in all frames, `width` pixels wide; the darkest colour is an age of `oldest` ticks."""
+        from matplotlib.collections import LineCollection
+        from matplotlib.figure import Figure
 
-def frame_count(first: int, last: int, step: float, speed: float, fps: float) -> int:
-    """Return the number of frames of `frame_ticks`, without one that is added for the last tick."""
-    return int((last - first) / (speed / (fps * step))) + 1
-
-
-def write_gif(out: Path, frames: Iterable[Pixels], count: int, palette: Pixels, fps: float) -> None:
-    """Write a GIF that repeats for ever.
-
-    Each of the `count` frames is uint8 (height, width), indices into the palette, which is uint8 (256, 3). `fps` is at
-    most 50.
-    """
-    # GIF counts in hundredths of a second: the ends of frames are rounded, so that errors do not add up.
-    ends = [round(100.0 * number / fps) for number in range(count + 1)]
-    durations = [10 * (end - begin) for begin, end in pairwise(ends)]
-
-    def images() -> Iterator[Image.Image]:
-        for pixels in frames:
-            image = Image.fromarray(pixels, "P")
-            image.putpalette(palette.tobytes())
-            yield image
-
-    remaining = images()
-    with writing(out), replacing(out) as part, part.open("wb") as file:
-        animated = {"save_all": True, "duration": durations, "loop": 0, "optimize": False}
-        next(remaining).save(file, "GIF", append_images=remaining, **animated)
-
-
-def find_ffmpeg(out: Path) -> str:
-    """Return the path of ffmpeg; `out`, the file to write with it, is named in the error."""
-    program = which("ffmpeg")
-    if program is None:
-        raise BadInput(f"{out}: MP4 needs the program ffmpeg, which is not on PATH; install it, or name a .gif file")
-    return program
-
-
-def write_mp4(out: Path, frames: Iterable[Pixels], palette: Pixels, fps: float, ffmpeg: str) -> None:
-    """Write a film by ffmpeg, with its own choice of encoder.
-
-    Frames and palette are as for `write_gif`; both sides of a frame are even.
-    """
-    remaining = iter(frames)
-    first = next(remaining)
-    height, width = first.shape
-    input_options = ["-f", "rawvideo", "-pix_fmt", "rgb24", "-s", f"{width}x{height}", "-r", f"{fps:g}", "-i", "-"]
-    output_options = ["-pix_fmt", "yuv420p", "-movflags", "+faststart", "-f", "mp4"]
-    with writing(out), replacing(out) as part, TemporaryFile() as messages:
-        process = subprocess.Popen(
-            [ffmpeg, "-v", "error", "-y", *input_options, *output_options, str(part.absolute())],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.DEVNULL,
-            stderr=messages,
+        self._run, self._replay = run, Replay(run)
+        terrain = run.prepared.terrain
+        inches = (width + 0.5) / DPI  # matplotlib rounds down
+        per_m = inches / (terrain.width * terrain.point)
+        tall = per_m * terrain.height * terrain.point + 2 * STRIP
+        self.figure = Figure((inches, tall), dpi=DPI, facecolor="white")
+        self.size = width, int(tall * DPI)
+        axes = self.figure.add_axes((0.0, STRIP / tall, 1.0, 1.0 - 2 * STRIP / tall), frameon=False)
+        axes.set_axis_off()
+        figures.frame(axes, terrain)
+        self._title = self.figure.text(0.01, 1.0 - 0.5 * STRIP / tall, "", size=9, va="center")
+        self._scale = figures.fog_scale(oldest * run.step)
+        bar = self.figure.add_axes((0.15, 0.33 * STRIP / tall, 0.25, 0.34 * STRIP / tall))
+        self.figure.colorbar(self._scale, cax=bar, orientation="horizontal").set_ticks([])
+        at: dict[str, Any] = {"y": 0.5 * STRIP / tall, "size": 8, "va": "center"}
+        self.figure.text(x=0.14, s="last seen 0", ha="right", **at)
+        self.figure.text(x=0.41, s=f"{oldest * run.step:g} s ago", **at)
+        self._never = self.figure.text(x=0.65, s="■ never seen", color=NEVER_SEEN, **at)
+        # The fog is drawn at the frame's own pixels: sampling is many times as fast as shrinking each frame.
+        pixels = width, max(round(width * terrain.height / terrain.width), 1)
+        self._rows, self._cols = (
+            ((np.arange(count) + 0.5) * points / count).astype(np.int64)
+            for count, points in zip(pixels[::-1], terrain.shape, strict=True)
         )
-        try:
-            assert process.stdin is not None
-            try:
-                process.stdin.write(palette[first].tobytes())
-                for pixels in remaining:
-                    process.stdin.write(palette[pixels].tobytes())
-                process.stdin.close()
-            except BrokenPipeError:
-                pass  # ffmpeg has ended, and has said why
-            code = process.wait()
-        finally:
-            if process.poll() is None:
-                process.kill()
-                process.wait()
-        messages.seek(0)
-        lines = messages.read().decode(errors="replace").strip().splitlines()
-        if code != 0:
-            why = printable(lines[-1]) if lines else f"exit code {code}"
-            raise BadInput(f"{out}: ffmpeg cannot write it ({why}); name a .gif file, or use another ffmpeg")
-
-
-def check_length(count: int, size: Sequence[int]) -> None:
-    """Check that the frames of a GIF, each of `size` (width and height, pixels), fit into memory."""
-    frame_limit = max(MOST_PIXELS // (size[0] * size[1]), 1)
-    if count > frame_limit:
-        raise BadInput(
-            f"{count} frames of {size[0]} x {size[1]} pixels are more than a GIF is written with here; give a higher "
-            f"--speed, or a lower --fps or --width, for at most {frame_limit} frames, or name an .mp4 file"
+        ground = figures.painted(terrain.shape, [figures.Layer(UNCOUNTED, "", terrain.passable)])
+        ground = with_walls(ground, ~terrain.passable, max(pixels), 1)
+        base, counted = (
+            np.asarray(Image.fromarray(grid).resize(pixels, Image.Resampling.BOX))
+            for grid in (ground, run.prepared.patrolled.astype(np.uint8) * 255)
         )
+        self._fog = np.dstack([np.zeros_like(base), counted])
+        left, low, right, top = terrain.bounds
+        self._layers = [
+            axes.imshow(layer, origin="lower", extent=(left, right, low, top), interpolation="nearest")
+            for layer in (base, self._fog)
+        ]
+        self._marks = [mark for mark in marks_of(run.prepared.scenario, terrain) if mark.points is not None]
+        self._rims = [
+            axes.add_collection(LineCollection(list(outline(mark.points, terrain).reshape(-1, 2, 2))))
+            for mark in self._marks
+            if mark.points is not None
+        ]
+        self._colours = np.array([ROBOTS[place % len(ROBOTS)] for place in range(len(run.names))])
+        radius = [max(robot.radius * per_m * _POINTS_PER_INCH, LEAST_RADIUS) for robot in run.robots]
+        self._ahead_m = 1.6 * np.array(radius)[:, np.newaxis] / (per_m * _POINTS_PER_INCH)
+        rim = figures.rim(2.5)
+        self._trails = LineCollection([], colors=list(self._colours), lw=1.2, path_effects=rim)
+        self._heads = LineCollection([], colors=LIGHT["ink"], lw=1.5, path_effects=rim, zorder=4)
+        for lines in (self._trails, self._heads):
+            axes.add_collection(lines)
+        nowhere = np.full((len(run.names), 2), np.nan)
+        self._bodies = axes.scatter(
+            nowhere[:, 0], nowhere[:, 1], s=4.0 * np.square(radius), edgecolors="white", zorder=5
+        )
+        self._crosses, self._pauses = (
+            axes.plot([], [], ls="", marker=marker, ms=6, color="white", zorder=6)[0] for marker in ("x", "$II$")
+        )
+        text: dict[str, Any] = {"size": 7, "ha": "center", "path_effects": figures.rim(2.0), "zorder": 7}
+        self._mark_names = [axes.text(*mark.at, "", clip_on=True, **text) for mark in self._marks]
+        named = run.names if len(run.names) <= MOST_NAMES else ()
+        self._names = [axes.annotate(name, (0, 0), (0, 7), textcoords="offset points", **text) for name in named]
+
+    def draw(self, k: int) -> None:
+        """Draw a tick, after its observations."""
+        run, fog = self._run, self._replay.fog(k)
+        grid = np.ix_(self._rows, self._cols)
+        colours = self._fog[..., :3]
+        colours[:] = self._scale.to_rgba(fog.age(k)[grid] * run.step, bytes=True)[..., :3]
+        never = fog.last_seen[grid] == NEVER
+        colours[never] = rgb(NEVER_SEEN)
+        self._never.set_visible(bool((never & (self._fog[..., 3] > 0)).any()))
+        looks = looks_at(run.prepared.scenario, k, run.closings)
+        for mark, rim, name in zip(self._marks, self._rims, self._mark_names, strict=True):
+            look = looks[mark.section][mark.name]
+            if look.filled and mark.points is not None:
+                colours[mark.points[grid]] = rgb(MARKS[mark.kind])
+            rim.set(color=MARKS[mark.kind], linewidth=2.0 if look.holds else 1.0)
+            name.set_text(look.text if look.holds else "")
+        self._layers[1].set_data(self._fog)
+        self._draw_robots(k)
+        mfow, mean = run.mfow[k] * run.step, run.fog_mean[k] * run.step
+        self._title.set_text(f"{k * run.step:g} s   MFoW {mfow:g} s   mean {mean:.1f} s")
+
+    def _draw_robots(self, k: int) -> None:
+        run = self._run
+        status = run.status[k]
+        first = max(k - round(RECENT_S / run.step), 0)
+        # Where a robot has no body, its place is NaN, and matplotlib draws nothing.
+        present = np.isin(run.status[first : k + 1], [state for state in Status if state.is_present])
+        places = np.where(present[..., np.newaxis], run.poses[first : k + 1, :, :2], np.nan)
+        here = places[-1]
+        self._trails.set_segments(list(places.swapaxes(0, 1)))
+        dead, paused = np.isin(status, _GONE), status == Status.PAUSED
+        ahead = here + self._ahead_m * [(math.cos(heading), math.sin(heading)) for heading in run.poses[k, :, 2]]
+        self._heads.set_segments(list(np.stack([here, ahead], axis=1)[~dead & ~paused]))
+        self._bodies.set(offsets=here, facecolors=np.where(dead, LIGHT["ink"], self._colours))
+        self._crosses.set_data(*here[dead].T)
+        self._pauses.set_data(*here[paused].T)
+        for name, place, shown in zip(self._names, here.tolist(), present[-1], strict=bool(self._names)):
+            name.set_visible(shown)
+            name.xy = tuple(place)
+
+
+def write_film(film: Film, out: Path, ticks: Iterable[int], fps: int) -> None:
+    """Write some ticks as an animated GIF that repeats for ever, or as an MP4, which needs ffmpeg."""
+    from matplotlib.animation import FFMpegWriter, PillowWriter
+
+    is_gif = out.suffix.lower() == ".gif"
+    writer = PillowWriter(fps) if is_gif else FFMpegWriter(fps, extra_args=["-movflags", "+faststart", "-f", "mp4"])
+    try:
+        with writing(out), replacing(out) as part, writer.saving(film.figure, str(part.absolute()), DPI):
+            for k in ticks:
+                film.draw(k)
+                writer.grab_frame()
+    except subprocess.CalledProcessError as error:
+        if isinstance(error.__context__, KeyboardInterrupt):
+            raise error.__context__ from None
+        lines = error.stderr.strip().splitlines()
+        why = printable(lines[-1]) if lines else f"exit code {error.returncode}"
+        raise BadInput(f"{out}: ffmpeg cannot write it ({why}); name a .gif file, or use another ffmpeg") from None

@@ -22,9 +22,10 @@ def writing(name: object, remedy: str = "choose another file") -> Iterator[None]
 def replacing(file: Path) -> Iterator[Path]:
     """Give a path beside a file to write to, and then put it in the file's place.
 
-    The path does not exist yet. After an error nothing of it stays.
+    The path does not exist yet, and has the same suffix, by which libraries know a format. After an error nothing of it
+    stays.
     """
-    part = file.with_name(f".{file.name}.part")
+    part = file.with_name(f".part.{file.name}")
     part.unlink(missing_ok=True)
     try:
         yield part
