@@ -87,8 +87,8 @@ def animate(
     film = Film(opened, width, max(int(opened.mfow[first : last + 1].max()), 1))
     if kind == ".gif" and len(ticks) > (frame_limit := max(MOST_PIXELS // math.prod(film.size), 1)):
         raise BadInput(
-            f"{len(ticks)} frames of {film.size[0]} x {film.size[1]} pixels are more than a GIF is written with here; give a "
-            f"higher --speed, or a lower --fps or --width, for at most {frame_limit} frames, or name an .mp4 file"
+            f"{len(ticks)} frames of {film.size[0]} x {film.size[1]} pixels are more than a GIF is written with here; "
+            f"give a higher --speed, or a lower --fps or --width, for at most {frame_limit} frames, or an .mp4 file"
         )
     with bar_on() as bar:
         write_film(film, out, bar.track(ticks, description="frames"), fps)

@@ -307,31 +307,27 @@ def _check_lengths(**lengths_m: float | None) -> None:
 
 
 @command(
-    app,
-    examples=[
-        "fogwatch map align robot.yaml site.yaml --picture overlay.png",
-        "fogwatch map align robot.yaml site.yaml --landmark 0.4,1.2=12.5,3 --landmark 7.9,1.2=12.5,10.5",
-    ],
+    app, examples=["fogwatch map align robot.yaml site.yaml --landmark 0.4,1.2=12.5,3 --landmark 7.9,1.2=12.5,10.5"]
 )
 def align(
     own: Annotated[str, argument("A", "The robot's map: a map file.")],
     ours: Annotated[str, argument("B", f"Our map: a map file, or one of {', '.join(LAYOUTS)}.")],
     landmark: Annotated[
-        list[str] | None, option("AX,AY=BX,BY", "Place on A that is a place on B, in m. Repeatable; two or more.")
-    ] = None,
+        list[str], option("AX,AY=BX,BY", "Place on A that is a place on B, in m. Repeatable; two or more.")
+    ],
     tolerance: Annotated[float, option("M", "How far landmarks may be off each other in m.")] = 0.3,
     point: Annotated[float, option("M", "Side of one grid point in m.")] = 0.1,
     picture: Annotated[Path | None, option("OUT.png", "Draw the maps over each other into this PNG file.")] = None,
 ) -> None:
     """Find where a robot's own map A lies on our map B: how far it is shifted and turned.
 
-    By its walls, or by landmarks that both maps show, such as corners of rooms. The last line is the option that an
+    By landmarks that both maps show, such as corners of rooms, far from each other. The last line is the option that an
     agent of a robot with map A needs on map B (fogwatch agent --robot ros2). Look at the picture before you drive.
     """
     _check_lengths(point=point, tolerance=tolerance)
     if tolerance > MOST_OFF_M:
         raise BadInput(f"--tolerance = {tolerance:g}: allows anything; give at most {MOST_OFF_M:g}, in m")
-    pairs = [_read_pair(text) for text in landmark or []]
+    pairs = [_read_pair(text) for text in landmark]
     _check_picture(picture)
     warm(("patrol",), note, SELDOM)
     from fogwatch.grounds import map_align  # here: its library takes a while
@@ -339,37 +335,24 @@ def align(
     terrain_a, terrain_b = named_terrain(own, point), named_terrain(ours, point)
     _check_picture(picture, (terrain_a, terrain_b))
     a, b = map_align.wall_map(terrain_a), map_align.wall_map(terrain_b)
+    _check_places(pairs, (terrain_a, terrain_b), tolerance)
+    transform, off_m = map_align.fit_landmarks(pairs)
+    for number, (text, off) in enumerate(zip(landmark, off_m, strict=True), start=1):
+        say(f"landmark {number}, {text}: off by {off:.2f} m")
+    if max(off_m) > tolerance:
+        raise BadInput(
+            f"--landmark {landmark[off_m.index(max(off_m))]}: off by {max(off_m):.2f} m, and --tolerance is "
+            f"{tolerance:g} m; correct the landmarks, of which at least one is wrong"
+        )
+    agree = map_align.agreement(a, b, transform)
+    say(f"walls that agree: {agree:.0%}")
+    if agree < map_align.LEAST_AGREEMENT:
+        note("few walls agree at these landmarks; look at --picture before you drive by it")
+    if picture is not None:
+        from fogwatch.pictures.maps import overlay_picture  # here: its library is an extra
 
-    def draw(transform: Pose) -> None:
-        if picture is not None:
-            from fogwatch.pictures.maps import overlay_picture  # here: its library is an extra
-
-            names = terrain_a.name, terrain_b.name
-            overlay_picture(names, a, b, transform, [on_b for _, on_b in pairs], picture)
-            say(f"picture: {picture}")
-
-    if pairs:
-        _check_places(pairs, (terrain_a, terrain_b), tolerance)
-        transform, off_m = map_align.fit_landmarks(pairs)
-        for number, (text, off) in enumerate(zip(landmark or [], off_m, strict=True), start=1):
-            say(f"landmark {number}, {text}: off by {off:.2f} m")
-        if max(off_m) > tolerance:
-            worst = (landmark or [])[off_m.index(max(off_m))]
-            raise BadInput(
-                f"--landmark {worst}: off by {max(off_m):.2f} m, and --tolerance is {tolerance:g} m; correct the "
-                "landmarks, of which at least one is wrong"
-            )
-        agree = map_align.agreement(a, b, transform)
-        say(f"walls that agree: {agree:.0%}")
-        if agree < map_align.LEAST_AGREEMENT:
-            note("few walls agree at these landmarks; look at --picture before you drive by it")
-        draw(transform)
-    else:
-        alignments = map_align.align_maps(a, b)
-        draw(transform := alignments[0].transform)  # also where it is refused, so that people see why
-        best = map_align.only_alignment(alignments)
-        runner_up = f"; at the next best place {alignments[1].agreement:.0%}" if len(alignments) > 1 else ""
-        say(f"walls that agree: {best.agreement:.0%}{runner_up}")
+        overlay_picture((terrain_a.name, terrain_b.name), a, b, transform, [on_b for _, on_b in pairs], picture)
+        say(f"picture: {picture}")
     turned = f"turned by {transform.heading:.4f} rad ({math.degrees(transform.heading):.1f} degrees)"
     say(f"{own} on {ours}: its (0, 0) is at ({transform.x:.3f}, {transform.y:.3f}) m, {turned}")
     say(f"--transform={map_align.spelled(transform)}")

@@ -130,6 +130,10 @@ def transform_in(told: str) -> tuple[float, ...]:
     return tuple(float(part) for part in told.splitlines()[-1].removeprefix("--transform=").split(","))
 
 
+PLACES = ("--landmark", "-2.8,6.8=1.2,5.8", "--landmark", "4.8,6.8=8.8,5.8")
+"""Landmarks of `maps` that are right."""
+
+
 def align(*arguments: str) -> str:
     return output("align", *arguments)
 
@@ -151,9 +155,9 @@ def maps(tmp_path: Path) -> tuple[str, str]:
 
 
 def test_the_last_line_is_the_option_of_the_agent(maps: tuple[str, str], tmp_path: Path) -> None:
-    told = align(*maps, "--picture", str(tmp_path / "overlay.png"))
+    told = align(*maps, *PLACES, "--picture", str(tmp_path / "overlay.png"))
     assert transform_in(told) == pytest.approx((4.0, -1.0, 0.0), abs=0.05)
-    assert "walls that agree: 100%; at the next best place" in told
+    assert "walls that agree: 100%" in told
     assert f"picture: {tmp_path / 'overlay.png'}" in told
     with Image.open(tmp_path / "overlay.png") as picture:
         assert picture.format == "PNG"
@@ -182,9 +186,9 @@ def test_landmarks_where_few_walls_agree_are_warned_about(maps: tuple[str, str])
         (["--landmark", "0,2=1,1", "--landmark", "5,2=8,1"], "off by 1.00 m, and --tolerance is 0.3 m; correct the"),
         (["--landmark", "0,2=1,1", "--landmark", "1,2=2,1"], "--landmark: all lie within 1.00 m on A; give some at"),
         (["--landmark", "1e308,2=1,1", "--landmark", "5,2=6,1"], "--landmark: (1e+308, 2) is not on own, which spans"),
-        (["--point", "0"], "--point = 0: expected a finite number above 0, in m"),
-        (["--tolerance", "99"], "--tolerance = 99: allows anything; give at most 10, in m"),
-        (["--picture", "/none/such/folder.png"], "cannot be written"),
+        ([*PLACES, "--point", "0"], "--point = 0: expected a finite number above 0, in m"),
+        ([*PLACES, "--tolerance", "99"], "--tolerance = 99: allows anything; give at most 10, in m"),
+        ([*PLACES, "--picture", "/none/such/folder.png"], "cannot be written"),
     ],
 )
 def test_bad_input_for_align_is_one_line(more: list[str], words: str, maps: tuple[str, str]) -> None:
@@ -194,21 +198,15 @@ def test_bad_input_for_align_is_one_line(more: list[str], words: str, maps: tupl
     assert "\n" not in str(caught.value)
 
 
-def test_a_symmetric_terrain_is_refused_and_still_drawn(tmp_path: Path) -> None:
-    with pytest.raises(BadInput, match="the maps lie on each other in 2 ways or more"):
-        align("yards", "yards", "--point", "0.5", "--picture", str(tmp_path / "overlay.png"))
-    assert (tmp_path / "overlay.png").exists()
-
-
 def test_a_map_that_is_not_there_is_refused() -> None:
     with pytest.raises(BadInput, match=r"nowhere\.yaml: no such map file"):
-        align("nowhere.yaml", "yards")
+        align("nowhere.yaml", "yards", *PLACES)
 
 
 def test_a_picture_is_not_drawn_over_a_map(maps: tuple[str, str], tmp_path: Path) -> None:
     before = (tmp_path / "room.png").read_bytes()
     with pytest.raises(BadInput, match=r"room\.png: is a file of the map own"):
-        align(*maps, "--picture", str(tmp_path / "room.png"))
+        align(*maps, *PLACES, "--picture", str(tmp_path / "room.png"))
     assert (tmp_path / "room.png").read_bytes() == before
 
 
@@ -287,7 +285,7 @@ def test_what_does_not_fit_the_ground_is_said_of_the_scenarios_file(more: str, p
         regions(str(site))
 
 
-@pytest.mark.parametrize("words", [["check", "open"], ["regions", "open"], ["align", "open", "open"]])
+@pytest.mark.parametrize("words", [["check", "open"], ["regions", "open"], ["align", "open", "open", *PLACES]])
 def test_a_pictures_file_is_refused_before_the_work(
     words: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -1,4 +1,4 @@
-"""The agreement of two maps, and the limits from which on a place is accepted."""
+"""The agreement of two maps, and transforms by landmarks."""
 
 from __future__ import annotations
 
@@ -7,38 +7,10 @@ import math
 import numpy as np
 import pytest
 
-from fogwatch.grounds.map_align import (
-    Alignment,
-    WallMap,
-    agreement,
-    fit_landmarks,
-    moved,
-    only_alignment,
-    spelled,
-    wall_map,
-)
+from fogwatch.grounds.map_align import WallMap, agreement, fit_landmarks, moved, spelled, wall_map
 from patrol.errors import BadInput
 from patrol.ground.terrain import Terrain
 from patrol.pose import Pose
-
-HERE, THERE = Pose(0.0, 0.0, 0.0), Pose(1.0, 0.0, 3.1)
-
-
-def test_a_place_is_accepted_from_half_of_the_walls_on() -> None:
-    assert only_alignment([Alignment(HERE, 0.5)]).agreement == 0.5
-    with pytest.raises(BadInput, match=r"at best 50% of their walls agree, and 50% must; give two --landmark or more"):
-        only_alignment([Alignment(HERE, 0.4999)])
-
-
-def test_a_place_is_accepted_where_it_leads_by_a_tenth() -> None:
-    assert only_alignment([Alignment(HERE, 0.75), Alignment(THERE, 0.65)]).transform == HERE
-    rivals = [Alignment(Pose(float(n), 0.0, 0.0), 0.651) for n in range(1, 5)]
-    with pytest.raises(BadInput) as refused:
-        only_alignment([Alignment(HERE, 0.75), *rivals])
-    assert str(refused.value) == (
-        "the maps lie on each other in 5 ways or more, 0,0,0 with 75%; 1,0,0 with 65%; 2,0,0 with 65%; 3,0,0 with 65% "
-        "of their walls agreeing; give two --landmark or more, to say which is right"
-    )
 
 
 @pytest.mark.parametrize(
