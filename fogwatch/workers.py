@@ -6,6 +6,7 @@ a time through a pipe, and ends when the other end of the pipe is closed, by wha
 
 from __future__ import annotations
 
+import gc
 import signal
 import sys
 from contextlib import suppress
@@ -75,6 +76,7 @@ class Workers(WithoutProcesses):
         self._pipes: list[Connection] = []
         self._processes: list[BaseProcess] = []
         numbers, context = list(numbers), get_context("fork")
+        gc.freeze()  # or a collection in a worker would write to each object, and so copy all memory of this process
         for worker in range(count):
             pipe, other = context.Pipe()
             part = [number for number in numbers if number % count == worker]
@@ -85,6 +87,7 @@ class Workers(WithoutProcesses):
             process.start()
             other.close()
             self._processes.append(process)
+        gc.unfreeze()
         try:
             self._answers()
         except BaseException:
