@@ -6,7 +6,7 @@ Robots' processes, fleets in one process, tests and benchmarks all come here, so
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from types import MappingProxyType
@@ -94,19 +94,19 @@ class Shared:
 
 
 def shared_by(
-    prepared: Prepared, footprint: Footprint | None = None, *, psi: Psi | None = None, believe: bool = False
+    prepared: Prepared, footprint: Footprint | None = None, *, psi: Psi | None = None, believers: Sequence[int] = ()
 ) -> Shared:
     """Make the parts that the minds of a scenario can share; `footprint` and `psi` are computed unless given.
 
-    With `believe` they share what they believe, where that is the same and no ground closes; then the caller lets
-    `Shared.beliefs` hear for all of them, and then each decide.
+    The robots of the numbers `believers` share what they believe, where that is the same and no ground closes; then the
+    caller lets `Shared.beliefs` hear for all of them, and then each decide.
     """
     scenario = prepared.scenario
     key = fleet_key(scenario.radio.key)
     sensor = footprint or sensor_footprint(scenario, prepared.terrain)
     beliefs = None
-    if believe and not sensor.changes:
-        inboxes = inboxes_of(scenario, [spec.number for spec in scenario.roster], prepared.terrain.bounds, key)
+    if believers and not sensor.changes:
+        inboxes = inboxes_of(scenario, believers, prepared.terrain.bounds, key)
         beliefs = Beliefs(inboxes, sensor, shares=True)
     chance = Chance(scenario.seed, key)
     return Shared(

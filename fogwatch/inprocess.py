@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import nullcontext, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -204,19 +204,22 @@ def fleet_of(
     kind: PolicyKind | None = None,
     share: bool = True,
     failure: PolicyFailure = lambda _number, _reason, _error: None,
-    numbers: Iterable[int] | None = None,
+    numbers: Sequence[int] | None = None,
 ) -> InProcessFleet:
     """Make the fleet of a world before its first tick.
 
-    `footprint` is the world's sensor. `kind` makes the robots' policies in place of the scenario's. Unless given,
-    `numbers` are those of all living robots. The other options are as for `run_in_process`.
+    `footprint` is the world's sensor. `kind` makes the robots' policies in place of the scenario's. `numbers` are those
+    of the robots whose minds it makes, now or later: the whole roster unless given. The other options are as for
+    `run_in_process`.
     """
     prepared = world.prepared
     kind = kind or policy_of(prepared.scenario)
-    shared = shared_by(prepared, footprint, believe=share)
+    if numbers is None:
+        numbers = [spec.number for spec in prepared.scenario.roster]
+    shared = shared_by(prepared, footprint, believers=numbers if share else ())
     make = mind_maker(prepared, shared, kind)
     minds: dict[int, Mind] = {}
-    for number in world.living if numbers is None else numbers:
+    for number in sorted(set(numbers) & set(world.living)):
         try:
             minds[number] = make(number, FIRST_INCARNATION)
         except PolicyFailed as failed:
@@ -269,7 +272,7 @@ def run_in_process(
         def make_part(numbers: Sequence[int], failure: PolicyFailure) -> InProcessFleet:
             return fleet_of(world, footprint, share=share, failure=failure, numbers=numbers)
 
-        fleet = Workers(workers, world.living, make_part, failure)
+        fleet = Workers(workers, [spec.number for spec in prepared.scenario.roster], make_part, failure)
     else:
         fleet = fleet_of(world, footprint, share=share, failure=failure)
         minds = fleet.minds
