@@ -6,20 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 Floats = NDArray[np.float64]
-Bools = NDArray[np.bool_]
 
 FLAT = 1e-9
 """Angles whose sine is nearer to 0 than this are straight."""
-
-
-DENT = 1e-6
-"""Corners that are concave by less than this, in units of length, are straight."""
-
-
-def cross(a: Floats, b: Floats) -> Floats:
-    """Return the cross products of vectors in the plane, float64 (..., 2) each."""
-    product: Floats = a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
-    return product
 
 
 def area(polygon: NDArray[np.float64] | NDArray[np.int64]) -> float:
@@ -53,15 +42,6 @@ def hull(places: Floats) -> Floats:
     return np.array(chains[0] + chains[1])
 
 
-def dents(polygon: Floats) -> Bools:
-    """Mark the corners of polygons that are concave, by more than DENT at the end of the shorter side."""
-    to = polygon - np.roll(polygon, 1, axis=0)
-    onward = np.roll(polygon, -1, axis=0) - polygon
-    longest = np.maximum(np.abs(to).max(axis=1), np.abs(onward).max(axis=1))
-    concave: Bools = cross(to, onward) < -DENT * longest
-    return concave
-
-
 def outward(polygon: Floats) -> tuple[Floats, Floats]:
     """Return the sides of a convex polygon as lines.
 
@@ -90,20 +70,3 @@ def depths(polygon: Floats, places: Floats) -> Floats:
     normals, reach = outward(polygon)
     inside: Floats = (reach - places @ normals.T).min(axis=1)
     return inside
-
-
-def left_of(polygon: Floats, a: Floats, b: Floats) -> Floats:
-    """Return the part of any polygon on the left of the line from `a` to `b`; (0, 2) when nothing lies there."""
-    if len(polygon) == 0:
-        return polygon
-    aside = cross(b - a, polygon - a)
-    aside[np.abs(aside) <= FLAT * np.abs(b - a).max()] = 0.0
-    corners = []
-    for i, (here, corner) in enumerate(zip(aside, polygon, strict=True)):
-        j = (i + 1) % len(polygon)
-        # A corner on the line counts beside one that is off it; others are ends of spikes.
-        if here > 0.0 or (here == 0.0 and max(aside[i - 1], aside[j]) > 0.0):
-            corners.append(corner)
-        if here * aside[j] < 0.0:
-            corners.append(corner + here / (here - aside[j]) * (polygon[j] - corner))
-    return np.array(corners).reshape(-1, 2)

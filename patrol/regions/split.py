@@ -1,12 +1,11 @@
 """Regions: the ground as a few convex pieces and the points that connect them (paper, "The region method").
 
 Within a region a robot may go straight from anywhere to anywhere, so that a path is a sequence of connecting points.
-The paper splits terrains by hand; `split_regions` does it for any terrain. The ground's outline is drawn with few
-corners, cut so that no concave corner is left, and what remains of steps and slivers is merged.
+The paper splits terrains by hand; `split_regions` does it for any terrain (`patrol.regions.pieces`).
 
 Polygons are convex and disjoint to a millionth of a point. Every point where bodies may be belongs to one; its centre
-lies in that polygon or, rarely, up to about a point beside it. Polygons may reach into walls by up to 2.5 points, which
-is where the stairs of slanted walls, the ends of thin walls and small poles go.
+lies in that polygon or up to about a point beside it. Polygons may reach into walls by about as much, which is where
+the stairs of slanted walls and small poles go.
 """
 
 from __future__ import annotations
@@ -27,9 +26,6 @@ from patrol.ground.fields import StaticFields, load_grid
 from patrol.ground.terrain import BoolGrid, Terrain
 from patrol.kernels.regions import fill, split_parts, spread
 from patrol.regions.convex import Floats, area, circumference, depths, hull, overlap
-from patrol.regions.cuts import convex_pieces
-from patrol.regions.outline import loops_of, simplified
-from patrol.regions.patchwork import made_convex, merged, stretched
 
 __all__ = ["Connection", "Polygon", "RegionSplit", "regions_by_hand", "split_regions"]
 
@@ -38,14 +34,8 @@ Ints = NDArray[np.int32]
 Polygon = tuple[tuple[float, float], ...]
 """Corners (x, y) in m, counter-clockwise."""
 
-FILL = 1.5
-"""Points: steps, ends of thin walls and poles of up to this size count as free ground."""
-
 BY_HAND = 0.25
 """Error allowed in polygons given by hand, m, or a point where that is more: overlaps, gaps to the walls, dents."""
-
-MOST_CORNERS = 10_000
-"""Corners of an outline that make about 3000 regions; the method is for terrains with far fewer."""
 
 FACTS = "regions.json"
 GRIDS = ("labels", "parts")
@@ -91,21 +81,16 @@ class RegionSplit:
 def split_regions(terrain: Terrain, body: BoolGrid | None = None) -> RegionSplit:
     """Split a terrain's free ground into convex regions.
 
-    Connections lie where a body's centre may be: at the points of `body`, or at all free points when it is None. An
-    outline of more than MOST_CORNERS corners is refused.
+    Connections lie where a body's centre may be: at the points of `body`, or at all free points when it is None.
     """
-    loops = loops_of(terrain.free, FILL)
-    rings = simplified(loops, FILL) if 3 * len(loops) <= MOST_CORNERS else []
-    corners = sum(len(ring.corners) for ring in rings) or 3 * len(loops)
-    if corners > MOST_CORNERS:
+    try:
+        from patrol.regions.pieces import convex_pieces  # here: its library is an extra
+    except ImportError:
         raise BadInput(
-            f"patrol.options.paths = regions: the outline of {terrain.name} has {corners} corners or more, and at most "
-            f"{MOST_CORNERS} are allowed; choose wave, or a larger point"
-        )
-    polygons = merged(made_convex(convex_pieces(rings)))
-    bare = np.argwhere(terrain.free & (_label_points(terrain, polygons) < 0))
-    if bare.size:
-        polygons = stretched(polygons, np.asarray(bare[:, ::-1] + 0.5, dtype=np.float64))
+            "patrol.options.paths = regions: splitting a terrain needs shapely; install it with: "
+            "pip install 'fogwatch[experiments]', or give patrol.options.regions"
+        ) from None
+    polygons = convex_pieces(terrain) if terrain.free.any() else []
     return _make_split(terrain, polygons, _label_points(terrain, polygons), body)
 
 

@@ -34,8 +34,7 @@ from patrol.measures import best_tour, nodes, stays
 from patrol.net.settings import MOST_STRANGERS
 from patrol.process.deadline import DECISION_LIMIT_S, MOST_CALLS
 from patrol.radio import message
-from patrol.regions.outline import SHAVE
-from patrol.regions.split import FILL, MOST_CORNERS
+from patrol.regions.pieces import MOST_CORNERS, POCKET, SMOOTHED
 from patrol.reporting import metrics
 from patrol.scenario import step
 from patrol.tours import search
@@ -160,8 +159,8 @@ SPELT: list[tuple[str, str, float, float]] = [
     ("algorithm", "it has bumped twice", standoff.AGAIN, 2),
     ("algorithm", "three bumps or dead ends", standoff.OFTEN, 3),
     ("algorithm", "at least half as strongly as the strongest", potential_field.CLOSE_ENOUGH, 0.5),
-    ("algorithm", "cut off at most half a point and add at most 1.5", SHAVE, 0.5),
-    ("algorithm", "cut off at most half a point and add at most 1.5", FILL, 1.5),
+    ("algorithm", "differ from it by at most 1.5 points", SMOOTHED, 1.5),
+    ("algorithm", "pockets of wall at most a point wide", POCKET, 1.0),
     ("progress", "and at least five in the run", bodies.LEAST_BUMPS, 5),
     ("progress", "more than eight times the MFoW on the best tour", progress.STALE_TOURS, 8.0),
     ("progress", "of four times the MFoW on the best tour", progress.TOURS, 4.0),

@@ -217,10 +217,10 @@ def regions(*arguments: str) -> str:
 def test_tells_how_many_regions_there_are_and_into_which_the_body_fits() -> None:
     told = regions("yards", "--point", "0.5")
     assert "yards: 100 x 88 m, points of 0.5 m; body radius 1 m" in told
-    assert "regions: 5 convex regions found in " in told
-    assert "\nconnections: 4\n" in told
-    assert "m² around (50.00, 44.00), connected to 1, 3\n" in told
-    assert "the body fits into 5\n" in told
+    assert "regions: 9 convex regions found in " in told
+    assert "\nconnections: 8\n" in told
+    assert "m² around (50.00, 44.00), connected to " in told
+    assert "the body fits into 9\n" in told
     assert "\x1b" not in told
     told = regions("yards", "--point", "0.5", "--radius", "17")
     assert "the body fits into 2\n" in told

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from patrol.regions.convex import area, circumference, cross, dents, depths, hull, left_of, outward, overlap
+from patrol.regions.convex import Floats, area, circumference, depths, hull, outward, overlap
 
 SQUARE = np.array([[0.0, 0.0], [4.0, 0.0], [4.0, 2.0], [0.0, 2.0]])
 """A box of 4 x 2, counter-clockwise."""
@@ -17,11 +17,16 @@ SQUARE = np.array([[0.0, 0.0], [4.0, 0.0], [4.0, 2.0], [0.0, 2.0]])
 places = st.lists(st.tuples(st.integers(-9, 9), st.integers(-9, 9)), min_size=3, max_size=12, unique=True)
 
 
+def cross(a: Floats, b: Floats) -> Floats:
+    """The cross products of vectors in the plane."""
+    product: Floats = a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
+    return product
+
+
 def test_areas_are_signed_and_lengths_go_once_around() -> None:
     assert (area(SQUARE), area(SQUARE[::-1])) == (8.0, -8.0)
     assert area(np.array([[0.0, 0.0], [3.0, 0.0], [0.0, 4.0]])) == 6.0
     assert circumference(SQUARE) == 12.0
-    assert cross(np.array([[1.0, 0.0], [0.0, 2.0]]), np.array([[0.0, 3.0], [4.0, 0.0]])).tolist() == [3.0, -8.0]
 
 
 @given(places)
@@ -72,33 +77,3 @@ def test_the_shortest_way_may_be_along_a_side_of_the_second_alone() -> None:
     """A diamond with half diagonals of 2, whose lower right side cuts off a corner of the box."""
     diamond = np.array([[1.5, 3.0], [-0.5, 5.0], [-2.5, 3.0], [-0.5, 1.0]])
     assert overlap(SQUARE, diamond) == pytest.approx(0.5 / math.sqrt(2.0))
-
-
-@pytest.mark.parametrize(("depth", "marked"), [(4e-7, False), (6e-7, True), (0.4, True), (-0.4, False)])
-def test_a_corner_that_juts_in_is_marked(depth: float, marked: bool) -> None:
-    """A corner in the middle of a side of 10 lies so far inside; its sides part by twice that. A millionth counts."""
-    polygon = np.array([[0.0, 0.0], [5.0, depth], [10.0, 0.0], [10.0, 5.0], [0.0, 5.0]])
-    assert dents(polygon).tolist() == [False, marked, False, False, False]
-
-
-@pytest.mark.parametrize(
-    ("a", "b", "part"),
-    [
-        ((1.0, -9.0), (1.0, 9.0), [[0, 0], [1, 0], [1, 2], [0, 2]]),  # upwards: what lies to the west
-        ((1.0, 9.0), (1.0, -9.0), [[1, 0], [4, 0], [4, 2], [1, 2]]),
-        ((-9.0, 0.5), (9.0, 0.5), [[4, 0.5], [4, 2], [0, 2], [0, 0.5]]),
-        ((0.0, -9.0), (0.0, 9.0), []),  # along a side
-        ((0.0, 9.0), (0.0, -9.0), [[0, 0], [4, 0], [4, 2], [0, 2]]),
-        ((5.0, 9.0), (5.0, -9.0), []),
-        ((0.0, 0.0), (4.0, 2.0), [[0, 0], [4, 2], [0, 2]]),
-    ],
-)
-def test_the_part_on_the_left_of_a_line_is_cut_off(
-    a: tuple[float, float], b: tuple[float, float], part: list[list[float]]
-) -> None:
-    found = left_of(SQUARE, np.array(a), np.array(b))
-    assert found.shape == (len(part), 2)
-    assert {tuple(corner) for corner in found.tolist()} == {tuple(map(float, corner)) for corner in part}
-    if part:
-        assert area(found) == pytest.approx(abs(area(np.array(part, dtype=np.float64))))
-    assert left_of(np.zeros((0, 2)), np.array(a), np.array(b)).shape == (0, 2)
