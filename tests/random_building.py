@@ -19,13 +19,13 @@ from numpy.random import Generator
 from numpy.typing import NDArray
 from PIL import Image
 
-from fogwatch.testing.swarm import BUILDINGS, DrawBuilding
 from patrol.errors import BadInput
 from patrol.ground.cspace import cspace_of
 from patrol.ground.terrain import BoolGrid, Terrain
 from patrol.random import Draws
 from patrol.scenario import RobotSpec
 from patrol.starts import place_starts, starting_part
+from tests.chaos.swarm import BUILDINGS, DrawBuilding
 
 LEAST_PART = 0.5
 """Least share of the places where the body fits that are connected with each other."""

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import statistics
-import tempfile
 import time
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import partial
 from itertools import zip_longest
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from agent.policies.found import POLICIES
@@ -19,7 +17,6 @@ from patrol.errors import BadInput
 if TYPE_CHECKING:
     from agent.ports import Intent, Policy, PolicySetup
     from agent.view import View
-    from patrol.prepare import Prepared
     from patrol.scenario import Scenario
     from worldsim.world import World
 
@@ -47,14 +44,22 @@ SITUATIONS: Mapping[str, Mapping[str, Any]] = {
         "faults": [{"kind": "kill", "at": 5, "who": ["r1"]}, {"kind": "restart", "at": 10, "who": ["r1"]}]
     },
     "beside an intruder": {"intruders": [{"place": [40, 20], "at": 5, "for": 10}]},
+    "with batteries": {
+        "robots.battery": {"capacity": 5, "idle": 1, "drive": 1, "charge": 200, "start": 0.5},
+        "docks": [{"place": [10, 44], "radius": 1.0}],
+    },
+    "among zones and closures": {
+        "zones": [
+            {"name": "weighty", "polygon": [[5, 60], [15, 60], [15, 80], [5, 80]], "weight": 3},
+            {"name": "out", "polygon": [[25, 20], [32, 20], [32, 30], [25, 30]], "keep_out": True},
+        ],
+        "closures": [{"name": "door", "polygon": [[38, 10], [42, 10], [42, 30], [38, 30]], "closed": [[5, 15]]}],
+    },
 }
 """Changes of the fleet, by situation."""
 
-WITH_PLACES = ("at a wall", "beside an intruder")
+WITH_PLACES = ("at a wall", "beside an intruder", "with batteries", "among zones and closures")
 """Situations that hold on the fleet's own ground alone."""
-
-SEEDS = range(1, 6)
-"""Seeds of the random scenarios that a policy is tried in."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,13 +70,11 @@ class PolicyReport:
         decisions: Number that it took.
         median_ms: Wall time of half of them at most, ms.
         slowest_ms: Wall time of the slowest, ms; compiling counts. It is not judged: machines differ.
-        seeds: Seeds of the random scenarios that it ran in; the settings may rule some out.
     """
 
     decisions: int
     median_ms: float
     slowest_ms: float
-    seeds: tuple[int, ...] = ()
 
     def __str__(self) -> str:
         return f"{self.decisions} decisions, median {self.median_ms:.2f} ms, slowest {self.slowest_ms:.1f} ms"
@@ -83,14 +86,13 @@ def check_policy(
     options: Mapping[str, Any] | None = None,
     models: tuple[str, ...] = ("holonomic", "differential", "car"),
     settings: Mapping[str, Any] | None = None,
-    seeds: Iterable[int] = SEEDS,
 ) -> PolicyReport:
     """Check that a policy keeps the rules of `agent.ports.Policy`.
 
     It is run in a fleet of three, twice, with other states of `random` and `numpy.random`: both runs must give the same
     trace. Then it is run alone, beside silent robots, at a wall, with nothing in view, off the ground that its robot
-    knows, after a restart and beside an intruder, and in short random scenarios (`fogwatch.testing.swarm`): it must
-    answer with an intent that its body can obey, and the verdict on the random ones must be valid.
+    knows, after a restart, beside an intruder, with batteries, and among zones and closures: it must answer with an
+    intent that its body can obey, and the verdict must be valid.
 
     Args:
         policy: The class, or its name as in a scenario (``./file.py:Class``).
@@ -98,7 +100,6 @@ def check_policy(
         models: Body models that the policy is for.
         settings: More of the scenario, by dotted field; for example ``{"patrol.give_way": False}``, a body's
             ``{"robots.radius": 0.4}`` or ``{"terrain": {"map": "office.yaml"}, "point": 0.2}``.
-        seeds: Of the random scenarios; a failure names the one that repeats it.
 
     Returns:
         How many decisions it took, and how long they lasted.
@@ -120,18 +121,8 @@ def check_policy(
                 continue
             changed = partial(_make_fleet, {"robots.model": model, **changes, **extra})
             runs.append(_run_policy(checked, changed, f"{situation} ({model})", 0))
-    ran: list[int] = []
-    for seed in seeds:
-        model = models[seed % len(models)]
-        with tempfile.TemporaryDirectory(prefix="fogwatch-check-") as folder:
-            drawn = partial(_draw_fleet, seed, Path(folder), {"robots.model": model, **extra})
-            try:
-                runs.append(_run_policy(checked, drawn, f"random scenario, seeds=[{seed}] ({model})", 0, judged=True))
-            except _NotDrawn:
-                continue
-        ran.append(seed)
     times = [spent for run in runs for spent in run.times_ms]
-    return PolicyReport(len(times), statistics.median(times), max(times), tuple(ran))
+    return PolicyReport(len(times), statistics.median(times), max(times))
 
 
 @dataclass(slots=True)
@@ -151,11 +142,7 @@ class _Run:
     trace: str = ""
 
 
-class _NotDrawn(Exception):
-    """The settings rule a random scenario out, or its ground leaves no room."""
-
-
-Make = Callable[[str], "Scenario | Prepared"]
+Make = Callable[[str], "Scenario"]
 """Makes a scenario with the policy of a name."""
 
 
@@ -165,23 +152,12 @@ def _make_fleet(changes: Mapping[str, Any], name: str) -> Scenario:
     return load_scenario({**FLEET, "duration": TICKS * FLEET["step"], "patrol": {"policy": name}}, changes)
 
 
-def _draw_fleet(seed: int, folder: Path, settings: Mapping[str, Any], name: str) -> Prepared:
-    from fogwatch.testing.swarm import random_fleet
-
-    try:
-        return random_fleet(seed, folder, {"patrol.policy": name, **settings})
-    except BadInput as refused:  # not wrong by themselves: the fleet has run with them
-        raise _NotDrawn from refused
-
-
-def _run_policy(policy: type[Any], make: Make, situation: str, chance: int, *, judged: bool = False) -> _Run:
+def _run_policy(policy: type[Any], make: Make, situation: str, chance: int) -> _Run:
     """Run a scenario with a policy; raise RuleBroken where it fails."""
     from fogwatch.inprocess import run_in_process
-    from patrol.prepare import Prepared
 
     run = _Run(situation)
-    built = make(put_up(_watch_policy(policy, run)))
-    scenario = built.scenario if isinstance(built, Prepared) else built
+    scenario = make(put_up(_watch_policy(policy, run)))
     failures: list[tuple[str, BaseException | None]] = []
 
     def fail(number: int, reason: str, error: BaseException | None) -> None:
@@ -192,7 +168,7 @@ def _run_policy(policy: type[Any], make: Make, situation: str, chance: int, *, j
 
     outcome = None
     try:
-        outcome = run_in_process(built, failure=fail, look=disturb)
+        outcome = run_in_process(scenario, failure=fail, look=disturb)
         run.trace = outcome.summary.trace_hash or ""
     except BadInput:
         if not failures:
@@ -200,7 +176,7 @@ def _run_policy(policy: type[Any], make: Make, situation: str, chance: int, *, j
     if failures:
         reason, error = failures[0]
         raise RuleBroken(f"{policy.__name__}, {situation}: it must always answer with an intent; {reason}") from error
-    if judged and outcome is not None and not outcome.verdict.valid:
+    if outcome is not None and not outcome.verdict.valid:
         problems = "; ".join(f"{check.name}: {check.detail}" for check in outcome.verdict.failed)
         raise RuleBroken(f"{policy.__name__}, {situation}: the verdict is {outcome.verdict.outcome} by {problems}")
     return run

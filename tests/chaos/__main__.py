@@ -1,6 +1,6 @@
 """A hunt for faults of fogwatch: `make chaos RUNS=30 SEED=1`.
 
-Each seed is a random scenario (`fogwatch.testing.swarm`), run in several ways (`tests.chaos.examine`). What breaks is
+Each seed is a random scenario (`tests.chaos.swarm`), run in several ways (`tests.chaos.examine`). What breaks is
 written as scenario files, what was met to ``seeds.jsonl``, a line for each seed. The hunt fails when a seed breaks, and
 when many seeds have never met something (`tests.chaos.table`). With ``--out`` it goes on where that folder ends.
 """
@@ -15,10 +15,10 @@ from collections.abc import Mapping
 from pathlib import Path
 from types import MappingProxyType
 
-from fogwatch.testing.swarm import random_fleet
 from patrol.errors import BadInput
 from patrol.scenario import Scenario, dump_scenario
 from tests.chaos.examine import Breakage, Examiner, TooSlow, without_needless_faults
+from tests.chaos.swarm import random_fleet
 from tests.chaos.table import SEEDS, missing, read_lines
 from tests.random_building import draws_into
 

@@ -17,11 +17,11 @@ from typing import Any
 import pytest
 
 from fogwatch.inprocess import fault_free_mfow, run_in_process
-from fogwatch.testing.swarm import random_fleet
 from patrol.prepare import Prepared
 from tests.chaos.bugs import BUGS, Bug
 from tests.chaos.coverage import of_scenario
 from tests.chaos.examine import TRACES_DIFFER
+from tests.chaos.swarm import random_fleet
 from tests.random_building import draws_into
 
 MOST_SEEDS = 60

@@ -9,7 +9,6 @@ import pytest
 
 import tests.chaos.examine
 from fogwatch.inprocess import InProcessFleet
-from fogwatch.testing.swarm import random_fleet
 from patrol.errors import BadInput
 from patrol.faults.kinds import KINDS
 from patrol.pose import MODELS
@@ -19,6 +18,7 @@ from tests.chaos.bugs import BUGS
 from tests.chaos.coverage import SINGLES
 from tests.chaos.examine import Breakage, Ran, attempt
 from tests.chaos.planted import Seeds, find
+from tests.chaos.swarm import random_fleet
 from tests.chaos.table import ENOUGH, ENOUGH_FOR_PAIRS, missing
 from tests.random_building import draws_into
 from worldsim.checks.check import CheckResult

@@ -6,12 +6,12 @@ from pathlib import Path
 
 import pytest
 
-from fogwatch.testing.swarm import FAULT_KINDS, draw_stored, random_fleet
 from patrol.errors import BadInput
 from patrol.maps.load import read_terrain
 from patrol.random import Draws
 from patrol.scenario import as_mapping
 from patrol.starts import starting_part
+from tests.chaos.swarm import FAULT_KINDS, draw_stored, random_fleet
 
 
 def test_the_seed_decides_the_scenario(tmp_path: Path) -> None:
